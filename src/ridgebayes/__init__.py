@@ -1,0 +1,1 @@
+"""ridgebayes: calibrated, uncertainty-aware counts of ridges in contact."""

@@ -1,0 +1,13 @@
+"""The few kinds of failure, so that a caller can tell a wrong input from a failed computation."""
+
+
+class RidgebayesError(Exception):
+    """Base of every error this package raises on purpose."""
+
+
+class InputError(RidgebayesError, ValueError):
+    """What came in breaks a rule; the message names place, value and rule. Commands exit 2."""
+
+
+class ComputationError(RidgebayesError, RuntimeError):
+    """The input was fine, the computation failed or did not converge. Commands exit 1."""
