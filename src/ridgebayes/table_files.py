@@ -1,0 +1,110 @@
+"""Contact tables in files: to raw cells, and from a canonical frame."""
+
+import io
+import os
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ridgebayes.errors import InputError
+from ridgebayes.table_csv import raw_csv
+from ridgebayes.table_findings import RawTable
+
+SUFFIXES = (".csv", ".parquet")
+
+
+def read_raw(path: Path) -> RawTable:
+    """Read the cells of a CSV or Parquet file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Ends in ``.csv`` (UTF-8, comma, one header line) or ``.parquet``.
+
+    Returns
+    -------
+    RawTable
+        The cells, unchecked.
+
+    Raises
+    ------
+    InputError
+        If the suffix is unknown, the file is not there, is a folder, cannot be read, is empty, is
+        not UTF-8, or has rows of another length than its header; for Parquet also if pyarrow is
+        missing or refuses the file.
+    """
+    suffix = _suffix(path)
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder, not a table file")
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    if not content.strip():
+        raise InputError(f"{path}: the file is empty")
+    return _parquet(content, str(path)) if suffix == ".parquet" else raw_csv(content, str(path))
+
+
+def write_frame(frame: pd.DataFrame, path: Path) -> None:
+    """Write a frame as CSV or Parquet, whole or not at all.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        What to write; the index is not.
+    path : pathlib.Path
+        Ends in ``.csv`` or ``.parquet``; an existing file is replaced.
+
+    Raises
+    ------
+    InputError
+        If the suffix is unknown, the folder cannot be written to, or pyarrow is missing.
+    """
+    suffix = _suffix(path)
+    if suffix == ".parquet":
+        _pyarrow(str(path))
+    # A file of that name beside it, renamed when complete: no reader ever sees half a table.
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        if suffix == ".csv":
+            frame.to_csv(part, index=False, lineterminator="\n", encoding="utf-8")
+        else:
+            frame.to_parquet(part, index=False, engine="pyarrow")
+        part.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _suffix(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(
+            f"{path}: a table file ends in .csv or .parquet, not {path.suffix or 'no suffix'!r}"
+        )
+    return suffix
+
+
+def _pyarrow(where: str) -> Any:
+    try:
+        import pyarrow.parquet
+    except ImportError:
+        raise InputError(
+            f"{where}: Parquet needs pyarrow: pip install 'ridgebayes[parquet]'"
+        ) from None
+    return pyarrow
+
+
+def _parquet(content: bytes, where: str) -> RawTable:
+    pyarrow = _pyarrow(where)
+    try:
+        table = pyarrow.parquet.read_table(io.BytesIO(content))
+    except (pyarrow.ArrowException, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{where}: not a readable Parquet file: {reason}") from None
+    # An index some other program stored is a column like any other here.
+    return RawTable(table.to_pandas(ignore_metadata=True), where)
