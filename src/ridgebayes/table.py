@@ -1,7 +1,5 @@
 """`ContactTable`: the loads at which ridges were reached, validated once, at the door."""
 
-import hashlib
-import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.table_columns import CALIBRATION, COLUMNS, HELD_OUT, NAMES, NUMBERS, OK
-from ridgebayes.table_files import read_raw, write_frame
+from ridgebayes.table_columns import CALIBRATION, COLUMNS, HELD_OUT, OK
+from ridgebayes.table_files import frame_digest, read_raw, write_frame
 from ridgebayes.table_findings import RawTable
 from ridgebayes.table_rules import check_header, checked
 
@@ -167,19 +165,7 @@ class ContactTable:
             64 hexadecimal digits, whatever the file format, the order of columns, and whether
             defaults were written or left out.
         """
-        hashed = hashlib.sha256()
-        for name in [*NAMES, *sorted(set(self._frame.columns) - set(NAMES))]:
-            cells = self._frame[name]
-            hashed.update(json.dumps([name, len(cells)]).encode())
-            if name in NUMBERS or cells.dtype.kind in "iuf":
-                # + 0.0 makes -0.0 and 0.0 the same bytes; every NaN becomes the same NaN.
-                values = cells.to_numpy(dtype="<f8", na_value=np.nan) + 0.0
-                hashed.update(np.where(np.isnan(values), np.nan, values).astype("<f8").tobytes())
-            else:
-                codes, distinct = pd.factorize(cells.astype(str))
-                hashed.update(json.dumps(list(distinct)).encode())
-                hashed.update(codes.astype("<i8").tobytes())
-        return hashed.hexdigest()
+        return frame_digest(self._frame)
 
 
 def read_table(source: str | os.PathLike[str] | pd.DataFrame) -> ContactTable:

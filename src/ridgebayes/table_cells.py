@@ -148,11 +148,7 @@ def as_text(cells: "pd.Series[Any]") -> "pd.Series[Any]":
         return cells.fillna("").astype(str)
     empty = cells.isna().to_numpy(dtype=bool)
     words = [
-        ""
-        if gone
-        else shortest(float(cell))
-        if isinstance(cell, (float, np.floating))
-        else str(cell)
+        "" if gone else shortest(cell) if isinstance(cell, float) else str(cell)
         for cell, gone in zip(cells.astype(object), empty, strict=True)
     ]
     return pd.Series(words, index=cells.index, dtype=object).astype(str)

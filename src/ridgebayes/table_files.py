@@ -1,13 +1,17 @@
 """Contact tables in files: to raw cells, and from a canonical frame."""
 
+import hashlib
 import io
+import json
 import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
+from ridgebayes.table_columns import NAMES
 from ridgebayes.table_csv import raw_csv
 from ridgebayes.table_findings import RawTable
 
@@ -78,6 +82,34 @@ def write_frame(frame: pd.DataFrame, path: Path) -> None:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
         part.unlink(missing_ok=True)
+
+
+def frame_digest(frame: pd.DataFrame) -> str:
+    """Return the SHA-256 of a canonical frame, the user's own columns in order of name.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Every column of the contract and any others.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+    """
+    hashed = hashlib.sha256()
+    for name in [*NAMES, *sorted(set(frame.columns) - set(NAMES))]:
+        cells = frame[name]
+        hashed.update(json.dumps([name, len(cells)]).encode())
+        if cells.dtype.kind in "iuf":
+            # + 0.0 makes -0.0 and 0.0 the same bytes; every NaN becomes the same NaN.
+            values = cells.to_numpy(dtype=np.float64, na_value=np.nan) + 0.0
+            hashed.update(np.where(np.isnan(values), np.nan, values).astype("<f8").tobytes())
+        else:
+            codes, distinct = pd.factorize(cells.astype(str))
+            hashed.update(json.dumps(list(distinct)).encode())
+            hashed.update(codes.astype("<i8").tobytes())
+    return hashed.hexdigest()
 
 
 def _suffix(path: Path) -> str:
