@@ -1,0 +1,97 @@
+"""The record of transition loads: numbers, a status each, and what the status rests on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ridgebayes._types import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class HalfPlaneLoads:
+    """Dimensionless transition loads F_1 ... F_n of one ratio of groove to ridge width.
+
+    Attributes
+    ----------
+    F : ndarray of float, shape (n_transition,), dimensionless
+        p/E (1 - nu^2) (R/pitch)^2 at which Q = 2 + 2k, k = 1 ... n. NaN where nothing was
+        computed; a number with a status other than ``"ok"`` missed the tolerance or a check.
+    status : tuple of str, shape (n_transition,)
+        ``"ok"``, or what failed.
+    n_coefficients : ndarray of int, shape (n_transition,), count
+        Chebyshev coefficients per strip; 0 where nothing was computed.
+    rel_error : ndarray of float, shape (n_transition,), dimensionless
+        Estimated relative error of F: change from the solve with an eighth fewer coefficients,
+        plus rounding. NaN where nothing was computed.
+    tail : ndarray of float, shape (n_transition,), dimensionless
+        Largest of the last two coefficients over the mean of the first.
+    smallest_pressure : ndarray of float, shape (n_transition,), dimensionless
+        Smallest p(s) sqrt(1-s^2) on the strips, ends included, over its mean.
+
+    Notes
+    -----
+    All arrays are made read-only: the cache hands the same ones to everybody.
+    """
+
+    F: FloatArray
+    status: tuple[str, ...]
+    n_coefficients: IntArray
+    rel_error: FloatArray
+    tail: FloatArray
+    smallest_pressure: FloatArray
+
+    def __post_init__(self) -> None:
+        for array in (self.F, self.n_coefficients, *self._measures()):
+            array.flags.writeable = False
+
+    def p_over_E(self, pitch_over_R: float, *, nu: float = 0.5) -> FloatArray:
+        """Scale to one texture: p/E = (pitch/R)^2 F_k / (1 - nu^2).
+
+        Parameters
+        ----------
+        pitch_over_R : float, scalar, dimensionless
+            Ridge width plus groove width over the radius of the body.
+        nu : float, scalar, dimensionless
+            Poisson's ratio.
+
+        Returns
+        -------
+        ndarray of float, shape (n_transition,), dimensionless
+            Load per projected area over Young's modulus.
+
+        Examples
+        --------
+        >>> from ridgebayes.contact.halfplane import transition_loads
+        >>> loads = transition_loads(0.012, 0.01, 2)
+        >>> [round(p, 10) for p in loads.p_over_E(0.022).tolist()]
+        [0.0002716017, 0.0010336853]
+        """
+        return pitch_over_R**2 * self.F / (1.0 - nu**2)
+
+    def part(self, part: slice) -> "HalfPlaneLoads":
+        """Return some of the transitions, as views."""
+        F, n_coefficients = self.F[part], self.n_coefficients[part]
+        measures = [measure[part] for measure in self._measures()]
+        return HalfPlaneLoads(F, self.status[part], n_coefficients, *measures)
+
+    def joined(self, other: "HalfPlaneLoads") -> "HalfPlaneLoads":
+        """Return these transitions followed by those of another record."""
+        return HalfPlaneLoads(
+            np.concatenate((self.F, other.F)),
+            self.status + other.status,
+            np.concatenate((self.n_coefficients, other.n_coefficients)),
+            *(
+                np.concatenate(both)
+                for both in zip(self._measures(), other._measures(), strict=True)
+            ),
+        )
+
+    @classmethod
+    def not_computed(cls, n_transitions: int, reason: str) -> "HalfPlaneLoads":
+        """Return a record without a number, saying why."""
+        F, *measures = (np.full(n_transitions, np.nan) for _ in range(4))
+        status = (f"not computed: {reason}",) * n_transitions
+        return cls(F, status, np.zeros(n_transitions, dtype=np.int64), *measures)
+
+    def _measures(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return self.rel_error, self.tail, self.smallest_pressure

@@ -1,0 +1,198 @@
+"""Galerkin blocks of the logarithmic kernel on equal strips, in Chebyshev functions.
+
+Lengths are in strip half-widths a/2 here; `gap_ratio` is the groove in that unit, 2 b/a, so the
+pitch is 2 + gap_ratio. Strip j = 0, 1, ... has its centre at (j + 1/2) pitches, and the
+mirror image of strip j is strip -1 - j, so every distance is a whole number of pitches. The
+derivation is `docs/derivations/half-plane.md`.
+"""
+
+import math
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+
+# Gauss nodes are chosen for an aliasing error of exp(-40) = 4e-18: below rounding, never the limit.
+_ALIASING_EXPONENT = 40.0
+
+
+def log_ellipse(gap_ratio: float) -> float:
+    """Return ln(rho) of the largest Bernstein ellipse free of a neighbour strip.
+
+    ln(rho) = arccosh(1 + 2 b/a): pressures and fields on one strip, seen in its own coordinate,
+    have Chebyshev coefficients that fall as rho^-m.
+
+    Parameters
+    ----------
+    gap_ratio : float, scalar, strip half-widths
+        Groove width over half the ridge width, 2 b/a.
+
+    Returns
+    -------
+    float, scalar, dimensionless
+        ln(rho), without cancellation for narrow grooves.
+
+    Examples
+    --------
+    >>> round(log_ellipse(0.25), 12) == round(math.log(2.0), 12)  # 5/4 = cosh(ln 2)
+    True
+    """
+    return math.log1p(gap_ratio + math.sqrt(gap_ratio * (2.0 + gap_ratio)))
+
+
+def influence(excess: FloatArray, n_coefficients: int) -> FloatArray:
+    """Evaluate the potential of T_n(t)/sqrt(1-t^2) to the right of its strip [-1, 1].
+
+    Phi_n(x) = -int T_n(t)/sqrt(1-t^2) ln|x-t| dt, with z = x - sqrt(x^2-1):
+    Phi_0 = pi ln(2 z) and Phi_n = (pi/n) z^n.
+
+    Parameters
+    ----------
+    excess : ndarray of float, shape (...), strip half-widths
+        x - 1 >= 0, the distance from the strip's right edge. It, not x, so that narrow grooves
+        keep their digits.
+    n_coefficients : int, scalar, count
+        Number of functions, n = 0 ... n_coefficients - 1.
+
+    Returns
+    -------
+    ndarray of float, shape (..., n_coefficients), dimensionless
+        Phi_n(1 + excess). To the left of the strip it is (-1)^n times this.
+
+    References
+    ----------
+    Mason and Handscomb, *Chebyshev Polynomials* (2002), section 9.5 (logarithmic kernel).
+
+    Examples
+    --------
+    At x = 5/4, z = 1/2, so that Phi_0 = pi ln 1 = 0 and Phi_1 = pi/2:
+
+    >>> influence(np.array([0.25]), 2) / math.pi
+    array([[0. , 0.5]])
+    """
+    # 1/(x + root) instead of x - root: no cancellation far away.
+    z = 1.0 / (1.0 + excess + np.sqrt(excess * (2.0 + excess)))
+    out = np.empty((*excess.shape, n_coefficients))
+    out[...] = z[..., None]
+    out[..., 0] = 1.0
+    np.multiply.accumulate(out, axis=-1, out=out)
+    out[..., 1:] *= math.pi / np.arange(1, n_coefficients)
+    out[..., 0] = math.pi * np.log(2.0 * z)
+    return out
+
+
+def cross_blocks(gap_ratio: float, n_distances: int, n_coefficients: int) -> FloatArray:
+    """Compute the Galerkin blocks of two strips 1, 2, ... pitches apart.
+
+    G_d[m, n] = int T_m(s)/sqrt(1-s^2) Phi_n(d pitch + s) ds by Gauss-Chebyshev quadrature, with
+    as many nodes as the Bernstein ellipse asks for.
+
+    Parameters
+    ----------
+    gap_ratio : float, scalar, strip half-widths
+        Groove width over half the ridge width, 2 b/a.
+    n_distances : int, scalar, count
+        Distances 1 ... n_distances pitches; observer to the right of the source.
+    n_coefficients : int, scalar, count
+        Functions per strip.
+
+    Returns
+    -------
+    ndarray of float, shape (n_distances, n_coefficients, n_coefficients), dimensionless
+        The blocks; observer to the left of the source is the transpose.
+
+    Notes
+    -----
+    *Cost.* n_distances x nodes x n_coefficients^2 multiplications, one matrix product a block.
+
+    Examples
+    --------
+    Far apart only the net load acts, -ln(distance), here 10^6 half-widths:
+
+    >>> block = cross_blocks(1e6 - 2.0, 1, 2)[0]
+    >>> round(float(block[0, 0]) / math.pi**2 / -math.log(1e6), 9)
+    1.0
+    """
+    # The integrand is a polynomial of degree m < M times a function analytic inside the ellipse,
+    # so the rule of q nodes aliases at rho^-(2q - M).
+    by_ellipse = _ALIASING_EXPONENT / log_ellipse(gap_ratio)
+    n_nodes = 4 + math.ceil(0.5 * (by_ellipse + n_coefficients))
+    theta = (np.arange(n_nodes) + 0.5) * (math.pi / n_nodes)
+    trial = np.cos(np.arange(n_coefficients)[:, None] * theta) * (math.pi / n_nodes)
+    one_plus_s = 2.0 * np.cos(0.5 * theta) ** 2
+    d = np.arange(n_distances)[:, None]
+    # x - 1 = d pitch + s - 1 for d = 1, 2, ... pitches, summed from positive terms only.
+    excess = gap_ratio + d * (2.0 + gap_ratio) + one_plus_s
+    return trial @ influence(excess, n_coefficients)
+
+
+def lower_matrix(
+    blocks: FloatArray, n_strips: int, log_half_width: float, scale: FloatArray
+) -> FloatArray:
+    """Assemble the lower triangle of blocks of the mirror-symmetric problem.
+
+    A[(j,m),(i,n)] = G_(j-i)[m,n] + (-1)^n G_(i+j+1)[m,n], the second term being the mirror
+    strip; the self block is diagonal, pi^2 ln 2 for m = 0 and pi^2/(2m) beyond. Each pair of
+    constants feels -pi^2 ln(half-width) of the change of length unit.
+
+    Parameters
+    ----------
+    blocks : ndarray of float, shape (2 n_strips - 1 or more, n_coefficients, n_coefficients), \
+dimensionless
+        From `cross_blocks`.
+    n_strips : int, scalar, count
+        Strips on the right-hand side.
+    log_half_width : float, scalar, dimensionless
+        ln(half-width of a strip in the length unit of the problem).
+    scale : ndarray of float, shape (n_coefficients,), dimensionless
+        What each basis function is divided by.
+
+    Returns
+    -------
+    ndarray of float, shape (n_strips n_coefficients, n_strips n_coefficients), dimensionless
+        C-ordered; blocks above the diagonal are not written.
+
+    Notes
+    -----
+    *Validity.* Positive definite if the contact set has logarithmic capacity below 1 in the
+    length unit; [-1, 1] has 1/2.
+    """
+    n_coefficients = scale.size
+    scaled = blocks / (scale[:, None] * scale)
+    shift = -(math.pi**2) * log_half_width / scale[0] ** 2
+    scaled[:, 0, 0] += shift
+    mirrored = scaled * (-1.0) ** np.arange(n_coefficients)
+    size = n_strips * n_coefficients
+    matrix = np.empty((size, size))
+    view = matrix.reshape(n_strips, n_coefficients, n_strips, n_coefficients)
+    own = self_energies(n_coefficients) / scale**2
+    own[0] += shift
+    for j in range(n_strips):
+        row = view[j]
+        row[:, : j + 1] = mirrored[j : 2 * j + 1].transpose(1, 0, 2)
+        if j:
+            row[:, :j] += scaled[j - 1 :: -1].transpose(1, 0, 2)
+        row[np.arange(n_coefficients), j, np.arange(n_coefficients)] += own
+    return matrix
+
+
+def self_energies(n_coefficients: int) -> FloatArray:
+    """Return the diagonal of a strip's block with itself, half-width 1.
+
+    Parameters
+    ----------
+    n_coefficients : int, scalar, count
+        Functions per strip.
+
+    Returns
+    -------
+    ndarray of float, shape (n_coefficients,), dimensionless
+        pi^2 ln 2, then pi^2/(2m).
+
+    Examples
+    --------
+    >>> self_energies(3)[1:] * 2.0 / math.pi**2
+    array([1. , 0.5])
+    """
+    m = np.arange(1, n_coefficients)
+    return np.concatenate(([math.pi**2 * math.log(2.0)], math.pi**2 / (2.0 * m)))
