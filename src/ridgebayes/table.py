@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.table_columns import CALIBRATION, COLUMNS, HELD_OUT, OK
+from ridgebayes.table_columns import CALIBRATION, COLUMNS, HELD_OUT, OK, check_header
 from ridgebayes.table_files import frame_digest, read_raw, write_frame
 from ridgebayes.table_findings import RawTable
-from ridgebayes.table_rules import check_header, checked
+from ridgebayes.table_rules import checked
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,7 +71,9 @@ class ContactTable:
 
     @classmethod
     def _validated(cls, raw: RawTable) -> "ContactTable":
-        check_header(raw)
+        check_header(list(raw.frame.columns), raw.where)
+        if not len(raw.frame):
+            raise InputError(f"{raw.where}: no rows below the header")
         frame, findings = checked(raw)
         if findings and raw.retyped is not None:
             # Only now, to show cells as typed; cells as typed also have the last word.

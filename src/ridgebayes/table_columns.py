@@ -1,9 +1,12 @@
-"""The column contract of a contact table, written once."""
+"""The column contract of a contact table, written once, and the check of a header against it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+
+from ridgebayes.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -91,3 +94,47 @@ NAMES = tuple(column.name for column in COLUMNS)
 REQUIRED = tuple(column.name for column in COLUMNS if column.default is None)
 NUMBERS = tuple(column.name for column in COLUMNS if column.holds == "number")
 CURVE = ("a_over_R", "b_over_R", "nu", "offset_over_R", "source", "solver", "series")
+
+
+def check_header(names: Sequence[Any], where: str) -> None:
+    """Refuse columns that cannot be told apart or are not all there.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The columns of a table, in any order.
+    where : str
+        Name that messages show.
+
+    Raises
+    ------
+    InputError
+        If a column has no name, a name stands twice, or a required column is missing.
+
+    Examples
+    --------
+    >>> check_header(["a_over_R", "b_over_R", "Q", "p"], "fea.csv")
+    Traceback (most recent call last):
+        ...
+    ridgebayes.errors.InputError: fea.csv, header: missing column p_over_E;
+    the columns are 'a_over_R', 'b_over_R', 'Q', 'p'
+    """
+    there = ", ".join(repr(name) for name in names) or "none"
+    for i, name in enumerate(names, start=1):
+        if not isinstance(name, str) or not name:
+            raise InputError(
+                f"{where}, header: column {i} = {name!r}: must have a name, as text; "
+                f"the columns are {there}"
+            )
+        if name in names[: i - 1]:
+            raise InputError(
+                f"{where}, header: column {i} = {name!r}: each column must stand once; "
+                f"the columns are {there}"
+            )
+    if missing := [name for name in REQUIRED if name not in names]:
+        columns = "column" if len(missing) == 1 else "columns"
+        hint = " (columns are separated by commas)" if ";" in there or "\\t" in there else ""
+        raise InputError(
+            f"{where}, header: missing {columns} {', '.join(missing)}; "
+            f"the columns are {there}{hint}"
+        )

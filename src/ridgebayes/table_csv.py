@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.table_columns import NAMES, NUMBERS
+from ridgebayes.table_columns import NAMES, NUMBERS, check_header
 from ridgebayes.table_findings import SHOWN, RawTable, clipped, listed
 
 # From pandas 3.1 the default reader of floats is exact and naming a precision is deprecated.
@@ -52,20 +52,18 @@ def raw_csv(content: bytes, where: str) -> RawTable:
         ) from None
     if "\0" in text:
         raise InputError(f"{where}: a NUL byte at position {text.index(chr(0))}: not a CSV file")
-    records = _records(text, where)
+    records = _records(content, where)
     header = next(records)[1]
-    width = len(header)
-    if not _is_rectangular(content, width):
+    # Before the rows: with another separator every row would look ragged.
+    check_header(header, where)
+    if not _is_rectangular(content, len(header)):
         _refuse_ragged(records, header, where)
 
     def retyped() -> RawTable:
-        rows = list(_records(text, where))[1:]
+        rows = list(_records(content, where))[1:]
         frame = pd.DataFrame([row for _, row in rows], columns=header, dtype=object)
-        return RawTable(frame, where, [line for line, _ in rows].__getitem__)
+        return RawTable(_own_numbers(frame), where, [line for line, _ in rows].__getitem__)
 
-    # Names that stand twice or are empty are refused when the header is checked.
-    if len(set(header)) < width or not all(header):
-        return RawTable(pd.DataFrame([], columns=header), where)
     numbers = [name for name in header if name in NUMBERS]
     try:
         frame = pd.read_csv(
@@ -84,15 +82,14 @@ def raw_csv(content: bytes, where: str) -> RawTable:
     # Some versions of pandas take a typed "nan" for an empty cell; as typed it is an error.
     if frame[numbers].isna().to_numpy().any() and re.search(rb"nan", content, re.IGNORECASE):
         return retyped()
-    for name in frame.columns:
-        if name not in NAMES:
-            frame[name] = _number_if_lossless(frame[name])
-    return RawTable(frame, where, retyped=retyped)
+    return RawTable(_own_numbers(frame), where, retyped=retyped)
 
 
-def _records(text: str, where: str) -> Iterator[tuple[int, list[str]]]:
+def _records(content: bytes, where: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the line number and cells of each record that is not blank, header first."""
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    reader = csv.reader(
+        io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", newline=""), strict=True
+    )
     before = 0
     try:
         for cells in reader:
@@ -107,12 +104,12 @@ def _is_rectangular(content: bytes, width: int) -> bool:
     """Count the commas of every line at once; False where quotes or blank lines hide the answer."""
     if b'"' in content or content.count(b"\r") != content.count(b"\r\n"):
         return False
-    data = np.frombuffer(content, dtype=np.uint8)
-    commas = np.cumsum(data == ord(","), dtype=np.int64)
-    ends = np.flatnonzero(data == ord("\n"))
-    if not content.endswith(b"\n"):
-        ends = np.append(ends, len(data) - 1)
-    return bool(np.all(np.diff(commas[ends], prepend=0) == width - 1))
+    data = np.frombuffer(content if content.endswith(b"\n") else content + b"\n", dtype=np.uint8)
+    marks = data[(data == ord(",")) | (data == ord("\n"))]
+    if len(marks) % width:
+        return False
+    lines = marks.reshape(-1, width)
+    return bool(np.all(lines[:, :-1] == ord(",")) and np.all(lines[:, -1] == ord("\n")))
 
 
 def _refuse_ragged(records: Iterator[tuple[int, list[str]]], header: list[str], where: str) -> None:
@@ -132,10 +129,14 @@ def _refuse_ragged(records: Iterator[tuple[int, list[str]]], header: list[str], 
         raise InputError(listed(where, lines, bad, bad))
 
 
-def _number_if_lossless(cells: "pd.Series[Any]") -> "pd.Series[Any]":
-    """Turn a column of the user's own into numbers if that loses nothing."""
-    if (cells == "").all() or not cells.str.fullmatch(_PLAIN_NUMBER).all():
-        return cells
-    numbers = cells.mask(cells == "", "nan").to_numpy(dtype=object).astype(np.float64)
-    whole = cells.str.fullmatch(r"-?\d{1,15}").all()
-    return pd.Series(numbers.astype(np.int64) if whole else numbers, index=cells.index)
+def _own_numbers(frame: pd.DataFrame) -> pd.DataFrame:
+    """Turn those of the user's own columns into numbers that lose nothing by it."""
+    own: dict[str, Any] = {}
+    for name in frame.columns:
+        cells = frame[name]
+        if name in NAMES or (cells == "").all() or not cells.str.fullmatch(_PLAIN_NUMBER).all():
+            continue
+        numbers = cells.mask(cells == "", "nan").to_numpy(dtype=object).astype(np.float64)
+        whole = cells.str.fullmatch(r"-?\d{1,15}").all()
+        own[name] = numbers.astype(np.int64) if whole else numbers
+    return frame.assign(**own)

@@ -39,9 +39,9 @@ def read_raw(path: Path) -> RawTable:
         missing or refuses the file.
     """
     suffix = _suffix(path)
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder, not a table file")
     try:
+        if path.is_dir():
+            raise InputError(f"{path}: is a folder, not a table file")
         content = path.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None

@@ -35,12 +35,18 @@ class RawTable:
         cell: Any = self.frame[column].iloc[row] if column in self.frame else ""
         if isinstance(cell, str):
             return clipped(cell) if cell else "(empty)"
-        return str(cell) if isinstance(cell, (int, np.integer)) else clipped(f"{cell!s}", "")
+        return str(cell)
 
 
-def clipped(text: str, quote: str = "'") -> str:
-    """Return text in quotes, cut where it would swamp a message."""
-    return f"{quote}{text}{quote}" if len(text) <= 60 else f"{quote}{text[:57]}...{quote}"
+def clipped(text: str) -> str:
+    """Return text in quotes, cut where it would swamp a message.
+
+    Examples
+    --------
+    >>> print(clipped("0.01;0.02"), clipped(70 * "x"))
+    '0.01;0.02' 'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...'
+    """
+    return repr(text if len(text) <= 60 else f"{text[:57]}...")
 
 
 class Findings:

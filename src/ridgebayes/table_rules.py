@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import BoolArray
-from ridgebayes.errors import InputError
 from ridgebayes.table_cells import as_numbers, as_text
 from ridgebayes.table_columns import (
     CALIBRATION,
@@ -16,7 +15,6 @@ from ridgebayes.table_columns import (
     LARGEST_Q,
     NAMES,
     OK,
-    REQUIRED,
     RULES,
     TRANSITION,
     Column,
@@ -25,38 +23,6 @@ from ridgebayes.table_curves import check_curves, check_labels
 from ridgebayes.table_findings import Findings, RawTable
 
 _CONTROL = r"[\x00-\x1f\x7f]"
-
-
-def check_header(raw: RawTable) -> None:
-    """Refuse a table whose columns cannot be told apart, that lacks some, or has no rows.
-
-    Parameters
-    ----------
-    raw : RawTable
-        Cells as they came in.
-
-    Raises
-    ------
-    InputError
-        If a column has no name, or a name stands twice, or a required column is missing, or there
-        is no row.
-    """
-    names = list(raw.frame.columns)
-    there = ", ".join(repr(name) for name in names) or "none"
-    if unnamed := [i + 1 for i, name in enumerate(names) if not isinstance(name, str) or not name]:
-        raise InputError(
-            f"{raw.where}: column {unnamed[0]} needs a name, as text; the columns are {there}"
-        )
-    if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise InputError(f"{raw.where}: column {', '.join(twice)} stands twice among {there}")
-    if missing := [name for name in REQUIRED if name not in names]:
-        columns = "column" if len(missing) == 1 else "columns"
-        hint = "; separate the columns by commas" if len(names) == 1 and len(there) > 30 else ""
-        raise InputError(
-            f"{raw.where}: missing {columns} {', '.join(missing)}; the columns are {there}{hint}"
-        )
-    if not len(raw.frame):
-        raise InputError(f"{raw.where}: no rows below the header")
 
 
 def checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
