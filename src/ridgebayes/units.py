@@ -1,0 +1,67 @@
+"""Quantities with units, at the border only: text in, exact numbers in SI units out."""
+
+import functools
+import re
+from fractions import Fraction
+from typing import Any, Literal, TypeAlias
+
+from ridgebayes.errors import InputError
+
+Dimension: TypeAlias = Literal["length", "pressure", "line load"]
+
+_SI: dict[Dimension, str] = {"length": "m", "pressure": "Pa", "line load": "N/m"}
+# One number, then unit names with one-digit powers: pint's own parser would also take "2 * 3 mm",
+# and would compute "mm ** 999999".
+_NUMBER = r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)"
+_POWER = r"[^\W\d]+(?:(?:\*\*|\^)-?[0-9])?"
+_QUANTITY = re.compile(rf"\s*{_NUMBER}\s*({_POWER}(?:\s*[*/\s]\s*{_POWER})*)\s*")
+
+
+def to_si(text: str, dimension: Dimension) -> Fraction:
+    """Convert a quantity such as ``"0.25 mm"`` to its SI unit, exactly.
+
+    Parameters
+    ----------
+    text : str
+        A decimal number and a unit.
+    dimension : {"length", "pressure", "line load"}
+        What the unit has to measure; the results are in m, Pa and N/m.
+
+    Returns
+    -------
+    fractions.Fraction, scalar, SI unit of the dimension
+        Exact, so that a ratio of two lengths is the number a person would write.
+
+    Raises
+    ------
+    InputError
+        If the text is not a number with a unit, or the unit is unknown or measures something
+        else.
+
+    Examples
+    --------
+    >>> float(to_si("0.25 mm", "length") / to_si("8 mm", "length"))
+    0.03125
+    >>> to_si("1.2 kPa", "pressure")
+    Fraction(1200, 1)
+    """
+    match = _QUANTITY.fullmatch(text)
+    rule = f"must be a number and a unit of {dimension}, such as '2.5 {_SI[dimension]}'"
+    if match is None:
+        raise InputError(f"{text!r}: {rule}")
+    number, unit = match.groups()
+    try:
+        factor = _registry().Quantity(1, unit).to(_SI[dimension]).magnitude
+    # pint lets out exceptions of many kinds on what is no unit of the kind (its own, tokenize's,
+    # AttributeError, TypeError ...); some cannot be formatted with fractions, so none is shown.
+    except Exception:
+        raise InputError(f"{text!r}: {rule}") from None
+    return Fraction(number) * Fraction(factor)
+
+
+@functools.cache
+def _registry() -> Any:
+    """Load pint's unit definitions, on first use only: 0.1 s and more."""
+    import pint
+
+    return pint.UnitRegistry(non_int_type=Fraction)
