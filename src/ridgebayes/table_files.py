@@ -47,8 +47,6 @@ def read_raw(path: Path) -> RawTable:
         raise InputError(f"{path}: no such file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    if not content.strip():
-        raise InputError(f"{path}: the file is empty")
     return _parquet(content, str(path)) if suffix == ".parquet" else raw_csv(content, str(path))
 
 
@@ -138,5 +136,8 @@ def _parquet(content: bytes, where: str) -> RawTable:
     except (pyarrow.ArrowException, OSError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{where}: not a readable Parquet file: {reason}") from None
-    # An index some other program stored is a column like any other here.
-    return RawTable(table.to_pandas(ignore_metadata=True), where)
+    frame = table.to_pandas()
+    # A named index is a column that another program set apart (pandas keeps 4, 6, 8 as a range
+    # outside the columns); one without a name only counts rows.
+    named = [name for name in frame.index.names if name is not None]
+    return RawTable(frame.reset_index(named) if named else frame, where)
