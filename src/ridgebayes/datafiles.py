@@ -1,8 +1,12 @@
 """Where the data that ships with the package lies: inside a wheel, or beside a source checkout."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ridgebayes.errors import InputError
+
+if TYPE_CHECKING:
+    from ridgebayes.table import ContactTable
 
 _PACKAGE = Path(__file__).resolve().parent
 _ROOTS = (_PACKAGE / "data", _PACKAGE.parents[1] / "data")
@@ -34,3 +38,23 @@ def data_path(name: str) -> Path:
         if (root / name).is_file():
             return root / name
     raise InputError(f"data file {name!r}: not shipped with this installation")
+
+
+def paper_sweep() -> "ContactTable":
+    """Return the embedded default table: the paper's nine textures and the held-out extreme one.
+
+    Examples
+    --------
+    >>> len(paper_sweep().calibration)
+    41
+    """
+    from ridgebayes.table import read_table
+
+    return read_table(data_path(PAPER_SWEEP))
+
+
+def reference_fe() -> "ContactTable":
+    """Return the finite-strain finite-element rows that the forms are compared on as well."""
+    from ridgebayes.table import read_table
+
+    return read_table(data_path(REFERENCE_FE))

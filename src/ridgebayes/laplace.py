@@ -5,9 +5,9 @@ posterior is a funnel. In coordinates w with
 
     u_sigma = mode_sigma + w_sigma,   u_coefficient = mode_coefficient + w_coefficient t / t_mode,
 
-where t^2 = sigma^2 + the rows' mean known variance, it is nearly normal. The Jacobian moves the mode
-from the joint mode, where sigma is too small (and with few rows runs to zero), to the mode of
-sigma's own marginal.
+where t^2 = sigma^2 + the rows' mean known variance, it is nearly normal. The Jacobian moves the
+mode from the joint mode, where sigma is too small (and with few rows runs to zero), to the mode
+of sigma's own marginal.
 
 The search uses the analytic gradient on scaled parameters; the curvature is that gradient's central
 difference on a scale taken from the curvature itself, so that parameters of very different size (c1
@@ -70,12 +70,21 @@ class Laplace:
         w[..., : self.n_coefficient] *= np.exp(log_scale)[..., None]
         return self.mode + w, self.n_coefficient * log_scale
 
+    def whiten(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return z of u, and log |du/dw| there: the inverse of `unwhiten`."""
+        w = u - self.mode
+        n = self.n_coefficient
+        log_scale = self._log_total(u[..., n]) - self._log_total(self.mode[n])
+        w[..., :n] *= np.exp(-log_scale)[..., None]
+        flat = w.reshape(-1, w.shape[-1]).T
+        return _solve_lower(self.factor, flat).T.reshape(w.shape), n * log_scale
+
     def _log_total(self, log_sigma: FloatArray) -> FloatArray:
         return 0.5 * np.log(np.exp(2 * log_sigma) + self.known_variance)
 
     @property
     def log_volume(self) -> float:
-        """log |dw/dz|: the volume of the unit cube of z in w."""
+        """Log |dw/dz|: the volume of the unit cube of z in w."""
         return float(np.log(np.diag(self.factor)).sum())
 
     @property
@@ -84,16 +93,15 @@ class Laplace:
         return self.log_density + 0.5 * len(self.mode) * math.log(2 * math.pi) + self.log_volume
 
 
-def fit_laplace(model: Model, *, gradient_tol: float = 1e-6) -> Laplace:
+def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
     """Find the posterior's mode and its curvature there.
 
     Parameters
     ----------
     model : Model
         Posterior.
-    gradient_tol : float, optional
-        The search stops when no gradient component exceeds this, in units of log density per
-        prior scale.
+    tol : float, optional
+        Largest distance from the mode that is accepted, in posterior standard deviations.
 
     Returns
     -------
@@ -139,24 +147,28 @@ def fit_laplace(model: Model, *, gradient_tol: float = 1e-6) -> Laplace:
         jac=gradient,
         hess=hessian,
         method="trust-exact",
-        options={"gtol": gradient_tol, "maxiter": 500},
+        options={"gtol": 1e-6, "maxiter": 500},
     )
-    if not found.success or np.any(np.abs(found.x * scale - model.start) > 50):
-        raise ComputationError(
-            f"{model.form.name}: the posterior has no interior mode ({found.message}); "
-            "rows that a form fits without misfit send sigma to 0"
-        )
     precision = hessian(found.x)
     try:
         root = linalg.cholesky(precision, lower=True)
     except linalg.LinAlgError:
+        root = np.full_like(precision, np.nan)
+    # How far the mode still is, in posterior sds: the search's own flag gives up on rounding.
+    decrement = np.linalg.norm(_solve_lower(root, gradient(found.x)))
+    if not decrement < tol or np.any(np.abs(found.x * scale - model.start) > 50):
         raise ComputationError(
-            f"{model.form.name}: the posterior's curvature at its mode is not definite"
-        ) from None
+            f"{model.form.name}: the posterior has no interior mode ({found.message}); "
+            "rows that a form fits without misfit send sigma to 0"
+        )
     covariance = linalg.cho_solve((root, True), np.eye(len(scale)))
     factor = scale[:, None] * linalg.cholesky(covariance, lower=True)
     mode = found.x * scale
     return Laplace(mode, factor, float(model.log_density(mode)), n, known)
+
+
+def _solve_lower(factor: FloatArray, right: FloatArray) -> FloatArray:
+    return linalg.solve_triangular(factor, right, lower=True, check_finite=False)
 
 
 def _curvature(gradient, x: FloatArray) -> FloatArray:  # type: ignore[no-untyped-def]

@@ -41,6 +41,8 @@ class Observations:
         log of the load p/E reduced to nu = 0.5.
     rel_se : ndarray of float, shape (n_obs,), dimensionless
         Known relative standard error of the load.
+    labels : tuple of str, length n_texture
+        Names of the textures.
     """
 
     textures: tuple[Texture, ...]
@@ -48,6 +50,7 @@ class Observations:
     Q: IntArray
     log_load: FloatArray
     rel_se: FloatArray
+    labels: tuple[str, ...] = ()
 
     @classmethod
     def from_table(cls, table: ContactTable) -> "Observations":
@@ -59,12 +62,15 @@ class Observations:
             If there is no such row, or a row of a kind that this version does not fit: brackets,
             counts, laterally offset bodies.
         """
-        frame = table.calibration.frame
+        rows = table.calibration
+        frame = rows.frame
         if frame.empty:
-            raise InputError("table: no row with role calibration and status ok; rule: at least 1")
-        _refuse(frame, frame["kind"] != "transition", "kind")
-        _refuse(frame, frame["p_over_E_lower"].notna(), "p_over_E_lower")
-        _refuse(frame, frame["offset_over_R"] != 0, "offset_over_R")
+            raise InputError(
+                f"{table.where}: no row with role calibration and status ok; rule: at least 1"
+            )
+        _refuse(frame, frame["kind"] != "transition", "kind", table.where)
+        _refuse(frame, frame["p_over_E_lower"].notna(), "p_over_E_lower", table.where)
+        _refuse(frame, frame["offset_over_R"] != 0, "offset_over_R", table.where)
         widths = frame[["a_over_R", "b_over_R"]].to_numpy()
         codes, textures = pd.factorize(pd.MultiIndex.from_arrays(widths.T))
         return cls(
@@ -73,6 +79,7 @@ class Observations:
             Q=frame["Q"].to_numpy(np.int64),
             log_load=np.log(reduced_load(frame["p_over_E"].to_numpy(), frame["nu"].to_numpy())),
             rel_se=frame["rel_se"].to_numpy(float),
+            labels=rows.labels,
         )
 
     def __len__(self) -> int:
@@ -89,13 +96,12 @@ class Observations:
         return np.array([b for _, b in self.textures])
 
 
-def _refuse(frame: pd.DataFrame, bad: "pd.Series[bool]", column: str) -> None:
+def _refuse(frame: pd.DataFrame, bad: "pd.Series[bool]", column: str, where: str) -> None:
     if bad.any():
         value = frame.loc[bad, column].iloc[0]
         raise InputError(
-            f"table: {int(bad.sum())} row(s) with {column} = {value!r}, first of {len(frame)} rows "
-            f"at row {int(np.argmax(bad.to_numpy())) + 1}; rule: this version fits transition loads "
-            "of centred bodies without brackets"
+            f"{where}: {int(bad.sum())} of {len(frame)} calibration rows have {column} like "
+            f"{value!r}; rule: this version fits transition loads of centred bodies, no brackets"
         )
 
 
@@ -134,7 +140,7 @@ class Model:
         priors: Mapping[str, Prior] | None = None,
     ) -> None:
         self.data = data
-        self.form = form.bind(data.textures)
+        self.form = form.bind(data.textures, data.labels)
         self.noise = noise or Noise()
         self.priors = default_priors(self.form)
         for name, prior in (priors or {}).items():
@@ -149,8 +155,8 @@ class Model:
         shape = self.form.shape(data.Q, self._a[data.texture], self._b[data.texture])
         if not np.all(shape > 0):
             raise InputError(f"{form.name}: a row's load is zero by this form; rule: Q >= 4")
-        self._centred = data.log_load - 2 * np.log(shape)
-        self._group = _group_rows(self._centred, data)
+        self.centred_log_load = data.log_load - 2 * np.log(shape)
+        self._group = _group_rows(self.centred_log_load, data)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -201,7 +207,7 @@ class Model:
 
     def pointwise_log_likelihood(self, theta: FloatArray) -> FloatArray:
         """Return the log-likelihood of each row, shape ``theta.shape[:-1] + (n_obs,)``."""
-        r = self._centred + 2 * self.log_rates(theta)[..., self.data.texture]
+        r = self.centred_log_load + 2 * self.log_rates(theta)[..., self.data.texture]
         variance = theta[..., -1:] ** 2 + self.data.rel_se**2
         return -0.5 * (np.log(2 * math.pi * variance) + r * r / variance)
 

@@ -87,7 +87,7 @@ class Form(ABC):
     ) -> FloatArray:
         """Return K = dQ'/ds of a texture, dimensionless."""
 
-    def bind(self, textures: tuple[Texture, ...]) -> "Form":
+    def bind(self, textures: tuple[Texture, ...], labels: tuple[str, ...] = ()) -> "Form":
         """Return the form with its coefficients tied to these textures, where it has such."""
         return self
 

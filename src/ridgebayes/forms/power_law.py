@@ -19,17 +19,21 @@ class PowerLaw(Form):
     ----------
     textures : tuple of (float, float)
         (a/R, b/R) of the textures that have a K, in the order of `theta`.
+    labels : tuple of str
+        Names of the textures; made from the widths if not given.
     """
 
     textures: tuple[Texture, ...] = ()
+    labels: tuple[str, ...] = ()
     name: ClassVar[str] = "power-law"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        return tuple(f"K[a{a!r}_b{b!r}]" for a, b in self.textures)
+        labels = self.labels or [f"a{a!r}_b{b!r}" for a, b in self.textures]
+        return tuple(f"K[{label}]" for label in labels)
 
-    def bind(self, textures: tuple[Texture, ...]) -> "PowerLaw":
-        return PowerLaw(tuple((float(a), float(b)) for a, b in textures))
+    def bind(self, textures: tuple[Texture, ...], labels: tuple[str, ...] = ()) -> "PowerLaw":
+        return PowerLaw(tuple((float(a), float(b)) for a, b in textures), labels)
 
     def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
         shape = np.broadcast_shapes(np.shape(Q), np.shape(a_over_R), np.shape(b_over_R))

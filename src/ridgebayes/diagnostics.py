@@ -1,0 +1,241 @@
+"""Convergence diagnostics of ensembles, leave-one-out scores, and the arviz view of a fit.
+
+The only module that imports arviz, of which there are two incompatible lines: 0.x (Python 3.11)
+hands around `InferenceData`, 1.x (Python 3.12 and later) xarray's `DataTree`.
+"""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy import stats
+
+from ridgebayes._types import FloatArray
+from ridgebayes.autocorrelation import effective_sample_size
+
+R_HAT_MAX = 1.01
+ESS_MIN = 400.0
+
+
+def import_arviz() -> ModuleType:
+    """Import arviz without the announcement that its 0.x line prints on every import."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)
+        import arviz
+    return arviz
+
+
+def arviz_object(groups: Mapping[str, xr.Dataset]) -> Any:
+    """Return arviz's own container of named datasets, whichever line is installed.
+
+    Parameters
+    ----------
+    groups : mapping of str to xarray.Dataset
+        Such as posterior, log_likelihood, observed_data.
+
+    Returns
+    -------
+    arviz.InferenceData or xarray.DataTree
+        InferenceData on the 0.x line, DataTree on the 1.x line.
+    """
+    arviz = import_arviz()
+    if arviz.__version__.startswith("0."):  # 1.x has an InferenceData too: a DataTree
+        return arviz.InferenceData(**groups)
+    return xr.DataTree.from_dict(dict(groups))
+
+
+def summarise(draws: FloatArray, names: tuple[str, ...], *, prob: float = 0.9) -> pd.DataFrame:
+    """Summarise the draws of several ensembles, one row per parameter, nothing rounded.
+
+    Parameters
+    ----------
+    draws : ndarray of float, shape (n_ensemble, n_step, n_walker, n_parameter)
+        Parameters.
+    names : tuple of str
+        Their names.
+    prob : float, optional
+        Probability inside the equal-tailed interval.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns parameter, mean, sd, eti_lower, eti_upper, prob, ess_bulk, ess_tail, r_hat,
+        mcse_mean. An ensemble is one chain.
+
+    Notes
+    -----
+    *Accuracy.* Bulk effective sample size from rank-normalised draws, tail from the indicators of
+    the 5 and 95 % quantiles, with autocorrelation times averaged over an ensemble's walkers.
+
+    References
+    ----------
+    Vehtari et al. (2021), doi:10.1214/20-BA1221.
+    """
+    rows = []
+    tails = (0.5 - prob / 2, 0.5 + prob / 2)
+    r_hat = rank_r_hat(draws)
+    for i, name in enumerate(names):
+        x = draws[..., i]
+        lower, upper, q05, q95 = np.quantile(x, [*tails, 0.05, 0.95])
+        tail = min(float(effective_sample_size((x <= q).astype(float))) for q in (q05, q95))
+        sd = float(x.std(ddof=1))
+        rows.append(
+            {
+                "parameter": name,
+                "mean": float(x.mean()),
+                "sd": sd,
+                "eti_lower": float(lower),
+                "eti_upper": float(upper),
+                "prob": prob,
+                "ess_bulk": float(effective_sample_size(_rank_normalised(x))),
+                "ess_tail": tail,
+                "r_hat": float(r_hat[i]),
+                "mcse_mean": sd / float(np.sqrt(effective_sample_size(x))),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def rank_r_hat(draws: FloatArray) -> FloatArray:
+    """Return rank-normalised split R-hat with one chain per ensemble.
+
+    Parameters
+    ----------
+    draws : ndarray of float, shape (n_ensemble, n_step, n_walker, n_parameter)
+        Parameters; each ensemble is one chain, its walkers laid side by side within each step.
+
+    Returns
+    -------
+    ndarray of float, shape (n_parameter,)
+        R-hat; 1 where the ensembles agree.
+    """
+    n_ensemble, n_step, n_walker, n_parameter = draws.shape
+    chains = draws.reshape(n_ensemble, n_step * n_walker, n_parameter)
+    dataset = xr.Dataset({"x": (("chain", "draw", "parameter"), chains)})
+    return np.atleast_1d(import_arviz().rhat(dataset)["x"].to_numpy())
+
+
+def _rank_normalised(x: FloatArray) -> FloatArray:
+    ranks = stats.rankdata(x, axis=None).reshape(x.shape)
+    return stats.norm.ppf((ranks - 0.375) / (x.size + 0.25))
+
+
+def shortcomings(summary: pd.DataFrame) -> tuple[str, ...]:
+    """Return what a summary lacks of convergence, as sentences; empty if nothing.
+
+    Parameters
+    ----------
+    summary : pandas.DataFrame
+        As `summarise` returns it.
+
+    Returns
+    -------
+    tuple of str
+        One entry per parameter and rule broken: R-hat under 1.01, bulk and tail effective sample
+        size of at least 400.
+    """
+    missing = []
+    for row in summary.itertuples():
+        if not row.r_hat < R_HAT_MAX:
+            missing.append(f"{row.parameter}: R-hat {row.r_hat:.4g} is not under {R_HAT_MAX}")
+        for name in ("ess_bulk", "ess_tail"):
+            if not getattr(row, name) >= ESS_MIN:
+                missing.append(f"{row.parameter}: {name} {getattr(row, name):.0f} is under 400")
+    return tuple(missing)
+
+
+@dataclass(frozen=True, eq=False)
+class Loo:
+    """Leave-one-row-out expected log predictive density, by Pareto-smoothed importance sampling.
+
+    Parameters
+    ----------
+    elpd, se, p : float
+        Sum over the rows, its standard error, and the effective number of parameters.
+    pointwise : ndarray of float, shape (n_obs,)
+        Each row's log predictive density.
+    pareto_k : ndarray of float, shape (n_obs,)
+        Shape of each row's importance weights; above 0.7 the row's value is not to be trusted.
+    """
+
+    elpd: float
+    se: float
+    p: float
+    pointwise: FloatArray
+    pareto_k: FloatArray
+
+    @property
+    def n_bad_k(self) -> int:
+        """Rows whose Pareto k is above 0.7."""
+        return int(np.sum(~(self.pareto_k <= 0.7)))
+
+
+def leave_one_out(groups: Mapping[str, xr.Dataset], reff: float) -> Loo:
+    """Score a fit by leaving out one row at a time.
+
+    Parameters
+    ----------
+    groups : mapping of str to xarray.Dataset
+        With posterior and log_likelihood.
+    reff : float
+        Effective over actual number of draws.
+
+    Returns
+    -------
+    Loo
+        Score with its standard error, by row.
+
+    References
+    ----------
+    Vehtari, Gelman & Gabry (2017), doi:10.1007/s11222-016-9696-4.
+    """
+    with warnings.catch_warnings():
+        # Bad k is returned, counted and reported; arviz would also warn of it.
+        warnings.simplefilter("ignore")
+        found = import_arviz().loo(arviz_object(groups), pointwise=True, reff=min(reff, 1.0))
+    old = hasattr(found, "elpd_loo")
+    elpd, p = (found.elpd_loo, found.p_loo) if old else (found.elpd, found.p)
+    pointwise = np.asarray(found.loo_i if old else found.elpd_i)
+    # The two lines divide by n and by n - 1 in the standard error; here it is n - 1.
+    se = float(np.sqrt(len(pointwise) * pointwise.var(ddof=1))) if len(pointwise) > 1 else np.nan
+    return Loo(float(elpd), se, float(p), pointwise, np.asarray(found.pareto_k))
+
+
+def stacking_weights(pointwise: FloatArray) -> FloatArray:
+    """Return the weights that maximise the summed log score of the mixture of predictions.
+
+    Parameters
+    ----------
+    pointwise : ndarray of float, shape (n_model, n_obs)
+        Leave-one-out log predictive densities.
+
+    Returns
+    -------
+    ndarray of float, shape (n_model,)
+        Non-negative, sum 1.
+
+    Notes
+    -----
+    *Accuracy.* The problem is convex; the fixed-point iteration (expectation maximisation of
+    mixture weights) raises the score at each of its 2,000 steps.
+
+    References
+    ----------
+    Yao et al. (2018), doi:10.1214/17-BA1091.
+
+    Examples
+    --------
+    >>> stacking_weights(np.array([[0.0, 0.0], [-50.0, -50.0]])).round(6).tolist()
+    [1.0, 0.0]
+    """
+    density = np.exp(pointwise - pointwise.max(axis=0))
+    weights = np.full(len(pointwise), 1 / len(pointwise))
+    for _ in range(2000):
+        share = weights[:, None] * density
+        weights = (share / share.sum(axis=0)).mean(axis=1)
+    return weights

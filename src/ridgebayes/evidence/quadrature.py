@@ -1,0 +1,118 @@
+"""Evidence by the trapezoidal rule in whitened coordinates: the deterministic reference.
+
+In coordinates where the posterior is nearly a standard normal the trapezoidal rule converges faster
+than any power of its step: for an exact normal a step of 1 errs by 5e-9. So there is little to do
+but to widen the box until nothing is left outside, and to halve the step until nothing changes.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from scipy.special import logsumexp
+
+from ridgebayes._types import FloatArray
+from ridgebayes.evidence.record import LogEvidence
+from ridgebayes.laplace import Laplace
+
+_OUTSIDE = -30.0  # log density relative to the peak that may be cut off at a face of the box
+_HALF_WIDTH_MAX = 60.0
+_POINTS_MAX = 40_000_000
+_CHUNK = 100_000
+
+
+def quadrature_evidence(
+    log_density: Callable[[FloatArray], FloatArray], laplace: Laplace, *, tol: float = 1e-6
+) -> LogEvidence:
+    """Integrate a posterior of up to four parameters.
+
+    Parameters
+    ----------
+    log_density : callable
+        (n, n_parameter) to (n,): log posterior density in unconstrained coordinates.
+    laplace : Laplace
+        Its whitened coordinates are integrated over.
+    tol : float, optional
+        The step is halved until the log evidence changes by less.
+
+    Returns
+    -------
+    LogEvidence
+        `se` is the last change, a bound on the error. The status is not ok, and the value NaN,
+        where there are more than four parameters, the tails do not fall off, or the tolerance
+        needs too many points.
+
+    Notes
+    -----
+    *Accuracy.* Better than `tol`, usually by orders of magnitude: convergence is geometric.
+    *Cost.* A few thousand points for two parameters, a few hundred thousand for four.
+    """
+    n_parameter = len(laplace.mode)
+    if n_parameter > 4:
+        return _failed(f"{n_parameter} parameters; quadrature is for up to four")
+
+    def in_z(z: FloatArray) -> FloatArray:
+        u, log_jacobian = laplace.unwhiten(z)
+        return log_density(u) + log_jacobian + laplace.log_volume
+
+    box = _box(in_z, n_parameter)
+    if box is None:
+        return _failed(f"the density does not fall off within {_HALF_WIDTH_MAX:g} sds")
+    step, before = 1.0, math.nan
+    while True:
+        axes = [np.arange(low, high + step / 2, step) for low, high in box]
+        if math.prod(map(len, axes)) > _POINTS_MAX:
+            return _failed(f"the log evidence still changes by more than {tol:g}")
+        value = _sum(in_z, axes) + n_parameter * math.log(step)
+        if abs(value - before) < tol:
+            return LogEvidence("quadrature", value, max(abs(value - before), 1e-12))
+        step, before = step / 2, value
+
+
+def _failed(reason: str) -> LogEvidence:
+    return LogEvidence("quadrature", math.nan, math.nan, reason)
+
+
+def _box(
+    in_z: Callable[[FloatArray], FloatArray], n_parameter: int
+) -> list[tuple[float, float]] | None:
+    """Widen a box face by face until the density on every face is negligible."""
+    low, high = np.full(n_parameter, -6.0), np.full(n_parameter, 6.0)
+    while True:
+        peak, faces = -np.inf, []
+        for axis in range(n_parameter):
+            for side in (low, high):
+                # Coarse: two sds between points; what it must not miss is a slow tail.
+                grids = [np.linspace(a, b, 7) for a, b in zip(low, high, strict=True)]
+                grids[axis] = side[axis : axis + 1]
+                values = in_z(_points(grids))
+                faces.append((axis, side, float(values.max())))
+        inside = in_z(_points([np.linspace(a, b, 7) for a, b in zip(low, high, strict=True)]))
+        peak = float(inside.max())
+        grown = False
+        for axis, side, value in faces:
+            if value > peak + _OUTSIDE:
+                side[axis] += -2.0 if side is low else 2.0
+                grown = True
+        if not grown:
+            return [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
+        if max(-low.min(), high.max()) > _HALF_WIDTH_MAX:
+            return None
+
+
+def _points(axes: list[FloatArray]) -> FloatArray:
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+
+
+def _sum(in_z: Callable[[FloatArray], FloatArray], axes: list[FloatArray]) -> float:
+    """Return log of the sum over the grid, in chunks of bounded memory."""
+    rest = _points(axes[1:]) if len(axes) > 1 else np.empty((1, 0))
+    per_chunk = max(_CHUNK // len(rest), 1)
+    parts = []
+    for i in range(0, len(axes[0]), per_chunk):
+        first = axes[0][i : i + per_chunk]
+        z = np.concatenate(
+            [np.repeat(first, len(rest))[:, None], np.tile(rest, (len(first), 1))], axis=1
+        )
+        parts.append(float(logsumexp(in_z(z))))
+    return float(logsumexp(parts))

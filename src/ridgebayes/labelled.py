@@ -1,0 +1,172 @@
+"""A fit as labelled datasets, and as a NetCDF file that both arviz lines open."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from ridgebayes._types import FloatArray
+from ridgebayes.errors import InputError
+from ridgebayes.fit import Fit, priors_from_json, priors_to_json
+from ridgebayes.forms import form_named
+from ridgebayes.likelihood import Model, Observations
+from ridgebayes.noise import Noise
+from ridgebayes.sample import Chains
+
+LARGEST_LOG_LIKELIHOOD = 30_000_000  # numbers; beyond it the group is left out and LOO says so
+
+
+def groups_of(fit: Fit) -> dict[str, xr.Dataset]:
+    """Return the thinned fit as datasets named as arviz names them.
+
+    Parameters
+    ----------
+    fit : Fit
+        Posterior.
+
+    Returns
+    -------
+    dict of str to xarray.Dataset
+        posterior (dimensions chain, draw; K has texture), sample_stats, observed_data,
+        constant_data and, unless there are very many rows, log_likelihood. A chain is an
+        ensemble; its draws run step by step, walkers side by side.
+    """
+    chains, data = fit.kept_chains, fit.model.data
+    n_ensemble, n_step, n_walker, n_parameter = chains.u.shape
+    flat = (n_ensemble, n_step * n_walker)
+    theta = fit.model.to_theta(chains.u).reshape(*flat, n_parameter)
+    groups = {
+        "posterior": xr.Dataset(_posterior(fit, theta)),
+        "sample_stats": xr.Dataset(
+            {
+                "lp": (("chain", "draw"), chains.log_density.reshape(flat)),
+                "acceptance_rate": (("chain",), chains.acceptance),
+                "tau": (("quantity",), chains.tau),
+            }
+        ),
+        "observed_data": xr.Dataset({"log_load": (("row",), data.log_load)}),
+        "constant_data": xr.Dataset(
+            {
+                "Q": (("row",), data.Q),
+                "texture_index": (("row",), data.texture),
+                "rel_se": (("row",), data.rel_se),
+                "a_over_R": (("texture",), data.a_over_R),
+                "b_over_R": (("texture",), data.b_over_R),
+            }
+        ),
+    }
+    if theta[..., 0].size * len(data) <= LARGEST_LOG_LIKELIHOOD:
+        rows = fit.model.pointwise_log_likelihood(theta)
+        groups["log_likelihood"] = xr.Dataset({"log_load": (("chain", "draw", "row"), rows)})
+    for name, group in groups.items():
+        labels = {"texture": list(data.labels), "row": np.arange(len(data))}
+        sizes = {"chain": np.arange(n_ensemble), "draw": np.arange(flat[1])}
+        coords = {k: v for k, v in {**sizes, **labels}.items() if k in group.dims}
+        groups[name] = group.assign_coords(coords)
+    return groups
+
+
+def _posterior(fit: Fit, theta: FloatArray) -> dict[str, tuple[tuple[str, ...], FloatArray]]:
+    names = fit.model.parameter_names
+    if fit.form.name != "power-law":
+        return {name: (("chain", "draw"), theta[..., i]) for i, name in enumerate(names)}
+    return {
+        "K": (("chain", "draw", "texture"), theta[..., :-1]),
+        "sigma": (("chain", "draw"), theta[..., -1]),
+    }
+
+
+def write_netcdf(fit: Fit, path: str | os.PathLike[str]) -> None:
+    """Write a fit, whole or not at all."""
+    import ridgebayes
+
+    groups = groups_of(fit)
+    tree = xr.DataTree.from_dict({name: group for name, group in groups.items()})
+    tree.attrs = {
+        "ridgebayes_version": ridgebayes.__version__,
+        "form": fit.form.name,
+        "noise": fit.noise.name,
+        "priors": priors_to_json(fit.model.priors),
+        "summary": fit.summary.to_json(orient="records", double_precision=15),
+        "missing": json.dumps(fit.missing),
+        "stopping_rule_missing": json.dumps(fit.chains.missing),
+        "seed": str(fit.seed),
+        "n_walker": fit.chains.u.shape[2],
+    }
+    target = Path(path)
+    partial = target.with_name(f".{target.name}.partial")
+    packed = {
+        name: {v: {"zlib": True, "complevel": 1, "shuffle": True} for v in group.data_vars}
+        for name, group in groups.items()
+    }
+    try:
+        tree.to_netcdf(partial, engine="h5netcdf", encoding={f"/{k}": v for k, v in packed.items()})
+        os.replace(partial, target)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def read_netcdf(path: str | os.PathLike[str]) -> Fit:
+    """Read a fit that `write_netcdf` wrote.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, not NetCDF, or not written by this package.
+    """
+    if not Path(path).is_file():
+        raise InputError(f"{path}: no such file; rule: a posterior written by ridgebayes")
+    try:
+        with xr.open_datatree(path, engine="h5netcdf") as tree:
+            tree.load()
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"{path}: not a readable NetCDF file ({error})") from None
+    if "ridgebayes_version" not in tree.attrs:
+        raise InputError(f"{path}: no ridgebayes_version attribute; rule: written by ridgebayes")
+    constant, observed = tree["constant_data"], tree["observed_data"]
+    data = Observations(
+        textures=tuple(
+            zip(
+                constant["a_over_R"].to_numpy().tolist(),
+                constant["b_over_R"].to_numpy().tolist(),
+                strict=True,
+            )
+        ),
+        texture=constant["texture_index"].to_numpy().astype(np.int64),
+        Q=constant["Q"].to_numpy().astype(np.int64),
+        log_load=observed["log_load"].to_numpy(),
+        rel_se=constant["rel_se"].to_numpy(),
+        labels=tuple(str(label) for label in constant["texture"].to_numpy()),
+    )
+    model = Model(
+        data,
+        form_named(tree.attrs["form"]),
+        Noise(tree.attrs["noise"]),
+        priors_from_json(tree.attrs["priors"]),
+    )
+    posterior, stats = tree["posterior"], tree["sample_stats"]
+    columns = (
+        [posterior["K"].to_numpy(), posterior["sigma"].to_numpy()[..., None]]
+        if "K" in posterior
+        else [posterior[name].to_numpy()[..., None] for name in model.parameter_names]
+    )
+    theta = np.concatenate(columns, axis=-1)
+    n_walker = int(tree.attrs["n_walker"])
+    shape = (theta.shape[0], theta.shape[1] // n_walker, n_walker)
+    chains = Chains(
+        model.to_unconstrained(theta).reshape(*shape, -1),
+        stats["lp"].to_numpy().reshape(shape),
+        stats["acceptance_rate"].to_numpy(),
+        stats["tau"].to_numpy(),
+        tuple(json.loads(tree.attrs["stopping_rule_missing"])),
+    )
+    return Fit(
+        model,
+        chains,
+        pd.DataFrame(json.loads(tree.attrs["summary"])),
+        tuple(json.loads(tree.attrs["missing"])),
+        int(tree.attrs["seed"]),
+    )
