@@ -1,7 +1,6 @@
 """Scenes to contact tables: which solver, which transitions, what it said of each."""
 
 import importlib.metadata
-import math
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -16,7 +15,7 @@ from ridgebayes.table import ContactTable
 
 SOLVERS = ("auto", "hertz", "half-plane")
 # A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
-_MAX_TRANSITIONS = 10_000
+_MAX_TRANSITIONS = 8192
 
 # Loads of the transitions 1 ... n of one texture, with a status each.
 _Solver: TypeAlias = Callable[[Texture, float, int, float], tuple[FloatArray, tuple[str, ...]]]
@@ -37,16 +36,16 @@ def generate(scene: Scene, *, solver: str = "auto", rel_tol: float | None = None
     Returns
     -------
     ContactTable
-        A row per transition with p/E at or below the load, Q = 2 + 2k. A transition that could
-        lie below the load but was not computed stands there without a load, its status saying
-        why.
+        A row per transition with p/E at or below the load, Q = 2 + 2k. A transition that was
+        not computed but should lie below the load, by the growth as k^2 of those before it, stands
+        there without a load, its status saying why.
 
     Raises
     ------
     InputError
         If the solver is unknown, the scene asks for what it cannot simulate (a finite groove
         depth, round corners, an offset, friction), or a texture has no transition, or over
-        10,000, under the load. All findings in one message.
+        8,192, under the load. All findings in one message.
 
     Notes
     -----
@@ -115,18 +114,17 @@ def _rows(texture: Texture, scene: Scene, solve: _Solver, rel_tol: float) -> pd.
     """Return the transitions of one texture up to the load."""
     p_max = scene.p_over_E if texture.max_p_over_E is None else texture.max_p_over_E
     pitch = texture.a_over_R + texture.b_over_R
-    # Ridge k is reached no earlier than the smooth body's half-width passes k pitches (beta > 0
-    # in docs/derivations/half-plane.md): so many could lie under the load, the next one not.
-    could = float(hertz.half_width(p_max, nu=scene.nu)) / pitch
-    if not could <= _MAX_TRANSITIONS:
-        raise InputError(f"over {_MAX_TRANSITIONS} transitions under p/E = {p_max!r}")
-    p_over_E, status = solve(texture, scene.nu, math.floor(could) + 1, rel_tol)
-    k = np.arange(1, p_over_E.size + 1)
-    # A row without a number is kept if it could lie under the load.
-    keep = np.where(np.isnan(p_over_E), k <= could, p_over_E <= p_max)
+    n_transitions, loads = 8, np.zeros(0)
+    while not (loads.size and loads[-1] > p_max):
+        if n_transitions > _MAX_TRANSITIONS:
+            raise InputError(f"over {_MAX_TRANSITIONS} transitions under p/E = {p_max!r}")
+        p_over_E, status = solve(texture, scene.nu, n_transitions, rel_tol)
+        loads = _filled(p_over_E, pitch, scene.nu)
+        n_transitions *= 2
+    k = np.arange(1, loads.size + 1)
+    keep = loads <= p_max
     if not keep.any():
-        first = f"the first is at {p_over_E[0]:.4g}"
-        raise InputError(f"no transition under p/E = {p_max!r}: {first}")
+        raise InputError(f"no transition under p/E = {p_max!r}: the first is at {loads[0]:.4g}")
     return pd.DataFrame(
         {
             "a_over_R": texture.a_over_R,
@@ -138,6 +136,21 @@ def _rows(texture: Texture, scene: Scene, solve: _Solver, rel_tol: float) -> pd.
             "status": [text for text, kept in zip(status, keep, strict=True) if kept],
         }
     )
+
+
+def _filled(p_over_E: FloatArray, pitch_over_R: float, nu: float) -> FloatArray:
+    """Estimate missing loads, to know which rows without one belong under the scene's load.
+
+    They grow nearly as k^2 from the last that was computed; without any, grooves are too narrow
+    to matter and the smooth body's half-width is k pitches.
+    """
+    k = np.arange(1, p_over_E.size + 1)
+    known = np.flatnonzero(~np.isnan(p_over_E))
+    if known.size:
+        estimate = p_over_E[known[-1]] * (k / k[known[-1]]) ** 2
+    else:
+        estimate = hertz.load_of_half_width(k * pitch_over_R, nu=nu)
+    return np.where(np.isnan(p_over_E), estimate, p_over_E)
 
 
 def _half_plane(

@@ -1,0 +1,142 @@
+import numpy as np
+import pytest
+
+from ridgebayes.contact import halfplane, hertz
+from ridgebayes.datafiles import PAPER_SWEEP, data_path
+from ridgebayes.errors import InputError
+from ridgebayes.generate import generate
+from ridgebayes.scene import Scene, Texture
+from ridgebayes.table import read_table
+
+
+def scene_with(**texture):
+    return Scene(textures=(Texture(a_over_R=0.032, b_over_R=0.01, **texture),))
+
+
+def test_shipped_sweep_is_todays_output():
+    shipped, today = read_table(data_path(PAPER_SWEEP)).frame, generate(Scene.paper()).frame
+    for column in ("a_over_R", "b_over_R", "Q", "nu", "texture", "role", "solver", "status"):
+        assert shipped[column].tolist() == today[column].tolist()
+    # Algebra: the same equations under another BLAS; rounding is 1e-14.
+    np.testing.assert_allclose(shipped["p_over_E"], today["p_over_E"], rtol=1e-12)
+
+
+def test_paper_sweep_has_41_rows_to_fit_and_3_held_out():
+    frame = generate(Scene.paper()).frame
+    assert frame["role"].value_counts().to_dict() == {"calibration": 41, "held-out": 3}
+    fitted = frame[frame["role"] == "calibration"]
+    assert fitted["p_over_E"].max() <= 0.02 < frame["p_over_E"].max() <= 0.045
+    assert set(frame["status"]) == {"ok"}
+    assert frame["source"].str.fullmatch(r"ridgebayes \S+ half-plane rel_tol=1e-08").all()
+
+
+def test_rows_stop_at_the_load_and_include_it():
+    third = generate(Scene.of([(0.032, 0.01)])).frame["p_over_E"].iloc[2]
+    assert generate(Scene.of([(0.032, 0.01)], p_over_E=third)).frame["Q"].tolist() == [4, 6, 8]
+    below = np.nextafter(third, 0.0)
+    assert generate(Scene.of([(0.032, 0.01)], p_over_E=below)).frame["Q"].tolist() == [4, 6]
+
+
+@pytest.mark.parametrize(("a", "b"), [(1e-5, 0.02), (0.012, 0.03), (0.03, 1e-3)])
+def test_no_transition_below_the_load_is_missed(a, b):
+    """Thin ridges are reached before a smooth body would pass as many pitches."""
+    frame = generate(Scene.of([(a, b)], p_over_E=0.1)).frame
+    loads = halfplane.transition_loads(a, b, 64).p_over_E(a + b)
+    assert len(frame) == np.count_nonzero(loads <= 0.1)
+
+
+def test_hertz_rows_are_the_closed_form():
+    table = generate(Scene.of([(0.032, 0.01)], nu=0.3), solver="hertz")
+    frame = table.frame
+    expected = hertz.transition_load(frame["Q"], 0.032, 0.01, nu=0.3)
+    np.testing.assert_allclose(frame["p_over_E"], expected, rtol=1e-15)  # algebra
+    next_one = hertz.transition_load(frame["Q"].max() + 2, 0.032, 0.01, nu=0.3)
+    assert frame["p_over_E"].max() <= 0.02 < next_one
+    assert set(frame["solver"]) == {"hertz"}
+    assert set(frame["nu"]) == {0.3}
+    assert frame["source"].str.fullmatch(r"ridgebayes \S+ hertz").all()
+
+
+def test_auto_is_the_half_plane():
+    scene = Scene.of([(0.032, 0.01)])
+    assert generate(scene).digest() == generate(scene, solver="half-plane").digest()
+
+
+@pytest.mark.parametrize(
+    ("relative", "rel_tol", "used"),
+    [(None, None, "1e-08"), (0.01, None, "1e-08"), (1e-10, None, "1e-10"), (1e-10, 1e-4, "0.0001")],
+)
+def test_tolerance_is_the_tightest_unless_given(relative, rel_tol, used):
+    table = generate(Scene.of([(0.032, 0.01)], relative=relative), rel_tol=rel_tol)
+    assert table.frame["source"].iloc[0].endswith(f"rel_tol={used}")
+
+
+def test_tables_are_written_and_read_back(tmp_path):
+    table = generate(Scene.paper())
+    table.write(tmp_path / "sweep.csv")
+    back = read_table(tmp_path / "sweep.csv").frame
+    assert back["p_over_E"].tolist() == table.frame["p_over_E"].tolist()
+
+
+def test_rows_that_missed_the_tolerance_say_so():
+    frame = generate(Scene.of([(0.032, 0.01)]), rel_tol=1e-15).frame
+    assert frame["status"].str.startswith("not converged").all()
+    assert frame["p_over_E"].notna().all()
+
+
+def test_rows_that_were_not_computed_stand_without_a_load(monkeypatch):
+    halfplane._table.cache_clear()
+    monkeypatch.setattr(halfplane, "MAX_UNKNOWNS", 30)
+    frame = generate(Scene.of([(0.012, 0.01)])).frame
+    halfplane._table.cache_clear()
+    whole = generate(Scene.of([(0.012, 0.01)])).frame
+    assert frame["Q"].tolist() == whole["Q"].tolist()
+    missing = frame["p_over_E"].isna()
+    assert 0 < missing.sum() < len(frame)
+    assert (frame["status"] == "ok").tolist() == (~missing).tolist()
+    assert frame["status"][missing].str.contains("over the cap").all()
+
+
+def test_a_texture_no_solve_can_serve_does_not_vanish():
+    frame = generate(Scene.of([(0.03, 1e-12)], p_over_E=0.01)).frame
+    assert frame["Q"].tolist() == [4, 6, 8, 10]  # Hertz: 1.382 sqrt(0.01) is 4.6 pitches
+    assert frame["p_over_E"].isna().all()
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        (scene_with(groove_depth_over_R=0.05), r"textures\[1\].groove_depth_over_R = 0.05"),
+        (scene_with(corner_radius_over_R=1e-3), r"textures\[1\].corner_radius_over_R = 0.001"),
+        (scene_with(offset=0.25), r"textures\[1\].offset = 0.25"),
+        (scene_with(offset="uniform"), r"textures\[1\].offset = 'uniform'"),
+        (Scene(textures=scene_with().textures, friction=0.3), "friction = 0.3"),
+    ],
+)
+@pytest.mark.parametrize("solver", ["auto", "hertz", "half-plane"])
+def test_what_is_not_simulated_is_refused(scene, said, solver):
+    with pytest.raises(InputError, match=f"{said}: is not simulated in this version"):
+        generate(scene, solver=solver)
+
+
+def test_unknown_solvers_are_refused():
+    scene = Scene.of([(0.032, 0.01)])
+    with pytest.raises(InputError, match="'abaqus': must be one of auto, hertz, half-plane"):
+        generate(scene, solver="abaqus")
+    with pytest.raises(InputError, match="'cylinder-fe' is not simulated in this version"):
+        generate(scene, solver="cylinder-fe")
+
+
+def test_textures_without_a_row_are_all_named():
+    scene = Scene.of([(0.012, 0.01), (0.012, 0.09), (0.032, 0.03)], p_over_E=5e-4)
+    with pytest.raises(InputError) as raised:
+        generate(scene)
+    lines = str(raised.value).split("\n")
+    assert len(lines) == 2
+    assert "textures[2] = (0.012, 0.09): no transition under p/E = 0.0005" in lines[0]
+    assert "the first is at 0.004812" in lines[0]
+
+
+def test_a_load_with_too_many_transitions_is_refused():
+    with pytest.raises(InputError, match="over 8192 transitions"):
+        generate(Scene.of([(1e-6, 1e-6)], p_over_E=0.1), solver="hertz")
