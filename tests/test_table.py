@@ -134,6 +134,24 @@ def test_from_frame__accepts_what_the_contract_allows() -> None:
     assert len(read_table(rows)) == 6
 
 
+@pytest.mark.parametrize(
+    ("column", "other"),
+    [
+        ("a_over_R", 0.5),
+        ("b_over_R", 0.5),
+        ("nu", 0.3),
+        ("offset_over_R", 0.01),
+        ("source", "other"),
+        ("solver", "other"),
+        ("series", "other"),
+    ],
+)
+def test_curve__is_told_apart_by_each_of_its_columns(column: str, other: object) -> None:
+    first = read_table(sweep(1).iloc[[0]]).frame.assign(texture="")
+    assert len(read_table(pd.concat([first, first.assign(**{column: other})]))) == 2
+    assert "identical row of one curve twice" in refusal(pd.concat([first, first]))
+
+
 @pytest.mark.parametrize("dtype", ["Float64", object, "category", str])
 def test_from_frame__takes_numbers_of_any_pandas_dtype(dtype) -> None:
     frame = sweep(1)
@@ -451,6 +469,20 @@ def test_read_table__names_every_row_of_another_length(quoted: bool, tmp_path: P
     ]
 
 
+@pytest.mark.parametrize(
+    ("header", "row", "first"),
+    [
+        (HEADER, "0.01,0.01\r4,0.001,x", "column Q: '0.01,0.01': must have 4"),
+        (f"{HEADER},note", '0.01,0.01,4,"0,001"', "column note: '0.01,0.01,4,0,001': must have 5"),
+    ],
+)
+def test_read_table__counts_cells_not_commas(
+    header: str, row: str, first: str, tmp_path: Path
+) -> None:
+    path = csv_file(tmp_path, f"{header}\n{row}\n")
+    assert f"{path}, row 1 (line 2): {first} cells" in refusal(path)
+
+
 def test_read_table__counts_rows_of_another_length_beyond_the_first_twenty(tmp_path: Path) -> None:
     assert refusal(csv_file(tmp_path, HEADER + 30 * "\n1")).endswith("\n  ... and 10 more")
 
@@ -538,7 +570,8 @@ def test_write__that_fails_leaves_the_old_file_and_no_part(tmp_path: Path, monke
     table.write(path)
     before = path.read_bytes()
 
-    def disk_full(*_args, **_kwargs):
+    def disk_full(_frame, part, **_options):
+        part.write_text("half a table")
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(pd.DataFrame, "to_csv", disk_full)
@@ -654,6 +687,7 @@ def test_digest__is_of_every_cell_and_the_order_of_rows() -> None:
         changed.loc[0, name] = cell
         digests.append(read_table(changed).digest())
     assert len(set(digests)) == len(digests) == 7
+    assert read_table(frame.assign(offset_over_R=-0.0)).digest() == digests[0]
     assert all(re.fullmatch("[0-9a-f]{64}", digest) for digest in digests)
 
 

@@ -3,7 +3,6 @@
 import codecs
 import csv
 import io
-import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -81,9 +80,6 @@ def raw_csv(content: bytes, where: str) -> RawTable:
             **_EXACT,
         )
     except (ValueError, OverflowError):
-        return retyped()
-    # Some versions of pandas take a typed "nan" for an empty cell; as typed it is an error.
-    if frame[numbers].isna().to_numpy().any() and re.search(rb"nan", content, re.IGNORECASE):
         return retyped()
     return RawTable(_own_numbers(frame), where, retyped=retyped)
 
