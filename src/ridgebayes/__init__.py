@@ -38,8 +38,8 @@ _HOME = {
     "Fit": "fit",
     "calibrate": "fit",
     "SampleSettings": "sample",
-    "QDistribution": "predict",
-    "LoadDistribution": "predict",
+    "QDistribution": "qdistribution",
+    "LoadDistribution": "loads",
     "Comparison": "compare",
     "compare": "compare",
     "write_report": "report",
@@ -66,8 +66,9 @@ if TYPE_CHECKING:
     from ridgebayes.fit import Fit, calibrate
     from ridgebayes.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
     from ridgebayes.generate import generate
-    from ridgebayes.predict import LoadDistribution, QDistribution
+    from ridgebayes.loads import LoadDistribution
     from ridgebayes.priors import HalfNormal, LogNormal, Normal
+    from ridgebayes.qdistribution import QDistribution
     from ridgebayes.report import write_report
     from ridgebayes.sample import SampleSettings
     from ridgebayes.scene import Scene

@@ -22,7 +22,8 @@ from ridgebayes.sample import Chains, Progress, SampleSettings, sample
 from ridgebayes.table import ContactTable
 
 if TYPE_CHECKING:
-    from ridgebayes.predict import LoadDistribution, QDistribution
+    from ridgebayes.loads import LoadDistribution
+    from ridgebayes.qdistribution import QDistribution
 
 N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
 

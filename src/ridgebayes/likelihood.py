@@ -156,7 +156,7 @@ class Model:
         if not np.all(shape > 0):
             raise InputError(f"{form.name}: a row's load is zero by this form; rule: Q >= 4")
         self.centred_log_load = data.log_load - 2 * np.log(shape)
-        self._group = _group_rows(self.centred_log_load, data)
+        self.groups = _group_rows(self.centred_log_load, data)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -197,7 +197,7 @@ class Model:
 
         A texture whose rate is not positive has likelihood zero.
         """
-        group = self._group
+        group = self.groups
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             r = group.mean + 2 * self.log_rates(theta)[..., group.texture]
             variance = theta[..., -1:] ** 2 + group.rel_se**2
@@ -233,7 +233,7 @@ class Model:
 
     def log_density_gradient(self, u: FloatArray) -> FloatArray:
         """Return d log_density / d u where it is finite, shape of `u`."""
-        theta, group = self.to_theta(u), self._group
+        theta, group = self.to_theta(u), self.groups
         r = group.mean + 2 * self.log_rates(theta)[..., group.texture]
         variance = theta[..., -1:] ** 2 + group.rel_se**2
         by_rate = -2 * group.n * r / variance
@@ -253,7 +253,7 @@ class Model:
 
 
 @dataclass(frozen=True, eq=False)
-class _Groups:
+class RowGroups:
     """Rows of one texture and one known error: number, mean and sum of squares about the mean."""
 
     texture: IntArray
@@ -263,11 +263,11 @@ class _Groups:
     sum_of_squares: FloatArray
 
 
-def _group_rows(centred: FloatArray, data: Observations) -> _Groups:
+def _group_rows(centred: FloatArray, data: Observations) -> RowGroups:
     se, se_code = np.unique(data.rel_se, return_inverse=True)
     codes, group = np.unique(data.texture * len(se) + se_code, return_inverse=True)
     n = np.bincount(group).astype(float)
     mean = np.bincount(group, centred) / n
     # About the mean, not as a difference of squares: residuals are 1e-2 on values of 10.
     squares = np.bincount(group, (centred - mean[group]) ** 2)
-    return _Groups(codes // len(se), se[codes % len(se)], n, mean, squares)
+    return RowGroups(codes // len(se), se[codes % len(se)], n, mean, squares)

@@ -87,10 +87,11 @@ def _conditional(model: Model, texture: int, sigma: FloatArray) -> tuple[FloatAr
     """Posterior of x = log K: each row says 2 x = -z with the row's variance."""
     prior = list(model.priors.values())[texture]
     assert isinstance(prior, LogNormal)
-    z, se = _rows(model, texture)
-    weight = 1 / (sigma[:, None] ** 2 + se**2)
+    mine = model.groups.texture == texture
+    weight = model.groups.n[mine] / (sigma[:, None] ** 2 + model.groups.rel_se[mine] ** 2)
     precision = 1 / prior.log_sd**2 + 4 * weight.sum(axis=1)
-    linear = math.log(prior.median) / prior.log_sd**2 - 2 * (weight * z).sum(axis=1)
+    linear = math.log(prior.median) / prior.log_sd**2
+    linear = linear - 2 * (weight * model.groups.mean[mine]).sum(axis=1)
     return linear / precision, 1 / np.sqrt(precision)
 
 
@@ -99,14 +100,10 @@ def _texture_evidence(model: Model, texture: int, sigma: FloatArray) -> FloatArr
     prior = list(model.priors.values())[texture]
     assert isinstance(prior, LogNormal)
     mean, sd = _conditional(model, texture, sigma)
-    z, se = _rows(model, texture)
-    variance = sigma[:, None] ** 2 + se**2
-    residual = z + 2 * mean[:, None]
-    fit = -0.5 * (np.log(2 * math.pi * variance) + residual**2 / variance).sum(axis=1)
+    groups, mine = model.groups, model.groups.texture == texture
+    n = groups.n[mine]
+    variance = sigma[:, None] ** 2 + groups.rel_se[mine] ** 2
+    squares = groups.sum_of_squares[mine] + n * (groups.mean[mine] + 2 * mean[:, None]) ** 2
+    fit = -0.5 * (n * np.log(2 * math.pi * variance) + squares / variance).sum(axis=1)
     off = (mean - math.log(prior.median)) / prior.log_sd
     return fit - 0.5 * off**2 - math.log(prior.log_sd) + np.log(sd)
-
-
-def _rows(model: Model, texture: int) -> tuple[FloatArray, FloatArray]:
-    mine = model.data.texture == texture
-    return model.centred_log_load[mine], model.data.rel_se[mine]

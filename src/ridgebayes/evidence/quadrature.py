@@ -15,8 +15,8 @@ from ridgebayes._types import FloatArray
 from ridgebayes.evidence.record import LogEvidence
 from ridgebayes.laplace import Laplace
 
-_OUTSIDE = -30.0  # log density relative to the peak that may be cut off at a face of the box
-_HALF_WIDTH_MAX = 60.0
+_OUTSIDE = -24.0  # log density relative to the peak that may be cut off at a face of the box
+_HALF_WIDTH_MAX = 200.0  # with known errors sigma may go to 0, and log sigma has a long tail
 _POINTS_MAX = 40_000_000
 _CHUNK = 100_000
 
@@ -78,26 +78,24 @@ def _box(
 ) -> list[tuple[float, float]] | None:
     """Widen a box face by face until the density on every face is negligible."""
     low, high = np.full(n_parameter, -6.0), np.full(n_parameter, 6.0)
-    while True:
-        peak, faces = -np.inf, []
+
+    def highest(axis: int | None = None, at: float = 0.0) -> float:
+        # Two sds between points: what this must not miss is a slow tail, not a narrow peak.
+        grids = [np.arange(a, b + 1, 2.0) for a, b in zip(low, high, strict=True)]
+        if axis is not None:
+            grids[axis] = np.array([at])
+        return float(in_z(_points(grids)).max())
+
+    while max(-low.min(), high.max()) <= _HALF_WIDTH_MAX:
+        peak, grown = highest(), False
         for axis in range(n_parameter):
-            for side in (low, high):
-                # Coarse: two sds between points; what it must not miss is a slow tail.
-                grids = [np.linspace(a, b, 7) for a, b in zip(low, high, strict=True)]
-                grids[axis] = side[axis : axis + 1]
-                values = in_z(_points(grids))
-                faces.append((axis, side, float(values.max())))
-        inside = in_z(_points([np.linspace(a, b, 7) for a, b in zip(low, high, strict=True)]))
-        peak = float(inside.max())
-        grown = False
-        for axis, side, value in faces:
-            if value > peak + _OUTSIDE:
-                side[axis] += -2.0 if side is low else 2.0
-                grown = True
+            if highest(axis, low[axis]) > peak + _OUTSIDE:
+                low[axis], grown = low[axis] - 4, True
+            if highest(axis, high[axis]) > peak + _OUTSIDE:
+                high[axis], grown = high[axis] + 4, True
         if not grown:
             return [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
-        if max(-low.min(), high.max()) > _HALF_WIDTH_MAX:
-            return None
+    return None
 
 
 def _points(axes: list[FloatArray]) -> FloatArray:

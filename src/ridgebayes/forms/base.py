@@ -132,7 +132,7 @@ class Form(ABC):
         0.0004
         """
         Q = even_counts(Q)
-        a, b = widths(a_over_R, b_over_R)
+        a, b = aligned(Q, nu, *widths(a_over_R, b_over_R))
         rate = self.rate(self._theta(theta), a, b)
         s = self.shape(Q, a, b) / np.where(rate > 0, rate, np.nan)
         return s * s / reduced_load(1.0, nu)
@@ -177,7 +177,7 @@ class Form(ABC):
         p = np.asarray(p_over_E, dtype=float)
         if not np.all(np.isfinite(p) & (p >= 0)):
             raise InputError(f"p_over_E: {p_over_E!r} given; rule: finite and >= 0")
-        a, b = widths(a_over_R, b_over_R)
+        a, b = aligned(p, nu, *widths(a_over_R, b_over_R))
         rate = self.rate(self._theta(theta), a, b)
         s = np.sqrt(reduced_load(p, nu))
         return 2 + 2 * self.pairs(s * np.where(rate > 0, rate, np.nan), a, b)
@@ -286,6 +286,14 @@ def widths(a_over_R: ArrayLike, b_over_R: ArrayLike) -> tuple[FloatArray, FloatA
         if not np.all(np.isfinite(width) & (width > 0)):
             raise InputError(f"{name}: {width.tolist()!r} given; rule: finite and > 0")
     return a, b
+
+
+def aligned(
+    other: ArrayLike, another: ArrayLike, a: FloatArray, b: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the widths with as many axes as all will have, so that draws can come before them."""
+    n_axis = max(np.ndim(other), np.ndim(another), a.ndim, b.ndim)
+    return a[(None,) * (n_axis - a.ndim)], b[(None,) * (n_axis - b.ndim)]
 
 
 def unique_textures(a: FloatArray, b: FloatArray) -> list[Texture]:

@@ -1,0 +1,140 @@
+"""`LoadDistribution`: the distribution of the load that reaches a count."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from ridgebayes._types import BoolArray, FloatArray, Rng
+from ridgebayes.errors import InputError
+from ridgebayes.qdistribution import seeded
+
+
+@dataclass(frozen=True, eq=False)
+class LoadDistribution:
+    """A mixture over posterior draws of log-normal loads (or of points, where sd is 0).
+
+    Parameters
+    ----------
+    log_mean : ndarray of float, shape (n_draw, ...)
+        Mean of log(p/E) given each draw.
+    sd : ndarray of float, shape (n_draw,)
+        Standard deviation of log(p/E) given each draw.
+    weight : ndarray of float, shape (n_draw,)
+        Weights, sum 1.
+    extrapolation : ndarray of bool, shape (...)
+        Whether texture or count lies outside what was calibrated.
+    """
+
+    log_mean: FloatArray
+    sd: FloatArray
+    weight: FloatArray
+    extrapolation: BoolArray
+
+    def cdf(self, p_over_E: float | FloatArray) -> FloatArray:
+        """Return P(load <= p_over_E), broadcast against the distributions' shape."""
+        with np.errstate(divide="ignore"):
+            y = np.log(np.asarray(p_over_E, dtype=float))
+        return self._cdf(np.broadcast_to(y, self.log_mean.shape[1:]))
+
+    def mean(self) -> FloatArray:
+        """Return the mean load p/E, shape (...)."""
+        return self._average(np.exp(self.log_mean + 0.5 * self._spread(self.sd) ** 2))
+
+    def quantile(self, prob: float) -> FloatArray:
+        """Return the load under which a share `prob` lies, shape (...).
+
+        Raises
+        ------
+        InputError
+            If `prob` is not between 0 and 1.
+        """
+        if not 0 < prob < 1:
+            raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1")
+        if not self.sd.any():
+            return np.exp(_weighted_quantile(self.log_mean, self.weight, prob))
+        return np.exp(self._solve(prob))
+
+    def median(self) -> FloatArray:
+        """Return the median load p/E, shape (...)."""
+        return self.quantile(0.5)
+
+    def interval(self, prob: float = 0.9) -> tuple[FloatArray, FloatArray]:
+        """Return the equal-tailed interval of the load, both of shape (...)."""
+        return self.quantile(0.5 - prob / 2), self.quantile(0.5 + prob / 2)
+
+    def rvs(self, rng: Rng, size: int = 1) -> FloatArray:
+        """Draw loads, shape (size, ...)."""
+        generator = seeded(rng)
+        pick = generator.choice(len(self.weight), size=size, p=self.weight)
+        noise = generator.standard_normal((size, *self.log_mean.shape[1:]))
+        return np.exp(self.log_mean[pick] + self._spread(self.sd[pick]) * noise)
+
+    def _spread(self, per_draw: FloatArray) -> FloatArray:
+        return per_draw.reshape((-1,) + (1,) * (self.log_mean.ndim - 1))
+
+    def _average(self, values: FloatArray) -> FloatArray:
+        return np.tensordot(self.weight, values, axes=1)
+
+    def _cdf(self, y: FloatArray) -> FloatArray:
+        sd = self._spread(self.sd)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = (y - self.log_mean) / sd
+        return self._average(np.where(sd > 0, ndtr(z), self.log_mean <= y))
+
+    def _solve(self, prob: float) -> FloatArray:
+        """Newton's method on the distribution function, kept inside a shrinking bracket."""
+        sd = self._spread(self.sd)
+        low = (self.log_mean - 9 * sd).min(axis=0)
+        high = (self.log_mean + 9 * sd).max(axis=0)
+        centre = self._average(self.log_mean)
+        variance = self._average((self.log_mean - centre) ** 2 + sd**2)
+        y = centre + ndtri(prob) * np.sqrt(variance)
+        for _ in range(100):
+            excess = self._cdf(y) - prob
+            low, high = np.where(excess < 0, y, low), np.where(excess >= 0, y, high)
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                z = (y - self.log_mean) / sd
+                density = np.where(sd > 0, np.exp(-0.5 * z * z) / (sd * np.sqrt(2 * np.pi)), 0.0)
+                newton = y - excess / self._average(density)
+            inside = (newton > low) & (newton < high)
+            new = np.where(inside, newton, 0.5 * (low + high))
+            settled = np.abs(new - y).max(initial=0.0) < 1e-10
+            y = new
+            if settled:
+                break
+        return y
+
+
+def mix_loads(parts: Sequence[LoadDistribution], weights: Sequence[float]) -> LoadDistribution:
+    """Return the average of load distributions, such as over forms by model probability.
+
+    Parameters
+    ----------
+    parts : sequence of LoadDistribution
+        Of one shape.
+    weights : sequence of float
+        Non-negative; normalised here. Parts under 1e-9 are left out.
+
+    Returns
+    -------
+    LoadDistribution
+        Flagged as extrapolation wherever a part with weight above 1 % is.
+    """
+    share = np.asarray(weights, dtype=float) / np.sum(weights)
+    kept = [(part, weight) for part, weight in zip(parts, share, strict=True) if weight > 1e-9]
+    heavy = [part for part, weight in kept if weight > 0.01]
+    return LoadDistribution(
+        np.concatenate([part.log_mean for part, _ in kept]),
+        np.concatenate([part.sd for part, _ in kept]),
+        np.concatenate([part.weight * weight for part, weight in kept]),
+        np.any([part.extrapolation for part in heavy], axis=0),
+    )
+
+
+def _weighted_quantile(values: FloatArray, weight: FloatArray, prob: float) -> FloatArray:
+    order = np.argsort(values, axis=0)
+    total = np.cumsum(weight[order], axis=0)
+    first = np.argmax(total >= prob - 1e-12, axis=0)
+    return np.take_along_axis(np.take_along_axis(values, order, 0), first[None], 0)[0]

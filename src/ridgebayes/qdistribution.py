@@ -1,0 +1,126 @@
+"""`QDistribution`: the distribution of the even count Q at each of many textures and loads."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ridgebayes._types import BoolArray, FloatArray, IntArray, Rng
+from ridgebayes.errors import InputError
+from ridgebayes.randomness import seed_of
+
+
+@dataclass(frozen=True, eq=False)
+class QDistribution:
+    """Distributions of Q on 2, 4, 6, ...
+
+    Parameters
+    ----------
+    survival : ndarray of float, shape (..., n_step), dimensionless
+        P(Q >= 2), P(Q >= 4), ...; the first is 1, and they never rise.
+    texture_outside : ndarray of bool, shape (...)
+        Whether the texture lies outside what was calibrated.
+    q_calibrated_max : int
+        Largest calibrated count.
+    kind : str
+        ``simulation`` or ``curve``.
+
+    Examples
+    --------
+    >>> q = QDistribution(np.array([1.0, 0.75, 0.25]), np.array(False), 10, "simulation")
+    >>> q.pmf.tolist(), float(q.mean()), int(q.median())
+    ([0.25, 0.5, 0.25], 4.0, 4)
+    """
+
+    survival: FloatArray
+    texture_outside: BoolArray
+    q_calibrated_max: int
+    kind: str
+
+    def __repr__(self) -> str:
+        return f"QDistribution({self.kind}, shape {self.survival.shape[:-1]}, Q <= {self.q[-1]})"
+
+    @property
+    def q(self) -> IntArray:
+        """The counts 2, 4, ..., shape (n_step,)."""
+        return 2 + 2 * np.arange(self.survival.shape[-1])
+
+    @property
+    def pmf(self) -> FloatArray:
+        """P(Q = q) for each of `q`, shape (..., n_step)."""
+        after = np.concatenate([self.survival[..., 1:], np.zeros_like(self.survival[..., :1])], -1)
+        return self.survival - after
+
+    @property
+    def cdf(self) -> FloatArray:
+        """P(Q <= q) for each of `q`, shape (..., n_step)."""
+        return 1 - self.survival + self.pmf
+
+    def at_least(self, n: int) -> FloatArray:
+        """Return P(Q >= n), shape (...)."""
+        step = max(-(-(n - 2) // 2), 0)
+        if step >= self.survival.shape[-1]:
+            return np.zeros(self.survival.shape[:-1])
+        return self.survival[..., step]
+
+    def mean(self) -> FloatArray:
+        """Return the mean of Q, shape (...)."""
+        return 2 * self.survival.sum(axis=-1)
+
+    def quantile(self, prob: float) -> IntArray:
+        """Return the smallest q with P(Q <= q) >= prob, shape (...).
+
+        Raises
+        ------
+        InputError
+            If `prob` is outside 0 to 1.
+        """
+        if not 0 <= prob <= 1:
+            raise InputError(f"prob: {prob!r} given; rule: 0 <= prob <= 1")
+        # A rounding error of the sum must not push the quantile a step up.
+        reached = self.cdf >= prob - 1e-12
+        return self.q[np.argmax(reached, axis=-1)]
+
+    def median(self) -> IntArray:
+        """Return the median, shape (...)."""
+        return self.quantile(0.5)
+
+    def interval(self, prob: float = 0.9) -> tuple[IntArray, IntArray]:
+        """Return the equal-tailed interval that holds at least `prob`.
+
+        Returns
+        -------
+        lower, upper : ndarray of int, shape (...)
+            Even counts.
+        """
+        return self.quantile(0.5 - prob / 2), self.quantile(0.5 + prob / 2)
+
+    def extrapolation(self, prob: float = 0.9) -> BoolArray:
+        """Return where the texture, or the upper end of the interval, was not calibrated."""
+        return self.texture_outside | (self.interval(prob)[1] > self.q_calibrated_max)
+
+    def rvs(self, rng: Rng, size: int = 1) -> IntArray:
+        """Draw counts, shape (size, ...).
+
+        Parameters
+        ----------
+        rng : int or numpy.random.Generator
+            Source of randomness.
+        size : int, optional
+            Draws of each distribution.
+
+        Returns
+        -------
+        ndarray of int, shape (size, ...)
+            Even counts.
+        """
+        generator = seeded(rng)
+        draws = np.empty((size, *self.survival.shape[:-1]), dtype=np.int64)
+        for i in range(size):
+            u = generator.random(self.survival.shape[:-1])
+            draws[i] = 2 * np.sum(u[..., None] < self.survival, axis=-1)
+        return draws
+
+
+def seeded(rng: Rng) -> np.random.Generator:
+    """Return a generator seeded by an integer, or the generator itself."""
+    return rng if isinstance(rng, np.random.Generator) else np.random.default_rng(seed_of(rng))
