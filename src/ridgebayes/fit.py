@@ -133,7 +133,7 @@ class Fit:
         return arviz_object(groups_of(self))
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
-        """Write thinned draws, log-likelihood, data and diagnostics; opens with both arviz lines."""
+        """Write thinned draws, log-likelihood, data, diagnostics; both arviz lines open it."""
         from ridgebayes.labelled import write_netcdf
 
         write_netcdf(self, path)
@@ -201,7 +201,7 @@ def calibrate(
     >>> [round(mean, 2) for mean in fit.summary["mean"]]
     [1.34, 0.02, 0.03]
     """
-    model = Model(Observations.from_table(table), form, _noise(noise), priors)
+    model = Model(Observations.from_table(table), form, as_noise(noise), priors)
     refuse_circular(table, form)
     seed = seed_of(rng)
     laplace = fit_laplace(model)
@@ -217,7 +217,8 @@ def calibrate(
     return Fit(model, chains, summary, chains.missing + shortcomings(summary), seed)
 
 
-def _noise(noise: str | Noise) -> Noise:
+def as_noise(noise: str | Noise) -> Noise:
+    """Return an error model from its name, or the model itself."""
     return Noise(noise) if isinstance(noise, str) else noise
 
 

@@ -1,0 +1,189 @@
+"""Bands on Q and on loads as tables: what `bands.csv` and `loads.csv` hold."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray
+from ridgebayes.compare import Comparison
+from ridgebayes.errors import InputError
+from ridgebayes.forms import Texture
+from ridgebayes.loads import LoadDistribution, mix_loads
+from ridgebayes.predict import KINDS, NEGLIGIBLE, mix_q, predict_load, predict_q
+from ridgebayes.qdistribution import QDistribution
+
+AVERAGE = "average"
+
+
+def default_loads(comparison: Comparison, n: int = 200) -> FloatArray:
+    """Return log-spaced loads over the range of a comparison's table, shape (n,)."""
+    p = comparison.table.column("p_over_E")[comparison.table.column("status") == "ok"]
+    return np.geomspace(p.min(), p.max(), n)
+
+
+def bands_table(
+    comparison: Comparison,
+    *,
+    textures: Sequence[Texture] | None = None,
+    loads: FloatArray | None = None,
+    nu: float = 0.5,
+    forms: Sequence[str] | None = None,
+    prob: float = 0.9,
+) -> pd.DataFrame:
+    """Return bands on Q for each form and their average, texture by texture and load by load.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Fits and model probabilities.
+    textures : sequence of (float, float), optional
+        (a/R, b/R); those of the table if not given.
+    loads : ndarray of float, shape (n_load,), dimensionless, optional
+        p/E; 200 log-spaced over the table's range if not given.
+    nu : float, optional
+        Poisson's ratio.
+    forms : sequence of str, optional
+        Names of fitted forms or ``average``; all and ``average`` if not given.
+    prob : float, optional
+        Probability inside the band.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns form, noise, kind_of_band (curve, simulation), a_over_R, b_over_R, nu, p_over_E,
+        q_mean, q_median, q_lower, q_upper, prob, extrapolation, p_q_ge_4, p_q_ge_6, ... up to the
+        first n that is nowhere more probable than 1e-6.
+
+    Raises
+    ------
+    InputError
+        If a form was not fitted, or `prob` is not between 0 and 1.
+    """
+    if not 0 < prob < 1:
+        raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1")
+    a, b = np.array(textures if textures is not None else comparison.table.textures).T[:, :, None]
+    p = (default_loads(comparison) if loads is None else np.asarray(loads, dtype=float))[None]
+    blocks = []
+    for kind in KINDS:
+        parts = {
+            name: predict_q(fit, a, b, p, nu=nu, kind=kind)
+            for name, fit in comparison.fits.items()
+            if _is_needed(name, forms)
+        }
+        for name, q in _with_average(comparison, parts, forms):
+            blocks.append(_band_rows(name, comparison.noise.name, kind, a, b, nu, p, q, prob))
+    return _trimmed(pd.concat(blocks, ignore_index=True))
+
+
+def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
+    """Return the predicted load of each transition in the table beside the observed one.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Fits and model probabilities.
+    prob : float, optional
+        Probability inside the band.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns form, noise, kind_of_band, a_over_R, b_over_R, nu, Q, p_over_E_median,
+        p_over_E_lower, p_over_E_upper, prob, extrapolation, p_over_E_observed; for each form and
+        the average one row for each ok transition of the table, held-out ones included.
+    """
+    frame = comparison.table.frame
+    frame = frame[(frame["status"] == "ok") & (frame["kind"] == "transition")]
+    blocks = []
+    for kind in KINDS:
+        for nu, rows in frame.groupby("nu", sort=False):
+            a, b, q = (rows[c].to_numpy() for c in ("a_over_R", "b_over_R", "Q"))
+            parts = {
+                name: predict_load(fit, a, b, q, nu=float(nu), kind=kind)  # type: ignore[arg-type]
+                for name, fit in comparison.fits.items()
+            }
+            weights = [comparison.probabilities.get(name, 0.0) for name in parts]
+            everything: dict[str, LoadDistribution] = dict(parts)
+            everything[AVERAGE] = mix_loads(list(parts.values()), weights)
+            for name, load in everything.items():
+                lower, upper = load.interval(prob)
+                blocks.append(
+                    pd.DataFrame(
+                        {
+                            "form": name,
+                            "noise": comparison.noise.name,
+                            "kind_of_band": kind,
+                            "a_over_R": a,
+                            "b_over_R": b,
+                            "nu": float(nu),  # type: ignore[arg-type]
+                            "Q": q,
+                            "p_over_E_median": load.median(),
+                            "p_over_E_lower": lower,
+                            "p_over_E_upper": upper,
+                            "prob": prob,
+                            "extrapolation": load.extrapolation,
+                            "p_over_E_observed": rows["p_over_E"].to_numpy(),
+                        }
+                    )
+                )
+    return pd.concat(blocks, ignore_index=True)
+
+
+def _is_needed(name: str, forms: Sequence[str] | None) -> bool:
+    return forms is None or AVERAGE in forms or name in forms
+
+
+def _with_average(
+    comparison: Comparison, parts: Mapping[str, QDistribution], forms: Sequence[str] | None
+) -> Iterator[tuple[str, QDistribution]]:
+    wanted = [*parts, AVERAGE] if forms is None else list(forms)
+    for name in wanted:
+        if name == AVERAGE:
+            weights = [comparison.probabilities.get(form, 0.0) for form in parts]
+            yield name, mix_q(list(parts.values()), weights)
+        elif name in parts:
+            yield name, parts[name]
+        else:
+            fitted = ", ".join([*comparison.fits, AVERAGE])
+            raise InputError(f"form {name!r}: not in this run; rule: one of {fitted}")
+
+
+def _band_rows(
+    name: str,
+    noise: str,
+    kind: str,
+    a: FloatArray,
+    b: FloatArray,
+    nu: float,
+    p: FloatArray,
+    q: QDistribution,
+    prob: float,
+) -> pd.DataFrame:
+    shape = q.survival.shape[:-1]
+    lower, upper = q.interval(prob)
+    columns = {
+        "form": name,
+        "noise": noise,
+        "kind_of_band": kind,
+        "a_over_R": np.broadcast_to(a, shape).ravel(),
+        "b_over_R": np.broadcast_to(b, shape).ravel(),
+        "nu": nu,
+        "p_over_E": np.broadcast_to(p, shape).ravel(),
+        "q_mean": q.mean().ravel(),
+        "q_median": q.median().ravel(),
+        "q_lower": lower.ravel(),
+        "q_upper": upper.ravel(),
+        "prob": prob,
+        "extrapolation": q.extrapolation(prob).ravel(),
+    }
+    tail = {f"p_q_ge_{n}": q.at_least(n).ravel() for n in q.q[1:]}
+    return pd.DataFrame(columns | tail)
+
+
+def _trimmed(frame: pd.DataFrame) -> pd.DataFrame:
+    """Fill the tails that other forms have with zeros, and end at the first negligible column."""
+    tail = sorted((c for c in frame if c.startswith("p_q_ge_")), key=lambda c: int(c[7:]))
+    frame = frame.fillna(dict.fromkeys(tail, 0.0))
+    kept = next((i for i, c in enumerate(tail) if frame[c].max() < NEGLIGIBLE), len(tail) - 1)
+    return frame[[c for c in frame if c not in tail] + tail[: kept + 1]]
