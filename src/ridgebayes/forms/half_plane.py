@@ -52,9 +52,9 @@ class HalfPlane(OneCoefficient):
     def slope(
         self, a_over_R: ArrayLike, b_over_R: ArrayLike, theta: ArrayLike | None = None
     ) -> FloatArray:
-        from ridgebayes.contact.hertz import hertz_coefficient
+        from ridgebayes.contact.hertz import hertz_constant
 
-        return hertz_coefficient(0.5) * super().slope(a_over_R, b_over_R, theta)
+        return hertz_constant(0.5) * super().slope(a_over_R, b_over_R, theta)
 
     def _ladder(self, texture: Texture, n_transition: int) -> FloatArray:
         """Return s of transitions 0..n at c = 1 and nu = 0.5, transition 0 being first touch."""
