@@ -183,7 +183,8 @@ def _band_rows(
 
 def _trimmed(frame: pd.DataFrame) -> pd.DataFrame:
     """Fill the tails that other forms have with zeros, and end at the first negligible column."""
-    tail = sorted((c for c in frame if c.startswith("p_q_ge_")), key=lambda c: int(c[7:]))
+    names = [str(column) for column in frame.columns]
+    tail = sorted((c for c in names if c.startswith("p_q_ge_")), key=lambda c: int(c[7:]))
     frame = frame.fillna(dict.fromkeys(tail, 0.0))
     kept = next((i for i, c in enumerate(tail) if frame[c].max() < NEGLIGIBLE), len(tail) - 1)
-    return frame[[c for c in frame if c not in tail] + tail[: kept + 1]]
+    return frame[[c for c in names if c not in tail] + tail[: kept + 1]]

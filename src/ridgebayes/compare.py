@@ -3,13 +3,13 @@
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import Rng
+from ridgebayes._types import FloatArray, Rng
 from ridgebayes.diagnostics import leave_one_out, stacking_weights
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import (
@@ -25,9 +25,9 @@ from ridgebayes.forms import Classic, Form, Hybrid, Modified, PowerLaw
 from ridgebayes.labelled import groups_of
 from ridgebayes.laplace import fit_laplace
 from ridgebayes.likelihood import Model
+from ridgebayes.loads import LoadDistribution, mix_loads
 from ridgebayes.noise import Noise
 from ridgebayes.predict import mix_q, predict_load, predict_q
-from ridgebayes.loads import LoadDistribution, mix_loads
 from ridgebayes.qdistribution import QDistribution
 from ridgebayes.randomness import seed_of, stream
 from ridgebayes.sample import Progress, SampleSettings
@@ -37,8 +37,19 @@ DEFAULT_FORMS: tuple[Form, ...] = (Classic(), PowerLaw(), Modified(), Hybrid())
 # A prior's scale by the name a reader knows it under, and the parameters it belongs to.
 PRIOR_SCALES = {"c": ("c", "c1"), "c2": ("c2",), "K": ("K[",), "sigma": ("sigma",)}
 SCALE_FACTORS = tuple(10.0 ** (k / 4) for k in range(-4, 5))
+BAYES_FACTOR_COLUMNS = [
+    "form_a",
+    "form_b",
+    "noise",
+    "method",
+    "ln_bf",
+    "ln_bf_se",
+    "log10_bf",
+    "reading",
+]
+LOO_COLUMNS = ["form", "noise", "elpd", "se", "p", "n_bad_k", "stacking_weight"]
 
-Stage = Callable[[str], "contextmanager[None]"]
+Stage = Callable[[str], AbstractContextManager[None]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,19 +107,31 @@ class Comparison:
         return not self.failures and all(fit.converged for fit in self.fits.values())
 
     def predict(
-        self, a_over_R: float, b_over_R: float, p_over_E: float, **options: float | str
+        self,
+        a_over_R: float | FloatArray,
+        b_over_R: float | FloatArray,
+        p_over_E: float | FloatArray,
+        *,
+        nu: float = 0.5,
+        kind: str = "simulation",
     ) -> QDistribution:
         """Return the distribution of Q averaged over the forms by their probability."""
         fits, weights = self._weighted()
-        parts = [predict_q(fit, a_over_R, b_over_R, p_over_E, **options) for fit in fits]  # type: ignore[arg-type]
+        parts = [predict_q(fit, a_over_R, b_over_R, p_over_E, nu=nu, kind=kind) for fit in fits]
         return mix_q(parts, weights)
 
     def predict_load(
-        self, a_over_R: float, b_over_R: float, Q: int, **options: float | str
+        self,
+        a_over_R: float | FloatArray,
+        b_over_R: float | FloatArray,
+        Q: int | FloatArray,
+        *,
+        nu: float = 0.5,
+        kind: str = "simulation",
     ) -> LoadDistribution:
         """Return the distribution of the load averaged over the forms by their probability."""
         fits, weights = self._weighted()
-        parts = [predict_load(fit, a_over_R, b_over_R, Q, **options) for fit in fits]  # type: ignore[arg-type]
+        parts = [predict_load(fit, a_over_R, b_over_R, Q, nu=nu, kind=kind) for fit in fits]
         return mix_loads(parts, weights)
 
     def _weighted(self) -> tuple[list[Fit], list[float]]:
@@ -118,7 +141,7 @@ class Comparison:
 
 @contextmanager
 def untimed(name: str) -> Iterator[None]:
-    """Do nothing around a stage; `ridgebayes.runs` passes a stopwatch instead."""
+    """Do nothing around a stage; the jobs behind the commands pass a stopwatch instead."""
     yield
 
 
@@ -130,8 +153,7 @@ def compare(
     rng: Rng = 0,
     settings: SampleSettings | None = None,
     progress: Progress | None = None,
-    stage: Callable[[str], object] = untimed,
-    on_fit: Callable[[Fit], None] | None = None,
+    stage: Stage = untimed,
 ) -> Comparison:
     """Fit several forms to one table and compare them.
 
@@ -151,8 +173,6 @@ def compare(
         Called with a line of text now and then.
     stage : callable, optional
         Called with a stage's name, returns a context manager around it.
-    on_fit : callable, optional
-        Called with each fit as soon as it is done, so that it can be kept.
 
     Returns
     -------
@@ -188,7 +208,7 @@ def compare(
     failures: dict[str, str] = {}
     found: dict[str, list[LogEvidence]] = {}
     for form in forms:
-        with stage(f"calibrate {form.name}"):  # type: ignore[attr-defined]
+        with stage(f"calibrate {form.name}"):
             own_seed = int(stream(seed, form.name).integers(2**63))
             say = None if progress is None else _labelled(progress, form.name)
             try:
@@ -204,18 +224,16 @@ def compare(
                 failures[form.name] = str(error)
                 continue
             fits[form.name] = fit
-        if on_fit is not None:
-            on_fit(fit)
-        with stage(f"evidence {form.name}"):  # type: ignore[attr-defined]
+        with stage(f"evidence {form.name}"):
             found[form.name] = evidences(fit)
     if not fits:
         raise ComputationError("no form could be fitted: " + "; ".join(failures.values()))
     evidence = _evidence_table(found, error_model)
-    with stage("savage-dickey and Bayes factors"):  # type: ignore[attr-defined]
+    with stage("savage-dickey and Bayes factors"):
         factors = _bayes_factors(evidence, fits, error_model)
-    with stage("leave-one-out"):  # type: ignore[attr-defined]
+    with stage("leave-one-out"):
         loo = _loo_table(fits)
-    with stage("prior sensitivity"):  # type: ignore[attr-defined]
+    with stage("prior sensitivity"):
         sensitivity = prior_sensitivity(fits)
     return Comparison(table, error_model, fits, evidence, factors, loo, sensitivity, failures)
 
@@ -310,7 +328,7 @@ def reading(ln_bf: float, ln_bf_se: float, form_a: str, form_b: str, caution: st
 
 
 def _bayes_factors(evidence: pd.DataFrame, fits: Mapping[str, Fit], noise: Noise) -> pd.DataFrame:
-    used = {row.form: row for row in evidence[evidence["used"]].itertuples()}
+    used = {row["form"]: row for row in evidence[evidence["used"]].to_dict("records")}
     rows = []
 
     def add(a: str, b: str, method: str, ln_bf: float, se: float) -> None:
@@ -330,16 +348,15 @@ def _bayes_factors(evidence: pd.DataFrame, fits: Mapping[str, Fit], noise: Noise
 
     for a, b in itertools.combinations(fits, 2):
         if a in used and b in used:
-            methods = dict.fromkeys([used[a].method, used[b].method])
-            se = math.hypot(
-                *(e if e == e else 0.0 for e in (used[a].log_evidence_se, used[b].log_evidence_se))
-            )
-            add(a, b, "/".join(methods), used[a].log_evidence - used[b].log_evidence, se)
+            methods = dict.fromkeys([used[a]["method"], used[b]["method"]])
+            # A method without a Monte Carlo error has none to add.
+            errors = [np.nan_to_num(used[form]["log_evidence_se"]) for form in (a, b)]
+            ln_bf = used[a]["log_evidence"] - used[b]["log_evidence"]
+            add(a, b, "/".join(methods), ln_bf, math.hypot(*errors))
     if {"modified", "hybrid"} <= set(fits):
         ratio = savage_dickey(fits["hybrid"])
         add("modified", "hybrid", ratio.method, -ratio.value, ratio.se)
-    columns = "form_a form_b noise method ln_bf ln_bf_se log10_bf reading".split()
-    return pd.DataFrame(rows, columns=columns)
+    return pd.DataFrame(rows, columns=BAYES_FACTOR_COLUMNS)
 
 
 def _loo_table(fits: Mapping[str, Fit]) -> pd.DataFrame:
@@ -347,11 +364,11 @@ def _loo_table(fits: Mapping[str, Fit]) -> pd.DataFrame:
     for name, fit in fits.items():
         groups = groups_of(fit)
         if "log_likelihood" in groups:
-            reff = fit.summary["ess_bulk"].min() / fit.chains.log_density.size
-            scores[name] = leave_one_out(groups, max(float(reff), 1e-3) if fit.chains.n_step else 1)
+            # The kept draws are thinned beyond the autocorrelation time where chains are long.
+            reff = float(fit.summary["ess_bulk"].min()) / fit.kept_chains.log_density.size
+            scores[name] = leave_one_out(groups, min(max(reff, 1e-3), 1.0))
     if not scores:
-        columns = "form noise elpd se p n_bad_k stacking_weight".split()
-        return pd.DataFrame(columns=columns)
+        return pd.DataFrame(columns=LOO_COLUMNS)
     weights = stacking_weights(np.stack([score.pointwise for score in scores.values()]))
     return pd.DataFrame(
         [

@@ -140,12 +140,12 @@ def shortcomings(summary: pd.DataFrame) -> tuple[str, ...]:
         size of at least 400.
     """
     missing = []
-    for row in summary.itertuples():
-        if not row.r_hat < R_HAT_MAX:
-            missing.append(f"{row.parameter}: R-hat {row.r_hat:.4g} is not under {R_HAT_MAX}")
+    for row in summary.to_dict("records"):
+        if not row["r_hat"] < R_HAT_MAX:
+            missing.append(f"{row['parameter']}: R-hat {row['r_hat']:.4g}, not under {R_HAT_MAX}")
         for name in ("ess_bulk", "ess_tail"):
-            if not getattr(row, name) >= ESS_MIN:
-                missing.append(f"{row.parameter}: {name} {getattr(row, name):.0f} is under 400")
+            if not row[name] >= ESS_MIN:
+                missing.append(f"{row['parameter']}: {name} {row[name]:.0f}, under {ESS_MIN:.0f}")
     return tuple(missing)
 
 

@@ -84,7 +84,7 @@ def write_netcdf(fit: Fit, path: str | os.PathLike[str]) -> None:
     import ridgebayes
 
     groups = groups_of(fit)
-    tree = xr.DataTree.from_dict({name: group for name, group in groups.items()})
+    tree = xr.DataTree.from_dict(dict(groups))
     tree.attrs = {
         "ridgebayes_version": ridgebayes.__version__,
         "form": fit.form.name,
@@ -104,7 +104,7 @@ def write_netcdf(fit: Fit, path: str | os.PathLike[str]) -> None:
     }
     try:
         tree.to_netcdf(partial, engine="h5netcdf", encoding={f"/{k}": v for k, v in packed.items()})
-        os.replace(partial, target)
+        partial.replace(target)
     finally:
         partial.unlink(missing_ok=True)
 

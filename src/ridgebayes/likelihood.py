@@ -72,7 +72,7 @@ class Observations:
         _refuse(frame, frame["p_over_E_lower"].notna(), "p_over_E_lower", table.where)
         _refuse(frame, frame["offset_over_R"] != 0, "offset_over_R", table.where)
         widths = frame[["a_over_R", "b_over_R"]].to_numpy()
-        codes, textures = pd.factorize(pd.MultiIndex.from_arrays(widths.T))
+        codes, textures = pd.factorize(pd.MultiIndex.from_arrays([widths[:, 0], widths[:, 1]]))
         return cls(
             textures=tuple((float(a), float(b)) for a, b in textures),
             texture=codes.astype(np.int64),
@@ -270,4 +270,4 @@ def _group_rows(centred: FloatArray, data: Observations) -> RowGroups:
     mean = np.bincount(group, centred) / n
     # About the mean, not as a difference of squares: residuals are 1e-2 on values of 10.
     squares = np.bincount(group, (centred - mean[group]) ** 2)
-    return RowGroups(codes // len(se), se[codes % len(se)], n, mean, squares)
+    return RowGroups(codes // len(se), se[codes % len(se)], n, mean, squares.astype(float))

@@ -7,7 +7,6 @@ prediction (kind ``curve``). No noise is simulated, so none is added.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr
@@ -229,7 +228,7 @@ def _survival(fit: Fit, texture: Texture, y: FloatArray, kind: str) -> FloatArra
 
 
 def _mean_ndtr(y: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatArray:
-    """Return the mean over draws of ndtr((y - mean)/sd) for sorted y, only where it is not 0 or 1."""
+    """Return the mean over draws of ndtr((y - mean)/sd) for sorted y, where it is not 0 or 1."""
     reach = _SATURATED * sd
     first, last = np.searchsorted(y, [(mean - reach).min(), (mean + reach).max()])
     result = np.zeros(len(y))

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit, logsumexp
+from scipy.special import expit
 
 from ridgebayes._types import FloatArray
 from ridgebayes.autocorrelation import effective_sample_size
@@ -100,7 +100,7 @@ class _Normal:
 
     @classmethod
     def fitted(cls, points: FloatArray) -> "_Normal":
-        covariance = np.atleast_2d(np.cov(points.T))
+        covariance = np.atleast_2d(np.cov(points.T)).astype(float)
         return cls(points.mean(axis=0), np.linalg.cholesky(covariance))
 
     def rvs(self, rng: np.random.Generator, n: int) -> FloatArray:

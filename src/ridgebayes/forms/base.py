@@ -225,10 +225,10 @@ class Form(ABC):
             raise InputError("theta: rate <= 0; rule: the rate of every texture must be positive")
         if np.any(h > 2**52):
             raise InputError(f"p_over_E: {p_over_E!r} given; rule: counts up to 2^52")
-        pairs = np.maximum(np.floor(h), 0)
+        pairs, p = np.maximum(np.floor(h), 0), np.asarray(p_over_E, dtype=float)
         for _ in range(2):  # one rounding error either way, and once more to see it settled
-            up = self.load(2 * pairs + 4, a_over_R, b_over_R, theta, nu) <= p_over_E
-            down = self.load(2 * pairs + 2, a_over_R, b_over_R, theta, nu) > p_over_E
+            up = self.load(2 * pairs + 4, a_over_R, b_over_R, theta, nu) <= p
+            down = self.load(2 * pairs + 2, a_over_R, b_over_R, theta, nu) > p
             pairs = np.maximum(pairs + up - down, 0)
         return (2 * pairs + 2).astype(np.int64)
 

@@ -1,0 +1,236 @@
+"""The commands: each parses its words, calls one job, and turns errors into exit codes.
+
+Exit code 0 is done, 1 a computation that failed or did not converge (what was finished is written),
+2 bad input or usage (nothing written).
+"""
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+# One BLAS thread: the matrices are small, and threads only fight. Before numpy is imported.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import typer
+
+from ridgebayes.errors import ComputationError, InputError
+
+if TYPE_CHECKING:
+    from ridgebayes._types import FloatArray
+    from ridgebayes.compare import Comparison
+
+app = typer.Typer(
+    help="How many ridges does a soft body touch, how sure is that, and which contact model "
+    "does the evidence support?",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Out = Annotated[Path, typer.Option("-o", "--out", help="Folder to make.")]
+OutTable = Annotated[Path, typer.Option("-o", "--out", help="File to write.")]
+Forms = Annotated[
+    str,
+    typer.Option(help="Comma-separated: classic, power-law, modified, hybrid, half-plane."),
+]
+NoiseName = Annotated[str, typer.Option(help="Error model: iid.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an existing output.")]
+Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same numbers.")]
+Table = Annotated[Path, typer.Argument(help="Contact table, .csv or .parquet.")]
+DEFAULT_OUT = Path("ridgebayes-out")
+
+
+@app.command()
+def run(
+    table: Annotated[
+        Path | None, typer.Option(help="Contact table; the embedded sweep if not given.")
+    ] = None,
+    forms: Forms = "",
+    noise: NoiseName = "iid",
+    out: Out = DEFAULT_OUT,
+    force: Force = False,
+    seed: Seed = 0,
+) -> None:
+    """Do the main job: calibrate, weigh the evidence, predict, report."""
+    from ridgebayes.jobs import run_job
+
+    done = run_job(out, table=table, forms=_names(forms), noise=noise, seed=seed, force=force)
+    _finish(done, out, f"read {out / 'report.html'}")
+
+
+@app.command()
+def generate(
+    out: OutTable,
+    scene: Annotated[
+        Path | None, typer.Argument(help="Scene file; the paper's sweep if none.")
+    ] = None,
+    texture: Annotated[
+        list[str] | None, typer.Option(help="A,B: ridge and groove width over radius; repeatable.")
+    ] = None,
+    p_max: Annotated[float, typer.Option(help="Highest load p/E, with --texture.")] = 0.02,
+    nu: Annotated[float, typer.Option(help="Poisson's ratio, with --texture.")] = 0.5,
+    solver: Annotated[str, typer.Option(help="auto, hertz or half-plane.")] = "auto",
+    tol: Annotated[
+        float | None, typer.Option(help="Relative tolerance of each load; 1e-8 if not given.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Compute transition loads of textures and write them as a table."""
+    from ridgebayes.generate import generate as generate_table
+    from ridgebayes.scene import Scene
+
+    _refuse_existing(out, force)
+    if scene is not None and texture:
+        raise InputError("SCENE and --texture: both given; rule: one of them")
+    if scene is not None:
+        wanted = Scene.from_toml(scene)
+    elif texture:
+        wanted = Scene.of([_texture(text) for text in texture], p_over_E=p_max, nu=nu)
+    else:
+        wanted = Scene.paper()
+    table = generate_table(wanted, solver=solver, rel_tol=tol)
+    table.write(out)
+    failed = len(table.left_out)
+    print(f"{out}: {len(table)} rows, {len(table.textures)} textures, {failed} not ok")
+    if failed:
+        raise ComputationError(f"{failed} rows are not ok, see column status of {out}")
+
+
+@app.command()
+def fit(
+    table: Table,
+    form: Annotated[str, typer.Option(help="Form to fit, such as hybrid.")],
+    noise: NoiseName = "iid",
+    out: Out = DEFAULT_OUT,
+    force: Force = False,
+    seed: Seed = 0,
+) -> None:
+    """Sample the posterior of one form."""
+    from ridgebayes.jobs import fit_job
+
+    done = fit_job(out, table, form, noise=noise, seed=seed, force=force)
+    for result in done.fits.values():
+        print(result)
+    _finish(done, out)
+
+
+@app.command()
+def compare(
+    table: Table,
+    forms: Forms = "",
+    noise: NoiseName = "iid",
+    out: Out = DEFAULT_OUT,
+    force: Force = False,
+    seed: Seed = 0,
+) -> None:
+    """Compare forms: evidences, Bayes factors, model probabilities, leave-one-out, stacking."""
+    from ridgebayes.jobs import compare_job
+
+    done = compare_job(out, table, forms=_names(forms), noise=noise, seed=seed, force=force)
+    print(done.bayes_factors.to_string(index=False))
+    _finish(done, out)
+
+
+@app.command()
+def predict(
+    folder: Annotated[Path, typer.Argument(help="A run folder.")],
+    texture: Annotated[list[str], typer.Option(help="A,B; repeatable.")],
+    p_over_e: Annotated[
+        str, typer.Option("--p-over-E", help="Loads LO:HI:N, linear; log:LO:HI:N, logarithmic.")
+    ],
+    out: OutTable,
+    nu: Annotated[float, typer.Option(help="Poisson's ratio.")] = 0.5,
+    form: Annotated[str, typer.Option(help="A form of the run, or average.")] = "average",
+    prob: Annotated[float, typer.Option(help="Probability inside the band.")] = 0.9,
+    force: Force = False,
+) -> None:
+    """Write bands on Q at textures and loads, from a finished run."""
+    from ridgebayes.bands import bands_table
+    from ridgebayes.runfolder import read_run, write_csv
+
+    _refuse_existing(out, force)
+    textures, loads = [_texture(text) for text in texture], _loads(p_over_e)
+    bands = bands_table(
+        read_run(folder), textures=textures, loads=loads, nu=nu, forms=[form], prob=prob
+    )
+    write_csv(bands, out)
+    print(f"{out}: {len(bands)} rows, {int(bands['extrapolation'].sum())} of them extrapolation")
+
+
+@app.command()
+def report(folder: Annotated[Path, typer.Argument(help="A run folder.")]) -> None:
+    """Write the report of a finished run again."""
+    from ridgebayes.jobs import report_job
+
+    report_job(folder)
+    print(f"read {folder / 'report.html'}")
+
+
+def main() -> None:
+    """Run the command line, with errors as one message on standard error and an exit code."""
+    try:
+        app()
+    except InputError as error:
+        _stop(error, 2)
+    except ComputationError as error:
+        _stop(error, 1)
+    except KeyboardInterrupt:
+        _stop("interrupted", 130)
+
+
+def _stop(why: object, code: int) -> None:
+    print(f"ridgebayes: {why}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _finish(done: "Comparison", out: Path, then: str = "") -> None:
+    """Say what was left out and what did not converge; exit 1 if anything did not."""
+    table = done.table
+    if len(table.left_out):
+        print(f"{table.where}: {len(table.left_out)} rows are not ok and were not fitted")
+    print(f"{out}: {len(table.calibration)} rows fitted, {len(table.held_out)} held out. {then}")
+    unfinished = [
+        f"{name} did not converge: {'; '.join(fit.missing)}"
+        for name, fit in done.fits.items()
+        if not fit.converged
+    ]
+    unfinished += [f"{name} failed: {why}" for name, why in done.failures.items()]
+    if unfinished:
+        raise ComputationError("\n".join(unfinished))
+
+
+def _refuse_existing(path: Path, force: bool) -> None:
+    if path.exists() and not force:
+        raise InputError(f"{path}: exists; rule: another -o, or --force to replace it")
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",")] if text else []
+
+
+def _texture(text: str) -> tuple[float, float]:
+    try:
+        a, b = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(
+            f"--texture {text!r}: rule: A,B, two numbers with one comma, such as 0.022,0.02"
+        ) from None
+    if not (0 < a < float("inf") and 0 < b < float("inf")):
+        raise InputError(f"--texture {text!r}: rule: both widths finite and > 0")
+    return a, b
+
+
+def _loads(text: str) -> "FloatArray":
+    import numpy as np
+
+    rule = "LO:HI:N or log:LO:HI:N with 0 < LO <= HI and N >= 1, such as 0.001:0.02:50"
+    parts = text.removeprefix("log:").split(":")
+    try:
+        low, high, n = float(parts[0]), float(parts[1]), int(parts[2])
+    except (ValueError, IndexError):
+        raise InputError(f"--p-over-E {text!r}: rule: {rule}") from None
+    if len(parts) != 3 or not 0 < low <= high < float("inf") or n < 1:
+        raise InputError(f"--p-over-E {text!r}: rule: {rule}")
+    return np.geomspace(low, high, n) if text.startswith("log:") else np.linspace(low, high, n)

@@ -1,0 +1,218 @@
+"""The jobs behind the commands: each reads, computes, and fills one run folder."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ridgebayes.bands import bands_table, loads_table
+from ridgebayes.compare import DEFAULT_FORMS, Comparison, compare
+from ridgebayes.datafiles import paper_sweep, reference_fe
+from ridgebayes.fit import refuse_circular
+from ridgebayes.forms import FORMS, Form, form_named
+from ridgebayes.noise import Noise
+from ridgebayes.progress import Progress
+from ridgebayes.runfolder import (
+    REFERENCE,
+    new_folder,
+    read_run,
+    write_comparison,
+    write_csv,
+    write_fits,
+    write_run_json,
+)
+from ridgebayes.sample import SampleSettings
+from ridgebayes.table import ContactTable, read_table
+
+EMBEDDED = "embedded sweep"
+EMBEDDED_FE = "finite-element reference rows"
+
+
+def run_job(
+    folder: Path,
+    *,
+    table: Path | None = None,
+    forms: Sequence[str] = (),
+    noise: str = "iid",
+    seed: int = 0,
+    force: bool = False,
+    settings: SampleSettings | None = None,
+) -> Comparison:
+    """Do the main job: calibrate, weigh the evidence, predict, report.
+
+    Parameters
+    ----------
+    folder : Path
+        Run folder to make.
+    table : Path, optional
+        Contact table; the embedded sweep if not given, and then the finite-element reference rows
+        are compared as well, with every form.
+    forms : sequence of str, optional
+        Form names.
+    noise : str, optional
+        Error model.
+    seed : int, optional
+        Seed.
+    force : bool, optional
+        Whether an existing run folder may be replaced.
+    settings : SampleSettings, optional
+        Lengths and thresholds of sampling.
+
+    Returns
+    -------
+    Comparison
+        Of the table. Where a fit failed or did not converge, `complete` is False and the folder
+        holds all that was finished.
+
+    Raises
+    ------
+    InputError
+        If an argument or the table breaks a rule; nothing is written then.
+    """
+    chosen, error_model, data = _checked(table, forms, noise)
+    with_reference = table is None
+    n_stage = 2 * len(chosen) + 5 + (2 * len(FORMS) + 5 if with_reference else 0)
+    reference = None
+    with new_folder(folder, force=force) as partial, Progress(n_stage) as progress:
+        comparison = _compared(data, chosen, error_model, seed, settings, progress)
+        write_comparison(comparison, partial)
+        _bands(comparison, partial, progress)
+        if with_reference:
+            rows = replace(reference_fe(), where=EMBEDDED_FE)
+            everything = [form_named(name) for name in FORMS]
+            reference = _compared(rows, everything, error_model, seed, settings, progress)
+            (partial / REFERENCE).mkdir()
+            write_comparison(reference, partial / REFERENCE)
+            _bands(reference, partial / REFERENCE, progress)
+            _about(partial / REFERENCE, reference, "run", seed, {}, [])
+        with progress.stage("figures and report"):
+            write_pages(comparison, partial, reference)
+        options = {"table": str(table) if table else None, "forms": list(forms), "noise": noise}
+        _about(partial, comparison, "run", seed, options, progress.stages, reference)
+    if reference is not None and not reference.complete:
+        return replace(comparison, failures=comparison.failures | _prefixed(reference))
+    return comparison
+
+
+def compare_job(
+    folder: Path,
+    table: Path,
+    *,
+    forms: Sequence[str] = (),
+    noise: str = "iid",
+    seed: int = 0,
+    force: bool = False,
+    settings: SampleSettings | None = None,
+) -> Comparison:
+    """Compare forms on a table: posteriors, evidences, Bayes factors, scores; see `run_job`."""
+    chosen, error_model, data = _checked(table, forms, noise)
+    with new_folder(folder, force=force) as partial, Progress(2 * len(chosen) + 3) as progress:
+        comparison = _compared(data, chosen, error_model, seed, settings, progress)
+        write_comparison(comparison, partial)
+        options = {"table": str(table), "forms": list(forms), "noise": noise}
+        _about(partial, comparison, "compare", seed, options, progress.stages)
+    return comparison
+
+
+def fit_job(
+    folder: Path,
+    table: Path,
+    form: str,
+    *,
+    noise: str = "iid",
+    seed: int = 0,
+    force: bool = False,
+    settings: SampleSettings | None = None,
+) -> Comparison:
+    """Fit one form to a table: its posterior and evidence; see `run_job`."""
+    chosen, error_model, data = _checked(table, [form], noise)
+    with new_folder(folder, force=force) as partial, Progress(5) as progress:
+        comparison = _compared(data, chosen, error_model, seed, settings, progress)
+        write_fits(comparison, partial)
+        options = {"table": str(table), "form": form, "noise": noise}
+        _about(partial, comparison, "fit", seed, options, progress.stages)
+    return comparison
+
+
+def report_job(folder: Path) -> None:
+    """Write the figures and the report of a run folder again, from what is in it."""
+    comparison = read_run(folder)
+    reference = read_run(folder / REFERENCE) if (folder / REFERENCE).is_dir() else None
+    write_pages(comparison, folder, reference)
+
+
+def write_pages(comparison: Comparison, folder: Path, reference: Comparison | None) -> None:
+    """Write figures, report.html and report.md into a folder."""
+    from ridgebayes.figures import save_figures
+    from ridgebayes.report import write_report
+
+    save_figures(comparison, folder / "figures")
+    if reference is not None and (folder / REFERENCE).is_dir():
+        save_figures(reference, folder / REFERENCE / "figures")
+        for name in ("report.html", "report.md"):
+            write_report(reference, folder / REFERENCE / name)
+    for name in ("report.html", "report.md"):
+        write_report(comparison, folder / name, reference=reference)
+
+
+def _checked(
+    table: Path | None, forms: Sequence[str], noise: str
+) -> tuple[list[Form], Noise, ContactTable]:
+    chosen = [form_named(name) for name in forms] or list(DEFAULT_FORMS)
+    error_model = Noise(noise)
+    data = replace(paper_sweep(), where=EMBEDDED) if table is None else read_table(table)
+    for form in chosen:
+        refuse_circular(data, form)
+    return chosen, error_model, data
+
+
+def _compared(
+    table: ContactTable,
+    forms: Sequence[Form],
+    noise: Noise,
+    seed: int,
+    settings: SampleSettings | None,
+    progress: Progress,
+) -> Comparison:
+    return compare(
+        table,
+        forms,
+        noise=noise,
+        rng=seed,
+        settings=settings,
+        progress=progress.detail,
+        stage=progress.stage,
+    )
+
+
+def _bands(comparison: Comparison, folder: Path, progress: Progress) -> None:
+    with progress.stage("bands"):
+        write_csv(bands_table(comparison), folder / "bands.csv")
+        write_csv(loads_table(comparison), folder / "loads.csv")
+
+
+def _about(
+    folder: Path,
+    comparison: Comparison,
+    command: str,
+    seed: int,
+    options: dict[str, Any],
+    stages: list[dict[str, Any]],
+    reference: Comparison | None = None,
+) -> None:
+    write_run_json(
+        folder,
+        comparison,
+        command=command,
+        seed=seed,
+        options=options,
+        stages=stages,
+        reference=reference,
+    )
+
+
+def _prefixed(reference: Comparison) -> dict[str, str]:
+    unfinished = {
+        name: fit.missing[0] for name, fit in reference.fits.items() if not fit.converged
+    } | reference.failures
+    return {f"{REFERENCE}: {name}": why for name, why in unfinished.items()}

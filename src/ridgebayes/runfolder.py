@@ -1,0 +1,223 @@
+"""The folder of one run: what is in it, how it is written whole or not at all, and read back."""
+
+import json
+import platform
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ridgebayes.compare import Comparison
+from ridgebayes.errors import InputError, RidgebayesError
+from ridgebayes.fit import Fit
+from ridgebayes.noise import Noise
+from ridgebayes.table import read_table
+
+RUN_JSON = "run.json"
+REFERENCE = "reference-fe"
+_PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray", "matplotlib")
+
+
+@contextmanager
+def new_folder(path: Path, *, force: bool = False) -> Iterator[Path]:
+    """Give a folder to write into that takes its final name only when all is done.
+
+    Parameters
+    ----------
+    path : Path
+        Final name.
+    force : bool, optional
+        Whether a run folder of that name may be replaced. It is removed at the very end.
+
+    Yields
+    ------
+    Path
+        A folder beside it, ``.<name>.partial``.
+
+    Raises
+    ------
+    InputError
+        If `path` exists and is not to be, or may not be, replaced; if it cannot be created.
+
+    Notes
+    -----
+    Bad input (InputError) inside the block leaves nothing behind. Any other failure leaves the
+    partial folder, whose files are whole, for the reader of the error message.
+    """
+    path = path.absolute()
+    if path.exists():
+        if not force:
+            raise InputError(f"{path}: exists; rule: another -o, or --force to replace it")
+        if not path.is_dir() or (any(path.iterdir()) and not (path / RUN_JSON).is_file()):
+            raise InputError(f"{path}: --force replaces run folders only, this is something else")
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        if partial.exists():
+            shutil.rmtree(partial)
+        partial.mkdir(parents=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be created ({error.strerror})") from None
+    try:
+        yield partial
+    except InputError:
+        shutil.rmtree(partial)
+        raise
+    if path.exists():
+        old = path.with_name(f".{path.name}.old")
+        shutil.rmtree(old, ignore_errors=True)
+        path.rename(old)
+        partial.rename(path)
+        shutil.rmtree(old)
+    else:
+        partial.rename(path)
+
+
+def write_csv(frame: pd.DataFrame, path: Path) -> None:
+    """Write a frame as CSV, floats in full, whole or not at all."""
+    write_text(frame.to_csv(index=False, lineterminator="\n"), path)
+
+
+def write_text(text: str, path: Path) -> None:
+    """Write a text file whole or not at all."""
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        partial.write_text(text, encoding="utf-8", newline="\n")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_fits(comparison: Comparison, folder: Path) -> None:
+    """Write the table, each posterior and the summary and evidence of all."""
+    comparison.table.write(folder / "table.csv")
+    for name, fit in comparison.fits.items():
+        fit.to_netcdf(folder / f"posterior-{name}.nc")
+    write_csv(summary_table(comparison.fits.values()), folder / "summary.csv")
+    write_csv(comparison.evidence, folder / "evidence.csv")
+
+
+def write_comparison(comparison: Comparison, folder: Path) -> None:
+    """Write what `write_fits` does, and the Bayes factors, scores and prior sensitivity."""
+    write_fits(comparison, folder)
+    write_csv(comparison.bayes_factors, folder / "bayes_factors.csv")
+    write_csv(comparison.loo, folder / "loo.csv")
+    write_csv(comparison.prior_sensitivity, folder / "prior_sensitivity.csv")
+
+
+def summary_table(fits: Sequence[Fit] | Any) -> pd.DataFrame:
+    """Return the summaries of several fits as one frame, form and noise first."""
+    parts = []
+    for fit in fits:
+        part = fit.summary.copy()
+        part.insert(0, "noise", fit.noise.name)
+        part.insert(0, "form", fit.form.name)
+        parts.append(part)
+    return pd.concat(parts, ignore_index=True)
+
+
+def write_run_json(
+    folder: Path,
+    comparison: Comparison,
+    *,
+    command: str,
+    seed: int,
+    options: dict[str, Any],
+    stages: Sequence[dict[str, Any]],
+    reference: Comparison | None = None,
+) -> None:
+    """Write versions, seed, options, stage times and verdicts."""
+    content = {
+        "command": command,
+        "versions": {"python": platform.python_version()} | _versions(),
+        "seed": seed,
+        "options": options,
+        "table": comparison.table.where,
+        "table_digest": comparison.table.digest(),
+        "forms": [*comparison.fits, *comparison.failures],
+        "noise": comparison.noise.name,
+        "stages": list(stages),
+        "verdicts": verdicts(comparison),
+    }
+    if reference is not None:
+        content[REFERENCE] = verdicts(reference)
+    write_text(json.dumps(content, indent=2) + "\n", folder / RUN_JSON)
+
+
+def verdicts(comparison: Comparison) -> dict[str, Any]:
+    """Return what a program wants to know of a comparison."""
+    return {
+        "complete": comparison.complete,
+        "best": comparison.best,
+        "probabilities": comparison.probabilities,
+        "converged": {name: fit.converged for name, fit in comparison.fits.items()},
+        "missing": {name: fit.missing for name, fit in comparison.fits.items() if fit.missing},
+        "failures": comparison.failures,
+        "caution": comparison.noise.caution,
+        "n_calibration": len(comparison.table.calibration),
+        "n_held_out": len(comparison.table.held_out),
+        "n_left_out": len(comparison.table.left_out),
+    }
+
+
+def read_run(folder: Path) -> Comparison:
+    """Read a comparison back; its fits hold thinned chains.
+
+    Parameters
+    ----------
+    folder : Path
+        A run folder, or its ``reference-fe``.
+
+    Returns
+    -------
+    Comparison
+        Tables that the run did not write are empty.
+
+    Raises
+    ------
+    InputError
+        If it is not a run folder, or a file in it is missing or damaged.
+    """
+    if not (folder / RUN_JSON).is_file():
+        raise InputError(f"{folder}: no {RUN_JSON} in it; rule: a folder written by ridgebayes")
+    try:
+        about = json.loads((folder / RUN_JSON).read_text(encoding="utf-8"))
+        failures, names = about["verdicts"]["failures"], about["forms"]
+        table = replace(read_table(folder / "table.csv"), where=about["table"])
+        fits = {
+            name: Fit.from_netcdf(folder / f"posterior-{name}.nc")
+            for name in names
+            if name not in failures
+        }
+        return Comparison(
+            table,
+            Noise(about["noise"]),
+            fits,
+            pd.read_csv(folder / "evidence.csv"),
+            _read_csv(folder / "bayes_factors.csv"),
+            _read_csv(folder / "loo.csv"),
+            _read_csv(folder / "prior_sensitivity.csv"),
+            failures,
+        )
+    except RidgebayesError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{folder}: damaged run folder ({error})") from None
+
+
+def _read_csv(path: Path) -> pd.DataFrame:
+    return pd.read_csv(path) if path.is_file() else pd.DataFrame()
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "unknown"
+    return found
