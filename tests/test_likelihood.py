@@ -1,0 +1,249 @@
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from ridgebayes.errors import InputError
+from ridgebayes.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
+from ridgebayes.likelihood import Model, Observations
+from ridgebayes.priors import HalfNormal, LogNormal, Normal
+from ridgebayes.table import ContactTable
+
+TEXTURES = np.array([(0.012, 0.03), (0.032, 0.01), (0.022, 0.02)])
+FORMS = [Classic(), Modified(), Hybrid(), PowerLaw(), HalfPlane()]
+
+
+def made_up(rng, *, rel_se=False, nu=False):
+    """Noisy rows of three textures, two curves each; nothing about them is regular."""
+    rows = []
+    for a, b in TEXTURES:
+        for series in ("one", "two"):
+            count = np.arange(4, 4 + 2 * rng.integers(2, 6), 2)
+            load = ((count / 2 - 1) * (a + b) / 1.4) ** 2 * np.exp(0.03 * rng.standard_normal())
+            rows += [
+                {
+                    "a_over_R": a,
+                    "b_over_R": b,
+                    "Q": q,
+                    "p_over_E": p * np.exp(0.02 * rng.standard_normal()),
+                    "series": series,
+                    "rel_se": float(rng.choice([0.0, 0.01, 0.03])) if rel_se else 0.0,
+                    "nu": (0.3 if series == "one" else 0.45) if nu else 0.5,
+                }
+                for q, p in zip(count, load, strict=True)
+            ]
+    return pd.DataFrame(rows)
+
+
+def observations(frame):
+    return Observations.from_table(ContactTable.from_frame(frame))
+
+
+def draws_of(model, rng, n=7):
+    start = model.to_theta(model.start)
+    return start * np.exp(0.1 * rng.standard_normal((n, len(start)))) + np.where(
+        start == 0, 0.02 * rng.standard_normal((n, len(start))), 0.0
+    )
+
+
+def row_by_row(model, frame, theta):
+    """The slow oracle: one normal density of log load per row."""
+    total = 0.0
+    for row in frame.itertuples():
+        load = model.form.load(row.Q, row.a_over_R, row.b_over_R, theta[:-1], row.nu)
+        sd = np.hypot(theta[-1], row.rel_se)
+        total += stats.norm.logpdf(np.log(row.p_over_E), np.log(load), sd)
+    return total
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("columns", [{}, {"rel_se": True}, {"nu": True, "rel_se": True}])
+def test_log_likelihood__of_grouped_rows_is_the_row_by_row_sum(form, columns):
+    rng = np.random.default_rng(11)
+    frame = made_up(rng, **columns)
+    model = Model(observations(frame), form)
+    theta = draws_of(model, rng)
+    expected = [row_by_row(model, frame, one) for one in theta]
+    # Algebra: residuals of 1e-2 beside values of 10, squared and summed over 20 rows.
+    np.testing.assert_allclose(model.log_likelihood(theta), expected, rtol=1e-11)
+    np.testing.assert_allclose(
+        model.pointwise_log_likelihood(theta).sum(axis=-1), expected, rtol=1e-11
+    )
+
+
+def test_log_likelihood__is_equation_7_and_a_normal_density():
+    # One row, typed out without the package: eq. (7) with c1 = 1.3, c2 = 0.02, sd 0.05.
+    frame = pd.DataFrame({"a_over_R": [0.02], "b_over_R": 0.03, "Q": 8, "p_over_E": 0.01})
+    model = Model(observations(frame), Hybrid())
+    slope = 1.3 / 0.05 + 0.02 / 0.02
+    residual = np.log(0.01) - 2 * np.log(3 / slope)
+    expected = -0.5 * (residual / 0.05) ** 2 - np.log(0.05 * np.sqrt(2 * np.pi))
+    value = model.log_likelihood(np.array([1.3, 0.02, 0.05]))
+    assert float(value) == pytest.approx(expected, rel=1e-12)  # algebra
+
+
+def test_log_likelihood__does_not_mind_the_order_of_rows():
+    rng = np.random.default_rng(12)
+    frame = made_up(rng, rel_se=True)
+    model = Model(observations(frame), Hybrid())
+    theta = draws_of(model, rng)
+    shuffled = Model(observations(frame.sample(frac=1, random_state=1)), Hybrid())
+    # Algebra: another order of summation.
+    np.testing.assert_allclose(
+        shuffled.log_likelihood(theta), model.log_likelihood(theta), rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_log_likelihood__doubles_when_every_row_is_repeated(form):
+    rng = np.random.default_rng(13)
+    frame = made_up(rng, rel_se=True)
+    twice = pd.concat([frame, frame.assign(series=frame["series"] + " again")])
+    one, two = (Model(observations(rows), form) for rows in (frame, twice))
+    theta = draws_of(one, rng)
+    # Algebra: another order of summation.
+    np.testing.assert_allclose(two.log_likelihood(theta), 2 * one.log_likelihood(theta), rtol=1e-12)
+
+
+def test_log_likelihood__costs_by_textures_not_rows():
+    frame = made_up(np.random.default_rng(14))
+    model = Model(observations(frame), Hybrid())
+    assert len(model.groups.n) == len(TEXTURES)
+    assert model.groups.n.sum() == len(frame)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("rel_se", [False, True])
+def test_log_density_gradient__is_the_central_difference(form, rel_se):
+    rng = np.random.default_rng(15)
+    model = Model(observations(made_up(rng, rel_se=rel_se)), form)
+    for u in model.to_unconstrained(draws_of(model, rng, 4)):
+        gradient = model.log_density_gradient(u)
+        for i in range(len(u)):
+            h = 1e-5 * (0.05 if model.parameter_names[i] == "c2" else 1.0)
+            step = h * np.eye(len(u))[i]
+            difference = (model.log_density(u + step) - model.log_density(u - step)) / (2 * h)
+            # Discretisation (1e-5)^2 times third derivatives of about 1e3 in such units.
+            assert gradient[i] * h == pytest.approx(difference * h, rel=1e-5, abs=1e-10)
+
+
+def test_log_density__adds_prior_and_jacobian_of_the_logarithms():
+    rng = np.random.default_rng(16)
+    model = Model(observations(made_up(rng)), Hybrid())
+    theta = draws_of(model, rng)
+    prior = (
+        stats.lognorm(s=0.1, scale=1.382).logpdf(theta[:, 0])
+        + stats.norm(0, 0.05).logpdf(theta[:, 1])
+        + stats.halfnorm(scale=0.05).logpdf(theta[:, 2])
+    )
+    np.testing.assert_allclose(model.log_prior(theta), prior, rtol=1e-12)  # algebra
+    u = np.column_stack([np.log(theta[:, 0]), theta[:, 1], np.log(theta[:, 2])])
+    expected = prior + model.log_likelihood(theta) + u[:, 0] + u[:, 2]
+    np.testing.assert_allclose(model.log_density(u), expected, rtol=1e-12)  # algebra
+
+
+def test_to_theta__and_to_unconstrained_invert_each_other():
+    rng = np.random.default_rng(17)
+    model = Model(observations(made_up(rng)), Hybrid())
+    theta = draws_of(model, rng)
+    back = model.to_theta(model.to_unconstrained(theta))
+    np.testing.assert_allclose(back, theta, rtol=1e-14)  # algebra: exp of log
+    assert model.positive.tolist() == [True, False, True]
+
+
+def test_log_likelihood__is_zero_probability_where_no_load_reaches_a_ridge():
+    model = Model(observations(made_up(np.random.default_rng(18))), Hybrid())
+    # K = c1/L + c2/A is negative for the texture with A = 0.012 alone.
+    theta = np.array([[1.382, -0.5, 0.03], [1.382, 0.0, 0.03]])
+    assert np.isneginf(model.log_likelihood(theta)).tolist() == [True, False]
+    assert np.isneginf(model.log_density(model.to_unconstrained(theta))).tolist() == [True, False]
+    rows = model.pointwise_log_likelihood(theta)
+    assert np.isneginf(rows).sum() == (model.data.texture == 0).sum()
+
+
+@pytest.mark.parametrize("u", [[800.0, 0.0, 0.0], [0.0, 0.0, 800.0], [0.0, 0.0, -800.0]])
+def test_log_density__is_minus_infinity_not_nan_far_out(u):
+    model = Model(observations(made_up(np.random.default_rng(19))), Hybrid())
+    assert np.isneginf(model.log_density(np.array(u)))
+
+
+def test_start__has_positive_density():
+    data = observations(made_up(np.random.default_rng(20)))
+    for form in FORMS:
+        model = Model(data, form)
+        assert np.isfinite(model.log_density(model.start))
+
+
+def test_model__names_parameters_and_counts_coefficients():
+    data = observations(made_up(np.random.default_rng(21)))
+    model = Model(data, PowerLaw())
+    assert model.parameter_names[0] == "K[a0.012_b0.03]"
+    assert model.parameter_names[-1] == "sigma"
+    assert (model.n_parameter, model.n_coefficient) == (4, 3)
+
+
+def test_from_table__reduces_loads_and_keeps_textures_in_order():
+    frame = made_up(np.random.default_rng(22), nu=True)
+    data = observations(frame)
+    assert len(data) == len(frame)
+    assert data.textures == tuple(map(tuple, TEXTURES.tolist()))
+    assert data.a_over_R.tolist() == TEXTURES[:, 0].tolist()
+    assert data.b_over_R.tolist() == TEXTURES[:, 1].tolist()
+    expected = np.log(frame["p_over_E"] * (1 - frame["nu"] ** 2) / 0.75)
+    np.testing.assert_allclose(data.log_load, expected, rtol=1e-14)  # algebra
+
+
+def test_from_table__takes_calibration_rows_alone(paper):
+    assert len(Observations.from_table(paper)) == 41
+    assert (0.012, 0.09) not in Observations.from_table(paper).textures
+
+
+def test_from_table__refuses_a_table_with_nothing_to_fit(paper):
+    rule = r"no row with role calibration and status ok; rule: at least 1"
+    with pytest.raises(InputError, match=rule):
+        Observations.from_table(paper.held_out)
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [("kind", "count"), ("p_over_E_lower", 1e-5), ("offset_over_R", 0.001)],
+)
+def test_from_table__refuses_rows_that_this_version_does_not_fit(column, value):
+    frame = made_up(np.random.default_rng(23))
+    default = {"kind": "transition", "p_over_E_lower": np.nan, "offset_over_R": 0.0}[column]
+    frame[column] = [value] + [default] * (len(frame) - 1)
+    table = ContactTable.from_frame(frame, where="mine.csv")
+    rule = (
+        rf"mine.csv: 1 of {len(frame)} calibration rows have {column} like .*{value}.*; "
+        "rule: this version fits transition loads of centred bodies, no brackets"
+    )
+    with pytest.raises(InputError, match=rule):
+        Observations.from_table(table)
+
+
+def test_model__refuses_a_prior_that_does_not_belong():
+    data = observations(made_up(np.random.default_rng(24)))
+    rule = r"prior of '{}': .* given; rule: one of c, sigma, with the support of its default"
+    with pytest.raises(InputError, match=rule.format("c1")):
+        Model(data, Modified(), priors={"c1": LogNormal(1.0, 0.1)})
+    with pytest.raises(InputError, match=rule.format("c")):
+        Model(data, Modified(), priors={"c": Normal(1.0, 0.1)})
+
+
+def test_with_priors__replaces_some_and_keeps_the_rest():
+    data = observations(made_up(np.random.default_rng(25)))
+    model = Model(data, Hybrid(), priors={"c2": Normal(0.0, 0.5)})
+    other = model.with_priors({"sigma": HalfNormal(1.0)})
+    assert list(other.priors) == ["c1", "c2", "sigma"]
+    assert other.priors["c2"] == Normal(0.0, 0.5)
+    assert other.priors["sigma"] == HalfNormal(1.0)
+    assert model.priors["sigma"] == HalfNormal(0.05)
+
+
+def test_model__refuses_a_row_that_the_form_reaches_without_load():
+    data = Observations(
+        ((0.02, 0.03),), np.zeros(1, int), np.array([2]), np.array([-5.0]), np.zeros(1)
+    )
+    rule = "modified: a row's load is zero by this form; rule: Q >= 4"
+    with pytest.raises(InputError, match=rule):
+        Model(data, Modified())
