@@ -20,7 +20,7 @@ from ridgebayes.evidence import (
     quadrature_evidence,
     savage_dickey,
 )
-from ridgebayes.fit import Fit, as_noise, calibrate, refuse_circular
+from ridgebayes.fit import Fit, as_noise, calibrate, drawn_exactly, refuse_circular
 from ridgebayes.forms import Classic, Form, Hybrid, Modified, PowerLaw
 from ridgebayes.labelled import groups_of
 from ridgebayes.laplace import fit_laplace
@@ -254,8 +254,10 @@ def evidences(fit: Fit) -> list[LogEvidence]:
     -------
     list of LogEvidence
         bridge, quadrature where there are at most four parameters or the form is the power law,
-        laplace.
+        laplace. A power law of very many textures has its exact evidence alone.
     """
+    if drawn_exactly(fit.model):
+        return [power_law_evidence(fit.model)]
     model, laplace = fit.model, fit_laplace(fit.model)
     found = [
         bridge_evidence(model.log_density, fit.chains, laplace, rng=stream(fit.seed, "bridge"))
@@ -404,6 +406,7 @@ def prior_sensitivity(
         Columns prior (c, c2, K, sigma), factor, form, log_evidence; deterministic methods only.
     """
     rows = []
+    unchanged = {name: _deterministic_evidence(fit.model) for name, fit in fits.items()}
     for scale, starts in PRIOR_SCALES.items():
         for name, fit in fits.items():
             mine = {
@@ -412,8 +415,10 @@ def prior_sensitivity(
                 if p in starts or (scale == "K" and p.startswith("K["))
             }
             for factor in factors:
-                stretched = {p: prior.stretched(factor) for p, prior in mine.items()}
-                value = _deterministic_evidence(fit.model.with_priors(stretched))
+                value = unchanged[name]
+                if mine and factor != 1:
+                    stretched = {p: prior.stretched(factor) for p, prior in mine.items()}
+                    value = _deterministic_evidence(fit.model.with_priors(stretched))
                 rows.append({"prior": scale, "factor": factor, "form": name, "log_evidence": value})
     return pd.DataFrame(rows)
 

@@ -12,7 +12,7 @@ import pandas as pd
 from ridgebayes._types import FloatArray, Rng
 from ridgebayes.diagnostics import shortcomings, summarise
 from ridgebayes.errors import InputError
-from ridgebayes.forms import Form
+from ridgebayes.forms import Form, PowerLaw
 from ridgebayes.laplace import fit_laplace
 from ridgebayes.likelihood import Model, Observations
 from ridgebayes.noise import Noise
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ridgebayes.loads import LoadDistribution
     from ridgebayes.qdistribution import QDistribution
 
+N_TEXTURE_WALKED = 40  # a power law of more textures is drawn from exactly, without a walk
 N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
 
 
@@ -204,17 +205,26 @@ def calibrate(
     model = Model(Observations.from_table(table), form, as_noise(noise), priors)
     refuse_circular(table, form)
     seed = seed_of(rng)
-    laplace = fit_laplace(model)
-    chains = sample(
-        model.log_density,
-        laplace,
-        seed=seed,
-        names=model.parameter_names,
-        settings=settings,
-        progress=progress,
-    )
+    if drawn_exactly(model):
+        from ridgebayes.exact import sample_power_law
+
+        chains = sample_power_law(model, seed=seed)
+    else:
+        chains = sample(
+            model.log_density,
+            fit_laplace(model),
+            seed=seed,
+            names=model.parameter_names,
+            settings=settings,
+            progress=progress,
+        )
     summary = summarise(model.to_theta(chains.u), model.parameter_names)
     return Fit(model, chains, summary, chains.missing + shortcomings(summary), seed)
+
+
+def drawn_exactly(model: Model) -> bool:
+    """Return whether a posterior is drawn from exactly: a power law of very many textures."""
+    return isinstance(model.form, PowerLaw) and len(model.form.textures) > N_TEXTURE_WALKED
 
 
 def as_noise(noise: str | Noise) -> Noise:
