@@ -1,0 +1,86 @@
+"""Compare bridge with deterministic evidences: ``python benchmarks/bridge_accuracy.py [SEEDS]``.
+
+Every form of at most four parameters on the two tables that ship with the package, and the power
+law on both, whose evidence is exact but for an integral over sigma. For each, 20 seeds (or SEEDS):
+sample, bridge, subtract the deterministic value. If the quoted standard errors are right, the
+differences have mean zero (in units of the mean's own error) and a root mean square of one quoted
+error.
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import sys
+
+import numpy as np
+
+import ridgebayes as rb
+from ridgebayes.evidence import bridge_evidence, power_law_evidence, quadrature_evidence
+from ridgebayes.laplace import fit_laplace
+from ridgebayes.randomness import stream
+
+WANTED = "wanted: rms of difference / quoted se from 0.7 to 1.4, largest difference under 0.01"
+
+
+def differences(table: rb.ContactTable, form: object, n_seed: int) -> tuple[list, list]:
+    """Return bridge minus reference, and the quoted standard errors, one per seed."""
+    apart, quoted = [], []
+    reference = None
+    for seed in range(n_seed):
+        fit = rb.calibrate(table, form, rng=seed)
+        laplace = fit_laplace(fit.model)
+        if reference is None:
+            found = (
+                power_law_evidence(fit.model, tol=1e-8)
+                if form.name == "power-law"
+                else quadrature_evidence(fit.model.log_density, laplace, tol=1e-8)
+            )
+            if not found.ok:
+                raise SystemExit(f"{form.name}: {found.status}")
+            reference = found.value
+        bridge = bridge_evidence(
+            fit.model.log_density, fit.chains, laplace, rng=stream(fit.seed, "bridge")
+        )
+        if not (fit.converged and bridge.ok):
+            print(f"  {form.name}, seed {seed}: {fit.missing} {bridge.status}")
+        apart.append(bridge.value - reference)
+        quoted.append(bridge.se)
+    return apart, quoted
+
+
+def main() -> None:
+    n_seed = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    closed = [rb.Classic(), rb.Modified(), rb.Hybrid(), rb.PowerLaw()]
+    cases = {
+        "paper sweep": (rb.paper_sweep(), closed),
+        "finite elements": (rb.reference_fe(), [*closed, rb.HalfPlane()]),
+    }
+    print(f"bridge - reference, {n_seed} seeds; {WANTED}")
+    print(
+        f"{'table':<16} {'form':<11} {'mean':>10} {'mean/its se':>11} {'rms':>9} "
+        f"{'quoted se':>10} {'rms of ratio':>12} {'largest':>9}"
+    )
+    ratios = []
+    for label, (table, forms) in cases.items():
+        for form in forms:
+            apart, quoted = map(np.asarray, differences(table, form, n_seed))
+            ratio = apart / quoted
+            ratios.append(ratio)
+            t = apart.mean() / (apart.std(ddof=1) / np.sqrt(n_seed))
+            print(
+                f"{label:<16} {form.name:<11} {apart.mean():>10.6f} {t:>11.2f} "
+                f"{np.sqrt(np.mean(apart**2)):>9.6f} {quoted.mean():>10.6f} "
+                f"{np.sqrt(np.mean(ratio**2)):>12.2f} {np.abs(apart).max():>9.6f}",
+                flush=True,
+            )
+    every = np.concatenate(ratios)
+    print(
+        f"all {every.size}: mean of difference / quoted se {every.mean():.3f} "
+        f"(its own se {1 / np.sqrt(every.size):.3f}), rms {np.sqrt(np.mean(every**2)):.3f}"
+    )
+
+
+if __name__ == "__main__":
+    main()
