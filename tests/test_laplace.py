@@ -1,0 +1,129 @@
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from ridgebayes.errors import ComputationError
+from ridgebayes.evidence import laplace_evidence
+from ridgebayes.forms import Hybrid, Modified
+from ridgebayes.laplace import Laplace, fit_laplace
+from ridgebayes.likelihood import Model, Observations
+from ridgebayes.table import ContactTable
+
+FACTOR = np.array([[0.03, 0, 0], [-0.004, 0.002, 0], [0.01, 0.02, 0.15]])
+
+
+def made_up(known_variance, n_coefficient=2):
+    return Laplace(np.array([0.3, 0.02, -3.5]), FACTOR, 1.5, n_coefficient, known_variance)
+
+
+@pytest.mark.parametrize("known_variance", [0.0, 0.02**2])
+def test_whiten__inverts_unwhiten(known_variance):
+    laplace = made_up(known_variance)
+    z = np.random.default_rng(1).standard_normal((2, 5, 3))
+    u, log_jacobian = laplace.unwhiten(z)
+    back, again = laplace.whiten(u)
+    # Algebra: rounding times the condition of the factor (about 100).
+    np.testing.assert_allclose(back, z, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(again, log_jacobian, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("known_variance", [0.0, 0.02**2])
+def test_unwhiten__jacobian_and_volume_are_the_determinant_by_finite_differences(known_variance):
+    laplace, h = made_up(known_variance), 1e-5
+    for z in np.random.default_rng(2).standard_normal((5, 3)):
+        columns = [laplace.unwhiten(z + d)[0] - laplace.unwhiten(z - d)[0] for d in h * np.eye(3)]
+        log_determinant = np.linalg.slogdet(np.array(columns) / (2 * h))[1]
+        total = laplace.unwhiten(z)[1] + laplace.log_volume
+        assert total == pytest.approx(log_determinant, abs=1e-8)  # discretisation: h^2
+
+
+def test_unwhiten__of_the_origin_is_the_mode():
+    laplace = made_up(0.02**2)
+    u, log_jacobian = laplace.unwhiten(np.zeros(3))
+    assert u.tolist() == laplace.mode.tolist()
+    assert log_jacobian == 0
+
+
+def test_unwhiten__widens_coefficients_as_sigma_grows():
+    # Without known errors a coefficient's spread is proportional to sigma itself.
+    laplace = Laplace(np.array([0.0, -3.0]), np.diag([0.1, 1.0]), 0.0, 1)
+    u, _ = laplace.unwhiten(np.array([[1.0, 0.0], [1.0, np.log(2)]]))
+    np.testing.assert_allclose(u[:, 0], [0.1, 0.2], rtol=1e-14)  # algebra
+
+
+@pytest.mark.parametrize("name", ["classic", "modified", "hybrid", "power-law"])
+def test_fit_laplace__has_its_mode_and_curvature_where_finite_differences_do(fits, laplaces, name):
+    model, laplace = fits[name].model, laplaces[name]
+
+    def in_z(z):
+        u, log_jacobian = laplace.unwhiten(z)
+        return float(model.log_density(u) + log_jacobian)
+
+    # Not the funnel's Jacobian again but its definition: log sigma once per coefficient.
+    n, h = len(laplace.mode), 1e-3
+    unit = np.eye(n)
+    slope = [(in_z(h * e) - in_z(-h * e)) / (2 * h) for e in unit]
+    # The search stops within 1e-4 posterior sds of the mode; discretisation h^2 = 1e-6.
+    assert np.abs(slope).max() < 2e-4
+    h = 0.02
+    hessian = [
+        [
+            (in_z(h * (e + f)) - in_z(h * (e - f)) - in_z(h * (f - e)) + in_z(-h * (e + f)))
+            / (4 * h * h)
+            for f in unit
+        ]
+        for e in unit
+    ]
+    # In whitened coordinates the curvature is minus one; discretisation h^2 = 4e-4.
+    np.testing.assert_allclose(hessian, -np.eye(n), atol=2e-3)
+    assert laplace.log_density == pytest.approx(float(model.log_density(laplace.mode)), rel=1e-14)
+
+
+def test_log_evidence__is_exact_for_a_normal():
+    covariance = FACTOR @ FACTOR.T
+    mode = np.array([0.3, 0.02, -3.5])
+    peak = 7.0 + stats.multivariate_normal(mode, covariance).logpdf(mode)
+    laplace = Laplace(mode, FACTOR, float(peak), 0)
+    assert laplace.log_evidence == pytest.approx(7.0, abs=1e-11)  # algebra
+    record = laplace_evidence(laplace)
+    assert record.value == laplace.log_evidence
+    assert np.isnan(record.se)
+    assert (record.method, record.ok) == ("laplace", True)
+
+
+def test_log_evidence__of_the_sweep_is_a_good_first_look(laplaces):
+    # Reference: the log evidences of the 41 rows. The error is the approximation's own, O(1/n).
+    assert laplaces["hybrid"].log_evidence == pytest.approx(83.3869, abs=0.1)
+    assert laplaces["modified"].log_evidence == pytest.approx(78.8628, abs=0.1)
+
+
+def test_fit_laplace__finds_the_mode_with_known_errors_too():
+    rng = np.random.default_rng(5)
+    Q = np.arange(4, 24, 2)
+    load = Modified().load(Q, 0.02, 0.02) * np.exp(0.03 * rng.standard_normal(Q.size))
+    frame = pd.DataFrame(
+        {"a_over_R": 0.02, "b_over_R": 0.02, "Q": Q, "p_over_E": load, "rel_se": 0.01}
+    )
+    model = Model(Observations.from_table(ContactTable.from_frame(frame)), Modified())
+    laplace = fit_laplace(model)
+    assert laplace.known_variance == pytest.approx(1e-4, rel=1e-12)  # algebra: a mean of equals
+
+    def in_z(z):
+        u, log_jacobian = laplace.unwhiten(z)
+        return float(model.log_density(u) + log_jacobian)
+
+    around = [in_z(0.05 * e) for e in np.concatenate([np.eye(2), -np.eye(2)])]
+    # Curvature one: 0.05 sds away the density has fallen by 0.05^2/2; third derivatives add 2e-4.
+    np.testing.assert_allclose(in_z(np.zeros(2)) - np.array(around), 0.00125, atol=2e-4)
+
+
+def test_fit_laplace__refuses_data_without_misfit():
+    textures = ((0.02, 0.02), (0.01, 0.03))
+    index, Q = np.repeat([0, 1], 5), np.tile(np.arange(4, 14, 2), 2)
+    a, b = np.transpose(textures)
+    log_load = np.log(Hybrid().load(Q, a[index], b[index], [1.35, 0.01]))
+    data = Observations(textures, index, Q, log_load, np.zeros(10))
+    rule = r"hybrid: the posterior has no interior mode .* without misfit send sigma to 0"
+    with pytest.raises(ComputationError, match=rule):
+        fit_laplace(Model(data, Hybrid()))
