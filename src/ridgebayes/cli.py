@@ -37,6 +37,9 @@ Forms = Annotated[
 ]
 NoiseName = Annotated[str, typer.Option(help="Error model: iid.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing output.")]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Go on with what a killed run left; the end is the same.")
+]
 Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same numbers.")]
 Table = Annotated[Path, typer.Argument(help="Contact table, .csv or .parquet.")]
 DEFAULT_OUT = Path("ridgebayes-out")
@@ -52,11 +55,20 @@ def run(
     out: Out = DEFAULT_OUT,
     force: Force = False,
     seed: Seed = 0,
+    resume: Resume = False,
 ) -> None:
     """Do the main job: calibrate, weigh the evidence, predict, report."""
     from ridgebayes.jobs import run_job
 
-    done = run_job(out, table=table, forms=_names(forms), noise=noise, seed=seed, force=force)
+    done = run_job(
+        out,
+        table=table,
+        forms=_names(forms),
+        noise=noise,
+        seed=seed,
+        force=force,
+        resume=resume,
+    )
     _finish(done, out, f"read {out / 'report.html'}")
 
 
@@ -106,11 +118,12 @@ def fit(
     out: Out = DEFAULT_OUT,
     force: Force = False,
     seed: Seed = 0,
+    resume: Resume = False,
 ) -> None:
     """Sample the posterior of one form."""
     from ridgebayes.jobs import fit_job
 
-    done = fit_job(out, table, form, noise=noise, seed=seed, force=force)
+    done = fit_job(out, table, form, noise=noise, seed=seed, force=force, resume=resume)
     for result in done.fits.values():
         print(result)
     _finish(done, out)
@@ -177,7 +190,7 @@ def main() -> None:
     except ComputationError as error:
         _stop(error, 1)
     except KeyboardInterrupt:
-        _stop("interrupted", 130)
+        _stop("interrupted; run and fit go on with --resume", 130)
 
 
 def _stop(why: object, code: int) -> None:

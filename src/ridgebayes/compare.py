@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -154,6 +155,7 @@ def compare(
     settings: SampleSettings | None = None,
     progress: Progress | None = None,
     stage: Stage = untimed,
+    checkpoints: Path | None = None,
 ) -> Comparison:
     """Fit several forms to one table and compare them.
 
@@ -173,6 +175,8 @@ def compare(
         Called with a line of text now and then.
     stage : callable, optional
         Called with a stage's name, returns a context manager around it.
+    checkpoints : Path, optional
+        Folder in which the chains are kept as they grow, see `calibrate`.
 
     Returns
     -------
@@ -219,6 +223,7 @@ def compare(
                     rng=own_seed,
                     settings=settings,
                     progress=say,
+                    checkpoint=checkpoints and checkpoints / chain_file(form.name),
                 )
             except ComputationError as error:
                 failures[form.name] = str(error)
@@ -236,6 +241,11 @@ def compare(
     with stage("prior sensitivity"):
         sensitivity = prior_sensitivity(fits)
     return Comparison(table, error_model, fits, evidence, factors, loo, sensitivity, failures)
+
+
+def chain_file(form: str) -> str:
+    """Return the name of the file that a form's growing chains are kept in."""
+    return f"chains-{form}.h5"
 
 
 def _labelled(progress: Progress, name: str) -> Progress:

@@ -4,12 +4,14 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray, Rng
+from ridgebayes.checkpoint import Checkpoint
 from ridgebayes.diagnostics import shortcomings, summarise
 from ridgebayes.errors import InputError
 from ridgebayes.forms import Form, PowerLaw
@@ -156,6 +158,7 @@ def calibrate(
     rng: Rng = 0,
     settings: SampleSettings | None = None,
     progress: Progress | None = None,
+    checkpoint: Path | None = None,
 ) -> Fit:
     """Sample the posterior of a form's coefficients and error scale given a table.
 
@@ -175,6 +178,9 @@ def calibrate(
         Lengths and thresholds of sampling.
     progress : callable, optional
         Called with a line of text now and then.
+    checkpoint : Path, optional
+        HDF5 file that the chains are kept in as they grow; if it is there already, sampling goes
+        on from it, and ends as if it had never stopped.
 
     Returns
     -------
@@ -185,7 +191,8 @@ def calibrate(
     Raises
     ------
     InputError
-        If no row can be fitted, or the form would be fitted to rows that its own equation made.
+        If no row can be fitted, the form would be fitted to rows that its own equation made, or
+        `checkpoint` holds chains of something else.
     ComputationError
         If the posterior has no interior mode.
 
@@ -217,9 +224,34 @@ def calibrate(
             names=model.parameter_names,
             settings=settings,
             progress=progress,
+            checkpoint=_checkpoint(checkpoint, table, model, seed, settings),
         )
     summary = summarise(model.to_theta(chains.u), model.parameter_names)
     return Fit(model, chains, summary, chains.missing + shortcomings(summary), seed)
+
+
+def _checkpoint(
+    path: Path | None,
+    table: ContactTable,
+    model: Model,
+    seed: int,
+    settings: SampleSettings | None,
+) -> Checkpoint | None:
+    """Tie a chain file to all that decides what the chains are."""
+    if path is None:
+        return None
+    from ridgebayes import __version__
+
+    fingerprint = {
+        "package version": __version__,
+        "table": table.calibration.digest(),
+        "form": model.form.name,
+        "error model": model.noise.name,
+        "priors": priors_to_json(model.priors),
+        "seed": str(seed),
+        "settings": str(settings or SampleSettings()),
+    }
+    return Checkpoint(path, fingerprint)
 
 
 def drawn_exactly(model: Model) -> bool:

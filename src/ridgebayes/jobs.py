@@ -37,6 +37,7 @@ def run_job(
     seed: int = 0,
     force: bool = False,
     settings: SampleSettings | None = None,
+    resume: bool = False,
 ) -> Comparison:
     """Do the main job: calibrate, weigh the evidence, predict, report.
 
@@ -57,6 +58,8 @@ def run_job(
         Whether an existing run folder may be replaced.
     settings : SampleSettings, optional
         Lengths and thresholds of sampling.
+    resume : bool, optional
+        Whether to go on with the chains that a killed run left; the end is the same.
 
     Returns
     -------
@@ -73,18 +76,18 @@ def run_job(
     with_reference = table is None
     n_stage = 2 * len(chosen) + 5 + (2 * len(FORMS) + 5 if with_reference else 0)
     reference = None
-    with new_folder(folder, force=force) as partial, Progress(n_stage) as progress:
-        comparison = _compared(data, chosen, error_model, seed, settings, progress)
+    with new_folder(folder, force=force, resume=resume) as partial, Progress(n_stage) as progress:
+        comparison = _compared(data, chosen, error_model, seed, settings, progress, partial)
         write_comparison(comparison, partial)
         _bands(comparison, partial, progress)
         if with_reference:
             rows = replace(reference_fe(), where=EMBEDDED_FE)
-            everything = [form_named(name) for name in FORMS]
-            reference = _compared(rows, everything, error_model, seed, settings, progress)
-            (partial / REFERENCE).mkdir()
-            write_comparison(reference, partial / REFERENCE)
-            _bands(reference, partial / REFERENCE, progress)
-            _about(partial / REFERENCE, reference, "run", seed, {}, [])
+            everything, below = [form_named(name) for name in FORMS], partial / REFERENCE
+            below.mkdir(exist_ok=True)
+            reference = _compared(rows, everything, error_model, seed, settings, progress, below)
+            write_comparison(reference, below)
+            _bands(reference, below, progress)
+            _about(below, reference, "run", seed, {}, [])
         with progress.stage("figures and report"):
             write_pages(comparison, partial, reference)
         options = {"table": str(table) if table else None, "forms": list(forms), "noise": noise}
@@ -103,11 +106,15 @@ def compare_job(
     seed: int = 0,
     force: bool = False,
     settings: SampleSettings | None = None,
+    resume: bool = False,
 ) -> Comparison:
     """Compare forms on a table: posteriors, evidences, Bayes factors, scores; see `run_job`."""
     chosen, error_model, data = _checked(table, forms, noise)
-    with new_folder(folder, force=force) as partial, Progress(2 * len(chosen) + 3) as progress:
-        comparison = _compared(data, chosen, error_model, seed, settings, progress)
+    with (
+        new_folder(folder, force=force, resume=resume) as partial,
+        Progress(2 * len(chosen) + 3) as progress,
+    ):
+        comparison = _compared(data, chosen, error_model, seed, settings, progress, partial)
         write_comparison(comparison, partial)
         options = {"table": str(table), "forms": list(forms), "noise": noise}
         _about(partial, comparison, "compare", seed, options, progress.stages)
@@ -123,11 +130,12 @@ def fit_job(
     seed: int = 0,
     force: bool = False,
     settings: SampleSettings | None = None,
+    resume: bool = False,
 ) -> Comparison:
     """Fit one form to a table: its posterior and evidence; see `run_job`."""
     chosen, error_model, data = _checked(table, [form], noise)
-    with new_folder(folder, force=force) as partial, Progress(5) as progress:
-        comparison = _compared(data, chosen, error_model, seed, settings, progress)
+    with new_folder(folder, force=force, resume=resume) as partial, Progress(5) as progress:
+        comparison = _compared(data, chosen, error_model, seed, settings, progress, partial)
         write_fits(comparison, partial)
         options = {"table": str(table), "form": form, "noise": noise}
         _about(partial, comparison, "fit", seed, options, progress.stages)
@@ -173,6 +181,7 @@ def _compared(
     seed: int,
     settings: SampleSettings | None,
     progress: Progress,
+    folder: Path,
 ) -> Comparison:
     return compare(
         table,
@@ -182,6 +191,7 @@ def _compared(
         settings=settings,
         progress=progress.detail,
         stage=progress.stage,
+        checkpoints=folder,
     )
 
 

@@ -24,7 +24,7 @@ _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray
 
 
 @contextmanager
-def new_folder(path: Path, *, force: bool = False) -> Iterator[Path]:
+def new_folder(path: Path, *, force: bool = False, resume: bool = False) -> Iterator[Path]:
     """Give a folder to write into that takes its final name only when all is done.
 
     Parameters
@@ -33,6 +33,8 @@ def new_folder(path: Path, *, force: bool = False) -> Iterator[Path]:
         Final name.
     force : bool, optional
         Whether a run folder of that name may be replaced. It is removed at the very end.
+    resume : bool, optional
+        Whether to go on in the partial folder that an earlier run left.
 
     Yields
     ------
@@ -47,7 +49,7 @@ def new_folder(path: Path, *, force: bool = False) -> Iterator[Path]:
     Notes
     -----
     Bad input (InputError) inside the block leaves nothing behind. Any other failure leaves the
-    partial folder, whose files are whole, for the reader of the error message.
+    partial folder, whose files are whole, for `resume`.
     """
     path = path.absolute()
     if path.exists():
@@ -57,16 +59,19 @@ def new_folder(path: Path, *, force: bool = False) -> Iterator[Path]:
             raise InputError(f"{path}: --force replaces run folders only, this is something else")
     partial = path.with_name(f".{path.name}.partial")
     try:
-        if partial.exists():
+        if partial.exists() and not resume:
             shutil.rmtree(partial)
-        partial.mkdir(parents=True)
+        partial.mkdir(parents=True, exist_ok=resume)
     except OSError as error:
         raise InputError(f"{path}: cannot be created ({error.strerror})") from None
     try:
         yield partial
     except InputError:
-        shutil.rmtree(partial)
+        if not resume:
+            shutil.rmtree(partial)
         raise
+    for chains in partial.rglob("chains-*.h5"):
+        chains.unlink()
     if path.exists():
         old = path.with_name(f".{path.name}.old")
         shutil.rmtree(old, ignore_errors=True)

@@ -3,13 +3,15 @@
 This is the only module that imports emcee.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.autocorrelation import autocorrelation_time
+from ridgebayes.checkpoint import Checkpoint, Walk
 from ridgebayes.errors import InputError
 from ridgebayes.laplace import Laplace
 from ridgebayes.moves import student_independence
@@ -90,6 +92,7 @@ def sample(
     names: tuple[str, ...],
     settings: SampleSettings | None = None,
     progress: Progress | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Chains:
     """Sample a density with independently started emcee ensembles until the stopping rule is met.
 
@@ -107,6 +110,8 @@ def sample(
         Lengths and thresholds.
     progress : callable, optional
         Called with a line of text now and then.
+    checkpoint : Checkpoint, optional
+        Where the walk is kept as it grows, and picked up from if it is there already.
 
     Returns
     -------
@@ -133,10 +138,8 @@ def sample(
         u, log_jacobian = laplace.unwhiten(z)
         return log_density(u) + log_jacobian
 
-    samplers, states = [], []
-    for ensemble in range(settings.n_ensemble):
-        rng = stream(seed, f"ensemble {ensemble}")
-        sampler = emcee.EnsembleSampler(
+    samplers = [
+        emcee.EnsembleSampler(
             n_walker,
             n_parameter,
             in_z,
@@ -146,30 +149,75 @@ def sample(
                 (emcee.moves.DEMove(), 0.2),
             ],
         )
-        start = emcee.State(_start(in_z, rng, n_walker, n_parameter))
-        # emcee takes the state of a RandomState; a RandomState object it would silently ignore.
-        start.random_state = np.random.RandomState(rng.integers(2**32)).get_state()
-        states.append(sampler.run_mcmc(start, settings.n_burn, store=False))
-        sampler.reset()
-        samplers.append(sampler)
-
-    tau = np.full(n_parameter + 1, np.inf)
-    n_step, target = 0, 100
-    while True:
+        for _ in range(settings.n_ensemble)
+    ]
+    walk = checkpoint.load() if checkpoint is not None else None
+    if walk is None:
+        starts = []
         for i, sampler in enumerate(samplers):
-            states[i] = sampler.run_mcmc(states[i], target - n_step)
-        n_step = target
-        u, log_jacobian = laplace.unwhiten(np.stack([s.get_chain() for s in samplers]))
-        in_u = np.stack([s.get_log_prob() for s in samplers]) - log_jacobian
-        before, tau = tau, _mean_tau(u, in_u)
-        missing = _missing(n_step, tau, before, (*names, "log posterior"), settings)
-        if progress is not None:
-            progress(f"{n_step} steps x {settings.n_ensemble} ensembles, tau {np.max(tau):.2f}")
-        if not missing or n_step >= settings.n_step_max:
+            rng = stream(seed, f"ensemble {i}")
+            start = emcee.State(_start(in_z, rng, n_walker, n_parameter))
+            # emcee takes the state of a RandomState; such an object it would silently ignore.
+            start.random_state = np.random.RandomState(rng.integers(2**32)).get_state()
+            starts.append(sampler.run_mcmc(start, settings.n_burn, store=False))
+        walk = _before_any_step(starts, n_parameter)
+    while True:
+        # With every check the target grows by 15 %, wherever the walk was picked up again.
+        u, log_jacobian = laplace.unwhiten(walk.z)
+        in_u = walk.log_density - log_jacobian
+        before, tau = walk.tau, _mean_tau(u, in_u)
+        missing = _missing(walk.n_step, tau, before, (*names, "log posterior"), settings)
+        if progress is not None and walk.n_step:
+            progress(f"{walk.n_step} steps x {settings.n_ensemble}, tau {np.max(tau):.2f}")
+        if not missing or walk.n_step >= settings.n_step_max:
             break
-        target = min(int(1.15 * n_step) + 10, settings.n_step_max)
-    acceptance = np.array([np.mean(sampler.acceptance_fraction) for sampler in samplers])
+        target = min(max(int(1.15 * walk.n_step) + 10, 100), settings.n_step_max)
+        walk = _walked_on(walk, samplers, target - walk.n_step, tau)
+        if checkpoint is not None:
+            checkpoint.save(walk)
+    acceptance = walk.accepted / (walk.n_step * n_walker)
     return Chains(u, in_u, acceptance, tau, tuple(missing))
+
+
+def _before_any_step(states: Sequence[Any], n_parameter: int) -> Walk:
+    coordinates = np.stack([state.coords for state in states])
+    n_ensemble, n_walker, _ = coordinates.shape
+    return Walk(
+        z=np.empty((n_ensemble, 0, n_walker, n_parameter)),
+        log_density=np.empty((n_ensemble, 0, n_walker)),
+        accepted=np.zeros(n_ensemble),
+        coordinates=coordinates,
+        last_log_density=np.stack([state.log_prob for state in states]),
+        tau=np.full(n_parameter + 1, np.inf),
+        random_states=tuple(state.random_state for state in states),
+    )
+
+
+def _walked_on(walk: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray) -> Walk:
+    """Let every ensemble take `n_step` more steps from where it is."""
+    import emcee
+
+    ends = []
+    for i, sampler in enumerate(samplers):
+        sampler.reset()
+        here = emcee.State(
+            walk.coordinates[i],
+            log_prob=walk.last_log_density[i],
+            random_state=walk.random_states[i],
+        )
+        ends.append(sampler.run_mcmc(here, n_step))
+    z = np.stack([sampler.get_chain() for sampler in samplers])
+    log_density = np.stack([sampler.get_log_prob() for sampler in samplers])
+    accepted = np.array([sampler.backend.accepted.sum() for sampler in samplers])
+    return Walk(
+        z=np.concatenate([walk.z, z], axis=1),
+        log_density=np.concatenate([walk.log_density, log_density], axis=1),
+        accepted=walk.accepted + accepted,
+        coordinates=np.stack([end.coords for end in ends]),
+        last_log_density=np.stack([end.log_prob for end in ends]),
+        tau=tau,
+        random_states=tuple(end.random_state for end in ends),
+    )
 
 
 def _start(
@@ -192,6 +240,8 @@ def _start(
 
 def _mean_tau(u: FloatArray, log_density: FloatArray) -> FloatArray:
     """Return autocorrelation times averaged over the ensembles, the log density's last."""
+    if not log_density.shape[1]:
+        return np.full(u.shape[-1] + 1, np.inf)
     everything = np.concatenate([u, log_density[..., None]], axis=-1)
     return np.mean([autocorrelation_time(ensemble) for ensemble in everything], axis=0)
 

@@ -1,0 +1,118 @@
+"""Chains on disk while they grow, so that a killed run goes on where it was.
+
+What is kept is all a walk needs to go on bit for bit: the steps so far, where each walker is, and
+the state of each ensemble's random stream. Files are HDF5, written whole or not at all.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+from ridgebayes.errors import InputError
+
+_ARRAYS = ("z", "log_density", "accepted", "coordinates", "last_log_density", "tau")
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """Where several ensembles are, and every step that led there.
+
+    Parameters
+    ----------
+    z : ndarray of float, shape (n_ensemble, n_step, n_walker, n_parameter)
+        Steps so far, whitened coordinates.
+    log_density : ndarray of float, shape (n_ensemble, n_step, n_walker)
+        Log density at them.
+    accepted : ndarray of float, shape (n_ensemble,)
+        Accepted moves of all walkers so far.
+    coordinates : ndarray of float, shape (n_ensemble, n_walker, n_parameter)
+        Where the walkers are.
+    last_log_density : ndarray of float, shape (n_ensemble, n_walker)
+        Log density there.
+    tau : ndarray of float, shape (n_parameter + 1,)
+        Autocorrelation times at the last check.
+    random_states : tuple
+        State of each ensemble's `numpy.random.RandomState`, as `get_state` returns it.
+    """
+
+    z: FloatArray
+    log_density: FloatArray
+    accepted: FloatArray
+    coordinates: FloatArray
+    last_log_density: FloatArray
+    tau: FloatArray
+    random_states: tuple[Any, ...]
+
+    @property
+    def n_step(self) -> int:
+        """Steps so far."""
+        return self.z.shape[1]
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A file that a walk is kept in, tied to what is sampled.
+
+    Parameters
+    ----------
+    path : Path
+        HDF5 file.
+    fingerprint : mapping of str to str
+        What has to be the same for the walk to go on, such as the table's digest and the form.
+    """
+
+    path: Path
+    fingerprint: Mapping[str, str]
+
+    def save(self, walk: Walk) -> None:
+        """Write a walk in place of the one before it."""
+        import h5py
+
+        partial = self.path.with_name(f".{self.path.name}.partial")
+        with h5py.File(partial, "w") as file:
+            file.attrs["fingerprint"] = json.dumps(dict(self.fingerprint))
+            for name in _ARRAYS:
+                file[name] = getattr(walk, name)
+            file["random_keys"] = np.stack([state[1] for state in walk.random_states])
+            file["random_rest"] = np.array([state[2:] for state in walk.random_states], float)
+        partial.replace(self.path)
+
+    def load(self) -> Walk | None:
+        """Return the walk kept, or None if there is none.
+
+        Raises
+        ------
+        InputError
+            If the file is damaged, or what is sampled has changed; the message names what.
+        """
+        import h5py
+
+        if not self.path.is_file():
+            return None
+        try:
+            with h5py.File(self.path, "r") as file:
+                before = json.loads(file.attrs["fingerprint"])
+                arrays = {name: file[name][()] for name in _ARRAYS}
+                keys, rest = file["random_keys"][()], file["random_rest"][()]
+        except (OSError, KeyError, ValueError) as error:
+            raise InputError(f"{self.path}: not a readable chain file ({error})") from None
+        changed = [
+            f"{name} was {before.get(name)!r} and is {value!r}"
+            for name, value in self.fingerprint.items()
+            if before.get(name) != value
+        ]
+        if changed:
+            raise InputError(
+                f"{self.path}: cannot resume, {'; '.join(changed)}; rule: the same run, or no "
+                "--resume to start again"
+            )
+        states = tuple(
+            ("MT19937", key, int(pos), int(has_gauss), float(cached))
+            for key, (pos, has_gauss, cached) in zip(keys, rest, strict=True)
+        )
+        return Walk(**arrays, random_states=states)
