@@ -31,7 +31,7 @@ from ridgebayes.noise import Noise
 from ridgebayes.predict import mix_q, predict_load, predict_q
 from ridgebayes.qdistribution import QDistribution
 from ridgebayes.randomness import seed_of, stream
-from ridgebayes.sample import Progress, SampleSettings
+from ridgebayes.sample import SampleSettings, Tell
 from ridgebayes.table import ContactTable
 
 DEFAULT_FORMS: tuple[Form, ...] = (Classic(), PowerLaw(), Modified(), Hybrid())
@@ -153,7 +153,7 @@ def compare(
     noise: str | Noise = "iid",
     rng: Rng = 0,
     settings: SampleSettings | None = None,
-    progress: Progress | None = None,
+    progress: Tell | None = None,
     stage: Stage = untimed,
     checkpoints: Path | None = None,
 ) -> Comparison:
@@ -248,7 +248,7 @@ def chain_file(form: str) -> str:
     return f"chains-{form}.h5"
 
 
-def _labelled(progress: Progress, name: str) -> Progress:
+def _labelled(progress: Tell, name: str) -> Tell:
     return lambda text: progress(f"{name}: {text}")
 
 

@@ -20,7 +20,7 @@ from ridgebayes.likelihood import Model, Observations
 from ridgebayes.noise import Noise
 from ridgebayes.priors import Prior
 from ridgebayes.randomness import seed_of
-from ridgebayes.sample import Chains, Progress, SampleSettings, sample
+from ridgebayes.sample import Chains, SampleSettings, Tell, sample
 from ridgebayes.table import ContactTable
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ def calibrate(
     priors: Mapping[str, Prior] | None = None,
     rng: Rng = 0,
     settings: SampleSettings | None = None,
-    progress: Progress | None = None,
+    progress: Tell | None = None,
     checkpoint: Path | None = None,
 ) -> Fit:
     """Sample the posterior of a form's coefficients and error scale given a table.

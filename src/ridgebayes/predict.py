@@ -15,6 +15,7 @@ from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fit import Fit
 from ridgebayes.forms import Form, PowerLaw, Texture, reduced_load
+from ridgebayes.forms.base import loads, unique_textures, widths
 from ridgebayes.loads import LoadDistribution
 from ridgebayes.priors import default_priors
 from ridgebayes.qdistribution import QDistribution
@@ -75,12 +76,10 @@ def predict_q(
     [4, 8]
     """
     _check_kind(kind)
-    a, b, p = np.broadcast_arrays(
-        _positive("a_over_R", a_over_R), _positive("b_over_R", b_over_R), _load(p_over_E)
-    )
+    a, b, p = np.broadcast_arrays(*widths(a_over_R, b_over_R), loads(p_over_E))
     y = np.full(p.shape, -np.inf)
     np.log(reduced_load(p, nu), out=y, where=p > 0)
-    textures = _textures(a, b)
+    textures = unique_textures(a, b)
     ladders = [
         _survival(fit, texture, y[here], kind) for texture, here in _by_texture(a, b, textures)
     ]
@@ -140,16 +139,14 @@ def predict_load(
     True
     """
     _check_kind(kind)
-    a, b, q = np.broadcast_arrays(
-        _positive("a_over_R", a_over_R), _positive("b_over_R", b_over_R), np.asarray(Q)
-    )
+    a, b, q = np.broadcast_arrays(*widths(a_over_R, b_over_R), np.asarray(Q))
     if not np.all((q >= 4) & (np.mod(q, 2) == 0)):
         raise InputError(f"Q: {Q!r} given; rule: even and at least 4")
     draws = fit.draws[:: -(-len(fit.draws) // N_LOAD_DRAWS)]
     n_draw = len(draws)
     mean = np.empty((n_draw, *q.shape))
     outside = np.zeros(q.shape, dtype=bool)
-    for texture, here in _by_texture(a, b, _textures(a, b)):
+    for texture, here in _by_texture(a, b, unique_textures(a, b)):
         form, theta = _at(fit, texture, draws)
         mean[:, here] = np.log(form.load(q[here], *texture, theta, nu))
         outside[here] = texture_extrapolates(fit, texture)
@@ -246,24 +243,6 @@ def _by_texture(
         yield texture, (a == texture[0]) & (b == texture[1])
 
 
-def _textures(a: FloatArray, b: FloatArray) -> list[Texture]:
-    return list(dict.fromkeys(zip(a.ravel().tolist(), b.ravel().tolist(), strict=True)))
-
-
 def _check_kind(kind: str) -> None:
     if kind not in KINDS:
         raise InputError(f"kind: {kind!r} given; rule: one of {', '.join(KINDS)}")
-
-
-def _positive(name: str, value: float | FloatArray) -> FloatArray:
-    array = np.asarray(value, dtype=float)
-    if not np.all(np.isfinite(array) & (array > 0)):
-        raise InputError(f"{name}: {value!r} given; rule: finite and > 0")
-    return array
-
-
-def _load(value: float | FloatArray) -> FloatArray:
-    array = np.asarray(value, dtype=float)
-    if not np.all(np.isfinite(array) & (array >= 0)):
-        raise InputError(f"p_over_E: {value!r} given; rule: finite and >= 0")
-    return array

@@ -17,7 +17,7 @@ from ridgebayes.laplace import Laplace
 from ridgebayes.moves import student_independence
 from ridgebayes.randomness import stream
 
-Progress = Callable[[str], None]
+Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def sample(
     seed: int,
     names: tuple[str, ...],
     settings: SampleSettings | None = None,
-    progress: Progress | None = None,
+    progress: Tell | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Chains:
     """Sample a density with independently started emcee ensembles until the stopping rule is met.
@@ -168,7 +168,9 @@ def sample(
         before, tau = walk.tau, _mean_tau(u, in_u)
         missing = _missing(walk.n_step, tau, before, (*names, "log posterior"), settings)
         if progress is not None and walk.n_step:
-            progress(f"{walk.n_step} steps x {settings.n_ensemble}, tau {np.max(tau):.2f}")
+            progress(
+                f"{walk.n_step} steps x {settings.n_ensemble} ensembles, tau {np.max(tau):.2f}"
+            )
         if not missing or walk.n_step >= settings.n_step_max:
             break
         target = min(max(int(1.15 * walk.n_step) + 10, 100), settings.n_step_max)

@@ -174,9 +174,7 @@ class Form(ABC):
         >>> float(Hybrid().continuous_count(0.0, 0.02, 0.03))
         2.0
         """
-        p = np.asarray(p_over_E, dtype=float)
-        if not np.all(np.isfinite(p) & (p >= 0)):
-            raise InputError(f"p_over_E: {p_over_E!r} given; rule: finite and >= 0")
+        p = loads(p_over_E)
         a, b = aligned(p, nu, *widths(a_over_R, b_over_R))
         rate = self.rate(self._theta(theta), a, b)
         s = np.sqrt(reduced_load(p, nu))
@@ -286,6 +284,14 @@ def widths(a_over_R: ArrayLike, b_over_R: ArrayLike) -> tuple[FloatArray, FloatA
         if not np.all(np.isfinite(width) & (width > 0)):
             raise InputError(f"{name}: {width.tolist()!r} given; rule: finite and > 0")
     return a, b
+
+
+def loads(p_over_E: ArrayLike) -> FloatArray:
+    """Return loads as floats, or raise InputError naming them if one is negative or not finite."""
+    p = np.asarray(p_over_E, dtype=float)
+    if not np.all(np.isfinite(p) & (p >= 0)):
+        raise InputError(f"p_over_E: {p_over_E!r} given; rule: finite and >= 0")
+    return p
 
 
 def aligned(
