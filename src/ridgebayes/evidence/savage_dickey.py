@@ -16,6 +16,8 @@ from ridgebayes.autocorrelation import effective_sample_size
 from ridgebayes.errors import InputError
 from ridgebayes.evidence.record import LogEvidence
 from ridgebayes.fit import Fit
+from ridgebayes.forms import Modified
+from ridgebayes.priors import default_priors
 
 _STEPS = 48  # grid points per integrated coordinate
 
@@ -52,6 +54,9 @@ def savage_dickey(fit: Fit) -> LogEvidence:
     model = fit.model
     if model.form.name != "hybrid":
         raise InputError(f"form {model.form.name!r} given; rule: hybrid")
+    nested = default_priors(Modified())["c"]
+    if model.priors["c1"] != nested:
+        raise InputError(f"prior of 'c1': {model.priors['c1']} given; rule: Modified's, {nested}")
     chains = fit.kept_chains
     u = chains.u  # log c1, c2, log sigma
     flat = u.reshape(-1, 3)
