@@ -1,0 +1,167 @@
+"""The README is run: its code, its commands, its numbers."""
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import ridgebayes as rb
+from ridgebayes.cli import app
+from ridgebayes.evidence import power_law_evidence, quadrature_evidence
+from ridgebayes.forms import FORMS
+from ridgebayes.laplace import fit_laplace
+
+ROOT = Path(__file__).parents[1]
+TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, flags=re.MULTILINE | re.DOTALL)
+PYTHON = [code for language, code in BLOCKS if language == "python"]
+SHELL = [code for language, code in BLOCKS if language == "sh"]
+
+
+def commands(block):
+    return [shlex.split(line, comments=True) for line in block.splitlines()]
+
+
+def test_blocks__are_all_known():
+    # A new block has to be run or checked below, and then counted here.
+    assert [language for language, _ in BLOCKS] == ["sh", "python", "sh"]
+    assert TEXT.count("```") == 2 * len(BLOCKS)
+
+
+def test_python_blocks__print_what_their_comments_say(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said, expected, namespace = [], [], {}
+    namespace["print"] = lambda *words: said.append(" ".join(map(str, words)))
+    for code in PYTHON:
+        expected += re.findall(r"^print\(.*\)\s+# (.+)$", code, flags=re.MULTILINE)
+        exec(compile(code, "README.md", "exec"), namespace)  # the block is ours
+    assert len(expected) == sum(code.count("print(") for code in PYTHON) == 4
+    assert said == expected
+    assert "</html>" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_make_commands__have_targets():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = [words[1] for words in commands(SHELL[0]) if words[0] == "make"]
+    assert targets == ["run", "test"]
+    for target in targets:
+        assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE)
+
+
+def test_command_block__runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, *words in commands(SHELL[1]):
+        assert name == "ridgebayes"
+        done = CliRunner().invoke(app, words, catch_exceptions=False)
+        assert done.exit_code == 0, done.output
+    bands = (tmp_path / "bands.csv").read_text(encoding="utf-8").splitlines()
+    assert len(bands) == 1 + 2 * 50  # kinds of band x loads
+
+
+def test_command_table__lists_every_command_and_no_other():
+    listed = re.findall(r"^\| `ridgebayes (\S+)` \|", TEXT, flags=re.MULTILINE)
+    assert listed == [command.callback.__name__ for command in app.registered_commands]
+
+
+def test_option_names__exist():
+    for option in set(re.findall(r"`(--[\w-]+)", TEXT)) - {"--help"}:
+        helped = [
+            CliRunner().invoke(app, [command.callback.__name__, "--help"]).output
+            for command in app.registered_commands
+        ]
+        assert any(option in text for text in helped), option
+
+
+def test_files_named__exist():
+    named = re.findall(r"[`(]((?:docs|data|benchmarks|notebooks)/[\w./-]*)[`)]", TEXT)
+    assert len(named) == 7
+    for name in named:
+        assert (ROOT / name).exists(), name
+
+
+def results_table():
+    """Return the cells of each row of the table of results, by form."""
+    rows = re.findall(r"^\| (.+?) \| (.+) \|$", TEXT, flags=re.MULTILINE)
+    cells = {name: rest.split(" | ") for name, rest in rows if len(rest.split(" | ")) == 5}
+    cells.pop("form")
+    return {name.lower().replace(" ", "-"): row for name, row in cells.items()}
+
+
+def number(cell):
+    return float(cell.strip("*"))
+
+
+def exact_evidence(fit):
+    if fit.form.name == "power-law":
+        return power_law_evidence(fit.model).value
+    return quadrature_evidence(fit.model.log_density, fit_laplace(fit.model)).value
+
+
+def test_results_table__has_every_form():
+    assert sorted(results_table()) == sorted(FORMS)
+
+
+@pytest.mark.parametrize("form", ["classic", "power-law", "modified", "hybrid", "half-plane"])
+def test_results_table__evidences_to_the_digits_shown(fits, fe_fits, form):
+    *_, sweep, fe = results_table()[form]
+    assert number(fe) == round(exact_evidence(fe_fits[form]), 2)
+    if form == "half-plane":
+        with pytest.raises(rb.InputError, match="circular"):
+            rb.calibrate(rb.paper_sweep(), rb.HalfPlane())
+    else:
+        assert number(sweep) == round(exact_evidence(fits[form]), 2)
+
+
+@pytest.mark.parametrize("form", ["classic", "modified", "hybrid"])
+def test_results_table__coefficients_to_the_digits_shown(fits, form):
+    shown = re.findall(r"(\w+) = ([\d.]+) ± ([\d.]+)", results_table()[form][1])
+    summary = fits[form].summary.set_index("parameter")
+    assert [name for name, _, _ in shown] == list(fits[form].form.parameter_names)
+    for name, mean, sd in shown:
+        # Half a unit of the last digit, and three Monte Carlo errors.
+        slack = 3 * summary.loc[name, "mcse_mean"]
+        for text, value in ((mean, summary.loc[name, "mean"]), (sd, summary.loc[name, "sd"])):
+            unit = 10.0 ** -len(text.partition(".")[2])
+            assert abs(float(text) - value) <= 0.5 * unit + slack, (name, text, value)
+
+
+def test_results_table__printed_coefficients_are_those_of_the_forms():
+    shown = {form: re.findall(r"[\d.]+", row[2]) for form, row in results_table().items()}
+    for form in (rb.Classic(), rb.Modified(), rb.Hybrid()):
+        assert tuple(map(float, shown[form.name])) == form.printed
+
+
+def test_bayes_factors_in_the_text__to_the_digits_shown(fits, fe_fits):
+    sweep = {name: exact_evidence(fit) for name, fit in fits.items()}
+    fe = {name: exact_evidence(fit) for name, fit in fe_fits.items()}
+    shown = [float(text) for text in re.findall(r"ln BF = ([\d.]+)", TEXT)]
+    assert shown == [
+        round(sweep["hybrid"] - sweep["modified"], 2),
+        round(fe["half-plane"] - fe["modified"], 1),
+        round(fe["modified"] - fe["hybrid"], 2),
+    ]
+    row = fe_fits["half-plane"].summary.set_index("parameter").loc["c"]
+    assert f"c = {row['mean']:.3f} ± {row['sd']:.3f}" in TEXT
+
+
+def test_prior_sensitivity_in_the_text__to_the_digits_shown(fits):
+    model = {name: fits[name].model for name in ("hybrid", "modified")}
+    factors = 10.0 ** np.linspace(-1, 1, 9)
+    ln_bf = []
+    for scale in (("c", "c1"), ("c2",), ("sigma",)):
+        for factor in factors:
+            value = {}
+            for name, original in model.items():
+                stretched = {
+                    p: q.stretched(factor) for p, q in original.priors.items() if p in scale
+                }
+                changed = original.with_priors(stretched)
+                value[name] = quadrature_evidence(
+                    changed.log_density, fit_laplace(changed), tol=1e-4
+                ).value
+            ln_bf.append(value["hybrid"] - value["modified"])
+    low, high = re.search(r"moves that from ([\d.]+) to (\d+\.\d+)", TEXT).groups()
+    assert (float(low), float(high)) == (round(min(ln_bf), 1), round(max(ln_bf), 1))
