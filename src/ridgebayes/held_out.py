@@ -1,0 +1,38 @@
+"""Held-out rows beside the bands that were predicted for them."""
+
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
+import pandas as pd
+
+from ridgebayes.bands import loads_table
+from ridgebayes.compare import Comparison
+
+# Figure, HTML and Markdown all ask for it.
+_known: "WeakKeyDictionary[Comparison, pd.DataFrame]" = WeakKeyDictionary()
+
+
+def held_out_loads(comparison: Comparison) -> pd.DataFrame:
+    """Return the predicted load of each held-out transition, and whether the observed one fits.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Fits and their table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `ridgebayes.bands.loads_table`, simulation bands of held-out rows only, with a column
+        ``inside``. Empty if no transition was held out.
+    """
+    if comparison not in _known:
+        held_out = comparison.table.held_out
+        loads = pd.DataFrame()
+        if len(held_out) and (held_out.column("kind") == "transition").any():
+            loads = loads_table(replace(comparison, table=held_out))
+            loads = loads[loads["kind_of_band"] == "simulation"].reset_index(drop=True)
+            observed = loads["p_over_E_observed"]
+            loads["inside"] = observed.between(loads["p_over_E_lower"], loads["p_over_E_upper"])
+        _known[comparison] = loads
+    return _known[comparison].copy()

@@ -1,0 +1,147 @@
+"""The report of a comparison: one self-contained HTML file, or one Markdown file.
+
+`write_report` arranges what a `Comparison` holds into sections (`report.sections` lists them), and
+a template lays them out. Everything that comes from a table is escaped.
+"""
+
+import base64
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ridgebayes.compare import Comparison
+from ridgebayes.errors import InputError
+from ridgebayes.figures import gallery
+from ridgebayes.report.blocks import Picture
+from ridgebayes.report.sections import contents
+from ridgebayes.report.verdict import verdict
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+__all__ = ["render_report", "write_report"]
+
+_TEMPLATES = {".html": "report.html.jinja", ".md": "report.md.jinja"}
+
+
+def write_report(
+    comparison: Comparison,
+    path: str | os.PathLike[str],
+    *,
+    reference: Comparison | None = None,
+) -> None:
+    """Write the report of a comparison into one file.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        As computed, or read back from a run folder: the report is the same.
+    path : str or path
+        Ends in ``.html`` (figures embedded, no scripts, no links to elsewhere) or ``.md`` (text
+        and tables). An existing file is replaced, whole or not at all.
+    reference : Comparison, optional
+        A second comparison, on finite-element rows, that gets a section of its own.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another, or the file cannot be written.
+
+    Notes
+    -----
+    Equal comparisons give equal bytes: no date, no path but the table's name.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import ridgebayes as rb
+    >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], rng=1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_report(cmp, f"{folder}/report.md")
+    ...     print(Path(folder, "report.md").read_text(encoding="utf-8").splitlines()[2])
+    **Hybrid is the form the evidence supports.**
+    """
+    target = Path(path)
+    suffix = target.suffix.lower()
+    if suffix not in _TEMPLATES:
+        raise InputError(f"{target}: suffix {target.suffix!r}; rule: a report ends in .html or .md")
+    content = render_report(comparison, suffix, reference=reference)
+    partial = target.with_name(f".{target.name}.partial")
+    try:
+        partial.write_text(content, encoding="utf-8", newline="\n")
+        os.replace(partial, target)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise InputError(f"{target}: cannot be written ({error.strerror})") from None
+
+
+def render_report(
+    comparison: Comparison, suffix: str = ".html", *, reference: Comparison | None = None
+) -> str:
+    """Return the text of a report; see `write_report`.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        What to report.
+    suffix : str, optional
+        ``.html`` or ``.md``.
+    reference : Comparison, optional
+        Second comparison.
+
+    Returns
+    -------
+    str
+        The whole file.
+    """
+    template = _environment(suffix).get_template(_TEMPLATES[suffix])
+    return template.render(verdict=verdict(comparison), sections=contents(comparison, reference))
+
+
+def _environment(suffix: str) -> "Environment":
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("ridgebayes"),
+        autoescape=suffix == ".html",
+        # Markdown has no entity for everything: what comes out of `{{ }}` is escaped by hand.
+        finalize=escaped_markdown if suffix == ".md" else None,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.globals["image"] = _data_uri
+    environment.filters["badge"] = _badge
+    return environment
+
+
+def _data_uri(picture: Picture) -> str:
+    """Return a figure to embed, or nothing where it does not apply to its comparison."""
+    plate = gallery(picture.owner).get(picture.name)
+    if plate is None:
+        return ""
+    return "data:image/png;base64," + base64.b64encode(plate.png).decode("ascii")
+
+
+def _badge(words: str) -> str:
+    """Return the class of a word that stands out."""
+    good, bad = (
+        {"confirmed", "converged", "inside"},
+        {"not confirmed", "did not converge", "outside"},
+    )
+    return "good" if words in good else "bad" if words in bad else "open"
+
+
+def escaped_markdown(value: object) -> str:
+    r"""Return text so that Markdown shows it as it is, in a table cell as well.
+
+    Examples
+    --------
+    >>> print(escaped_markdown("<script> a|b *c*"))
+    &lt;script&gt; a\|b \*c\*
+    """
+    text = " ".join(str(value).split()).replace("&", "&amp;")
+    text = text.replace("<", "&lt;").replace(">", "&gt;")
+    return re.sub(r"([\\`*\[\]|])", r"\\\1", text)

@@ -1,0 +1,234 @@
+"""Sections on the evidence: Bayes factors, prior sensitivity, leave-one-out scores."""
+
+import math
+
+import pandas as pd
+
+from ridgebayes.compare import Comparison
+from ridgebayes.ranking import best_form, ranked, sensitivity_factors
+from ridgebayes.report.blocks import Picture, Section, Table, Text, table
+from ridgebayes.report.names import form_name, parameter_name, said
+from ridgebayes.report.numbers import ABSENT, decimals, number, probability, with_error
+
+
+def evidence_section(comparison: Comparison) -> Section:
+    """Return log evidences, Bayes factors and how well the methods agree."""
+    blocks: list[Text | Table | Picture] = [ranking_table(comparison)]
+    if len(comparison.probabilities) > 1:
+        blocks.append(
+            Picture(
+                comparison,
+                "evidence",
+                "ln Bayes factor of each form against the best, by every method: the symbols lie on "
+                "one line where the methods agree. Monte Carlo errors are smaller than the symbols "
+                "unless a bar shows.",
+            )
+        )
+        blocks.append(pairs_table(comparison))
+    blocks.append(agreement_table(comparison))
+    return Section("Evidence", "evidence", tuple(blocks))
+
+
+def ranking_table(comparison: Comparison) -> Table:
+    """Return one row per form: evidence, factor against the best, probability."""
+    used = comparison.evidence[comparison.evidence["used"]].set_index("form")
+    best = best_form(comparison)
+    rows = []
+    for name in ranked(comparison):
+        fit = comparison.fits[name]
+        state = "yes" if fit.converged else "NO"
+        if name not in used.index or best is None:
+            rows.append([form_name(name), str(len(fit.summary)), ABSENT, ABSENT, ABSENT, state])
+            continue
+        own, top = used.loc[name], used.loc[best]
+        error = _hypot(own["log_evidence_se"], top["log_evidence_se"])
+        factor = own["log_evidence"] - top["log_evidence"]
+        rows.append(
+            [
+                form_name(name),
+                str(len(fit.summary)),
+                with_error(own["log_evidence"], own["log_evidence_se"]),
+                "0 (best)" if name == best else with_error(factor, error),
+                probability(own["model_probability"]),
+                state,
+            ]
+        )
+    rows += [[form_name(f), ABSENT, ABSENT, ABSENT, ABSENT, "FAILED"] for f in comparison.failures]
+    return table(
+        ["Form", "Parameters", "ln evidence", "ln BF against the best", "Probability", "Converged"],
+        rows,
+        "Natural logarithms; evidence of the log loads; probabilities at equal prior odds.",
+        text=(0, 5),
+        strong=(0,) if best is not None else (),
+    )
+
+
+def pairs_table(comparison: Comparison) -> Table:
+    """Return every Bayes factor, the favoured form first."""
+    rows = []
+    factors = comparison.bayes_factors
+    for row in factors.to_dict("records"):
+        ahead, behind = row["form_a"], row["form_b"]
+        if row["ln_bf"] < 0:
+            ahead, behind = behind, ahead
+        rows.append(
+            [
+                f"{form_name(ahead)} over {form_name(behind)}",
+                with_error(abs(row["ln_bf"]), row["ln_bf_se"]),
+                decimals(abs(row["log10_bf"]), 2),
+                row["method"],
+                said(row["reading"].partition(" (")[0].partition(";")[0] + " ").strip(),
+            ]
+        )
+    return table(
+        ["Pair", "ln BF", "log₁₀ BF", "Method", "Reading"],
+        rows,
+        "Bayes factors with Monte Carlo errors. Reading: Kass and Raftery (1995); undecided where "
+        "|ln BF| is under 1 or under two standard errors.",
+        text=(0, 3, 4),
+    )
+
+
+def agreement_table(comparison: Comparison) -> Table:
+    """Return the evidence by every method and the distance between them in standard errors."""
+    methods = list(dict.fromkeys(comparison.evidence["method"]))
+    others = [m for m in methods if m != "bridge"]
+    rows = []
+    for name in ranked(comparison):
+        own = comparison.evidence[comparison.evidence["form"] == name].set_index("method")
+        cells = [form_name(name)]
+        for method in ["bridge", *others]:
+            if method not in own.index:
+                cells.append(ABSENT)
+            elif own.loc[method, "status"] != "ok":
+                cells.append(str(own.loc[method, "status"]))
+            else:
+                row = own.loc[method]
+                cells.append(with_error(row["log_evidence"], row["log_evidence_se"]))
+        cells.append(_distance(own))
+        rows.append(cells)
+    return table(
+        ["Form", "bridge", *others, "bridge − quadrature, in standard errors"],
+        rows,
+        "The same ln evidence by independent methods: bridge from the draws, quadrature without "
+        "any draw, Laplace as a first look without an error.",
+    )
+
+
+def _distance(own: pd.DataFrame) -> str:
+    if not {"bridge", "quadrature"} <= set(own.index):
+        return ABSENT
+    a, b = own.loc["bridge"], own.loc["quadrature"]
+    error = _hypot(a["log_evidence_se"], b["log_evidence_se"])
+    return decimals((a["log_evidence"] - b["log_evidence"]) / error, 1) if error else ABSENT
+
+
+def _hypot(*errors: float) -> float:
+    return math.hypot(*(e for e in errors if e == e))
+
+
+def prior_section(comparison: Comparison) -> Section:
+    """Return the Bayes factors against every prior scale."""
+    best = best_form(comparison)
+    if best is None or len(comparison.probabilities) < 2:
+        return Section("Prior sensitivity", "priors", ())
+    factors = sensitivity_factors(comparison, best)
+    if not len(factors):
+        return Section("Prior sensitivity", "priors", ())
+    rows = []
+    for (prior, form), part in factors.groupby(["prior", "form"], sort=False):
+        ordered = part.sort_values("factor").dropna()
+        if not len(ordered):
+            continue
+        at_default = ordered.iloc[(ordered["factor"] - 1).abs().argmin()]
+        cells = (ordered["ln_bf"].iloc[0], at_default["ln_bf"], ordered["ln_bf"].iloc[-1])
+        name = "c and c₁" if prior == "c" else parameter_name(str(prior))
+        rows.append([name, form_name(str(form)), *(decimals(x, 2) for x in cells)])
+    low, high = factors["factor"].min(), factors["factor"].max()
+    return Section(
+        "Prior sensitivity",
+        "priors",
+        (
+            Text(
+                "A Bayes factor always depends on how wide the priors are. Here each prior's scale "
+                f"is run over a factor of {number(high / low, 3)} with everything else kept."
+            ),
+            Picture(
+                comparison,
+                "prior-sensitivity",
+                f"ln Bayes factor of each form against {form_name(best)}; above zero it would be "
+                "ahead. Dotted line: the default scale. The axis is linear within 5 of zero.",
+            ),
+            table(
+                [
+                    "Prior of",
+                    f"Form, against {form_name(best)}",
+                    f"ln BF, {number(low, 2)} × scale",
+                    "default",
+                    f"{number(high, 3)} × scale",
+                ],
+                rows,
+                text=(0, 1),
+            ),
+        ),
+    )
+
+
+def score_section(comparison: Comparison) -> Section:
+    """Return leave-one-out scores and stacking weights, and how to read them."""
+    scores = comparison.loo
+    if not len(scores):
+        return Section("Leave-one-out prediction", "loo", ())
+    scores = scores.sort_values("elpd", ascending=False)
+    rows = [
+        [
+            form_name(row["form"]),
+            with_error(row["elpd"], row["se"], 2),
+            decimals(row["p"], 1),
+            str(int(row["n_bad_k"])),
+            decimals(row["stacking_weight"], 3),
+        ]
+        for row in scores.to_dict("records")
+    ]
+    words = (
+        "How well each form predicts a row left out, given all others: expected log predictive "
+        "density, and the weights that would predict best as a mixture."
+    )
+    best, leader = best_form(comparison), str(scores["form"].iloc[0])
+    heaviest = str(scores.loc[scores["stacking_weight"].idxmax(), "form"])
+    if best is not None and len(scores) > 1:
+        if leader == best == heaviest:
+            words += " It agrees with the Bayes factors on the leading form."
+        else:
+            words += (
+                f" It favours {form_name(leader)} by score and {form_name(heaviest)} by weight, the "
+                f"Bayes factors {form_name(best)}. The two answer different questions: a Bayes "
+                "factor asks which form with its prior made all rows likely, leave-one-out which "
+                "fitted form predicts one more row of a texture it has already seen."
+            )
+    notes = [Text(words)]
+    if scores["n_bad_k"].sum():
+        notes.append(
+            Text(
+                "Rows with a Pareto k above 0.7 weigh so much on the posterior that their score is "
+                "a rough estimate; they are counted in the table.",
+                "note",
+            )
+        )
+    return Section(
+        "Leave-one-out prediction",
+        "loo",
+        (
+            *notes,
+            table(
+                [
+                    "Form",
+                    "elpd ± standard error",
+                    "Effective parameters",
+                    "Rows with k > 0.7",
+                    "Stacking weight",
+                ],
+                rows,
+            ),
+        ),
+    )

@@ -1,0 +1,95 @@
+"""Numbers as a reader wants them: the error to two digits, the value to match, never a raw NaN."""
+
+import math
+
+ABSENT = "–"
+
+
+def number(x: float, digits: int = 4) -> str:
+    """Return a number to some significant digits.
+
+    Examples
+    --------
+    >>> number(0.018009), number(1.3e-28, 2), number(float("nan")), number(-64.188, 4)
+    ('0.01801', '1.3 × 10⁻²⁸', '–', '−64.19')
+    """
+    if x is None or math.isnan(x):
+        return ABSENT
+    if math.isinf(x):
+        return "∞" if x > 0 else "−∞"
+    if x == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(x)))
+    if -5 <= exponent < 7:
+        decimals = max(digits - 1 - exponent, 0)
+        return _minus(f"{x:,.{decimals}f}" if exponent >= 4 else f"{x:.{decimals}f}")
+    mantissa, _, power = f"{x:.{max(digits - 1, 0)}e}".partition("e")
+    return _minus(f"{mantissa} × 10") + _superscript(int(power))
+
+
+def decimals(x: float, places: int) -> str:
+    """Return a number to a fixed number of decimals.
+
+    Examples
+    --------
+    >>> decimals(-0.0004, 2), decimals(float("nan"), 2)
+    ('0.00', '–')
+    """
+    if x is None or math.isnan(x):
+        return ABSENT
+    text = f"{x:.{places}f}"
+    return _minus(text if float(text) != 0 else f"{0:.{places}f}")
+
+
+def with_error(value: float, error: float, most: int = 4) -> str:
+    """Return value ± error, the error to two significant digits, at most so many decimals.
+
+    Examples
+    --------
+    >>> with_error(1.33707, 0.0099), with_error(83.386907, 1.9e-7), with_error(2.0, float("nan"))
+    ('1.3371 ± 0.0099', '83.3869 ± < 0.0001', '2.0000')
+    """
+    if value is None or math.isnan(value):
+        return ABSENT
+    if error is None or not math.isfinite(error) or error <= 0:
+        return decimals(value, most)
+    places = min(max(1 - math.floor(math.log10(error)), 0), most)
+    if error < 0.5 * 10.0**-most:
+        return f"{decimals(value, places)} ± < {10.0**-most:.{most}f}"
+    return f"{decimals(value, places)} ± {error:.{places}f}"
+
+
+def probability(p: float) -> str:
+    """Return a probability; never 1 or 0 by rounding.
+
+    Examples
+    --------
+    >>> probability(0.98927), probability(1.3e-28), probability(0.9999999)
+    ('0.989', '1.3 × 10⁻²⁸', '> 0.9999')
+    """
+    if p is None or math.isnan(p):
+        return ABSENT
+    if p > 0.9999 and p < 1:
+        return "> 0.9999"
+    if p > 0.999:
+        return decimals(p, 5)
+    return decimals(p, 3) if p >= 0.01 else number(p, 2)
+
+
+def count(n: int, noun: str, plural: str | None = None) -> str:
+    """Return a number of things in words that agree.
+
+    Examples
+    --------
+    >>> count(1, "row"), count(1200, "row")
+    ('1 row', '1,200 rows')
+    """
+    return f"{n:,} {noun if n == 1 else plural or noun + 's'}"
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", "−")
+
+
+def _superscript(n: int) -> str:
+    return str(n).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

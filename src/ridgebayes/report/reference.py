@@ -1,0 +1,54 @@
+"""The section on the finite-element rows, where the first-principles form stands trial as well."""
+
+from ridgebayes.compare import Comparison
+from ridgebayes.ranking import problems
+from ridgebayes.report.blocks import Picture, Section, Table, Text
+from ridgebayes.report.evidence import pairs_table, ranking_table
+from ridgebayes.report.numbers import decimals, with_error
+from ridgebayes.report.posterior import coefficients_section
+from ridgebayes.report.verdict import verdict
+
+
+def reference_section(reference: Comparison) -> Section:
+    """Return the comparison on finite-element rows in one section."""
+    answer = verdict(reference)
+    blocks: list[Text | Table | Picture] = [
+        Text(
+            "The same comparison on loads from finite-strain finite elements, made outside this "
+            "package. None of them came from the half-plane equation, so here that equation, which "
+            "has no coefficient to fit but a scale c that should be 1, is compared as well."
+        ),
+        Text(f"{answer.headline} {answer.sentence}", "strong"),
+        *(Text(words, "note") for words in answer.cautions),
+        *(Text(words, "warning") for words in problems(reference)),
+    ]
+    if "half-plane" in reference.fits:
+        blocks.append(Text(_scale(reference)))
+    blocks += [
+        ranking_table(reference),
+        Picture(reference, "evidence", "ln Bayes factors on the finite-element rows."),
+    ]
+    if len(reference.probabilities) > 1:
+        blocks.append(pairs_table(reference))
+    blocks += [
+        block for block in coefficients_section(reference).blocks if isinstance(block, Table)
+    ]
+    blocks.append(
+        Picture(
+            reference,
+            "percent-error",
+            "100 (p form / p data − 1) on the finite-element rows, held-out repeats included.",
+        )
+    )
+    return Section("Finite-element reference", "reference", tuple(blocks))
+
+
+def _scale(reference: Comparison) -> str:
+    row = reference.fits["half-plane"].summary.set_index("parameter").loc["c"]
+    load = 100 * (row["mean"] ** -2 - 1)
+    return (
+        f"Half-plane: c = {with_error(row['mean'], row['sd'], 6)} where theory says 1, "
+        f"{decimals(abs(row['mean'] - 1) / row['sd'], 1)} posterior standard deviations away. In "
+        f"load that is {decimals(load, 2)} %: a difference of the size by which finite strain "
+        "departs from small strain, not a fitted correction."
+    )

@@ -1,0 +1,97 @@
+"""The answer in a sentence, and what stands against trusting it."""
+
+from dataclasses import dataclass
+
+from ridgebayes.compare import Comparison
+from ridgebayes.ranking import best_form, problems, runner_up, sensitivity_factors
+from ridgebayes.report.names import form_name, said
+from ridgebayes.report.numbers import count, decimals, probability, with_error
+
+CAUTIONS = {
+    "rows are not independent": (
+        "Rows are not independent: the errors of a form repeat within a texture and from step to "
+        "step, so with independent noise posteriors come out too narrow and Bayes factors too loud."
+    )
+}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the first screen says.
+
+    Parameters
+    ----------
+    headline, sentence : str
+        The answer, and the numbers behind it.
+    cautions : tuple of str
+        What to bear in mind.
+    problems : tuple of str
+        Fits that failed or did not converge; a report with any is marked in red.
+    """
+
+    headline: str
+    sentence: str
+    cautions: tuple[str, ...]
+    problems: tuple[str, ...]
+
+
+def verdict(comparison: Comparison) -> Verdict:
+    """Return the verdict of a comparison."""
+    caution = comparison.noise.caution
+    cautions = [CAUTIONS.get(caution, caution)] if caution else []
+    if len(comparison.probabilities) > 1:
+        cautions += _robustness(comparison)
+    return Verdict(
+        _headline(comparison), _sentence(comparison), tuple(cautions), problems(comparison)
+    )
+
+
+def _headline(comparison: Comparison) -> str:
+    best, second = best_form(comparison), runner_up(comparison)
+    if best is None:
+        return "No form got a usable evidence."
+    if second is None:
+        return f"{form_name(best)} alone was weighed: there is nothing to compare it with."
+    if second.reading.startswith("undecided"):
+        return (
+            f"The evidence does not decide between {form_name(best)} and {form_name(second.form)}."
+        )
+    return f"{form_name(best)} is the form the evidence supports."
+
+
+def _sentence(comparison: Comparison) -> str:
+    best, second = best_form(comparison), runner_up(comparison)
+    rows = comparison.table.calibration
+    basis = f"{count(len(rows), 'row')} of {count(len(rows.textures), 'texture')}"
+    if best is None:
+        return f"{count(len(comparison.fits), 'form')} fitted to {basis}."
+    if second is None:
+        return f"Fitted to {basis}."
+    words = said(second.reading.partition(";")[0])
+    return (
+        f"Of the {len(comparison.probabilities)} forms compared on {basis}, "
+        f"{form_name(best)} has probability {probability(comparison.probabilities[best])} at equal "
+        f"prior odds. Its ln Bayes factor over {form_name(second.form)}, the next, is "
+        f"{with_error(second.ln_bf, second.ln_bf_se)}: {words}."
+    )
+
+
+def _robustness(comparison: Comparison) -> list[str]:
+    """Say how the Bayes factor against the next form moves with the prior scales."""
+    best, second = best_form(comparison), runner_up(comparison)
+    if best is None or second is None:
+        return []
+    factors = sensitivity_factors(comparison, best)
+    ours = -factors[factors["form"] == second.form]["ln_bf"].dropna()
+    if not len(ours):
+        return []
+    low, high = float(ours.min()), float(ours.max())
+    tail = (
+        f"{form_name(best)} stays ahead."
+        if low > 0
+        else f"for some prior scales {form_name(second.form)} is ahead."
+    )
+    return [
+        "With the scale of each prior in turn run over a factor of 100, the ln Bayes factor over "
+        f"{form_name(second.form)} lies between {decimals(low, 1)} and {decimals(high, 1)}: {tail}"
+    ]
