@@ -48,8 +48,9 @@ def sample_power_law(model: Model, *, seed: int) -> Chains:
         drawn = np.interp(rng.random(_SHAPE[1:]) * cdf[-1], cdf, log_sigma)
         for step in range(_SHAPE[1]):  # a step at a time bounds the memory
             mean, sd = conditional_log_k(model, np.exp(drawn[step]))
-            u[ensemble, step, :, :-1] = mean + sd * rng.standard_normal(mean.shape)
-        u[ensemble, ..., -1] = drawn
+            log_k = mean + sd * rng.standard_normal(mean.shape)
+            theta = np.concatenate([np.exp(log_k), np.exp(drawn[step])[:, None]], axis=1)
+            u[ensemble, step] = model.to_unconstrained(theta)
     log_density = np.stack([[model.log_density(step) for step in ensemble] for ensemble in u])
     tau = np.ones(model.n_parameter + 1)
     return Chains(u, log_density, np.ones(_SHAPE[0]), tau, ())

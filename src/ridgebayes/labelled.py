@@ -43,6 +43,8 @@ def groups_of(fit: Fit) -> dict[str, xr.Dataset]:
         "sample_stats": xr.Dataset(
             {
                 "lp": (("chain", "draw"), chains.log_density.reshape(flat)),
+                # Kept beside the parameters so that a fit read back is the same to the last bit.
+                "u": (("chain", "draw", "coordinate"), chains.u.reshape(*flat, n_parameter)),
                 "acceptance_rate": (("chain",), chains.acceptance),
                 "tau": (("quantity",), chains.tau),
             }
@@ -147,17 +149,11 @@ def read_netcdf(path: str | os.PathLike[str]) -> Fit:
         Noise(tree.attrs["noise"]),
         priors_from_json(tree.attrs["priors"]),
     )
-    posterior, stats = tree["posterior"], tree["sample_stats"]
-    columns = (
-        [posterior["K"].to_numpy(), posterior["sigma"].to_numpy()[..., None]]
-        if "K" in posterior
-        else [posterior[name].to_numpy()[..., None] for name in model.parameter_names]
-    )
-    theta = np.concatenate(columns, axis=-1)
-    n_walker = int(tree.attrs["n_walker"])
-    shape = (theta.shape[0], theta.shape[1] // n_walker, n_walker)
+    stats, n_walker = tree["sample_stats"], int(tree.attrs["n_walker"])
+    u = stats["u"].to_numpy()
+    shape = (u.shape[0], u.shape[1] // n_walker, n_walker)
     chains = Chains(
-        model.to_unconstrained(theta).reshape(*shape, -1),
+        u.reshape(*shape, -1),
         stats["lp"].to_numpy().reshape(shape),
         stats["acceptance_rate"].to_numpy(),
         stats["tau"].to_numpy(),

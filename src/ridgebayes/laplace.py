@@ -1,17 +1,14 @@
 r"""The normal approximation of a posterior, in coordinates that suit it.
 
-Given sigma, coefficients are known to a multiple of sigma: in unconstrained coordinates u the
-posterior is a funnel. In coordinates w with
+In unconstrained coordinates u (the prior's normal scores) a posterior is a funnel: the smaller
+sigma, the better the coefficients are known. Given sigma, a direction of the coefficients about
+which the rows hold the information d (at error variance 1) has the standard deviation
 
-    u_sigma = mode_sigma + w_sigma,   u_coefficient = mode_coefficient + w_coefficient t / t_mode,
+    s = (d / t^2 + 1)^(-1/2),      t^2 = sigma^2 + the rows' mean known variance,
 
-where t^2 = sigma^2 + the rows' mean known variance, it is nearly normal. The Jacobian moves the
-mode from the joint mode, where sigma is too small (and with few rows runs to zero), to the mode
-of sigma's own marginal.
-
-The search uses the analytic gradient on scaled parameters; the curvature is that gradient's central
-difference on a scale taken from the curvature itself, so that parameters of very different size (c1
-near 1.35, c2 near 0.017, correlated -0.96) are treated alike.
+the 1 being the prior's. In coordinates w, in which each such direction is measured in units of its
+own s, the posterior is nearly normal. The Jacobian moves the mode from the joint mode, where sigma
+is too small (and with few rows runs to zero), to the mode of sigma's own marginal.
 """
 
 import math
@@ -23,6 +20,54 @@ from scipy import linalg, optimize
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.likelihood import Model
+from ridgebayes.priors import Prior
+
+
+@dataclass(frozen=True, eq=False)
+class Funnel:
+    """How the scale of each direction of the coefficients depends on sigma.
+
+    Parameters
+    ----------
+    basis : ndarray of float, shape (n_coefficient, n_coefficient)
+        Orthonormal directions, in its columns.
+    information : ndarray of float, shape (n_coefficient,)
+        What the rows know of each at error variance 1.
+    known_variance : float
+        Mean squared known relative error of the rows.
+    sigma_prior : Prior
+        Says which sigma its unconstrained coordinate is.
+    """
+
+    basis: FloatArray
+    information: FloatArray
+    known_variance: float
+    sigma_prior: Prior
+
+    @classmethod
+    def of(cls, model: Model, u: FloatArray) -> "Funnel":
+        """Take the directions from the rows' information at `u`."""
+        information, basis = linalg.eigh(model.information(u))
+        known = float(np.mean(model.data.rel_se**2))
+        prior = model.priors["sigma"]
+        return cls(basis, np.maximum(information, 0.0), known, prior)
+
+    def log_scales(self, u_sigma: FloatArray) -> FloatArray:
+        """Return log s of each direction, shape ``u_sigma.shape + (n_coefficient,)``."""
+        variance = self._variance(u_sigma)[..., None]
+        with np.errstate(divide="ignore"):
+            return 0.5 * (np.log(variance) - np.log(self.information + variance))
+
+    def slope(self, u_sigma: float) -> float:
+        """Return d/du of the summed log scales."""
+        sigma = float(self.sigma_prior.value_at(u_sigma))
+        variance = float(self._variance(np.array(u_sigma)))
+        growth = 2 * sigma * float(self.sigma_prior.slope_at(u_sigma))
+        share = self.information / (self.information + variance)
+        return 0.5 * float(share.sum()) / max(variance, 1e-300) * growth
+
+    def _variance(self, u_sigma: FloatArray) -> FloatArray:
+        return self.sigma_prior.value_at(u_sigma) ** 2 + self.known_variance
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,22 +77,19 @@ class Laplace:
     Parameters
     ----------
     mode : ndarray of float, shape (n_parameter,)
-        Mode in the coordinates w, given in u.
+        Mode in the coordinates w, given in u; the coefficients, then sigma's coordinate.
     factor : ndarray of float, shape (n_parameter, n_parameter)
         Lower Cholesky factor of the covariance of w.
     log_density : float
         Log posterior density in u at the mode, not normalised.
-    n_coefficient : int
-        Parameters before this one are coefficients; the one at it is log sigma.
-    known_variance : float
-        Mean squared known relative error of the rows.
+    funnel : Funnel
+        The scales of w.
     """
 
     mode: FloatArray
     factor: FloatArray
     log_density: float
-    n_coefficient: int
-    known_variance: float = 0.0
+    funnel: Funnel
 
     def unwhiten(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return u at w = factor z, and log |du/dw|.
@@ -62,25 +104,23 @@ class Laplace:
         u : ndarray of float, shape (..., n_parameter)
             Unconstrained coordinates.
         log_jacobian : ndarray of float, shape (...)
-            log |du/dw|.
+            Log |du/dw|.
         """
         w = z @ self.factor.T
-        log_sigma = self.mode[self.n_coefficient] + w[..., self.n_coefficient]
-        log_scale = self._log_total(log_sigma) - self._log_total(self.mode[self.n_coefficient])
-        w[..., : self.n_coefficient] *= np.exp(log_scale)[..., None]
-        return self.mode + w, self.n_coefficient * log_scale
+        log_scale = self._log_scale(self.mode[-1] + w[..., -1])
+        w[..., :-1] = (w[..., :-1] @ self.funnel.basis * np.exp(log_scale)) @ self.funnel.basis.T
+        return self.mode + w, log_scale.sum(axis=-1)
 
     def whiten(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return z of u, and log |du/dw| there: the inverse of `unwhiten`."""
         w = u - self.mode
-        n = self.n_coefficient
-        log_scale = self._log_total(u[..., n]) - self._log_total(self.mode[n])
-        w[..., :n] *= np.exp(-log_scale)[..., None]
+        log_scale = self._log_scale(u[..., -1])
+        w[..., :-1] = (w[..., :-1] @ self.funnel.basis * np.exp(-log_scale)) @ self.funnel.basis.T
         flat = w.reshape(-1, w.shape[-1]).T
-        return _solve_lower(self.factor, flat).T.reshape(w.shape), n * log_scale
+        return _solve_lower(self.factor, flat).T.reshape(w.shape), log_scale.sum(axis=-1)
 
-    def _log_total(self, log_sigma: FloatArray) -> FloatArray:
-        return 0.5 * np.log(np.exp(2 * log_sigma) + self.known_variance)
+    def _log_scale(self, u_sigma: FloatArray) -> FloatArray:
+        return self.funnel.log_scales(u_sigma) - self.funnel.log_scales(self.mode[-1])
 
     @property
     def log_volume(self) -> float:
@@ -119,68 +159,70 @@ def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
     zero, where the approximation is undefined; the search says so instead of returning a point on
     the way.
     """
-    # One unit of each search coordinate is about one prior sd.
-    scale = np.array(
-        [1.0 if prior.positive else prior.scale for prior in model.priors.values()], dtype=float
-    )
-
-    n, known = model.n_coefficient, float(np.mean(model.data.rel_se**2))
-
-    # The density in w is that in u times the Jacobian (t / t_mode)^n, t^2 = sigma^2 + known.
-    def negative(x: FloatArray) -> float:
-        total = math.exp(2 * min(x[n], 300.0)) + known
-        value = -float(model.log_density(x * scale)) - 0.5 * n * math.log(total)
-        return value if math.isfinite(value) else 1e300
-
-    def gradient(x: FloatArray) -> FloatArray:
-        slope = -model.log_density_gradient(x * scale) * scale
-        variance = math.exp(2 * min(x[n], 300.0))
-        slope[n] -= n * variance / (variance + known)
-        return slope
-
-    def hessian(x: FloatArray) -> FloatArray:
-        return _curvature(gradient, x)
-
-    found = optimize.minimize(
-        negative,
-        model.start / scale,
-        jac=gradient,
-        hess=hessian,
-        method="trust-exact",
-        options={"gtol": 1e-6, "maxiter": 500},
-    )
-    precision = hessian(found.x)
+    u = np.zeros(model.n_parameter)
+    for _ in range(2):  # directions of the funnel at the prior's centre, then at the mode
+        funnel = Funnel.of(model, u)
+        u = _search(model, funnel, u)
+    precision = _curvature(model, funnel, u)
     try:
         root = linalg.cholesky(precision, lower=True)
-    except linalg.LinAlgError:
+    except (linalg.LinAlgError, ValueError):
         root = np.full_like(precision, np.nan)
     # How far the mode still is, in posterior sds: the search's own flag gives up on rounding.
-    decrement = np.linalg.norm(_solve_lower(root, gradient(found.x)))
-    if not decrement < tol or np.any(np.abs(found.x * scale - model.start) > 50):
+    decrement = np.linalg.norm(_solve_lower(root, _gradient(model, funnel, u)))
+    if not decrement < tol:
         raise ComputationError(
-            f"{model.form.name}: the posterior has no interior mode ({found.message}); "
+            f"{model.form.name}: the posterior has no interior mode; "
             "rows that a form fits without misfit send sigma to 0"
         )
-    covariance = linalg.cho_solve((root, True), np.eye(len(scale)))
-    factor = scale[:, None] * linalg.cholesky(covariance, lower=True)
-    mode = found.x * scale
-    return Laplace(mode, factor, float(model.log_density(mode)), n, known)
+    covariance = linalg.cho_solve((root, True), np.eye(len(u)))
+    factor = linalg.cholesky(covariance, lower=True)
+    return Laplace(u, factor, float(model.log_density(u)), funnel)
 
 
-def _solve_lower(factor: FloatArray, right: FloatArray) -> FloatArray:
-    return linalg.solve_triangular(factor, right, lower=True, check_finite=False)
+def _search(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
+    """Return the minimiser of minus the log density in w, as far as the search gets."""
+
+    def negative(u: FloatArray) -> float:
+        value = -float(model.log_density(u)) - float(funnel.log_scales(u[-1]).sum())
+        return value if math.isfinite(value) else 1e300
+
+    try:
+        return optimize.minimize(
+            negative,
+            start,
+            jac=lambda u: _gradient(model, funnel, u),
+            hess=lambda u: _curvature(model, funnel, u),
+            method="trust-exact",
+            options={"gtol": 1e-6, "maxiter": 500},
+        ).x
+    except ValueError:  # a curvature that is not finite: sigma has run away
+        return np.full_like(start, np.nan)
 
 
-def _curvature(gradient, x: FloatArray) -> FloatArray:  # type: ignore[no-untyped-def]
+def _gradient(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:
+    with np.errstate(all="ignore"):
+        slope = -model.log_density_gradient(u)
+        slope[-1] -= funnel.slope(u[-1])
+    return slope
+
+
+def _curvature(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:
     """Hessian by central differences of the gradient, one step size per coordinate."""
-    n = len(x)
+    n = len(u)
     hessian = np.empty((n, n))
     for i in range(n):
         # A rough curvature first, then a step of a hundredth of the width that it implies:
         # truncation 1e-4 of the third derivative's effect, rounding far below it.
         probe = np.zeros(n)
         probe[i] = 1e-5
-        rough = abs((gradient(x + probe)[i] - gradient(x - probe)[i]) / 2e-5)
-        probe[i] = 1e-2 / math.sqrt(max(rough, 1e-4))
-        hessian[i] = (gradient(x + probe) - gradient(x - probe)) / (2 * probe[i])
+        up, down = _gradient(model, funnel, u + probe), _gradient(model, funnel, u - probe)
+        rough = abs(up[i] - down[i]) / 2e-5
+        probe[i] = 1e-2 / math.sqrt(max(rough, 1e-4)) if math.isfinite(rough) else 1e-5
+        up, down = _gradient(model, funnel, u + probe), _gradient(model, funnel, u - probe)
+        hessian[i] = (up - down) / (2 * probe[i])
     return 0.5 * (hessian + hessian.T)
+
+
+def _solve_lower(factor: FloatArray, right: FloatArray) -> FloatArray:
+    return linalg.solve_triangular(factor, right, lower=True, check_finite=False)

@@ -12,12 +12,11 @@ a call costs O(textures) whatever the number of rows.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.forms import Form, Texture, reduced_load
 from ridgebayes.noise import Noise
@@ -128,8 +127,8 @@ class Model:
     Notes
     -----
     `theta` holds the coefficients and then the error model's parameters on its last axis; any
-    leading axes are draws. `u` is the same in unconstrained coordinates: the logarithm of each
-    positive parameter, the parameter itself otherwise.
+    leading axes are draws. `u` is the same in unconstrained coordinates: the prior's normal scores,
+    in which the prior is a standard normal.
     """
 
     def __init__(
@@ -173,11 +172,6 @@ class Model:
         """Coefficients of the form; the error model's parameters follow them, sigma first."""
         return len(self.form.parameter_names)
 
-    @property
-    def positive(self) -> BoolArray:
-        """Which parameters are positive and sampled by their logarithm, shape (n_parameter,)."""
-        return self._joint.positive
-
     def with_priors(self, priors: Mapping[str, Prior]) -> "Model":
         """Return the model with some priors replaced, the data statistics shared."""
         return Model(self.data, self.form, self.noise, {**self.priors, **priors})
@@ -213,43 +207,54 @@ class Model:
 
     def to_theta(self, u: FloatArray) -> FloatArray:
         """Return parameters from unconstrained coordinates."""
-        with np.errstate(over="ignore"):
-            return np.where(self.positive, np.exp(np.where(self.positive, u, 0.0)), u)
+        return self._joint.at_scores(u)
 
     def to_unconstrained(self, theta: FloatArray) -> FloatArray:
         """Return unconstrained coordinates of parameters."""
-        return np.where(self.positive, np.log(np.where(self.positive, theta, 1.0)), theta)
+        return self._joint.scores(theta)
 
     def log_density(self, u: FloatArray) -> FloatArray:
         """Return the log posterior density in `u`, not normalised, shape ``u.shape[:-1]``.
 
-        The Jacobian of the logarithms is in it, so its integral over `u` is the evidence.
+        Its integral over `u` is the evidence.
         """
-        theta = self.to_theta(u)
-        value = self.log_prior(theta) + (u * self.positive).sum(axis=-1)
-        with np.errstate(invalid="ignore"):
-            value = value + self.log_likelihood(theta)
+        log_prior = -0.5 * ((u * u).sum(axis=-1) + u.shape[-1] * math.log(2 * math.pi))
+        value = log_prior + self.log_likelihood(self.to_theta(u))
         return np.where(np.isnan(value), -np.inf, value)
 
     def log_density_gradient(self, u: FloatArray) -> FloatArray:
         """Return d log_density / d u where it is finite, shape of `u`."""
-        theta, group = self.to_theta(u), self.groups
-        r = group.mean + 2 * self.log_rates(theta)[..., group.texture]
-        variance = theta[..., -1:] ** 2 + group.rel_se**2
-        by_rate = -2 * group.n * r / variance
+        theta, groups = self.to_theta(u), self.groups
+        r = groups.mean + 2 * self.log_rates(theta)[..., groups.texture]
+        variance = theta[..., -1:] ** 2 + groups.rel_se**2
+        by_rate = -2 * groups.n * r / variance
         by_theta = self.form.log_rate_gradient(theta[..., :-1], self._a, self._b)
-        gradient = self._joint.log_pdf_gradient(theta)
-        gradient[..., :-1] += np.einsum(
-            "...g,...gp->...p", by_rate, by_theta[..., group.texture, :]
+        gradient = np.empty(theta.shape)
+        gradient[..., :-1] = np.einsum(
+            "...g,...gp->...p", by_rate, by_theta[..., groups.texture, :]
         )
-        misfit = (group.sum_of_squares + group.n * r * r) / variance
-        gradient[..., -1] += theta[..., -1] * ((misfit - group.n) / variance).sum(axis=-1)
-        return np.where(self.positive, gradient * theta + 1, gradient)
+        misfit = (groups.sum_of_squares + groups.n * r * r) / variance
+        gradient[..., -1] = theta[..., -1] * ((misfit - groups.n) / variance).sum(axis=-1)
+        return gradient * self._joint.at_scores_slope(u, theta) - u
 
-    @cached_property
-    def start(self) -> FloatArray:
-        """A feasible point of unconstrained coordinates near the prior's centre."""
-        return self.to_unconstrained(np.array([p.centre for p in self.priors.values()]))
+    def information(self, u: FloatArray) -> FloatArray:
+        """Return the rows' Fisher information of the coefficients for an error variance of 1.
+
+        Parameters
+        ----------
+        u : ndarray of float, shape (n_parameter,)
+            Unconstrained coordinates.
+
+        Returns
+        -------
+        ndarray of float, shape (n_coefficient, n_coefficient)
+            In unconstrained coordinates; over the error variance it is that of the likelihood.
+        """
+        theta = self.to_theta(u)
+        slope = self._joint.at_scores_slope(u, theta)[:-1]
+        jacobian = 2 * self.form.log_rate_gradient(theta[:-1], self._a, self._b) * slope
+        n = np.bincount(self.groups.texture, self.groups.n, len(self._a))
+        return (jacobian.T * n) @ jacobian
 
 
 @dataclass(frozen=True, eq=False)

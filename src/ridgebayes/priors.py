@@ -2,6 +2,10 @@
 
 Each prior is a small frozen record with a normalised log density. `stretched` widens it by a
 factor, which is how Bayes factors are shown against every prior scale.
+
+Sampling and integration run in normal scores: u is where a standard normal has the prior's
+probability. There every prior is a standard normal, a scale that tends to zero falls off like one
+too, and nothing is cut off: tails are computed from log probabilities, not from a unit cube.
 """
 
 import math
@@ -11,6 +15,7 @@ from dataclasses import asdict, astuple, dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from scipy import special
 
 from ridgebayes._types import FloatArray, Json
 from ridgebayes.errors import InputError
@@ -24,8 +29,8 @@ HERTZ = 1.382  # the smooth Hertz coefficient at nu = 0.5, as the paper prints i
 class Prior(ABC):
     """One parameter's prior density.
 
-    `positive` says whether the parameter lives on (0, inf) and is sampled by its logarithm, or on
-    the whole line. `scale_name` is the field that says how wide the prior is.
+    `positive` says whether the parameter lives on (0, inf) or on the whole line. `scale_name` is
+    the field that says how wide the prior is.
     """
 
     kind: ClassVar[str]
@@ -46,21 +51,34 @@ class Prior(ABC):
 
     @staticmethod
     @abstractmethod
-    def log_density_slope(x: Any, *fields: Any) -> FloatArray:
-        """Return d log_density / dx inside the support."""
+    def at_score(u: Any, *fields: Any) -> FloatArray:
+        """Return the value whose prior probability is a standard normal's at `u`."""
+
+    @staticmethod
+    @abstractmethod
+    def score(x: Any, *fields: Any) -> FloatArray:
+        """Return the normal score of a value inside the support: the inverse of `at_score`."""
+
+    @staticmethod
+    @abstractmethod
+    def at_score_slope(u: Any, x: Any, *fields: Any) -> FloatArray:
+        """Return dx/du at a score and its value."""
 
     def log_pdf(self, x: FloatArray) -> FloatArray:
         """Return the log density at `x`, elementwise; -inf outside the support."""
         return self.log_density(x, *astuple(self))
 
+    def value_at(self, u: FloatArray | float) -> FloatArray:
+        """Return the value at normal score `u`, elementwise."""
+        return self.at_score(u, *astuple(self))
+
+    def slope_at(self, u: FloatArray | float) -> FloatArray:
+        """Return d value_at / du, elementwise."""
+        return self.at_score_slope(u, self.value_at(u), *astuple(self))
+
     @abstractmethod
     def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
         """Return `size` draws, shape (size,)."""
-
-    @property
-    @abstractmethod
-    def centre(self) -> float:
-        """A point of high density inside the support, where searches start."""
 
     @property
     def scale(self) -> float:
@@ -102,16 +120,23 @@ class LogNormal(Prior):
         return np.where(np.greater(x, 0), value, -np.inf)
 
     @staticmethod
-    def log_density_slope(x: Any, *fields: Any) -> FloatArray:
+    def at_score(u: Any, *fields: Any) -> FloatArray:
         median, log_sd = fields
-        return -(np.log(x / median) / log_sd**2 + 1) / x
+        with np.errstate(over="ignore"):
+            return median * np.exp(log_sd * u)
+
+    @staticmethod
+    def score(x: Any, *fields: Any) -> FloatArray:
+        median, log_sd = fields
+        return np.log(x / median) / log_sd
+
+    @staticmethod
+    def at_score_slope(u: Any, x: Any, *fields: Any) -> FloatArray:
+        _, log_sd = fields
+        return log_sd * x
 
     def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
         return self.median * np.exp(self.log_sd * rng.standard_normal(size))
-
-    @property
-    def centre(self) -> float:
-        return self.median
 
 
 @dataclass(frozen=True)
@@ -137,16 +162,22 @@ class Normal(Prior):
         return -0.5 * z * z - np.log(sd) - 0.5 * _LOG_2PI
 
     @staticmethod
-    def log_density_slope(x: Any, *fields: Any) -> FloatArray:
+    def at_score(u: Any, *fields: Any) -> FloatArray:
         mean, sd = fields
-        return -(np.asarray(x) - mean) / sd**2
+        return mean + sd * np.asarray(u)
+
+    @staticmethod
+    def score(x: Any, *fields: Any) -> FloatArray:
+        mean, sd = fields
+        return (np.asarray(x) - mean) / sd
+
+    @staticmethod
+    def at_score_slope(u: Any, x: Any, *fields: Any) -> FloatArray:
+        _, sd = fields
+        return sd + 0 * np.asarray(u)
 
     def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
         return self.mean + self.sd * rng.standard_normal(size)
-
-    @property
-    def centre(self) -> float:
-        return self.mean
 
 
 @dataclass(frozen=True)
@@ -172,16 +203,34 @@ class HalfNormal(Prior):
         return np.where(np.greater(x, 0), value, -np.inf)
 
     @staticmethod
-    def log_density_slope(x: Any, *fields: Any) -> FloatArray:
+    def at_score(u: Any, *fields: Any) -> FloatArray:
         (sd,) = fields
-        return -np.asarray(x) / sd**2
+        u = np.asarray(u, dtype=float)
+        # The smaller of P(X <= x) = erf(x / sd sqrt 2) and its complement, so that none cancels.
+        tail = special.ndtr(-np.abs(u))
+        z = math.sqrt(2) * np.where(u < 0, special.erfinv(tail), special.erfcinv(tail))
+        if np.any(far := u > 35):  # where even the tail underflows, its logarithm does not
+            log_half_tail = special.log_ndtr(-np.where(far, u, 0)) - math.log(2)
+            z = np.where(far, -special.ndtri_exp(log_half_tail), z)
+        return sd * z
+
+    @staticmethod
+    def score(x: Any, *fields: Any) -> FloatArray:
+        (sd,) = fields
+        z = np.asarray(x) / sd
+        with np.errstate(divide="ignore"):
+            low = special.ndtri_exp(np.log(special.erf(z / math.sqrt(2))))
+        high = -special.ndtri_exp(np.minimum(special.log_ndtr(-z) + math.log(2), 0.0))
+        return np.where(z < 0.67, low, high)
+
+    @staticmethod
+    def at_score_slope(u: Any, x: Any, *fields: Any) -> FloatArray:
+        (sd,) = fields
+        z = np.asarray(x) / sd
+        return 0.5 * sd * np.exp(0.5 * (z - u) * (z + u))  # standard normal over this density
 
     def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
         return np.abs(self.sd * rng.standard_normal(size))
-
-    @property
-    def centre(self) -> float:
-        return 0.5 * self.sd
 
 
 class JointPrior:
@@ -195,7 +244,6 @@ class JointPrior:
 
     def __init__(self, priors: Iterable[Prior]) -> None:
         self._priors = tuple(priors)
-        self.positive = np.array([prior.positive for prior in self._priors])
         self._groups: list[tuple[type[Prior], list[int], list[FloatArray]]] = []
         for kind in dict.fromkeys(type(prior) for prior in self._priors):
             columns = [i for i, prior in enumerate(self._priors) if type(prior) is kind]
@@ -209,12 +257,26 @@ class JointPrior:
             total += kind.log_density(theta[..., columns], *fields).sum(axis=-1)
         return total
 
-    def log_pdf_gradient(self, theta: FloatArray) -> FloatArray:
-        """Return d log_pdf / d theta, shape of `theta`."""
-        gradient = np.empty(theta.shape)
+    def at_scores(self, u: FloatArray) -> FloatArray:
+        """Return the parameters at normal scores `u`, shape of `u`."""
+        theta = np.empty(u.shape)
         for kind, columns, fields in self._groups:
-            gradient[..., columns] = kind.log_density_slope(theta[..., columns], *fields)
-        return gradient
+            theta[..., columns] = kind.at_score(u[..., columns], *fields)
+        return theta
+
+    def scores(self, theta: FloatArray) -> FloatArray:
+        """Return the normal scores of parameters, shape of `theta`."""
+        u = np.empty(theta.shape)
+        for kind, columns, fields in self._groups:
+            u[..., columns] = kind.score(theta[..., columns], *fields)
+        return u
+
+    def at_scores_slope(self, u: FloatArray, theta: FloatArray) -> FloatArray:
+        """Return d theta / du of each parameter, shape of `u`."""
+        slope = np.empty(u.shape)
+        for kind, columns, fields in self._groups:
+            slope[..., columns] = kind.at_score_slope(u[..., columns], theta[..., columns], *fields)
+        return slope
 
     def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
         """Return draws of all parameters, shape (size, n_parameter)."""

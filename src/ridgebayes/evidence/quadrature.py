@@ -17,12 +17,15 @@ from ridgebayes.laplace import Laplace
 
 _OUTSIDE = -24.0  # log density relative to the peak that may be cut off at a face of the box
 _HALF_WIDTH_MAX = 200.0  # with known errors sigma may go to 0, and log sigma has a long tail
-_POINTS_MAX = 40_000_000
 _CHUNK = 100_000
 
 
 def quadrature_evidence(
-    log_density: Callable[[FloatArray], FloatArray], laplace: Laplace, *, tol: float = 1e-6
+    log_density: Callable[[FloatArray], FloatArray],
+    laplace: Laplace,
+    *,
+    tol: float = 1e-6,
+    points_max: int = 20_000_000,
 ) -> LogEvidence:
     """Integrate a posterior of up to four parameters.
 
@@ -34,6 +37,8 @@ def quadrature_evidence(
         Its whitened coordinates are integrated over.
     tol : float, optional
         The step is halved until the log evidence changes by less.
+    points_max : int, optional
+        Size of the finest grid; one that needs more counts as failed.
 
     Returns
     -------
@@ -61,7 +66,7 @@ def quadrature_evidence(
     step, before = 1.0, math.nan
     while True:
         axes = [np.arange(low, high + step / 2, step) for low, high in box]
-        if math.prod(map(len, axes)) > _POINTS_MAX:
+        if math.prod(map(len, axes)) > points_max:
             return _failed(f"the log evidence still changes by more than {tol:g}")
         value = _sum(in_z, axes) + n_parameter * math.log(step)
         if abs(value - before) < tol:

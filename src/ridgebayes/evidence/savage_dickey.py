@@ -7,6 +7,7 @@ quadrature, not from a kernel estimate.
 """
 
 import math
+from dataclasses import astuple
 
 import numpy as np
 from scipy.special import logsumexp
@@ -42,9 +43,10 @@ def savage_dickey(fit: Fit) -> LogEvidence:
 
     Notes
     -----
-    With w = log c1 + beta c2, beta chosen so that w and c2 are uncorrelated, the density
-    p(c2 = 0 | w) hardly depends on w, and its average over the draws of w is the marginal density
-    with little Monte Carlo error. Given w, c2 and sigma are integrated on a grid.
+    With u1, u2 the coordinates of c1 and c2 and w = u1 + beta u2, beta chosen so that w and u2 are
+    uncorrelated, the density p(c2 = 0 | w) hardly depends on w, and its average over the draws of
+    w is the marginal density with little Monte Carlo error. Given w, c2 and sigma are integrated
+    on a grid.
 
     References
     ----------
@@ -58,7 +60,7 @@ def savage_dickey(fit: Fit) -> LogEvidence:
     if model.priors["c1"] != nested:
         raise InputError(f"prior of 'c1': {model.priors['c1']} given; rule: Modified's, {nested}")
     chains = fit.kept_chains
-    u = chains.u  # log c1, c2, log sigma
+    u = chains.u  # coordinates of c1, c2, sigma
     flat = u.reshape(-1, 3)
     covariance = np.cov(flat.T)
     beta = -covariance[0, 1] / covariance[1, 1]
@@ -70,7 +72,8 @@ def savage_dickey(fit: Fit) -> LogEvidence:
     log_posterior = math.log(shifted.mean()) + log_conditional.max()
     relative = shifted.std() / shifted.mean()
     se = relative / math.sqrt(float(effective_sample_size(shifted))) if relative else 0.0
-    log_prior = float(model.priors["c2"].log_pdf(np.array(0.0)))
+    # Prior and posterior density are both of the coordinate of c2: its Jacobian cancels.
+    log_prior = -0.5 * _zero(fit) ** 2 - 0.5 * math.log(2 * math.pi)
     return LogEvidence("savage-dickey", log_prior - log_posterior, max(se, 1e-12))
 
 
@@ -81,14 +84,21 @@ def _nodes(w: FloatArray) -> FloatArray:
 def _log_density_at_zero(fit: Fit, w: float, beta: float) -> float:
     """Return log p(c2 = 0 | w), sigma integrated out."""
     flat = fit.chains.u.reshape(-1, 3)
-    c2 = _grid(flat[:, 1], include=0.0)
-    log_sigma = _grid(flat[:, 2], include=None)
-    c2_mesh, sigma_mesh = np.meshgrid(c2, log_sigma, indexing="ij")
+    zero = _zero(fit)
+    c2, sigma = _grid(flat[:, 1], include=zero), _grid(flat[:, 2], include=None)
+    c2_mesh, sigma_mesh = np.meshgrid(c2, sigma, indexing="ij")
     points = np.stack([w - beta * c2_mesh, c2_mesh, sigma_mesh], axis=-1)
     values = fit.model.log_density(points)
-    at_zero = np.stack([np.full_like(log_sigma, w), np.zeros_like(log_sigma), log_sigma], axis=-1)
+    at_zero = np.empty((len(sigma), 3))
+    at_zero[:, 0], at_zero[:, 1], at_zero[:, 2] = w - beta * zero, zero, sigma
     numerator = logsumexp(fit.model.log_density(at_zero))
     return float(numerator - logsumexp(values) - math.log(c2[1] - c2[0]))
+
+
+def _zero(fit: Fit) -> float:
+    """Return the coordinate of c2 = 0."""
+    prior = fit.model.priors["c2"]
+    return float(prior.score(0.0, *astuple(prior)))
 
 
 def _grid(draws: FloatArray, include: float | None) -> FloatArray:
