@@ -27,7 +27,7 @@ def bands_table(
     *,
     textures: Sequence[Texture] | None = None,
     loads: FloatArray | None = None,
-    nu: float = 0.5,
+    nu: float | None = None,
     forms: Sequence[str] | None = None,
     prob: float = 0.9,
 ) -> pd.DataFrame:
@@ -42,7 +42,7 @@ def bands_table(
     loads : ndarray of float, shape (n_load,), dimensionless, optional
         p/E; 200 log-spaced over the table's range if not given.
     nu : float, optional
-        Poisson's ratio.
+        Poisson's ratio; if not given each texture's own in the table, 0.5 where it has none.
     forms : sequence of str, optional
         Names of fitted forms or ``average``; all and ``average`` if not given.
     prob : float, optional
@@ -62,17 +62,20 @@ def bands_table(
     """
     if not 0 < prob < 1:
         raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1")
-    a, b = np.array(textures if textures is not None else comparison.table.textures).T[:, :, None]
+    chosen = comparison.table.textures if textures is None else tuple(textures)
+    a, b = np.array(chosen).T[:, :, None]
+    own = _own_nu(comparison) if nu is None else {}
+    poisson = np.array([[own.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
     p = (default_loads(comparison) if loads is None else np.asarray(loads, dtype=float))[None]
     blocks = []
     for kind in KINDS:
         parts = {
-            name: predict_q(fit, a, b, p, nu=nu, kind=kind)
+            name: predict_q(fit, a, b, p, nu=poisson, kind=kind)
             for name, fit in comparison.fits.items()
             if _is_needed(name, forms)
         }
         for name, q in _with_average(comparison, parts, forms):
-            blocks.append(_band_rows(name, comparison.noise.name, kind, a, b, nu, p, q, prob))
+            blocks.append(_band_rows(name, comparison.noise.name, kind, a, b, poisson, p, q, prob))
     return _trimmed(pd.concat(blocks, ignore_index=True))
 
 
@@ -130,6 +133,13 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
     return pd.concat(blocks, ignore_index=True)
 
 
+def _own_nu(comparison: Comparison) -> dict[Texture, float]:
+    """Return the first Poisson's ratio that each texture has in the table."""
+    rows = comparison.table.frame.drop_duplicates(["a_over_R", "b_over_R"])
+    columns = (rows[name].tolist() for name in ("a_over_R", "b_over_R", "nu"))
+    return {(a, b): nu for a, b, nu in zip(*columns, strict=True)}
+
+
 def _is_needed(name: str, forms: Sequence[str] | None) -> bool:
     return forms is None or AVERAGE in forms or name in forms
 
@@ -155,7 +165,7 @@ def _band_rows(
     kind: str,
     a: FloatArray,
     b: FloatArray,
-    nu: float,
+    nu: FloatArray,
     p: FloatArray,
     q: QDistribution,
     prob: float,
@@ -168,7 +178,7 @@ def _band_rows(
         "kind_of_band": kind,
         "a_over_R": np.broadcast_to(a, shape).ravel(),
         "b_over_R": np.broadcast_to(b, shape).ravel(),
-        "nu": nu,
+        "nu": np.broadcast_to(nu, shape).ravel(),
         "p_over_E": np.broadcast_to(p, shape).ravel(),
         "q_mean": q.mean().ravel(),
         "q_median": q.median().ravel(),

@@ -87,7 +87,7 @@ class Comparison:
         b_over_R: float | FloatArray,
         p_over_E: float | FloatArray,
         *,
-        nu: float = 0.5,
+        nu: float | FloatArray = 0.5,
         kind: str = "simulation",
     ) -> QDistribution:
         """Return the distribution of Q averaged over the forms by their probability."""

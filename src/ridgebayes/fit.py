@@ -106,7 +106,7 @@ class Fit:
         b_over_R: float | FloatArray,
         p_over_E: float | FloatArray,
         *,
-        nu: float = 0.5,
+        nu: float | FloatArray = 0.5,
         kind: str = "simulation",
     ) -> "QDistribution":
         """Return the posterior predictive of Q; see `ridgebayes.predict.predict_q`."""

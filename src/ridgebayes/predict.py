@@ -34,7 +34,7 @@ def predict_q(
     b_over_R: float | FloatArray,
     p_over_E: float | FloatArray,
     *,
-    nu: float = 0.5,
+    nu: float | FloatArray = 0.5,
     kind: str = "simulation",
 ) -> QDistribution:
     """Return the posterior predictive distribution of Q.
@@ -45,7 +45,7 @@ def predict_q(
         Posterior.
     a_over_R, b_over_R, p_over_E : array_like of float, broadcastable, dimensionless
         Textures and loads; the result has their broadcast shape.
-    nu : float, optional
+    nu : array_like of float, broadcastable, dimensionless
         Poisson's ratio.
     kind : str, optional
         ``simulation`` with the error model, ``curve`` for the form's own count.

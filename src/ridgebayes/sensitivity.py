@@ -59,4 +59,4 @@ def _deterministic_evidence(model: Model) -> float:
         laplace = fit_laplace(model)
     except ComputationError:
         return math.nan
-    return quadrature_evidence(model.log_density, laplace, tol=1e-4, points_max=1_000_000).value
+    return quadrature_evidence(model.log_density, laplace, tol=1e-3, points_max=1_000_000).value
