@@ -22,7 +22,7 @@ _HOME = {
     "InputError": "errors",
     "RidgebayesError": "errors",
     "Scene": "scene",
-    "generate": "generate",
+    "generate": "generation",
     "ContactTable": "table",
     "read_table": "table",
     "paper_sweep": "datafiles",
@@ -40,8 +40,8 @@ _HOME = {
     "SampleSettings": "sample",
     "QDistribution": "qdistribution",
     "LoadDistribution": "loads",
-    "Comparison": "compare",
-    "compare": "compare",
+    "Comparison": "comparison",
+    "compare": "comparison",
     "write_report": "report",
 }
 __all__ = ["__version__", *_HOME]
@@ -60,12 +60,12 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from ridgebayes.compare import Comparison, compare
+    from ridgebayes.comparison import Comparison, compare
     from ridgebayes.datafiles import paper_sweep, reference_fe
     from ridgebayes.errors import ComputationError, InputError, RidgebayesError
     from ridgebayes.fit import Fit, calibrate
     from ridgebayes.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
-    from ridgebayes.generate import generate
+    from ridgebayes.generation import generate
     from ridgebayes.loads import LoadDistribution
     from ridgebayes.priors import HalfNormal, LogNormal, Normal
     from ridgebayes.qdistribution import QDistribution

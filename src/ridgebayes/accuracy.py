@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.forms import PowerLaw, Texture
 
 PAPER_TEXTURES: tuple[Texture, ...] = ((0.032, 0.01), (0.012, 0.03), (0.012, 0.09))
@@ -24,12 +24,14 @@ def shown_textures(comparison: Comparison, n_most: int = 3) -> tuple[Texture, ..
     Returns
     -------
     tuple of (float, float)
-        Those of the study's Figs 5 and 6 that the table has; if it has none, those of the
-        narrowest and the widest grooves for their ridges, and one held out.
+        All if there are no more; those of the study's Figs 5 and 6 that the table has; if it has
+        none, those of the narrowest and the widest grooves for their ridges, and one held out.
     """
     ok = comparison.table.frame
     ok = ok[(ok["status"] == "ok") & (ok["kind"] == "transition")]
     present = list(dict.fromkeys(zip(ok["a_over_R"], ok["b_over_R"], strict=True)))
+    if len(present) <= n_most:
+        return tuple(present)
     of_paper = [texture for texture in PAPER_TEXTURES if texture in present]
     if of_paper:
         return tuple(of_paper)

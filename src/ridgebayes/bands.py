@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.errors import InputError
 from ridgebayes.forms import Texture
 from ridgebayes.loads import LoadDistribution, mix_loads

@@ -5,6 +5,7 @@ and no load increment; coefficients are the printed ones and, where it makes sen
 comparison. Nothing here is typed in but the claims themselves.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.accuracy import PAPER_TEXTURES
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.hertz import half_width
 from ridgebayes.errors import InputError
@@ -134,7 +135,7 @@ def _modified_r_squared(table: ContactTable) -> Claim:
         found = fit_by_least_squares(Modified(), table)
     except InputError as error:
         return Claim(text, where, str(error), NOT_TESTED)
-    if not found.r_squared == found.r_squared:
+    if math.isnan(found.r_squared):
         return Claim(text, where, "All rows of this table have one count.", NOT_TESTED)
     return Claim(
         text,
@@ -318,8 +319,8 @@ def _convergence() -> Claim:
 
 
 def _said(form: Form, comparison: Comparison, texture: Texture, counts: IntArray) -> str:
-    """Say the range of percent errors with printed, and if there are any, calibrated coefficients."""
-    sets = [("printed", None)]
+    """Say the range of percent errors with printed and, if there are, calibrated coefficients."""
+    sets: list[tuple[str, FloatArray | None]] = [("printed", None)]
     if form.name in comparison.fits:
         fit = comparison.fits[form.name]
         sets.append(("calibrated", fit.summary["mean"].to_numpy()[: fit.model.n_coefficient]))

@@ -19,7 +19,7 @@ from ridgebayes.errors import ComputationError, InputError
 
 if TYPE_CHECKING:
     from ridgebayes._types import FloatArray
-    from ridgebayes.compare import Comparison
+    from ridgebayes.comparison import Comparison
 
 app = typer.Typer(
     help="How many ridges does a soft body touch, how sure is that, and which contact model "
@@ -90,7 +90,7 @@ def generate(
     force: Force = False,
 ) -> None:
     """Compute transition loads of textures and write them as a table."""
-    from ridgebayes.generate import generate as generate_table
+    from ridgebayes.generation import generate as generate_table
     from ridgebayes.scene import Scene
 
     _refuse_existing(out, force)

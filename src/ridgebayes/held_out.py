@@ -6,7 +6,7 @@ from weakref import WeakKeyDictionary
 import pandas as pd
 
 from ridgebayes.bands import loads_table
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 
 # Figure, HTML and Markdown all ask for it.
 _known: "WeakKeyDictionary[Comparison, pd.DataFrame]" = WeakKeyDictionary()

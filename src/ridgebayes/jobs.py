@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ridgebayes.bands import bands_table, loads_table
-from ridgebayes.compare import DEFAULT_FORMS, Comparison, compare
+from ridgebayes.comparison import DEFAULT_FORMS, Comparison, compare
 from ridgebayes.datafiles import paper_sweep, reference_fe
 from ridgebayes.fit import refuse_circular
 from ridgebayes.forms import FORMS, Form, form_named

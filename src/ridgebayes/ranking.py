@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 
 
 def best_form(comparison: Comparison) -> str | None:

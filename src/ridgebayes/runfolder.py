@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.fit import Fit
 from ridgebayes.noise import Noise

@@ -6,7 +6,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
+from ridgebayes._types import FloatArray
 from ridgebayes.figures.style import (
     COLOURS,
     MARKERS,
@@ -21,7 +23,9 @@ from ridgebayes.figures.style import (
 MOST_TEXTURES = 12
 
 
-def bands_figure(bands: pd.DataFrame, table: pd.DataFrame, form: str) -> Figure:
+def bands_figure(
+    bands: pd.DataFrame, table: pd.DataFrame, form: str, *, n_texture: int | None = None
+) -> Figure:
     """Draw Q against load with the bands of one form, a panel a texture.
 
     Parameters
@@ -32,6 +36,8 @@ def bands_figure(bands: pd.DataFrame, table: pd.DataFrame, form: str) -> Figure:
         Rows of the contact table with status ok: the observed steps.
     form : str
         Form, or ``average``.
+    n_texture : int, optional
+        How many textures there are, if not all are in `bands`.
 
     Returns
     -------
@@ -43,26 +49,26 @@ def bands_figure(bands: pd.DataFrame, table: pd.DataFrame, form: str) -> Figure:
         dict.fromkeys(zip(bands["a_over_R"], bands["b_over_R"], strict=True)),
     )
     shown = textures[:MOST_TEXTURES]
-    n_column = min(4 if len(shown) > 9 else 3, len(shown))
+    n_column = min(3, len(shown))
     n_row = -(-len(shown) // n_column)
     figure = new_figure(WIDTH, 1.2 + 2.15 * n_row)
-    panels = figure.subplots(n_row, n_column, squeeze=False, sharex=True)
+    panels = figure.subplots(n_row, n_column, squeeze=False)
     for axes, (a, b) in zip(panels.flat, shown, strict=False):
         here = bands[(bands["a_over_R"] == a) & (bands["b_over_R"] == b)]
         rows = table[(table["a_over_R"] == a) & (table["b_over_R"] == b)]
         _panel(axes, here, rows, COLOURS.get(form, QUIET))
         held_out = " (held out)" if len(rows) and (rows["role"] == "held-out").all() else ""
-        axes.set_title(texture_title(a, b) + held_out, fontsize=8.5)
+        axes.set_title(texture_title(a, b) + held_out, fontsize=9)
     for axes in panels.flat[len(shown) :]:
         axes.set_visible(False)
     for i in range(len(shown)):
         if i + n_column >= len(shown):
-            panels.flat[i].tick_params(labelbottom=True)
             panels.flat[i].set_xlabel("$p/E$ (dimensionless)")
         if i % n_column == 0:
             panels.flat[i].set_ylabel("edges in contact $Q$")
     _legend(figure, COLOURS.get(form, QUIET), float(bands["prob"].iloc[0]))
-    more = f", {len(shown)} of {len(textures)} textures" if len(shown) < len(textures) else ""
+    total = n_texture or len(textures)
+    more = f", {len(shown)} of {total} textures" if len(shown) < total else ""
     figure.suptitle(f"{title_of(form)}: Q against load{more}", fontsize=11)
     return figure
 
@@ -90,22 +96,29 @@ def _panel(axes: Axes, bands: pd.DataFrame, rows: pd.DataFrame, colour: str) -> 
         rise = curve.sort_values("p_over_E")
         load, q = rise["p_over_E"].to_numpy(), rise["Q"].to_numpy()
         axes.step(
-            np.concatenate([[load[0]], load]),
+            np.concatenate([[0.0], load]),
             np.concatenate([[q[0] - 2], q]),
             where="post",
             color=OBSERVED,
             linewidth=1.0,
         )
         axes.plot(load, q, ".", color=OBSERVED, markersize=6)
-    axes.set_xscale("log")
-    axes.yaxis.get_major_locator().set_params(integer=True, steps=[1, 2, 4, 10])
+    # Q grows with the root of the load: on this axis its steps are equally wide.
+    axes.set_xscale("function", functions=(_root, np.square))
+    axes.set_xlim(0.0, float(bands["p_over_E"].max()))
+    axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    axes.yaxis.set_major_locator(MaxNLocator(6, integer=True, steps=[2, 4, 10]))
+
+
+def _root(p: FloatArray) -> FloatArray:
+    return np.sqrt(np.maximum(p, 0.0))
 
 
 def _legend(figure: Figure, colour: str, prob: float) -> None:
     handles = [
         Line2D([], [], color=OBSERVED, marker=".", markersize=7, linewidth=1, label="observed"),
-        Patch(color=colour, alpha=0.75, linewidth=0, label=f"curve, {prob:.0%}"),
-        Patch(color=colour, alpha=0.30, linewidth=0, label=f"simulation, {prob:.0%}"),
+        Patch(color=colour, alpha=0.75, linewidth=0, label=f"curve, {100 * prob:.0f} %"),
+        Patch(color=colour, alpha=0.30, linewidth=0, label=f"simulation, {100 * prob:.0f} %"),
         Patch(
             facecolor="#9A9A9A", alpha=0.5, hatch="////", edgecolor="#FFFFFF", label="extrapolation"
         ),
@@ -154,7 +167,7 @@ def held_out_figure(loads: pd.DataFrame) -> Figure:
         axes.set_xticks(sorted(set(here["Q"])))
         axes.set_xlabel("edges in contact $Q$")
         axes.set_title(texture_title(a, b))
-    panels[0, 0].set_ylabel("predicted over observed load − 1, %")
+    panels[0, 0].set_ylabel("load error, predicted against observed, %")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(forms))
     return figure

@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ridgebayes.figures.style import COLOURS, MARKERS, QUIET, WIDTH, new_figure, title_of
+from ridgebayes.figures.style import COLOURS, MARKERS, MINUS, QUIET, WIDTH, new_figure, title_of
 
 _METHODS = {"bridge": "o", "quadrature": "s", "laplace": "^", "savage-dickey": "D", "dynesty": "v"}
 _PRIORS = {"c": "$c$ and $c_1$", "c2": "$c_2$", "K": "$K$", "sigma": r"$\sigma$"}
@@ -28,7 +28,7 @@ def forest_figure(factors: pd.DataFrame, best: str) -> Figure:
     figure = new_figure(WIDTH, 1.5 + 0.75 * len(forms))
     axes = figure.subplots()
     lowest = min(float(factors["ln_bf"].min()) * 1.08, -6.0)
-    for low, high, shade in ((-1, 0, 0.0), (-3, -1, 0.04), (-5, -3, 0.08), (lowest, -5, 0.12)):
+    for low, high, shade in ((-1, 0, 0.0), (-3, -1, 0.025), (-5, -3, 0.05), (lowest, -5, 0.075)):
         axes.axvspan(low, high, color="#000000", alpha=shade, linewidth=0)
     for i, form in enumerate(forms):
         rows = factors[factors["form"] == form]
@@ -43,6 +43,16 @@ def forest_figure(factors: pd.DataFrame, best: str) -> Figure:
                 markersize=5,
                 capsize=2,
             )
+        middle = float(rows["ln_bf"].iloc[0])
+        room = middle > 0.6 * lowest  # else the number would stand outside on the left
+        axes.annotate(
+            f"{middle:.2f}".replace("-", MINUS),
+            (middle, i),
+            xytext=(-10 if room else 10, 0),
+            textcoords="offset points",
+            ha="right" if room else "left",
+            va="center",
+        )
     axes.set_xlim(lowest, max(1.0, -0.03 * lowest))
     axes.set_ylim(len(forms) - 0.5, -0.5)
     axes.set_yticks(range(len(forms)), [title_of(form) for form in forms])
@@ -98,7 +108,7 @@ def sensitivity_figure(factors: pd.DataFrame, best: str) -> Figure:
         axes.set_xlabel("scale, times default")
     low, high = factors["ln_bf"].min(), factors["ln_bf"].max()
     ticks = [t for t in (-100, -50, -20, -10, -5, -3, -1, 1, 3, 5, 10, 20) if low <= t <= high]
-    panels[0].set_yticks([*ticks, 0], [f"{t}".replace("-", "−") for t in (*ticks, 0)])
+    panels[0].set_yticks([*ticks, 0], [f"{t}".replace("-", MINUS) for t in (*ticks, 0)])
     panels[0].minorticks_off()
     panels[0].set_ylabel(f"ln Bayes factor against {title_of(best)}")
     handles, labels = panels[0].get_legend_handles_labels()

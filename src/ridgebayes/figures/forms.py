@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from ridgebayes.figures.style import (
     COLOURS,
@@ -61,8 +62,8 @@ def percent_error_figure(errors: pd.DataFrame) -> Figure:
         held_out = " (held out)" if (here["role"] == "held-out").all() else ""
         panels[0, j].set_title(texture_title(a, b) + held_out, fontsize=9)
         panels[-1, j].set_xlabel("edges in contact $Q$")
-    for i, shown in enumerate(rows):
-        panels[i, 0].set_ylabel("load error, %" if i == 0 else "load error, %\n(without Classic)")
+    for axes, words in zip(panels[:, 0], ("", "\n(without Classic)"), strict=False):
+        axes.set_ylabel(f"load error, %{words}")
     handles = [
         Line2D([], [], color=COLOURS.get(f, QUIET), marker=MARKERS.get(f, "o"), label=title_of(f))
         for f in forms
@@ -98,9 +99,9 @@ def smooth_figure(curves: Sequence[SmoothCurve]) -> Figure:
         Left Q' against load, right the error of Hertz in Q'.
     """
     looks = {
-        "half-plane": dict(color=COLOURS["half-plane"], linewidth=1.6),
-        "small-strain": dict(color=COLOURS["modified"], marker="s", linestyle="none"),
-        "neo-hooke": dict(color=COLOURS["classic"], marker="o", linestyle="none"),
+        "half-plane": {"color": COLOURS["half-plane"], "linewidth": 1.6},
+        "small-strain": {"color": COLOURS["modified"], "marker": "s", "linestyle": "none"},
+        "neo-hooke": {"color": COLOURS["classic"], "marker": "o", "linestyle": "none"},
     }
     names = {
         "half-plane": "half-plane equation, no grooves",
@@ -146,7 +147,7 @@ def slope_figure(slopes: pd.DataFrame) -> Figure:
     Parameters
     ----------
     slopes : pandas.DataFrame
-        As `ridgebayes.accuracy.slopes_table` returns it.
+        As `ridgebayes.accuracy.slopes_table` returns it, without Classic: its intercept differs.
 
     Returns
     -------
@@ -155,26 +156,32 @@ def slope_figure(slopes: pd.DataFrame) -> Figure:
     """
     figure = new_figure(WIDTH, 3.9)
     left, right = figure.subplots(1, 2)
-    pitch_span = slopes["pitch"].max() - slopes["pitch"].min()
+    step = 0.018 * (slopes["pitch"].max() - slopes["pitch"].min())
     for axes, scaled in ((left, False), (right, True)):
         for form in dict.fromkeys(slopes["form"]):
             rows = slopes[slopes["form"] == form].sort_values("pitch")
-            factor = rows["pitch"].to_numpy() / 2 if scaled else 1.0
+            look = {"color": COLOURS.get(form, QUIET), "label": title_of(form)}
+            if form == "modified":
+                rows = rows.drop_duplicates("pitch")
+            pitch = rows["pitch"].to_numpy()
+            factor = pitch / 2 if scaled else 1.0
             k, low, high = (rows[c].to_numpy() * factor for c in ("K", "K_lower", "K_upper"))
-            # Textures of one pitch would hide each other, as would the forms.
-            shift = {"modified": -0.006, "hybrid": 0.006, "classic": 0.012}.get(form, 0.0)
+            if form == "modified":  # one number for all textures: a line
+                axes.plot(pitch, k, linewidth=1.4, **look)
+                axes.fill_between(pitch, low, high, color=look["color"], alpha=0.2, linewidth=0)
+                continue
             axes.errorbar(
-                rows["pitch"].to_numpy() + shift * pitch_span,
+                # Beside the power law's own, not on it.
+                pitch + (step if form == "hybrid" else 0.0),
                 k,
                 yerr=[k - low, high - k],
                 fmt=MARKERS.get(form, "o"),
-                color=COLOURS.get(form, QUIET),
                 markersize=5,
-                markerfacecolor=None if form == "power-law" else "#FFFFFF",
                 capsize=2,
                 linewidth=1.1,
-                label=title_of(form),
+                **look,
             )
+        axes.xaxis.set_major_locator(MaxNLocator(6))
         axes.set_xlabel("pitch $L = (a + b)/R$ (dimensionless)")
     left.set_ylabel("$K = dQ'/ds$ (dimensionless)")
     right.set_ylabel("$K L/2$ (dimensionless)")

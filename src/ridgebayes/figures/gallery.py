@@ -7,11 +7,13 @@ from functools import cached_property
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
+import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from ridgebayes.accuracy import percent_errors, slopes_table
 from ridgebayes.bands import bands_table
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.errors import InputError
 from ridgebayes.figures.bands import MOST_TEXTURES, bands_figure, held_out_figure
 from ridgebayes.figures.evidence import forest_figure, sensitivity_figure
@@ -49,6 +51,9 @@ class Plate:
         return as_bytes(self.figure, "svg")
 
 
+_N_LOAD = 400  # of one panel's band: steps as sharp as a pixel
+_BEYOND = 1.6  # how far beyond a texture's own highest load its panel goes
+
 # A run draws each figure for its folder and again for its reports: the second time is for free.
 _drawn: "WeakKeyDictionary[Comparison, dict[str, Plate]]" = WeakKeyDictionary()
 
@@ -64,9 +69,10 @@ def gallery(comparison: Comparison) -> dict[str, Plate]:
     Returns
     -------
     dict of str to Plate
-        By name, in this order: ``evidence``, ``prior-sensitivity`` where there are two forms; ``bands``;
-        ``held-out`` where rows were; ``percent-error``, ``slopes``, ``smooth-cylinder``;
-        ``corner-<form>`` and ``traces-<form>`` of each fit. Kept as long as the comparison is.
+        By name, in this order: ``evidence``, ``prior-sensitivity`` where there are two forms;
+        ``bands``; ``held-out`` where rows were; ``percent-error``, ``slopes``,
+        ``smooth-cylinder``; ``corner-<form>`` and ``traces-<form>`` of each fit. Kept as long as
+        the comparison is.
     """
     if comparison not in _drawn:
         _drawn[comparison] = {plate.name: plate for plate in _plates(comparison)}
@@ -87,9 +93,9 @@ def _plates(comparison: Comparison) -> Iterator[Plate]:
         errors = percent_errors(comparison)
         if len(errors):
             yield Plate("percent-error", percent_error_figure(errors))
-        slopes = slopes_table(comparison)
         if "power-law" in comparison.fits:
-            yield Plate("slopes", slope_figure(slopes))
+            slopes = slopes_table(comparison)
+            yield Plate("slopes", slope_figure(slopes[slopes["form"] != "classic"]))
         yield Plate("smooth-cylinder", smooth_figure(smooth_cylinder()))
         for name in ranked(comparison):
             yield Plate(f"corner-{name}", corner_figure(comparison.fits[name]))
@@ -101,8 +107,14 @@ def _predictions(comparison: Comparison, form: str) -> Iterator[Plate]:
     rows = frame[(frame["status"] == "ok") & (frame["kind"] == "transition")]
     # One figure holds so many panels: textures beyond are in the run folder's bands.csv.
     textures = comparison.table.textures[:MOST_TEXTURES]
-    bands = bands_table(comparison, textures=textures, forms=[form])
-    yield Plate("bands", bands_figure(bands, rows, form))
+    parts = []
+    for a, b in textures:
+        own = rows[(rows["a_over_R"] == a) & (rows["b_over_R"] == b)]["p_over_E"]
+        top = float(own.max() if len(own) else rows["p_over_E"].max())
+        loads = (np.linspace(0.0, np.sqrt(_BEYOND * top), _N_LOAD) ** 2)[1:]
+        parts.append(bands_table(comparison, textures=[(a, b)], forms=[form], loads=loads))
+    bands = pd.concat(parts, ignore_index=True)
+    yield Plate("bands", bands_figure(bands, rows, form, n_texture=len(comparison.table.textures)))
     loads = held_out_loads(comparison)
     if len(loads):
         # A texture that the power law has no K for is a draw from its prior: a bar across the page.

@@ -46,6 +46,7 @@ def corner_figure(fit: Fit) -> Figure:
         fig=figure,
         range=span,
         bins=36,
+        smooth=0.9,
         color=colour,
         labels=[symbol(name) for name in names],
         truths=inside,
@@ -55,17 +56,17 @@ def corner_figure(fit: Fit) -> Figure:
         fill_contours=True,
         levels=(0.39, 0.86),  # one and two standard deviations of a normal in two dimensions
         quantiles=(0.05, 0.5, 0.95),
-        max_n_ticks=3,
-        labelpad=0.12 if n < 6 else 0.25,
-        label_kwargs={"fontsize": 10 if n < 6 else 7},
+        max_n_ticks=4 if n < 6 else 3,
+        labelpad=-0.06 if n < 6 else 0.1,
+        label_kwargs={"fontsize": 10 if n < 6 else 8},
         hist_kwargs={"linewidth": 1.2},
     )
     for axes in figure.axes:
         axes.grid(False)
-        axes.tick_params(labelsize=8 if n < 6 else 6)
+        axes.tick_params(labelsize=8 if n < 6 else 7)
         for line in axes.lines:
             line.set_linewidth(0.9)
-    left = 0.9 / size if n < 6 else 0.09
+    left = (0.85 if n < 6 else 1.05) / size
     figure.subplots_adjust(left=left, bottom=left, right=0.98, top=1 - 0.45 / size)
     note = "" if n == fit.model.n_parameter else f" ({n} of {fit.model.n_parameter} parameters)"
     figure.suptitle(f"{title_of(fit.form.name)}: posterior{note}", y=1 - 0.1 / size, va="top")
@@ -99,12 +100,13 @@ def trace_figure(fit: Fit) -> Figure:
         if i >= len(shown):
             axes.set_visible(False)
             continue
-        mean, sd = summary.loc[names[i], "mean"], summary.loc[names[i], "sd"]
+        mean, sd, r_hat, ess = (
+            float(summary[column].loc[names[i]]) for column in ("mean", "sd", "r_hat", "ess_bulk")
+        )
         half = 1.96 * sd / np.sqrt(n_walker)
         axes.axhspan(mean - half, mean + half, color="#000000", alpha=0.08, linewidth=0)
         for k, ensemble in enumerate(theta[..., i]):
             axes.plot(steps, ensemble.mean(axis=1), linewidth=1.0, color=_ensemble_colour(k))
-        r_hat, ess = summary.loc[names[i], "r_hat"], summary.loc[names[i], "ess_bulk"]
         axes.set_title(f"{symbol(names[i])}\nR-hat {r_hat:.4f}, ESS {ess:,.0f}", fontsize=9)
         axes.yaxis.set_major_locator(MaxNLocator(4))
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))

@@ -34,6 +34,7 @@ TITLES = {
     "half-plane": "Half-plane",
     "average": "Average of forms",
 }
+MINUS = "\N{MINUS SIGN}"
 OBSERVED = "#000000"
 QUIET = "#8A8A8A"
 WIDTH = 9.0  # inches: 1350 pixels at 150 dpi, a laptop's page

@@ -10,7 +10,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.errors import InputError
 from ridgebayes.figures import gallery
 from ridgebayes.report.blocks import Picture

@@ -4,7 +4,7 @@ import math
 
 import pandas as pd
 
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.ranking import best_form, ranked, sensitivity_factors
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.names import form_name, parameter_name, said

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.errors import InputError
 from ridgebayes.figures.posterior import MOST_PARAMETERS
 from ridgebayes.fit import Fit

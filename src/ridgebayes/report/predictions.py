@@ -2,7 +2,7 @@
 
 from ridgebayes.accuracy import percent_errors, shown_textures
 from ridgebayes.bands import AVERAGE
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.forms import PowerLaw
 from ridgebayes.held_out import held_out_loads
 from ridgebayes.ranking import best_form, ranked

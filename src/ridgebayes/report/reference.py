@@ -1,6 +1,6 @@
 """The section on the finite-element rows, where the first-principles form stands trial as well."""
 
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.ranking import problems
 from ridgebayes.report.blocks import Picture, Section, Table, Text
 from ridgebayes.report.evidence import pairs_table, ranking_table

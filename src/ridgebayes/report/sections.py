@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.report.blocks import Section
 from ridgebayes.report.evidence import evidence_section, prior_section, score_section
 from ridgebayes.report.posterior import (

@@ -5,7 +5,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from ridgebayes.claims import VERDICTS, paper_claims
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.report.blocks import Section, Text, table
 from ridgebayes.report.numbers import count, number
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.ranking import best_form, problems, runner_up, sensitivity_factors
 from ridgebayes.report.names import form_name, said
 from ridgebayes.report.numbers import count, decimals, probability, with_error

@@ -11,14 +11,15 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.bayes_factors import BAYES_FACTOR_COLUMNS, reading
-from ridgebayes.compare import Comparison, compare
+from ridgebayes.comparison import Comparison, compare
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
 from ridgebayes.noise import Noise
 from ridgebayes.scores import LOO_COLUMNS
 from ridgebayes.sensitivity import SCALE_FACTORS, prior_sensitivity
 
-QUICK = rb.SampleSettings(n_walker=16, n_step_max=150)
+# Ends at its first check, where no autocorrelation time can have settled: never converged.
+QUICK = rb.SampleSettings(n_walker=16, n_step_max=100)
 FORMS = (rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid())
 # Log evidences of the 41 rows, tensor Gauss-Legendre quadrature to 2e-9, four decimals printed.
 REFERENCE = {"hybrid": 83.3869, "modified": 78.8628, "classic": 19.1987}
@@ -27,9 +28,9 @@ REFERENCE = {"hybrid": 83.3869, "modified": 78.8628, "classic": 19.1987}
 def compared(paper, fits, forms, **replaced):
     """Compare without sampling again: the fits are those of the session."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ridgebayes.compare.calibrate", lambda table, form, **_: fits[form.name])
+        patch.setattr("ridgebayes.comparison.calibrate", lambda table, form, **_: fits[form.name])
         for name, value in replaced.items():
-            patch.setattr(f"ridgebayes.compare.{name}", value)
+            patch.setattr(f"ridgebayes.comparison.{name}", value)
         return compare(paper, forms)
 
 
@@ -427,7 +428,7 @@ def test_forms__none_or_one_twice_is_refused(paper, names):
 
 
 def test_half_plane__on_its_own_rows_is_refused_before_any_sampling(paper, monkeypatch):
-    monkeypatch.setattr("ridgebayes.compare.calibrate", lambda *_, **__: pytest.fail("sampled"))
+    monkeypatch.setattr("ridgebayes.comparison.calibrate", lambda *_, **__: pytest.fail("sampled"))
     with pytest.raises(InputError, match=r"41 calibration rows.*that would be circular"):
         compare(paper, [rb.Modified(), rb.HalfPlane()])
 

@@ -4,7 +4,7 @@ import pytest
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.datafiles import PAPER_SWEEP, data_path
 from ridgebayes.errors import InputError
-from ridgebayes.generate import generate
+from ridgebayes.generation import generate
 from ridgebayes.scene import Scene, Texture
 from ridgebayes.table import read_table
 
