@@ -92,8 +92,9 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     theta = solution.x * start
     spare = len(q) - len(start)
     errors = np.full(len(start), np.nan)
-    if spare > 0 and np.linalg.matrix_rank(solution.jac) == len(start):
-        covariance = np.linalg.inv(solution.jac.T @ solution.jac) * 2 * solution.cost / spare
+    jacobian = np.asarray(solution.jac, dtype=float)
+    if spare > 0 and np.linalg.matrix_rank(jacobian) == len(start):
+        covariance = np.linalg.inv(jacobian.T @ jacobian) * 2 * solution.cost / spare
         errors = np.sqrt(np.diag(covariance)) * np.abs(start)
     names = form.parameter_names
     return LeastSquares(
@@ -126,7 +127,9 @@ def power_law_r_squared(table: ContactTable) -> dict[tuple[float, float], float]
     (9, True)
     """
     found = {}
-    for (a, b), rows in _transitions(table).groupby(["a_over_R", "b_over_R"], sort=False):  # type: ignore[misc]
+    frame = _transitions(table)
+    for a, b in dict.fromkeys(zip(frame["a_over_R"], frame["b_over_R"], strict=True)):
+        rows = frame[(frame["a_over_R"] == a) & (frame["b_over_R"] == b)]
         q = rows["Q"].to_numpy(float)
         if len(np.unique(q)) < 2:
             continue

@@ -1,6 +1,7 @@
 """Figures of the forms against data: percent errors, the smooth cylinder, K against pitch."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -98,7 +99,7 @@ def smooth_figure(curves: Sequence[SmoothCurve]) -> Figure:
     matplotlib.figure.Figure
         Left Q' against load, right the error of Hertz in Q'.
     """
-    looks = {
+    looks: dict[str, dict[str, Any]] = {
         "half-plane": {"color": COLOURS["half-plane"], "linewidth": 1.6},
         "small-strain": {"color": COLOURS["modified"], "marker": "s", "linestyle": "none"},
         "neo-hooke": {"color": COLOURS["classic"], "marker": "o", "linestyle": "none"},
@@ -160,15 +161,15 @@ def slope_figure(slopes: pd.DataFrame) -> Figure:
     for axes, scaled in ((left, False), (right, True)):
         for form in dict.fromkeys(slopes["form"]):
             rows = slopes[slopes["form"] == form].sort_values("pitch")
-            look = {"color": COLOURS.get(form, QUIET), "label": title_of(form)}
+            colour, label = COLOURS.get(form, QUIET), title_of(form)
             if form == "modified":
                 rows = rows.drop_duplicates("pitch")
             pitch = rows["pitch"].to_numpy()
             factor = pitch / 2 if scaled else 1.0
             k, low, high = (rows[c].to_numpy() * factor for c in ("K", "K_lower", "K_upper"))
             if form == "modified":  # one number for all textures: a line
-                axes.plot(pitch, k, linewidth=1.4, **look)
-                axes.fill_between(pitch, low, high, color=look["color"], alpha=0.2, linewidth=0)
+                axes.plot(pitch, k, linewidth=1.4, color=colour, label=label)
+                axes.fill_between(pitch, low, high, color=colour, alpha=0.2, linewidth=0)
                 continue
             axes.errorbar(
                 # Beside the power law's own, not on it.
@@ -179,7 +180,8 @@ def slope_figure(slopes: pd.DataFrame) -> Figure:
                 markersize=5,
                 capsize=2,
                 linewidth=1.1,
-                **look,
+                color=colour,
+                label=label,
             )
         axes.xaxis.set_major_locator(MaxNLocator(6))
         axes.set_xlabel("pitch $L = (a + b)/R$ (dimensionless)")

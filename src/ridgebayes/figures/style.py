@@ -64,7 +64,7 @@ def styled() -> Iterator[None]:
     """Hold matplotlib's own defaults and this package's style, whatever the user has set."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_STYLE)
+        matplotlib.rcParams.update(_STYLE)  # type: ignore[arg-type]
         yield
 
 

@@ -70,7 +70,7 @@ def write_report(
     partial = target.with_name(f".{target.name}.partial")
     try:
         partial.write_text(content, encoding="utf-8", newline="\n")
-        os.replace(partial, target)
+        partial.replace(target)
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise InputError(f"{target}: cannot be written ({error.strerror})") from None
@@ -96,7 +96,9 @@ def render_report(
         The whole file.
     """
     template = _environment(suffix).get_template(_TEMPLATES[suffix])
-    return template.render(verdict=verdict(comparison), sections=contents(comparison, reference))
+    return template.render(
+        verdict=verdict(comparison, reference), sections=contents(comparison, reference)
+    )
 
 
 def _environment(suffix: str) -> "Environment":
@@ -105,8 +107,8 @@ def _environment(suffix: str) -> "Environment":
     environment = Environment(
         loader=PackageLoader("ridgebayes"),
         autoescape=suffix == ".html",
-        # Markdown has no entity for everything: what comes out of `{{ }}` is escaped by hand.
-        finalize=escaped_markdown if suffix == ".md" else None,
+        # Markdown is escaped here, HTML after this by autoescape.
+        finalize=escaped_markdown if suffix == ".md" else _tied,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -123,6 +125,11 @@ def _data_uri(picture: Picture) -> str:
     if plate is None:
         return ""
     return "data:image/png;base64," + base64.b64encode(plate.png).decode("ascii")
+
+
+def _tied(value: object) -> object:
+    """Keep a number and its per cent sign on one line."""
+    return value.replace(" %", "\N{NO-BREAK SPACE}%") if type(value) is str else value
 
 
 def _badge(words: str) -> str:

@@ -21,7 +21,7 @@ class Table:
     """A table of finished strings.
 
     `numeric` are the columns to align to the right, `strong` the rows to set off, `badge` a column
-    whose words are to stand out.
+    whose words are to stand out; `wide` takes the whole page.
     """
 
     header: tuple[str, ...]
@@ -30,6 +30,7 @@ class Table:
     numeric: frozenset[int] = frozenset()
     strong: frozenset[int] = frozenset()
     badge: int | None = None
+    wide: bool = False
     kind: ClassVar[str] = "table"
 
 
@@ -64,6 +65,7 @@ def table(
     text: Sequence[int] = (0,),
     strong: Sequence[int] = (),
     badge: int | None = None,
+    wide: bool = False,
 ) -> Table:
     """Return a table whose columns are numbers except those in `text`."""
     return Table(
@@ -73,4 +75,5 @@ def table(
         frozenset(range(len(header))) - frozenset(text),
         frozenset(strong),
         badge,
+        wide,
     )

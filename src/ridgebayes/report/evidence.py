@@ -1,8 +1,11 @@
+# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
 """Sections on the evidence: Bayes factors, prior sensitivity, leave-one-out scores."""
 
 import math
+from collections.abc import Hashable, Mapping
+from typing import Any
 
-import pandas as pd
+import numpy as np
 
 from ridgebayes.comparison import Comparison
 from ridgebayes.ranking import best_form, ranked, sensitivity_factors
@@ -19,9 +22,9 @@ def evidence_section(comparison: Comparison) -> Section:
             Picture(
                 comparison,
                 "evidence",
-                "ln Bayes factor of each form against the best, by every method: the symbols lie on "
-                "one line where the methods agree. Monte Carlo errors are smaller than the symbols "
-                "unless a bar shows.",
+                "ln Bayes factor of each form against the best, by every method: the symbols lie "
+                "one below the other where the methods agree. Monte Carlo errors are smaller than "
+                "the symbols unless a bar shows.",
             )
         )
         blocks.append(pairs_table(comparison))
@@ -31,16 +34,19 @@ def evidence_section(comparison: Comparison) -> Section:
 
 def ranking_table(comparison: Comparison) -> Table:
     """Return one row per form: evidence, factor against the best, probability."""
-    used = comparison.evidence[comparison.evidence["used"]].set_index("form")
+    used = {
+        row["form"]: row
+        for row in comparison.evidence[comparison.evidence["used"]].to_dict("records")
+    }
     best = best_form(comparison)
     rows = []
     for name in ranked(comparison):
         fit = comparison.fits[name]
         state = "yes" if fit.converged else "NO"
-        if name not in used.index or best is None:
+        if name not in used or best is None:
             rows.append([form_name(name), str(len(fit.summary)), ABSENT, ABSENT, ABSENT, state])
             continue
-        own, top = used.loc[name], used.loc[best]
+        own, top = used[name], used[best]
         error = _hypot(own["log_evidence_se"], top["log_evidence_se"])
         factor = own["log_evidence"] - top["log_evidence"]
         rows.append(
@@ -95,15 +101,16 @@ def agreement_table(comparison: Comparison) -> Table:
     others = [m for m in methods if m != "bridge"]
     rows = []
     for name in ranked(comparison):
-        own = comparison.evidence[comparison.evidence["form"] == name].set_index("method")
+        rows_of = comparison.evidence[comparison.evidence["form"] == name]
+        own = {row["method"]: row for row in rows_of.to_dict("records")}
         cells = [form_name(name)]
         for method in ["bridge", *others]:
-            if method not in own.index:
+            row = own.get(method)
+            if row is None:
                 cells.append(ABSENT)
-            elif own.loc[method, "status"] != "ok":
-                cells.append(str(own.loc[method, "status"]))
+            elif row["status"] != "ok":
+                cells.append(str(row["status"]))
             else:
-                row = own.loc[method]
                 cells.append(with_error(row["log_evidence"], row["log_evidence_se"]))
         cells.append(_distance(own))
         rows.append(cells)
@@ -115,10 +122,10 @@ def agreement_table(comparison: Comparison) -> Table:
     )
 
 
-def _distance(own: pd.DataFrame) -> str:
-    if not {"bridge", "quadrature"} <= set(own.index):
+def _distance(own: Mapping[str, Mapping[Hashable, Any]]) -> str:
+    if not {"bridge", "quadrature"} <= set(own):
         return ABSENT
-    a, b = own.loc["bridge"], own.loc["quadrature"]
+    a, b = own["bridge"], own["quadrature"]
     error = _hypot(a["log_evidence_se"], b["log_evidence_se"])
     return decimals((a["log_evidence"] - b["log_evidence"]) / error, 1) if error else ABSENT
 
@@ -136,14 +143,14 @@ def prior_section(comparison: Comparison) -> Section:
     if not len(factors):
         return Section("Prior sensitivity", "priors", ())
     rows = []
-    for (prior, form), part in factors.groupby(["prior", "form"], sort=False):
+    for (form, prior), part in factors.groupby(["form", "prior"], sort=False):
         ordered = part.sort_values("factor").dropna()
-        if not len(ordered):
-            continue
+        if not len(ordered) or np.ptp(ordered["ln_bf"]) == 0:
+            continue  # neither form has that parameter
         at_default = ordered.iloc[(ordered["factor"] - 1).abs().argmin()]
         cells = (ordered["ln_bf"].iloc[0], at_default["ln_bf"], ordered["ln_bf"].iloc[-1])
         name = "c and c₁" if prior == "c" else parameter_name(str(prior))
-        rows.append([name, form_name(str(form)), *(decimals(x, 2) for x in cells)])
+        rows.append([form_name(str(form)), name, *(decimals(x, 2) for x in cells)])
     low, high = factors["factor"].min(), factors["factor"].max()
     return Section(
         "Prior sensitivity",
@@ -161,11 +168,11 @@ def prior_section(comparison: Comparison) -> Section:
             ),
             table(
                 [
-                    "Prior of",
                     f"Form, against {form_name(best)}",
-                    f"ln BF, {number(low, 2)} × scale",
-                    "default",
-                    f"{number(high, 3)} × scale",
+                    "Prior of",
+                    f"ln BF at {low:g} × scale",
+                    "at default",
+                    f"at {high:g} × scale",
                 ],
                 rows,
                 text=(0, 1),
@@ -195,14 +202,14 @@ def score_section(comparison: Comparison) -> Section:
         "density, and the weights that would predict best as a mixture."
     )
     best, leader = best_form(comparison), str(scores["form"].iloc[0])
-    heaviest = str(scores.loc[scores["stacking_weight"].idxmax(), "form"])
+    heaviest = str(scores["form"].iloc[int(scores["stacking_weight"].argmax())])
     if best is not None and len(scores) > 1:
         if leader == best == heaviest:
             words += " It agrees with the Bayes factors on the leading form."
         else:
             words += (
-                f" It favours {form_name(leader)} by score and {form_name(heaviest)} by weight, the "
-                f"Bayes factors {form_name(best)}. The two answer different questions: a Bayes "
+                f" It favours {form_name(leader)} by score and {form_name(heaviest)} by weight, "
+                f"the Bayes factors {form_name(best)}. The two answer different questions: a Bayes "
                 "factor asks which form with its prior made all rows likely, leave-one-out which "
                 "fitted form predicts one more row of a texture it has already seen."
             )

@@ -1,3 +1,4 @@
+# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
 """Names of forms and parameters in running text."""
 
 _FORMS = {

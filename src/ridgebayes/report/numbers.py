@@ -1,3 +1,4 @@
+# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
 """Numbers as a reader wants them: the error to two digits, the value to match, never a raw NaN."""
 
 import math
@@ -74,6 +75,31 @@ def probability(p: float) -> str:
     if p > 0.999:
         return decimals(p, 5)
     return decimals(p, 3) if p >= 0.01 else number(p, 2)
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent.
+
+    Examples
+    --------
+    >>> percent(0.9), percent(0.955)
+    ('90 %', '95.5 %')
+    """
+    return f"{100 * share:g} %"
+
+
+def interval(low: float, high: float, spread: float) -> str:
+    """Return an interval, to the digits that two significant ones of the spread allow.
+
+    Examples
+    --------
+    >>> interval(0.010495, 0.025729, 0.0046), interval(1.0, 2.0, 0.0)
+    ('0.0105 to 0.0257', '1.000 to 2.000')
+    """
+    if not (math.isfinite(spread) and spread > 0):
+        return f"{number(low)} to {number(high)}"
+    places = max(1 - math.floor(math.log10(spread)), 0)
+    return f"{decimals(low, places)} to {decimals(high, places)}"
 
 
 def count(n: int, noun: str, plural: str | None = None) -> str:

@@ -1,3 +1,4 @@
+# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
 """Sections on the posteriors: coefficients, convergence, corner plots, traces."""
 
 import numpy as np
@@ -8,16 +9,17 @@ from ridgebayes.figures.posterior import MOST_PARAMETERS
 from ridgebayes.fit import Fit
 from ridgebayes.least_squares import LeastSquares, fit_by_least_squares
 from ridgebayes.ranking import ranked
-from ridgebayes.report.blocks import Picture, Section, Text, table
+from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.names import form_name, parameter_name
-from ridgebayes.report.numbers import ABSENT, decimals, number, with_error
+from ridgebayes.report.numbers import ABSENT, decimals, interval, percent, with_error
 
 MOST_ROWS = 40  # of one table; the run folder's CSV files hold them all
 
 
 def coefficients_section(comparison: Comparison) -> Section:
     """Return every coefficient beside the printed one and beside least squares on Q."""
-    rows, dropped = [], 0
+    rows: list[list[str]] = []
+    dropped = 0
     for name in ranked(comparison):
         fit = comparison.fits[name]
         squares = _least_squares(comparison, fit)
@@ -38,13 +40,13 @@ def coefficients_section(comparison: Comparison) -> Section:
                     form_name(name),
                     parameter_name(parameter),
                     with_error(row["mean"], row["sd"], 6),
-                    f"{number(row['eti_lower'], 5)} to {number(row['eti_upper'], 5)}",
+                    interval(row["eti_lower"], row["eti_upper"], row["sd"]),
                     f"{printed[parameter]:g}" if parameter in printed else ABSENT,
                     own or ABSENT,
                 ]
             )
     prob = next(iter(comparison.fits.values())).summary["prob"].iloc[0]
-    blocks = [
+    blocks: list[Text | Table | Picture] = [
         Text(
             "The posterior weighs relative errors of the load, least squares (as the study did) "
             "errors of Q: the two differ where a form fails in a pattern. σ is the standard "
@@ -55,7 +57,7 @@ def coefficients_section(comparison: Comparison) -> Section:
                 "Form",
                 "Parameter",
                 "Posterior mean ± sd",
-                f"{prob:.0%} interval",
+                f"{percent(prob)} interval",
                 "Printed",
                 "Least squares on Q",
             ],
@@ -96,7 +98,7 @@ def convergence_section(comparison: Comparison) -> Section:
                 "converged" if fit.converged else "did not converge",
             ]
         )
-    blocks = [
+    blocks: list[Text | Table | Picture] = [
         table(
             [
                 "Form",

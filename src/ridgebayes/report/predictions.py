@@ -1,3 +1,4 @@
+# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
 """Sections on predictions: bands, held-out rows, percent errors, K, the smooth cylinder."""
 
 from ridgebayes.accuracy import percent_errors, shown_textures
@@ -8,7 +9,7 @@ from ridgebayes.held_out import held_out_loads
 from ridgebayes.ranking import best_form, ranked
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.names import form_name
-from ridgebayes.report.numbers import ABSENT, count, decimals, number
+from ridgebayes.report.numbers import ABSENT, count, decimals, number, percent
 from ridgebayes.smooth import FIG_3_TEXTURE, smooth_cylinder
 
 MOST_ROWS = 30
@@ -25,8 +26,9 @@ def bands_section(comparison: Comparison) -> Section:
                 comparison,
                 "bands",
                 f"{form_name(form)}. Dark: the form's own curve; light: what a further simulation "
-                "would show. Both rise in steps of two, and are drawn a quarter of an edge wider than they "
-                "are. Hatched: a count or an a/pitch beyond what was calibrated.",
+                "would show. Hatched: a count or an a/pitch beyond what was calibrated. The load "
+                "axis is a root scale, on which steps are equally wide; bands of one count are "
+                "drawn a quarter of an edge to either side.",
             ),
         ),
     )
@@ -42,7 +44,7 @@ def held_out_section(comparison: Comparison) -> Section:
     blocks: list[Text | Table | Picture] = [
         Text(
             f"{count(len(comparison.table.held_out), 'row')} were never fitted, only predicted. "
-            f"Bands hold {prob:.0%} and include the error model."
+            f"Bands hold {percent(prob)} and include the error model."
         ),
         Picture(
             comparison,
@@ -55,7 +57,7 @@ def held_out_section(comparison: Comparison) -> Section:
     for form in [*ranked(comparison), AVERAGE]:
         part = loads[loads["form"] == form]
         error = 100 * (part["p_over_E_median"] / part["p_over_E_observed"] - 1)
-        prior_only = _knows_nothing(comparison, form, part)
+        prior_only = _knows_nothing(comparison, form)
         rows.append(
             [
                 form_name(form),
@@ -72,7 +74,7 @@ def held_out_section(comparison: Comparison) -> Section:
         )
     blocks.append(
         table(
-            ["Form", f"Inside the {prob:.0%} band", "Load error, %", "Extrapolation"],
+            ["Form", f"Inside the {percent(prob)} band", "Load error, %", "Extrapolation"],
             rows,
             text=(0, 3),
         )
@@ -80,7 +82,7 @@ def held_out_section(comparison: Comparison) -> Section:
     part = loads[loads["form"] == best].head(MOST_ROWS)
     blocks.append(
         table(
-            ["a/R", "b/R", "Q", "Observed p/E", "Median", f"{prob:.0%} band", "Observed is"],
+            ["a/R", "b/R", "Q", "Observed p/E", "Median", f"{percent(prob)} band", "Observed is"],
             [
                 [
                     f"{row['a_over_R']:g}",
@@ -101,10 +103,10 @@ def held_out_section(comparison: Comparison) -> Section:
     return Section("Held-out rows", "held-out", tuple(blocks))
 
 
-def _knows_nothing(comparison: Comparison, form: str, part: "object") -> bool:
+def _knows_nothing(comparison: Comparison, form: str) -> bool:
     if form not in comparison.fits or not isinstance(comparison.fits[form].form, PowerLaw):
         return False
-    known = set(comparison.fits[form].form.textures)
+    known = set(comparison.fits[form].model.data.textures)
     return not known & set(comparison.table.held_out.textures)
 
 
@@ -134,8 +136,9 @@ def errors_section(comparison: Comparison) -> Section:
             Picture(
                 comparison,
                 "percent-error",
-                "100 (p form / p data − 1) at each transition: above zero the form asks for too much "
-                "load. Full lines: coefficients calibrated here (posterior means); dashed: printed.",
+                "100 (p form / p data − 1) at each transition: above zero the form asks for too "
+                "much load. Full lines: coefficients calibrated here (posterior means); dashed: "
+                "printed.",
             ),
             table(
                 ["Form", *(f"a/R = {a:g}, b/R = {b:g}" for a, b in textures)],
@@ -158,9 +161,9 @@ def slopes_section(comparison: Comparison) -> Section:
                 comparison,
                 "slopes",
                 "Left: K, the rate at which Q grows with s = √(p/E), of each texture. Right: the "
-                "same times half the pitch, the c a texture would ask for by itself. Modified says "
-                "it is one number; Hybrid lets it grow as ridges get narrower. Bars: 90 % "
-                "intervals; points of one pitch are set a little apart.",
+                "same times half the pitch: the c that each texture asks for. Modified says it is "
+                "one number; Hybrid lets it grow as ridges get narrower. Bars and band: 90 % "
+                "intervals; Hybrid is set a little to the right of the power law.",
             ),
         ),
     )
@@ -191,9 +194,9 @@ def smooth_section(comparison: Comparison) -> Section:
             Picture(
                 comparison,
                 "smooth-cylinder",
-                f"Contact length without grooves, in ridges of a/R = {a:g}, b/R = {b:g} by eq. (2), "
-                "against Hertz, eq. (1). The half-plane equation is Hertz to rounding; a whole "
-                "cylinder of finite elements comes out slightly stiffer as the contact widens.",
+                f"Contact length without grooves, in ridges of a/R = {a:g}, b/R = {b:g} by eq. "
+                "(2), against Hertz, eq. (1). The half-plane equation is Hertz to rounding; a "
+                "whole cylinder of finite elements comes out a little stiffer as contact widens.",
             ),
             table(
                 ["Computed by", "Loads", "R² of Hertz on Q′", "Worst error in Q′, %", "in load, %"],

@@ -1,3 +1,4 @@
+# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
 """Sections on what went in and how to read it: data, claims of the study, units, versions."""
 
 import platform
@@ -6,7 +7,7 @@ from pathlib import Path
 
 from ridgebayes.claims import VERDICTS, paper_claims
 from ridgebayes.comparison import Comparison
-from ridgebayes.report.blocks import Section, Text, table
+from ridgebayes.report.blocks import Section, Table, Text, table
 from ridgebayes.report.numbers import count, number
 
 MOST_TEXTURES = 40
@@ -16,7 +17,7 @@ _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "corner
 def data_section(comparison: Comparison) -> Section:
     """Return what was fitted, held out and left out."""
     data = comparison.table
-    blocks = [Text(_counted(comparison))]
+    blocks: list[Text | Table] = [Text(_counted(comparison))]
     statuses = data.left_out.column("status")
     if len(statuses):
         told: dict[str, int] = {}
@@ -26,10 +27,10 @@ def data_section(comparison: Comparison) -> Section:
         blocks.append(Text(f"Left out because their status is not ok: {listed}.", "warning"))
     frame = data.frame
     frame = frame[frame["status"] == "ok"]
-    rows = []
-    for (a, b), part in frame.groupby(["a_over_R", "b_over_R"], sort=False):
-        if len(rows) == MOST_TEXTURES:
-            break
+    rows: list[list[str]] = []
+    pairs = dict.fromkeys(zip(frame["a_over_R"], frame["b_over_R"], strict=True))
+    for a, b in list(pairs)[:MOST_TEXTURES]:
+        part = frame[(frame["a_over_R"] == a) & (frame["b_over_R"] == b)]
         loads = part["p_over_E"]
         rows.append(
             [
@@ -93,6 +94,7 @@ def claims_section(comparison: Comparison) -> Section:
                 [[claim.text, claim.where, claim.ours, claim.verdict] for claim in claims],
                 text=(0, 1, 2, 3),
                 badge=3,
+                wide=True,
             ),
         ),
     )
@@ -119,8 +121,8 @@ def reading_section(comparison: Comparison) -> Section:
         ["Simulation band", "That and the error model: where a further simulation would fall."],
         [
             "Extrapolation",
-            "A count above the largest fitted one, or an a/pitch outside the fitted range: the band "
-            "knows nothing of how the form fails there.",
+            "A count above the largest fitted one, or an a/pitch outside the fitted range: the "
+            "band knows nothing of how the form fails there.",
         ],
     ]
     return Section("How to read this", "reading", (table(["Word", "Means"], rows, text=(0, 1)),))

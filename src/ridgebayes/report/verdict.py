@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 from ridgebayes.comparison import Comparison
+from ridgebayes.held_out import held_out_loads
 from ridgebayes.ranking import best_form, problems, runner_up, sensitivity_factors
 from ridgebayes.report.names import form_name, said
-from ridgebayes.report.numbers import count, decimals, probability, with_error
+from ridgebayes.report.numbers import count, decimals, percent, probability, with_error
 
 CAUTIONS = {
     "rows are not independent": (
@@ -23,8 +24,8 @@ class Verdict:
     ----------
     headline, sentence : str
         The answer, and the numbers behind it.
-    cautions : tuple of str
-        What to bear in mind.
+    cautions, notes : tuple of str
+        What to bear in mind, and what else the first screen tells.
     problems : tuple of str
         Fits that failed or did not converge; a report with any is marked in red.
     """
@@ -32,18 +33,45 @@ class Verdict:
     headline: str
     sentence: str
     cautions: tuple[str, ...]
+    notes: tuple[str, ...]
     problems: tuple[str, ...]
 
 
-def verdict(comparison: Comparison) -> Verdict:
-    """Return the verdict of a comparison."""
+def verdict(comparison: Comparison, reference: Comparison | None = None) -> Verdict:
+    """Return the verdict of a comparison, with a word on a second one if there is any."""
     caution = comparison.noise.caution
-    cautions = [CAUTIONS.get(caution, caution)] if caution else []
-    if len(comparison.probabilities) > 1:
-        cautions += _robustness(comparison)
-    return Verdict(
-        _headline(comparison), _sentence(comparison), tuple(cautions), problems(comparison)
-    )
+    notes = [*_robustness(comparison), *_held_out(comparison)]
+    found = problems(comparison)
+    if reference is not None:
+        answer = verdict(reference)
+        notes.append(
+            f"On {count(len(reference.table.calibration), 'finite-element row')}, with every form: "
+            f"{answer.headline} {_lead(reference)}"
+        )
+        found += tuple(f"finite-element rows: {what}" for what in answer.problems)
+    cautions = (CAUTIONS.get(caution, caution),) if caution else ()
+    return Verdict(_headline(comparison), _sentence(comparison), cautions, tuple(notes), found)
+
+
+def _lead(comparison: Comparison) -> str:
+    second = runner_up(comparison)
+    if second is None:
+        return ""
+    size = with_error(second.ln_bf, second.ln_bf_se)
+    return f"ln Bayes factor over {form_name(second.form)} {size}."
+
+
+def _held_out(comparison: Comparison) -> list[str]:
+    """Say how many held-out loads lie inside the best form's bands."""
+    best, loads = best_form(comparison), held_out_loads(comparison)
+    if best is None or not len(loads):
+        return []
+    own = loads[loads["form"] == best]
+    far = " (an extrapolation)" if own["extrapolation"].all() else ""
+    return [
+        f"Of the held-out loads{far}, {int(own['inside'].sum())} of {len(own)} lie inside the "
+        f"{percent(own['prob'].iloc[0])} bands of {form_name(best)}."
+    ]
 
 
 def _headline(comparison: Comparison) -> str:
