@@ -1,16 +1,39 @@
 """Expensive things that many tests look at and none changes: tables, fits, approximations."""
 
-from types import MappingProxyType
+import functools
+from collections.abc import Mapping
 
 import hypothesis
+import numpy as np
 import pytest
 
 import ridgebayes as rb
+from ridgebayes.forms import FORMS, form_named
 from ridgebayes.laplace import fit_laplace
+from ridgebayes.likelihood import Model, Observations
 
 # No clock in a test; and a test that fails today has to fail tomorrow.
 hypothesis.settings.register_profile("steady", deadline=None, derandomize=True, database=None)
 hypothesis.settings.load_profile("steady")
+
+
+class Affine:
+    """Whitened coordinates u = mode + factor z: the plainest ones a density can be given."""
+
+    def __init__(self, mode, factor):
+        self.mode, self.factor = np.asarray(mode, float), np.asarray(factor, float)
+        self.log_volume = float(np.linalg.slogdet(self.factor)[1])
+
+    def unwhiten(self, z):
+        return self.mode + z @ self.factor.T, np.zeros(z.shape[:-1])
+
+    def whiten(self, u):
+        return (u - self.mode) @ np.linalg.inv(self.factor).T, np.zeros(u.shape[:-1])
+
+
+@pytest.fixture(scope="session")
+def affine():
+    return Affine
 
 
 @pytest.fixture(scope="session")
@@ -23,25 +46,54 @@ def fe_table():
     return rb.reference_fe()
 
 
+class Lazy(Mapping):
+    """One thing per form, made when it is first asked for."""
+
+    def __init__(self, make):
+        self._make = functools.cache(make)
+
+    def __getitem__(self, name):
+        return self._make(name)
+
+    def __iter__(self):
+        return iter(FORMS)
+
+    def __len__(self):
+        return len(FORMS)
+
+
+def fits_of(table):
+    return Lazy(lambda name: rb.calibrate(table, form_named(name), rng=1))
+
+
+def laplaces_of(table):
+    data = Observations.from_table(table)
+    return Lazy(lambda name: fit_laplace(Model(data, form_named(name))))
+
+
 @pytest.fixture(scope="session")
 def fits(paper):
     """A calibrated fit of each printed form on the paper sweep, by name."""
-    forms = (rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid())
-    return MappingProxyType({form.name: rb.calibrate(paper, form, rng=1) for form in forms})
+    return fits_of(paper)
 
 
 @pytest.fixture(scope="session")
 def fe_fits(fe_table):
     """A calibrated fit of each form on the finite-element rows, by name."""
-    forms = (rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid(), rb.HalfPlane())
-    return MappingProxyType({form.name: rb.calibrate(fe_table, form, rng=1) for form in forms})
+    return fits_of(fe_table)
 
 
 @pytest.fixture(scope="session")
-def laplaces(fits):
-    return MappingProxyType({name: fit_laplace(fit.model) for name, fit in fits.items()})
+def laplaces(paper):
+    return laplaces_of(paper)
 
 
 @pytest.fixture(scope="session")
-def fe_laplaces(fe_fits):
-    return MappingProxyType({name: fit_laplace(fit.model) for name, fit in fe_fits.items()})
+def fe_laplaces(fe_table):
+    return laplaces_of(fe_table)
+
+
+@pytest.fixture(scope="session")
+def fe_models(fe_table):
+    data = Observations.from_table(fe_table)
+    return Lazy(lambda name: Model(data, form_named(name)))

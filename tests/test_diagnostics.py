@@ -175,13 +175,10 @@ def test_leave_one_out__of_a_normal_mean_is_the_exact_answer():
     assert loo.n_bad_k == 0
 
 
-@pytest.mark.parametrize("name", ["modified", "hybrid"])
-def test_leave_one_out__is_the_ratio_of_evidences_with_and_without_the_row(
-    fe_fits, fe_laplaces, name
-):
-    fit = fe_fits[name]
+def test_leave_one_out__is_the_ratio_of_evidences_with_and_without_the_row(fe_fits, fe_laplaces):
+    fit = fe_fits["hybrid"]
     loo = leave_one_out(groups_of(fit), reff=0.5)
-    data, everything = fit.model.data, fe_laplaces[name]
+    data, everything = fit.model.data, fe_laplaces["hybrid"]
     whole = quadrature_evidence(fit.model.log_density, everything).value
     exact = []
     for i in range(len(data)):

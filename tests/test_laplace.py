@@ -6,15 +6,20 @@ from scipy import stats
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import laplace_evidence
 from ridgebayes.forms import Hybrid, Modified
-from ridgebayes.laplace import Laplace, fit_laplace
+from ridgebayes.laplace import Funnel, Laplace, fit_laplace
 from ridgebayes.likelihood import Model, Observations
+from ridgebayes.priors import HalfNormal
 from ridgebayes.table import ContactTable
 
-FACTOR = np.array([[0.03, 0, 0], [-0.004, 0.002, 0], [0.01, 0.02, 0.15]])
+FACTOR = np.array([[0.3, 0, 0], [-0.04, 0.02, 0], [0.1, 0.2, 0.15]])
+MODE = np.array([0.3, 0.02, -0.5])
+SIGMA = HalfNormal(0.05)
+TURN = np.array([[0.8, -0.6], [0.6, 0.8]])
 
 
-def made_up(known_variance, n_coefficient=2):
-    return Laplace(np.array([0.3, 0.02, -3.5]), FACTOR, 1.5, n_coefficient, known_variance)
+def made_up(known_variance, information=(2e-3, 50.0)):
+    funnel = Funnel(TURN, np.array(information), known_variance, SIGMA)
+    return Laplace(MODE, FACTOR, 1.5, funnel)
 
 
 @pytest.mark.parametrize("known_variance", [0.0, 0.02**2])
@@ -45,11 +50,45 @@ def test_unwhiten__of_the_origin_is_the_mode():
     assert log_jacobian == 0
 
 
-def test_unwhiten__widens_coefficients_as_sigma_grows():
-    # Without known errors a coefficient's spread is proportional to sigma itself.
-    laplace = Laplace(np.array([0.0, -3.0]), np.diag([0.1, 1.0]), 0.0, 1)
-    u, _ = laplace.unwhiten(np.array([[1.0, 0.0], [1.0, np.log(2)]]))
-    np.testing.assert_allclose(u[:, 0], [0.1, 0.2], rtol=1e-14)  # algebra
+@pytest.mark.parametrize("known", [0.0, 0.02])
+def test_unwhiten__widens_each_direction_as_rows_of_that_sigma_and_the_prior_would(known):
+    # A direction's spread is (information/variance + 1)^(-1/2); the mode has u_sigma = 0.
+    information = np.array([1e-4, 3.0])
+    funnel = Funnel(TURN, information, known**2, SIGMA)
+    laplace = Laplace(np.zeros(3), np.diag([0.1, 0.1, 1.0]), 0.0, funnel)
+    for u_sigma in (-3.0, 0.7):
+        sigma = stats.halfnorm(scale=0.05).ppf(stats.norm.cdf([0.0, u_sigma]))
+        spread = 1 / np.sqrt(information / (sigma[:, None] ** 2 + known**2) + 1)
+        for i in (0, 1):
+            u, _ = laplace.unwhiten(np.append(TURN[:, i], u_sigma))
+            expected = 0.1 * TURN[:, i] * spread[1, i] / spread[0, i]
+            np.testing.assert_allclose(u[:2], expected, rtol=1e-10)  # algebra
+
+
+def test_slope__of_the_log_scales_is_the_central_difference():
+    funnel, h = made_up(0.01**2).funnel, 1e-5
+    for u in (-4.0, 0.0, 2.0):
+        up, down = (float(funnel.log_scales(np.array(u + d)).sum()) for d in (h, -h))
+        # Discretisation h^2, rounding eps/h.
+        assert funnel.slope(u) == pytest.approx((up - down) / (2 * h), rel=1e-7, abs=1e-9)
+
+
+def test_funnel__information_is_the_curvature_of_the_likelihood(fits, laplaces):
+    # At the expected residuals (zero) minus the likelihood's second derivative, times variance.
+    model, laplace = fits["hybrid"].model, laplaces["hybrid"]
+    information = laplace.funnel.basis * laplace.funnel.information @ laplace.funnel.basis.T
+    np.testing.assert_allclose(information, model.information(laplace.mode), rtol=1e-3)
+    theta, h = model.to_theta(laplace.mode), 1e-3
+    a, b = model.data.a_over_R[model.data.texture], model.data.b_over_R[model.data.texture]
+
+    def log_load(step):
+        coefficients = model.to_theta(laplace.mode + np.append(step, 0.0))[:2]
+        return np.log(model.form.load(model.data.Q, a, b, coefficients))
+
+    jacobian = [(log_load(e) - log_load(-e)) / (2 * h) for e in h * np.eye(2)]
+    expected = np.array(jacobian) @ np.transpose(jacobian)
+    np.testing.assert_allclose(model.information(laplace.mode), expected, rtol=1e-5)
+    assert theta[0] == pytest.approx(1.34, abs=0.05)
 
 
 @pytest.mark.parametrize("name", ["classic", "modified", "hybrid", "power-law"])
@@ -60,7 +99,6 @@ def test_fit_laplace__has_its_mode_and_curvature_where_finite_differences_do(fit
         u, log_jacobian = laplace.unwhiten(z)
         return float(model.log_density(u) + log_jacobian)
 
-    # Not the funnel's Jacobian again but its definition: log sigma once per coefficient.
     n, h = len(laplace.mode), 1e-3
     unit = np.eye(n)
     slope = [(in_z(h * e) - in_z(-h * e)) / (2 * h) for e in unit]
@@ -82,9 +120,8 @@ def test_fit_laplace__has_its_mode_and_curvature_where_finite_differences_do(fit
 
 def test_log_evidence__is_exact_for_a_normal():
     covariance = FACTOR @ FACTOR.T
-    mode = np.array([0.3, 0.02, -3.5])
-    peak = 7.0 + stats.multivariate_normal(mode, covariance).logpdf(mode)
-    laplace = Laplace(mode, FACTOR, float(peak), 0)
+    peak = 7.0 + stats.multivariate_normal(MODE, covariance).logpdf(MODE)
+    laplace = Laplace(MODE, FACTOR, float(peak), made_up(0.0).funnel)
     assert laplace.log_evidence == pytest.approx(7.0, abs=1e-11)  # algebra
     record = laplace_evidence(laplace)
     assert record.value == laplace.log_evidence
@@ -107,7 +144,9 @@ def test_fit_laplace__finds_the_mode_with_known_errors_too():
     )
     model = Model(Observations.from_table(ContactTable.from_frame(frame)), Modified())
     laplace = fit_laplace(model)
-    assert laplace.known_variance == pytest.approx(1e-4, rel=1e-12)  # algebra: a mean of equals
+    assert laplace.funnel.known_variance == pytest.approx(
+        1e-4, rel=1e-12
+    )  # algebra: a mean of equals
 
     def in_z(z):
         u, log_jacobian = laplace.unwhiten(z)
@@ -124,6 +163,6 @@ def test_fit_laplace__refuses_data_without_misfit():
     a, b = np.transpose(textures)
     log_load = np.log(Hybrid().load(Q, a[index], b[index], [1.35, 0.01]))
     data = Observations(textures, index, Q, log_load, np.zeros(10))
-    rule = r"hybrid: the posterior has no interior mode .* without misfit send sigma to 0"
+    rule = r"hybrid: the posterior has no interior mode.* without misfit send sigma to 0"
     with pytest.raises(ComputationError, match=rule):
         fit_laplace(Model(data, Hybrid()))

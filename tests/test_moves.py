@@ -6,7 +6,7 @@ from scipy import stats
 from ridgebayes.autocorrelation import autocorrelation_time
 from ridgebayes.moves import student_independence
 
-N_STEP, N_WALKER = 3_000, 64
+N_STEP, N_WALKER = 1_500, 64
 
 
 def worst_z(move, log_density, exact, start, seed=1):
@@ -62,7 +62,7 @@ def test_move__alone_and_in_the_mix_keeps_means_and_spreads(name, check):
 
 def test_move__a_wrong_one_fails_the_same_check():
     # emcee 3.1.6's DESnookerMove draws sds that are a third too small.
-    assert normal_check(emcee.moves.DESnookerMove()) > 15
+    assert normal_check(emcee.moves.DESnookerMove()) > 10
 
 
 def test_student_independence__candidates_are_students_t():

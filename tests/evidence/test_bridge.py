@@ -1,11 +1,8 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy import stats
 
 from ridgebayes.evidence import bridge_evidence, quadrature_evidence
-from ridgebayes.laplace import Laplace
 from ridgebayes.sample import Chains, SampleSettings, sample
 
 # Reference: log evidence of the 41 rows, iid, default priors; independent code, printed to 1e-4.
@@ -31,9 +28,6 @@ def independent(log_density, draws):
     return Chains(draws, log_p, np.ones(len(draws)), np.ones(draws.shape[-1] + 1), ())
 
 
-PLAIN = Laplace(np.zeros(2), np.eye(2), 0.0, 0)
-
-
 def skewed(u):
     """Two independent skew-normals, log integral 2.5."""
     return 2.5 + stats.skewnorm.logpdf(u, 4.0).sum(axis=-1)
@@ -43,20 +37,21 @@ def skewed_draws(seed, shape=(4, 100, 16, 2)):
     return stats.skewnorm.rvs(4.0, size=shape, random_state=seed)
 
 
-def test_bridge_evidence__of_exact_draws_errs_as_its_standard_error_says():
+def test_bridge_evidence__of_exact_draws_errs_as_its_standard_error_says(affine):
     z = []
     for seed in range(60):
         chains = independent(skewed, skewed_draws(seed))
-        found = bridge_evidence(skewed, chains, PLAIN, rng=np.random.default_rng(1000 + seed))
+        found = bridge_evidence(
+            skewed, chains, affine(np.zeros(2), np.eye(2)), rng=np.random.default_rng(1000 + seed)
+        )
         z.append((found.value - 2.5) / found.se)
     # Monte Carlo: the rms of 60 normal values is 1 +- 0.09, their mean 0 +- 0.13; four of each.
     assert 0.64 < np.sqrt(np.mean(np.square(z))) < 1.36
     assert abs(np.mean(z)) < 0.52
 
 
-@pytest.mark.parametrize("name", ["modified", "hybrid"])
-def test_bridge_evidence__over_seeds_errs_as_its_standard_error_says(fits, laplaces, name):
-    model, laplace = fits[name].model, laplaces[name]
+def test_bridge_evidence__over_seeds_errs_as_its_standard_error_says(fits, laplaces):
+    model, laplace = fits["hybrid"].model, laplaces["hybrid"]
     exact = quadrature_evidence(model.log_density, laplace).value
     z = []
     for seed in range(8):
@@ -72,32 +67,43 @@ def test_bridge_evidence__over_seeds_errs_as_its_standard_error_says(fits, lapla
         )
         assert abs(found.value - exact) < 0.01
         z.append((found.value - exact) / found.se)
-    # Monte Carlo: the rms of 8 normal values lies within these bounds with probability 0.999.
-    assert 0.3 < np.sqrt(np.mean(np.square(z))) < 2
+    # Monte Carlo: the rms of 8 normal values lies within these bounds with probability 0.98.
+    assert 0.5 < np.sqrt(np.mean(np.square(z))) < 2
 
 
-def test_bridge_evidence__says_so_where_its_iteration_does_not_settle():
+def test_bridge_evidence__says_so_where_its_iteration_does_not_settle(affine):
     chains = independent(skewed, skewed_draws(1))
-    found = bridge_evidence(skewed, chains, PLAIN, rng=np.random.default_rng(1), iterations_max=1)
+    found = bridge_evidence(
+        skewed,
+        chains,
+        affine(np.zeros(2), np.eye(2)),
+        rng=np.random.default_rng(1),
+        iterations_max=1,
+    )
     assert not found.ok
     assert np.isnan(found.value)
     assert found.status == "bridge iteration not settled after 1 steps"
 
 
-def test_bridge_evidence__says_so_where_the_halves_disagree():
+def test_bridge_evidence__says_so_where_the_halves_disagree(affine):
     # The last two ensembles sampled something else.
     draws = skewed_draws(1)
     draws[2:] = 0.5 + 0.5 * draws[2:]
-    found = bridge_evidence(skewed, independent(skewed, draws), PLAIN, rng=np.random.default_rng(1))
+    found = bridge_evidence(
+        skewed,
+        independent(skewed, draws),
+        affine(np.zeros(2), np.eye(2)),
+        rng=np.random.default_rng(1),
+    )
     assert not found.ok
     assert found.status.startswith("halves of the ensembles disagree by ")
     assert found.status.endswith(" se")
 
 
-def test_bridge_evidence__does_not_mind_how_the_coordinates_are_whitened(fits, laplaces):
-    # Another funnel and another scale: the Jacobians have to make up for it.
+def test_bridge_evidence__does_not_mind_how_the_coordinates_are_whitened(fits, laplaces, affine):
+    # No funnel and another scale: the Jacobians have to make up for it.
     fit, laplace = fits["hybrid"], laplaces["hybrid"]
-    plain = replace(laplace, factor=1.7 * laplace.factor, n_coefficient=0)
+    plain = affine(laplace.mode, 1.7 * laplace.factor)
     values = [
         bridge_evidence(fit.model.log_density, fit.chains, where, rng=np.random.default_rng(3))
         for where in (laplace, plain)
@@ -106,12 +112,12 @@ def test_bridge_evidence__does_not_mind_how_the_coordinates_are_whitened(fits, l
     assert abs(values[0].value - values[1].value) < 4 * se  # Monte Carlo
 
 
-def test_bridge_evidence__error_falls_as_draws_are_added():
+def test_bridge_evidence__error_falls_as_draws_are_added(affine):
     few, many = (
         bridge_evidence(
             skewed,
             independent(skewed, skewed_draws(1, (4, n, 16, 2))),
-            PLAIN,
+            affine(np.zeros(2), np.eye(2)),
             rng=np.random.default_rng(1),
         ).se
         for n in (50, 800)

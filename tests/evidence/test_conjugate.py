@@ -85,9 +85,9 @@ def test_power_law_evidence__integrates_sigma_as_scipy_does(model):
 
 
 def test_power_law_evidence__of_two_textures_is_the_three_dimensional_quadrature(
-    fe_fits, fe_laplaces
+    fe_models, fe_laplaces
 ):
-    model = fe_fits["power-law"].model
+    model = fe_models["power-law"]
     assert model.n_parameter == 3
     grid = quadrature_evidence(model.log_density, fe_laplaces["power-law"])
     # Discretisation: both to 1e-6.
