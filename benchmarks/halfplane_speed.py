@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 
 from ridgebayes.contact.halfplane import _table, transition_loads
-from ridgebayes.generate import generate
+from ridgebayes.generation import generate
 from ridgebayes.scene import Scene
 
 

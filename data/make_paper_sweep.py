@@ -1,12 +1,12 @@
 """Make `paper_sweep.csv`: the study's nine textures to p/E 0.02, the extreme one to 0.045.
 
-Run it from anywhere: ``python data/make_paper_sweep.py``. It computes with `ridgebayes.generate`
+Run it from anywhere: ``python data/make_paper_sweep.py``. It computes with `ridgebayes.generation`
 and replaces the file beside it.
 """
 
 from pathlib import Path
 
-from ridgebayes.generate import generate
+from ridgebayes.generation import generate
 from ridgebayes.scene import Scene
 
 if __name__ == "__main__":
