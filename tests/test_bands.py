@@ -8,7 +8,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.bands import bands_table, default_loads, loads_table
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.errors import InputError
 from ridgebayes.noise import Noise
 
@@ -236,6 +236,20 @@ def test_bands__poissons_ratio_enters_as_the_reduced_load(comparison):
     np.testing.assert_allclose(
         other.loc[smooth, tail(other)], at_half.loc[smooth, tail(other)], rtol=0, atol=1e-11
     )
+
+
+def test_bands__default_to_the_poissons_ratio_of_each_texture(comparison, paper):
+    frame = paper.frame
+    frame["nu"] = frame["nu"].mask(frame["a_over_R"] == 0.012, 0.3)
+    soft = compared(rb.ContactTable.from_frame(frame), comparison.fits, {"modified": 1.0})
+    textures = [(0.012, 0.03), (0.022, 0.02), (0.05, 0.05)]  # the last is not in the table
+    options = {"loads": np.array([0.004, 0.009]), "forms": ["modified"]}
+    found = bands_table(soft, textures=textures, **options)
+    assert found["nu"].tolist() == [0.3, 0.3, 0.5, 0.5, 0.5, 0.5] * 2
+    for texture, nu in zip(textures, (0.3, 0.5, 0.5), strict=True):
+        alone = bands_table(soft, textures=[texture], nu=nu, **options)
+        ours = found[found["a_over_R"] == texture[0]].reset_index(drop=True)
+        pd.testing.assert_frame_equal(ours[list(alone)], alone, check_exact=True)
 
 
 def test_bands__flag_what_lies_beyond_the_calibrated_range(comparison, paper):

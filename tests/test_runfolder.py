@@ -13,7 +13,7 @@ import pytest
 import ridgebayes as rb
 from ridgebayes.bands import bands_table
 from ridgebayes.bayes_factors import BAYES_FACTOR_COLUMNS, bayes_factor_table, evidence_table
-from ridgebayes.compare import Comparison
+from ridgebayes.comparison import Comparison
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
 from ridgebayes.noise import Noise

@@ -1,0 +1,143 @@
+"""What importing costs, what the package offers by name, and which module may import what."""
+
+import ast
+import importlib.metadata
+import json
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import ridgebayes as rb
+
+HEAVY = ("numpy", "pandas", "scipy", "matplotlib", "xarray", "emcee", "arviz", "corner")
+PACKAGE = Path(rb.__file__).parent
+
+
+def python(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+def loaded_after(code: str) -> list[str]:
+    """Return which heavy libraries a fresh interpreter has loaded after some lines."""
+    ask = f"import json, sys; print(); print(json.dumps([n for n in {HEAVY} if n in sys.modules]))"
+    return json.loads(python(f"{code}\n{ask}").splitlines()[-1])
+
+
+def test_import__loads_no_heavy_library():
+    assert loaded_after("import ridgebayes") == []
+
+
+def test_import__the_check_above_would_see_one():
+    assert "numpy" in loaded_after("import ridgebayes; ridgebayes.Hybrid")
+
+
+def test_import__loads_no_other_module_of_the_package():
+    code = "import sys, ridgebayes; print([m for m in sys.modules if m.startswith('ridgebayes.')])"
+    assert python(code).strip() == "[]"
+
+
+@pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["predict", "--help"]])
+def test_help__loads_no_heavy_library(words):
+    code = (
+        f"import sys; sys.argv = ['ridgebayes', *{words!r}]\n"
+        "from ridgebayes.cli import main\n"
+        "try: main()\n"
+        "except SystemExit as stopped: assert not stopped.code"
+    )
+    assert loaded_after(code) == []
+
+
+def test_records_and_errors__need_no_sampler():
+    assert "emcee" not in loaded_after("import ridgebayes; ridgebayes.paper_sweep()")
+
+
+def test_forms_and_tables__need_no_plots():
+    code = "import ridgebayes; ridgebayes.compare, ridgebayes.Fit, ridgebayes.generate"
+    assert not {"matplotlib", "corner", "arviz"} & set(loaded_after(code))
+
+
+@pytest.mark.parametrize("name", sorted(rb._HOME))
+def test_every_offered_name_resolves(name):
+    value = rb.__getattr__(name)
+    assert value is getattr(import_module(f"ridgebayes.{rb._HOME[name]}"), name)
+    assert value.__name__ == name
+    assert value.__doc__
+    assert name in dir(rb)
+
+
+def test_offered_names__are_the_homes_and_the_version():
+    assert rb.__all__ == ["__version__", *rb._HOME]
+
+
+def test_offered_names__are_those_that_type_checkers_see():
+    tree = ast.parse((PACKAGE / "__init__.py").read_text(encoding="utf-8"))
+    told = {
+        (alias.name, node.module)
+        for branch in tree.body
+        if isinstance(branch, ast.If)
+        for node in branch.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert told == {(name, f"ridgebayes.{home}") for name, home in rb._HOME.items()}
+
+
+def test_unknown_name__is_an_attribute_error():
+    with pytest.raises(AttributeError, match=r"'ridgebayes' has no attribute 'Hybird'"):
+        rb.Hybird  # noqa: B018
+
+
+def test_version__is_that_of_the_installed_package():
+    assert rb.__version__ == importlib.metadata.version("ridgebayes")
+
+
+def test_types__are_offered_to_users():
+    assert (PACKAGE / "py.typed").is_file()
+
+
+def test_errors__can_be_told_apart_and_caught_together():
+    assert issubclass(rb.InputError, rb.RidgebayesError)
+    assert issubclass(rb.InputError, ValueError)
+    assert issubclass(rb.ComputationError, rb.RidgebayesError)
+    assert issubclass(rb.ComputationError, RuntimeError)
+    assert not issubclass(rb.InputError, rb.ComputationError)
+
+
+@pytest.mark.parametrize(
+    ("library", "home"),
+    [("emcee", "sample"), ("arviz", "diagnostics"), ("typer", "cli"), ("rich", "progress")],
+)
+def test_each_heavy_library_has_one_home(library, home):
+    importers = {
+        path.relative_to(PACKAGE).as_posix()
+        for path in PACKAGE.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if library in _roots(node)
+    }
+    assert importers == {f"{home}.py"}
+
+
+def _roots(node: ast.AST) -> set[str]:
+    if isinstance(node, ast.Import):
+        return {alias.name.split(".")[0] for alias in node.names}
+    if isinstance(node, ast.ImportFrom) and node.level == 0:
+        return {(node.module or "").split(".")[0]}
+    return set()
+
+
+def test_mechanics__never_sees_a_scene_a_table_or_a_fit():
+    for path in (PACKAGE / "contact").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("ridgebayes."):
+                assert node.module.split(".")[1] in {"_types", "errors", "contact"}, path.name
+
+
+def test_no_public_function_has_the_name_of_a_module():
+    # Importing a module sets it as an attribute of the package: it would replace the function.
+    package = PACKAGE
+    modules = {path.stem for path in package.iterdir() if not path.name.startswith("_")}
+    assert not modules & set(rb.__all__)
