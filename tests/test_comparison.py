@@ -416,7 +416,7 @@ def test_repr__names_the_table_and_each_probability(comparison):
 def test_complete__needs_every_form_fitted_and_converged(comparison, fits):
     assert comparison.complete
     assert not replace(comparison, failures={"classic": "no mode"}).complete
-    lacking = {**fits, "hybrid": replace(fits["hybrid"], missing=("c1: too short",))}
+    lacking = {**comparison.fits, "hybrid": replace(fits["hybrid"], missing=("c1: too short",))}
     assert not replace(comparison, fits=lacking).complete
 
 
