@@ -103,6 +103,15 @@ def test_summarise__bulk_size_is_of_ranks_and_so_survives_heavy_tails():
     assert row["mcse_mean"] == pytest.approx(row["sd"] / np.sqrt(plain), rel=1e-12)  # algebra
 
 
+def test_summarise__bulk_size_is_of_blom_scores():
+    # Vehtari et al. (2021) eq. 14: few draws, so that the constants 3/8 and 1/4 show.
+    x = noise((4, 12, 4, 1), seed=8)
+    order = x.ravel().argsort().argsort().reshape(x.shape[:3]) + 1
+    scores = stats.norm.ppf((order - 3 / 8) / (x.size + 1 / 4))
+    bulk = summarise(x, ("x",))["ess_bulk"].iloc[0]
+    assert bulk == pytest.approx(float(effective_sample_size(scores)), rel=1e-10)  # algebra
+
+
 def test_summarise__tail_size_sees_walkers_that_stay_in_the_tail():
     x = noise((4, 1_000, 16, 1))
     x[:, 300:600, 0] = 4.0

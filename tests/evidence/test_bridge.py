@@ -37,10 +37,12 @@ def skewed_draws(seed, shape=(4, 100, 16, 2)):
     return stats.skewnorm.rvs(4.0, size=shape, random_state=seed)
 
 
-def test_bridge_evidence__of_exact_draws_errs_as_its_standard_error_says(affine):
+@pytest.mark.parametrize("repeats", [1, 10])
+def test_bridge_evidence__of_exact_draws_errs_as_its_standard_error_says(repeats, affine):
+    # Repeated draws add steps and no information: the standard error must not fall for them.
     z = []
     for seed in range(60):
-        chains = independent(skewed, skewed_draws(seed))
+        chains = independent(skewed, skewed_draws(seed).repeat(repeats, axis=1))
         found = bridge_evidence(
             skewed, chains, affine(np.zeros(2), np.eye(2)), rng=np.random.default_rng(1000 + seed)
         )
