@@ -24,12 +24,14 @@ def held_out_loads(comparison: Comparison) -> pd.DataFrame:
     -------
     pandas.DataFrame
         As `ridgebayes.bands.loads_table`, simulation bands of held-out rows only, with a column
-        ``inside``. Empty if no transition was held out.
+        ``inside``. Empty if no transition was held out, or no form has a probability.
     """
     if comparison not in _known:
         held_out = comparison.table.held_out
         loads = pd.DataFrame()
-        if len(held_out) and (held_out.column("kind") == "transition").any():
+        # Without a usable evidence there are no weights to average the forms with.
+        weighed = bool(comparison.probabilities)
+        if weighed and len(held_out) and (held_out.column("kind") == "transition").any():
             loads = loads_table(replace(comparison, table=held_out))
             loads = loads[loads["kind_of_band"] == "simulation"].reset_index(drop=True)
             observed = loads["p_over_E_observed"]

@@ -65,7 +65,7 @@ def modified_claim(table: ContactTable) -> Claim:
 def coefficients_claim(form: Form, table: ContactTable, where: str) -> Claim:
     """Check whether least squares finds a form's printed coefficients again."""
     printed = dict(zip(form.parameter_names, form.printed or (), strict=True))
-    values = ", ".join(f"{name} = {value}" for name, value in printed.items())
+    values = ", ".join(f"{_subscript(name)} = {value}" for name, value in printed.items())
     text = f"{form.name.capitalize()}: least squares gives {values}."
     try:
         found = fit_by_least_squares(form, table)
@@ -77,13 +77,24 @@ def coefficients_claim(form: Form, table: ContactTable, where: str) -> Claim:
         half_digit = 0.5 * 10.0 ** -len(str(value).partition(".")[2])
         # As near as the printed digits and the scatter of the fit can tell.
         near.append(abs(own - value) <= half_digit + 2 * np.nan_to_num(spread))
-        ours.append(f"{name} = {own:.4g}" + (f" ± {spread:.2g}" if math.isfinite(spread) else ""))
+        ours.append(f"{_subscript(name)} = {_to_two_digits(own, spread)}")
     return Claim(
         text,
         where,
         f"Least squares on Q, {found.n_row} rows of this table: {', '.join(ours)}.",
         CONFIRMED if all(near) else NOT_CONFIRMED,
     )
+
+
+def _subscript(name: str) -> str:
+    return name.translate(str.maketrans("12", "₁₂"))
+
+
+def _to_two_digits(value: float, spread: float) -> str:
+    if not (math.isfinite(spread) and spread > 0):
+        return f"{value:.5g}"
+    places = max(1 - math.floor(math.log10(spread)), 0)
+    return f"{value:.{places}f} ± {spread:.{places}f}"
 
 
 def _digits(error: float) -> int:

@@ -167,7 +167,7 @@ def held_out_figure(loads: pd.DataFrame) -> Figure:
         axes.set_xticks(sorted(set(here["Q"])))
         axes.set_xlabel("edges in contact $Q$")
         axes.set_title(texture_title(a, b))
-    panels[0, 0].set_ylabel("load error, predicted against observed, %")
+    panels[0, 0].set_ylabel("load error of the prediction, %")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(forms))
     return figure

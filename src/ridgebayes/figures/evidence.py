@@ -59,8 +59,8 @@ def forest_figure(factors: pd.DataFrame, best: str) -> Figure:
     axes.axvline(0, color="#000000", linewidth=1)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel(
-        f"ln Bayes factor against {title_of(best)} (shades: over 1, 3 and 5 below, positive, "
-        "strong and very strong)"
+        f"ln Bayes factor against {title_of(best)} "
+        "(shades: positive, strong, very strong, from 1, 3, 5 on)"
     )
     used = [method for method in _METHODS if (factors["method"] == method).any()]
     handles = [

@@ -51,7 +51,7 @@ class Plate:
         return as_bytes(self.figure, "svg")
 
 
-_N_LOAD = 400  # of one panel's band: steps as sharp as a pixel
+_N_LOAD = 300  # of one panel's band: steps as sharp as a pixel
 _BEYOND = 1.6  # how far beyond a texture's own highest load its panel goes
 
 # A run draws each figure for its folder and again for its reports: the second time is for free.

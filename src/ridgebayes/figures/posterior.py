@@ -5,7 +5,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ridgebayes.figures.style import COLOURS, QUIET, WIDTH, new_figure, symbol, title_of
+from ridgebayes.figures.style import COLOURS, DPI, QUIET, WIDTH, new_figure, symbol, title_of
 from ridgebayes.fit import Fit
 
 MOST_PARAMETERS = 12  # a corner plot of more cannot be read, and traces fill pages
@@ -30,7 +30,7 @@ def corner_figure(fit: Fit) -> Figure:
     draws = fit.draws[:, shown]
     n = len(shown)
     size = min(2.0 + 1.6 * n, 11.0)
-    figure = Figure(figsize=(size, size))
+    figure = Figure(figsize=(size, size), dpi=DPI)
     FigureCanvasAgg(figure)
     colour = COLOURS.get(fit.form.name, QUIET)
     # A draw far out in a tail must not squeeze the rest of the panel.
@@ -48,7 +48,7 @@ def corner_figure(fit: Fit) -> Figure:
         bins=36,
         smooth=0.9,
         color=colour,
-        labels=[symbol(name) for name in names],
+        labels=[symbol(name).replace(" ", "\n" if n >= 6 else " ", 1) for name in names],
         truths=inside,
         truth_color="#000000",
         plot_datapoints=False,
@@ -57,8 +57,8 @@ def corner_figure(fit: Fit) -> Figure:
         levels=(0.39, 0.86),  # one and two standard deviations of a normal in two dimensions
         quantiles=(0.05, 0.5, 0.95),
         max_n_ticks=4 if n < 6 else 3,
-        labelpad=-0.06 if n < 6 else 0.1,
-        label_kwargs={"fontsize": 10 if n < 6 else 8},
+        labelpad=-0.06 if n < 6 else 0.2,
+        label_kwargs={"fontsize": 10 if n < 6 else 7.5},
         hist_kwargs={"linewidth": 1.2},
     )
     for axes in figure.axes:
@@ -66,7 +66,7 @@ def corner_figure(fit: Fit) -> Figure:
         axes.tick_params(labelsize=8 if n < 6 else 7)
         for line in axes.lines:
             line.set_linewidth(0.9)
-    left = (0.85 if n < 6 else 1.05) / size
+    left = (0.85 if n < 6 else 1.1) / size
     figure.subplots_adjust(left=left, bottom=left, right=0.98, top=1 - 0.45 / size)
     note = "" if n == fit.model.n_parameter else f" ({n} of {fit.model.n_parameter} parameters)"
     figure.suptitle(f"{title_of(fit.form.name)}: posterior{note}", y=1 - 0.1 / size, va="top")

@@ -7,6 +7,7 @@ from typing import Any
 
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 # Okabe and Ito's palette: told apart with every common kind of colour blindness.
@@ -53,7 +54,6 @@ _STYLE: dict[str, Any] = {
     "grid.color": "#E6E6E6",
     "grid.linewidth": 0.6,
     "axes.axisbelow": True,
-    "axes.formatter.use_mathtext": True,
     # The same seed has to give the same bytes.
     "svg.hashsalt": "ridgebayes",
 }
@@ -70,7 +70,7 @@ def styled() -> Iterator[None]:
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure, in inches, that makes room for its own labels."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
@@ -121,12 +121,20 @@ def texture_title(a_over_R: float, b_over_R: float) -> str:
 
 def as_bytes(figure: Figure, kind: str) -> bytes:
     """Return a figure as a file: ``png`` at 150 dpi or ``svg``; equal figures, equal bytes."""
-    metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}[kind]
+    file = io.BytesIO()
     with styled():
-        if figure.get_layout_engine() is not None:
-            # Once is enough: every file written would lay out the figure anew.
-            figure.draw_without_rendering()
-            figure.set_layout_engine("none")
-        file = io.BytesIO()
-        figure.savefig(file, format=kind, dpi=DPI, metadata=metadata)
+        lay_out(figure)
+        # Straight from the canvas: `savefig` would draw everything once more beforehand.
+        if kind == "png":
+            FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
+        else:
+            FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None, "Creator": None})
     return file.getvalue()
+
+
+def lay_out(figure: Figure) -> None:
+    """Make room for the labels, once: every drawing would do it anew."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")

@@ -133,9 +133,8 @@ def corner_section(comparison: Comparison) -> Section:
     for name in ranked(comparison):
         n = comparison.fits[name].model.n_parameter
         some = f" {MOST_PARAMETERS} of {n} parameters." if n > MOST_PARAMETERS else ""
-        printed = (
-            "; solid lines: the printed coefficients" if comparison.fits[name].form.printed else ""
-        )
+        has_printed = comparison.fits[name].form.printed is not None
+        printed = "; solid lines: printed coefficients that lie inside" if has_printed else ""
         pictures.append(
             Picture(
                 comparison,

@@ -1,0 +1,269 @@
+"""The report: the answer first, everything escaped, nothing raw, the same bytes again."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pandas as pd
+import pytest
+
+import ridgebayes as rb
+from ridgebayes.errors import InputError
+from ridgebayes.labelled import read_netcdf
+from ridgebayes.report import render_report, write_report
+from ridgebayes.report.numbers import decimals, interval, number, probability, with_error
+from ridgebayes.report.verdict import verdict
+
+
+class Page(HTMLParser):
+    """Tags with their attributes, and the text between them."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.words, self.open = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in {"meta", "img", "br"}:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.words.append(data)
+
+    @property
+    def text(self):
+        return " ".join(" ".join(self.words).split())
+
+    def all(self, tag):
+        return [attrs for name, attrs in self.tags if name == tag]
+
+
+@pytest.fixture(scope="session")
+def full(comparison, reference):
+    return render_report(comparison, ".html", reference=reference)
+
+
+@pytest.fixture(scope="session")
+def page(full):
+    return Page(full)
+
+
+@pytest.fixture(scope="session")
+def markdown(comparison, reference):
+    return render_report(comparison, ".md", reference=reference)
+
+
+def test_page_is_well_formed_and_self_contained(full, page):
+    assert page.open == []
+    assert not page.all("script")
+    assert not page.all("link")
+    assert all(image["src"].startswith("data:image/png;base64,") for image in page.all("img"))
+    assert all(link["href"].startswith("#") for link in page.all("a"))
+    assert "http" not in re.sub(r"base64,[^\"]*", "", full)
+
+
+def test_every_link_has_its_section(page):
+    anchors = {attrs["id"] for attrs in page.all("h2")}
+    assert {link["href"][1:] for link in page.all("a")} == anchors
+
+
+@pytest.mark.parametrize(
+    "section",
+    [
+        "Evidence",
+        "Data",
+        "Coefficients",
+        "Q against load",
+        "Held-out rows",
+        "Percent error of each form",
+        "K against pitch",
+        "Smooth cylinder against Hertz",
+        "Finite-element reference",
+        "The study's claims, one by one",
+        "Prior sensitivity",
+        "Leave-one-out prediction",
+        "Convergence",
+        "Posteriors",
+        "Traces",
+        "How to read this",
+        "Made with",
+    ],
+)
+def test_full_report_has_section(page, section):
+    assert section in page.text
+
+
+def test_every_image_has_words_for_those_who_do_not_see_it(page):
+    assert len(page.all("img")) == 17
+    assert all(len(image["alt"]) > 20 for image in page.all("img"))
+
+
+def test_first_words_are_the_answer(page, comparison):
+    head = page.text[: page.text.index("Natural logarithms")]
+    factor = comparison.bayes_factors.iloc[5]
+    assert "Hybrid is the form the evidence supports." in head
+    assert f"{-factor['ln_bf']:.4f}" in head
+    assert "strong for Hybrid (Kass & Raftery)" in head
+    assert "Rows are not independent" in head
+    assert "3 of 3 lie inside" in head
+    assert "Half-plane is the form the evidence supports" in head
+
+
+def test_no_nan_and_no_endless_digits(page, markdown):
+    for text in (page.text, markdown):
+        assert not re.search(r"\b(nan|None(?! of)|inf)\b", text)
+        assert not re.search(r"\d\.\d{9}", text)
+
+
+def test_complete_comparison_has_no_banner(page, markdown):
+    assert not [attrs for attrs in page.all("div") if attrs.get("class") == "banner"]
+    assert "NOT COMPLETE" not in markdown
+
+
+def test_printed_and_least_squares_stand_beside_the_posterior(page):
+    # Reference: least squares on Q, 41 rows: c1 = 1.3486, c2 = 0.0180, c = 1.3844.
+    for words in ("1.348 1.3486 ±", "0.01583 0.0180 ±", "1.38 1.3844 ±"):
+        assert words in page.text
+
+
+def test_same_comparison_same_bytes(comparison, reference, full):
+    again = render_report(replace(comparison), ".html", reference=replace(reference))
+    assert again == full
+
+
+def test_a_comparison_read_back_gives_the_same_report(odd, tmp_path):
+    fits = {}
+    for name, fit in odd.fits.items():
+        fit.to_netcdf(tmp_path / f"{name}.nc")
+        fits[name] = read_netcdf(tmp_path / f"{name}.nc")
+    back = replace(odd, fits=fits)
+    for suffix in (".html", ".md"):
+        assert render_report(back, suffix) == render_report(odd, suffix)
+
+
+def test_labels_are_escaped_and_shown(odd):
+    html, text = render_report(odd), render_report(odd, ".md")
+    page = Page(html)
+    assert page.open == []
+    assert not page.all("script")
+    assert not page.all("b")
+    assert not page.all("i")
+    assert "<script>alert('$x$')</script> & | *" in page.text
+    assert "my <b>solver</b>" in page.text
+    assert "<script>" not in text
+    assert "&lt;script&gt;alert('$x$')&lt;/script&gt; &amp; \\| \\*" in text
+
+
+def test_file_name_is_shown_without_its_folder(odd):
+    text = Page(render_report(odd)).text
+    assert "<odd>.csv: 8 rows" in text
+    assert "/home/me" not in text
+
+
+def test_rows_left_out_are_counted_aloud(odd):
+    text = Page(render_report(odd)).text
+    assert "5 rows of 1 texture fitted, 2 held out, 1 left out" in text
+    assert "1 row: diverged <i>at</i> step 3" in text
+
+
+def test_markdown_tables_have_as_many_cells_in_every_row(markdown, odd):
+    for text in (markdown, render_report(odd, ".md")):
+        for block in re.findall(r"(?:^\|.*\n)+", text, re.M):
+            cells = {len(re.findall(r"(?<!\\)\|", line)) for line in block.splitlines()}
+            assert len(cells) == 1
+
+
+def test_one_form_that_did_not_converge_says_so_in_red(single):
+    assert not single.complete
+    page = Page(render_report(single))
+    assert [attrs for attrs in page.all("div") if attrs.get("class") == "banner"]
+    assert "This comparison is not complete." in page.text
+    assert single.fits["modified"].missing[0] in page.text
+    assert "there is nothing to compare it with" in page.text
+    assert "did not converge" in page.text
+    assert "NOT COMPLETE" in render_report(single, ".md")
+
+
+def test_a_failed_form_is_named_with_its_reason(failed):
+    page = Page(render_report(failed))
+    assert "classic: could not be fitted: no interior mode at <c> = 0" in page.text
+    assert "Classic – – – – FAILED" in page.text
+
+
+def test_problems_of_the_reference_reach_the_banner(comparison, single):
+    found = verdict(comparison, single).problems
+    assert found
+    assert all(words.startswith("finite-element rows: ") for words in found)
+
+
+def test_no_usable_evidence_is_said(single):
+    evidence = single.evidence.assign(
+        used=False, status="no overlap", model_probability=float("nan")
+    )
+    page = Page(render_report(replace(single, evidence=evidence)))
+    assert "No form got a usable evidence." in page.text
+    assert "no method gave a usable evidence" in page.text
+
+
+def test_undecided_is_the_headline_where_it_is(reference):
+    two = {name: reference.fits[name] for name in ("modified", "hybrid")}
+    evidence = reference.evidence[reference.evidence["form"].isin(two)].copy()
+    share = evidence["model_probability"] / evidence["model_probability"].sum()
+    found = verdict(replace(reference, fits=two, evidence=evidence.assign(model_probability=share)))
+    assert found.headline == "The evidence does not decide between Modified and Hybrid."
+
+
+def test_tables_that_a_run_did_not_write_leave_their_sections_out(single):
+    bare = replace(
+        single, bayes_factors=pd.DataFrame(), loo=pd.DataFrame(), prior_sensitivity=pd.DataFrame()
+    )
+    text = Page(render_report(bare)).text
+    assert "Leave-one-out" not in text
+    assert "Prior sensitivity" not in text
+
+
+def test_disagreement_of_loo_with_the_bayes_factors_is_explained(comparison):
+    loo = comparison.loo.assign(elpd=[90.0, 1.0, 2.0, 3.0])
+    text = Page(render_report(replace(comparison, loo=loo))).text
+    assert "It favours Classic by score and Hybrid by weight" in text
+
+
+@pytest.mark.parametrize("suffix", [".html", ".md"])
+def test_write_report_leaves_one_whole_file(odd, tmp_path, suffix):
+    target = tmp_path / f"report{suffix}"
+    target.write_text("old", encoding="utf-8")
+    write_report(odd, target)
+    assert [path.name for path in tmp_path.iterdir()] == [target.name]
+    assert target.read_text(encoding="utf-8") == render_report(odd, suffix)
+
+
+def test_another_suffix_is_bad_input(odd, tmp_path):
+    with pytest.raises(InputError, match=r"ends in \.html or \.md"):
+        write_report(odd, tmp_path / "report.pdf")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_missing_folder_is_bad_input(odd, tmp_path):
+    with pytest.raises(InputError, match="cannot be written"):
+        write_report(odd, tmp_path / "nowhere" / "report.md")
+
+
+def test_numbers_never_come_out_raw():
+    nan = float("nan")
+    for words in (number(nan), decimals(nan, 2), with_error(nan, 1.0), probability(nan)):
+        assert words == "–"
+    assert with_error(1.0, nan) == "1.0000"
+    assert number(float("inf")) == "∞"
+    assert number(0.0) == "0"
+    assert number(123456.0, 3) == "123,456"
+    assert probability(0.99951) == "0.99951"
+    assert interval(1.0, 2.0, nan) == "1.000 to 2.000"
+
+
+def test_package_exports_write_report():
+    assert rb.write_report is write_report
