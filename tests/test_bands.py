@@ -99,6 +99,17 @@ def test_bands__end_at_the_first_negligible_count_at_any_load(comparison, load):
     assert (highest.iloc[:-1] >= 1e-6).all()
 
 
+def test_bands__an_average_ends_by_its_own_probabilities(paper, fits):
+    """Classic's wide errors reach far counts, but weigh next to nothing."""
+    mixed = compared(paper, fits, {"modified": 1 - 1e-5, "classic": 1e-5})
+    where = {"textures": [(0.022, 0.02)], "loads": np.array([0.01])}
+    average = bands_table(mixed, forms=["average"], **where)
+    highest = average[tail(average)].max()
+    assert highest.iloc[-1] < 1e-6
+    assert (highest.iloc[:-1] >= 1e-6).all()
+    assert len(highest) < len(tail(bands_table(mixed, forms=["classic"], **where)))
+
+
 def test_bands__every_form_and_the_average_in_both_kinds(bands):
     rows = bands.groupby(["kind_of_band", "form"], sort=False).size()
     expected = [(kind, form) for kind in ("curve", "simulation") for form in (*SHARES, "average")]

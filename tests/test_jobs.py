@@ -5,6 +5,8 @@ Sampling is short: what is tested here holds for an unconverged fit as well.
 
 import json
 import math
+import re
+import shutil
 from dataclasses import replace
 
 import pandas as pd
@@ -437,6 +439,21 @@ def test_report__is_written_from_what_the_folder_holds(runs, no_pages):
 def test_report__takes_the_second_comparison_along(default, no_pages):
     report_job(default[0])
     assert list(no_pages.asked[0][2].fits)[-1] == "half-plane"
+
+
+def test_report__real_pages_stand_in_the_folder_whole(default, tmp_path):
+    folder = shutil.copytree(default[0], tmp_path / "run")
+    before = {path: path.read_bytes() for path in folder.rglob("*.csv")}
+    report_job(folder)
+    for where in (folder, folder / "reference-fe"):
+        assert "<html" in (where / "report.html").read_text(encoding="utf-8")
+        assert (where / "report.md").read_text(encoding="utf-8").startswith("#")
+        kinds = [path.suffix for path in (where / "figures").iterdir()]
+        assert kinds.count(".png") == kinds.count(".svg") > 0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert not re.findall(r'(?:src|href)="(?!data:|#|https?://)', page)  # self-contained
+    assert "did not converge" in page or "not converged" in page
+    assert {path: path.read_bytes() for path in folder.rglob("*.csv")} == before
 
 
 def test_report__of_what_is_no_run_is_refused(tmp_path, no_pages):
