@@ -135,8 +135,8 @@ def test_results_table__printed_coefficients_are_those_of_the_forms():
 
 
 def test_bayes_factors_in_the_text__to_the_digits_shown(fits, fe_fits):
-    sweep = {name: exact_evidence(fit) for name, fit in fits.items()}
-    fe = {name: exact_evidence(fit) for name, fit in fe_fits.items()}
+    sweep = {name: exact_evidence(fits[name]) for name in ("hybrid", "modified")}
+    fe = {name: exact_evidence(fe_fits[name]) for name in ("half-plane", "hybrid", "modified")}
     shown = [float(text) for text in re.findall(r"ln BF = ([\d.]+)", TEXT)]
     assert shown == [
         round(sweep["hybrid"] - sweep["modified"], 2),
