@@ -92,6 +92,12 @@ def percent_errors(
     return pd.concat(blocks, ignore_index=True) if blocks else pd.DataFrame(columns=columns)
 
 
+def has_slopes(comparison: Comparison) -> bool:
+    """Return whether K was fitted to several textures, so that there is a trend to look at."""
+    power_law = comparison.fits.get("power-law")
+    return power_law is not None and len(power_law.model.data.textures) > 1
+
+
 def slopes_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
     """Return K = dQ'/ds of each calibrated texture by each closed form.
 

@@ -262,6 +262,7 @@ def test_numbers_never_come_out_raw():
     assert number(0.0) == "0"
     assert number(123456.0, 3) == "123,456"
     assert probability(0.99951) == "0.99951"
+    assert probability(1.0) == "1"
     assert interval(1.0, 2.0, nan) == "1.000 to 2.000"
 
 

@@ -176,5 +176,16 @@ def test_held_out_loads_say_inside_or_outside(comparison):
     assert (loads["inside"] == expected).all()
 
 
+def test_the_power_law_speaks_only_of_textures_it_has_a_k_for(comparison, reference):
+    loads = held_out_loads(comparison)
+    assert (loads["prior_alone"] == (loads["form"] == "power-law")).all()
+    assert not held_out_loads(reference)["prior_alone"].any()
+
+
+def test_held_out_loads_without_weights_is_empty(single):
+    evidence = single.evidence.assign(used=False)
+    assert not len(held_out_loads(replace(single, evidence=evidence)))
+
+
 def test_held_out_loads_of_nothing_held_out_is_empty(comparison):
     assert not len(held_out_loads(replace(comparison, table=comparison.table.calibration)))

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ridgebayes.accuracy import percent_errors, slopes_table
-from ridgebayes.bands import bands_table
+from ridgebayes.accuracy import has_slopes, percent_errors, slopes_table
+from ridgebayes.bands import AVERAGE, bands_table
 from ridgebayes.comparison import Comparison
 from ridgebayes.errors import InputError
 from ridgebayes.figures.bands import MOST_TEXTURES, bands_figure, held_out_figure
@@ -93,7 +93,7 @@ def _plates(comparison: Comparison) -> Iterator[Plate]:
         errors = percent_errors(comparison)
         if len(errors):
             yield Plate("percent-error", percent_error_figure(errors))
-        if "power-law" in comparison.fits:
+        if has_slopes(comparison):
             slopes = slopes_table(comparison)
             yield Plate("slopes", slope_figure(slopes[slopes["form"] != "classic"]))
         yield Plate("smooth-cylinder", smooth_figure(smooth_cylinder()))
@@ -118,7 +118,9 @@ def _predictions(comparison: Comparison, form: str) -> Iterator[Plate]:
     loads = held_out_loads(comparison)
     if len(loads):
         # A texture that the power law has no K for is a draw from its prior: a bar across the page.
-        loads = loads[loads["form"] != "power-law"]
+        loads = loads[~loads["prior_alone"]]
+        if len(comparison.fits) == 1:
+            loads = loads[loads["form"] != AVERAGE]
     if len(loads):
         yield Plate("held-out", held_out_figure(loads))
 

@@ -70,7 +70,9 @@ def probability(p: float) -> str:
     """
     if p is None or math.isnan(p):
         return ABSENT
-    if p > 0.9999 and p < 1:
+    if p == 1:
+        return "1"
+    if p > 0.9999:
         return "> 0.9999"
     if p > 0.999:
         return decimals(p, 5)

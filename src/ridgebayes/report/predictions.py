@@ -1,10 +1,9 @@
 # ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
 """Sections on predictions: bands, held-out rows, percent errors, K, the smooth cylinder."""
 
-from ridgebayes.accuracy import percent_errors, shown_textures
+from ridgebayes.accuracy import has_slopes, percent_errors, shown_textures
 from ridgebayes.bands import AVERAGE
 from ridgebayes.comparison import Comparison
-from ridgebayes.forms import PowerLaw
 from ridgebayes.held_out import held_out_loads
 from ridgebayes.ranking import best_form, ranked
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
@@ -50,14 +49,20 @@ def held_out_section(comparison: Comparison) -> Section:
             comparison,
             "held-out",
             "Predicted over observed load of each held-out transition; zero is a perfect "
-            "prediction. The power law knows nothing of a texture it has no K for and is left out.",
+            "prediction."
+            + (
+                " The power law knows nothing of a texture it has no K for and is left out there."
+                if loads["prior_alone"].any()
+                else ""
+            ),
         ),
     ]
     rows = []
-    for form in [*ranked(comparison), AVERAGE]:
+    forms = ranked(comparison)
+    for form in forms if len(forms) == 1 else [*forms, AVERAGE]:
         part = loads[loads["form"] == form]
         error = 100 * (part["p_over_E_median"] / part["p_over_E_observed"] - 1)
-        prior_only = _knows_nothing(comparison, form)
+        prior_only = bool(part["prior_alone"].all())
         rows.append(
             [
                 form_name(form),
@@ -103,13 +108,6 @@ def held_out_section(comparison: Comparison) -> Section:
     return Section("Held-out rows", "held-out", tuple(blocks))
 
 
-def _knows_nothing(comparison: Comparison, form: str) -> bool:
-    if form not in comparison.fits or not isinstance(comparison.fits[form].form, PowerLaw):
-        return False
-    known = set(comparison.fits[form].model.data.textures)
-    return not known & set(comparison.table.held_out.textures)
-
-
 def errors_section(comparison: Comparison) -> Section:
     """Return the percent errors of each form (the study's Figs 5 and 6)."""
     textures = shown_textures(comparison)
@@ -150,8 +148,8 @@ def errors_section(comparison: Comparison) -> Section:
 
 
 def slopes_section(comparison: Comparison) -> Section:
-    """Return K against pitch, where the power law was fitted."""
-    if "power-law" not in comparison.fits:
+    """Return K against pitch, where the power law was fitted to several textures."""
+    if not has_slopes(comparison):
         return Section("K against pitch", "slopes", ())
     return Section(
         "K against pitch",
