@@ -69,7 +69,9 @@ def percent_errors(
         for name, fit in comparison.fits.items():
             if isinstance(fit.form, PowerLaw) and (a, b) not in fit.form.textures:
                 continue
-            sets = {"calibrated": fit.summary["mean"].to_numpy()[: fit.model.n_coefficient]}
+            means = fit.summary["mean"].to_numpy()[: fit.model.n_coefficient]
+            # A file gives back 15 digits: equal figures need fewer.
+            sets = {"calibrated": np.array([float(f"{mean:.12g}") for mean in means])}
             if fit.form.printed is not None:
                 sets["printed"] = np.array(fit.form.printed)
             for coefficients, theta in sets.items():

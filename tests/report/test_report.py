@@ -9,6 +9,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.errors import InputError
+from ridgebayes.figures import gallery
 from ridgebayes.labelled import read_netcdf
 from ridgebayes.report import render_report, write_report
 from ridgebayes.report.numbers import decimals, interval, number, probability, with_error
@@ -144,6 +145,16 @@ def test_a_comparison_read_back_gives_the_same_report(odd, tmp_path):
     back = replace(odd, fits=fits)
     for suffix in (".html", ".md"):
         assert render_report(back, suffix) == render_report(odd, suffix)
+
+
+def test_figures_of_a_comparison_read_back_are_the_same(odd, tmp_path):
+    fits = {}
+    for name, fit in odd.fits.items():
+        fit.to_netcdf(tmp_path / f"{name}.nc")
+        fits[name] = read_netcdf(tmp_path / f"{name}.nc")
+    back = gallery(replace(odd, fits=fits))
+    for name, plate in gallery(odd).items():
+        assert (name, back[name].svg) == (name, plate.svg)
 
 
 def test_labels_are_escaped_and_shown(odd):
