@@ -149,7 +149,7 @@ BAD_TABLES = {
     "semicolons": (HEADER.replace(",", ";") + "0.01;0.02;4;0.001\n", ["separated by commas"]),
     "a count": (
         HEADER[:-1] + ",kind\n0.01,0.02,4,0.001,count\n",
-        ["kind like 'count'", "rule: this version fits transition loads"],
+        ["row 1: kind = 'count'", "rule: this version fits transition loads"],
     ),
     "nothing to fit": (
         HEADER[:-1] + ",role\n0.01,0.02,4,0.001,held-out\n",
@@ -196,7 +196,7 @@ COMPARE = ("compare", SWEEP)
     [
         ((*FIT, "quadratic"), ["form 'quadratic': unknown", "classic, power-law, modified"]),
         ((*COMPARE, "--forms", "hybrid,cubic"), ["form 'cubic': unknown"]),
-        ((*COMPARE, "--forms", "hybrid,,classic"), ["form ''"]),
+        ((*COMPARE, "--forms", "hybrid,,classic"), ["--forms 'hybrid,,classic': an empty name"]),
         (("run", "--forms", "Hybrid"), ["form 'Hybrid': unknown"]),
         ((*COMPARE, "--forms", "hybrid,hybrid"), ["forms: hybrid, hybrid", "each once"]),
         ((*FIT, "half-plane"), ["41 calibration rows have solver 'half-plane'", "circular"]),
@@ -290,7 +290,7 @@ def test_output__force_leaves_what_is_no_run_untouched(refused, words):
     Path("thesis/chapter.tex").write_text("years of work")
     Path("letter").write_text("mine")
     for name in ("thesis", "letter"):
-        refused([*words, "-o", name, "--force"], f"{name}: --force replaces run folders only")
+        refused([*words, "-o", name, "--force"], f"{name}: not a run folder (no run.json in it)")
 
 
 def test_output__an_existing_file_needs_force(refused, run):
@@ -315,12 +315,12 @@ def test_run_folder__what_is_none_is_refused(refused, name):
         ("posterior-classic.nc", b"", ["posterior-classic.nc", "not a readable NetCDF file"]),
         ("posterior-classic.nc", 3000, ["posterior-classic.nc", "not a readable NetCDF file"]),
         ("posterior-modified.nc", None, ["posterior-modified.nc", "no such file"]),
-        ("evidence.csv", None, ["run: damaged run folder", "evidence.csv"]),
+        ("evidence.csv", None, ["evidence.csv: missing or damaged"]),
         ("table.csv", None, ["table.csv", "no such file"]),
         ("table.csv", b"", ["table.csv", "empty"]),
-        ("run.json", 100, ["run: damaged run folder"]),
-        ("run.json", b"{}", ["run: damaged run folder"]),
-        ("run.json", b"\xff\xfe", ["run: damaged run folder"]),
+        ("run.json", 100, ["run.json: damaged"]),
+        ("run.json", b"{}", ["run.json: damaged"]),
+        ("run.json", b"\xff\xfe", ["run.json: damaged"]),
     ],
 )
 def test_run_folder__a_damaged_one_is_refused(refused, run, file, content, expected):
@@ -462,7 +462,7 @@ def test_fit__unconverged_writes_its_files_and_exits_1(command, quick):
     assert said.code == 1
     assert "Traceback" not in said.err
     last = said.err.splitlines()[-1]
-    assert last.startswith("ridgebayes: modified did not converge: c: tau still changes")
+    assert last.startswith("ridgebayes: modified did not converge: c: tau was checked only once")
     assert "NOT converged" in said.out
     again = read_run(Path("ridgebayes-out"))  # the default folder
     assert not again.fits["modified"].converged

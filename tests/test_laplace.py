@@ -163,6 +163,6 @@ def test_fit_laplace__refuses_data_without_misfit():
     a, b = np.transpose(textures)
     log_load = np.log(Hybrid().load(Q, a[index], b[index], [1.35, 0.01]))
     data = Observations(textures, index, Q, log_load, np.zeros(10))
-    rule = r"hybrid: the posterior has no interior mode.* without misfit send sigma to 0"
+    rule = r"hybrid: the posterior has no interior mode.* sigma has no lower bound"
     with pytest.raises(ComputationError, match=rule):
         fit_laplace(Model(data, Hybrid()))

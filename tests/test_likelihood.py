@@ -215,8 +215,8 @@ def test_from_table__refuses_rows_that_this_version_does_not_fit(column, value):
     frame[column] = [value] + [default] * (len(frame) - 1)
     table = ContactTable.from_frame(frame, where="mine.csv")
     rule = (
-        rf"mine.csv: 1 of {len(frame)} calibration rows have {column} like .*{value}.*; "
-        "rule: this version fits transition loads of centred bodies, no brackets"
+        rf"mine.csv, row 1: {column} = .*{value}.*; "
+        "rule: this version fits transition loads of centred bodies, no counts and no brackets"
     )
     with pytest.raises(InputError, match=rule):
         Observations.from_table(table)

@@ -177,7 +177,7 @@ def test_new_folder__force_never_replaces_what_is_no_run(tmp_path):
     (tmp_path / "file").write_text("mine")
     for name in ("thesis", "file"):
         with (
-            pytest.raises(InputError, match=f"{name}: --force replaces run folders only"),
+            pytest.raises(InputError, match=rf"{name}: not a run folder \(no run.json in it\)"),
             new_folder(tmp_path / name, force=True),
         ):
             pytest.fail("went on")
@@ -460,7 +460,7 @@ def test_read_run__an_empty_csv_is_refused(run, name):
 )
 def test_read_run__a_broken_json_is_refused(run, content):
     (run / "run.json").write_bytes(content)
-    with pytest.raises(InputError, match=r"run: damaged run folder"):
+    with pytest.raises(InputError, match=r"run.json: damaged"):
         read_run(run)
 
 

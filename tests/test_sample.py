@@ -126,7 +126,7 @@ def test_sample__says_that_tau_has_not_settled(affine):
     chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
     # There is only one check, so every tau has changed, from infinity.
     assert [text.split(" (")[0] for text in chains.missing] == [
-        f"{name}: tau still changes" for name in (*NAMES, "log posterior")
+        f"{name}: tau was checked only once" for name in (*NAMES, "log posterior")
     ]
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 from ridgebayes._types import FloatArray
 from ridgebayes.comparison import Comparison
 from ridgebayes.errors import InputError
-from ridgebayes.forms import Texture
+from ridgebayes.forms import Texture, reduced_load
 from ridgebayes.loads import LoadDistribution, mix_loads
 from ridgebayes.predict import KINDS, NEGLIGIBLE, mix_q, predict_load, predict_q
 from ridgebayes.qdistribution import QDistribution
@@ -62,6 +62,8 @@ def bands_table(
     """
     if not 0 < prob < 1:
         raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1")
+    if nu is not None:
+        reduced_load(1.0, nu)  # refuses a Poisson's ratio by its own value, not as an array
     chosen = comparison.table.textures if textures is None else tuple(textures)
     a, b = np.array(chosen).T[:, :, None]
     own = _own_nu(comparison) if nu is None else {}
@@ -108,7 +110,8 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
             }
             weights = [comparison.probabilities.get(name, 0.0) for name in parts]
             everything: dict[str, LoadDistribution] = dict(parts)
-            everything[AVERAGE] = mix_loads(list(parts.values()), weights)
+            if any(weights):
+                everything[AVERAGE] = mix_loads(list(parts.values()), weights)
             for name, load in everything.items():
                 lower, upper = load.interval(prob)
                 blocks.append(
@@ -149,6 +152,8 @@ def _with_average(
 ) -> Iterator[tuple[str, QDistribution]]:
     wanted = [*parts, AVERAGE] if forms is None else list(forms)
     for name in wanted:
+        if name == AVERAGE and not comparison.probabilities:
+            continue  # without a single evidence there is nothing to weigh by
         if name == AVERAGE:
             weights = [comparison.probabilities.get(form, 0.0) for form in parts]
             yield name, mix_q(list(parts.values()), weights)

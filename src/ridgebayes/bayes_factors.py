@@ -21,6 +21,17 @@ from ridgebayes.laplace import fit_laplace
 from ridgebayes.noise import Noise
 from ridgebayes.randomness import stream
 
+EVIDENCE_COLUMNS = [
+    "form",
+    "noise",
+    "method",
+    "log_evidence",
+    "log_evidence_se",
+    "used",
+    "prior_probability",
+    "model_probability",
+    "status",
+]
 BAYES_FACTOR_COLUMNS = [
     "form_a",
     "form_b",

@@ -5,6 +5,7 @@ Exit code 0 is done, 1 a computation that failed or did not converge (what was f
 """
 
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -183,14 +184,26 @@ def report(folder: Annotated[Path, typer.Argument(help="A run folder.")]) -> Non
 
 def main() -> None:
     """Run the command line, with errors as one message on standard error and an exit code."""
+    # Typer ends silently on its own KeyboardInterrupt; this one reaches the message below.
+    signal.signal(signal.SIGINT, _interrupt)
     try:
         app()
     except InputError as error:
         _stop(error, 2)
     except ComputationError as error:
         _stop(error, 1)
-    except KeyboardInterrupt:
+    except OSError as error:
+        _stop(f"{error.filename or 'output'}: {error.strerror or error}", 1)
+    except _Interrupted:
         _stop("interrupted; run and fit go on with --resume", 130)
+
+
+class _Interrupted(BaseException):
+    """Ctrl-C, past whatever catches exceptions."""
+
+
+def _interrupt(signum: int, frame: object) -> None:
+    raise _Interrupted
 
 
 def _stop(why: object, code: int) -> None:
@@ -215,12 +228,19 @@ def _finish(done: "Comparison", out: Path, then: str = "") -> None:
 
 
 def _refuse_existing(path: Path, force: bool) -> None:
+    if path.is_dir():
+        raise InputError(f"{path}: a folder; rule: -o names a file")
+    if not path.absolute().parent.is_dir():
+        raise InputError(f"{path}: folder {path.parent} does not exist; rule: an existing folder")
     if path.exists() and not force:
         raise InputError(f"{path}: exists; rule: another -o, or --force to replace it")
 
 
 def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",")] if text else []
+    names = [name.strip() for name in text.split(",")] if text else []
+    if not all(names):
+        raise InputError(f"--forms {text!r}: an empty name; rule: names with commas between them")
+    return names
 
 
 def _texture(text: str) -> tuple[float, float]:

@@ -74,12 +74,15 @@ class Comparison:
     @property
     def best(self) -> str:
         """The form of highest probability."""
+        if not self.probabilities:
+            raise ComputationError("no form has an evidence that can be used")
         return max(self.probabilities, key=lambda name: self.probabilities[name])
 
     @property
     def complete(self) -> bool:
         """Whether every form was fitted, converged and got an evidence."""
-        return not self.failures and all(fit.converged for fit in self.fits.values())
+        weighed = set(self.fits) == set(self.probabilities)
+        return not self.failures and weighed and all(fit.converged for fit in self.fits.values())
 
     def predict(
         self,

@@ -8,8 +8,10 @@ from typing import Any
 from ridgebayes.bands import bands_table, loads_table
 from ridgebayes.comparison import DEFAULT_FORMS, Comparison, compare
 from ridgebayes.datafiles import paper_sweep, reference_fe
+from ridgebayes.errors import InputError
 from ridgebayes.fit import refuse_circular
 from ridgebayes.forms import FORMS, Form, form_named
+from ridgebayes.likelihood import Observations
 from ridgebayes.noise import Noise
 from ridgebayes.progress import Progress
 from ridgebayes.runfolder import (
@@ -74,7 +76,7 @@ def run_job(
     """
     chosen, error_model, data = _checked(table, forms, noise)
     with_reference = table is None
-    n_stage = 2 * len(chosen) + 5 + (2 * len(FORMS) + 5 if with_reference else 0)
+    n_stage = 2 * len(chosen) + 5 + (2 * len(FORMS) + 4 if with_reference else 0)
     reference = None
     with new_folder(folder, force=force, resume=resume) as partial, Progress(n_stage) as progress:
         comparison = _compared(data, chosen, error_model, seed, settings, progress, partial)
@@ -166,11 +168,14 @@ def write_pages(comparison: Comparison, folder: Path, reference: Comparison | No
 def _checked(
     table: Path | None, forms: Sequence[str], noise: str
 ) -> tuple[list[Form], Noise, ContactTable]:
+    if len(set(forms)) < len(forms):
+        raise InputError(f"forms: {', '.join(forms)} given; rule: each once")
     chosen = [form_named(name) for name in forms] or list(DEFAULT_FORMS)
     error_model = Noise(noise)
     data = replace(paper_sweep(), where=EMBEDDED) if table is None else read_table(table)
     for form in chosen:
         refuse_circular(data, form)
+    Observations.from_table(data)  # refuses rows that cannot be fitted before anything is written
     return chosen, error_model, data
 
 

@@ -172,8 +172,8 @@ def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
     decrement = np.linalg.norm(_solve_lower(root, _gradient(model, funnel, u)))
     if not decrement < tol:
         raise ComputationError(
-            f"{model.form.name}: the posterior has no interior mode; "
-            "rows that a form fits without misfit send sigma to 0"
+            f"{model.form.name}: the posterior has no interior mode: the form reproduces all rows, "
+            "or nearly, and sigma has no lower bound; add rows, or leave the form out"
         )
     covariance = linalg.cho_solve((root, True), np.eye(len(u)))
     factor = linalg.cholesky(covariance, lower=True)

@@ -67,9 +67,7 @@ class Observations:
             raise InputError(
                 f"{table.where}: no row with role calibration and status ok; rule: at least 1"
             )
-        _refuse(frame, frame["kind"] != "transition", "kind", table.where)
-        _refuse(frame, frame["p_over_E_lower"].notna(), "p_over_E_lower", table.where)
-        _refuse(frame, frame["offset_over_R"] != 0, "offset_over_R", table.where)
+        _refuse_kinds(table)
         widths = frame[["a_over_R", "b_over_R"]].to_numpy()
         codes, textures = pd.factorize(pd.MultiIndex.from_arrays([widths[:, 0], widths[:, 1]]))
         return cls(
@@ -95,13 +93,24 @@ class Observations:
         return np.array([b for _, b in self.textures])
 
 
-def _refuse(frame: pd.DataFrame, bad: "pd.Series[bool]", column: str, where: str) -> None:
-    if bad.any():
-        value = frame.loc[bad, column].iloc[0]
-        raise InputError(
-            f"{where}: {int(bad.sum())} of {len(frame)} calibration rows have {column} like "
-            f"{value!r}; rule: this version fits transition loads of centred bodies, no brackets"
-        )
+def _refuse_kinds(table: ContactTable) -> None:
+    """Name the first row that is not a plain transition of a centred body."""
+    everything = table.frame
+    fitted = (everything["status"] == "ok") & (everything["role"] == "calibration")
+    other = {
+        "kind": everything["kind"] != "transition",
+        "p_over_E_lower": everything["p_over_E_lower"].notna(),
+        "offset_over_R": everything["offset_over_R"] != 0,
+    }
+    for column, bad in other.items():
+        rows = np.flatnonzero(fitted & bad)
+        if len(rows):
+            value = everything[column].tolist()[rows[0]]
+            more = f" and {len(rows) - 1} more rows" if len(rows) > 1 else ""
+            raise InputError(
+                f"{table.where}, row {rows[0] + 1}{more}: {column} = {value!r}; rule: this version "
+                "fits transition loads of centred bodies, no counts and no brackets"
+            )
 
 
 class Model:

@@ -1,6 +1,7 @@
 """The folder of one run: what is in it, how it is written whole or not at all, and read back."""
 
 import json
+import os
 import platform
 import shutil
 from collections.abc import Iterator, Sequence
@@ -12,14 +13,18 @@ from typing import Any
 
 import pandas as pd
 
+from ridgebayes.bayes_factors import BAYES_FACTOR_COLUMNS, EVIDENCE_COLUMNS
 from ridgebayes.comparison import Comparison
-from ridgebayes.errors import InputError, RidgebayesError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.fit import Fit
 from ridgebayes.noise import Noise
+from ridgebayes.scores import LOO_COLUMNS
+from ridgebayes.sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.table import read_table
 
 RUN_JSON = "run.json"
 REFERENCE = "reference-fe"
+CHAINS = "chains-*.h5"
 _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray", "matplotlib")
 
 
@@ -52,25 +57,34 @@ def new_folder(path: Path, *, force: bool = False, resume: bool = False) -> Iter
     partial folder, whose files are whole, for `resume`.
     """
     path = path.absolute()
-    if path.exists():
+    if os.path.lexists(path):  # a link that leads nowhere is in the way as well
         if not force:
             raise InputError(f"{path}: exists; rule: another -o, or --force to replace it")
         if not path.is_dir() or (any(path.iterdir()) and not (path / RUN_JSON).is_file()):
-            raise InputError(f"{path}: --force replaces run folders only, this is something else")
+            raise InputError(
+                f"{path}: not a run folder (no {RUN_JSON} in it); rule: --force replaces only those"
+            )
     partial = path.with_name(f".{path.name}.partial")
     try:
-        if partial.exists() and not resume:
+        resumed = resume and partial.is_dir()
+        if resumed:
+            _keep_only_chains(partial)
+        elif partial.exists():
             shutil.rmtree(partial)
-        partial.mkdir(parents=True, exist_ok=resume)
+        partial.mkdir(parents=True, exist_ok=resumed)
     except OSError as error:
         raise InputError(f"{path}: cannot be created ({error.strerror})") from None
     try:
         yield partial
     except InputError:
-        if not resume:
+        if not resumed:
             shutil.rmtree(partial)
         raise
-    for chains in partial.rglob("chains-*.h5"):
+    except ComputationError:
+        if not any(partial.iterdir()):
+            partial.rmdir()
+        raise
+    for chains in partial.rglob(CHAINS):
         chains.unlink()
     if path.exists():
         old = path.with_name(f".{path.name}.old")
@@ -80,6 +94,13 @@ def new_folder(path: Path, *, force: bool = False, resume: bool = False) -> Iter
         shutil.rmtree(old)
     else:
         partial.rename(path)
+
+
+def _keep_only_chains(folder: Path) -> None:
+    """Remove what an earlier run finished: all but the chains is made again, and the same."""
+    for path in folder.rglob("*"):
+        if path.is_file() and not path.match(CHAINS):
+            path.unlink()
 
 
 def write_csv(frame: pd.DataFrame, path: Path) -> None:
@@ -157,7 +178,7 @@ def verdicts(comparison: Comparison) -> dict[str, Any]:
     """Return what a program wants to know of a comparison."""
     return {
         "complete": comparison.complete,
-        "best": comparison.best,
+        "best": comparison.best if comparison.probabilities else None,
         "probabilities": comparison.probabilities,
         "converged": {name: fit.converged for name, fit in comparison.fits.items()},
         "missing": {name: fit.missing for name, fit in comparison.fits.items() if fit.missing},
@@ -187,35 +208,55 @@ def read_run(folder: Path) -> Comparison:
     InputError
         If it is not a run folder, or a file in it is missing or damaged.
     """
-    if not (folder / RUN_JSON).is_file():
+    about = _read_about(folder)
+    failures = about["verdicts"]["failures"]
+    fits = {}
+    for name in about["forms"]:
+        if name not in failures:
+            path = folder / f"posterior-{name}.nc"
+            fits[name] = Fit.from_netcdf(path)
+            if fits[name].form.name != name:
+                raise InputError(f"{path}: holds form {fits[name].form.name!r}; rule: {name!r}")
+    return Comparison(
+        replace(read_table(folder / "table.csv"), where=about["table"]),
+        Noise(about["noise"]),
+        fits,
+        _read_csv(folder / "evidence.csv", EVIDENCE_COLUMNS),
+        _read_csv(folder / "bayes_factors.csv", BAYES_FACTOR_COLUMNS, optional=True),
+        _read_csv(folder / "loo.csv", LOO_COLUMNS, optional=True),
+        _read_csv(folder / "prior_sensitivity.csv", SENSITIVITY_COLUMNS, optional=True),
+        failures,
+    )
+
+
+def _read_about(folder: Path) -> dict[str, Any]:
+    path = folder / RUN_JSON
+    if not path.is_file():
         raise InputError(f"{folder}: no {RUN_JSON} in it; rule: a folder written by ridgebayes")
     try:
-        about = json.loads((folder / RUN_JSON).read_text(encoding="utf-8"))
-        failures, names = about["verdicts"]["failures"], about["forms"]
-        table = replace(read_table(folder / "table.csv"), where=about["table"])
-        fits = {
-            name: Fit.from_netcdf(folder / f"posterior-{name}.nc")
-            for name in names
-            if name not in failures
-        }
-        return Comparison(
-            table,
-            Noise(about["noise"]),
-            fits,
-            pd.read_csv(folder / "evidence.csv"),
-            _read_csv(folder / "bayes_factors.csv"),
-            _read_csv(folder / "loo.csv"),
-            _read_csv(folder / "prior_sensitivity.csv"),
-            failures,
-        )
-    except RidgebayesError:
-        raise
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{folder}: damaged run folder ({error})") from None
+        about = json.loads(path.read_text(encoding="utf-8"))
+        named = [about["forms"], about["table"], about["noise"], about["verdicts"]["failures"]]
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: damaged, not JSON ({error}); run again") from None
+    except KeyError as error:
+        raise InputError(f"{path}: damaged, key {error} is missing; run again") from None
+    except TypeError:
+        raise InputError(f"{path}: damaged, not what ridgebayes writes; run again") from None
+    if not all(map(isinstance, named, (list, str, str, dict))):
+        raise InputError(f"{path}: damaged, not what ridgebayes writes; run again")
+    return about
 
 
-def _read_csv(path: Path) -> pd.DataFrame:
-    return pd.read_csv(path) if path.is_file() else pd.DataFrame()
+def _read_csv(path: Path, columns: Sequence[str], *, optional: bool = False) -> pd.DataFrame:
+    if optional and not path.is_file():
+        return pd.DataFrame(columns=list(columns))
+    try:
+        frame = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: missing or damaged ({error}); run again") from None
+    if list(frame.columns) != list(columns) or frame[columns[0]].isna().any():
+        raise InputError(f"{path}: damaged; rule: columns {', '.join(columns)}; run again")
+    return frame
 
 
 def _versions() -> dict[str, str]:

@@ -261,6 +261,8 @@ def _missing(
             missing.append(
                 f"{name}: {n_step} steps are not {settings.n_tau:g} tau ({now:.3g} each)"
             )
+        elif not np.isfinite(last):
+            missing.append(f"{name}: tau was checked only once ({now:.4g})")
         elif not abs(now - last) <= settings.tau_change * now:
             missing.append(f"{name}: tau still changes ({last:.4g} to {now:.4g})")
     return missing

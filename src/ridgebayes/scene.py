@@ -240,6 +240,10 @@ def findings(error: ValidationError, where: str) -> list[str]:
         for part in found["loc"]:
             key += f"[{part + 1}]" if isinstance(part, int) else f"{'.' if key else ''}{part}"
         rule = found["msg"].removeprefix("Value error, ")
+        if found["type"] == "extra_forbidden":
+            rule = "unknown key"
+        elif found["type"] == "missing":
+            rule = "missing; rule: it must be given"
         shown = "" if found["type"] == "missing" else f" = {found['input']!r}"
         lines.append(f"{where}: {key}{shown}: {rule[:1].lower()}{rule[1:]}")
     return lines

@@ -14,6 +14,7 @@ from ridgebayes.likelihood import Model
 
 # A prior's scale by the name a reader knows it under, and the parameters it belongs to.
 PRIOR_SCALES = {"c": ("c", "c1"), "c2": ("c2",), "K": ("K[",), "sigma": ("sigma",)}
+SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
 SCALE_FACTORS = tuple(10.0 ** (k / 4) for k in range(-4, 5))
 
 
@@ -49,7 +50,7 @@ def prior_sensitivity(
                     stretched = {p: prior.stretched(factor) for p, prior in mine.items()}
                     value = _deterministic_evidence(fit.model.with_priors(stretched))
                 rows.append({"prior": scale, "factor": factor, "form": name, "log_evidence": value})
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS)
 
 
 def _deterministic_evidence(model: Model) -> float:

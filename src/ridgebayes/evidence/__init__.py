@@ -4,7 +4,7 @@
 |----------------|------------------------------|------------------------------------------|
 | bridge         | any fit                      | Monte Carlo standard error               |
 | quadrature     | up to four parameters        | change at the last halving of the step   |
-| conjugate      | power law                    | the same; all K integrated exactly       |
+| quadrature     | power law, any size          | the same; all K integrated exactly       |
 | laplace        | a first look                 | none given                               |
 | savage-dickey  | Modified inside Hybrid       | Monte Carlo standard error               |
 
