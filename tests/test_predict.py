@@ -242,3 +242,34 @@ def test_predict_q__refuses_counts_that_would_never_end(fits):
     rule = r"p_over_E: counts above 20000 at a/R, b/R = \(0.022, 0.02\); rule: fewer"
     with pytest.raises(InputError, match=rule):
         predict_q(fits["modified"], A, B, 1e6, kind="curve")
+
+
+@pytest.mark.parametrize("kind", ["simulation", "curve"])
+def test_predict_q__draws_without_a_positive_rate_never_reach_a_ridge(fe_fits, kind):
+    fit, texture = fe_fits["hybrid"], (0.001, 0.5)
+    reaching = fit.form.rate(fit.draws[:, :2], *texture) > 0
+    assert 0.3 < reaching.mean() < 0.9
+    load = fit.form.load(4, *texture, fit.draws[reaching, :2])
+    # Noise of 3 % moves only draws whose load is within 0.1 of 3: under 2 % of them.
+    expected = reaching.mean() * (load <= 3.0).mean()
+    assert float(fit.predict(*texture, 3.0, kind=kind).at_least(4)) == pytest.approx(
+        expected, abs=0.02
+    )
+
+
+def test_predict_load__of_a_ridge_that_some_draws_never_reach_is_infinite_not_nan(fe_fits):
+    load = fe_fits["hybrid"].predict_load(0.001, 0.5, 4)
+    assert np.isfinite(float(load.quantile(0.05)))
+    assert float(load.quantile(0.99)) == np.inf
+    # Solver tolerance: 1e-10 in log load.
+    assert float(load.cdf(load.quantile(0.05))) == pytest.approx(0.05, abs=1e-8)
+
+
+def test_texture_extrapolates__not_at_a_calibrated_ratio_on_another_scale(fits):
+    assert not texture_extrapolates(fits["modified"], (0.12, 0.3))  # a/pitch of (0.012, 0.03)
+
+
+def test_predict_q__curve_counts_a_draw_at_its_own_transition_load(fits):
+    fit = fits["modified"]
+    lowest = fit.form.load(6, A, B, fit.draws[:, :1]).min()
+    assert float(fit.predict(A, B, lowest, kind="curve").at_least(6)) >= 1 / len(fit.draws)

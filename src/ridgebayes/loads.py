@@ -86,11 +86,16 @@ class LoadDistribution:
     def _solve(self, prob: float) -> FloatArray:
         """Newton's method on the distribution function, kept inside a shrinking bracket."""
         sd = self._spread(self.sd)
-        low = (self.log_mean - 9 * sd).min(axis=0)
-        high = (self.log_mean + 9 * sd).max(axis=0)
-        centre = self._average(self.log_mean)
-        variance = self._average((self.log_mean - centre) ** 2 + sd**2)
-        y = centre + ndtri(prob) * np.sqrt(variance)
+        # Infinite loads, of draws that reach no further ridge, have a share but no place.
+        finite = np.isfinite(self.log_mean)
+        mean = np.where(finite, self.log_mean, 0.0)
+        low = np.where(finite, mean - 9 * sd, np.inf).min(axis=0)
+        high = np.where(finite, mean + 9 * sd, -np.inf).max(axis=0)
+        share = np.maximum(self._average(finite.astype(float)), 1e-300)
+        centre = self._average(mean) / share
+        variance = self._average(np.where(finite, (mean - centre) ** 2 + sd**2, 0.0)) / share
+        y = np.clip(centre + ndtri(prob) * np.sqrt(variance), low, high)
+        reached = self._cdf(np.where(share > 1e-9, high, 0.0)) >= prob
         for _ in range(100):
             excess = self._cdf(y) - prob
             low, high = np.where(excess < 0, y, low), np.where(excess >= 0, y, high)
@@ -100,11 +105,11 @@ class LoadDistribution:
                 newton = y - excess / self._average(density)
             inside = (newton > low) & (newton < high)
             new = np.where(inside, newton, 0.5 * (low + high))
-            settled = np.abs(new - y).max(initial=0.0) < 1e-10
+            settled = np.abs(new - y)[reached].max(initial=0.0) < 1e-10
             y = new
             if settled:
                 break
-        return y
+        return np.where(reached, y, np.inf)
 
 
 def mix_loads(parts: Sequence[LoadDistribution], weights: Sequence[float]) -> LoadDistribution:

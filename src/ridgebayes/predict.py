@@ -77,11 +77,13 @@ def predict_q(
     """
     _check_kind(kind)
     a, b, p = np.broadcast_arrays(*widths(a_over_R, b_over_R), loads(p_over_E))
-    y = np.full(p.shape, -np.inf)
-    np.log(reduced_load(p, nu), out=y, where=p > 0)
+    reduced_load(p, nu)  # refuses a Poisson's ratio outside its range
+    p, poisson = np.broadcast_arrays(p, np.asarray(nu, dtype=float))
+    a, b = np.broadcast_to(a, p.shape), np.broadcast_to(b, p.shape)
     textures = unique_textures(a, b)
     ladders = [
-        _survival(fit, texture, y[here], kind) for texture, here in _by_texture(a, b, textures)
+        _survival(fit, texture, p[here], poisson[here], kind)
+        for texture, here in _by_texture(a, b, textures)
     ]
     n_step = max(ladder.shape[1] for ladder in ladders)
     survival = np.zeros((*p.shape, n_step))
@@ -148,7 +150,7 @@ def predict_load(
     outside = np.zeros(q.shape, dtype=bool)
     for texture, here in _by_texture(a, b, unique_textures(a, b)):
         form, theta = _at(fit, texture, draws)
-        mean[:, here] = np.log(form.load(q[here], *texture, theta, nu))
+        mean[:, here] = _log_load(form, q[here], texture, theta, nu)
         outside[here] = texture_extrapolates(fit, texture)
     outside = outside | (q > fit.model.data.Q.max())
     sd = draws[:, -1] if kind == "simulation" else np.zeros(n_draw)
@@ -190,7 +192,8 @@ def texture_extrapolates(fit: Fit, texture: Texture) -> bool:
         return texture not in fit.form.textures
     ratios = [a / (a + b) for a, b in fit.model.data.textures]
     ratio = texture[0] / (texture[0] + texture[1])
-    return not min(ratios) <= ratio <= max(ratios)
+    slack = 1e-12  # of a texture that is a calibrated one at another scale, but for rounding
+    return not min(ratios) * (1 - slack) <= ratio <= max(ratios) * (1 + slack)
 
 
 def _at(fit: Fit, texture: Texture, draws: FloatArray) -> tuple[Form, FloatArray]:
@@ -204,19 +207,29 @@ def _at(fit: Fit, texture: Texture, draws: FloatArray) -> tuple[Form, FloatArray
     return form, new[:, None]
 
 
-def _survival(fit: Fit, texture: Texture, y: FloatArray, kind: str) -> FloatArray:
-    """Return P(Q >= 2), P(Q >= 4), ... at log loads y of one texture, shape (n_load, n_step)."""
+def _log_load(
+    form: Form, Q: int | FloatArray, texture: Texture, theta: FloatArray, nu: float | FloatArray
+) -> FloatArray:
+    """Return log loads of a texture; infinite for a draw whose rate reaches no further ridge."""
+    return np.nan_to_num(np.log(form.load(Q, *texture, theta, nu)), nan=np.inf, posinf=np.inf)
+
+
+def _survival(fit: Fit, texture: Texture, p: FloatArray, nu: FloatArray, kind: str) -> FloatArray:
+    """Return P(Q >= 2), P(Q >= 4), ... at loads p of one texture, shape (n_load, n_step)."""
     form, theta = _at(fit, texture, fit.draws)
     sd = fit.draws[:, -1]
-    order = np.argsort(y)
-    columns = [np.ones(len(y))]
+    columns = [np.ones(len(p))]
     for q in range(4, _LARGEST_Q + 2, 2):
-        mean = np.log(form.load(q, *texture, theta))
-        column = np.empty(len(y))
-        if kind == "curve":
-            column[order] = np.searchsorted(np.sort(mean), y[order], side="right") / len(mean)
-        else:
-            column[order] = _mean_ndtr(y[order], mean, sd)
+        column = np.empty(len(p))
+        for poisson in np.unique(nu):
+            here = nu == poisson
+            if kind == "curve":
+                # Compared as loads, so that a draw's own transition load counts as reached.
+                load = np.sort(form.load(q, *texture, theta, poisson))
+                column[here] = np.searchsorted(load, p[here], side="right") / len(load)
+            else:
+                mean = _log_load(form, q, texture, theta, poisson)
+                column[here] = _mean_ndtr(p[here], mean, sd)
         # One noise draw cannot reach a further ridge before a nearer one.
         columns.append(np.minimum(column, columns[-1]))
         if columns[-1].max() < NEGLIGIBLE:
@@ -224,14 +237,15 @@ def _survival(fit: Fit, texture: Texture, y: FloatArray, kind: str) -> FloatArra
     raise InputError(f"p_over_E: counts above {_LARGEST_Q} at a/R, b/R = {texture}; rule: fewer")
 
 
-def _mean_ndtr(y: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatArray:
-    """Return the mean over draws of ndtr((y - mean)/sd) for sorted y, where it is not 0 or 1."""
+def _mean_ndtr(p: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatArray:
+    """Return the mean over draws of ndtr((log p - mean)/sd), computed where it is not 0 or 1."""
+    with np.errstate(divide="ignore"):
+        y = np.log(p)
     reach = _SATURATED * sd
-    first, last = np.searchsorted(y, [(mean - reach).min(), (mean + reach).max()])
-    result = np.zeros(len(y))
-    result[last:] = 1.0
-    for i in range(first, last, 500):  # bounded memory: draws x 500 loads
-        part = slice(i, min(i + 500, last))
+    result = (y > (mean + reach).max()).astype(float)
+    between = np.flatnonzero((y >= (mean - reach).min()) & (result == 0))
+    for i in range(0, len(between), 500):  # bounded memory: draws x 500 loads
+        part = between[i : i + 500]
         result[part] = ndtr((y[part] - mean[:, None]) / sd[:, None]).mean(axis=0)
     return result
 

@@ -206,3 +206,16 @@ def test_form_named__finds_every_form_and_names_them_for_a_wrong_name():
     rule = "form 'cubic': unknown; rule: one of classic, power-law, modified, hybrid, half-plane"
     with pytest.raises(InputError, match=rule):
         form_named("cubic")
+
+
+@pytest.mark.parametrize("form", [Classic(), Modified(), Hybrid(), HalfPlane()])
+def test_count__broadcasts_draws_textures_and_loads(form):
+    textures = np.array([(0.012, 0.03), (0.032, 0.01), (0.022, 0.02)])
+    a, b = textures[:, :1], textures[:, 1:]
+    draws = np.array(form.printed) * np.linspace(0.9, 1.1, 5)[:, None]
+    p, nu = np.array([0.0, 1e-3, 4e-3, 0.01]), 0.3
+    counts = form.count(p, a, b, draws, nu)
+    assert counts.shape == (5, 3, 4)
+    for d, theta in enumerate(draws):
+        for t, (one_a, one_b) in enumerate(textures):
+            assert counts[d, t].tolist() == [form.count(x, one_a, one_b, theta, nu) for x in p]

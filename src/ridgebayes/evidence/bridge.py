@@ -83,7 +83,10 @@ def bridge_evidence(
             iterations_max,
         )
         if result is None:
-            reason = f"bridge iteration not settled after {iterations_max} steps"
+            reason = (
+                f"bridge iteration not settled after {iterations_max} steps, or draws and "
+                "proposal do not overlap"
+            )
             return LogEvidence("bridge", math.nan, math.nan, reason)
         results.append(result)
     (first, first_se), (second, second_se) = results
@@ -127,6 +130,8 @@ def _bridge(
         # posterior of 1 / (s1 l + s2 r). Both as logistic functions, which cannot overflow.
         numerator = expit(proposal_ratio - log_z + log_odds)
         denominator = expit(log_z - posterior_ratio - log_odds)
+        if not (numerator.any() and denominator.any()):
+            return None  # posterior and proposal share no draw
         new = log_z - log_odds + math.log(numerator.mean()) - math.log(denominator.mean())
         settled, log_z = abs(new - log_z) < 1e-10, new
         if settled:

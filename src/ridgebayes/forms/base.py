@@ -133,7 +133,12 @@ class Form(ABC):
         """
         Q = even_counts(Q)
         a, b = aligned(Q, nu, *widths(a_over_R, b_over_R))
-        rate = self.rate(self._theta(theta), a, b)
+        return self._load(Q, a, b, self.rate(self._theta(theta), a, b), nu)
+
+    def _load(
+        self, Q: FloatArray, a: FloatArray, b: FloatArray, rate: FloatArray, nu: ArrayLike
+    ) -> FloatArray:
+        """Return the load where `Q` may have the axes of the draws already."""
         s = self.shape(Q, a, b) / np.where(rate > 0, rate, np.nan)
         return s * s / reduced_load(1.0, nu)
 
@@ -224,9 +229,11 @@ class Form(ABC):
         if np.any(h > 2**52):
             raise InputError(f"p_over_E: {p_over_E!r} given; rule: counts up to 2^52")
         pairs, p = np.maximum(np.floor(h), 0), np.asarray(p_over_E, dtype=float)
+        a, b = aligned(p, nu, *widths(a_over_R, b_over_R))
+        rate = self.rate(self._theta(theta), a, b)
         for _ in range(2):  # one rounding error either way, and once more to see it settled
-            up = self.load(2 * pairs + 4, a_over_R, b_over_R, theta, nu) <= p
-            down = self.load(2 * pairs + 2, a_over_R, b_over_R, theta, nu) > p
+            up = self._load(2 * pairs + 4, a, b, rate, nu) <= p
+            down = self._load(2 * pairs + 2, a, b, rate, nu) > p
             pairs = np.maximum(pairs + up - down, 0)
         return (2 * pairs + 2).astype(np.int64)
 
