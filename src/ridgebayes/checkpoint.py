@@ -15,7 +15,16 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 
-_ARRAYS = ("z", "log_density", "accepted", "coordinates", "last_log_density", "tau")
+_ARRAYS = (
+    "z",
+    "log_density",
+    "accepted",
+    "coordinates",
+    "last_log_density",
+    "tau",
+    "centres",
+    "factors",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +45,10 @@ class Walk:
         Log density there.
     tau : ndarray of float, shape (n_parameter + 1,)
         Autocorrelation times at the last check.
+    centres : ndarray of float, shape (n_ensemble, n_parameter)
+        Centre of each ensemble's independence proposal.
+    factors : ndarray of float, shape (n_ensemble, n_parameter, n_parameter)
+        Cholesky factor of each ensemble's independence proposal.
     random_states : tuple
         State of each ensemble's `numpy.random.RandomState`, as `get_state` returns it.
     """
@@ -46,6 +59,8 @@ class Walk:
     coordinates: FloatArray
     last_log_density: FloatArray
     tau: FloatArray
+    centres: FloatArray
+    factors: FloatArray
     random_states: tuple[Any, ...]
 
     @property

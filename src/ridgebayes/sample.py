@@ -14,7 +14,7 @@ from ridgebayes.autocorrelation import autocorrelation_time
 from ridgebayes.checkpoint import Checkpoint, Walk
 from ridgebayes.errors import InputError
 from ridgebayes.laplace import Laplace
-from ridgebayes.moves import student_independence
+from ridgebayes.moves import Proposal, student_independence
 from ridgebayes.randomness import stream
 
 Tell = Callable[[str], None]
@@ -120,16 +120,15 @@ def sample(
 
     Notes
     -----
-    *Accuracy.* Moves: an independence move from a Student t (80 %) and differential evolution
-    (20 %). emcee's `DESnookerMove` is not used: in 3.1.6 its draws are too narrow.
+    *Accuracy.* Moves: an independence move from a Student t, fitted by each ensemble to its own
+    burn-in (80 %), and differential evolution (20 %). emcee's `DESnookerMove` is not used: in 3.1.6
+    its draws are too narrow.
 
     References
     ----------
     Foreman-Mackey et al. (2013), doi:10.1086/670067; ter Braak & Vrugt (2008),
     doi:10.1007/s11222-008-9104-9, for differential evolution.
     """
-    import emcee
-
     settings = settings or SampleSettings()
     n_parameter = len(laplace.mode)
     n_walker = max(settings.n_walker, 4 * n_parameter)
@@ -138,29 +137,13 @@ def sample(
         u, log_jacobian = laplace.unwhiten(z)
         return log_density(u) + log_jacobian
 
-    samplers = [
-        emcee.EnsembleSampler(
-            n_walker,
-            n_parameter,
-            in_z,
-            vectorize=True,
-            moves=[
-                (emcee.moves.MHMove(student_independence()), 0.8),
-                (emcee.moves.DEMove(), 0.2),
-            ],
-        )
-        for _ in range(settings.n_ensemble)
-    ]
     walk = checkpoint.load() if checkpoint is not None else None
     if walk is None:
-        starts = []
-        for i, sampler in enumerate(samplers):
-            rng = stream(seed, f"ensemble {i}")
-            start = emcee.State(_start(in_z, rng, n_walker, n_parameter))
-            # emcee takes the state of a RandomState; such an object it would silently ignore.
-            start.random_state = np.random.RandomState(rng.integers(2**32)).get_state()
-            starts.append(sampler.run_mcmc(start, settings.n_burn, store=False))
-        walk = _before_any_step(starts, n_parameter)
+        walk = _burnt_in(in_z, n_walker, n_parameter, seed, settings)
+    samplers = [
+        _sampler(in_z, n_walker, n_parameter, student_independence(centre=centre, factor=factor))
+        for centre, factor in zip(walk.centres, walk.factors, strict=True)
+    ]
     while True:
         # With every check the target grows by 15 %, wherever the walk was picked up again.
         u, log_jacobian = laplace.unwhiten(walk.z)
@@ -181,16 +164,45 @@ def sample(
     return Chains(u, in_u, acceptance, tau, tuple(missing))
 
 
-def _before_any_step(states: Sequence[Any], n_parameter: int) -> Walk:
-    coordinates = np.stack([state.coords for state in states])
-    n_ensemble, n_walker, _ = coordinates.shape
+def _sampler(
+    in_z: Callable[[FloatArray], FloatArray], n_walker: int, n_parameter: int, proposal: Proposal
+) -> Any:
+    import emcee
+
+    moves = [(emcee.moves.MHMove(proposal), 0.8), (emcee.moves.DEMove(), 0.2)]
+    return emcee.EnsembleSampler(n_walker, n_parameter, in_z, vectorize=True, moves=moves)
+
+
+def _burnt_in(
+    in_z: Callable[[FloatArray], FloatArray],
+    n_walker: int,
+    n_parameter: int,
+    seed: int,
+    settings: SampleSettings,
+) -> Walk:
+    """Start every ensemble, burn it in, and fit its own proposal to the later part of that."""
+    import emcee
+
+    states, centres, factors = [], [], []
+    for i in range(settings.n_ensemble):
+        rng = stream(seed, f"ensemble {i}")
+        start = emcee.State(_start(in_z, rng, n_walker, n_parameter))
+        # emcee takes the state of a RandomState; such an object it would silently ignore.
+        start.random_state = np.random.RandomState(rng.integers(2**32)).get_state()
+        sampler = _sampler(in_z, n_walker, n_parameter, student_independence())
+        states.append(sampler.run_mcmc(start, settings.n_burn))
+        later = sampler.get_chain(discard=settings.n_burn // 2, flat=True)
+        centres.append(later.mean(axis=0))
+        factors.append(np.linalg.cholesky(np.atleast_2d(np.cov(later.T))))
     return Walk(
-        z=np.empty((n_ensemble, 0, n_walker, n_parameter)),
-        log_density=np.empty((n_ensemble, 0, n_walker)),
-        accepted=np.zeros(n_ensemble),
-        coordinates=coordinates,
+        z=np.empty((settings.n_ensemble, 0, n_walker, n_parameter)),
+        log_density=np.empty((settings.n_ensemble, 0, n_walker)),
+        accepted=np.zeros(settings.n_ensemble),
+        coordinates=np.stack([state.coords for state in states]),
         last_log_density=np.stack([state.log_prob for state in states]),
         tau=np.full(n_parameter + 1, np.inf),
+        centres=np.stack(centres),
+        factors=np.stack(factors),
         random_states=tuple(state.random_state for state in states),
     )
 
@@ -218,6 +230,8 @@ def _walked_on(walk: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray
         coordinates=np.stack([end.coords for end in ends]),
         last_log_density=np.stack([end.log_prob for end in ends]),
         tau=tau,
+        centres=walk.centres,
+        factors=walk.factors,
         random_states=tuple(end.random_state for end in ends),
     )
 
