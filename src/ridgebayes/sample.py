@@ -144,9 +144,9 @@ def sample(
         _sampler(in_z, n_walker, n_parameter, student_independence(centre=centre, factor=factor))
         for centre, factor in zip(walk.centres, walk.factors, strict=True)
     ]
+    u, log_jacobian = laplace.unwhiten(walk.z)
     while True:
         # With every check the target grows by 15 %, wherever the walk was picked up again.
-        u, log_jacobian = laplace.unwhiten(walk.z)
         in_u = walk.log_density - log_jacobian
         before, tau = walk.tau, _mean_tau(u, in_u)
         missing = _missing(walk.n_step, tau, before, (*names, "log posterior"), settings)
@@ -157,7 +157,11 @@ def sample(
         if not missing or walk.n_step >= settings.n_step_max:
             break
         target = min(max(int(1.15 * walk.n_step) + 10, 100), settings.n_step_max)
-        walk = _walked_on(walk, samplers, target - walk.n_step, tau)
+        n_before = walk.n_step
+        walk = _walked_on(walk, samplers, target - n_before, tau)
+        new_u, new_jacobian = laplace.unwhiten(walk.z[:, n_before:])
+        u = np.concatenate([u, new_u], axis=1)
+        log_jacobian = np.concatenate([log_jacobian, new_jacobian], axis=1)
         if checkpoint is not None:
             checkpoint.save(walk)
     acceptance = walk.accepted / (walk.n_step * n_walker)
