@@ -46,7 +46,7 @@ def main() -> None:
         axis.set_title(f"a/R = {a:g}, b/R = {b:g} ({role})", fontsize=11)
         axis.set_xlabel("load p/E")
         axis.set_xlim(0, loads[-1])
-        axis.xaxis.set_major_locator(MaxNLocator(5))
+        axis.xaxis.set_major_locator(MaxNLocator(4))
     axes[0].set_ylabel("proximal edges in contact Q")
     axes[0].yaxis.set_major_locator(MultipleLocator(2))
     axes[0].set_ylim(bottom=1.5)
