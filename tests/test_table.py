@@ -361,14 +361,14 @@ def test_read_table__names_file_row_column_value_and_rule(rule: str, tmp_path: P
     header, rows, told = CELL[rule]
     path = csv_file(tmp_path, f"{header}\n{rows}\n")
     headline, *lines = refusal(path).split("\n  ")
-    assert headline == f"{path}: 1 value in 1 row against the rules of the table"
+    assert headline == f"{path}: 1 value in 1 row breaks the rules of the table"
     assert lines == [f"{path}, {told}"]
 
 
 def test_read_table__lists_every_bad_cell_in_the_order_of_the_file(tmp_path: Path) -> None:
     path = csv_file(tmp_path, f"{HEADER}\nx,0.01,2,0.001\n0.01,0.01,4,0.001\n0.01,-1,4,\n")
     headline, *lines = refusal(path).split("\n  ")
-    assert headline.endswith("4 values in 2 rows against the rules of the table")
+    assert headline.endswith("4 values in 2 rows break the rules of the table")
     found = [re.search(r"row (\d) .*?: (\w+) =", line).groups() for line in lines]
     assert sorted(found) == [("1", "Q"), ("1", "a_over_R"), ("3", "b_over_R"), ("3", "p_over_E")]
     assert [row for row, _ in found] == ["1", "1", "3", "3"]
@@ -377,7 +377,7 @@ def test_read_table__lists_every_bad_cell_in_the_order_of_the_file(tmp_path: Pat
 def test_read_table__shows_twenty_and_counts_the_rest() -> None:
     frame = pd.DataFrame({name: np.full(33, -1.0) for name in REQUIRED})
     headline, *lines = refusal(frame.assign(Q=np.arange(4, 70, 2))).split("\n  ")
-    assert headline == "table: 99 values in 33 rows against the rules of the table"
+    assert headline == "table: 99 values in 33 rows break the rules of the table"
     assert len(lines) == 21
     assert lines[-1] == "... and 79 more"
     assert lines[0] == "table, row 1: a_over_R = -1.0: must be finite and > 0"
@@ -461,7 +461,7 @@ def test_read_table__names_every_row_of_another_length(quoted: bool, tmp_path: P
     last = '"0.01",0.01,6,0.004' if quoted else "0.01,0.01,6,0.004"
     path = csv_file(tmp_path, f"{HEADER}\n0.01,0.01,4\n0.01,0.01,4,0.001,9\n\n{last}\n")
     assert refusal(path).split("\n  ") == [
-        f"{path}: 2 values in 2 rows against the rules of the table",
+        f"{path}: 2 values in 2 rows break the rules of the table",
         f"{path}, row 1 (line 2): column p_over_E: '0.01,0.01,4': "
         "must have 4 cells as the header, has 3",
         f"{path}, row 2 (line 3): column beyond p_over_E: '0.01,0.01,4,0.001,9': "

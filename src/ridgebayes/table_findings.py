@@ -93,8 +93,8 @@ class Findings:
 
 def listed(where: str, lines: list[str], n_cell: int, n_row: int) -> str:
     """Return the lines below a headline, with the rest counted."""
-    cells = "1 value" if n_cell == 1 else f"{n_cell} values"
+    cells, verb = ("1 value", "breaks") if n_cell == 1 else (f"{n_cell} values", "break")
     if n_cell > len(lines):
         lines = [*lines, f"... and {n_cell - len(lines)} more"]
     what = "1 row" if n_row == 1 else f"{n_row} rows"
-    return "\n  ".join([f"{where}: {cells} in {what} against the rules of the table", *lines])
+    return "\n  ".join([f"{where}: {cells} in {what} {verb} the rules of the table", *lines])

@@ -58,7 +58,7 @@ def half_width(p_over_E: ArrayLike, *, nu: ArrayLike = 0.5) -> FloatArray:
 
     References
     ----------
-    Johnson, *Contact Mechanics* (1985), eq. (4.43), doi:10.1017/CBO9781139171731.
+    Johnson, *Contact Mechanics* (1985), chapter 4, Hertz theory, doi:10.1017/CBO9781139171731.
 
     Examples
     --------

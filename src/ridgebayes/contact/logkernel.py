@@ -61,7 +61,7 @@ def influence(excess: FloatArray, n_coefficients: int) -> FloatArray:
 
     References
     ----------
-    Mason and Handscomb, *Chebyshev Polynomials* (2002), chapter 9 (integral equations).
+    Mason and Handscomb, *Chebyshev Polynomials* (2002), on integral equations.
 
     Examples
     --------

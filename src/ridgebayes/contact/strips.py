@@ -68,8 +68,8 @@ def solve_strips(gap_ratio: float, n_transitions: int, n_coefficients: int) -> S
 
     References
     ----------
-    Johnson, *Contact Mechanics* (1985), sections 2.7 and 2.8, doi:10.1017/CBO9781139171731 (given
-    displacements on a half-plane, flat punch). `docs/derivations/half-plane.md` for the method.
+    Johnson, *Contact Mechanics* (1985), chapter 2, line loading of an elastic half-space,
+    doi:10.1017/CBO9781139171731. `docs/derivations/half-plane.md` for the method.
 
     Examples
     --------
