@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ridgebayes._types import FloatArray
+from ridgebayes.atomic import replacing
 from ridgebayes.errors import InputError
 
 _ARRAYS = (
@@ -88,14 +89,12 @@ class Checkpoint:
         """Write a walk in place of the one before it."""
         import h5py
 
-        partial = self.path.with_name(f".{self.path.name}.partial")
-        with h5py.File(partial, "w") as file:
+        with replacing(self.path) as partial, h5py.File(partial, "w") as file:
             file.attrs["fingerprint"] = json.dumps(dict(self.fingerprint))
             for name in _ARRAYS:
                 file[name] = getattr(walk, name)
             file["random_keys"] = np.stack([state[1] for state in walk.random_states])
             file["random_rest"] = np.array([state[2:] for state in walk.random_states], float)
-        partial.replace(self.path)
 
     def load(self) -> Walk | None:
         """Return the walk kept, or None if there is none.

@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from ridgebayes._types import FloatArray
+from ridgebayes.atomic import replacing
 from ridgebayes.errors import InputError
 from ridgebayes.fit import Fit, priors_from_json, priors_to_json
 from ridgebayes.forms import form_named
@@ -98,17 +99,13 @@ def write_netcdf(fit: Fit, path: str | os.PathLike[str]) -> None:
         "seed": str(fit.seed),
         "n_walker": fit.chains.u.shape[2],
     }
-    target = Path(path)
-    partial = target.with_name(f".{target.name}.partial")
     packed = {
         name: {v: {"zlib": True, "complevel": 1, "shuffle": True} for v in group.data_vars}
         for name, group in groups.items()
     }
-    try:
-        tree.to_netcdf(partial, engine="h5netcdf", encoding={f"/{k}": v for k, v in packed.items()})
-        partial.replace(target)
-    finally:
-        partial.unlink(missing_ok=True)
+    encoding = {f"/{name}": pack for name, pack in packed.items()}
+    with replacing(Path(path)) as partial:
+        tree.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
 
 
 def read_netcdf(path: str | os.PathLike[str]) -> Fit:

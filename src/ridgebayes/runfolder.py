@@ -13,6 +13,7 @@ from typing import Any
 
 import pandas as pd
 
+from ridgebayes.atomic import replacing
 from ridgebayes.bayes_factors import BAYES_FACTOR_COLUMNS, EVIDENCE_COLUMNS
 from ridgebayes.comparison import Comparison
 from ridgebayes.errors import ComputationError, InputError
@@ -110,12 +111,8 @@ def write_csv(frame: pd.DataFrame, path: Path) -> None:
 
 def write_text(text: str, path: Path) -> None:
     """Write a text file whole or not at all."""
-    partial = path.with_name(f".{path.name}.partial")
-    try:
+    with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8", newline="\n")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def write_fits(comparison: Comparison, folder: Path) -> None:

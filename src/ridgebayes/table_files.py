@@ -3,13 +3,13 @@
 import hashlib
 import io
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ridgebayes.atomic import replacing
 from ridgebayes.errors import InputError
 from ridgebayes.table_columns import NAMES
 from ridgebayes.table_csv import raw_csv
@@ -68,18 +68,14 @@ def write_frame(frame: pd.DataFrame, path: Path) -> None:
     suffix = _suffix(path)
     if suffix == ".parquet":
         _pyarrow(str(path))
-    # A file of that name beside it, renamed when complete: no reader ever sees half a table.
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        if suffix == ".csv":
-            frame.to_csv(part, index=False, lineterminator="\n", encoding="utf-8")
-        else:
-            frame.to_parquet(part, index=False, engine="pyarrow")
-        part.replace(path)
+        with replacing(path) as part:
+            if suffix == ".csv":
+                frame.to_csv(part, index=False, lineterminator="\n", encoding="utf-8")
+            else:
+                frame.to_parquet(part, index=False, engine="pyarrow")
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def frame_digest(frame: pd.DataFrame) -> str:

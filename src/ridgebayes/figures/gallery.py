@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ridgebayes.accuracy import has_slopes, percent_errors, slopes_table
+from ridgebayes.atomic import replacing
 from ridgebayes.bands import AVERAGE, bands_table
 from ridgebayes.comparison import Comparison
 from ridgebayes.errors import InputError
@@ -154,9 +155,8 @@ def save_figures(comparison: Comparison, folder: str | os.PathLike[str]) -> tupl
                 (f"{plate.name}.png", plate.png),
                 (f"{plate.name}.svg", plate.svg),
             ):
-                partial = target / f".{name}.partial"
-                partial.write_bytes(content)
-                partial.replace(target / name)
+                with replacing(target / name) as partial:
+                    partial.write_bytes(content)
                 written.append(name)
     except OSError as error:
         raise InputError(f"{target}: cannot write figures ({error.strerror})") from None

@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ridgebayes.atomic import replacing
 from ridgebayes.comparison import Comparison
 from ridgebayes.errors import InputError
 from ridgebayes.figures import gallery
@@ -67,12 +68,10 @@ def write_report(
     if suffix not in _TEMPLATES:
         raise InputError(f"{target}: suffix {target.suffix!r}; rule: a report ends in .html or .md")
     content = render_report(comparison, suffix, reference=reference)
-    partial = target.with_name(f".{target.name}.partial")
     try:
-        partial.write_text(content, encoding="utf-8", newline="\n")
-        partial.replace(target)
+        with replacing(target) as partial:
+            partial.write_text(content, encoding="utf-8", newline="\n")
     except OSError as error:
-        partial.unlink(missing_ok=True)
         raise InputError(f"{target}: cannot be written ({error.strerror})") from None
 
 
