@@ -29,6 +29,9 @@ _PANEL = 2.5
 _OUTER = 2.0
 _SERIES = tuple((k, math.comb(2 * k, k) / 4**k) for k in range(13, -1, -1))
 _FAR = 3.0
+# log of -z / sqrt(df) beyond which all but the first term of that series is below rounding.
+_POWER_LAW = 20.0
+_N_NEWTON = 5
 
 
 @dataclass(frozen=True)
@@ -241,7 +244,26 @@ class StudentTail(Tail):
         return (df + 3) / (df + 1)
 
     def _quantile(self, prob: FloatArray, df: Any) -> FloatArray:
-        return special.stdtrit(df, prob)
+        """Return the quantile by Newton steps in v on the log of the lower tail.
+
+        Notes
+        -----
+        That log is concave in v: from any start the first step ends beyond the root, and the
+        others fall towards it. From the normal's quantile four steps reach rounding. Where the
+        tail is a power law to rounding, it is inverted instead.
+        """
+        with np.errstate(all="ignore"):
+            prob, df, log_peak = np.broadcast_arrays(prob, *self._fixed(df))
+            log_p, root = np.log(np.minimum(prob, 1 - prob)), np.sqrt(df)
+            log_u = (log_peak - np.log(root) - log_p) / df
+            far = log_u > _POWER_LAW
+            v = np.arcsinh(-special.ndtri_exp(log_p) / root)
+            for _ in range(_N_NEWTON):
+                log_tail = self._log_lower(-root * np.sinh(v), df, log_peak)
+                log_rate = log_peak + np.log(root) - df * np.log(np.cosh(v)) - log_tail
+                v = np.maximum(v + (log_tail - log_p) / np.exp(log_rate), 0.0)
+            z = root * np.where(far, np.exp(log_u), np.sinh(v))
+        return np.where(prob < 0.5, -z, z)
 
     def _fixed(self, df: Any) -> tuple[FloatArray, ...]:
         df = np.asarray(df, float)
