@@ -261,6 +261,7 @@ class StudentTail(Tail):
             for _ in range(_N_NEWTON):
                 log_tail = self._log_lower(-root * np.sinh(v), df, log_peak)
                 log_rate = log_peak + np.log(root) - df * np.log(np.cosh(v)) - log_tail
+                # Rounding beside the median must not take v across it: the upper tail is not known.
                 v = np.maximum(v + (log_tail - log_p) / np.exp(log_rate), 0.0)
             z = root * np.where(far, np.exp(log_u), np.sinh(v))
         return np.where(prob < 0.5, -z, z)
