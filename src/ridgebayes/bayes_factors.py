@@ -64,9 +64,9 @@ def evidences(fit: Fit) -> list[LogEvidence]:
     found = [
         bridge_evidence(model.log_density, fit.chains, laplace, rng=stream(fit.seed, "bridge"))
     ]
-    if isinstance(model.form, PowerLaw):
+    if isinstance(model.form, PowerLaw) and model.is_plain:
         found.append(power_law_evidence(model))
-    elif model.n_parameter <= 4:
+    elif model.is_plain:
         found.append(quadrature_evidence(model.log_density, laplace))
     return [*found, laplace_evidence(laplace)]
 

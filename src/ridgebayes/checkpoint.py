@@ -23,8 +23,10 @@ _ARRAYS = (
     "coordinates",
     "last_log_density",
     "tau",
+    "weights",
     "centres",
     "factors",
+    "rest",
 )
 
 
@@ -34,22 +36,20 @@ class Walk:
 
     Parameters
     ----------
-    z : ndarray of float, shape (n_ensemble, n_step, n_walker, n_parameter)
+    z : ndarray of float, shape (n_ensemble, n_step, n_walker, n_coordinate)
         Steps so far, whitened coordinates.
     log_density : ndarray of float, shape (n_ensemble, n_step, n_walker)
         Log density at them.
     accepted : ndarray of float, shape (n_ensemble,)
         Accepted moves of all walkers so far.
-    coordinates : ndarray of float, shape (n_ensemble, n_walker, n_parameter)
+    coordinates : ndarray of float, shape (n_ensemble, n_walker, n_coordinate)
         Where the walkers are.
     last_log_density : ndarray of float, shape (n_ensemble, n_walker)
         Log density there.
-    tau : ndarray of float, shape (n_parameter + 1,)
+    tau : ndarray of float, shape (n_coordinate + 1,)
         Autocorrelation times at the last check.
-    centres : ndarray of float, shape (n_ensemble, n_parameter)
-        Centre of each ensemble's independence proposal.
-    factors : ndarray of float, shape (n_ensemble, n_parameter, n_parameter)
-        Cholesky factor of each ensemble's independence proposal.
+    weights, centres, factors, rest : ndarray of float, first axis n_ensemble
+        Each ensemble's independence proposal, see `ridgebayes.moves.Independence`.
     random_states : tuple
         State of each ensemble's `numpy.random.RandomState`, as `get_state` returns it.
     """
@@ -60,8 +60,10 @@ class Walk:
     coordinates: FloatArray
     last_log_density: FloatArray
     tau: FloatArray
+    weights: FloatArray
     centres: FloatArray
     factors: FloatArray
+    rest: FloatArray
     random_states: tuple[Any, ...]
 
     @property

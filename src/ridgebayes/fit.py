@@ -16,8 +16,9 @@ from ridgebayes.diagnostics import shortcomings, summarise
 from ridgebayes.errors import InputError
 from ridgebayes.forms import Form, PowerLaw
 from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model, Observations
+from ridgebayes.likelihood import Model
 from ridgebayes.noise import Noise
+from ridgebayes.observations import Observations
 from ridgebayes.priors import Prior
 from ridgebayes.randomness import seed_of
 from ridgebayes.sample import Chains, SampleSettings, Tell, sample
@@ -99,6 +100,11 @@ class Fit:
     def draws(self) -> FloatArray:
         """Thinned draws of the parameters, shape (n_draw, n_parameter)."""
         return self._kept.reshape(-1, self.model.n_parameter)
+
+    @property
+    def coordinates(self) -> FloatArray:
+        """The same draws in unconstrained coordinates, shape (n_draw, n_coordinate)."""
+        return self.kept_chains.u.reshape(-1, self.model.n_coordinate)
 
     def predict(
         self,
@@ -221,7 +227,7 @@ def calibrate(
             model.log_density,
             fit_laplace(model),
             seed=seed,
-            names=model.parameter_names,
+            names=model.coordinate_names,
             settings=settings,
             progress=progress,
             checkpoint=_checkpoint(checkpoint, table, model, seed, settings),
@@ -256,12 +262,13 @@ def _checkpoint(
 
 def drawn_exactly(model: Model) -> bool:
     """Return whether a posterior is drawn from exactly: a power law of very many textures."""
-    return isinstance(model.form, PowerLaw) and len(model.form.textures) > N_TEXTURE_WALKED
+    many = isinstance(model.form, PowerLaw) and len(model.form.textures) > N_TEXTURE_WALKED
+    return many and model.is_plain
 
 
 def as_noise(noise: str | Noise) -> Noise:
     """Return an error model from its name, or the model itself."""
-    return Noise(noise) if isinstance(noise, str) else noise
+    return Noise.named(noise) if isinstance(noise, str) else noise
 
 
 def refuse_circular(table: ContactTable, form: Form) -> None:

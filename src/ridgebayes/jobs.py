@@ -11,8 +11,8 @@ from ridgebayes.datafiles import paper_sweep, reference_fe
 from ridgebayes.errors import InputError
 from ridgebayes.fit import refuse_circular
 from ridgebayes.forms import FORMS, Form, form_named
-from ridgebayes.likelihood import Observations
 from ridgebayes.noise import Noise
+from ridgebayes.observations import Observations
 from ridgebayes.progress import Progress
 from ridgebayes.runfolder import (
     REFERENCE,
@@ -171,7 +171,7 @@ def _checked(
     if len(set(forms)) < len(forms):
         raise InputError(f"forms: {', '.join(forms)} given; rule: each once")
     chosen = [form_named(name) for name in forms] or list(DEFAULT_FORMS)
-    error_model = Noise(noise)
+    error_model = Noise.named(noise)
     data = replace(paper_sweep(), where=EMBEDDED) if table is None else read_table(table)
     for form in chosen:
         refuse_circular(data, form)

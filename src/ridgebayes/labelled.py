@@ -13,8 +13,9 @@ from ridgebayes.atomic import replacing
 from ridgebayes.errors import InputError
 from ridgebayes.fit import Fit, priors_from_json, priors_to_json
 from ridgebayes.forms import form_named
-from ridgebayes.likelihood import Model, Observations
+from ridgebayes.likelihood import Model
 from ridgebayes.noise import Noise
+from ridgebayes.observations import Observations
 from ridgebayes.sample import Chains
 
 LARGEST_LOG_LIKELIHOOD = 30_000_000  # numbers; beyond it the group is left out and LOO says so
@@ -143,7 +144,7 @@ def read_netcdf(path: str | os.PathLike[str]) -> Fit:
     model = Model(
         data,
         form_named(tree.attrs["form"]),
-        Noise(tree.attrs["noise"]),
+        Noise.named(tree.attrs["noise"]),
         priors_from_json(tree.attrs["priors"]),
     )
     stats, n_walker = tree["sample_stats"], int(tree.attrs["n_walker"])

@@ -4,7 +4,8 @@ In unconstrained coordinates u (the prior's normal scores) a posterior is a funn
 sigma, the better the coefficients are known. Given sigma, a direction of the coefficients about
 which the rows hold the information d (at error variance 1) has the standard deviation
 
-    s = (d / t^2 + 1)^(-1/2),      t^2 = sigma^2 + the rows' mean known variance,
+    s = (d / t^2 + 1)^(-1/2),      t^2 = sigma^2 + the rows' mean known variance + what shared
+                                         offsets add to a mean over all rows,
 
 the 1 being the prior's. In coordinates w, in which each such direction is measured in units of its
 own s, the posterior is nearly normal. The Jacobian moves the mode from the joint mode, where sigma
@@ -12,6 +13,7 @@ is too small (and with few rows runs to zero), to the mode of sigma's own margin
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,12 +22,11 @@ from scipy import linalg, optimize
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.likelihood import Model
-from ridgebayes.priors import Prior
 
 
 @dataclass(frozen=True, eq=False)
 class Funnel:
-    """How the scale of each direction of the coefficients depends on sigma.
+    """How the scale of each direction of the coefficients depends on the error model's parameters.
 
     Parameters
     ----------
@@ -33,41 +34,32 @@ class Funnel:
         Orthonormal directions, in its columns.
     information : ndarray of float, shape (n_coefficient,)
         What the rows know of each at error variance 1.
-    known_variance : float
-        Mean squared known relative error of the rows.
-    sigma_prior : Prior
-        Says which sigma its unconstrained coordinate is.
+    error_variance : callable
+        Unconstrained coordinates of the error model's parameters, (..., n_noise), to t^2, (...).
     """
 
     basis: FloatArray
     information: FloatArray
-    known_variance: float
-    sigma_prior: Prior
+    error_variance: Callable[[FloatArray], FloatArray]
 
     @classmethod
     def of(cls, model: Model, u: FloatArray) -> "Funnel":
         """Take the directions from the rows' information at `u`."""
         information, basis = linalg.eigh(model.information(u))
-        known = float(np.mean(model.data.rel_se**2))
-        prior = model.priors["sigma"]
-        return cls(basis, np.maximum(information, 0.0), known, prior)
+        return cls(basis, np.maximum(information, 0.0), model.error_variance)
 
-    def log_scales(self, u_sigma: FloatArray) -> FloatArray:
-        """Return log s of each direction, shape ``u_sigma.shape + (n_coefficient,)``."""
-        variance = self._variance(u_sigma)[..., None]
+    def log_scales(self, u_noise: FloatArray) -> FloatArray:
+        """Return log s of each direction, shape ``u_noise.shape[:-1] + (n_coefficient,)``."""
+        variance = self.error_variance(u_noise)[..., None]
         with np.errstate(divide="ignore"):
             return 0.5 * (np.log(variance) - np.log(self.information + variance))
 
-    def slope(self, u_sigma: float) -> float:
-        """Return d/du of the summed log scales."""
-        sigma = float(self.sigma_prior.value_at(u_sigma))
-        variance = float(self._variance(np.array(u_sigma)))
-        growth = 2 * sigma * float(self.sigma_prior.slope_at(u_sigma))
-        share = self.information / (self.information + variance)
-        return 0.5 * float(share.sum()) / max(variance, 1e-300) * growth
-
-    def _variance(self, u_sigma: FloatArray) -> FloatArray:
-        return self.sigma_prior.value_at(u_sigma) ** 2 + self.known_variance
+    def slope(self, u_noise: FloatArray) -> FloatArray:
+        """Return d/du_noise of the summed log scales, shape (n_noise,)."""
+        h = 1e-4
+        steps = h * np.eye(len(u_noise))
+        up = self.log_scales(u_noise + steps).sum(axis=-1)
+        return (up - self.log_scales(u_noise - steps).sum(axis=-1)) / (2 * h)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,51 +68,67 @@ class Laplace:
 
     Parameters
     ----------
-    mode : ndarray of float, shape (n_parameter,)
-        Mode in the coordinates w, given in u; the coefficients, then sigma's coordinate.
-    factor : ndarray of float, shape (n_parameter, n_parameter)
+    mode : ndarray of float, shape (n_coordinate,)
+        Mode in the coordinates w, given in u: coefficients, the error model's parameters, and
+        zeros for offsets that are sampled.
+    factor : ndarray of float, shape (n_coordinate, n_coordinate)
         Lower Cholesky factor of the covariance of w.
     log_density : float
         Log posterior density in u at the mode, not normalised.
     funnel : Funnel
         The scales of w.
+    n_noise : int
+        Parameters of the error model.
     """
 
     mode: FloatArray
     factor: FloatArray
     log_density: float
     funnel: Funnel
+    n_noise: int
 
     def unwhiten(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return u at w = factor z, and log |du/dw|.
 
         Parameters
         ----------
-        z : ndarray of float, shape (..., n_parameter)
+        z : ndarray of float, shape (..., n_coordinate)
             Whitened coordinates: standard normal as far as the approximation is right.
 
         Returns
         -------
-        u : ndarray of float, shape (..., n_parameter)
+        u : ndarray of float, shape (..., n_coordinate)
             Unconstrained coordinates.
         log_jacobian : ndarray of float, shape (...)
             Log |du/dw|.
         """
-        w = z @ self.factor.T
-        log_scale = self._log_scale(self.mode[-1] + w[..., -1])
-        w[..., :-1] = (w[..., :-1] @ self.funnel.basis * np.exp(log_scale)) @ self.funnel.basis.T
+        w, basis = z @ self.factor.T, self.funnel.basis
+        k = len(basis)
+        log_scale = self._log_scale(self.mode[self._noise] + w[..., self._noise])
+        w[..., :k] = (w[..., :k] @ basis * np.exp(log_scale)) @ basis.T
         return self.mode + w, log_scale.sum(axis=-1)
 
     def whiten(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return z of u, and log |du/dw| there: the inverse of `unwhiten`."""
-        w = u - self.mode
-        log_scale = self._log_scale(u[..., -1])
-        w[..., :-1] = (w[..., :-1] @ self.funnel.basis * np.exp(-log_scale)) @ self.funnel.basis.T
+        w, basis = u - self.mode, self.funnel.basis
+        k = len(basis)
+        log_scale = self._log_scale(u[..., self._noise])
+        w[..., :k] = (w[..., :k] @ basis * np.exp(-log_scale)) @ basis.T
         flat = w.reshape(-1, w.shape[-1]).T
         return _solve_lower(self.factor, flat).T.reshape(w.shape), log_scale.sum(axis=-1)
 
-    def _log_scale(self, u_sigma: FloatArray) -> FloatArray:
-        return self.funnel.log_scales(u_sigma) - self.funnel.log_scales(self.mode[-1])
+    @property
+    def n_latent(self) -> int:
+        """Coordinates of sampled offsets, the last ones."""
+        return len(self.mode) - len(self.funnel.basis) - self.n_noise
+
+    @property
+    def _noise(self) -> slice:
+        k = len(self.funnel.basis)
+        return slice(k, k + self.n_noise)
+
+    def _log_scale(self, u_noise: FloatArray) -> FloatArray:
+        return self.funnel.log_scales(u_noise) - self.funnel.log_scales(self.mode[self._noise])
 
     @property
     def log_volume(self) -> float:
@@ -155,6 +163,9 @@ def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
 
     Notes
     -----
+    Where offsets are sampled, the mode is that of the parameters with the rows taken as normal, and
+    the offsets' own coordinates are standard normal to begin with.
+
     *Validity.* Perfect data (rows without misfit, more of them than coefficients) send sigma to
     zero, where the approximation is undefined; the search says so instead of returning a point on
     the way.
@@ -176,15 +187,19 @@ def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
             "or nearly, and sigma has no lower bound; add rows, or leave the form out"
         )
     covariance = linalg.cho_solve((root, True), np.eye(len(u)))
-    factor = linalg.cholesky(covariance, lower=True)
-    return Laplace(u, factor, float(model.log_density(u)), funnel)
+    n_latent = model.n_coordinate - model.n_parameter
+    factor = linalg.block_diag(linalg.cholesky(covariance, lower=True), np.eye(n_latent))
+    mode = np.concatenate([u, np.zeros(n_latent)])
+    n_noise = model.n_parameter - model.n_coefficient
+    return Laplace(mode, factor, float(model.log_density(mode)), funnel, n_noise)
 
 
 def _search(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
     """Return the minimiser of minus the log density in w, as far as the search gets."""
 
     def negative(u: FloatArray) -> float:
-        value = -float(model.log_density(u)) - float(funnel.log_scales(u[-1]).sum())
+        scales = funnel.log_scales(u[model.n_coefficient :])
+        value = -float(model.marginal_log_density(u)) - float(scales.sum())
         return value if math.isfinite(value) else 1e300
 
     try:
@@ -202,8 +217,8 @@ def _search(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
 
 def _gradient(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
-        slope = -model.log_density_gradient(u)
-        slope[-1] -= funnel.slope(u[-1])
+        slope = -model.marginal_gradient(u)
+        slope[model.n_coefficient :] -= funnel.slope(u[model.n_coefficient :])
     return slope
 
 

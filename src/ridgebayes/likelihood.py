@@ -1,116 +1,35 @@
-r"""The log-likelihood of any form with any error model, and the posterior a sampler needs.
+r"""The posterior of a form's coefficients and an error model's parameters, given rows.
 
-The data are log loads, reduced to nu = 0.5. Row i of texture j has the residual
+Which likelihood serves depends on the rows and the error model:
 
-    r_i = y_i - 2 log shape_i + 2 log rate_j(theta),
-
-in which the coefficients shift all rows of a texture alike. With independent normal errors the rows
-of a texture that share a known error enter through their number, mean and sum of squares alone, so
-a call costs O(textures) whatever the number of rows.
+- independent normal errors of exact rows: per texture a number, a mean and a sum of squares, so a
+  call costs O(textures) whatever the number of rows;
+- normal errors and shared offsets, exact rows: offsets are integrated out in closed form;
+- independent rows with Student errors, brackets or counts: row by row;
+- these with shared offsets: offsets stay unknowns, and are sampled beside the parameters in
+  coordinates in which they are nearly standard normal (`latent`).
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.forms import Form, Texture, reduced_load
+from ridgebayes.forms import Form, Texture
+from ridgebayes.independent import IndependentNormalRows, IndependentRows
+from ridgebayes.integrated import IntegratedOffsets
 from ridgebayes.noise import Noise
+from ridgebayes.observations import Observations
+from ridgebayes.offsets import offsets_of
 from ridgebayes.priors import JointPrior, Prior, default_priors
-from ridgebayes.table import ContactTable
+from ridgebayes.rows import Rows
+from ridgebayes.sampled import SampledOffsets
 
-
-@dataclass(frozen=True, eq=False)
-class Observations:
-    """The rows a posterior is conditioned on, as arrays.
-
-    Parameters
-    ----------
-    textures : tuple of (float, float), length n_texture
-        (a/R, b/R) in order of first appearance.
-    texture : ndarray of int, shape (n_obs,)
-        Index of each row's texture.
-    Q : ndarray of int, shape (n_obs,)
-        Count reached.
-    log_load : ndarray of float, shape (n_obs,), dimensionless
-        log of the load p/E reduced to nu = 0.5.
-    rel_se : ndarray of float, shape (n_obs,), dimensionless
-        Known relative standard error of the load.
-    labels : tuple of str, length n_texture
-        Names of the textures.
-    """
-
-    textures: tuple[Texture, ...]
-    texture: IntArray
-    Q: IntArray
-    log_load: FloatArray
-    rel_se: FloatArray
-    labels: tuple[str, ...] = ()
-
-    @classmethod
-    def from_table(cls, table: ContactTable) -> "Observations":
-        """Take the calibration rows of a table.
-
-        Raises
-        ------
-        InputError
-            If there is no such row, or a row of a kind that this version does not fit: brackets,
-            counts, laterally offset bodies.
-        """
-        rows = table.calibration
-        frame = rows.frame
-        if frame.empty:
-            raise InputError(
-                f"{table.where}: no row with role calibration and status ok; rule: at least 1"
-            )
-        _refuse_kinds(table)
-        widths = frame[["a_over_R", "b_over_R"]].to_numpy()
-        codes, textures = pd.factorize(pd.MultiIndex.from_arrays([widths[:, 0], widths[:, 1]]))
-        return cls(
-            textures=tuple((float(a), float(b)) for a, b in textures),
-            texture=codes.astype(np.int64),
-            Q=frame["Q"].to_numpy(np.int64),
-            log_load=np.log(reduced_load(frame["p_over_E"].to_numpy(), frame["nu"].to_numpy())),
-            rel_se=frame["rel_se"].to_numpy(float),
-            labels=rows.labels,
-        )
-
-    def __len__(self) -> int:
-        return len(self.log_load)
-
-    @property
-    def a_over_R(self) -> FloatArray:
-        """Ridge widths of the textures, shape (n_texture,)."""
-        return np.array([a for a, _ in self.textures])
-
-    @property
-    def b_over_R(self) -> FloatArray:
-        """Groove widths of the textures, shape (n_texture,)."""
-        return np.array([b for _, b in self.textures])
-
-
-def _refuse_kinds(table: ContactTable) -> None:
-    """Name the first row that is not a plain transition of a centred body."""
-    everything = table.frame
-    fitted = (everything["status"] == "ok") & (everything["role"] == "calibration")
-    other = {
-        "kind": everything["kind"] != "transition",
-        "p_over_E_lower": everything["p_over_E_lower"].notna(),
-        "offset_over_R": everything["offset_over_R"] != 0,
-    }
-    for column, bad in other.items():
-        rows = np.flatnonzero(fitted & bad)
-        if len(rows):
-            value = everything[column].tolist()[rows[0]]
-            more = f" and {len(rows) - 1} more rows" if len(rows) > 1 else ""
-            raise InputError(
-                f"{table.where}, row {rows[0] + 1}{more}: {column} = {value!r}; rule: this version "
-                "fits transition loads of centred bodies, no counts and no brackets"
-            )
+_LOG_2PI = math.log(2 * math.pi)
+_STEP = 2e-3  # of numerical gradients, in prior standard deviations
+_STENCIL = np.array([[-2.0, 1 / 12], [-1.0, -2 / 3], [1.0, 2 / 3], [2.0, -1 / 12]])  # fourth order
 
 
 class Model:
@@ -132,12 +51,14 @@ class Model:
     InputError
         If a prior is given for a parameter that the model does not have, or has another support
         than the default; if the form cannot compute a row's count.
+    ComputationError
+        If the error model cannot serve that many places.
 
     Notes
     -----
     `theta` holds the coefficients and then the error model's parameters on its last axis; any
     leading axes are draws. `u` is the same in unconstrained coordinates: the prior's normal scores,
-    in which the prior is a standard normal.
+    in which the prior is a standard normal. Where offsets are sampled (`is_latent`), theirs follow.
     """
 
     def __init__(
@@ -150,7 +71,7 @@ class Model:
         self.data = data
         self.form = form.bind(data.textures, data.labels)
         self.noise = noise or Noise()
-        self.priors = default_priors(self.form)
+        self.priors = default_priors(self.form, self.noise)
         for name, prior in (priors or {}).items():
             if name not in self.priors or prior.positive != self.priors[name].positive:
                 raise InputError(
@@ -160,11 +81,18 @@ class Model:
             self.priors[name] = prior
         self._joint = JointPrior(self.priors.values())
         self._a, self._b = data.a_over_R, data.b_over_R
-        shape = self.form.shape(data.Q, self._a[data.texture], self._b[data.texture])
-        if not np.all(shape > 0):
-            raise InputError(f"{form.name}: a row's load is zero by this form; rule: Q >= 4")
-        self.centred_log_load = data.log_load - 2 * np.log(shape)
-        self.groups = _group_rows(self.centred_log_load, data)
+        self.rows = Rows.of(data, self.form)
+        self.offsets = offsets_of(self.noise, data)
+        self.likelihood = self._chosen()
+
+    def _chosen(self) -> IndependentRows | IntegratedOffsets | SampledOffsets:
+        is_normal = self.noise.tail == "normal" and bool(self.rows.exact.all())
+        if self.offsets is None:
+            kind = IndependentNormalRows if is_normal else IndependentRows
+            return kind(self.rows, self.noise.distribution)
+        if is_normal:
+            return IntegratedOffsets(self.rows, self.offsets)
+        return SampledOffsets(self.rows, self.offsets, self.noise.distribution)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -181,8 +109,29 @@ class Model:
         """Coefficients of the form; the error model's parameters follow them, sigma first."""
         return len(self.form.parameter_names)
 
+    @property
+    def is_latent(self) -> bool:
+        """Whether shared offsets are unknowns beside the parameters, not integrated out."""
+        return isinstance(self.likelihood, SampledOffsets)
+
+    @property
+    def n_coordinate(self) -> int:
+        """Length of the last axis of `u`: parameters, and offsets where these are sampled."""
+        return self.n_parameter + self.likelihood.n_latent
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Names on the last axis of `u`."""
+        levels = range(1, self.likelihood.n_latent + 1)
+        return (*self.parameter_names, *(f"offset {level}" for level in levels))
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether rows are exact with independent normal errors: the case with short cuts."""
+        return isinstance(self.likelihood, IndependentNormalRows)
+
     def with_priors(self, priors: Mapping[str, Prior]) -> "Model":
-        """Return the model with some priors replaced, the data statistics shared."""
+        """Return the model with some priors replaced."""
         return Model(self.data, self.form, self.noise, {**self.priors, **priors})
 
     def log_prior(self, theta: FloatArray) -> FloatArray:
@@ -191,32 +140,33 @@ class Model:
 
     def log_rates(self, theta: FloatArray) -> FloatArray:
         """Return log rate of each texture, shape (..., n_texture); -inf where not positive."""
-        rate = self.form.rate(theta[..., :-1], self._a, self._b)
+        rate = self.form.rate(theta[..., : self.n_coefficient], self._a, self._b)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(rate > 0, np.log(rate), -np.inf)
 
     def log_likelihood(self, theta: FloatArray) -> FloatArray:
-        """Return the log-likelihood, the density of the log loads, shape ``theta.shape[:-1]``.
+        """Return the log-likelihood of all rows, shape ``theta.shape[:-1]``.
 
-        A texture whose rate is not positive has likelihood zero.
+        A texture whose rate is not positive has likelihood zero. Where offsets are sampled this is
+        an approximation, rows taken as normal (brackets at their middles); `log_density` is exact.
         """
-        group = self.groups
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            r = group.mean + 2 * self.log_rates(theta)[..., group.texture]
-            variance = theta[..., -1:] ** 2 + group.rel_se**2
-            misfit = (group.sum_of_squares + group.n * r * r) / variance
-            value = -0.5 * (group.n * np.log(2 * math.pi * variance) + misfit).sum(axis=-1)
+        with np.errstate(all="ignore"):
+            value = self.likelihood.marginal(self.log_rates(theta), self._eta(theta))
         return np.where(np.isnan(value), -np.inf, value)
 
-    def pointwise_log_likelihood(self, theta: FloatArray) -> FloatArray:
-        """Return the log-likelihood of each row, shape ``theta.shape[:-1] + (n_obs,)``."""
-        r = self.centred_log_load + 2 * self.log_rates(theta)[..., self.data.texture]
-        variance = theta[..., -1:] ** 2 + self.data.rel_se**2
-        return -0.5 * (np.log(2 * math.pi * variance) + r * r / variance)
+    def pointwise_log_likelihood(self, u: FloatArray) -> FloatArray:
+        """Return each row's log predictive density, from (n_draw, n_coordinate): (n_draw, n_obs).
+
+        Where offsets are integrated out, it is conditional on the parameters and all other rows;
+        where they are sampled, on the parameters and the offsets.
+        """
+        with np.errstate(all="ignore"):
+            value = self.likelihood.pointwise(*self._parts(u))
+        return np.where(np.isnan(value), -np.inf, value)
 
     def to_theta(self, u: FloatArray) -> FloatArray:
         """Return parameters from unconstrained coordinates."""
-        return self._joint.at_scores(u)
+        return self._joint.at_scores(u[..., : self.n_parameter])
 
     def to_unconstrained(self, theta: FloatArray) -> FloatArray:
         """Return unconstrained coordinates of parameters."""
@@ -227,24 +177,68 @@ class Model:
 
         Its integral over `u` is the evidence.
         """
-        log_prior = -0.5 * ((u * u).sum(axis=-1) + u.shape[-1] * math.log(2 * math.pi))
-        value = log_prior + self.log_likelihood(self.to_theta(u))
+        if not isinstance(self.likelihood, SampledOffsets):
+            return self.marginal_log_density(u)
+        with np.errstate(all="ignore"):
+            value = self._log_prior_of(u) + self.likelihood.joint(*self._parts(u))
         return np.where(np.isnan(value), -np.inf, value)
 
-    def log_density_gradient(self, u: FloatArray) -> FloatArray:
-        """Return d log_density / d u where it is finite, shape of `u`."""
-        theta, groups = self.to_theta(u), self.groups
-        r = groups.mean + 2 * self.log_rates(theta)[..., groups.texture]
-        variance = theta[..., -1:] ** 2 + groups.rel_se**2
-        by_rate = -2 * groups.n * r / variance
-        by_theta = self.form.log_rate_gradient(theta[..., :-1], self._a, self._b)
-        gradient = np.empty(theta.shape)
-        gradient[..., :-1] = np.einsum(
-            "...g,...gp->...p", by_rate, by_theta[..., groups.texture, :]
-        )
-        misfit = (groups.sum_of_squares + groups.n * r * r) / variance
-        gradient[..., -1] = theta[..., -1] * ((misfit - groups.n) / variance).sum(axis=-1)
+    def marginal_log_density(self, u: FloatArray) -> FloatArray:
+        """Return the log posterior density of the parameters alone, offsets integrated out.
+
+        Exact unless offsets are sampled: then it is the approximation that `log_likelihood` is.
+        """
+        value = self._log_prior_of(u) + self.log_likelihood(self.to_theta(u))
+        return np.where(np.isnan(value), -np.inf, value)
+
+    def marginal_gradient(self, u: FloatArray) -> FloatArray:
+        """Return d marginal_log_density / d u where it is finite, shape (n_parameter,)."""
+        if isinstance(self.likelihood, IndependentNormalRows):
+            return self._gradient(self.likelihood, u)
+        steps = np.eye(len(u))[:, None] * (_STEP * _STENCIL[:, :1])
+        values = self.marginal_log_density(u + steps)
+        with np.errstate(invalid="ignore"):
+            return (values * _STENCIL[:, 1]).sum(axis=-1) / _STEP
+
+    def _gradient(self, likelihood: IndependentNormalRows, u: FloatArray) -> FloatArray:
+        theta, k = self.to_theta(u), self.n_coefficient
+        by_group, by_sigma = likelihood.gradient(self.log_rates(theta), self._eta(theta))
+        by_theta = self.form.log_rate_gradient(theta[:k], self._a, self._b)
+        gradient = np.append(by_group @ by_theta[likelihood.groups.texture], by_sigma)
         return gradient * self._joint.at_scores_slope(u, theta) - u
+
+    def offset(
+        self, u: FloatArray, texture: Texture, Q: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return mean and variance of the offset of a texture's log loads, given each draw.
+
+        Parameters
+        ----------
+        u : ndarray of float, shape (n_draw, n_coordinate)
+            Draws.
+        texture : (float, float)
+            a/R and b/R: a calibrated texture keeps the offset that its rows tell of.
+        Q : ndarray of int, shape (n_Q,)
+            Counts.
+
+        Returns
+        -------
+        mean, variance : ndarray of float, shape (n_draw, n_Q)
+            Zero for both where rows share nothing.
+        """
+        return self.likelihood.offset(*self._parts(u), texture, Q)
+
+    def error_variance(self, u_noise: FloatArray) -> FloatArray:
+        """Return what the error model does to the mean over all rows, as a variance per row.
+
+        It says how the coefficients' widths grow with the error model's parameters, given by their
+        unconstrained coordinates, shape (..., n_noise).
+        """
+        everything = np.zeros((*u_noise.shape[:-1], self.n_parameter))
+        everything[..., self.n_coefficient :] = u_noise
+        eta = self.to_theta(everything)[..., self.n_coefficient :]
+        shared = 0.0 if self.offsets is None else self.offsets.inflation(eta)
+        return eta[..., 0] ** 2 + float(np.mean(self.rows.rel_se**2)) + shared
 
     def information(self, u: FloatArray) -> FloatArray:
         """Return the rows' Fisher information of the coefficients for an error variance of 1.
@@ -259,29 +253,20 @@ class Model:
         ndarray of float, shape (n_coefficient, n_coefficient)
             In unconstrained coordinates; over the error variance it is that of the likelihood.
         """
-        theta = self.to_theta(u)
-        slope = self._joint.at_scores_slope(u, theta)[:-1]
-        jacobian = 2 * self.form.log_rate_gradient(theta[:-1], self._a, self._b) * slope
-        n = np.bincount(self.groups.texture, self.groups.n, len(self._a))
+        theta, k = self.to_theta(u), self.n_coefficient
+        slope = self._joint.at_scores_slope(u, theta)[:k]
+        jacobian = 2 * self.form.log_rate_gradient(theta[:k], self._a, self._b) * slope
+        n = np.bincount(self.data.texture, minlength=len(self._a))
         return (jacobian.T * n) @ jacobian
 
+    def _parts(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return log rates, error parameters and sampled coordinates of the offsets."""
+        theta = self.to_theta(u)
+        return self.log_rates(theta), self._eta(theta), u[..., self.n_parameter :]
 
-@dataclass(frozen=True, eq=False)
-class RowGroups:
-    """Rows of one texture and one known error: number, mean and sum of squares about the mean."""
+    def _eta(self, theta: FloatArray) -> FloatArray:
+        return theta[..., self.n_coefficient :]
 
-    texture: IntArray
-    rel_se: FloatArray
-    n: FloatArray
-    mean: FloatArray
-    sum_of_squares: FloatArray
-
-
-def _group_rows(centred: FloatArray, data: Observations) -> RowGroups:
-    se, se_code = np.unique(data.rel_se, return_inverse=True)
-    codes, group = np.unique(data.texture * len(se) + se_code, return_inverse=True)
-    n = np.bincount(group).astype(float)
-    mean = np.bincount(group, centred) / n
-    # About the mean, not as a difference of squares: residuals are 1e-2 on values of 10.
-    squares = np.bincount(group, (centred - mean[group]) ** 2)
-    return RowGroups(codes // len(se), se[codes % len(se)], n, mean, squares.astype(float))
+    def _log_prior_of(self, u: FloatArray) -> FloatArray:
+        scores = u[..., : self.n_parameter]
+        return -0.5 * ((scores * scores).sum(axis=-1) + self.n_parameter * _LOG_2PI)

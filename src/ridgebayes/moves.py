@@ -1,63 +1,121 @@
-"""An independence move: candidates from a Student t fitted to the posterior beforehand.
+"""An independence move: candidates from a mixture of Student t fitted to the posterior beforehand.
 
 Where the fit is good almost every candidate is accepted and steps hardly remember each other; where
 it is poor the Metropolis-Hastings ratio still leaves the posterior exact, and the moves mixed with
-it carry the walkers.
+it carry the walkers. Several components follow a posterior that is bent or has two humps, as that of
+a Student tail has: few outliers and a narrow scale, or none and a wide one.
 """
 
-import math
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
 
-Proposal = Callable[[FloatArray, np.random.RandomState], tuple[FloatArray, FloatArray]]
+_DF = 5.0  # small enough for the proposal's tails to cover the posterior's
+_SCALE = 1.1
+_PRIOR_WEIGHT = 20.0  # draws' worth of the common covariance in that of each component
 
 
-def student_independence(
-    df: float = 10.0,
-    scale: float = 1.05,
-    centre: FloatArray | float = 0.0,
-    factor: FloatArray | None = None,
-) -> Proposal:
-    """Return a proposal function for `emcee.moves.MHMove` in whitened coordinates.
+@dataclass(frozen=True, eq=False)
+class Independence:
+    """A proposal for `emcee.moves.MHMove`, in whitened coordinates.
+
+    The first coordinates come from a mixture of Student t, the last from independent normals:
+    offsets that are sampled are nearly that already, and there are many of them.
 
     Parameters
     ----------
-    df : float, optional
-        Degrees of freedom; small enough for the proposal's tails to cover the posterior's.
-    scale : float, optional
-        Width of the t in units of `factor`.
-    centre : ndarray of float, shape (d,), optional
-        Centre of the t.
-    factor : ndarray of float, shape (d, d), optional
-        Lower Cholesky factor of the t's shape; the identity if not given.
-
-    Returns
-    -------
-    callable
-        ``(coordinates (n, d), RandomState) -> (candidates (n, d), log q(old) - log q(new) (n,))``.
+    weights : ndarray of float, shape (n_component,)
+        Weights of the components, sum 1.
+    centres : ndarray of float, shape (n_component, k)
+        Their centres.
+    factors : ndarray of float, shape (n_component, k, k)
+        Lower Cholesky factors of their shapes.
+    rest : ndarray of float, shape (2, m)
+        Mean and standard deviation of each coordinate after the k-th.
 
     Examples
     --------
-    >>> propose = student_independence()
-    >>> candidates, log_ratio = propose(np.zeros((3, 2)), np.random.RandomState(0))
+    >>> propose = Independence.standard(2, 1)
+    >>> candidates, log_ratio = propose(np.zeros((3, 3)), np.random.RandomState(0))
     >>> candidates.shape, bool(np.all(log_ratio > 0))
-    ((3, 2), True)
+    ((3, 3), True)
     """
-    inverse = None if factor is None else np.linalg.inv(factor)
 
-    def log_q(z: FloatArray) -> FloatArray:
-        d = z.shape[1]
-        y = z - centre if inverse is None else (z - centre) @ inverse.T
-        return -0.5 * (df + d) * np.log1p((y * y).sum(axis=1) / (df * scale**2))
+    weights: FloatArray
+    centres: FloatArray
+    factors: FloatArray
+    rest: FloatArray
 
-    def propose(z: FloatArray, random: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
-        n, d = z.shape
-        stretch = scale * math.sqrt(df) / np.sqrt(random.chisquare(df, size=(n, 1)))
-        steps = random.standard_normal((n, d)) * stretch
-        candidates = centre + (steps if factor is None else steps @ factor.T)
-        return candidates, log_q(z) - log_q(candidates)
+    @classmethod
+    def standard(cls, k: int, m: int = 0) -> "Independence":
+        """Return one component at the origin, of unit shape, and m standard normals."""
+        rest = np.stack([np.zeros(m), np.ones(m)])
+        return cls(np.ones(1), np.zeros((1, k)), np.eye(k)[None], rest)
 
-    return propose
+    @classmethod
+    def fitted(
+        cls, points: FloatArray, k: int, rng: np.random.Generator, n_component: int = 4
+    ) -> "Independence":
+        """Return the mixture fitted to draws (n, k + m) by expectation maximisation."""
+        weights, centres, factors = _mixture(points[:, :k], n_component, rng)
+        rest = points[:, k:]
+        return cls(weights, centres, factors, np.stack([rest.mean(axis=0), rest.std(axis=0)]))
+
+    def __call__(
+        self, z: FloatArray, random: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return candidates of the shape of `z` and log q(old) - log q(new), shape (n,)."""
+        n, k = len(z), self.centres.shape[1]
+        component = random.choice(len(self.weights), size=n, p=self.weights)
+        steps = random.standard_normal((n, k)) * np.sqrt(_DF / random.chisquare(_DF, size=(n, 1)))
+        first = self.centres[component]
+        first = first + _SCALE * np.einsum("nij,nj->ni", self.factors[component], steps)
+        mean, sd = self.rest
+        last = mean + _SCALE * sd * random.standard_normal((n, z.shape[1] - k))
+        candidates = np.concatenate([first, last], axis=1)
+        return candidates, self._log_q(z) - self._log_q(candidates)
+
+    def _log_q(self, z: FloatArray) -> FloatArray:
+        k, shapes = self.centres.shape[1], _SCALE * self.factors
+        squares = _distances(z[:, :k], self.centres, shapes)
+        peaks = np.log(self.weights) - _log_volumes(shapes)
+        components = peaks[:, None] - 0.5 * (_DF + k) * np.log1p(squares / _DF)
+        mean, sd = self.rest
+        last = (z[:, k:] - mean) / (_SCALE * sd)
+        return logsumexp(components, axis=0) - 0.5 * (last * last).sum(axis=1)
+
+
+def _mixture(
+    points: FloatArray, n_component: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Fit a mixture of normals, each drawn a little towards the common covariance."""
+    n, k = points.shape
+    common = np.atleast_2d(np.cov(points.T))
+    centres = points[rng.choice(n, n_component, replace=False)]
+    factors = np.repeat(np.linalg.cholesky(common)[None], n_component, axis=0)
+    weights = np.full(n_component, 1 / n_component)
+    for _ in range(40):  # a proposal, not an estimate: it need not be the last digit's mixture
+        log_share = -0.5 * _distances(points, centres, factors)
+        log_share += (np.log(weights) - _log_volumes(factors))[:, None]
+        share = np.exp(log_share - logsumexp(log_share, axis=0))
+        mass = share.sum(axis=1) + 1e-9
+        weights = mass / mass.sum()
+        centres = share @ points / mass[:, None]
+        for i in range(n_component):
+            off = points - centres[i]
+            covariance = (share[i][:, None] * off).T @ off + 0.2 * _PRIOR_WEIGHT * common
+            factors[i] = np.linalg.cholesky(covariance / (mass[i] + _PRIOR_WEIGHT))
+    return weights, centres, factors
+
+
+def _distances(points: FloatArray, centres: FloatArray, factors: FloatArray) -> FloatArray:
+    """Return squared distances in units of each component's shape, (n_component, n)."""
+    off = np.einsum("kij,knj->kni", np.linalg.inv(factors), points - centres[:, None])
+    return (off * off).sum(axis=-1)
+
+
+def _log_volumes(factors: FloatArray) -> FloatArray:
+    return np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)

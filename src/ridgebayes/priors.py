@@ -20,6 +20,7 @@ from scipy import special
 from ridgebayes._types import FloatArray, Json
 from ridgebayes.errors import InputError
 from ridgebayes.forms import Form, PowerLaw
+from ridgebayes.noise import Noise
 
 _LOG_2PI = math.log(2 * math.pi)
 HERTZ = 1.382  # the smooth Hertz coefficient at nu = 0.5, as the paper prints it
@@ -233,6 +234,65 @@ class HalfNormal(Prior):
         return np.abs(self.sd * rng.standard_normal(size))
 
 
+@dataclass(frozen=True)
+class Gamma(Prior):
+    """Gamma on (0, inf) with shape and rate: mean shape/rate.
+
+    Examples
+    --------
+    >>> round(float(Gamma(2.0, 0.1).log_pdf(np.array(10.0))), 12)
+    -3.302585092994
+    """
+
+    shape: float
+    rate: float
+    kind: ClassVar[str] = "gamma"
+    positive: ClassVar[bool] = True
+    scale_name: ClassVar[str] = "rate"
+
+    @staticmethod
+    def log_density(x: Any, *fields: Any) -> FloatArray:
+        shape, rate = fields
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = shape * np.log(rate) + (shape - 1) * np.log(x) - rate * np.asarray(x)
+            value = value - special.gammaln(shape)
+        return np.where(np.greater(x, 0), value, -np.inf)
+
+    @staticmethod
+    def at_score(u: Any, *fields: Any) -> FloatArray:
+        shape, rate = fields
+        u = np.asarray(u, dtype=float)
+        # The smaller of the two tail probabilities, so that none cancels.
+        tail = special.ndtr(-np.abs(u))
+        with np.errstate(under="ignore"):
+            x = np.where(
+                u < 0, special.gammaincinv(shape, tail), special.gammainccinv(shape, tail)
+            )
+        if np.any(low := u < -8):  # where P(X <= x) = x^shape / Gamma(shape + 1) to rounding
+            log_tail = special.log_ndtr(np.where(low, u, 0))
+            x = np.where(low, np.exp((log_tail + special.gammaln(shape + 1)) / shape), x)
+        return x / rate
+
+    @staticmethod
+    def score(x: Any, *fields: Any) -> FloatArray:
+        shape, rate = fields
+        z = np.asarray(x) * rate
+        low, high = special.gammainc(shape, z), special.gammaincc(shape, z)
+        return np.where(low < high, special.ndtri(low), -special.ndtri(high))
+
+    @staticmethod
+    def at_score_slope(u: Any, x: Any, *fields: Any) -> FloatArray:
+        u = np.asarray(u, dtype=float)
+        return np.exp(-0.5 * (u * u + _LOG_2PI) - Gamma.log_density(x, *fields))
+
+    def stretched(self, factor: float) -> "Gamma":
+        """Return the prior with its mean and width multiplied by `factor`."""
+        return replace(self, rate=self.rate / factor)
+
+    def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
+        return rng.gamma(self.shape, 1 / self.rate, size)
+
+
 class JointPrior:
     """The independent product of priors, evaluated for all parameters of a kind at once.
 
@@ -283,18 +343,20 @@ class JointPrior:
         return np.stack([prior.rvs(rng, size) for prior in self._priors], axis=-1)
 
 
-def default_priors(form: Form) -> dict[str, Prior]:
-    """Return the default prior of each coefficient of a form and of the error scale sigma.
+def default_priors(form: Form, noise: Noise | None = None) -> dict[str, Prior]:
+    """Return the default prior of each parameter of a form and an error model.
 
     Parameters
     ----------
     form : Form
         A form; PowerLaw bound to its textures.
+    noise : Noise, optional
+        Error model; independent normal errors if not given.
 
     Returns
     -------
     dict of str to Prior
-        In the order of the parameters, sigma last.
+        Coefficients, then the error model's parameters, sigma first.
 
     Examples
     --------
@@ -316,4 +378,16 @@ def default_priors(form: Form) -> dict[str, Prior]:
             "c2": Normal(0.0, 0.05),
         }
         priors = {name: known[name] for name in form.parameter_names}
-    return priors | {"sigma": HalfNormal(0.05)}
+    return priors | {name: _NOISE[name] for name in (noise or Noise()).parameter_names}
+
+
+_NOISE: dict[str, Prior] = {
+    "sigma": HalfNormal(0.05),
+    "tau_texture": HalfNormal(0.03),
+    "tau_step": HalfNormal(0.03),
+    # Of a smooth offset: in log h, where the steps 4 and 6 are 0.7 apart, and in a/pitch, which
+    # lies between 0 and 1.
+    "length_h": LogNormal(1.0, 0.7),
+    "length_ratio": LogNormal(0.3, 0.7),
+    "df": Gamma(2.0, 0.1),
+}

@@ -14,10 +14,12 @@ from ridgebayes.autocorrelation import autocorrelation_time
 from ridgebayes.checkpoint import Checkpoint, Walk
 from ridgebayes.errors import InputError
 from ridgebayes.laplace import Laplace
-from ridgebayes.moves import Proposal, student_independence
+from ridgebayes.moves import Independence
 from ridgebayes.randomness import stream
 
 Tell = Callable[[str], None]
+_GAIN = 0.02  # burn-in goes on while refitting the proposal raises the acceptance by more
+_ROUNDS_MAX = 10
 
 
 @dataclass(frozen=True)
@@ -29,9 +31,9 @@ class SampleSettings:
     n_ensemble : int
         Independently started ensembles; at least four, so that they can disagree.
     n_walker : int
-        Walkers of each; raised to four per parameter where that is more.
+        Walkers of each; raised to four per coordinate where that is more.
     n_burn : int
-        Steps thrown away.
+        Steps thrown away in each of two rounds, after which the proposal is fitted anew.
     n_step_max : int
         Steps after which an ensemble is given up as not converged.
     n_tau : float
@@ -60,14 +62,14 @@ class Chains:
 
     Parameters
     ----------
-    u : ndarray of float, shape (n_ensemble, n_step, n_walker, n_parameter)
+    u : ndarray of float, shape (n_ensemble, n_step, n_walker, n_coordinate)
         Unconstrained coordinates.
     log_density : ndarray of float, shape (n_ensemble, n_step, n_walker)
         Log posterior density in those coordinates, not normalised.
     acceptance : ndarray of float, shape (n_ensemble,)
         Accepted fraction.
-    tau : ndarray of float, shape (n_parameter + 1,), steps
-        Autocorrelation times of the parameters and, last, of the log density.
+    tau : ndarray of float, shape (n_coordinate + 1,), steps
+        Autocorrelation times of the coordinates and, last, of the log density.
     missing : tuple of str
         What the stopping rule still lacked when sampling ended; empty if it was met.
     """
@@ -99,13 +101,13 @@ def sample(
     Parameters
     ----------
     log_density : callable
-        (n, n_parameter) to (n,): log density in unconstrained coordinates.
+        (n, n_coordinate) to (n,): log density in unconstrained coordinates.
     laplace : Laplace
         Normal approximation: its whitened coordinates are sampled in, and started in.
     seed : int
         Each ensemble gets a stream of its own from it.
     names : tuple of str
-        Parameter names, for messages.
+        Names of the coordinates, for messages.
     settings : SampleSettings, optional
         Lengths and thresholds.
     progress : callable, optional
@@ -120,8 +122,8 @@ def sample(
 
     Notes
     -----
-    *Accuracy.* Moves: an independence move from a Student t, fitted by each ensemble to its own
-    burn-in (80 %), and differential evolution (20 %). emcee's `DESnookerMove` is not used: in 3.1.6
+    *Accuracy.* Moves: an independence move from a mixture of Student t, fitted by each ensemble to
+    its own burn-in (80 %), and differential evolution (20 %). emcee's `DESnookerMove` is not used: in 3.1.6
     its draws are too narrow.
 
     References
@@ -130,8 +132,8 @@ def sample(
     doi:10.1007/s11222-008-9104-9, for differential evolution.
     """
     settings = settings or SampleSettings()
-    n_parameter = len(laplace.mode)
-    n_walker = max(settings.n_walker, 4 * n_parameter)
+    n_coordinate, n_latent = len(laplace.mode), laplace.n_latent
+    n_walker = max(settings.n_walker, 4 * n_coordinate)
 
     def in_z(z: FloatArray) -> FloatArray:
         u, log_jacobian = laplace.unwhiten(z)
@@ -139,10 +141,10 @@ def sample(
 
     walk = checkpoint.load() if checkpoint is not None else None
     if walk is None:
-        walk = _burnt_in(in_z, n_walker, n_parameter, seed, settings)
+        walk = _burnt_in(in_z, n_walker, n_coordinate, n_latent, seed, settings)
     samplers = [
-        _sampler(in_z, n_walker, n_parameter, student_independence(centre=centre, factor=factor))
-        for centre, factor in zip(walk.centres, walk.factors, strict=True)
+        _sampler(in_z, n_walker, n_coordinate, Independence(*proposal))
+        for proposal in zip(walk.weights, walk.centres, walk.factors, walk.rest, strict=True)
     ]
     u, log_jacobian = laplace.unwhiten(walk.z)
     while True:
@@ -169,44 +171,53 @@ def sample(
 
 
 def _sampler(
-    in_z: Callable[[FloatArray], FloatArray], n_walker: int, n_parameter: int, proposal: Proposal
+    in_z: Callable[[FloatArray], FloatArray], n_walker: int, n_coordinate: int, proposal: Independence
 ) -> Any:
     import emcee
 
     moves = [(emcee.moves.MHMove(proposal), 0.8), (emcee.moves.DEMove(), 0.2)]
-    return emcee.EnsembleSampler(n_walker, n_parameter, in_z, vectorize=True, moves=moves)
+    return emcee.EnsembleSampler(n_walker, n_coordinate, in_z, vectorize=True, moves=moves)
 
 
 def _burnt_in(
     in_z: Callable[[FloatArray], FloatArray],
     n_walker: int,
-    n_parameter: int,
+    n_coordinate: int,
+    n_latent: int,
     seed: int,
     settings: SampleSettings,
 ) -> Walk:
-    """Start every ensemble, burn it in, and fit its own proposal to the later part of that."""
+    """Start every ensemble, and burn it in, its proposal fitted to the later half of each round."""
     import emcee
 
-    states, centres, factors = [], [], []
+    states, proposals = [], []
     for i in range(settings.n_ensemble):
         rng = stream(seed, f"ensemble {i}")
-        start = emcee.State(_start(in_z, rng, n_walker, n_parameter))
+        start = emcee.State(_start(in_z, rng, n_walker, n_coordinate))
         # emcee takes the state of a RandomState; such an object it would silently ignore.
         start.random_state = np.random.RandomState(rng.integers(2**32)).get_state()
-        sampler = _sampler(in_z, n_walker, n_parameter, student_independence())
-        states.append(sampler.run_mcmc(start, settings.n_burn))
-        later = sampler.get_chain(discard=settings.n_burn // 2, flat=True)
-        centres.append(later.mean(axis=0))
-        factors.append(np.linalg.cholesky(np.atleast_2d(np.cov(later.T))))
+        k, state = n_coordinate - n_latent, start
+        proposal = Independence.standard(k, n_latent)
+        accepted = [-1.0]
+        while len(accepted) < 3 or (max(accepted[-2:]) > max(accepted[:-2]) + _GAIN and len(accepted) <= _ROUNDS_MAX):
+            sampler = _sampler(in_z, n_walker, n_coordinate, proposal)
+            state = sampler.run_mcmc(state, settings.n_burn)
+            accepted.append(float(sampler.acceptance_fraction.mean()))
+            later = sampler.get_chain(discard=settings.n_burn // 2, flat=True)
+            proposal = Independence.fitted(later, k, rng)
+        states.append(state)
+        proposals.append(proposal)
     return Walk(
-        z=np.empty((settings.n_ensemble, 0, n_walker, n_parameter)),
+        z=np.empty((settings.n_ensemble, 0, n_walker, n_coordinate)),
         log_density=np.empty((settings.n_ensemble, 0, n_walker)),
         accepted=np.zeros(settings.n_ensemble),
         coordinates=np.stack([state.coords for state in states]),
         last_log_density=np.stack([state.log_prob for state in states]),
-        tau=np.full(n_parameter + 1, np.inf),
-        centres=np.stack(centres),
-        factors=np.stack(factors),
+        tau=np.full(n_coordinate + 1, np.inf),
+        **{
+            name: np.stack([getattr(proposal, name) for proposal in proposals])
+            for name in ("weights", "centres", "factors", "rest")
+        },
         random_states=tuple(state.random_state for state in states),
     )
 
@@ -234,8 +245,10 @@ def _walked_on(walk: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray
         coordinates=np.stack([end.coords for end in ends]),
         last_log_density=np.stack([end.log_prob for end in ends]),
         tau=tau,
+        weights=walk.weights,
         centres=walk.centres,
         factors=walk.factors,
+        rest=walk.rest,
         random_states=tuple(end.random_state for end in ends),
     )
 
@@ -244,13 +257,13 @@ def _start(
     log_density: Callable[[FloatArray], FloatArray],
     rng: np.random.Generator,
     n_walker: int,
-    n_parameter: int,
+    n_coordinate: int,
 ) -> FloatArray:
     """Draw starting points, wider than the normal approximation, where the density is positive."""
     width = 1.5
-    points = np.empty((0, n_parameter))
+    points = np.empty((0, n_coordinate))
     for _ in range(60):
-        candidates = width * rng.standard_normal((n_walker, n_parameter))
+        candidates = width * rng.standard_normal((n_walker, n_coordinate))
         points = np.concatenate([points, candidates[np.isfinite(log_density(candidates))]])
         if len(points) >= n_walker:
             return points[:n_walker]

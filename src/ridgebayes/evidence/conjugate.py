@@ -13,8 +13,10 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.evidence.record import LogEvidence
 from ridgebayes.forms import PowerLaw
+from ridgebayes.independent import IndependentNormalRows
 from ridgebayes.likelihood import Model
 from ridgebayes.priors import LogNormal
+from ridgebayes.rows import RowGroups
 
 
 def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:
@@ -35,7 +37,8 @@ def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:
     Raises
     ------
     InputError
-        If the form is not the power law, or a prior of K is not log-normal.
+        If the form is not the power law, a prior of K is not log-normal, or rows do not have
+        independent normal errors.
     """
     if not isinstance(model.form, PowerLaw):
         raise InputError(f"form {model.form.name!r} given; rule: power-law")
@@ -87,12 +90,22 @@ def _conditional(model: Model, texture: int, sigma: FloatArray) -> tuple[FloatAr
     """Posterior of x = log K: each row says 2 x = -z with the row's variance."""
     prior = list(model.priors.values())[texture]
     assert isinstance(prior, LogNormal)
-    mine = model.groups.texture == texture
-    weight = model.groups.n[mine] / (sigma[:, None] ** 2 + model.groups.rel_se[mine] ** 2)
+    groups = _groups(model)
+    mine = groups.texture == texture
+    weight = groups.n[mine] / (sigma[:, None] ** 2 + groups.rel_se[mine] ** 2)
     precision = 1 / prior.log_sd**2 + 4 * weight.sum(axis=1)
     linear = math.log(prior.median) / prior.log_sd**2
-    linear = linear - 2 * (weight * model.groups.mean[mine]).sum(axis=1)
+    linear = linear - 2 * (weight * groups.mean[mine]).sum(axis=1)
     return linear / precision, 1 / np.sqrt(precision)
+
+
+def _groups(model: Model) -> RowGroups:
+    if not isinstance(model.likelihood, IndependentNormalRows):
+        raise InputError(
+            f"error model {model.noise.name!r} given; rule: iid and exact rows, which alone leave "
+            "the power law a closed form"
+        )
+    return model.likelihood.groups
 
 
 def _texture_evidence(model: Model, texture: int, sigma: FloatArray) -> FloatArray:
@@ -100,7 +113,8 @@ def _texture_evidence(model: Model, texture: int, sigma: FloatArray) -> FloatArr
     prior = list(model.priors.values())[texture]
     assert isinstance(prior, LogNormal)
     mean, sd = _conditional(model, texture, sigma)
-    groups, mine = model.groups, model.groups.texture == texture
+    groups = _groups(model)
+    mine = groups.texture == texture
     n = groups.n[mine]
     variance = sigma[:, None] ** 2 + groups.rel_se[mine] ** 2
     squares = groups.sum_of_squares[mine] + n * (groups.mean[mine] + 2 * mean[:, None]) ** 2

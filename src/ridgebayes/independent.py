@@ -1,0 +1,90 @@
+"""Likelihoods of rows that share nothing."""
+
+import math
+
+import numpy as np
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.forms import Texture
+from ridgebayes.rows import RowGroups, Rows
+from ridgebayes.tails import Tail
+
+
+class IndependentRows:
+    """Any rows and tail, one by one.
+
+    Parameters
+    ----------
+    rows : Rows
+        Rows.
+    tail : Tail
+        Distribution of their errors.
+    """
+
+    n_latent = 0
+
+    def __init__(self, rows: Rows, tail: Tail) -> None:
+        self._rows, self._tail = rows, tail
+
+    def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
+        """Return the log-likelihood, shape (...), from (..., n_texture) and (..., n_noise)."""
+        return self._each(log_rates, eta).sum(axis=-1)
+
+    def pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
+        """Return each row's log-likelihood, shape (..., n_obs)."""
+        return self._each(log_rates, eta)
+
+    def offset(
+        self,
+        log_rates: FloatArray,
+        eta: FloatArray,
+        latent: FloatArray,
+        texture: Texture,
+        Q: IntArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return zeros, twice, shape (n_draw, n_Q)."""
+        return np.zeros((len(eta), len(Q))), np.zeros((len(eta), len(Q)))
+
+    def _each(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
+        df = eta[..., -1] if self._tail.parameter_names else None
+        return self._rows.log_likelihood(log_rates, eta[..., 0], self._tail, df)
+
+
+class IndependentNormalRows(IndependentRows):
+    """Exact rows with normal errors: per texture a number, a mean and a sum of squares.
+
+    Parameters
+    ----------
+    rows : Rows
+        Exact rows.
+    tail : Tail
+        The normal.
+    """
+
+    def __init__(self, rows: Rows, tail: Tail) -> None:
+        super().__init__(rows, tail)
+        self.groups = RowGroups.of(rows)
+
+    def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
+        groups = self.groups
+        r = groups.mean + 2 * log_rates[..., groups.texture]
+        variance = eta[..., :1] ** 2 + groups.rel_se**2
+        misfit = (groups.sum_of_squares + groups.n * r * r) / variance
+        return -0.5 * (groups.n * np.log(2 * math.pi * variance) + misfit).sum(axis=-1)
+
+    def gradient(self, log_rates: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return d marginal by the log rate of each group's texture, and by sigma.
+
+        Returns
+        -------
+        by_log_rate : ndarray of float, shape (..., n_group)
+            In the order of `groups`.
+        by_sigma : ndarray of float, shape (...)
+            Of all rows.
+        """
+        groups = self.groups
+        r = groups.mean + 2 * log_rates[..., groups.texture]
+        variance = eta[..., :1] ** 2 + groups.rel_se**2
+        misfit = (groups.sum_of_squares + groups.n * r * r) / variance
+        by_sigma = eta[..., 0] * ((misfit - groups.n) / variance).sum(axis=-1)
+        return -2 * groups.n * r / variance, by_sigma

@@ -1,0 +1,93 @@
+"""The likelihood of exact rows with normal errors and shared offsets, offsets integrated out."""
+
+import math
+
+import numpy as np
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.forms import Texture
+from ridgebayes.offsets import Offsets
+from ridgebayes.rows import RowGroups, Rows
+from ridgebayes.shared_scores import Design, Root, ScoresGiven, given_rows
+
+_LOG_2PI = math.log(2 * math.pi)
+_CHUNK = 20_000_000  # numbers held at a time where draws x levels x rows are needed
+
+
+class IntegratedOffsets:
+    """Closed-form likelihood; its cost grows with (levels)^3, not with the rows.
+
+    Parameters
+    ----------
+    rows : Rows
+        Exact rows.
+    offsets : Offsets
+        What they share.
+    """
+
+    n_latent = 0
+
+    def __init__(self, rows: Rows, offsets: Offsets) -> None:
+        self._rows, self._offsets = rows, offsets
+        self._groups = RowGroups.of(rows, offsets.codes)
+        self._design = Design(offsets.codes[:, self._groups.row], offsets.n_level)
+
+    def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
+        """Return the log-likelihood, shape (...), from (..., n_texture) and (..., n_noise)."""
+        groups = self._groups
+        root, given = self._given(log_rates, eta)
+        left = self._residual(log_rates) - self._design.spread(root.times(given.mean))
+        variance = self._variance(eta)
+        misfit = ((groups.sum_of_squares + groups.n * left * left) / variance).sum(axis=-1)
+        misfit += (given.mean**2).sum(axis=-1) + given.log_det
+        return -0.5 * (misfit + (groups.n * (np.log(variance) + _LOG_2PI)).sum(axis=-1))
+
+    def pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
+        """Return log p(row | all other rows), shape (n_draw, n_obs), from (n_draw, ...).
+
+        With S the diagonal of the rows' precision and alpha the precision times the residual, a row
+        is normal given the others, at alpha/S from its value, with variance 1/S.
+        """
+        n_draw, n_group = len(eta), len(self._groups.n)
+        per_chunk = max(_CHUNK // (self._offsets.n_level * n_group), 1)
+        return np.concatenate(
+            [
+                self._conditional(log_rates[i : i + per_chunk], eta[i : i + per_chunk])
+                for i in range(0, n_draw, per_chunk)
+            ]
+        )
+
+    def offset(
+        self,
+        log_rates: FloatArray,
+        eta: FloatArray,
+        latent: FloatArray,
+        texture: Texture,
+        Q: IntArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
+        loading, rest = self._offsets.loading(eta, texture, Q)
+        _, given = self._given(log_rates, eta)
+        return np.einsum("dl,dlq->dq", given.mean, loading), rest + given.variance(loading)
+
+    def _conditional(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
+        groups, rows = self._groups, self._rows
+        root, given = self._given(log_rates, eta)
+        known = self._design.spread(root.times(given.mean))
+        uncertain = given.variance(root.loading(self._design))[..., groups.of_row]
+        variance = eta[..., :1] ** 2 + rows.rel_se**2
+        residual = rows.upper + 2 * log_rates[..., rows.texture] - known[..., groups.of_row]
+        precision = (1 - uncertain / variance) / variance
+        pull = residual / variance
+        return 0.5 * (np.log(precision) - _LOG_2PI - pull * pull / precision)
+
+    def _given(self, log_rates: FloatArray, eta: FloatArray) -> tuple[Root, ScoresGiven]:
+        root = self._offsets.root(eta)
+        weight = self._groups.n / self._variance(eta)
+        return root, given_rows(self._design, root, weight, self._residual(log_rates))
+
+    def _residual(self, log_rates: FloatArray) -> FloatArray:
+        return self._groups.mean + 2 * log_rates[..., self._groups.texture]
+
+    def _variance(self, eta: FloatArray) -> FloatArray:
+        return eta[..., :1] ** 2 + self._groups.rel_se**2

@@ -1,0 +1,225 @@
+r"""Offsets that rows share: which rows share which, and how they vary together.
+
+Offsets have levels (a texture, a step, a place in the plane of log h and a/pitch). A priori they
+are normal with covariance ``L L'``, so that ``L`` times standard normal scores are offsets. The
+score vector is what is integrated out, or sampled, elsewhere; this module knows no data but where
+the rows are.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.errors import ComputationError
+from ridgebayes.forms import Texture
+from ridgebayes.noise import Noise
+from ridgebayes.observations import Observations
+from ridgebayes.shared_scores import DiagonalRoot, FullRoot, Root, cholesky_or_nan
+
+# Variance of a smooth offset that is its place's own, relative to tau_step^2: what lets double
+# precision factorise the covariance of a function as smooth as the half-plane's residual.
+NUGGET = 1e-8
+LARGEST_SMOOTH = 600  # places; the cost of a likelihood call grows with their cube
+
+
+class Offsets(ABC):
+    """Offsets of one structure at the places of some rows.
+
+    `eta` holds the error model's parameters, in its own order, on the last axis.
+    """
+
+    n_level: int
+    codes: IntArray  # level of each row in each factor, shape (n_factor, n_row)
+    codes_next: IntArray  # the same at each row's Q + 2, for counts
+
+    @abstractmethod
+    def root(self, eta: FloatArray) -> Root:
+        """Return L for each draw of `eta`."""
+
+    @abstractmethod
+    def loading(
+        self, eta: FloatArray, texture: Texture, Q: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return how offsets of one texture follow from the scores.
+
+        Returns
+        -------
+        loading : ndarray of float, shape (..., n_level, n_Q)
+            The offset's mean is the scores times this.
+        rest : ndarray of float, shape (..., n_Q)
+            Variance of the offset that the scores say nothing of.
+        """
+
+    @abstractmethod
+    def inflation(self, eta: FloatArray) -> FloatArray:
+        """Return what offsets add to the variance of a mean over all rows, times their number."""
+
+
+class GroupedOffsets(Offsets):
+    """One offset per texture, per step, or both: independent of each other.
+
+    Parameters
+    ----------
+    noise : Noise
+        Structure ``texture``, ``step`` or ``texture+step``.
+    data : Observations
+        Rows.
+    """
+
+    def __init__(self, noise: Noise, data: Observations) -> None:
+        self._factors = noise.structure.split("+")
+        names = noise.parameter_names
+        self._taus = [names.index(f"tau_{factor}") for factor in self._factors]
+        self._texture = {texture: j for j, texture in enumerate(data.textures)}
+        self._steps = _steps(data)
+        sizes = {"texture": len(data.textures), "step": len(self._steps)}
+        self._sizes = [sizes[factor] for factor in self._factors]
+        self._first = np.concatenate([[0], np.cumsum(self._sizes)[:-1]])
+        self.n_level = sum(self._sizes)
+        self._n_row = len(data)
+        self.codes = self._codes(data.texture, data.Q)
+        later = np.where(data.is_count, data.Q + 2, data.Q)
+        self.codes_next = self._codes(data.texture, later)
+
+    def root(self, eta: FloatArray) -> Root:
+        scale = [np.repeat(eta[..., [tau]], n, axis=-1) for tau, n in self._tau_sizes()]
+        return DiagonalRoot(np.concatenate(scale, axis=-1))
+
+    def loading(
+        self, eta: FloatArray, texture: Texture, Q: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        loading = np.zeros((*eta.shape[:-1], self.n_level, len(Q)))
+        rest = np.zeros((*eta.shape[:-1], len(Q)))
+        index = np.full(len(Q), self._texture.get(texture, -1))
+        codes = self._codes(index, Q)
+        for tau, levels in zip(self._taus, codes, strict=True):
+            for i, level in enumerate(levels.tolist()):
+                if level >= 0:
+                    loading[..., level, i] = eta[..., tau]
+                else:
+                    rest[..., i] += eta[..., tau] ** 2
+        return loading, rest
+
+    def inflation(self, eta: FloatArray) -> FloatArray:
+        return sum(
+            (eta[..., tau] ** 2 * (self._n_row / n) for tau, n in self._tau_sizes()),
+            start=np.zeros(eta.shape[:-1]),
+        )
+
+    def _tau_sizes(self) -> list[tuple[int, int]]:
+        return list(zip(self._taus, self._sizes, strict=True))
+
+    def _codes(self, texture: IntArray, Q: IntArray) -> IntArray:
+        step = np.searchsorted(self._steps, Q)
+        known = step < len(self._steps)
+        known[known] = self._steps[step[known]] == Q[known]
+        levels = {"texture": texture, "step": np.where(known, step, -1)}
+        found = [
+            np.where(levels[factor] >= 0, levels[factor] + first, -1)
+            for factor, first in zip(self._factors, self._first.tolist(), strict=True)
+        ]
+        return np.stack(found)
+
+
+class SmoothOffsets(Offsets):
+    r"""A Gaussian process in x = (log h, a/pitch), squared exponential in both.
+
+    .. math:: \tau^2 \exp(-\tfrac12 (\Delta \log h/\ell_h)^2 - \tfrac12 (\Delta r/\ell_r)^2)
+
+    Textures of one a/pitch share it, as the half-plane's scale law has it. Beyond the calibrated
+    range of either coordinate nothing has tested the smoothness: there a second, independent
+    process with the variance ``tau^2 (1 - exp(-d^2/2))`` widens the offset, d being the distance
+    from the range in lengths. It vanishes inside, so no likelihood knows of it.
+
+    Parameters
+    ----------
+    noise : Noise
+        Structure ``step-smooth``.
+    data : Observations
+        Rows.
+    """
+
+    def __init__(self, noise: Noise, data: Observations) -> None:
+        names = noise.parameter_names
+        self._tau = names.index("tau_step")
+        self._lengths = [names.index("length_h"), names.index("length_ratio")]
+        ratio = data.a_over_R / (data.a_over_R + data.b_over_R)
+        here = _coordinates(data.Q, ratio[data.texture])
+        later = _coordinates(np.where(data.is_count, data.Q + 2, data.Q), ratio[data.texture])
+        # A count of 2 says nothing of load(2): its own place is a dummy, never looked at.
+        here = np.where(np.isfinite(here), here, later)
+        both = np.concatenate([here, later])
+        _, first, codes = np.unique(
+            both.round(9), axis=0, return_index=True, return_inverse=True
+        )
+        self._places = both[first]
+        self.n_level = len(self._places)
+        self._n_row = len(data)
+        self.codes = codes.reshape(-1)[: len(data)][None]
+        self.codes_next = codes.reshape(-1)[len(data) :][None]
+        if self.n_level > LARGEST_SMOOTH:
+            raise ComputationError(
+                f"step-smooth: {self.n_level} places of Q and a/pitch; rule: at most "
+                f"{LARGEST_SMOOTH}, since the cost of a likelihood call grows with their cube"
+            )
+        # The kernel is a product: each factor is worked out on its own few values.
+        axes = [np.unique(column.round(9), return_index=True, return_inverse=True)
+                for column in self._places.T]
+        self._axes = [
+            ((self._places[first, i][:, None] - self._places[first, i]) ** 2, code)
+            for i, (_, first, code) in enumerate(axes)
+        ]
+
+    def root(self, eta: FloatArray) -> Root:
+        return FullRoot(self._unit_root(eta) * eta[..., self._tau, None, None])
+
+    def loading(
+        self, eta: FloatArray, texture: Texture, Q: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        at = _coordinates(Q, np.full(len(Q), texture[0] / (texture[0] + texture[1])))
+        tau, lengths = eta[..., self._tau], eta[..., self._lengths]
+        squares = (self._places[:, None] - at) ** 2
+        with np.errstate(over="ignore", under="ignore"):
+            covariance = np.exp(-0.5 * np.einsum("lqx,...x->...lq", squares, lengths**-2.0))
+        unit = np.linalg.solve(self._unit_root(eta), covariance)
+        rest = np.maximum(1 - (unit**2).sum(axis=-2), 0)
+        low, high = self._places.min(axis=0), self._places.max(axis=0)
+        beyond = np.maximum(np.maximum(low - at, at - high) - 1e-9, 0)
+        with np.errstate(over="ignore", under="ignore"):
+            rest = rest - np.expm1(-0.5 * np.einsum("qx,...x->...q", beyond**2, lengths**-2.0))
+        return tau[..., None, None] * unit, tau[..., None] ** 2 * rest
+
+    def inflation(self, eta: FloatArray) -> FloatArray:
+        n_step = len(np.unique(self._places[:, 0]))
+        return eta[..., self._tau] ** 2 * (self._n_row / n_step)
+
+    def _unit_root(self, eta: FloatArray) -> FloatArray:
+        covariance = np.ones((*eta.shape[:-1], self.n_level, self.n_level))
+        for (squares, code), length in zip(self._axes, self._lengths, strict=True):
+            with np.errstate(over="ignore", under="ignore", divide="ignore"):
+                factor = np.exp(-0.5 * squares / eta[..., length, None, None] ** 2)
+            covariance *= factor[..., code[:, None], code]
+        levels = np.arange(self.n_level)
+        covariance[..., levels, levels] = 1 + NUGGET
+        return cholesky_or_nan(covariance)
+
+
+def offsets_of(noise: Noise, data: Observations) -> Offsets | None:
+    """Return the offsets of an error model at some rows, or None where rows share nothing."""
+    if noise.structure == "iid":
+        return None
+    kind = SmoothOffsets if noise.structure == "step-smooth" else GroupedOffsets
+    return kind(noise, data)
+
+
+def _steps(data: Observations) -> IntArray:
+    """Return every count at which a row depends on a load."""
+    own = data.Q[~data.is_count | (data.Q >= 4)]
+    return np.unique(np.concatenate([own, data.Q[data.is_count] + 2]))
+
+
+def _coordinates(Q: IntArray | Sequence[int], ratio: FloatArray) -> FloatArray:
+    with np.errstate(divide="ignore"):
+        return np.stack([np.log(np.asarray(Q) / 2 - 1), ratio], axis=-1)

@@ -1,0 +1,235 @@
+r"""Scores of shared offsets given rows with normal errors: a linear-normal problem, batch by batch.
+
+With offsets ``Z L s``, scores ``s`` standard normal and rows of weight ``W`` (one over the error
+variance), the scores given residuals ``r`` are normal with precision ``M = I + L' Z' W Z L`` and
+mean ``M^-1 L' Z' W r``. Everything else follows: the scores integrated out,
+
+.. math:: r' \Sigma^{-1} r = \sum W (r - Z L \bar s)^2 + \bar s'\bar s, \qquad
+          \log|\Sigma| = \log|M| - \sum \log W,
+
+in which no large numbers cancel. M has the size of the offsets, not of the rows.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.linalg import lapack
+
+from ridgebayes._types import FloatArray, IntArray
+
+
+class Design:
+    """Which level of each factor a row has: the matrix Z, without its zeros.
+
+    Parameters
+    ----------
+    codes : ndarray of int, shape (n_factor, n_row)
+        Level of each row, counted over all factors.
+    n_level : int
+        Levels of all factors together.
+    """
+
+    def __init__(self, codes: IntArray, n_level: int) -> None:
+        n_factor, n_row = codes.shape
+        self.codes, self.n_level, self.diagonal = codes, n_level, n_factor == 1
+        rows, ones = np.tile(np.arange(n_row), n_factor), np.ones(n_factor * n_row)
+        shape = (n_level, n_row)
+        self._gather = sparse.csr_array((ones, (codes.ravel(), rows)), shape=shape)
+        if not self.diagonal:
+            first, second = np.repeat(codes, n_factor, axis=0), np.tile(codes, (n_factor, 1))
+            pairs = (first * n_level + second).ravel()
+            rows, ones = np.tile(np.arange(n_row), n_factor**2), np.ones(n_factor**2 * n_row)
+            shape = (n_level**2, n_row)
+            self._pairs = sparse.csr_array((ones, (pairs, rows)), shape=shape)
+
+    @property
+    def transposed(self) -> FloatArray:
+        """Z' with its zeros, shape (n_level, n_row)."""
+        return self._gather.toarray()
+
+    def spread(self, b: FloatArray) -> FloatArray:
+        """Return Z b: each row's offset, from (..., n_level) to (..., n_row)."""
+        return sum((b[..., level] for level in self.codes[1:]), start=b[..., self.codes[0]])
+
+    def gather(self, x: FloatArray) -> FloatArray:
+        """Return Z' x, from (..., n_row) to (..., n_level)."""
+        return _apply(self._gather, x)
+
+    def gram(self, weight: FloatArray) -> FloatArray:
+        """Return Z' W Z, shape (..., n_level) where it is diagonal, else (..., n_level, n_level)."""
+        if self.diagonal:
+            return self.gather(weight)
+        return _apply(self._pairs, weight).reshape(*weight.shape[:-1], self.n_level, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class ScoresGiven:
+    """Normal distribution of the scores given rows, for each of many draws of the parameters.
+
+    Parameters
+    ----------
+    mean : ndarray of float, shape (..., n_level)
+        Means.
+    root : ndarray of float, shape (..., n_level) or (..., n_level, n_level)
+        Lower Cholesky factor of the precision M; its diagonal alone where M is diagonal.
+    """
+
+    mean: FloatArray
+    root: FloatArray
+
+    @property
+    def _diagonal(self) -> bool:
+        return self.root.ndim == self.mean.ndim
+
+    @property
+    def log_det(self) -> FloatArray:
+        """Log |M|, shape (...)."""
+        pivots = self.root if self._diagonal else np.diagonal(self.root, axis1=-2, axis2=-1)
+        return 2 * np.log(pivots).sum(axis=-1)
+
+    def at(self, normal: FloatArray) -> FloatArray:
+        """Return the scores that standard normals (..., n_level) stand for."""
+        if self._diagonal:
+            return self.mean + normal / self.root
+        return self.mean + _solved(self.root, normal[..., None], transposed=True)[..., 0]
+
+    def normals_of(self, scores: FloatArray) -> FloatArray:
+        """Return the standard normals that scores stand for: the inverse of `at`."""
+        difference = scores - self.mean
+        if self._diagonal:
+            return difference * self.root
+        return np.einsum("...ji,...j->...i", self.root, difference)
+
+    def variance(self, loading: FloatArray) -> FloatArray:
+        """Return the variance of scores' combinations (..., n_level, n), shape (..., n)."""
+        if self._diagonal:
+            return ((loading / self.root[..., None]) ** 2).sum(axis=-2)
+        return (_solved(self.root, loading) ** 2).sum(axis=-2)
+
+
+class DiagonalRoot:
+    """L of independent offsets: their standard deviations.
+
+    Parameters
+    ----------
+    scale : ndarray of float, shape (..., n_level)
+        The diagonal.
+    """
+
+    def __init__(self, scale: FloatArray) -> None:
+        self._scale = scale
+
+    def times(self, scores: FloatArray) -> FloatArray:
+        """Return L s, shape (..., n_level)."""
+        return self._scale * scores
+
+    def transposed_times(self, x: FloatArray) -> FloatArray:
+        """Return L' x, shape (..., n_level)."""
+        return self._scale * x
+
+    def sandwich(self, gram: FloatArray) -> FloatArray:
+        """Return L' G L, of the shape of G: (..., n_level) where G is diagonal."""
+        if gram.ndim == self._scale.ndim:
+            return self._scale**2 * gram
+        return self._scale[..., :, None] * gram * self._scale[..., None, :]
+
+    def loading(self, design: Design) -> FloatArray:
+        """Return (Z L)', shape (..., n_level, n_row)."""
+        return self._scale[..., None] * design.transposed
+
+
+class FullRoot:
+    """L of offsets that vary together: a lower Cholesky factor.
+
+    Parameters
+    ----------
+    factor : ndarray of float, shape (..., n_level, n_level)
+        The factor.
+    """
+
+    def __init__(self, factor: FloatArray) -> None:
+        self._factor, self._upper = factor, np.swapaxes(factor, -1, -2)
+
+    def times(self, scores: FloatArray) -> FloatArray:
+        """Return L s, shape (..., n_level)."""
+        return (self._factor @ scores[..., None])[..., 0]
+
+    def transposed_times(self, x: FloatArray) -> FloatArray:
+        """Return L' x, shape (..., n_level)."""
+        return (self._upper @ x[..., None])[..., 0]
+
+    def sandwich(self, gram: FloatArray) -> FloatArray:
+        """Return L' G L, shape (..., n_level, n_level), G being diagonal, shape (..., n_level)."""
+        return self._upper @ (gram[..., None] * self._factor)
+
+    def loading(self, design: Design) -> FloatArray:
+        """Return (Z L)', shape (..., n_level, n_row)."""
+        return self._upper[..., design.codes[0]]
+
+
+Root = DiagonalRoot | FullRoot
+
+
+def given_rows(
+    design: Design, root: Root, weight: FloatArray, residual: FloatArray
+) -> ScoresGiven:
+    """Return the scores' distribution given rows.
+
+    Parameters
+    ----------
+    design : Design
+        Z.
+    root : DiagonalRoot or FullRoot
+        L.
+    weight, residual : ndarray of float, shape (..., n_row)
+        W and r; a row may stand for several with one mean.
+
+    Returns
+    -------
+    ScoresGiven
+        NaN for draws whose weights are not finite, or so large that M cannot be factorised.
+    """
+    precision = root.sandwich(design.gram(weight))
+    pull = root.transposed_times(design.gather(weight * residual))
+    if precision.ndim == pull.ndim:
+        precision = precision + 1
+        return ScoresGiven(pull / precision, np.sqrt(precision))
+    levels = np.arange(design.n_level)
+    precision[..., levels, levels] += 1
+    factor = cholesky_or_nan(precision)
+    half = _solved(factor, pull[..., None])
+    return ScoresGiven(_solved(factor, half, transposed=True)[..., 0], factor)
+
+
+def cholesky_or_nan(matrix: FloatArray) -> FloatArray:
+    """Return lower Cholesky factors of a batch; NaN where a matrix is not positive definite."""
+    try:
+        return np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        pass
+    factors = np.full(matrix.shape, np.nan)
+    for place in np.ndindex(matrix.shape[:-2]):
+        try:
+            factors[place] = np.linalg.cholesky(matrix[place])
+        except np.linalg.LinAlgError:
+            continue
+    return factors
+
+
+def _solved(factor: FloatArray, right: FloatArray, *, transposed: bool = False) -> FloatArray:
+    """Solve lower triangular systems of a batch, (..., n, n) and (..., n, m)."""
+    n, m = right.shape[-2:]
+    batch = np.broadcast_shapes(factor.shape[:-2], right.shape[:-2])
+    left = np.broadcast_to(factor, (*batch, n, n)).reshape(-1, n, n)
+    out = np.empty((math.prod(batch), n, m))
+    for i, each in enumerate(np.broadcast_to(right, (*batch, n, m)).reshape(-1, n, m)):
+        # LAPACK takes columns first: a lower factor in rows is an upper one, transposed.
+        out[i], _ = lapack.dtrtrs(left[i].T, each, lower=0, trans=int(not transposed))
+    return out.reshape(*batch, n, m)
+
+
+def _apply(matrix: sparse.csr_array, x: FloatArray) -> FloatArray:
+    flat = x.reshape(-1, x.shape[-1])
+    return np.ascontiguousarray((matrix @ flat.T).T).reshape(*x.shape[:-1], -1)
