@@ -10,7 +10,8 @@ import pytest
 import ridgebayes as rb
 from ridgebayes.forms import FORMS, form_named
 from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model, Observations
+from ridgebayes.likelihood import Model
+from ridgebayes.observations import Observations
 
 # No clock in a test; and a test that fails today has to fail tomorrow.
 hypothesis.settings.register_profile("steady", deadline=None, derandomize=True, database=None)
@@ -19,6 +20,8 @@ hypothesis.settings.load_profile("steady")
 
 class Affine:
     """Whitened coordinates u = mode + factor z: the plainest ones a density can be given."""
+
+    n_latent = 0
 
     def __init__(self, mode, factor):
         self.mode, self.factor = np.asarray(mode, float), np.asarray(factor, float)
@@ -34,6 +37,20 @@ class Affine:
 @pytest.fixture(scope="session")
 def affine():
     return Affine
+
+
+def observed(texture, Q, log_load, *, rel_se=0.0, log_lower=np.nan, is_count=False, textures=None):
+    """Rows of four textures, of which the first and the last have one a/pitch."""
+    everything = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02), (0.018, 0.045))
+    columns = np.broadcast_arrays(texture, Q, log_load, rel_se, log_lower, is_count)
+    kinds = (np.int64, np.int64, float, float, float, bool)
+    arrays = [column.astype(kind) for column, kind in zip(columns, kinds, strict=True)]
+    return Observations(textures or everything[: arrays[0].max() + 1], *arrays)
+
+
+@pytest.fixture(scope="session", name="observed")
+def observed_fixture():
+    return observed
 
 
 @pytest.fixture(scope="session")

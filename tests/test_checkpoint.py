@@ -17,8 +17,10 @@ def walk():
         coordinates=rng.standard_normal((4, 6, 3)),
         last_log_density=rng.standard_normal((4, 6)),
         tau=np.array([1.5, 2.5, np.inf, 1.0]),
-        centres=rng.standard_normal((4, 3)),
-        factors=rng.standard_normal((4, 3, 3)),
+        weights=rng.random((4, 2)),
+        centres=rng.standard_normal((4, 2, 3)),
+        factors=rng.standard_normal((4, 2, 3, 3)),
+        rest=rng.standard_normal((4, 2, 0)),
         random_states=tuple(np.random.RandomState(i).get_state() for i in range(4)),
     )
 
@@ -38,8 +40,8 @@ def test_load__gives_back_what_save_kept_to_the_last_bit(checkpoint, walk):
     assert again.n_step == 7
     for name in ("z", "log_density", "accepted", "coordinates", "last_log_density", "tau"):
         np.testing.assert_array_equal(getattr(again, name), getattr(walk, name))
-    np.testing.assert_array_equal(again.centres, walk.centres)
-    np.testing.assert_array_equal(again.factors, walk.factors)
+    for name in ("weights", "centres", "factors", "rest"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(walk, name))
 
 
 def test_load__goes_on_with_the_same_random_numbers(checkpoint, walk):

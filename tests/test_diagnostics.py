@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -18,7 +20,7 @@ from ridgebayes.diagnostics import (
 from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.labelled import groups_of
 from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model, Observations
+from ridgebayes.likelihood import Model
 
 
 def noise(shape, seed=0):
@@ -192,13 +194,12 @@ def test_leave_one_out__is_the_ratio_of_evidences_with_and_without_the_row(fe_fi
     exact = []
     for i in range(len(data)):
         keep = np.arange(len(data)) != i
-        rest = Observations(
-            data.textures,
-            data.texture[keep],
-            data.Q[keep],
-            data.log_load[keep],
-            data.rel_se[keep],
-            data.labels,
+        rest = replace(
+            data,
+            **{
+                name: getattr(data, name)[keep]
+                for name in ("texture", "Q", "log_load", "rel_se", "log_lower", "is_count")
+            },
         )
         model = Model(rest, fit.form)
         exact.append(whole - quadrature_evidence(model.log_density, fit_laplace(model)).value)

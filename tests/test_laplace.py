@@ -7,7 +7,8 @@ from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import laplace_evidence
 from ridgebayes.forms import Hybrid, Modified
 from ridgebayes.laplace import Funnel, Laplace, fit_laplace
-from ridgebayes.likelihood import Model, Observations
+from ridgebayes.likelihood import Model
+from ridgebayes.observations import Observations
 from ridgebayes.priors import HalfNormal
 from ridgebayes.table import ContactTable
 
@@ -17,9 +18,14 @@ SIGMA = HalfNormal(0.05)
 TURN = np.array([[0.8, -0.6], [0.6, 0.8]])
 
 
+def error_variance(known):
+    """What a model with sigma alone says of the rows' variance, at its normal score."""
+    return lambda u_noise: SIGMA.value_at(u_noise[..., 0]) ** 2 + known
+
+
 def made_up(known_variance, information=(2e-3, 50.0)):
-    funnel = Funnel(TURN, np.array(information), known_variance, SIGMA)
-    return Laplace(MODE, FACTOR, 1.5, funnel)
+    funnel = Funnel(TURN, np.array(information), error_variance(known_variance))
+    return Laplace(MODE, FACTOR, 1.5, funnel, 1)
 
 
 @pytest.mark.parametrize("known_variance", [0.0, 0.02**2])
@@ -54,8 +60,8 @@ def test_unwhiten__of_the_origin_is_the_mode():
 def test_unwhiten__widens_each_direction_as_rows_of_that_sigma_and_the_prior_would(known):
     # A direction's spread is (information/variance + 1)^(-1/2); the mode has u_sigma = 0.
     information = np.array([1e-4, 3.0])
-    funnel = Funnel(TURN, information, known**2, SIGMA)
-    laplace = Laplace(np.zeros(3), np.diag([0.1, 0.1, 1.0]), 0.0, funnel)
+    funnel = Funnel(TURN, information, error_variance(known**2))
+    laplace = Laplace(np.zeros(3), np.diag([0.1, 0.1, 1.0]), 0.0, funnel, 1)
     for u_sigma in (-3.0, 0.7):
         sigma = stats.halfnorm(scale=0.05).ppf(stats.norm.cdf([0.0, u_sigma]))
         spread = 1 / np.sqrt(information / (sigma[:, None] ** 2 + known**2) + 1)
@@ -68,9 +74,11 @@ def test_unwhiten__widens_each_direction_as_rows_of_that_sigma_and_the_prior_wou
 def test_slope__of_the_log_scales_is_the_central_difference():
     funnel, h = made_up(0.01**2).funnel, 1e-5
     for u in (-4.0, 0.0, 2.0):
-        up, down = (float(funnel.log_scales(np.array(u + d)).sum()) for d in (h, -h))
+        up, down = (float(funnel.log_scales(np.array([u + d])).sum()) for d in (h, -h))
         # Discretisation h^2, rounding eps/h.
-        assert funnel.slope(u) == pytest.approx((up - down) / (2 * h), rel=1e-7, abs=1e-9)
+        slope = funnel.slope(np.array([u]))
+        assert slope.shape == (1,)
+        assert slope[0] == pytest.approx((up - down) / (2 * h), rel=1e-7, abs=1e-9)
 
 
 def test_funnel__information_is_the_curvature_of_the_likelihood(fits, laplaces):
@@ -121,7 +129,7 @@ def test_fit_laplace__has_its_mode_and_curvature_where_finite_differences_do(fit
 def test_log_evidence__is_exact_for_a_normal():
     covariance = FACTOR @ FACTOR.T
     peak = 7.0 + stats.multivariate_normal(MODE, covariance).logpdf(MODE)
-    laplace = Laplace(MODE, FACTOR, float(peak), made_up(0.0).funnel)
+    laplace = Laplace(MODE, FACTOR, float(peak), made_up(0.0).funnel, 1)
     assert laplace.log_evidence == pytest.approx(7.0, abs=1e-11)  # algebra
     record = laplace_evidence(laplace)
     assert record.value == laplace.log_evidence
@@ -144,9 +152,10 @@ def test_fit_laplace__finds_the_mode_with_known_errors_too():
     )
     model = Model(Observations.from_table(ContactTable.from_frame(frame)), Modified())
     laplace = fit_laplace(model)
-    assert laplace.funnel.known_variance == pytest.approx(
-        1e-4, rel=1e-12
-    )  # algebra: a mean of equals
+    sigma = model.to_theta(laplace.mode)[-1]
+    # Algebra: sigma's square and a mean of equals.
+    found = float(laplace.funnel.error_variance(laplace.mode[1:]))
+    assert found == pytest.approx(sigma**2 + 1e-4, rel=1e-12)
 
     def in_z(z):
         u, log_jacobian = laplace.unwhiten(z)
@@ -162,7 +171,8 @@ def test_fit_laplace__refuses_data_without_misfit():
     index, Q = np.repeat([0, 1], 5), np.tile(np.arange(4, 14, 2), 2)
     a, b = np.transpose(textures)
     log_load = np.log(Hybrid().load(Q, a[index], b[index], [1.35, 0.01]))
-    data = Observations(textures, index, Q, log_load, np.zeros(10))
+    nothing = np.full(10, np.nan)
+    data = Observations(textures, index, Q, log_load, np.zeros(10), nothing, np.zeros(10, bool))
     rule = r"hybrid: the posterior has no interior mode.* sigma has no lower bound"
     with pytest.raises(ComputationError, match=rule):
         fit_laplace(Model(data, Hybrid()))

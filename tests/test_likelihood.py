@@ -5,7 +5,8 @@ from scipy import stats
 
 from ridgebayes.errors import InputError
 from ridgebayes.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
-from ridgebayes.likelihood import Model, Observations
+from ridgebayes.likelihood import Model
+from ridgebayes.observations import Observations
 from ridgebayes.priors import HalfNormal, LogNormal, Normal
 from ridgebayes.table import ContactTable
 
@@ -62,13 +63,12 @@ def test_log_likelihood__of_grouped_rows_is_the_row_by_row_sum(form, columns):
     rng = np.random.default_rng(11)
     frame = made_up(rng, **columns)
     model = Model(observations(frame), form)
-    theta = draws_of(model, rng)
+    u = model.to_unconstrained(draws_of(model, rng))
+    theta = model.to_theta(u)
     expected = [row_by_row(model, frame, one) for one in theta]
     # Algebra: residuals of 1e-2 beside values of 10, squared and summed over 20 rows.
     np.testing.assert_allclose(model.log_likelihood(theta), expected, rtol=1e-11)
-    np.testing.assert_allclose(
-        model.pointwise_log_likelihood(theta).sum(axis=-1), expected, rtol=1e-11
-    )
+    np.testing.assert_allclose(model.pointwise_log_likelihood(u).sum(axis=-1), expected, rtol=1e-11)
 
 
 def test_log_likelihood__is_equation_7_and_a_normal_density():
@@ -108,17 +108,17 @@ def test_log_likelihood__doubles_when_every_row_is_repeated(form):
 def test_log_likelihood__costs_by_textures_not_rows():
     frame = made_up(np.random.default_rng(14))
     model = Model(observations(frame), Hybrid())
-    assert len(model.groups.n) == len(TEXTURES)
-    assert model.groups.n.sum() == len(frame)
+    assert len(model.likelihood.groups.n) == len(TEXTURES)
+    assert model.likelihood.groups.n.sum() == len(frame)
 
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("rel_se", [False, True])
-def test_log_density_gradient__is_the_central_difference(form, rel_se):
+def test_marginal_gradient__is_the_central_difference(form, rel_se):
     rng = np.random.default_rng(15)
     model = Model(observations(made_up(rng, rel_se=rel_se)), form)
     for u in model.to_unconstrained(draws_of(model, rng, 4)):
-        gradient = model.log_density_gradient(u)
+        gradient = model.marginal_gradient(u)
         for i in range(len(u)):
             h = 1e-5
             step = h * np.eye(len(u))[i]
@@ -156,8 +156,9 @@ def test_log_likelihood__is_zero_probability_where_no_load_reaches_a_ridge():
     # K = c1/L + c2/A is negative for the texture with A = 0.012 alone.
     theta = np.array([[1.382, -0.5, 0.03], [1.382, 0.0, 0.03]])
     assert np.isneginf(model.log_likelihood(theta)).tolist() == [True, False]
-    assert np.isneginf(model.log_density(model.to_unconstrained(theta))).tolist() == [True, False]
-    rows = model.pointwise_log_likelihood(theta)
+    u = model.to_unconstrained(theta)
+    assert np.isneginf(model.log_density(u)).tolist() == [True, False]
+    rows = model.pointwise_log_likelihood(u)
     assert np.isneginf(rows).sum() == (model.data.texture == 0).sum()
 
 
@@ -183,45 +184,6 @@ def test_model__names_parameters_and_counts_coefficients():
     assert (model.n_parameter, model.n_coefficient) == (4, 3)
 
 
-def test_from_table__reduces_loads_and_keeps_textures_in_order():
-    frame = made_up(np.random.default_rng(22), nu=True)
-    data = observations(frame)
-    assert len(data) == len(frame)
-    assert data.textures == tuple(map(tuple, TEXTURES.tolist()))
-    assert data.a_over_R.tolist() == TEXTURES[:, 0].tolist()
-    assert data.b_over_R.tolist() == TEXTURES[:, 1].tolist()
-    expected = np.log(frame["p_over_E"] * (1 - frame["nu"] ** 2) / 0.75)
-    np.testing.assert_allclose(data.log_load, expected, rtol=1e-14)  # algebra
-
-
-def test_from_table__takes_calibration_rows_alone(paper):
-    assert len(Observations.from_table(paper)) == 41
-    assert (0.012, 0.09) not in Observations.from_table(paper).textures
-
-
-def test_from_table__refuses_a_table_with_nothing_to_fit(paper):
-    rule = r"no row with role calibration and status ok; rule: at least 1"
-    with pytest.raises(InputError, match=rule):
-        Observations.from_table(paper.held_out)
-
-
-@pytest.mark.parametrize(
-    ("column", "value"),
-    [("kind", "count"), ("p_over_E_lower", 1e-5), ("offset_over_R", 0.001)],
-)
-def test_from_table__refuses_rows_that_this_version_does_not_fit(column, value):
-    frame = made_up(np.random.default_rng(23))
-    default = {"kind": "transition", "p_over_E_lower": np.nan, "offset_over_R": 0.0}[column]
-    frame[column] = [value] + [default] * (len(frame) - 1)
-    table = ContactTable.from_frame(frame, where="mine.csv")
-    rule = (
-        rf"mine.csv, row 1: {column} = .*{value}.*; "
-        "rule: this version fits transition loads of centred bodies, no counts and no brackets"
-    )
-    with pytest.raises(InputError, match=rule):
-        Observations.from_table(table)
-
-
 def test_model__refuses_a_prior_that_does_not_belong():
     data = observations(made_up(np.random.default_rng(24)))
     rule = r"prior of '{}': .* given; rule: one of c, sigma, with the support of its default"
@@ -243,7 +205,13 @@ def test_with_priors__replaces_some_and_keeps_the_rest():
 
 def test_model__refuses_a_row_that_the_form_reaches_without_load():
     data = Observations(
-        ((0.02, 0.03),), np.zeros(1, int), np.array([2]), np.array([-5.0]), np.zeros(1)
+        ((0.02, 0.03),),
+        np.zeros(1, int),
+        np.array([2]),
+        np.array([-5.0]),
+        np.zeros(1),
+        np.array([np.nan]),
+        np.zeros(1, bool),
     )
     rule = "modified: a row's load is zero by this form; rule: Q >= 4"
     with pytest.raises(InputError, match=rule):

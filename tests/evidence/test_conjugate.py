@@ -7,7 +7,8 @@ from ridgebayes.errors import InputError
 from ridgebayes.evidence import bridge_evidence, power_law_evidence, quadrature_evidence
 from ridgebayes.evidence.conjugate import conditional_log_k, log_evidence_given_sigma
 from ridgebayes.forms import PowerLaw
-from ridgebayes.likelihood import Model, Observations
+from ridgebayes.likelihood import Model
+from ridgebayes.observations import Observations
 from ridgebayes.priors import Normal
 from ridgebayes.table import ContactTable
 
