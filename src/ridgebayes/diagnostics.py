@@ -206,6 +206,30 @@ def leave_one_out(groups: Mapping[str, xr.Dataset], reff: float) -> Loo:
     return Loo(float(elpd), se, float(p), pointwise, np.asarray(found.pareto_k))
 
 
+def pareto_k(log_weights: FloatArray) -> float:
+    """Return the shape of the tail of importance weights; above 0.7 they are not to be trusted.
+
+    Parameters
+    ----------
+    log_weights : ndarray of float, shape (n_draw,)
+        Logarithms, up to a constant.
+
+    References
+    ----------
+    Vehtari et al. (2024), Journal of Machine Learning Research 25(72).
+    """
+    arviz = import_arviz()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if arviz.__version__.startswith("0."):
+            _, k = arviz.psislw(log_weights)
+        else:
+            from arviz_stats.base import array_stats
+
+            _, k = array_stats.psislw(log_weights)
+    return float(k)
+
+
 def stacking_weights(pointwise: FloatArray) -> FloatArray:
     """Return the weights that maximise the summed log score of the mixture of predictions.
 

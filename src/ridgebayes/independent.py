@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.forms import Texture
+from ridgebayes._types import FloatArray
 from ridgebayes.rows import RowGroups, Rows
 from ridgebayes.tails import Tail
 
@@ -34,16 +33,8 @@ class IndependentRows:
         """Return each row's log-likelihood, shape (..., n_obs)."""
         return self._each(log_rates, eta)
 
-    def offset(
-        self,
-        log_rates: FloatArray,
-        eta: FloatArray,
-        latent: FloatArray,
-        texture: Texture,
-        Q: IntArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return zeros, twice, shape (n_draw, n_Q)."""
-        return np.zeros((len(eta), len(Q))), np.zeros((len(eta), len(Q)))
+    def given(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> None:
+        """Return nothing: rows share no offsets."""
 
     def _each(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         df = eta[..., -1] if self._tail.parameter_names else None

@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 
-from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.forms import Texture
-from ridgebayes.offsets import Offsets
+from ridgebayes._types import FloatArray
+from ridgebayes.offsets import Offsets, OffsetsGiven
 from ridgebayes.rows import RowGroups, Rows
 from ridgebayes.shared_scores import Design, Root, ScoresGiven, given_rows
 
@@ -57,18 +56,10 @@ class IntegratedOffsets:
             ]
         )
 
-    def offset(
-        self,
-        log_rates: FloatArray,
-        eta: FloatArray,
-        latent: FloatArray,
-        texture: Texture,
-        Q: IntArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
-        loading, rest = self._offsets.loading(eta, texture, Q)
-        _, given = self._given(log_rates, eta)
-        return np.einsum("dl,dlq->dq", given.mean, loading), rest + given.variance(loading)
+    def given(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> OffsetsGiven:
+        """Return what the rows tell of the offsets, for each of many draws."""
+        root, given = self._given(log_rates, eta)
+        return OffsetsGiven(self._offsets, eta, root, given.mean, given)
 
     def _conditional(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         groups, rows = self._groups, self._rows

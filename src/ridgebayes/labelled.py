@@ -37,16 +37,17 @@ def groups_of(fit: Fit) -> dict[str, xr.Dataset]:
         ensemble; its draws run step by step, walkers side by side.
     """
     chains, data = fit.kept_chains, fit.model.data
-    n_ensemble, n_step, n_walker, n_parameter = chains.u.shape
+    n_ensemble, n_step, n_walker, n_coordinate = chains.u.shape
     flat = (n_ensemble, n_step * n_walker)
-    theta = fit.model.to_theta(chains.u).reshape(*flat, n_parameter)
+    u = chains.u.reshape(*flat, n_coordinate)
+    theta = fit.model.to_theta(u)
     groups = {
         "posterior": xr.Dataset(_posterior(fit, theta)),
         "sample_stats": xr.Dataset(
             {
                 "lp": (("chain", "draw"), chains.log_density.reshape(flat)),
                 # Kept beside the parameters so that a fit read back is the same to the last bit.
-                "u": (("chain", "draw", "coordinate"), chains.u.reshape(*flat, n_parameter)),
+                "u": (("chain", "draw", "coordinate"), u),
                 "acceptance_rate": (("chain",), chains.acceptance),
                 "tau": (("quantity",), chains.tau),
             }
@@ -57,14 +58,21 @@ def groups_of(fit: Fit) -> dict[str, xr.Dataset]:
                 "Q": (("row",), data.Q),
                 "texture_index": (("row",), data.texture),
                 "rel_se": (("row",), data.rel_se),
+                "log_lower": (("row",), data.log_lower),
+                "is_count": (("row",), data.is_count.astype(np.int8)),
                 "a_over_R": (("texture",), data.a_over_R),
                 "b_over_R": (("texture",), data.b_over_R),
             }
         ),
     }
     if theta[..., 0].size * len(data) <= LARGEST_LOG_LIKELIHOOD:
-        rows = fit.model.pointwise_log_likelihood(theta)
+        rows = fit.model.pointwise_log_likelihood(u.reshape(-1, n_coordinate))
+        rows = rows.reshape(*flat, len(data))
         groups["log_likelihood"] = xr.Dataset({"log_load": (("chain", "draw", "row"), rows)})
+        if fit.model.offsets is not None:
+            # Rows are scored given the others: their sum is not the likelihood, which this is.
+            joint = fit.model.log_likelihood(theta)
+            groups["sample_stats"]["log_likelihood_joint"] = (("chain", "draw"), joint)
     for name, group in groups.items():
         labels = {"texture": list(data.labels), "row": np.arange(len(data))}
         sizes = {"chain": np.arange(n_ensemble), "draw": np.arange(flat[1])}
@@ -77,10 +85,9 @@ def _posterior(fit: Fit, theta: FloatArray) -> dict[str, tuple[tuple[str, ...], 
     names = fit.model.parameter_names
     if fit.form.name != "power-law":
         return {name: (("chain", "draw"), theta[..., i]) for i, name in enumerate(names)}
-    return {
-        "K": (("chain", "draw", "texture"), theta[..., :-1]),
-        "sigma": (("chain", "draw"), theta[..., -1]),
-    }
+    k = fit.model.n_coefficient
+    noise = {name: (("chain", "draw"), theta[..., i]) for i, name in enumerate(names) if i >= k}
+    return {"K": (("chain", "draw", "texture"), theta[..., :k]), **noise}
 
 
 def write_netcdf(fit: Fit, path: str | os.PathLike[str]) -> None:
@@ -139,6 +146,8 @@ def read_netcdf(path: str | os.PathLike[str]) -> Fit:
         Q=constant["Q"].to_numpy().astype(np.int64),
         log_load=observed["log_load"].to_numpy(),
         rel_se=constant["rel_se"].to_numpy(),
+        log_lower=constant["log_lower"].to_numpy(),
+        is_count=constant["is_count"].to_numpy().astype(bool),
         labels=tuple(str(label) for label in constant["texture"].to_numpy()),
     )
     model = Model(

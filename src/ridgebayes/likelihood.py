@@ -15,14 +15,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ridgebayes._types import FloatArray, IntArray
+from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.forms import Form, Texture
+from ridgebayes.forms import Form
 from ridgebayes.independent import IndependentNormalRows, IndependentRows
 from ridgebayes.integrated import IntegratedOffsets
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
-from ridgebayes.offsets import offsets_of
+from ridgebayes.offsets import OffsetsGiven, offsets_of
 from ridgebayes.priors import JointPrior, Prior, default_priors
 from ridgebayes.rows import Rows
 from ridgebayes.sampled import SampledOffsets
@@ -207,26 +207,12 @@ class Model:
         gradient = np.append(by_group @ by_theta[likelihood.groups.texture], by_sigma)
         return gradient * self._joint.at_scores_slope(u, theta) - u
 
-    def offset(
-        self, u: FloatArray, texture: Texture, Q: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return mean and variance of the offset of a texture's log loads, given each draw.
+    def offsets_given(self, u: FloatArray) -> OffsetsGiven | None:
+        """Return what the rows tell of shared offsets at draws (n_draw, n_coordinate), if any.
 
-        Parameters
-        ----------
-        u : ndarray of float, shape (n_draw, n_coordinate)
-            Draws.
-        texture : (float, float)
-            a/R and b/R: a calibrated texture keeps the offset that its rows tell of.
-        Q : ndarray of int, shape (n_Q,)
-            Counts.
-
-        Returns
-        -------
-        mean, variance : ndarray of float, shape (n_draw, n_Q)
-            Zero for both where rows share nothing.
+        A calibrated texture, a calibrated step keep the offset that their rows tell of.
         """
-        return self.likelihood.offset(*self._parts(u), texture, Q)
+        return self.likelihood.given(*self._parts(u))
 
     def error_variance(self, u_noise: FloatArray) -> FloatArray:
         """Return what the error model does to the mean over all rows, as a variance per row.

@@ -1,36 +1,41 @@
 """`LoadDistribution`: the distribution of the load that reaches a count."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtri
 
 from ridgebayes._types import BoolArray, FloatArray, Rng
 from ridgebayes.errors import InputError
 from ridgebayes.qdistribution import seeded
+from ridgebayes.tails import NormalTail, StudentTail, Tail
 
 
 @dataclass(frozen=True, eq=False)
 class LoadDistribution:
-    """A mixture over posterior draws of log-normal loads (or of points, where sd is 0).
+    """A mixture over posterior draws of loads whose logarithms are normal, Student, or points.
 
     Parameters
     ----------
     log_mean : ndarray of float, shape (n_draw, ...)
-        Mean of log(p/E) given each draw.
-    sd : ndarray of float, shape (n_draw,)
-        Standard deviation of log(p/E) given each draw.
+        Centre of log(p/E) given each draw.
+    sd : ndarray of float, shape (n_draw, ...)
+        Scale of log(p/E) given each draw; 0 for a point.
     weight : ndarray of float, shape (n_draw,)
         Weights, sum 1.
     extrapolation : ndarray of bool, shape (...)
         Whether texture or count lies outside what was calibrated.
+    df : ndarray of float, shape (n_draw,), optional
+        Degrees of freedom of each draw's Student errors, infinite for normal ones; all are normal
+        if not given.
     """
 
     log_mean: FloatArray
     sd: FloatArray
     weight: FloatArray
     extrapolation: BoolArray
+    df: FloatArray | None = None
 
     def cdf(self, p_over_E: float | FloatArray) -> FloatArray:
         """Return P(load <= p_over_E), broadcast against the distributions' shape."""
@@ -39,8 +44,12 @@ class LoadDistribution:
         return self._cdf(np.broadcast_to(y, self.log_mean.shape[1:]))
 
     def mean(self) -> FloatArray:
-        """Return the mean load p/E, shape (...)."""
-        return self._average(np.exp(self.log_mean + 0.5 * self._spread(self.sd) ** 2))
+        """Return the mean load p/E, shape (...); infinite under Student errors, whose tails are."""
+        means = np.exp(self.log_mean + 0.5 * self.sd**2)
+        if self.df is not None:
+            is_student = np.isfinite(self._spread(self.df)) & (self.sd > 0)
+            means = np.where(is_student, np.inf, means)
+        return self._average(means)
 
     def quantile(self, prob: float) -> FloatArray:
         """Return the load under which a share `prob` lies, shape (...).
@@ -69,7 +78,12 @@ class LoadDistribution:
         generator = seeded(rng)
         pick = generator.choice(len(self.weight), size=size, p=self.weight)
         noise = generator.standard_normal((size, *self.log_mean.shape[1:]))
-        return np.exp(self.log_mean[pick] + self._spread(self.sd[pick]) * noise)
+        if self.df is not None:
+            df = self.df[pick]
+            finite = np.where(np.isfinite(df), df, 1.0)
+            wide = np.sqrt(finite / generator.chisquare(finite))
+            noise = noise * self._spread(np.where(np.isfinite(df), wide, 1.0))
+        return np.exp(self.log_mean[pick] + self.sd[pick] * noise)
 
     def _spread(self, per_draw: FloatArray) -> FloatArray:
         return per_draw.reshape((-1,) + (1,) * (self.log_mean.ndim - 1))
@@ -78,19 +92,38 @@ class LoadDistribution:
         return np.tensordot(self.weight, values, axes=1)
 
     def _cdf(self, y: FloatArray) -> FloatArray:
-        sd = self._spread(self.sd)
         with np.errstate(divide="ignore", invalid="ignore"):
-            z = (y - self.log_mean) / sd
-        return self._average(np.where(sd > 0, ndtr(z), self.log_mean <= y))
+            z = (y - self.log_mean) / self.sd
+        return self._average(np.where(self.sd > 0, self._standard_cdf(z), self.log_mean <= y))
+
+    def _standard_cdf(self, z: FloatArray) -> FloatArray:
+        return self._by_tail(z, lambda tail, z, df: tail.cdf(z, df))
+
+    def _standard_density(self, z: FloatArray) -> FloatArray:
+        return self._by_tail(z, lambda tail, z, df: np.exp(tail.log_density(z, df)))
+
+    def _by_tail(
+        self, z: FloatArray, function: Callable[[Tail, FloatArray, FloatArray | None], FloatArray]
+    ) -> FloatArray:
+        """Apply a function of standardised errors to the draws of each tail."""
+        if self.df is None:
+            return function(NormalTail(), z, None)
+        value, student = np.empty(z.shape), np.isfinite(self.df)
+        value[~student] = function(NormalTail(), z[~student], None)
+        df = self._spread(self.df)[student]
+        value[student] = function(StudentTail(), z[student], df)
+        return value
 
     def _solve(self, prob: float) -> FloatArray:
         """Newton's method on the distribution function, kept inside a shrinking bracket."""
-        sd = self._spread(self.sd)
+        sd = self.sd
         # Infinite loads, of draws that reach no further ridge, have a share but no place.
         finite = np.isfinite(self.log_mean)
         mean = np.where(finite, self.log_mean, 0.0)
-        low = np.where(finite, mean - 9 * sd, np.inf).min(axis=0)
-        high = np.where(finite, mean + 9 * sd, -np.inf).max(axis=0)
+        # Far enough for a t of one degree of freedom at a probability of 1e-6, and for a normal.
+        reach = 9.0 if self.df is None else 3e5
+        low = np.where(finite, mean - reach * sd, np.inf).min(axis=0)
+        high = np.where(finite, mean + reach * sd, -np.inf).max(axis=0)
         share = np.maximum(self._average(finite.astype(float)), 1e-300)
         centre = self._average(mean) / share
         variance = self._average(np.where(finite, (mean - centre) ** 2 + sd**2, 0.0)) / share
@@ -101,7 +134,7 @@ class LoadDistribution:
             low, high = np.where(excess < 0, y, low), np.where(excess >= 0, y, high)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 z = (y - self.log_mean) / sd
-                density = np.where(sd > 0, np.exp(-0.5 * z * z) / (sd * np.sqrt(2 * np.pi)), 0.0)
+                density = np.where(sd > 0, self._standard_density(z) / sd, 0.0)
                 newton = y - excess / self._average(density)
             inside = (newton > low) & (newton < high)
             new = np.where(inside, newton, 0.5 * (low + high))
@@ -135,6 +168,15 @@ def mix_loads(parts: Sequence[LoadDistribution], weights: Sequence[float]) -> Lo
         np.concatenate([part.sd for part, _ in kept]),
         np.concatenate([part.weight * weight for part, weight in kept]),
         np.any([part.extrapolation for part in heavy], axis=0),
+        _joined_df([part for part, _ in kept]),
+    )
+
+
+def _joined_df(parts: Sequence[LoadDistribution]) -> FloatArray | None:
+    if all(part.df is None for part in parts):
+        return None
+    return np.concatenate(
+        [np.full(len(part.weight), np.inf) if part.df is None else part.df for part in parts]
     )
 
 

@@ -2,14 +2,15 @@
 
 Where the fit is good almost every candidate is accepted and steps hardly remember each other; where
 it is poor the Metropolis-Hastings ratio still leaves the posterior exact, and the moves mixed with
-it carry the walkers. Several components follow a posterior that is bent or has two humps, as that of
-a Student tail has: few outliers and a narrow scale, or none and a wide one.
+it carry the walkers. Several components follow a posterior that is bent or has two humps, as that
+of a Student tail has: few outliers and a narrow scale, or none and a wide one.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import gammaln, logsumexp
 
 from ridgebayes._types import FloatArray
 
@@ -68,31 +69,37 @@ class Independence:
         self, z: FloatArray, random: np.random.RandomState
     ) -> tuple[FloatArray, FloatArray]:
         """Return candidates of the shape of `z` and log q(old) - log q(new), shape (n,)."""
-        n, k = len(z), self.centres.shape[1]
+        candidates = self.rvs(random, len(z))
+        return candidates, self.log_pdf(z) - self.log_pdf(candidates)
+
+    def rvs(self, random: np.random.RandomState | np.random.Generator, n: int) -> FloatArray:
+        """Return draws of the proposal, shape (n, k + m)."""
+        k, (mean, sd) = self.centres.shape[1], self.rest
         component = random.choice(len(self.weights), size=n, p=self.weights)
         steps = random.standard_normal((n, k)) * np.sqrt(_DF / random.chisquare(_DF, size=(n, 1)))
         first = self.centres[component]
         first = first + _SCALE * np.einsum("nij,nj->ni", self.factors[component], steps)
-        mean, sd = self.rest
-        last = mean + _SCALE * sd * random.standard_normal((n, z.shape[1] - k))
-        candidates = np.concatenate([first, last], axis=1)
-        return candidates, self._log_q(z) - self._log_q(candidates)
+        last = mean + _SCALE * sd * random.standard_normal((n, len(mean)))
+        return np.concatenate([first, last], axis=1)
 
-    def _log_q(self, z: FloatArray) -> FloatArray:
+    def log_pdf(self, z: FloatArray) -> FloatArray:
+        """Return the proposal's log density, shape (n,)."""
         k, shapes = self.centres.shape[1], _SCALE * self.factors
         squares = _distances(z[:, :k], self.centres, shapes)
-        peaks = np.log(self.weights) - _log_volumes(shapes)
+        peak = gammaln(0.5 * (_DF + k)) - gammaln(0.5 * _DF) - 0.5 * k * math.log(_DF * math.pi)
+        peaks = np.log(self.weights) - _log_volumes(shapes) + peak
         components = peaks[:, None] - 0.5 * (_DF + k) * np.log1p(squares / _DF)
-        mean, sd = self.rest
-        last = (z[:, k:] - mean) / (_SCALE * sd)
-        return logsumexp(components, axis=0) - 0.5 * (last * last).sum(axis=1)
+        mean, sd = self.rest[0], _SCALE * self.rest[1]
+        last = (z[:, k:] - mean) / sd
+        normals = -0.5 * (last * last).sum(axis=1) - np.log(sd * math.sqrt(2 * math.pi)).sum()
+        return logsumexp(components, axis=0) + normals
 
 
 def _mixture(
     points: FloatArray, n_component: int, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Fit a mixture of normals, each drawn a little towards the common covariance."""
-    n, k = points.shape
+    n = len(points)
     common = np.atleast_2d(np.cov(points.T))
     centres = points[rng.choice(n, n_component, replace=False)]
     factors = np.repeat(np.linalg.cholesky(common)[None], n_component, axis=0)

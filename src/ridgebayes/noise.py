@@ -35,7 +35,13 @@ class Noise:
 
     structure: str = "iid"
     tail: str = "normal"
-    structures: ClassVar[tuple[str, ...]] = ("iid", "texture", "step", "texture+step", "step-smooth")
+    structures: ClassVar[tuple[str, ...]] = (
+        "iid",
+        "texture",
+        "step",
+        "texture+step",
+        "step-smooth",
+    )
     tails: ClassVar[tuple[str, ...]] = tuple(_TAILS)
 
     def __post_init__(self) -> None:
@@ -44,9 +50,7 @@ class Noise:
             ("tail", self.tail, self.tails),
         ):
             if value not in known:
-                raise InputError(
-                    f"noise: {kind} {value!r} given; rule: one of {', '.join(known)}"
-                )
+                raise InputError(f"noise: {kind} {value!r} given; rule: one of {', '.join(known)}")
 
     @classmethod
     def named(cls, name: str) -> "Noise":

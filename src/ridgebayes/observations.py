@@ -119,6 +119,6 @@ def _refuse_offsets(table: ContactTable) -> None:
         value = everything["offset_over_R"].tolist()[rows[0]]
         more = f" and {len(rows) - 1} more rows" if len(rows) > 1 else ""
         raise InputError(
-            f"{table.where}, row {rows[0] + 1}{more}: offset_over_R = {value!r}; rule: this version "
-            "fits centred bodies"
+            f"{table.where}, row {rows[0] + 1}{more}: offset_over_R = {value!r}; rule: "
+            "this version fits centred bodies"
         )

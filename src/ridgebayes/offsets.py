@@ -8,6 +8,7 @@ the rows are.
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ridgebayes.errors import ComputationError
 from ridgebayes.forms import Texture
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
-from ridgebayes.shared_scores import DiagonalRoot, FullRoot, Root, cholesky_or_nan
+from ridgebayes.shared_scores import DiagonalRoot, FullRoot, Root, ScoresGiven, cholesky_or_nan
 
 # Variance of a smooth offset that is its place's own, relative to tau_step^2: what lets double
 # precision factorise the covariance of a function as smooth as the half-plane's residual.
@@ -40,9 +41,9 @@ class Offsets(ABC):
 
     @abstractmethod
     def loading(
-        self, eta: FloatArray, texture: Texture, Q: IntArray
+        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root
     ) -> tuple[FloatArray, FloatArray]:
-        """Return how offsets of one texture follow from the scores.
+        """Return how offsets of one texture follow from the scores, given L of the same draws.
 
         Returns
         -------
@@ -88,7 +89,7 @@ class GroupedOffsets(Offsets):
         return DiagonalRoot(np.concatenate(scale, axis=-1))
 
     def loading(
-        self, eta: FloatArray, texture: Texture, Q: IntArray
+        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root
     ) -> tuple[FloatArray, FloatArray]:
         loading = np.zeros((*eta.shape[:-1], self.n_level, len(Q)))
         rest = np.zeros((*eta.shape[:-1], len(Q)))
@@ -151,9 +152,7 @@ class SmoothOffsets(Offsets):
         # A count of 2 says nothing of load(2): its own place is a dummy, never looked at.
         here = np.where(np.isfinite(here), here, later)
         both = np.concatenate([here, later])
-        _, first, codes = np.unique(
-            both.round(9), axis=0, return_index=True, return_inverse=True
-        )
+        _, first, codes = np.unique(both.round(9), axis=0, return_index=True, return_inverse=True)
         self._places = both[first]
         self.n_level = len(self._places)
         self._n_row = len(data)
@@ -165,8 +164,10 @@ class SmoothOffsets(Offsets):
                 f"{LARGEST_SMOOTH}, since the cost of a likelihood call grows with their cube"
             )
         # The kernel is a product: each factor is worked out on its own few values.
-        axes = [np.unique(column.round(9), return_index=True, return_inverse=True)
-                for column in self._places.T]
+        axes = [
+            np.unique(column.round(9), return_index=True, return_inverse=True)
+            for column in self._places.T
+        ]
         self._axes = [
             ((self._places[first, i][:, None] - self._places[first, i]) ** 2, code)
             for i, (_, first, code) in enumerate(axes)
@@ -176,20 +177,20 @@ class SmoothOffsets(Offsets):
         return FullRoot(self._unit_root(eta) * eta[..., self._tau, None, None])
 
     def loading(
-        self, eta: FloatArray, texture: Texture, Q: IntArray
+        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root
     ) -> tuple[FloatArray, FloatArray]:
         at = _coordinates(Q, np.full(len(Q), texture[0] / (texture[0] + texture[1])))
-        tau, lengths = eta[..., self._tau], eta[..., self._lengths]
+        variance, lengths = eta[..., self._tau] ** 2, eta[..., self._lengths]
         squares = (self._places[:, None] - at) ** 2
-        with np.errstate(over="ignore", under="ignore"):
-            covariance = np.exp(-0.5 * np.einsum("lqx,...x->...lq", squares, lengths**-2.0))
-        unit = np.linalg.solve(self._unit_root(eta), covariance)
-        rest = np.maximum(1 - (unit**2).sum(axis=-2), 0)
         low, high = self._places.min(axis=0), self._places.max(axis=0)
         beyond = np.maximum(np.maximum(low - at, at - high) - 1e-9, 0)
         with np.errstate(over="ignore", under="ignore"):
-            rest = rest - np.expm1(-0.5 * np.einsum("qx,...x->...q", beyond**2, lengths**-2.0))
-        return tau[..., None, None] * unit, tau[..., None] ** 2 * rest
+            correlation = np.exp(-0.5 * np.einsum("lqx,...x->...lq", squares, lengths**-2.0))
+            widening = -np.expm1(-0.5 * np.einsum("qx,...x->...q", beyond**2, lengths**-2.0))
+        assert isinstance(root, FullRoot)
+        loading = root.solve(variance[..., None, None] * correlation)
+        rest = np.maximum(variance[..., None] - (loading**2).sum(axis=-2), 0)
+        return loading, rest + variance[..., None] * widening
 
     def inflation(self, eta: FloatArray) -> FloatArray:
         n_step = len(np.unique(self._places[:, 0]))
@@ -204,6 +205,38 @@ class SmoothOffsets(Offsets):
         levels = np.arange(self.n_level)
         covariance[..., levels, levels] = 1 + NUGGET
         return cholesky_or_nan(covariance)
+
+
+@dataclass(frozen=True, eq=False)
+class OffsetsGiven:
+    """What rows tell of shared offsets, for each of many draws of the parameters.
+
+    Parameters
+    ----------
+    offsets : Offsets
+        Structure.
+    eta : ndarray of float, shape (n_draw, n_noise)
+        The error model's parameters.
+    root : DiagonalRoot or FullRoot
+        L of the same draws.
+    mean : ndarray of float, shape (n_draw, n_level)
+        Scores: their mean, or the scores themselves where they were sampled.
+    spread : ScoresGiven or None
+        How they vary about the mean; None where they were sampled.
+    """
+
+    offsets: Offsets
+    eta: FloatArray
+    root: Root
+    mean: FloatArray
+    spread: ScoresGiven | None
+
+    def at(self, texture: Texture, Q: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
+        loading, variance = self.offsets.loading(self.eta, texture, Q, self.root)
+        if self.spread is not None:
+            variance = variance + self.spread.variance(loading)
+        return np.einsum("dl,dlq->dq", self.mean, loading), variance
 
 
 def offsets_of(noise: Noise, data: Observations) -> Offsets | None:

@@ -121,7 +121,9 @@ class Rows:
         width = (self.upper[there] - self.lower[there] + apart) / scale[..., there]
         # P(Q >= n) is the running minimum over n: where offsets turn two loads round, the nearer
         # ridge is not reached later than the further one.
-        value[..., there] = tail.log_probability(np.minimum(low, high), high, nu, np.maximum(width, 0))
+        value[..., there] = tail.log_probability(
+            np.minimum(low, high), high, nu, np.maximum(width, 0)
+        )
         return value
 
 
@@ -156,9 +158,7 @@ class RowGroups:
         """Group rows; `codes` of shape (n_factor, n_obs) are the levels of their offsets."""
         keys = [rows.texture, np.unique(rows.rel_se, return_inverse=True)[1]]
         keys += [] if codes is None else list(codes)
-        _, first, group = np.unique(
-            np.stack(keys), axis=1, return_index=True, return_inverse=True
-        )
+        _, first, group = np.unique(np.stack(keys), axis=1, return_index=True, return_inverse=True)
         group = group.reshape(-1)
         n = np.bincount(group).astype(float)
         mean = np.bincount(group, rows.upper) / n

@@ -123,8 +123,8 @@ def sample(
     Notes
     -----
     *Accuracy.* Moves: an independence move from a mixture of Student t, fitted by each ensemble to
-    its own burn-in (80 %), and differential evolution (20 %). emcee's `DESnookerMove` is not used: in 3.1.6
-    its draws are too narrow.
+    its own burn-in (80 %), and differential evolution (20 %). emcee's `DESnookerMove` is not used:
+    in 3.1.6 its draws are too narrow.
 
     References
     ----------
@@ -171,7 +171,10 @@ def sample(
 
 
 def _sampler(
-    in_z: Callable[[FloatArray], FloatArray], n_walker: int, n_coordinate: int, proposal: Independence
+    in_z: Callable[[FloatArray], FloatArray],
+    n_walker: int,
+    n_coordinate: int,
+    proposal: Independence,
 ) -> Any:
     import emcee
 
@@ -198,8 +201,8 @@ def _burnt_in(
         start.random_state = np.random.RandomState(rng.integers(2**32)).get_state()
         k, state = n_coordinate - n_latent, start
         proposal = Independence.standard(k, n_latent)
-        accepted = [-1.0]
-        while len(accepted) < 3 or (max(accepted[-2:]) > max(accepted[:-2]) + _GAIN and len(accepted) <= _ROUNDS_MAX):
+        accepted: list[float] = []
+        while _is_gaining(accepted):
             sampler = _sampler(in_z, n_walker, n_coordinate, proposal)
             state = sampler.run_mcmc(state, settings.n_burn)
             accepted.append(float(sampler.acceptance_fraction.mean()))
@@ -220,6 +223,13 @@ def _burnt_in(
         },
         random_states=tuple(state.random_state for state in states),
     )
+
+
+def _is_gaining(accepted: list[float]) -> bool:
+    """Return whether another round of burn-in may still raise the acceptance."""
+    if len(accepted) < 3:  # the first proposal was fitted to nothing, the second to a start
+        return len(accepted) < 2 or accepted[1] > accepted[0] + _GAIN
+    return len(accepted) < _ROUNDS_MAX and max(accepted[-2:]) > max(accepted[:-2]) + _GAIN
 
 
 def _walked_on(walk: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray) -> Walk:

@@ -11,9 +11,8 @@ import math
 
 import numpy as np
 
-from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.forms import Texture
-from ridgebayes.offsets import Offsets
+from ridgebayes._types import FloatArray
+from ridgebayes.offsets import Offsets, OffsetsGiven
 from ridgebayes.rows import Rows
 from ridgebayes.shared_scores import Design, Root, ScoresGiven, given_rows
 from ridgebayes.tails import Tail
@@ -63,27 +62,17 @@ class SampledOffsets:
         root, given = self._approximation(log_rates, eta)
         return self._rows_given(log_rates, eta, root.times(given.at(latent)))
 
-    def offset(
-        self,
-        log_rates: FloatArray,
-        eta: FloatArray,
-        latent: FloatArray,
-        texture: Texture,
-        Q: IntArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
-        _, given = self._approximation(log_rates, eta)
-        loading, rest = self._offsets.loading(eta, texture, Q)
-        return np.einsum("dl,dlq->dq", given.at(latent), loading), rest
+    def given(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> OffsetsGiven:
+        """Return the sampled offsets, for each of many draws."""
+        root, given = self._approximation(log_rates, eta)
+        return OffsetsGiven(self._offsets, eta, root, given.at(latent), None)
 
     def _rows_given(self, log_rates: FloatArray, eta: FloatArray, b: FloatArray) -> FloatArray:
         offset, after = self._design.spread(b), self._design_next.spread(b)
         df = eta[..., -1] if self._tail.parameter_names else None
         return self._rows.log_likelihood(log_rates, eta[..., 0], self._tail, df, offset, after)
 
-    def _approximation(
-        self, log_rates: FloatArray, eta: FloatArray
-    ) -> tuple[Root, ScoresGiven]:
+    def _approximation(self, log_rates: FloatArray, eta: FloatArray) -> tuple[Root, ScoresGiven]:
         """Return L, and the scores given the rows taken as normal."""
         root, residual = self._offsets.root(eta), self._residual(log_rates)
         own = eta[..., :1] ** 2 + self._rows.rel_se**2
@@ -91,7 +80,9 @@ class SampledOffsets:
             variance = own + self._extra
             return root, given_rows(self._design, root, 1 / variance, residual)
         df = eta[..., -1:]
-        given = given_rows(self._design, root, 1 / (own * self._tail.site_variance(df) + self._extra), residual)
+        given = given_rows(
+            self._design, root, 1 / (own * self._tail.site_variance(df) + self._extra), residual
+        )
         for _ in range(_PASSES):
             # A t is a normal of unknown variance: this is its mean given what the residual may be.
             left = residual - self._design.spread(root.times(given.mean))

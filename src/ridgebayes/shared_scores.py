@@ -58,7 +58,7 @@ class Design:
         return _apply(self._gather, x)
 
     def gram(self, weight: FloatArray) -> FloatArray:
-        """Return Z' W Z, shape (..., n_level) where it is diagonal, else (..., n_level, n_level)."""
+        """Return Z' W Z: its diagonal (..., n_level) if that is all, else (..., n_level, n_level)."""
         if self.diagonal:
             return self.gather(weight)
         return _apply(self._pairs, weight).reshape(*weight.shape[:-1], self.n_level, -1)
@@ -168,13 +168,15 @@ class FullRoot:
         """Return (Z L)', shape (..., n_level, n_row)."""
         return self._upper[..., design.codes[0]]
 
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return L^-1 x, from (..., n_level, m)."""
+        return _solved(self._factor, right)
+
 
 Root = DiagonalRoot | FullRoot
 
 
-def given_rows(
-    design: Design, root: Root, weight: FloatArray, residual: FloatArray
-) -> ScoresGiven:
+def given_rows(design: Design, root: Root, weight: FloatArray, residual: FloatArray) -> ScoresGiven:
     """Return the scores' distribution given rows.
 
     Parameters
