@@ -12,7 +12,6 @@ import numpy as np
 from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
-from ridgebayes.autocorrelation import effective_sample_size
 from ridgebayes.diagnostics import pareto_k, shortcomings, summarise
 from ridgebayes.evidence.record import LogEvidence
 from ridgebayes.fit import Fit

@@ -20,7 +20,7 @@ class LoadDistribution:
     ----------
     log_mean : ndarray of float, shape (n_draw, ...)
         Centre of log(p/E) given each draw.
-    sd : ndarray of float, shape (n_draw, ...)
+    sd : ndarray of float, shape (n_draw,) or (n_draw, ...)
         Scale of log(p/E) given each draw; 0 for a point.
     weight : ndarray of float, shape (n_draw,)
         Weights, sum 1.
@@ -36,6 +36,11 @@ class LoadDistribution:
     weight: FloatArray
     extrapolation: BoolArray
     df: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        if self.sd.ndim < self.log_mean.ndim:
+            spread = np.broadcast_to(self._spread(self.sd), self.log_mean.shape)
+            object.__setattr__(self, "sd", spread)
 
     def cdf(self, p_over_E: float | FloatArray) -> FloatArray:
         """Return P(load <= p_over_E), broadcast against the distributions' shape."""

@@ -58,7 +58,7 @@ class Design:
         return _apply(self._gather, x)
 
     def gram(self, weight: FloatArray) -> FloatArray:
-        """Return Z' W Z: its diagonal (..., n_level) if that is all, else (..., n_level, n_level)."""
+        """Return Z' W Z; only its diagonal, (..., n_level), where it has nothing else."""
         if self.diagonal:
             return self.gather(weight)
         return _apply(self._pairs, weight).reshape(*weight.shape[:-1], self.n_level, -1)
