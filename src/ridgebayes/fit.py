@@ -218,6 +218,48 @@ def calibrate(
     model = Model(Observations.from_table(table), form, as_noise(noise), priors)
     refuse_circular(table, form)
     seed = seed_of(rng)
+    return fit_model(
+        model,
+        seed=seed,
+        settings=settings,
+        progress=progress,
+        checkpoint=_checkpoint(checkpoint, table, model, seed, settings),
+    )
+
+
+def fit_model(
+    model: Model,
+    *,
+    seed: int,
+    settings: SampleSettings | None = None,
+    progress: Tell | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> Fit:
+    """Sample a posterior: what `calibrate` does once it has made a model of its table.
+
+    Parameters
+    ----------
+    model : Model
+        Posterior.
+    seed : int
+        Seed.
+    settings : SampleSettings, optional
+        Lengths and thresholds of sampling.
+    progress : callable, optional
+        Called with a line of text now and then.
+    checkpoint : Checkpoint, optional
+        Where the chains are kept as they grow.
+
+    Returns
+    -------
+    Fit
+        As `calibrate` returns it.
+
+    Raises
+    ------
+    ComputationError
+        If the posterior has no interior mode.
+    """
     if drawn_exactly(model):
         from ridgebayes.exact import sample_power_law
 
@@ -230,7 +272,7 @@ def calibrate(
             names=model.coordinate_names,
             settings=settings,
             progress=progress,
-            checkpoint=_checkpoint(checkpoint, table, model, seed, settings),
+            checkpoint=checkpoint,
         )
     summary = summarise(model.to_theta(chains.u), model.parameter_names)
     return Fit(model, chains, summary, chains.missing + shortcomings(summary), seed)

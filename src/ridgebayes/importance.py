@@ -9,25 +9,29 @@ the tail of its weights.
 import math
 
 import numpy as np
-from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
+from ridgebayes.adaptation import adapted, weighted
 from ridgebayes.diagnostics import pareto_k, shortcomings, summarise
 from ridgebayes.evidence.record import LogEvidence
 from ridgebayes.fit import Fit
-from ridgebayes.laplace import Laplace, fit_laplace
+from ridgebayes.laplace import fit_laplace
 from ridgebayes.likelihood import Model
-from ridgebayes.moves import Independence
 from ridgebayes.randomness import stream
 from ridgebayes.sample import Chains
 
 N_REPEAT = 4  # independent proposals
-_ROUNDS = 6
-_N_ROUND = 2_000  # draws of each round
 K_MAX = 0.7
 
 
-def importance_fit(model: Model, *, seed: int = 0, n_draw: int = 2_560) -> tuple[Fit, LogEvidence]:
+def importance_fit(
+    model: Model,
+    *,
+    seed: int = 0,
+    n_draw: int = 2_560,
+    n_round: int = 6,
+    n_per_round: int = 2_000,
+) -> tuple[Fit, LogEvidence]:
     """Draw from a posterior, and estimate its evidence, without a walk.
 
     Parameters
@@ -37,7 +41,9 @@ def importance_fit(model: Model, *, seed: int = 0, n_draw: int = 2_560) -> tuple
     seed : int, optional
         Seed.
     n_draw : int, optional
-        Draws of each of the four proposals.
+        Draws of each of the four proposals; a multiple of 128.
+    n_round, n_per_round : int, optional
+        Rounds of fitting each proposal, and draws of each round.
 
     Returns
     -------
@@ -64,21 +70,24 @@ def importance_fit(model: Model, *, seed: int = 0, n_draw: int = 2_560) -> tuple
     Journal of Machine Learning Research 25(72), for the shape of the weights.
     """
     laplace = fit_laplace(model)
+
+    def in_z(z: FloatArray) -> FloatArray:
+        u, log_jacobian = laplace.unwhiten(z)
+        return model.log_density(u) + log_jacobian + laplace.log_volume
+
     u, log_density, log_means, variances, shapes = [], [], [], [], []
     for repeat in range(N_REPEAT):
         rng = stream(seed, f"importance {repeat}")
-        proposal = _adapted(model, laplace, rng)
-        z, log_weight = _weighted(model, laplace, proposal, rng, n_draw)
-        log_mean = float(logsumexp(log_weight)) - math.log(n_draw)
-        relative = np.exp(log_weight - log_mean)
-        log_means.append(log_mean)
-        variances.append(relative.var() / n_draw)
-        shapes.append(pareto_k(log_weight))
-        chosen = _resampled(relative, rng)
-        drawn, log_jacobian = laplace.unwhiten(z[chosen])
+        k, m = model.n_parameter, laplace.n_latent
+        proposal, _ = adapted(in_z, k, m, rng, n_round=n_round, n=n_per_round)
+        found = weighted(in_z, proposal, rng, n_draw)
+        log_means.append(found.log_mean)
+        variances.append(found.relative.var() / n_draw)
+        shapes.append(pareto_k(found.log_weight))
+        chosen = found.resampled(rng, n_draw)
+        drawn, log_jacobian = laplace.unwhiten(found.z[chosen])
         u.append(drawn)
-        kept = log_weight + proposal.log_pdf(z) - laplace.log_volume
-        log_density.append(kept[chosen] - log_jacobian)
+        log_density.append(found.log_density[chosen] - log_jacobian - laplace.log_volume)
     draws = np.stack(u).reshape(N_REPEAT, -1, 128, model.n_coordinate)
     chains = Chains(
         draws,
@@ -90,40 +99,6 @@ def importance_fit(model: Model, *, seed: int = 0, n_draw: int = 2_560) -> tuple
     summary = summarise(model.to_theta(chains.u), model.parameter_names)
     fit = Fit(model, chains, summary, chains.missing + shortcomings(summary), seed)
     return fit, _evidence(np.array(log_means), np.array(variances), shapes)
-
-
-def _adapted(model: Model, laplace: Laplace, rng: np.random.Generator) -> Independence:
-    """Refit the proposal round by round; early weights are cut, so that no draw is all."""
-    k = model.n_parameter
-    proposal = Independence.standard(k, laplace.n_latent)
-    for _ in range(_ROUNDS):
-        z, log_weight = _weighted(model, laplace, proposal, rng, _N_ROUND)
-        relative = np.exp(log_weight - logsumexp(log_weight) + math.log(_N_ROUND))
-        cut = np.minimum(relative, math.sqrt(_N_ROUND))
-        proposal = Independence.fitted(z[_resampled(cut, rng)], k, rng)
-    return proposal
-
-
-def _weighted(
-    model: Model, laplace: Laplace, proposal: Independence, rng: np.random.Generator, n: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return draws of a proposal in whitened coordinates and log (posterior / proposal)."""
-    z = proposal.rvs(rng, n)
-    log_target = np.empty(n)
-    for i in range(0, n, 512):  # bounded memory, and batches that stay in cache
-        u, log_jacobian = laplace.unwhiten(z[i : i + 512])
-        log_target[i : i + 512] = model.log_density(u) + log_jacobian + laplace.log_volume
-    return z, log_target - proposal.log_pdf(z)
-
-
-def _resampled(
-    weight: FloatArray, rng: np.random.Generator
-) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
-    """Return indices drawn by weight, evenly spaced (systematic resampling), in random order."""
-    n = len(weight)
-    ladder = np.cumsum(weight) / weight.sum()
-    index = np.searchsorted(ladder, (np.arange(n) + rng.random()) / n)
-    return rng.permutation(np.minimum(index, n - 1))
 
 
 def _heavy(shapes: list[float]) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ridgebayes._types import FloatArray
+from ridgebayes.adaptation import Weighted, adapted
 from ridgebayes.autocorrelation import autocorrelation_time
 from ridgebayes.checkpoint import Checkpoint, Walk
 from ridgebayes.errors import InputError
@@ -18,8 +19,6 @@ from ridgebayes.moves import Independence
 from ridgebayes.randomness import stream
 
 Tell = Callable[[str], None]
-_GAIN = 0.02  # burn-in goes on while refitting the proposal raises the acceptance by more
-_ROUNDS_MAX = 10
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class SampleSettings:
     n_walker : int
         Walkers of each; raised to four per coordinate where that is more.
     n_burn : int
-        Steps thrown away in each of two rounds, after which the proposal is fitted anew.
+        Steps thrown away.
     n_step_max : int
         Steps after which an ensemble is given up as not converged.
     n_tau : float
@@ -122,8 +121,8 @@ def sample(
 
     Notes
     -----
-    *Accuracy.* Moves: an independence move from a mixture of Student t, fitted by each ensemble to
-    its own burn-in (80 %), and differential evolution (20 %). emcee's `DESnookerMove` is not used:
+    *Accuracy.* Moves: an independence move from a mixture of Student t, fitted by each ensemble on
+    its own (80 %), and differential evolution (20 %). emcee's `DESnookerMove` is not used:
     in 3.1.6 its draws are too narrow.
 
     References
@@ -190,25 +189,18 @@ def _burnt_in(
     seed: int,
     settings: SampleSettings,
 ) -> Walk:
-    """Start every ensemble, and burn it in, its proposal fitted to the later half of each round."""
+    """Fit each ensemble's own proposal, start its walkers from it, and burn them in."""
     import emcee
 
     states, proposals = [], []
     for i in range(settings.n_ensemble):
         rng = stream(seed, f"ensemble {i}")
-        start = emcee.State(_start(in_z, rng, n_walker, n_coordinate))
+        proposal, draws = adapted(in_z, n_coordinate - n_latent, n_latent, rng)
+        start = emcee.State(_start(draws, rng, n_walker))
         # emcee takes the state of a RandomState; such an object it would silently ignore.
         start.random_state = np.random.RandomState(rng.integers(2**32)).get_state()
-        k, state = n_coordinate - n_latent, start
-        proposal = Independence.standard(k, n_latent)
-        accepted: list[float] = []
-        while _is_gaining(accepted):
-            sampler = _sampler(in_z, n_walker, n_coordinate, proposal)
-            state = sampler.run_mcmc(state, settings.n_burn)
-            accepted.append(float(sampler.acceptance_fraction.mean()))
-            later = sampler.get_chain(discard=settings.n_burn // 2, flat=True)
-            proposal = Independence.fitted(later, k, rng)
-        states.append(state)
+        sampler = _sampler(in_z, n_walker, n_coordinate, proposal)
+        states.append(sampler.run_mcmc(start, settings.n_burn))
         proposals.append(proposal)
     return Walk(
         z=np.empty((settings.n_ensemble, 0, n_walker, n_coordinate)),
@@ -223,13 +215,6 @@ def _burnt_in(
         },
         random_states=tuple(state.random_state for state in states),
     )
-
-
-def _is_gaining(accepted: list[float]) -> bool:
-    """Return whether another round of burn-in may still raise the acceptance."""
-    if len(accepted) < 3:  # the first proposal was fitted to nothing, the second to a start
-        return len(accepted) < 2 or accepted[1] > accepted[0] + _GAIN
-    return len(accepted) < _ROUNDS_MAX and max(accepted[-2:]) > max(accepted[:-2]) + _GAIN
 
 
 def _walked_on(walk: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray) -> Walk:
@@ -263,22 +248,15 @@ def _walked_on(walk: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray
     )
 
 
-def _start(
-    log_density: Callable[[FloatArray], FloatArray],
-    rng: np.random.Generator,
-    n_walker: int,
-    n_coordinate: int,
-) -> FloatArray:
-    """Draw starting points, wider than the normal approximation, where the density is positive."""
-    width = 1.5
-    points = np.empty((0, n_coordinate))
-    for _ in range(60):
-        candidates = width * rng.standard_normal((n_walker, n_coordinate))
-        points = np.concatenate([points, candidates[np.isfinite(log_density(candidates))]])
-        if len(points) >= n_walker:
-            return points[:n_walker]
-        width *= 0.9  # a mode near the edge of the support leaves less room
-    raise InputError("sample: no starting points of positive density; rule: a feasible centre")
+def _start(draws: Weighted, rng: np.random.Generator, n_walker: int) -> FloatArray:
+    """Pick different points of positive density, half by weight and half as proposed: wider."""
+    feasible = np.flatnonzero(np.isfinite(draws.log_density))
+    by_weight = np.unique(draws.resampled(rng, n_walker))[: n_walker // 2]
+    rest = np.setdiff1d(feasible, by_weight)
+    if len(by_weight) + len(rest) < n_walker:
+        raise InputError("sample: no starting points of positive density; rule: a feasible centre")
+    others = rng.permutation(rest)[: n_walker - len(by_weight)]
+    return draws.z[np.concatenate([by_weight, others])]
 
 
 def _mean_tau(u: FloatArray, log_density: FloatArray) -> FloatArray:

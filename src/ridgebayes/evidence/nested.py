@@ -1,0 +1,166 @@
+"""Evidence by nested sampling with dynesty: a check that shares as little as it can with the rest.
+
+Bridge, importance sampling and quadrature all integrate over coordinates that this package made:
+whitened parameters, and offsets relative to what the rows tell of them. A wrong Jacobian there would
+be wrong in all three alike. Here nothing is whitened. Parameters are drawn from their priors, shared
+offsets are L(theta) times standard normal scores, and rows have their likelihood one by one.
+"""
+
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+from scipy.special import ndtri
+
+from ridgebayes._types import FloatArray
+from ridgebayes.errors import InputError
+from ridgebayes.evidence.record import LogEvidence
+from ridgebayes.likelihood import Model
+from ridgebayes.offsets import Offsets
+
+_REMAINING = 0.05  # log evidence that the live points may still hold when sampling ends
+_WALKED = 6  # coordinates from which on random walks are cheaper than draws within ellipsoids
+
+
+def nested_evidence(
+    model: Model,
+    *,
+    rng: np.random.Generator,
+    n_live: int = 500,
+    n_call_max: int = 5_000_000,
+) -> LogEvidence:
+    """Estimate the log evidence by nested sampling, from the prior inwards.
+
+    Parameters
+    ----------
+    model : Model
+        Posterior.
+    rng : numpy.random.Generator
+        For all draws.
+    n_live : int, optional
+        Live points: the standard error falls as one over their square root.
+    n_call_max : int, optional
+        Likelihood calls after which the run is given up.
+
+    Returns
+    -------
+    LogEvidence
+        Method ``dynesty``. The status is not ok, and the value NaN, where `n_call_max` calls were
+        not enough.
+
+    Raises
+    ------
+    InputError
+        If dynesty is not installed.
+
+    Notes
+    -----
+    *Accuracy.* The standard error is dynesty's own: of the volumes, sqrt(information / n_live). It
+    does not know of random walks too short to forget where they began; more live points do not
+    help against that.
+    *Validity.* Priors are reached through a unit cube, which ends 8.2 standard deviations from a
+    prior's centre at the upper end: what the posterior holds beyond is lost.
+    *Cost.* One likelihood call at a time, some 0.1 to 0.2 ms: ten seconds for three coordinates,
+    minutes for ten, an hour for forty.
+
+    References
+    ----------
+    Skilling (2006), doi:10.1214/06-BA127; Speagle (2020), doi:10.1093/mnras/staa278.
+    """
+    dynesty = _dynesty()
+    n = model.n_coordinate
+    density = _Latent(model) if model.is_latent else _Marginal(model)
+    sampler = dynesty.NestedSampler(
+        density.log_likelihood,
+        density.at_cube,
+        n,
+        nlive=n_live,
+        sample="unif" if n < _WALKED else "rwalk",
+        walks=None if n < _WALKED else 20 + 2 * n,
+        rstate=rng,
+    )
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        # What it says of runs cut short is said by the status.
+        warnings.simplefilter("ignore")
+        sampler.run_nested(dlogz=_REMAINING, maxcall=n_call_max, print_progress=False)
+    found = sampler.results
+    remaining = _remaining(found)
+    if not remaining < _REMAINING:
+        return LogEvidence(
+            "dynesty",
+            math.nan,
+            math.nan,
+            f"{n_call_max} calls were not enough: {remaining:.2g} of the log evidence is left",
+        )
+    return LogEvidence("dynesty", float(found.logz[-1]), float(found.logzerr[-1]))
+
+
+class _Marginal:
+    """Parameters alone: rows are independent, or their offsets integrated out in closed form."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+
+    def at_cube(self, cube: FloatArray) -> FloatArray:
+        """Return theta at a point of the unit cube."""
+        return self._model.to_theta(ndtri(cube))
+
+    def log_likelihood(self, theta: FloatArray) -> float:
+        """Return the log-likelihood of all rows."""
+        return float(self._model.log_likelihood(theta))
+
+
+class _Latent:
+    """Parameters and standard normal scores of the offsets."""
+
+    def __init__(self, model: Model) -> None:
+        assert model.offsets is not None
+        self._model, self._offsets = model, model.offsets
+        self._k = model.n_parameter
+        self._has_df = bool(model.noise.distribution.parameter_names)
+
+    def at_cube(self, cube: FloatArray) -> FloatArray:
+        """Return theta and scores at a point of the unit cube."""
+        normal = ndtri(cube)
+        return np.concatenate([self._model.to_theta(normal), normal[self._k :]])
+
+    def log_likelihood(self, point: FloatArray) -> float:
+        """Return the log-likelihood of all rows given the offsets."""
+        model, theta, scores = self._model, point[: self._k], point[self._k :]
+        eta = theta[model.n_coefficient :]
+        here, later = _offsets_of_rows(self._offsets, eta, scores)
+        rows = model.rows.log_likelihood(
+            model.log_rates(theta),
+            eta[..., 0],
+            model.noise.distribution,
+            eta[..., -1] if self._has_df else None,
+            here,
+            later,
+        )
+        value = float(rows.sum())
+        return value if not math.isnan(value) else -math.inf
+
+
+def _offsets_of_rows(
+    offsets: Offsets, eta: FloatArray, scores: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return each row's offset at its own Q and at Q + 2."""
+    levels = offsets.root(eta).times(scores)
+    return levels[offsets.codes].sum(axis=0), levels[offsets.codes_next].sum(axis=0)
+
+
+def _remaining(found: Any) -> float:
+    """Return by how much the live points at the end could still have raised the log evidence."""
+    last = found.niter - 1
+    return float(np.logaddexp(0, found.logl[-1] + found.logvol[last] - found.logz[last]))
+
+
+def _dynesty() -> Any:
+    try:
+        import dynesty
+    except ImportError:
+        raise InputError(
+            "nested sampling needs dynesty: pip install 'ridgebayes[dynesty]'"
+        ) from None
+    return dynesty
