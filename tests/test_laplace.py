@@ -49,6 +49,23 @@ def test_unwhiten__jacobian_and_volume_are_the_determinant_by_finite_differences
         assert total == pytest.approx(log_determinant, abs=1e-8)  # discretisation: h^2
 
 
+def test_unwhiten__of_several_error_parameters_and_offsets_has_the_determinant_of_differences():
+    # Two coefficients, two error parameters that widen them, an offset's coordinate that does not.
+    factor = np.eye(5) + 0.1 * np.tril(np.random.default_rng(3).standard_normal((5, 5)), -1)
+    funnel = Funnel(TURN, np.array([2e-3, 50.0]), lambda u: 0.01 * np.exp(u).sum(axis=-1))
+    laplace, h = Laplace(np.array([0.3, 0.02, -0.5, 0.2, 0.0]), factor, 0.0, funnel, 2), 1e-5
+    assert laplace.n_latent == 1
+    for z in np.random.default_rng(4).standard_normal((5, 5)):
+        columns = [laplace.unwhiten(z + d)[0] - laplace.unwhiten(z - d)[0] for d in h * np.eye(5)]
+        log_determinant = np.linalg.slogdet(np.array(columns) / (2 * h))[1]
+        u, log_jacobian = laplace.unwhiten(z)
+        total = log_jacobian + laplace.log_volume
+        assert total == pytest.approx(log_determinant, abs=1e-8)  # discretisation: h^2
+        back, again = laplace.whiten(u)
+        np.testing.assert_allclose(back, z, rtol=0, atol=1e-11)  # algebra
+        assert again == pytest.approx(log_jacobian, abs=1e-11)
+
+
 def test_unwhiten__of_the_origin_is_the_mode():
     laplace = made_up(0.02**2)
     u, log_jacobian = laplace.unwhiten(np.zeros(3))

@@ -6,6 +6,7 @@ from scipy import stats
 from ridgebayes.errors import InputError
 from ridgebayes.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
 from ridgebayes.likelihood import Model
+from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
 from ridgebayes.priors import HalfNormal, LogNormal, Normal
 from ridgebayes.table import ContactTable
@@ -110,6 +111,53 @@ def test_log_likelihood__costs_by_textures_not_rows():
     model = Model(observations(frame), Hybrid())
     assert len(model.likelihood.groups.n) == len(TEXTURES)
     assert model.likelihood.groups.n.sum() == len(frame)
+
+
+STRUCTURED = [noise for noise in Noise.every() if noise.name != "iid"]
+
+
+@pytest.mark.parametrize("noise", STRUCTURED, ids=lambda noise: noise.name)
+def test_marginal_gradient__by_differences_is_that_of_shorter_steps(noise):
+    rng = np.random.default_rng(26)
+    model = Model(observations(made_up(rng, rel_se=True)), Hybrid(), noise)
+    u = 0.3 * rng.standard_normal(model.n_parameter)
+    gradient = model.marginal_gradient(u)
+    h = 1e-4
+    for i, step in enumerate(h * np.eye(len(u))):
+        up, down = model.marginal_log_density(u + step), model.marginal_log_density(u - step)
+        # Discretisation: h^2 f(3) here, (2e-3)^4 f(5) there; rounding 1e-12 / h.
+        assert gradient[i] == pytest.approx((up - down) / (2 * h), rel=1e-5, abs=1e-4)
+
+
+@pytest.mark.parametrize("noise", Noise.every(), ids=lambda noise: noise.name)
+def test_model__of_each_error_model_names_its_coordinates(noise):
+    model = Model(observations(made_up(np.random.default_rng(27))), Hybrid(), noise)
+    assert model.parameter_names == ("c1", "c2", *noise.parameter_names)
+    sampled = noise.tail == "student" and noise.structure != "iid"
+    assert model.is_latent == sampled
+    assert len(model.coordinate_names) == model.n_coordinate
+    n_level = model.offsets.n_level if sampled else 0
+    assert model.n_coordinate == model.n_parameter + n_level
+    assert model.is_plain == (noise.name == "iid")
+    u = 0.1 * np.random.default_rng(28).standard_normal((3, model.n_coordinate))
+    assert np.isfinite(model.log_density(u)).all()
+    assert model.pointwise_log_likelihood(u).shape == (3, len(model.data))
+
+
+@pytest.mark.parametrize("noise", Noise.every(), ids=lambda noise: noise.name)
+def test_log_density__of_each_error_model_does_not_mind_the_order_of_rows(noise):
+    rng = np.random.default_rng(29)
+    frame = made_up(rng, rel_se=True)
+    shuffled = frame.sample(frac=1, random_state=1)
+    # Whoever comes first names the textures' order: the first rows stay.
+    first = frame.drop_duplicates(["a_over_R", "b_over_R"]).index
+    order = [*first, *(i for i in shuffled.index if i not in first)]
+    one, two = (Model(observations(rows), Hybrid(), noise) for rows in (frame, frame.loc[order]))
+    u = 0.3 * rng.standard_normal((4, one.n_coordinate))
+    # Rounding: another order of summation.
+    np.testing.assert_allclose(two.log_density(u), one.log_density(u), rtol=1e-9)
+    theta = one.to_theta(u)
+    np.testing.assert_allclose(two.log_likelihood(theta), one.log_likelihood(theta), rtol=1e-9)
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -4,12 +4,21 @@ from scipy import integrate, stats
 
 from ridgebayes.errors import InputError
 from ridgebayes.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
-from ridgebayes.priors import HalfNormal, JointPrior, LogNormal, Normal, default_priors
+from ridgebayes.noise import Noise
+from ridgebayes.priors import (
+    Gamma,
+    HalfNormal,
+    JointPrior,
+    LogNormal,
+    Normal,
+    default_priors,
+)
 
 PRIORS = [
     (LogNormal(1.382, 0.3), stats.lognorm(s=0.3, scale=1.382)),
     (Normal(-0.2, 0.05), stats.norm(-0.2, 0.05)),
     (HalfNormal(0.05), stats.halfnorm(scale=0.05)),
+    (Gamma(2.0, 0.1), stats.gamma(2.0, scale=10.0)),
 ]
 
 
@@ -27,7 +36,7 @@ def test_log_pdf__integrates_to_one(prior, oracle):
     assert total == pytest.approx(1, abs=1e-8)  # discretisation: quad's own tolerance
 
 
-@pytest.mark.parametrize("prior", [LogNormal(1.0, 0.1), HalfNormal(0.05)])
+@pytest.mark.parametrize("prior", [LogNormal(1.0, 0.1), HalfNormal(0.05), Gamma(2.0, 0.1)])
 def test_log_pdf__is_minus_infinity_off_the_support(prior):
     assert np.all(prior.log_pdf(np.array([-1.0, 0.0])) == -np.inf)
     assert prior.positive
@@ -80,6 +89,54 @@ def test_rvs__follows_the_density(prior, oracle):
 def test_stretched__multiplies_the_scale_alone(prior, wider):
     assert prior.stretched(5) == wider
     assert prior.stretched(5).scale == 5 * prior.scale
+
+
+def test_gamma__scores_invert_values_from_end_to_end_of_the_normals_range():
+    prior = Gamma(2.0, 0.1)
+    u = np.linspace(-37, 37, 149)
+    x = prior.value_at(u)
+    assert np.all(np.isfinite(x))
+    assert np.all(np.diff(x) > 0)
+    # Algebra: a probability's relative rounding, over the rate -u at which its logarithm changes.
+    np.testing.assert_allclose(prior.score(x, 2.0, 0.1), u, rtol=1e-9, atol=1e-9)
+    # Each tail by its own probability, in logarithms: P = 1 - (1 + z) exp(-z), z = x / 10.
+    high = u > 1
+    z = 0.1 * x[high]
+    log_sf = np.log1p(z) - z
+    np.testing.assert_allclose(log_sf, stats.norm.logsf(u[high]), rtol=1e-10)  # rounding
+    low = u < -10
+    log_cdf = 2 * np.log(0.1 * x[low]) - np.log(2)
+    np.testing.assert_allclose(log_cdf, stats.norm.logcdf(u[low]), rtol=1e-10)  # z^2 / 2 (1 - z)
+
+
+def test_gamma__slope_is_the_difference_of_values_far_into_both_tails():
+    prior, u, h = Gamma(2.0, 0.1), np.array([-30.0, -12.0, -4.0, 0.0, 4.0, 12.0, 30.0]), 1e-5
+    difference = (prior.value_at(u + h) - prior.value_at(u - h)) / (2 * h)
+    # Discretisation: h^2 u^2 / 6; rounding: eps / h of the value.
+    np.testing.assert_allclose(prior.slope_at(u), difference, rtol=3e-8)
+
+
+def test_gamma__stretched_has_mean_and_width_multiplied():
+    prior, wider = Gamma(2.0, 0.1), Gamma(2.0, 0.1).stretched(5)
+    assert wider == Gamma(2.0, 0.02)
+    u = np.array([-2.0, 0.0, 1.5])
+    np.testing.assert_allclose(wider.value_at(u), 5 * prior.value_at(u), rtol=1e-13)  # rounding
+
+
+def test_default_priors__of_each_error_model_follow_the_coefficients():
+    everything = {
+        "sigma": HalfNormal(0.05),
+        "tau_texture": HalfNormal(0.03),
+        "tau_step": HalfNormal(0.03),
+        "length_h": LogNormal(1.0, 0.7),
+        "length_ratio": LogNormal(0.3, 0.7),
+        "df": Gamma(2.0, 0.1),
+    }
+    for noise in Noise.every():
+        priors = default_priors(Hybrid(), noise)
+        assert tuple(priors) == ("c1", "c2", *noise.parameter_names)
+        for name in noise.parameter_names:
+            assert priors[name] == everything[name]
 
 
 def test_describe__tells_kind_and_numbers():

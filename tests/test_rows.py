@@ -198,7 +198,7 @@ def test_row_groups__collapse_ten_thousand_replicates_into_cells(observed):
     for g, row in enumerate(groups.row):
         mine = groups.of_row == g
         assert mine[row]
-        same = (texture == texture[row]) & (Q == Q[row]) & (data.rel_se == data.rel_se[row])
+        same = (texture == texture[row]) & (Q[row] == Q) & (data.rel_se == data.rel_se[row])
         np.testing.assert_array_equal(mine, same)
         values = rows.upper[mine]
         assert groups.n[g] == mine.sum()
