@@ -135,27 +135,38 @@ def reading(ln_bf: float, ln_bf_se: float, form_a: str, form_b: str, caution: st
     return f"{words}; {caution}" if caution else words
 
 
+def factor_row(
+    form_a: str,
+    form_b: str,
+    noise: str,
+    method: str,
+    ln_bf: float,
+    ln_bf_se: float,
+    caution: str | None,
+) -> dict[str, object]:
+    """Return one row of `bayes_factors.csv`."""
+    return {
+        "form_a": form_a,
+        "form_b": form_b,
+        "noise": noise,
+        "method": method,
+        "ln_bf": ln_bf,
+        "ln_bf_se": ln_bf_se,
+        "log10_bf": ln_bf / math.log(10),
+        "reading": reading(ln_bf, ln_bf_se, form_a, form_b, caution),
+    }
+
+
 def bayes_factor_table(
     evidence: pd.DataFrame, fits: Mapping[str, Fit], noise: Noise
 ) -> pd.DataFrame:
     """Return the Bayes factor of each pair of forms, and Savage-Dickey's for Modified in Hybrid."""
-    used = {row["form"]: row for row in evidence[evidence["used"]].to_dict("records")}
-    rows = []
+    mine = evidence[evidence["used"] & (evidence["noise"] == noise.name)]
+    used = {row["form"]: row for row in mine.to_dict("records")}
+    rows: list[dict[str, object]] = []
 
     def add(a: str, b: str, method: str, ln_bf: float, se: float) -> None:
-        words = reading(ln_bf, se, a, b, noise.caution)
-        rows.append(
-            {
-                "form_a": a,
-                "form_b": b,
-                "noise": noise.name,
-                "method": method,
-                "ln_bf": ln_bf,
-                "ln_bf_se": se,
-                "log10_bf": ln_bf / math.log(10),
-                "reading": words,
-            }
-        )
+        rows.append(factor_row(a, b, noise.name, method, ln_bf, se, noise.caution))
 
     for a, b in itertools.combinations(fits, 2):
         if a in used and b in used:

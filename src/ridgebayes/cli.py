@@ -36,7 +36,8 @@ Forms = Annotated[
     str,
     typer.Option(help="Comma-separated: classic, power-law, modified, hybrid, half-plane."),
 ]
-NoiseName = Annotated[str, typer.Option(help="Error model: iid.")]
+NOISE_RULE = "STRUCTURE or STRUCTURE:student; iid, texture, step, texture+step, step-smooth."
+NoiseName = Annotated[str, typer.Option(help=f"Error model: {NOISE_RULE}")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing output.")]
 Resume = Annotated[
     bool, typer.Option("--resume", help="Go on with what a killed run left; the end is the same.")
@@ -52,7 +53,10 @@ def run(
         Path | None, typer.Option(help="Contact table; the embedded sweep if not given.")
     ] = None,
     forms: Forms = "",
-    noise: NoiseName = "iid",
+    noise: Annotated[
+        str | None,
+        typer.Option(help=f"Error model: {NOISE_RULE} Without it the best by mean evidence."),
+    ] = None,
     out: Out = DEFAULT_OUT,
     force: Force = False,
     seed: Seed = 0,

@@ -1,6 +1,7 @@
 """Which form does the evidence support: Bayes factors, model probabilities, predictive scores."""
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,7 +9,17 @@ from pathlib import Path
 import pandas as pd
 
 from ridgebayes._types import FloatArray, Rng
-from ridgebayes.bayes_factors import bayes_factor_table, evidence_table, evidences
+from ridgebayes.bayes_factors import (
+    EVIDENCE_COLUMNS,
+    bayes_factor_table,
+    evidence_table,
+    evidences,
+)
+from ridgebayes.error_models import (
+    chosen_error_model,
+    summed_bayes_factors,
+    weigh_error_models,
+)
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
 from ridgebayes.fit import Fit, as_noise, calibrate, refuse_circular
@@ -36,14 +47,16 @@ class Comparison:
     table : ContactTable
         The table as used.
     noise : Noise
-        Error model.
+        Error model of the fits.
     fits : dict of str to Fit
         By form name.
     evidence : pandas.DataFrame
         Columns form, noise, method, log_evidence, log_evidence_se, used, prior_probability,
-        model_probability, status.
+        model_probability, status. Where the error model was chosen by evidence, also one row for
+        each form under every other.
     bayes_factors : pandas.DataFrame
-        Columns form_a, form_b, noise, method, ln_bf, ln_bf_se, log10_bf, reading.
+        Columns form_a, form_b, noise, method, ln_bf, ln_bf_se, log10_bf, reading. Where several
+        error models were weighed, also with these summed out.
     loo : pandas.DataFrame
         Columns form, noise, elpd, se, p, n_bad_k, stacking_weight.
     prior_sensitivity : pandas.DataFrame
@@ -68,7 +81,7 @@ class Comparison:
     @property
     def probabilities(self) -> dict[str, float]:
         """Posterior model probabilities at equal prior, by form."""
-        used = self.evidence[self.evidence["used"]]
+        used = self.evidence[self.evidence["used"] & (self.evidence["noise"] == self.noise.name)]
         return dict(zip(used["form"], used["model_probability"].astype(float), strict=True))
 
     @property
@@ -127,12 +140,13 @@ def compare(
     table: ContactTable,
     forms: Sequence[Form] = DEFAULT_FORMS,
     *,
-    noise: str | Noise = "iid",
+    noise: str | Noise | None = "iid",
     rng: Rng = 0,
     settings: SampleSettings | None = None,
     progress: Tell | None = None,
     stage: Stage = untimed,
     checkpoints: Path | None = None,
+    executor: Executor | None = None,
 ) -> Comparison:
     """Fit several forms to one table and compare them.
 
@@ -143,7 +157,7 @@ def compare(
     forms : sequence of Form, optional
         Classic, power law, Modified and Hybrid if not given.
     noise : str or Noise, optional
-        Error model of all forms.
+        Error model of all forms; None for the one with the highest mean evidence over them.
     rng : int or numpy.random.Generator, optional
         Seed. Each form draws from a stream of its own name.
     settings : SampleSettings, optional
@@ -154,6 +168,8 @@ def compare(
         Called with a stage's name, returns a context manager around it.
     checkpoints : Path, optional
         Folder in which the chains are kept as they grow, see `calibrate`.
+    executor : concurrent.futures.Executor, optional
+        Weighs the error models where `noise` is None.
 
     Returns
     -------
@@ -184,7 +200,14 @@ def compare(
         )
     for form in forms:
         refuse_circular(table, form)
-    seed, error_model = seed_of(rng), as_noise(noise)
+    seed, elsewhere = seed_of(rng), pd.DataFrame(columns=EVIDENCE_COLUMNS)
+    if noise is None:
+        with stage("error models"):
+            elsewhere = weigh_error_models(
+                table, forms, seed=seed, executor=executor, progress=progress
+            )
+            noise = chosen_error_model(elsewhere)
+    error_model = as_noise(noise)
     fits: dict[str, Fit] = {}
     failures: dict[str, str] = {}
     found: dict[str, list[LogEvidence]] = {}
@@ -211,13 +234,28 @@ def compare(
     if not fits:
         raise ComputationError("no form could be fitted: " + "; ".join(failures.values()))
     evidence = evidence_table(found, error_model)
+    if len(elsewhere):
+        evidence = _with_others(evidence, elsewhere, error_model)
     with stage("savage-dickey and Bayes factors"):
         factors = bayes_factor_table(evidence, fits, error_model)
+        summed = summed_bayes_factors(evidence)
+        if len(summed):
+            factors = pd.concat([factors, summed], ignore_index=True)
     with stage("leave-one-out"):
         loo = loo_table(fits)
     with stage("prior sensitivity"):
         sensitivity = prior_sensitivity(fits)
     return Comparison(table, error_model, fits, evidence, factors, loo, sensitivity, failures)
+
+
+def _with_others(evidence: pd.DataFrame, weighed: pd.DataFrame, noise: Noise) -> pd.DataFrame:
+    """Add what weighing the error models gave; of the chosen one it is only a first look."""
+    first_look = weighed["noise"] == noise.name
+    weighed = weighed.assign(
+        used=weighed["used"] & ~first_look,
+        model_probability=weighed["model_probability"].mask(first_look),
+    )
+    return pd.concat([evidence, weighed], ignore_index=True)
 
 
 def chain_file(form: str) -> str:

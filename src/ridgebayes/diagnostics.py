@@ -218,16 +218,34 @@ def pareto_k(log_weights: FloatArray) -> float:
     ----------
     Vehtari et al. (2024), Journal of Machine Learning Research 25(72).
     """
+    return pareto_smoothed(log_weights)[1]
+
+
+def pareto_smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
+    """Return importance weights whose tail is replaced by a fitted Pareto's, and its shape.
+
+    Parameters
+    ----------
+    log_weights : ndarray of float, shape (n_draw,)
+        Logarithms, up to a constant.
+
+    Returns
+    -------
+    smoothed : ndarray of float, shape (n_draw,)
+        Logarithms of smoothed weights, which sum to 1.
+    shape : float
+        As `pareto_k` returns it.
+    """
     arviz = import_arviz()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if arviz.__version__.startswith("0."):
-            _, k = arviz.psislw(log_weights)
+            smoothed, k = arviz.psislw(log_weights)
         else:
             from arviz_stats.base import array_stats
 
-            _, k = array_stats.psislw(log_weights)
-    return float(k)
+            smoothed, k = array_stats.psislw(log_weights)
+    return np.asarray(smoothed), float(k)
 
 
 def stacking_weights(pointwise: FloatArray) -> FloatArray:

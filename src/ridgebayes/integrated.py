@@ -5,9 +5,16 @@ import math
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.offsets import Offsets, OffsetsGiven
+from ridgebayes.offsets import Offsets, OffsetsGiven, SmoothOffsets
 from ridgebayes.rows import RowGroups, Rows
-from ridgebayes.shared_scores import Design, Root, ScoresGiven, given_rows
+from ridgebayes.shared_scores import (
+    Design,
+    Root,
+    ScoresGiven,
+    cholesky_or_nan,
+    given_rows,
+    solve_lower,
+)
 
 _LOG_2PI = math.log(2 * math.pi)
 _CHUNK = 20_000_000  # numbers held at a time where draws x levels x rows are needed
@@ -33,13 +40,30 @@ class IntegratedOffsets:
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         """Return the log-likelihood, shape (...), from (..., n_texture) and (..., n_noise)."""
-        groups = self._groups
+        groups, variance = self._groups, self._variance(eta)
+        if isinstance(self._offsets, SmoothOffsets):
+            return self._dense(self._offsets, log_rates, eta)
         root, given = self._given(log_rates, eta)
         left = self._residual(log_rates) - self._design.spread(root.times(given.mean))
-        variance = self._variance(eta)
         misfit = ((groups.sum_of_squares + groups.n * left * left) / variance).sum(axis=-1)
         misfit += (given.mean**2).sum(axis=-1) + given.log_det
         return -0.5 * (misfit + (groups.n * (np.log(variance) + _LOG_2PI)).sum(axis=-1))
+
+    def _dense(self, offsets: SmoothOffsets, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
+        """Return the same where offsets are as many as groups of rows, by one factor, not two.
+
+        A group is normal by its mean, and by its scatter about it.
+        """
+        groups, variance = self._groups, self._variance(eta)
+        code, index = offsets.codes[0, groups.row], np.arange(len(groups.n))
+        covariance = offsets.covariance(eta)[..., code[:, None], code]
+        covariance[..., index, index] += variance / groups.n
+        factor = cholesky_or_nan(covariance)
+        half = solve_lower(factor, self._residual(log_rates)[..., None])[..., 0]
+        misfit = half**2 + 2 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)) + _LOG_2PI
+        scatter = groups.sum_of_squares / variance + np.log(groups.n)
+        scatter = scatter + (groups.n - 1) * (np.log(variance) + _LOG_2PI)
+        return -0.5 * (misfit + scatter).sum(axis=-1)
 
     def pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         """Return log p(row | all other rows), shape (n_draw, n_obs), from (n_draw, ...).

@@ -1,6 +1,8 @@
 """The jobs behind the commands: each reads, computes, and fills one run folder."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +27,7 @@ from ridgebayes.runfolder import (
 )
 from ridgebayes.sample import SampleSettings
 from ridgebayes.table import ContactTable, read_table
+from ridgebayes.workers import n_cpu, workers
 
 EMBEDDED = "embedded sweep"
 EMBEDDED_FE = "finite-element reference rows"
@@ -35,7 +38,7 @@ def run_job(
     *,
     table: Path | None = None,
     forms: Sequence[str] = (),
-    noise: str = "iid",
+    noise: str | None = None,
     seed: int = 0,
     force: bool = False,
     settings: SampleSettings | None = None,
@@ -53,7 +56,7 @@ def run_job(
     forms : sequence of str, optional
         Form names.
     noise : str, optional
-        Error model.
+        Error model; the one with the highest mean evidence over the forms if not given.
     seed : int, optional
         Seed.
     force : bool, optional
@@ -77,16 +80,25 @@ def run_job(
     chosen, error_model, data = _checked(table, forms, noise)
     with_reference = table is None
     n_stage = 2 * len(chosen) + 5 + (2 * len(FORMS) + 4 if with_reference else 0)
+    n_stage += 0 if error_model else 1 + with_reference
     reference = None
-    with new_folder(folder, force=force, resume=resume) as partial, Progress(n_stage) as progress:
-        comparison = _compared(data, chosen, error_model, seed, settings, progress, partial)
+    with (
+        new_folder(folder, force=force, resume=resume) as partial,
+        Progress(n_stage) as progress,
+        workers(n_cpu()) if error_model is None else nullcontext() as executor,
+    ):
+        comparison = _compared(
+            data, chosen, error_model, seed, settings, progress, partial, executor
+        )
         write_comparison(comparison, partial)
         _bands(comparison, partial, progress)
         if with_reference:
             rows = replace(reference_fe(), where=EMBEDDED_FE)
             everything, below = [form_named(name) for name in FORMS], partial / REFERENCE
             below.mkdir(exist_ok=True)
-            reference = _compared(rows, everything, error_model, seed, settings, progress, below)
+            reference = _compared(
+                rows, everything, error_model, seed, settings, progress, below, executor
+            )
             write_comparison(reference, below)
             _bands(reference, below, progress)
             _about(below, reference, "run", seed, {}, [])
@@ -166,12 +178,12 @@ def write_pages(comparison: Comparison, folder: Path, reference: Comparison | No
 
 
 def _checked(
-    table: Path | None, forms: Sequence[str], noise: str
-) -> tuple[list[Form], Noise, ContactTable]:
+    table: Path | None, forms: Sequence[str], noise: str | None
+) -> tuple[list[Form], Noise | None, ContactTable]:
     if len(set(forms)) < len(forms):
         raise InputError(f"forms: {', '.join(forms)} given; rule: each once")
     chosen = [form_named(name) for name in forms] or list(DEFAULT_FORMS)
-    error_model = Noise.named(noise)
+    error_model = None if noise is None else Noise.named(noise)
     data = replace(paper_sweep(), where=EMBEDDED) if table is None else read_table(table)
     for form in chosen:
         refuse_circular(data, form)
@@ -182,11 +194,12 @@ def _checked(
 def _compared(
     table: ContactTable,
     forms: Sequence[Form],
-    noise: Noise,
+    noise: Noise | None,
     seed: int,
     settings: SampleSettings | None,
     progress: Progress,
     folder: Path,
+    executor: Executor | None = None,
 ) -> Comparison:
     return compare(
         table,
@@ -197,6 +210,7 @@ def _compared(
         progress=progress.detail,
         stage=progress.stage,
         checkpoints=folder,
+        executor=executor,
     )
 
 

@@ -23,6 +23,9 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.likelihood import Model
 
+_ROUGH_TOL = 1e-2  # accepted distance from the mode where gradients are numerical, in sds
+_RUNAWAY = 25.0  # prior sds from the prior's centre at which a search has run away
+
 
 @dataclass(frozen=True, eq=False)
 class Funnel:
@@ -79,6 +82,8 @@ class Laplace:
         The scales of w.
     n_noise : int
         Parameters of the error model.
+    is_mode : bool
+        Whether the mode was found; else the coordinates are useful all the same.
     """
 
     mode: FloatArray
@@ -86,6 +91,7 @@ class Laplace:
     log_density: float
     funnel: Funnel
     n_noise: int
+    is_mode: bool = True
 
     def unwhiten(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return u at w = factor z, and log |du/dw|.
@@ -149,7 +155,8 @@ def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
     model : Model
         Posterior.
     tol : float, optional
-        Largest distance from the mode that is accepted, in posterior standard deviations.
+        Largest distance from the mode that is accepted, in posterior standard deviations, where
+        gradients are analytic.
 
     Returns
     -------
@@ -180,18 +187,23 @@ def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
     except (linalg.LinAlgError, ValueError):
         root = np.full_like(precision, np.nan)
     # How far the mode still is, in posterior sds: the search's own flag gives up on rounding.
-    decrement = np.linalg.norm(_solve_lower(root, _gradient(model, funnel, u)))
-    if not decrement < tol:
-        raise ComputationError(
-            f"{model.form.name}: the posterior has no interior mode: the form reproduces all rows, "
-            "or nearly, and sigma has no lower bound; add rows, or leave the form out"
-        )
+    decrement = float(np.linalg.norm(_solve_lower(root, _gradient(model, funnel, u))))
+    is_mode = decrement < (tol if model.is_plain else _ROUGH_TOL)
+    if not is_mode:
+        if model.is_plain or not np.all(np.abs(u) < _RUNAWAY):
+            raise ComputationError(
+                f"{model.form.name}: the posterior has no interior mode: the form reproduces all "
+                "rows, or nearly, and sigma has no lower bound; add rows, or leave the form out"
+            )
+        # Humps and kinks of a Student posterior: coordinates need a scale, not the very mode.
+        values, vectors = linalg.eigh(precision)
+        root = linalg.cholesky((vectors * np.maximum(np.abs(values), 1)) @ vectors.T, lower=True)
     covariance = linalg.cho_solve((root, True), np.eye(len(u)))
     n_latent = model.n_coordinate - model.n_parameter
     factor = linalg.block_diag(linalg.cholesky(covariance, lower=True), np.eye(n_latent))
     mode = np.concatenate([u, np.zeros(n_latent)])
     n_noise = model.n_parameter - model.n_coefficient
-    return Laplace(mode, factor, float(model.log_density(mode)), funnel, n_noise)
+    return Laplace(mode, factor, float(model.log_density(mode)), funnel, n_noise, is_mode)
 
 
 def _search(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
@@ -202,6 +214,11 @@ def _search(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
         value = -float(model.marginal_log_density(u)) - float(scales.sum())
         return value if math.isfinite(value) else 1e300
 
+    if not model.is_plain:  # numerical gradients are too dear, and too rough, for curvatures
+        found = optimize.minimize(
+            negative, start, jac=lambda u: _gradient(model, funnel, u), method="BFGS"
+        )
+        return found.x
     try:
         return optimize.minimize(
             negative,
@@ -227,13 +244,14 @@ def _curvature(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:
     n = len(u)
     hessian = np.empty((n, n))
     for i in range(n):
-        # A rough curvature first, then a step of a hundredth of the width that it implies:
-        # truncation 1e-4 of the third derivative's effect, rounding far below it.
-        probe = np.zeros(n)
-        probe[i] = 1e-5
+        # A rough curvature first, then a step of a hundredth of the width that it implies (a tenth
+        # of numerical gradients): truncation 1e-4 (1e-2) of the fourth derivative's effect.
+        probe, first = np.zeros(n), 1e-5 if model.is_plain else 1e-2
+        probe[i] = first
         up, down = _gradient(model, funnel, u + probe), _gradient(model, funnel, u - probe)
-        rough = abs(up[i] - down[i]) / 2e-5
-        probe[i] = 1e-2 / math.sqrt(max(rough, 1e-4)) if math.isfinite(rough) else 1e-5
+        rough = abs(up[i] - down[i]) / (2 * first)
+        step = 1e-2 if model.is_plain else 0.1
+        probe[i] = step / math.sqrt(max(rough, 1e-4)) if math.isfinite(rough) else first
         up, down = _gradient(model, funnel, u + probe), _gradient(model, funnel, u - probe)
         hessian[i] = (up - down) / (2 * probe[i])
     return 0.5 * (hessian + hessian.T)

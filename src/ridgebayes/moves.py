@@ -100,7 +100,8 @@ def _mixture(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Fit a mixture of normals, each drawn a little towards the common covariance."""
     n = len(points)
-    common = np.atleast_2d(np.cov(points.T))
+    # Whitened coordinates have unit scale: the ridge keeps a handful of different draws in shape.
+    common = np.atleast_2d(np.cov(points.T)) + 1e-4 * np.eye(points.shape[1])
     centres = points[rng.choice(n, n_component, replace=False)]
     factors = np.repeat(np.linalg.cholesky(common)[None], n_component, axis=0)
     weights = np.full(n_component, 1 / n_component)

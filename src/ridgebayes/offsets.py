@@ -174,7 +174,7 @@ class SmoothOffsets(Offsets):
         ]
 
     def root(self, eta: FloatArray) -> Root:
-        return FullRoot(self._unit_root(eta) * eta[..., self._tau, None, None])
+        return FullRoot(cholesky_or_nan(self.covariance(eta)))
 
     def loading(
         self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root
@@ -196,15 +196,17 @@ class SmoothOffsets(Offsets):
         n_step = len(np.unique(self._places[:, 0]))
         return eta[..., self._tau] ** 2 * (self._n_row / n_step)
 
-    def _unit_root(self, eta: FloatArray) -> FloatArray:
-        covariance = np.ones((*eta.shape[:-1], self.n_level, self.n_level))
+    def covariance(self, eta: FloatArray) -> FloatArray:
+        """Return the offsets' covariance a priori, shape (..., n_level, n_level)."""
+        covariance = np.empty((*eta.shape[:-1], self.n_level, self.n_level))
+        covariance[...] = eta[..., self._tau, None, None] ** 2
         for (squares, code), length in zip(self._axes, self._lengths, strict=True):
             with np.errstate(over="ignore", under="ignore", divide="ignore"):
                 factor = np.exp(-0.5 * squares / eta[..., length, None, None] ** 2)
             covariance *= factor[..., code[:, None], code]
         levels = np.arange(self.n_level)
-        covariance[..., levels, levels] = 1 + NUGGET
-        return cholesky_or_nan(covariance)
+        covariance[..., levels, levels] *= 1 + NUGGET
+        return covariance
 
 
 @dataclass(frozen=True, eq=False)

@@ -180,6 +180,7 @@ def verdicts(comparison: Comparison) -> dict[str, Any]:
         "converged": {name: fit.converged for name, fit in comparison.fits.items()},
         "missing": {name: fit.missing for name, fit in comparison.fits.items() if fit.missing},
         "failures": comparison.failures,
+        "noise": comparison.noise.name,
         "caution": comparison.noise.caution,
         "n_calibration": len(comparison.table.calibration),
         "n_held_out": len(comparison.table.held_out),
@@ -216,7 +217,7 @@ def read_run(folder: Path) -> Comparison:
                 raise InputError(f"{path}: holds form {fits[name].form.name!r}; rule: {name!r}")
     return Comparison(
         replace(read_table(folder / "table.csv"), where=about["table"]),
-        Noise(about["noise"]),
+        Noise.named(about["noise"]),
         fits,
         _read_csv(folder / "evidence.csv", EVIDENCE_COLUMNS),
         _read_csv(folder / "bayes_factors.csv", BAYES_FACTOR_COLUMNS, optional=True),

@@ -93,7 +93,7 @@ class ScoresGiven:
         """Return the scores that standard normals (..., n_level) stand for."""
         if self._diagonal:
             return self.mean + normal / self.root
-        return self.mean + _solved(self.root, normal[..., None], transposed=True)[..., 0]
+        return self.mean + solve_lower(self.root, normal[..., None], transposed=True)[..., 0]
 
     def normals_of(self, scores: FloatArray) -> FloatArray:
         """Return the standard normals that scores stand for: the inverse of `at`."""
@@ -106,7 +106,7 @@ class ScoresGiven:
         """Return the variance of scores' combinations (..., n_level, n), shape (..., n)."""
         if self._diagonal:
             return ((loading / self.root[..., None]) ** 2).sum(axis=-2)
-        return (_solved(self.root, loading) ** 2).sum(axis=-2)
+        return (solve_lower(self.root, loading) ** 2).sum(axis=-2)
 
 
 class DiagonalRoot:
@@ -170,7 +170,7 @@ class FullRoot:
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Return L^-1 x, from (..., n_level, m)."""
-        return _solved(self._factor, right)
+        return solve_lower(self._factor, right)
 
 
 Root = DiagonalRoot | FullRoot
@@ -201,8 +201,8 @@ def given_rows(design: Design, root: Root, weight: FloatArray, residual: FloatAr
     levels = np.arange(design.n_level)
     precision[..., levels, levels] += 1
     factor = cholesky_or_nan(precision)
-    half = _solved(factor, pull[..., None])
-    return ScoresGiven(_solved(factor, half, transposed=True)[..., 0], factor)
+    half = solve_lower(factor, pull[..., None])
+    return ScoresGiven(solve_lower(factor, half, transposed=True)[..., 0], factor)
 
 
 def cholesky_or_nan(matrix: FloatArray) -> FloatArray:
@@ -220,7 +220,7 @@ def cholesky_or_nan(matrix: FloatArray) -> FloatArray:
     return factors
 
 
-def _solved(factor: FloatArray, right: FloatArray, *, transposed: bool = False) -> FloatArray:
+def solve_lower(factor: FloatArray, right: FloatArray, *, transposed: bool = False) -> FloatArray:
     """Solve lower triangular systems of a batch, (..., n, n) and (..., n, m)."""
     n, m = right.shape[-2:]
     batch = np.broadcast_shapes(factor.shape[:-2], right.shape[:-2])

@@ -1,0 +1,186 @@
+"""Which error model does the evidence support: every form under each, and what that says.
+
+An error model is weighed by its mean evidence over the forms, so that none is chosen for suiting
+one form alone; forms are weighed against each other under the chosen one, and with the error models
+summed out, every one as probable as the next.
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+import pandas as pd
+from scipy.special import logsumexp
+
+from ridgebayes.bayes_factors import BAYES_FACTOR_COLUMNS, EVIDENCE_COLUMNS, factor_row
+from ridgebayes.errors import ComputationError
+from ridgebayes.evidence import LogEvidence, power_law_evidence, quadrature_evidence
+from ridgebayes.fit import refuse_circular
+from ridgebayes.forms import Form, PowerLaw
+from ridgebayes.importance import importance_fit
+from ridgebayes.laplace import fit_laplace
+from ridgebayes.likelihood import Model
+from ridgebayes.noise import Noise
+from ridgebayes.observations import Observations
+from ridgebayes.randomness import stream
+from ridgebayes.sample import Tell
+from ridgebayes.table import ContactTable
+
+SUMMED = "summed out"  # the noise column of Bayes factors that hold for no error model alone
+# A first look: the error models differ by whole units, and the chosen one is then walked.
+_EFFORT = {"n_draw": 1_024, "n_round": 4, "n_per_round": 1_000}
+
+
+def weigh_error_models(
+    table: ContactTable,
+    forms: Sequence[Form],
+    noises: Sequence[Noise] = Noise.every(),
+    *,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Tell | None = None,
+) -> pd.DataFrame:
+    """Return the log evidence of every form under every error model.
+
+    Parameters
+    ----------
+    table : ContactTable
+        Rows of role calibration and status ok are fitted.
+    forms : sequence of Form
+        Contact forms.
+    noises : sequence of Noise, optional
+        Error models; all ten if not given.
+    seed : int, optional
+        Each evidence draws from a stream of its own.
+    executor : concurrent.futures.Executor, optional
+        Runs the evidences; one after the other in this process if not given.
+    progress : callable, optional
+        Called with a line of text now and then.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns of `evidence.csv`, one row each: by quadrature where rows are exact and independent,
+        by importance sampling otherwise. A pair without a usable evidence says why in its status.
+
+    Raises
+    ------
+    InputError
+        If no row can be fitted, or a form may not be fitted to these rows.
+    """
+    for form in forms:
+        refuse_circular(table, form)
+    data = Observations.from_table(table)
+    pairs = list(itertools.product(forms, noises))
+    seeds = [int(stream(seed, f.name, n.name).integers(2**63)) for f, n in pairs]
+    jobs = ([data] * len(pairs), *zip(*pairs, strict=True), seeds)
+    results = map(_evidence, *jobs) if executor is None else executor.map(_evidence, *jobs)
+    rows = []
+    for (form, noise), found in zip(pairs, results, strict=True):
+        if progress is not None:
+            progress(f"error model {noise.name}, {form.name}: ln Z {found.value:.2f}")
+        rows.append((form.name, noise.name, found.method, found.value, found.se, found.ok,
+                     1 / len(forms), math.nan, found.status))  # fmt: skip
+    frame = pd.DataFrame(rows, columns=EVIDENCE_COLUMNS)
+    for noise in frame["noise"].unique():
+        here = (frame["noise"] == noise) & frame["used"]
+        values = frame.loc[here, "log_evidence"]
+        frame.loc[here, "model_probability"] = np.exp(values - logsumexp(values))
+    return frame
+
+
+def _evidence(data: Observations, form: Form, noise: Noise, seed: int) -> LogEvidence:
+    try:
+        model = Model(data, form, noise)
+        if model.is_plain and isinstance(model.form, PowerLaw):
+            return power_law_evidence(model)
+        if model.is_plain:
+            found = quadrature_evidence(model.log_density, fit_laplace(model))
+            if found.ok:
+                return found
+        return importance_fit(model, seed=seed, **_EFFORT)[1]
+    except ComputationError as error:
+        return LogEvidence("importance", math.nan, math.nan, str(error))
+
+
+def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:
+    """Return the log of the mean evidence over the forms, by error model, highest first.
+
+    Parameters
+    ----------
+    evidence : pandas.DataFrame
+        As `weigh_error_models` returns it, or `evidence.csv` of a run.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns noise, log_mean_evidence, probability (at equal prior), n_form. A form without an
+        evidence under an error model counts there as evidence zero.
+
+    Examples
+    --------
+    >>> rows = pd.DataFrame({"form": ["a", "b"] * 2, "noise": ["iid", "iid", "step", "step"],
+    ...     "method": "quadrature", "log_evidence": [0.0, 0.0, 1.0, 1.0], "used": True})
+    >>> mean_evidence(rows)["noise"].tolist()
+    ['step', 'iid']
+    """
+    one = _one_each(evidence)
+    n_form = one["form"].nunique()
+    rows = [
+        (noise, float(logsumexp(part["log_evidence"])) - math.log(n_form), len(part))
+        for noise, part in one.groupby("noise", sort=False)
+    ]
+    frame = pd.DataFrame(rows, columns=["noise", "log_mean_evidence", "n_form"])
+    share = np.exp(frame["log_mean_evidence"] - logsumexp(frame["log_mean_evidence"]))
+    frame.insert(2, "probability", share)
+    return frame.sort_values("log_mean_evidence", ascending=False, kind="stable", ignore_index=True)
+
+
+def chosen_error_model(evidence: pd.DataFrame) -> str:
+    """Return the name of the error model with the highest mean evidence over the forms.
+
+    Raises
+    ------
+    ComputationError
+        If no form has an evidence under any.
+    """
+    if _one_each(evidence).empty:
+        raise ComputationError("no form has an evidence under any error model")
+    return str(mean_evidence(evidence)["noise"].iloc[0])
+
+
+def summed_bayes_factors(evidence: pd.DataFrame) -> pd.DataFrame:
+    """Return the forms' Bayes factors with the error models summed out at equal prior.
+
+    Parameters
+    ----------
+    evidence : pandas.DataFrame
+        As for `mean_evidence`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns of `bayes_factors.csv`; the noise is ``summed out``.
+    """
+    one = _one_each(evidence)
+    n_noise = one["noise"].nunique()
+    if n_noise < 2:
+        return pd.DataFrame(columns=BAYES_FACTOR_COLUMNS)
+    sums, errors = {}, {}
+    for form, part in one.groupby("form", sort=False):
+        value = float(logsumexp(part["log_evidence"]))
+        share = np.exp(part["log_evidence"] - value)
+        sums[str(form)] = value - math.log(n_noise)
+        errors[str(form)] = float(np.sqrt(((share * part["log_evidence_se"].fillna(0)) ** 2).sum()))
+    rows = [
+        factor_row(a, b, SUMMED, "sum", sums[a] - sums[b], math.hypot(errors[a], errors[b]), None)
+        for a, b in itertools.combinations(sums, 2)
+    ]
+    return pd.DataFrame(rows, columns=BAYES_FACTOR_COLUMNS)
+
+
+def _one_each(evidence: pd.DataFrame) -> pd.DataFrame:
+    """Return the evidence that is used of each form under each error model."""
+    return evidence[evidence["used"]].drop_duplicates(["form", "noise"])
