@@ -211,4 +211,5 @@ def test_row_groups__keep_squares_of_residuals_far_below_the_loads(observed):
     # 1e-9 beside 10: a difference of squares would have nothing left.
     load = -8 + 1e-9 * np.arange(5)
     groups = RowGroups.of(Rows.of(observed([0] * 5, 6, load), Modified()))
-    assert groups.sum_of_squares[0] == pytest.approx(1e-17, rel=1e-5)  # rounding: 1e-15 of 1e-9
+    # Rounding: 1e-15 of 1e-9.
+    assert groups.sum_of_squares[0] == pytest.approx(1e-17, rel=1e-5, abs=0)
