@@ -61,6 +61,9 @@ def test_unwhiten__of_several_error_parameters_and_offsets_has_the_determinant_o
         u, log_jacobian = laplace.unwhiten(z)
         total = log_jacobian + laplace.log_volume
         assert total == pytest.approx(log_determinant, abs=1e-8)  # discretisation: h^2
+        # Both error parameters widen the coefficients.
+        wider = funnel.log_scales(u[2:4]) - funnel.log_scales(laplace.mode[2:4])
+        assert log_jacobian == pytest.approx(wider.sum(), abs=1e-11)  # algebra
         back, again = laplace.whiten(u)
         np.testing.assert_allclose(back, z, rtol=0, atol=1e-11)  # algebra
         assert again == pytest.approx(log_jacobian, abs=1e-11)
