@@ -1,8 +1,8 @@
 """Evidence by nested sampling with dynesty: a check that shares as little as it can with the rest.
 
 Bridge, importance sampling and quadrature all integrate over coordinates that this package made:
-whitened parameters, and offsets relative to what the rows tell of them. A wrong Jacobian there would
-be wrong in all three alike. Here nothing is whitened. Parameters are drawn from their priors, shared
+whitened parameters, and offsets relative to what the rows tell of them. A wrong Jacobian would be
+wrong in all three alike. Here nothing is whitened. Parameters are drawn from their priors, shared
 offsets are L(theta) times standard normal scores, and rows have their likelihood one by one.
 """
 
@@ -85,13 +85,10 @@ def nested_evidence(
         warnings.simplefilter("ignore")
         sampler.run_nested(dlogz=_REMAINING, maxcall=n_call_max, print_progress=False)
     found = sampler.results
-    remaining = _remaining(found)
-    if not remaining < _REMAINING:
+    # Those of the points that were replaced: the loop ends beyond either limit.
+    if found.ncall[: found.niter].sum() > n_call_max:
         return LogEvidence(
-            "dynesty",
-            math.nan,
-            math.nan,
-            f"{n_call_max} calls were not enough: {remaining:.2g} of the log evidence is left",
+            "dynesty", math.nan, math.nan, f"not finished after {n_call_max} likelihood calls"
         )
     return LogEvidence("dynesty", float(found.logz[-1]), float(found.logzerr[-1]))
 
@@ -148,12 +145,6 @@ def _offsets_of_rows(
     """Return each row's offset at its own Q and at Q + 2."""
     levels = offsets.root(eta).times(scores)
     return levels[offsets.codes].sum(axis=0), levels[offsets.codes_next].sum(axis=0)
-
-
-def _remaining(found: Any) -> float:
-    """Return by how much the live points at the end could still have raised the log evidence."""
-    last = found.niter - 1
-    return float(np.logaddexp(0, found.logl[-1] + found.logvol[last] - found.logz[last]))
 
 
 def _dynesty() -> Any:

@@ -14,7 +14,7 @@ class LogEvidence:
     Parameters
     ----------
     method : str
-        ``bridge``, ``quadrature``, ``laplace``.
+        ``bridge``, ``importance``, ``quadrature``, ``laplace``, ``dynesty``.
     value : float
         Natural log; NaN where the method failed.
     se : float
