@@ -178,6 +178,43 @@ def predict(
 
 
 @app.command()
+def coverage(
+    table: Annotated[
+        Path | None, typer.Argument(help="Contact table; the embedded sweep if not given.")
+    ] = None,
+    out: Out = Path("ridgebayes-coverage"),
+    forms: Forms = "",
+    noise: Annotated[
+        str, typer.Option(help=f"Error models, comma-separated, all if not given: {NOISE_RULE}")
+    ] = "",
+    seed: Seed = 0,
+    force: Force = False,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes; numbers do not depend on it.")] = 2,
+) -> None:
+    """Leave each texture out in turn and count how often bands contain its loads."""
+    from ridgebayes.jobs import coverage_job
+
+    found = coverage_job(
+        out,
+        table=table,
+        forms=_names(forms),
+        noises=_names(noise, "--noise"),
+        seed=seed,
+        force=force,
+        jobs=jobs,
+    )
+    shown = found[found["prob"] == 0.9]
+    columns = ["form", "noise", "n", "covered", "share", "share_se", "mean_width"]
+    print("Bands of 90 %:")
+    print(shown[columns].to_string(index=False, float_format="{:.3f}".format))
+    print(f"{out}: {len(found)} rows; look at {out / 'coverage.png'}")
+    failed = shown[shown["n_failed"] > 0]
+    if len(failed):
+        rows = zip(failed["form"], failed["noise"], failed["failed"], strict=True)
+        raise ComputationError("\n".join(f"{form}, {name}: {why}" for form, name, why in rows))
+
+
+@app.command()
 def report(folder: Annotated[Path, typer.Argument(help="A run folder.")]) -> None:
     """Write the report of a finished run again."""
     from ridgebayes.jobs import report_job
@@ -240,10 +277,10 @@ def _refuse_existing(path: Path, force: bool) -> None:
         raise InputError(f"{path}: exists; rule: another -o, or --force to replace it")
 
 
-def _names(text: str) -> list[str]:
+def _names(text: str, option: str = "--forms") -> list[str]:
     names = [name.strip() for name in text.split(",")] if text else []
     if not all(names):
-        raise InputError(f"--forms {text!r}: an empty name; rule: names with commas between them")
+        raise InputError(f"{option} {text!r}: an empty name; rule: names with commas between them")
     return names
 
 

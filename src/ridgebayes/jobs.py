@@ -1,14 +1,17 @@
 """The jobs behind the commands: each reads, computes, and fills one run folder."""
 
+import json
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from ridgebayes.atomic import replacing
 from ridgebayes.bands import bands_table, loads_table
 from ridgebayes.comparison import DEFAULT_FORMS, Comparison, compare
+from ridgebayes.coverage import coverage
 from ridgebayes.datafiles import paper_sweep, reference_fe
 from ridgebayes.errors import InputError
 from ridgebayes.fit import refuse_circular
@@ -20,17 +23,23 @@ from ridgebayes.runfolder import (
     REFERENCE,
     new_folder,
     read_run,
+    versions,
     write_comparison,
     write_csv,
     write_fits,
     write_run_json,
+    write_text,
 )
 from ridgebayes.sample import SampleSettings
 from ridgebayes.table import ContactTable, read_table
 from ridgebayes.workers import n_cpu, workers
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 EMBEDDED = "embedded sweep"
 EMBEDDED_FE = "finite-element reference rows"
+COVERAGE_JSON = "coverage.json"
 
 
 def run_job(
@@ -156,6 +165,70 @@ def fit_job(
     return comparison
 
 
+def coverage_job(
+    folder: Path,
+    *,
+    table: Path | None = None,
+    forms: Sequence[str] = (),
+    noises: Sequence[str] = (),
+    seed: int = 0,
+    force: bool = False,
+    jobs: int = 1,
+) -> "pd.DataFrame":
+    """Count how often bands contain transitions of textures left out, form by form.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder to make: coverage.csv, its figure as PNG and SVG, coverage.json.
+    table : Path, optional
+        Contact table; the embedded sweep if not given.
+    forms, noises : sequence of str, optional
+        Names; the four printed forms and every error model if not given.
+    seed : int, optional
+        Seed.
+    force : bool, optional
+        Whether an existing folder of this command may be replaced.
+    jobs : int, optional
+        Processes; the numbers do not depend on it.
+
+    Returns
+    -------
+    pandas.DataFrame
+        What coverage.csv holds.
+
+    Raises
+    ------
+    InputError
+        If an argument or the table breaks a rule; nothing is written then.
+    """
+    chosen, _, data = _checked(table, forms, None)
+    if len(set(noises)) < len(noises):
+        raise InputError(f"noise: {', '.join(noises)} given; rule: each once")
+    models = [Noise.named(name) for name in noises] or list(Noise.every())
+    with (
+        new_folder(folder, force=force, about=COVERAGE_JSON) as partial,
+        Progress(len(chosen) * len(models) + 1) as progress,
+        workers(jobs) if jobs > 1 else nullcontext() as executor,
+    ):
+        found = coverage(data, chosen, models, rng=seed, executor=executor, progress=progress.stage)
+        write_csv(found, partial / "coverage.csv")
+        with progress.stage("figure"):
+            _draw_coverage(found, partial)
+        options = {"table": str(table) if table else None, "forms": list(forms)}
+        content = {
+            "command": "coverage",
+            "versions": versions(),
+            "seed": seed,
+            "options": options | {"noise": list(noises), "jobs": jobs},
+            "table": data.where,
+            "table_digest": data.digest(),
+            "stages": progress.stages,
+        }
+        write_text(json.dumps(content, indent=2) + "\n", partial / COVERAGE_JSON)
+    return found
+
+
 def report_job(folder: Path) -> None:
     """Write the figures and the report of a run folder again, from what is in it."""
     comparison = read_run(folder)
@@ -218,6 +291,16 @@ def _bands(comparison: Comparison, folder: Path, progress: Progress) -> None:
     with progress.stage("bands"):
         write_csv(bands_table(comparison), folder / "bands.csv")
         write_csv(loads_table(comparison), folder / "loads.csv")
+
+
+def _draw_coverage(found: "pd.DataFrame", folder: Path) -> None:
+    from ridgebayes.figures.coverage import plot_coverage
+    from ridgebayes.figures.style import as_bytes
+
+    figure = plot_coverage(found)
+    for kind in ("png", "svg"):
+        with replacing(folder / f"coverage.{kind}") as partial:
+            partial.write_bytes(as_bytes(figure, kind))
 
 
 def _about(

@@ -30,7 +30,9 @@ _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray
 
 
 @contextmanager
-def new_folder(path: Path, *, force: bool = False, resume: bool = False) -> Iterator[Path]:
+def new_folder(
+    path: Path, *, force: bool = False, resume: bool = False, about: str = RUN_JSON
+) -> Iterator[Path]:
     """Give a folder to write into that takes its final name only when all is done.
 
     Parameters
@@ -41,6 +43,8 @@ def new_folder(path: Path, *, force: bool = False, resume: bool = False) -> Iter
         Whether a run folder of that name may be replaced. It is removed at the very end.
     resume : bool, optional
         Whether to go on in the partial folder that an earlier run left.
+    about : str, optional
+        File by which a folder of this kind is known: no other kind is replaced.
 
     Yields
     ------
@@ -61,9 +65,9 @@ def new_folder(path: Path, *, force: bool = False, resume: bool = False) -> Iter
     if os.path.lexists(path):  # a link that leads nowhere is in the way as well
         if not force:
             raise InputError(f"{path}: exists; rule: another -o, or --force to replace it")
-        if not path.is_dir() or (any(path.iterdir()) and not (path / RUN_JSON).is_file()):
+        if not path.is_dir() or (any(path.iterdir()) and not (path / about).is_file()):
             raise InputError(
-                f"{path}: not a run folder (no {RUN_JSON} in it); rule: --force replaces only those"
+                f"{path}: not a run folder (no {about} in it); rule: --force replaces only those"
             )
     partial = path.with_name(f".{path.name}.partial")
     try:
@@ -156,7 +160,7 @@ def write_run_json(
     """Write versions, seed, options, stage times and verdicts."""
     content = {
         "command": command,
-        "versions": {"python": platform.python_version()} | _versions(),
+        "versions": versions(),
         "seed": seed,
         "options": options,
         "table": comparison.table.where,
@@ -257,8 +261,9 @@ def _read_csv(path: Path, columns: Sequence[str], *, optional: bool = False) -> 
     return frame
 
 
-def _versions() -> dict[str, str]:
-    found = {}
+def versions() -> dict[str, str]:
+    """Return the versions of Python, this package and those its numbers depend on."""
+    found = {"python": platform.python_version()}
     for name in _PACKAGES:
         try:
             found[name] = version(name)
