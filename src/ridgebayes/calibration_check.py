@@ -1,4 +1,4 @@
-"""Simulation-based calibration of the posteriors: is a truth as likely at any rank among the draws?
+"""Simulation-based calibration of posteriors: the rank of the truth among their draws.
 
 Parameters are drawn from the prior, rows simulated under them, and the posterior of those rows is
 sampled as that of any table is. If simulation, density and sampler are right, the rank of the truth
@@ -8,10 +8,10 @@ each parameter's own marginal as it should be.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from typing import TypeVar
+from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -39,6 +39,13 @@ MOST_FAILED = 0.05  # share of failed fits beyond which ranks of the others prov
 SBC_SETTINGS = SampleSettings(tau_change=0.1)
 _T = TypeVar("_T")
 _GAP = 5.0  # autocorrelation times between the steps that draws are taken from
+
+
+class Engine(Protocol):
+    """What draws from a posterior."""
+
+    def __call__(self, model: Model, *, seed: int) -> Fit:
+        """Return the posterior's draws."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +85,7 @@ class SBC:
     form, noise : str
         Names of the form and the error model that simulated and fitted.
     engine : str
-        How posteriors were drawn from: ``walk`` or ``importance``.
+        How posteriors were drawn from: ``walk``, ``importance``, or a callable's name.
     n_replicate : int
         Simulated sets of rows.
     ranks : pandas.DataFrame
@@ -89,6 +96,7 @@ class SBC:
 
     Notes
     -----
+    The sum of two is one of both runs: see `first` of `sbc`.
     Failed fits are counted and listed, and their ranks take no part in the verdict. Given its rows
     a fit fails or not whatever the truth was, so that the ranks of the others are uniform still.
     But they say nothing of rows like those of the failed: above `MOST_FAILED` of these the verdict
@@ -101,6 +109,14 @@ class SBC:
     n_replicate: int
     ranks: pd.DataFrame
     failures: pd.DataFrame
+
+    def __add__(self, other: "SBC") -> "SBC":
+        return replace(
+            self,
+            n_replicate=self.n_replicate + other.n_replicate,
+            ranks=pd.concat([self.ranks, other.ranks], ignore_index=True),
+            failures=pd.concat([self.failures, other.failures], ignore_index=True),
+        )
 
     @property
     def n_failed(self) -> int:
@@ -163,9 +179,8 @@ class _Replication:
     form: Form
     noise: Noise
     priors: Mapping[str, Prior] | None
-    engine: str
+    engine: Engine
     n_draw: int
-    settings: SampleSettings
     seed: int
 
     def __call__(self, replicate: int) -> tuple[list[dict[str, object]], str]:
@@ -177,7 +192,7 @@ class _Replication:
         rows = simulated(self.places, simulate_log_loads(template, truth, rng)[0])
         model = Model(rows, self.form, self.noise, self.priors)
         try:
-            fit = self._fitted(model, seed)
+            fit = self.engine(model, seed=seed)
         except ComputationError as error:
             return [], str(error)
         theta = model.to_theta(independent_draws(fit, self.n_draw, stream(seed, "thin")))
@@ -195,10 +210,16 @@ class _Replication:
         ]
         return ranks, "; ".join(fit.missing)
 
-    def _fitted(self, model: Model, seed: int) -> Fit:
-        if self.engine == "importance":
-            return importance_fit(model, seed=seed)[0]
-        return fit_model(model, seed=seed, settings=self.settings)
+
+def _walk(model: Model, *, seed: int) -> Fit:
+    return fit_model(model, seed=seed, settings=SBC_SETTINGS)
+
+
+def _importance(model: Model, *, seed: int) -> Fit:
+    return importance_fit(model, seed=seed)[0]
+
+
+ENGINES: dict[str, Engine] = {"walk": _walk, "importance": _importance}
 
 
 def sbc(
@@ -207,11 +228,11 @@ def sbc(
     noise: str | Noise = "iid",
     *,
     n_replicate: int = 200,
+    first: int = 0,
     rng: Rng = 0,
-    fit: str = "walk",
+    fit: str | Engine = "walk",
     n_draw: int = 199,
     priors: Mapping[str, Prior] | None = None,
-    settings: SampleSettings = SBC_SETTINGS,
     executor: Executor | None = None,
     progress: Tell | None = None,
 ) -> SBC:
@@ -227,16 +248,17 @@ def sbc(
         Error model.
     n_replicate : int, optional
         Simulated sets of rows.
+    first : int, optional
+        Number of the first one: with the same seed a run goes on where another ended.
     rng : int or numpy.random.Generator, optional
         Seed; each replicate has a stream of its own.
-    fit : str, optional
-        ``walk``: the sampler that `calibrate` runs; ``importance``: `importance_fit`.
+    fit : str or callable, optional
+        ``walk``: the sampler that `calibrate` runs, `SBC_SETTINGS`; ``importance``:
+        `importance_fit`; or what makes a Fit of a Model and a ``seed``.
     n_draw : int, optional
         Draws of each posterior that the truth is ranked among.
     priors : mapping of str to Prior, optional
         Replacements for default priors, by parameter name.
-    settings : SampleSettings, optional
-        Lengths and thresholds of the walk.
     executor : concurrent.futures.Executor, optional
         What replicates are computed on; one after another if not given. The result is the same.
     progress : callable, optional
@@ -268,24 +290,26 @@ def sbc(
     Talts et al. (2018), arXiv:1804.06788; Modrak et al. (2023), doi:10.1214/23-BA1404, for the
     log-likelihood.
     """
-    if fit not in ("walk", "importance"):
-        raise InputError(f"fit: {fit!r} given; rule: walk or importance")
+    engine = ENGINES.get(fit) if isinstance(fit, str) else fit
+    if engine is None:
+        raise InputError(f"fit: {fit!r} given; rule: one of {', '.join(ENGINES)}, or a callable")
     if n_replicate < 1:
         raise InputError(f"n_replicate: {n_replicate} given; rule: at least 1")
     error_model, places = as_noise(noise), exact_places(data)
-    run = _Replication(places, form, error_model, priors, fit, n_draw, settings, seed_of(rng))
+    run = _Replication(places, form, error_model, priors, engine, n_draw, seed_of(rng))
     ranks: list[dict[str, object]] = []
     failures: list[dict[str, object]] = []
-    for i, (own, reason) in enumerate(mapped(run, n_replicate, executor)):
+    numbers = range(first, first + n_replicate)
+    for i, (own, reason) in zip(numbers, mapped(run, numbers, executor), strict=True):
         ranks += own
         if reason:
             failures.append({"replicate": i, "reason": reason})
         if progress is not None and (i + 1) % 10 == 0:
-            progress(f"{i + 1} of {n_replicate} replicates, {len(failures)} failed")
+            progress(f"{i + 1 - first} of {n_replicate} replicates, {len(failures)} failed")
     return SBC(
         form.name,
         error_model.name,
-        fit,
+        fit if isinstance(fit, str) else getattr(fit, "__name__", "own"),
         n_replicate,
         pd.DataFrame(ranks, columns=RANK_COLUMNS),
         pd.DataFrame(failures, columns=FAILURE_COLUMNS),
@@ -328,6 +352,8 @@ def exact_places(data: Observations) -> Observations:
     return simulated(data, np.where(data.Q >= 4, 0.0, np.nan))
 
 
-def mapped(run: Callable[[int], _T], n: int, executor: Executor | None) -> Iterator[_T]:
-    """Yield what `run` makes of 0 to n - 1, in order."""
-    return map(run, range(n)) if executor is None else executor.map(run, range(n))
+def mapped(
+    run: Callable[[int], _T], numbers: Iterable[int], executor: Executor | None
+) -> Iterator[_T]:
+    """Yield what `run` makes of each number, in order."""
+    return map(run, numbers) if executor is None else executor.map(run, numbers)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.likelihood import Model
 from ridgebayes.observations import Observations
@@ -55,9 +55,7 @@ def simulate_log_loads(
             f"axis ({', '.join(model.parameter_names)})"
         )
     eta = theta[..., model.n_coefficient :]
-    log_load = _curve(model, theta) + np.zeros(
-        (n, 1) if theta.ndim == 1 else (n,) + (1,) * theta.ndim
-    )
+    log_load = form_log_loads(model, theta) + np.zeros((n,) + (1,) * theta.ndim)
     if model.offsets is not None:
         scores = rng.standard_normal((*log_load.shape[:-1], model.offsets.n_level))
         offset = model.offsets.root(eta).times(scores)
@@ -68,8 +66,8 @@ def simulate_log_loads(
     return log_load + scale * model.noise.distribution.rvs(rng, df, log_load.shape)
 
 
-def _curve(model: Model, theta: FloatArray) -> FloatArray:
-    """Return the form's own log loads, shape (..., n_obs)."""
+def form_log_loads(model: Model, theta: FloatArray) -> FloatArray:
+    """Return the form's own log loads of the rows, shape (..., n_obs), NaN where there is none."""
     data = model.data
     shape = model.form.shape(data.Q, data.a_over_R[data.texture], data.b_over_R[data.texture])
     log_rate = model.log_rates(theta)[..., data.texture]
@@ -117,6 +115,19 @@ def simulated(data: Observations, log_load: FloatArray) -> Observations:
     )
 
 
+def is_possible(model: Model, theta: FloatArray) -> BoolArray:
+    """Return whether rows have a likelihood at all at parameters, ``theta.shape[:-1]``.
+
+    Every rate is positive, and a smooth offset's covariance can be factorised.
+    """
+    possible = np.isfinite(model.log_rates(theta)).all(axis=-1)
+    if model.offsets is not None:
+        root = model.offsets.root(theta[..., model.n_coefficient :])
+        ones = np.ones((*theta.shape[:-1], model.offsets.n_level))
+        possible = possible & np.isfinite(root.times(ones)).all(axis=-1)
+    return possible
+
+
 def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:
     """Draw parameters from the prior, where loads follow from them.
 
@@ -144,7 +155,7 @@ def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:
     found, n_found = [], 0
     for _ in range(_ROUNDS_MAX):
         theta = joint.rvs(rng, n)
-        theta = theta[np.isfinite(model.log_rates(theta)).all(axis=-1)]
+        theta = theta[is_possible(model, theta)]
         found.append(theta)
         n_found += len(theta)
         if n_found >= n:
