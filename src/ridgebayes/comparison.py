@@ -79,9 +79,19 @@ class Comparison:
         return f"Comparison({self.table.where}: {', '.join(parts)})"
 
     @property
+    def own_evidence(self) -> pd.DataFrame:
+        """The rows of `evidence` under the error model of the fits."""
+        return self.evidence[self.evidence["noise"] == self.noise.name]
+
+    @property
+    def own_bayes_factors(self) -> pd.DataFrame:
+        """The rows of `bayes_factors` under the error model of the fits."""
+        return self.bayes_factors[self.bayes_factors["noise"] == self.noise.name]
+
+    @property
     def probabilities(self) -> dict[str, float]:
         """Posterior model probabilities at equal prior, by form."""
-        used = self.evidence[self.evidence["used"] & (self.evidence["noise"] == self.noise.name)]
+        used = self.own_evidence[self.own_evidence["used"]]
         return dict(zip(used["form"], used["model_probability"].astype(float), strict=True))
 
     @property

@@ -6,6 +6,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.rows import RowGroups, Rows
+from ridgebayes.shared_scores import weighted_products
 from ridgebayes.tails import Tail
 
 
@@ -32,6 +33,10 @@ class IndependentRows:
     def pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         """Return each row's log-likelihood, shape (..., n_obs)."""
         return self._each(log_rates, eta)
+
+    def products(self, eta: FloatArray, columns: FloatArray) -> FloatArray:
+        """Return X' inverse(Sigma) X of columns (n_obs, m), rows taken as normal, (..., m, m)."""
+        return weighted_products(1 / self._rows.normal_variance(eta, self._tail), columns)
 
     def given(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> None:
         """Return nothing: rows share no offsets."""

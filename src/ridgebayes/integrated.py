@@ -13,6 +13,7 @@ from ridgebayes.shared_scores import (
     ScoresGiven,
     cholesky_or_nan,
     given_rows,
+    products_given,
     solve_lower,
 )
 
@@ -55,15 +56,26 @@ class IntegratedOffsets:
         A group is normal by its mean, and by its scatter about it.
         """
         groups, variance = self._groups, self._variance(eta)
-        code, index = offsets.codes[0, groups.row], np.arange(len(groups.n))
-        covariance = offsets.covariance(eta)[..., code[:, None], code]
-        covariance[..., index, index] += variance / groups.n
-        factor = cholesky_or_nan(covariance)
+        factor = self._dense_factor(offsets, eta)
         half = solve_lower(factor, self._residual(log_rates)[..., None])[..., 0]
         misfit = half**2 + 2 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)) + _LOG_2PI
         scatter = groups.sum_of_squares / variance + np.log(groups.n)
         scatter = scatter + (groups.n - 1) * (np.log(variance) + _LOG_2PI)
         return -0.5 * (misfit + scatter).sum(axis=-1)
+
+    def products(self, eta: FloatArray, columns: FloatArray) -> FloatArray:
+        """Return X' inverse(Sigma) X of columns (n_obs, m) that groups of rows share, (..., m, m).
+
+        Of residuals the means of groups serve: what products with other columns need.
+        """
+        groups = self._groups
+        mean = np.zeros((len(groups.n), columns.shape[1]))
+        np.add.at(mean, groups.of_row, columns / groups.n[groups.of_row, None])
+        if isinstance(self._offsets, SmoothOffsets):
+            half = solve_lower(self._dense_factor(self._offsets, eta), mean)
+            return np.swapaxes(half, -1, -2) @ half
+        weight = groups.n / self._variance(eta)
+        return products_given(self._design, self._offsets.root(eta), weight, mean)
 
     def pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         """Return log p(row | all other rows), shape (n_draw, n_obs), from (n_draw, ...).
@@ -84,6 +96,14 @@ class IntegratedOffsets:
         """Return what the rows tell of the offsets, for each of many draws."""
         root, given = self._given(log_rates, eta)
         return OffsetsGiven(self._offsets, eta, root, given.mean, given)
+
+    def _dense_factor(self, offsets: SmoothOffsets, eta: FloatArray) -> FloatArray:
+        """Return the Cholesky factor of the covariance of the groups' means."""
+        groups = self._groups
+        code, index = offsets.codes[0, groups.row], np.arange(len(groups.n))
+        covariance = offsets.covariance(eta)[..., code[:, None], code]
+        covariance[..., index, index] += self._variance(eta) / groups.n
+        return cholesky_or_nan(covariance)
 
     def _conditional(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         groups, rows = self._groups, self._rows

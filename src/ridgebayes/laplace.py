@@ -1,15 +1,9 @@
 r"""The normal approximation of a posterior, in coordinates that suit it.
 
-In unconstrained coordinates u (the prior's normal scores) a posterior is a funnel: the smaller
-sigma, the better the coefficients are known. Given sigma, a direction of the coefficients about
-which the rows hold the information d (at error variance 1) has the standard deviation
-
-    s = (d / t^2 + 1)^(-1/2),      t^2 = sigma^2 + the rows' mean known variance + what shared
-                                         offsets add to a mean over all rows,
-
-the 1 being the prior's. In coordinates w, in which each such direction is measured in units of its
-own s, the posterior is nearly normal. The Jacobian moves the mode from the joint mode, where sigma
-is too small (and with few rows runs to zero), to the mode of sigma's own marginal.
+Coefficients are known the better the smaller the errors are: in unconstrained coordinates a
+posterior is a funnel. Coordinates w take that out, by `funnel` where rows are exact, independent
+and normal, by `conditional` otherwise. In w a posterior is nearly normal: there its mode and
+curvature are found, proposals are fitted, evidences integrated.
 """
 
 import math
@@ -20,49 +14,13 @@ import numpy as np
 from scipy import linalg, optimize
 
 from ridgebayes._types import FloatArray
+from ridgebayes.conditional import Conditional
 from ridgebayes.errors import ComputationError
+from ridgebayes.funnel import Funnel, FunnelAbout
 from ridgebayes.likelihood import Model
 
-_ROUGH_TOL = 1e-2  # accepted distance from the mode where gradients are numerical, in sds
 _RUNAWAY = 25.0  # prior sds from the prior's centre at which a search has run away
-
-
-@dataclass(frozen=True, eq=False)
-class Funnel:
-    """How the scale of each direction of the coefficients depends on the error model's parameters.
-
-    Parameters
-    ----------
-    basis : ndarray of float, shape (n_coefficient, n_coefficient)
-        Orthonormal directions, in its columns.
-    information : ndarray of float, shape (n_coefficient,)
-        What the rows know of each at error variance 1.
-    error_variance : callable
-        Unconstrained coordinates of the error model's parameters, (..., n_noise), to t^2, (...).
-    """
-
-    basis: FloatArray
-    information: FloatArray
-    error_variance: Callable[[FloatArray], FloatArray]
-
-    @classmethod
-    def of(cls, model: Model, u: FloatArray) -> "Funnel":
-        """Take the directions from the rows' information at `u`."""
-        information, basis = linalg.eigh(model.information(u))
-        return cls(basis, np.maximum(information, 0.0), model.error_variance)
-
-    def log_scales(self, u_noise: FloatArray) -> FloatArray:
-        """Return log s of each direction, shape ``u_noise.shape[:-1] + (n_coefficient,)``."""
-        variance = self.error_variance(u_noise)[..., None]
-        with np.errstate(divide="ignore"):
-            return 0.5 * (np.log(variance) - np.log(self.information + variance))
-
-    def slope(self, u_noise: FloatArray) -> FloatArray:
-        """Return d/du_noise of the summed log scales, shape (n_noise,)."""
-        h = 1e-4
-        steps = h * np.eye(len(u_noise))
-        up = self.log_scales(u_noise + steps).sum(axis=-1)
-        return (up - self.log_scales(u_noise - steps).sum(axis=-1)) / (2 * h)
+_STEP = 0.02  # of numerical derivatives by an error model's parameters, in prior sds
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +36,8 @@ class Laplace:
         Lower Cholesky factor of the covariance of w.
     log_density : float
         Log posterior density in u at the mode, not normalised.
-    funnel : Funnel
-        The scales of w.
+    frame : FunnelAbout or Conditional
+        The map between w and u of the coefficients.
     n_noise : int
         Parameters of the error model.
     is_mode : bool
@@ -89,7 +47,7 @@ class Laplace:
     mode: FloatArray
     factor: FloatArray
     log_density: float
-    funnel: Funnel
+    frame: FunnelAbout | Conditional
     n_noise: int
     is_mode: bool = True
 
@@ -108,33 +66,22 @@ class Laplace:
         log_jacobian : ndarray of float, shape (...)
             Log |du/dw|.
         """
-        w, basis = z @ self.factor.T, self.funnel.basis
-        k = len(basis)
-        log_scale = self._log_scale(self.mode[self._noise] + w[..., self._noise])
-        w[..., :k] = (w[..., :k] @ basis * np.exp(log_scale)) @ basis.T
-        return self.mode + w, log_scale.sum(axis=-1)
+        w, k = z @ self.factor.T, self._n_coefficient
+        u = self.mode + w
+        u[..., :k], log_jacobian = self.frame.place(w[..., :k], u[..., self._noise])
+        return u, log_jacobian
 
     def whiten(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return z of u, and log |du/dw| there: the inverse of `unwhiten`."""
-        w, basis = u - self.mode, self.funnel.basis
-        k = len(basis)
-        log_scale = self._log_scale(u[..., self._noise])
-        w[..., :k] = (w[..., :k] @ basis * np.exp(-log_scale)) @ basis.T
+        w, k = u - self.mode, self._n_coefficient
+        w[..., :k], log_jacobian = self.frame.unplace(u[..., :k], u[..., self._noise])
         flat = w.reshape(-1, w.shape[-1]).T
-        return _solve_lower(self.factor, flat).T.reshape(w.shape), log_scale.sum(axis=-1)
+        return _solve_lower(self.factor, flat).T.reshape(w.shape), log_jacobian
 
     @property
     def n_latent(self) -> int:
         """Coordinates of sampled offsets, the last ones."""
-        return len(self.mode) - len(self.funnel.basis) - self.n_noise
-
-    @property
-    def _noise(self) -> slice:
-        k = len(self.funnel.basis)
-        return slice(k, k + self.n_noise)
-
-    def _log_scale(self, u_noise: FloatArray) -> FloatArray:
-        return self.funnel.log_scales(u_noise) - self.funnel.log_scales(self.mode[self._noise])
+        return len(self.mode) - self._n_coefficient - self.n_noise
 
     @property
     def log_volume(self) -> float:
@@ -144,7 +91,18 @@ class Laplace:
     @property
     def log_evidence(self) -> float:
         """Laplace's approximation of the log evidence."""
-        return self.log_density + 0.5 * len(self.mode) * math.log(2 * math.pi) + self.log_volume
+        k = self._n_coefficient
+        _, log_jacobian = self.frame.place(np.zeros(k), self.mode[self._noise])
+        volume = self.log_volume + float(log_jacobian)
+        return self.log_density + 0.5 * len(self.mode) * math.log(2 * math.pi) + volume
+
+    @property
+    def _n_coefficient(self) -> int:
+        return self.frame.n_coefficient
+
+    @property
+    def _noise(self) -> slice:
+        return slice(self._n_coefficient, self._n_coefficient + self.n_noise)
 
 
 def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
@@ -170,13 +128,67 @@ def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
 
     Notes
     -----
-    Where offsets are sampled, the mode is that of the parameters with the rows taken as normal, and
-    the offsets' own coordinates are standard normal to begin with.
+    Where rows share offsets, are bracketed or have Student errors, coefficients are taken as normal
+    given the error model's parameters and the mode is that of these parameters; offsets that are
+    sampled are standard normal to begin with. A posterior of several humps has no such mode:
+    `is_mode` tells.
 
     *Validity.* Perfect data (rows without misfit, more of them than coefficients) send sigma to
     zero, where the approximation is undefined; the search says so instead of returning a point on
     the way.
     """
+    return _fit_plain(model, tol) if model.is_plain else _fit_conditional(model)
+
+
+def _fit_conditional(model: Model) -> Laplace:
+    """Search the error model's parameters, each with the coefficients at their mean given them."""
+    k, n_noise = model.n_coefficient, model.n_parameter - model.n_coefficient
+    reference, noise = np.zeros(k), np.zeros(n_noise)
+    for _ in range(3):  # linearised about the prior's centre, then about where that led
+        frame = Conditional.of(model, reference)
+
+        def negative(u_noise: FloatArray, frame: Conditional = frame) -> FloatArray:
+            u, log_jacobian = frame.place(np.zeros((*u_noise.shape[:-1], k)), u_noise)
+            everything = np.concatenate([u, u_noise], axis=-1)
+            value = -model.marginal_log_density(everything) - log_jacobian
+            return np.where(np.isfinite(value), value, 1e300)
+
+        noise = optimize.minimize(
+            lambda x: float(negative(x)), noise, jac=lambda x: _slope(negative, x), method="BFGS"
+        ).x
+        if not np.all(np.abs(noise) < _RUNAWAY):
+            raise _no_mode(model)
+        reference = frame.place(np.zeros(k), noise)[0]
+    precision = _hessian(negative, noise)
+    values, vectors = linalg.eigh(precision)
+    is_mode = bool(np.all(values > 0))
+    if not is_mode:
+        # Humps and kinks of a Student posterior: coordinates need a scale, not the very mode.
+        precision = (vectors * np.maximum(np.abs(values), 1)) @ vectors.T
+    covariance = linalg.inv(precision)
+    n_latent = model.n_coordinate - model.n_parameter
+    factor = linalg.block_diag(
+        np.eye(k), linalg.cholesky(0.5 * (covariance + covariance.T), lower=True), np.eye(n_latent)
+    )
+    mode = np.concatenate([reference, noise, np.zeros(n_latent)])
+    return Laplace(mode, factor, float(model.log_density(mode)), frame, n_noise, is_mode)
+
+
+def _slope(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+    """Gradient by central differences of fourth order, all points in one call."""
+    steps = _STEP * np.eye(len(x))
+    near, far = (function(x + m * s) - function(x - m * s) for m, s in ((1, steps), (2, steps)))
+    return (8 * near - far) / (12 * _STEP)
+
+
+def _hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+    """Hessian by central differences of gradients, with a step that rounding allows."""
+    steps = 5 * _STEP * np.eye(len(x))
+    rows = [(_slope(function, x + s) - _slope(function, x - s)) / (10 * _STEP) for s in steps]
+    return 0.5 * (np.array(rows) + np.array(rows).T)
+
+
+def _fit_plain(model: Model, tol: float) -> Laplace:
     u = np.zeros(model.n_parameter)
     for _ in range(2):  # directions of the funnel at the prior's centre, then at the mode
         funnel = Funnel.of(model, u)
@@ -187,23 +199,18 @@ def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
     except (linalg.LinAlgError, ValueError):
         root = np.full_like(precision, np.nan)
     # How far the mode still is, in posterior sds: the search's own flag gives up on rounding.
-    decrement = float(np.linalg.norm(_solve_lower(root, _gradient(model, funnel, u))))
-    is_mode = decrement < (tol if model.is_plain else _ROUGH_TOL)
-    if not is_mode:
-        if model.is_plain or not np.all(np.abs(u) < _RUNAWAY):
-            raise ComputationError(
-                f"{model.form.name}: the posterior has no interior mode: the form reproduces all "
-                "rows, or nearly, and sigma has no lower bound; add rows, or leave the form out"
-            )
-        # Humps and kinks of a Student posterior: coordinates need a scale, not the very mode.
-        values, vectors = linalg.eigh(precision)
-        root = linalg.cholesky((vectors * np.maximum(np.abs(values), 1)) @ vectors.T, lower=True)
+    if not np.linalg.norm(_solve_lower(root, _gradient(model, funnel, u))) < tol:
+        raise _no_mode(model)
     covariance = linalg.cho_solve((root, True), np.eye(len(u)))
-    n_latent = model.n_coordinate - model.n_parameter
-    factor = linalg.block_diag(linalg.cholesky(covariance, lower=True), np.eye(n_latent))
-    mode = np.concatenate([u, np.zeros(n_latent)])
-    n_noise = model.n_parameter - model.n_coefficient
-    return Laplace(mode, factor, float(model.log_density(mode)), funnel, n_noise, is_mode)
+    factor = linalg.cholesky(covariance, lower=True)
+    return Laplace(u, factor, float(model.log_density(u)), funnel.about(u), 1)
+
+
+def _no_mode(model: Model) -> ComputationError:
+    return ComputationError(
+        f"{model.form.name}: the posterior has no interior mode: the form reproduces all rows, or "
+        "nearly, and sigma has no lower bound; add rows, or leave the form out"
+    )
 
 
 def _search(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
@@ -211,14 +218,9 @@ def _search(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
 
     def negative(u: FloatArray) -> float:
         scales = funnel.log_scales(u[model.n_coefficient :])
-        value = -float(model.marginal_log_density(u)) - float(scales.sum())
+        value = -float(model.log_density(u)) - float(scales.sum())
         return value if math.isfinite(value) else 1e300
 
-    if not model.is_plain:  # numerical gradients are too dear, and too rough, for curvatures
-        found = optimize.minimize(
-            negative, start, jac=lambda u: _gradient(model, funnel, u), method="BFGS"
-        )
-        return found.x
     try:
         return optimize.minimize(
             negative,
@@ -234,7 +236,7 @@ def _search(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
 
 def _gradient(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
-        slope = -model.marginal_gradient(u)
+        slope = -model.gradient(u)
         slope[model.n_coefficient :] -= funnel.slope(u[model.n_coefficient :])
     return slope
 
@@ -244,14 +246,13 @@ def _curvature(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:
     n = len(u)
     hessian = np.empty((n, n))
     for i in range(n):
-        # A rough curvature first, then a step of a hundredth of the width that it implies (a tenth
-        # of numerical gradients): truncation 1e-4 (1e-2) of the fourth derivative's effect.
-        probe, first = np.zeros(n), 1e-5 if model.is_plain else 1e-2
-        probe[i] = first
+        # A rough curvature first, then a step of a hundredth of the width that it implies:
+        # truncation 1e-4 of the third derivative's effect, rounding far below it.
+        probe = np.zeros(n)
+        probe[i] = 1e-5
         up, down = _gradient(model, funnel, u + probe), _gradient(model, funnel, u - probe)
-        rough = abs(up[i] - down[i]) / (2 * first)
-        step = 1e-2 if model.is_plain else 0.1
-        probe[i] = step / math.sqrt(max(rough, 1e-4)) if math.isfinite(rough) else first
+        rough = abs(up[i] - down[i]) / 2e-5
+        probe[i] = 1e-2 / math.sqrt(max(rough, 1e-4)) if math.isfinite(rough) else 1e-5
         up, down = _gradient(model, funnel, u + probe), _gradient(model, funnel, u - probe)
         hessian[i] = (up - down) / (2 * probe[i])
     return 0.5 * (hessian + hessian.T)

@@ -28,8 +28,6 @@ from ridgebayes.rows import Rows
 from ridgebayes.sampled import SampledOffsets
 
 _LOG_2PI = math.log(2 * math.pi)
-_STEP = 2e-3  # of numerical gradients, in prior standard deviations
-_STENCIL = np.array([[-2.0, 1 / 12], [-1.0, -2 / 3], [1.0, 2 / 3], [2.0, -1 / 12]])  # fourth order
 
 
 class Model:
@@ -191,16 +189,10 @@ class Model:
         value = self._log_prior_of(u) + self.log_likelihood(self.to_theta(u))
         return np.where(np.isnan(value), -np.inf, value)
 
-    def marginal_gradient(self, u: FloatArray) -> FloatArray:
-        """Return d marginal_log_density / d u where it is finite, shape (n_parameter,)."""
-        if isinstance(self.likelihood, IndependentNormalRows):
-            return self._gradient(self.likelihood, u)
-        steps = np.eye(len(u))[:, None] * (_STEP * _STENCIL[:, :1])
-        values = self.marginal_log_density(u + steps)
-        with np.errstate(invalid="ignore"):
-            return (values * _STENCIL[:, 1]).sum(axis=-1) / _STEP
-
-    def _gradient(self, likelihood: IndependentNormalRows, u: FloatArray) -> FloatArray:
+    def gradient(self, u: FloatArray) -> FloatArray:
+        """Return d log_density / d u where it is finite, shape (n_parameter,), of a plain model."""
+        likelihood = self.likelihood
+        assert isinstance(likelihood, IndependentNormalRows)
         theta, k = self.to_theta(u), self.n_coefficient
         by_group, by_sigma = likelihood.gradient(self.log_rates(theta), self._eta(theta))
         by_theta = self.form.log_rate_gradient(theta[:k], self._a, self._b)
@@ -214,17 +206,53 @@ class Model:
         """
         return self.likelihood.given(*self._parts(u))
 
-    def error_variance(self, u_noise: FloatArray) -> FloatArray:
-        """Return what the error model does to the mean over all rows, as a variance per row.
+    def linearised(self, u_coefficient: FloatArray) -> FloatArray:
+        """Return the rows' derivatives by the coefficients' coordinates, and their residuals.
 
-        It says how the coefficients' widths grow with the error model's parameters, given by their
-        unconstrained coordinates, shape (..., n_noise).
+        Parameters
+        ----------
+        u_coefficient : ndarray of float, shape (n_coefficient,)
+            Unconstrained coordinates.
+
+        Returns
+        -------
+        ndarray of float, shape (n_obs, n_coefficient + 1)
+            Residuals are of the rows' middles, and last.
         """
-        everything = np.zeros((*u_noise.shape[:-1], self.n_parameter))
-        everything[..., self.n_coefficient :] = u_noise
-        eta = self.to_theta(everything)[..., self.n_coefficient :]
-        shared = 0.0 if self.offsets is None else self.offsets.inflation(eta)
-        return eta[..., 0] ** 2 + float(np.mean(self.rows.rel_se**2)) + shared
+        k = self.n_coefficient
+        u = np.append(u_coefficient, np.zeros(self.n_parameter - k))
+        theta = self.to_theta(u)
+        slope = self._joint.at_scores_slope(u, theta)[:k]
+        jacobian = 2 * self.form.log_rate_gradient(theta[:k], self._a, self._b) * slope
+        residual = self.rows.centre()[0] + 2 * self.log_rates(theta)[self.data.texture]
+        return np.column_stack([jacobian[self.data.texture], residual])
+
+    def products(self, u_noise: FloatArray, columns: FloatArray) -> FloatArray:
+        """Return X' inverse(Sigma) X of columns X of the rows, for each error model's parameters.
+
+        Parameters
+        ----------
+        u_noise : ndarray of float, shape (..., n_noise)
+            Their unconstrained coordinates; the rows' covariance Sigma follows from them.
+        columns : ndarray of float, shape (n_obs, m)
+            X.
+
+        Returns
+        -------
+        ndarray of float, shape (..., m, m)
+            Rows that are not normal are taken as such.
+        """
+        return self.likelihood.products(self._eta(self._with_noise(u_noise)), columns)
+
+    def error_variance(self, u_noise: FloatArray) -> FloatArray:
+        """Return the mean variance of independent normal rows, shape (...), from (..., n_noise)."""
+        sigma = self._eta(self._with_noise(u_noise))[..., 0]
+        return sigma**2 + float(np.mean(self.rows.rel_se**2))
+
+    def _with_noise(self, u_noise: FloatArray) -> FloatArray:
+        u = np.zeros((*u_noise.shape[:-1], self.n_parameter))
+        u[..., self.n_coefficient :] = u_noise
+        return self.to_theta(u)
 
     def information(self, u: FloatArray) -> FloatArray:
         """Return the rows' Fisher information of the coefficients for an error variance of 1.

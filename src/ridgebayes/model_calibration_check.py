@@ -119,7 +119,10 @@ class ModelSBC:
         rows = []
         for form, own in self._by_form():
             place = np.minimum((own["probability"] * n_bin).astype(int), n_bin - 1)
-            for i, part in own.groupby(place):
+            for i in range(n_bin):
+                part = own[place == i]
+                if part.empty:
+                    continue
                 k, n, p = int(part["true"].sum()), len(part), float(part["probability"].mean())
                 rows.append(
                     {

@@ -63,7 +63,9 @@ class Independence:
         """Return the mixture fitted to draws (n, k + m) by expectation maximisation."""
         weights, centres, factors = _mixture(points[:, :k], n_component, rng)
         rest = points[:, k:]
-        return cls(weights, centres, factors, np.stack([rest.mean(axis=0), rest.std(axis=0)]))
+        # Never narrower than a tenth: a handful of different draws says little of a spread.
+        spread = np.sqrt(rest.var(axis=0) + 0.01)
+        return cls(weights, centres, factors, np.stack([rest.mean(axis=0), spread]))
 
     def __call__(
         self, z: FloatArray, random: np.random.RandomState

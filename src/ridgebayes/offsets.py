@@ -53,10 +53,6 @@ class Offsets(ABC):
             Variance of the offset that the scores say nothing of.
         """
 
-    @abstractmethod
-    def inflation(self, eta: FloatArray) -> FloatArray:
-        """Return what offsets add to the variance of a mean over all rows, times their number."""
-
 
 class GroupedOffsets(Offsets):
     """One offset per texture, per step, or both: independent of each other.
@@ -79,10 +75,10 @@ class GroupedOffsets(Offsets):
         self._sizes = [sizes[factor] for factor in self._factors]
         self._first = np.concatenate([[0], np.cumsum(self._sizes)[:-1]])
         self.n_level = sum(self._sizes)
-        self._n_row = len(data)
-        self.codes = self._codes(data.texture, data.Q)
         later = np.where(data.is_count, data.Q + 2, data.Q)
         self.codes_next = self._codes(data.texture, later)
+        # A count of 2 says nothing of load(2): its own step is a dummy, never looked at.
+        self.codes = self._codes(data.texture, np.where(data.Q == 2, later, data.Q))
 
     def root(self, eta: FloatArray) -> Root:
         scale = [np.repeat(eta[..., [tau]], n, axis=-1) for tau, n in self._tau_sizes()]
@@ -102,12 +98,6 @@ class GroupedOffsets(Offsets):
                 else:
                     rest[..., i] += eta[..., tau] ** 2
         return loading, rest
-
-    def inflation(self, eta: FloatArray) -> FloatArray:
-        return sum(
-            (eta[..., tau] ** 2 * (self._n_row / n) for tau, n in self._tau_sizes()),
-            start=np.zeros(eta.shape[:-1]),
-        )
 
     def _tau_sizes(self) -> list[tuple[int, int]]:
         return list(zip(self._taus, self._sizes, strict=True))
@@ -155,7 +145,6 @@ class SmoothOffsets(Offsets):
         _, first, codes = np.unique(both.round(9), axis=0, return_index=True, return_inverse=True)
         self._places = both[first]
         self.n_level = len(self._places)
-        self._n_row = len(data)
         self.codes = codes.reshape(-1)[: len(data)][None]
         self.codes_next = codes.reshape(-1)[len(data) :][None]
         if self.n_level > LARGEST_SMOOTH:
@@ -191,10 +180,6 @@ class SmoothOffsets(Offsets):
         loading = root.solve(variance[..., None, None] * correlation)
         rest = np.maximum(variance[..., None] - (loading**2).sum(axis=-2), 0)
         return loading, rest + variance[..., None] * widening
-
-    def inflation(self, eta: FloatArray) -> FloatArray:
-        n_step = len(np.unique(self._places[:, 0]))
-        return eta[..., self._tau] ** 2 * (self._n_row / n_step)
 
     def covariance(self, eta: FloatArray) -> FloatArray:
         """Return the offsets' covariance a priori, shape (..., n_level, n_level)."""

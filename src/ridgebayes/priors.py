@@ -266,7 +266,7 @@ class Gamma(Prior):
         tail = special.ndtr(-np.abs(u))
         with np.errstate(under="ignore"):
             x = np.where(u < 0, special.gammaincinv(shape, tail), special.gammainccinv(shape, tail))
-        if np.any(low := u < -8):  # where P(X <= x) = x^shape / Gamma(shape + 1) to rounding
+        if np.any(low := u < -37):  # where the tail underflows, P is x^shape / Gamma(shape + 1)
             log_tail = special.log_ndtr(np.where(low, u, 0))
             x = np.where(low, np.exp((log_tail + special.gammaln(shape + 1)) / shape), x)
         return x / rate

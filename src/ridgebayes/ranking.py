@@ -35,7 +35,7 @@ def factors_by_method(comparison: Comparison, against: str) -> pd.DataFrame:
         Columns form, method, ln_bf (= ln Z_form - ln Z_against), ln_bf_se (NaN where the method
         has none). Savage-Dickey where the pair is Modified and Hybrid.
     """
-    usable = comparison.evidence[comparison.evidence["status"] == "ok"]
+    usable = comparison.own_evidence[comparison.own_evidence["status"] == "ok"]
     other = usable[usable["form"] == against].set_index("method")
     rows = []
     for row in usable[usable["form"] != against].to_dict("records"):
@@ -49,7 +49,7 @@ def factors_by_method(comparison: Comparison, against: str) -> pd.DataFrame:
                     float(np.hypot(row["log_evidence_se"], theirs["log_evidence_se"])),
                 )
             )
-    factors = comparison.bayes_factors
+    factors = comparison.own_bayes_factors
     if len(factors):
         for row in factors[factors["method"] == "savage-dickey"].to_dict("records"):
             pair = {row["form_a"]: 1.0, row["form_b"]: -1.0}
@@ -115,7 +115,7 @@ class RunnerUp:
 def runner_up(comparison: Comparison) -> RunnerUp | None:
     """Return the second most probable form and its Bayes factor, or None if there is no other."""
     order = [name for name in ranked(comparison) if name in comparison.probabilities]
-    factors = comparison.bayes_factors
+    factors = comparison.own_bayes_factors
     if len(order) < 2 or not len(factors):
         return None
     best, second = order[:2]

@@ -77,6 +77,12 @@ class Rows:
         lower = np.maximum(self.lower, upper - 1)
         return 0.5 * (upper + lower), (upper - lower) ** 2 / 12
 
+    def normal_variance(self, eta: FloatArray, tail: Tail) -> FloatArray:
+        """Return the variances of normal errors that come near the rows' own, (..., n_obs)."""
+        own = eta[..., :1] ** 2 + self.rel_se**2
+        df = eta[..., -1:] if tail.parameter_names else None
+        return own * tail.site_variance(df) + self.centre()[1]
+
     def log_likelihood(
         self,
         log_rates: FloatArray,

@@ -14,7 +14,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.offsets import Offsets, OffsetsGiven
 from ridgebayes.rows import Rows
-from ridgebayes.shared_scores import Design, Root, ScoresGiven, given_rows
+from ridgebayes.shared_scores import Design, Root, ScoresGiven, given_rows, products_given
 from ridgebayes.tails import Tail
 
 _LOG_2PI = math.log(2 * math.pi)
@@ -48,6 +48,11 @@ class SampledOffsets:
         """
         at_centre = np.zeros((*eta.shape[:-1], self.n_latent))
         return self.joint(log_rates, eta, at_centre) + 0.5 * self.n_latent * _LOG_2PI
+
+    def products(self, eta: FloatArray, columns: FloatArray) -> FloatArray:
+        """Return X' inverse(Sigma) X of columns (n_obs, m), rows taken as normal, (..., m, m)."""
+        weight = 1 / self._rows.normal_variance(eta, self._tail)
+        return products_given(self._design, self._offsets.root(eta), weight, columns)
 
     def joint(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         """Return log-likelihood + log density of the scores + log Jacobian of xi, shape (...)."""

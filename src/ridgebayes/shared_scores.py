@@ -104,9 +104,11 @@ class ScoresGiven:
 
     def variance(self, loading: FloatArray) -> FloatArray:
         """Return the variance of scores' combinations (..., n_level, n), shape (..., n)."""
-        if self._diagonal:
-            return ((loading / self.root[..., None]) ** 2).sum(axis=-2)
-        return (solve_lower(self.root, loading) ** 2).sum(axis=-2)
+        return (self.half(loading) ** 2).sum(axis=-2)
+
+    def half(self, right: FloatArray) -> FloatArray:
+        """Return R^-1 x of the factor M = R R', shape (..., n_level, n)."""
+        return right / self.root[..., None] if self._diagonal else solve_lower(self.root, right)
 
 
 class DiagonalRoot:
@@ -203,6 +205,42 @@ def given_rows(design: Design, root: Root, weight: FloatArray, residual: FloatAr
     factor = cholesky_or_nan(precision)
     half = solve_lower(factor, pull[..., None])
     return ScoresGiven(solve_lower(factor, half, transposed=True)[..., 0], factor)
+
+
+def products_given(
+    design: Design, root: Root, weight: FloatArray, columns: FloatArray
+) -> FloatArray:
+    """Return X' inverse(Sigma) X of fixed columns X of the rows, Sigma = Z L L' Z' + 1/W.
+
+    Parameters
+    ----------
+    design : Design
+        Z.
+    root : DiagonalRoot or FullRoot
+        L.
+    weight : ndarray of float, shape (..., n_row)
+        W.
+    columns : ndarray of float, shape (n_row, m)
+        X.
+
+    Returns
+    -------
+    ndarray of float, shape (..., m, m)
+        By Woodbury's identity.
+    """
+    given = given_rows(design, root, weight, np.zeros(weight.shape))
+    pulls = np.stack(
+        [root.transposed_times(design.gather(weight * column)) for column in columns.T], axis=-1
+    )
+    half = given.half(pulls)
+    return weighted_products(weight, columns) - np.swapaxes(half, -1, -2) @ half
+
+
+def weighted_products(weight: FloatArray, columns: FloatArray) -> FloatArray:
+    """Return X' W X, shape (..., m, m), of fixed columns (n_row, m) and weights (..., n_row)."""
+    m = columns.shape[1]
+    pairs = (columns[:, :, None] * columns[:, None, :]).reshape(len(columns), m * m)
+    return (weight @ pairs).reshape(*weight.shape[:-1], m, m)
 
 
 def cholesky_or_nan(matrix: FloatArray) -> FloatArray:

@@ -34,10 +34,7 @@ def evidence_section(comparison: Comparison) -> Section:
 
 def ranking_table(comparison: Comparison) -> Table:
     """Return one row per form: evidence, factor against the best, probability."""
-    used = {
-        row["form"]: row
-        for row in comparison.evidence[comparison.evidence["used"]].to_dict("records")
-    }
+    used = {row["form"]: row for row in comparison.own_evidence.query("used").to_dict("records")}
     best = best_form(comparison)
     rows = []
     for name in ranked(comparison):
@@ -72,7 +69,7 @@ def ranking_table(comparison: Comparison) -> Table:
 def pairs_table(comparison: Comparison) -> Table:
     """Return every Bayes factor, the favoured form first."""
     rows = []
-    factors = comparison.bayes_factors
+    factors = comparison.own_bayes_factors
     for row in factors.to_dict("records"):
         ahead, behind = row["form_a"], row["form_b"]
         if row["ln_bf"] < 0:
@@ -97,11 +94,11 @@ def pairs_table(comparison: Comparison) -> Table:
 
 def agreement_table(comparison: Comparison) -> Table:
     """Return the evidence by every method and the distance between them in standard errors."""
-    methods = list(dict.fromkeys(comparison.evidence["method"]))
+    methods = list(dict.fromkeys(comparison.own_evidence["method"]))
     others = [m for m in methods if m != "bridge"]
     rows = []
     for name in ranked(comparison):
-        rows_of = comparison.evidence[comparison.evidence["form"] == name]
+        rows_of = comparison.own_evidence[comparison.own_evidence["form"] == name]
         own = {row["method"]: row for row in rows_of.to_dict("records")}
         cells = [form_name(name)]
         for method in ["bridge", *others]:

@@ -9,12 +9,22 @@ _FORMS = {
     "half-plane": "Half-plane",
     "average": "Average of forms",
 }
+_STRUCTURES = {
+    "iid": "independent rows",
+    "texture": "texture offsets",
+    "step": "step offsets",
+    "texture+step": "texture and step offsets",
+    "step-smooth": "an offset smooth in log h and a/pitch",
+}
 _PARAMETERS = {
     "c1": "c₁",
     "c2": "c₂",
     "sigma": "σ",
     "tau_texture": "τ texture",
     "tau_step": "τ step",
+    "length_h": "ℓ of log h",
+    "length_ratio": "ℓ of a/pitch",
+    "df": "ν of t",
 }
 
 
@@ -40,6 +50,18 @@ def parameter_name(name: str) -> str:
     if name.startswith("K["):
         return f"K of {name[2:-1]}"
     return _PARAMETERS.get(name, name)
+
+
+def noise_name(name: str) -> str:
+    """Return an error model in words.
+
+    Examples
+    --------
+    >>> noise_name("texture+step:student")
+    'texture and step offsets, Student errors'
+    """
+    structure, _, tail = name.partition(":")
+    return f"{_STRUCTURES.get(structure, structure)}, {tail.capitalize() or 'normal'} errors"
 
 
 def said(words: str) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from ridgebayes.comparison import Comparison
 from ridgebayes.report.blocks import Section
+from ridgebayes.report.error_models import error_models_section
 from ridgebayes.report.evidence import evidence_section, prior_section, score_section
 from ridgebayes.report.posterior import (
     coefficients_section,
@@ -47,6 +48,7 @@ def contents(comparison: Comparison, reference: Comparison | None) -> tuple[Sect
 
 def _sections(comparison: Comparison, reference: Comparison | None) -> Iterator[Section]:
     yield evidence_section(comparison)
+    yield error_models_section(comparison)
     yield data_section(comparison)
     yield coefficients_section(comparison)
     yield bands_section(comparison)

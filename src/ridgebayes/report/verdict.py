@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 from ridgebayes.comparison import Comparison
+from ridgebayes.error_models import mean_evidence
 from ridgebayes.held_out import held_out_loads
 from ridgebayes.ranking import best_form, problems, runner_up, sensitivity_factors
-from ridgebayes.report.names import form_name, said
+from ridgebayes.report.names import form_name, noise_name, said
 from ridgebayes.report.numbers import count, decimals, percent, probability, with_error
 
 CAUTIONS = {
@@ -50,7 +51,22 @@ def verdict(comparison: Comparison, reference: Comparison | None = None) -> Verd
         )
         found += tuple(f"finite-element rows: {what}" for what in answer.problems)
     cautions = (CAUTIONS.get(caution, caution),) if caution else ()
+    notes += _error_model(comparison)
     return Verdict(_headline(comparison), _sentence(comparison), cautions, tuple(notes), found)
+
+
+def _error_model(comparison: Comparison) -> list[str]:
+    """Say which error model the evidence chose, and what the forms are worth without it."""
+    means = mean_evidence(comparison.evidence)
+    if len(means) < 2:
+        return []
+    best, second = means.iloc[0], means.iloc[1]
+    return [
+        f"The error model is {noise_name(comparison.noise.name)}: of {len(means)} it has the "
+        f"highest mean evidence over the forms, ln {decimals(best['log_mean_evidence'], 1)} "
+        f"against {decimals(second['log_mean_evidence'], 1)} of {noise_name(second['noise'])}, the "
+        "next."
+    ]
 
 
 def _lead(comparison: Comparison) -> str:
