@@ -88,7 +88,7 @@ def coverage(
 
     Notes
     -----
-    *Cost.* One fit for all probabilities: 0.5 to 8 CPU seconds by error model, times textures.
+    *Cost.* One fit for all probabilities: 1 to 10 CPU seconds by error model, times textures.
     """
     _check_probs(probs)
     for form in forms:
