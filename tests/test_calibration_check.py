@@ -84,6 +84,8 @@ def test_an_exact_posterior_is_calibrated(data):
     assert set(found.ranks["n_draw"]) == {63}
     verdict = found.verdict()  # Monte Carlo: one seed in 100 would be outside
     assert (verdict.calibrated, verdict.n_used, verdict.n_failed) == (True, 200, 0)
+    # Bonferroni: a hundredth shared by three.
+    assert {one.prob for one in found.uniformity(0.99).values()} == {1 - (1 - 0.99) / 3}
     each = {name: one.p_value for name, one in found.uniformity().items()}
     assert verdict.p_value == min(1, 3 * min(each.values()))
     assert verdict.quantity == min(each, key=each.get)

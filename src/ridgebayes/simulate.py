@@ -125,7 +125,7 @@ def is_possible(model: Model, theta: FloatArray) -> BoolArray:
         root = model.offsets.root(theta[..., model.n_coefficient :])
         ones = np.ones((*theta.shape[:-1], model.offsets.n_level))
         possible = possible & np.isfinite(root.times(ones)).all(axis=-1)
-    return possible
+    return np.asarray(possible)
 
 
 def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:
