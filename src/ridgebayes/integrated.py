@@ -13,6 +13,7 @@ from ridgebayes.shared_scores import (
     ScoresGiven,
     cholesky_or_nan,
     given_rows,
+    precision_root,
     products_given,
     solve_lower,
 )
@@ -38,6 +39,9 @@ class IntegratedOffsets:
         self._rows, self._offsets = rows, offsets
         self._groups = RowGroups.of(rows, offsets.codes)
         self._design = Design(offsets.codes[:, self._groups.row], offsets.n_level)
+        # Coordinates and density ask for the same factors one after the other.
+        self._last: tuple[bytes, Root, FloatArray] | None = None
+        self._last_dense: tuple[bytes, FloatArray] | None = None
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         """Return the log-likelihood, shape (...), from (..., n_texture) and (..., n_noise)."""
@@ -74,8 +78,9 @@ class IntegratedOffsets:
         if isinstance(self._offsets, SmoothOffsets):
             half = solve_lower(self._dense_factor(self._offsets, eta), mean)
             return np.swapaxes(half, -1, -2) @ half
+        root, factor = self._factors(eta)
         weight = groups.n / self._variance(eta)
-        return products_given(self._design, self._offsets.root(eta), weight, mean)
+        return products_given(self._design, root, weight, mean, factor)
 
     def pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         """Return log p(row | all other rows), shape (n_draw, n_obs), from (n_draw, ...).
@@ -99,11 +104,25 @@ class IntegratedOffsets:
 
     def _dense_factor(self, offsets: SmoothOffsets, eta: FloatArray) -> FloatArray:
         """Return the Cholesky factor of the covariance of the groups' means."""
-        groups = self._groups
-        code, index = offsets.codes[0, groups.row], np.arange(len(groups.n))
-        covariance = offsets.covariance(eta)[..., code[:, None], code]
-        covariance[..., index, index] += self._variance(eta) / groups.n
-        return cholesky_or_nan(covariance)
+        key = eta.tobytes()
+        if self._last_dense is None or self._last_dense[0] != key:
+            groups = self._groups
+            code, index = offsets.codes[0, groups.row], np.arange(len(groups.n))
+            covariance = offsets.covariance(eta)
+            if len(code) != offsets.n_level or np.any(code != index):
+                covariance = covariance[..., code[:, None], code]
+            covariance[..., index, index] += self._variance(eta) / groups.n
+            self._last_dense = key, cholesky_or_nan(covariance)
+        return self._last_dense[1]
+
+    def _factors(self, eta: FloatArray) -> tuple[Root, FloatArray]:
+        """Return L and the Cholesky factor of the scores' precision."""
+        key = eta.tobytes()
+        if self._last is None or self._last[0] != key:
+            root = self._offsets.root(eta)
+            weight = self._groups.n / self._variance(eta)
+            self._last = key, root, precision_root(self._design, root, weight)
+        return self._last[1], self._last[2]
 
     def _conditional(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         groups, rows = self._groups, self._rows
@@ -117,9 +136,9 @@ class IntegratedOffsets:
         return 0.5 * (np.log(precision) - _LOG_2PI - pull * pull / precision)
 
     def _given(self, log_rates: FloatArray, eta: FloatArray) -> tuple[Root, ScoresGiven]:
-        root = self._offsets.root(eta)
-        weight = self._groups.n / self._variance(eta)
-        return root, given_rows(self._design, root, weight, self._residual(log_rates))
+        root, factor = self._factors(eta)
+        weight, residual = self._groups.n / self._variance(eta), self._residual(log_rates)
+        return root, given_rows(self._design, root, weight, residual, factor)
 
     def _residual(self, log_rates: FloatArray) -> FloatArray:
         return self._groups.mean + 2 * log_rates[..., self._groups.texture]

@@ -71,7 +71,8 @@ def groups_of(fit: Fit) -> dict[str, xr.Dataset]:
         groups["log_likelihood"] = xr.Dataset({"log_load": (("chain", "draw", "row"), rows)})
         if fit.model.offsets is not None:
             # Rows are scored given the others: their sum is not the likelihood, which this is.
-            joint = fit.model.log_likelihood(theta)
+            steps = np.array_split(theta, max(theta.shape[1] // 512, 1), axis=1)
+            joint = np.concatenate([fit.model.log_likelihood(part) for part in steps], axis=1)
             groups["sample_stats"]["log_likelihood_joint"] = (("chain", "draw"), joint)
     for name, group in groups.items():
         labels = {"texture": list(data.labels), "row": np.arange(len(data))}

@@ -153,14 +153,11 @@ class SmoothOffsets(Offsets):
                 f"{LARGEST_SMOOTH}, since the cost of a likelihood call grows with their cube"
             )
         # The kernel is a product: each factor is worked out on its own few values.
-        axes = [
-            np.unique(column.round(9), return_index=True, return_inverse=True)
-            for column in self._places.T
-        ]
-        self._axes = [
-            ((self._places[first, i][:, None] - self._places[first, i]) ** 2, code)
-            for i, (_, first, code) in enumerate(axes)
-        ]
+        self._axes = []
+        for column in self._places.T:
+            values, code = np.unique(column.round(9), return_inverse=True)
+            squares = ((values[:, None] - values) ** 2).ravel()
+            self._axes.append((squares, (code[:, None] * len(values) + code).ravel()))
 
     def root(self, eta: FloatArray) -> Root:
         return FullRoot(cholesky_or_nan(self.covariance(eta)))
@@ -183,15 +180,15 @@ class SmoothOffsets(Offsets):
 
     def covariance(self, eta: FloatArray) -> FloatArray:
         """Return the offsets' covariance a priori, shape (..., n_level, n_level)."""
-        covariance = np.empty((*eta.shape[:-1], self.n_level, self.n_level))
-        covariance[...] = eta[..., self._tau, None, None] ** 2
-        for (squares, code), length in zip(self._axes, self._lengths, strict=True):
+        lead, n = eta.shape[:-1], self.n_level
+        covariance = np.empty((*lead, n * n))
+        covariance[...] = eta[..., self._tau, None] ** 2
+        for (squares, pairs), length in zip(self._axes, self._lengths, strict=True):
             with np.errstate(over="ignore", under="ignore", divide="ignore"):
-                factor = np.exp(-0.5 * squares / eta[..., length, None, None] ** 2)
-            covariance *= factor[..., code[:, None], code]
-        levels = np.arange(self.n_level)
-        covariance[..., levels, levels] *= 1 + NUGGET
-        return covariance
+                factor = np.exp(-0.5 * squares / eta[..., length, None] ** 2)
+            covariance *= np.take(factor, pairs, axis=-1)
+        covariance[..., :: n + 1] *= 1 + NUGGET
+        return covariance.reshape(*lead, n, n)
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,7 +61,7 @@ class Design:
         """Return Z' W Z; only its diagonal, (..., n_level), where it has nothing else."""
         if self.diagonal:
             return self.gather(weight)
-        return _apply(self._pairs, weight).reshape(*weight.shape[:-1], self.n_level, -1)
+        return _apply(self._pairs, weight).reshape(*weight.shape[:-1], *(2 * (self.n_level,)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +178,38 @@ class FullRoot:
 Root = DiagonalRoot | FullRoot
 
 
-def given_rows(design: Design, root: Root, weight: FloatArray, residual: FloatArray) -> ScoresGiven:
+def precision_root(design: Design, root: Root, weight: FloatArray) -> FloatArray:
+    """Return the Cholesky factor of M = I + L' Z' W Z L, its diagonal alone where M is diagonal.
+
+    Parameters
+    ----------
+    design : Design
+        Z.
+    root : DiagonalRoot or FullRoot
+        L.
+    weight : ndarray of float, shape (..., n_row)
+        W.
+
+    Returns
+    -------
+    ndarray of float, shape (..., n_level) or (..., n_level, n_level)
+        NaN for draws whose weights are not finite, or so large that M cannot be factorised.
+    """
+    precision = root.sandwich(design.gram(weight))
+    if precision.ndim == weight.ndim:
+        return np.sqrt(precision + 1)
+    levels = np.arange(design.n_level)
+    precision[..., levels, levels] += 1
+    return cholesky_or_nan(precision)
+
+
+def given_rows(
+    design: Design,
+    root: Root,
+    weight: FloatArray,
+    residual: FloatArray,
+    factor: FloatArray | None = None,
+) -> ScoresGiven:
     """Return the scores' distribution given rows.
 
     Parameters
@@ -189,37 +220,30 @@ def given_rows(design: Design, root: Root, weight: FloatArray, residual: FloatAr
         L.
     weight, residual : ndarray of float, shape (..., n_row)
         W and r; a row may stand for several with one mean.
-
-    Returns
-    -------
-    ScoresGiven
-        NaN for draws whose weights are not finite, or so large that M cannot be factorised.
+    factor : ndarray of float, optional
+        What `precision_root` returns for the same arguments, where it is known.
     """
-    precision = root.sandwich(design.gram(weight))
+    factor = precision_root(design, root, weight) if factor is None else factor
     pull = root.transposed_times(design.gather(weight * residual))
-    if precision.ndim == pull.ndim:
-        precision = precision + 1
-        return ScoresGiven(pull / precision, np.sqrt(precision))
-    levels = np.arange(design.n_level)
-    precision[..., levels, levels] += 1
-    factor = cholesky_or_nan(precision)
+    if factor.ndim == pull.ndim:
+        return ScoresGiven(pull / factor**2, factor)
     half = solve_lower(factor, pull[..., None])
     return ScoresGiven(solve_lower(factor, half, transposed=True)[..., 0], factor)
 
 
 def products_given(
-    design: Design, root: Root, weight: FloatArray, columns: FloatArray
+    design: Design,
+    root: Root,
+    weight: FloatArray,
+    columns: FloatArray,
+    factor: FloatArray | None = None,
 ) -> FloatArray:
     """Return X' inverse(Sigma) X of fixed columns X of the rows, Sigma = Z L L' Z' + 1/W.
 
     Parameters
     ----------
-    design : Design
-        Z.
-    root : DiagonalRoot or FullRoot
-        L.
-    weight : ndarray of float, shape (..., n_row)
-        W.
+    design, root, weight, factor
+        As for `given_rows`.
     columns : ndarray of float, shape (n_row, m)
         X.
 
@@ -228,11 +252,11 @@ def products_given(
     ndarray of float, shape (..., m, m)
         By Woodbury's identity.
     """
-    given = given_rows(design, root, weight, np.zeros(weight.shape))
-    pulls = np.stack(
-        [root.transposed_times(design.gather(weight * column)) for column in columns.T], axis=-1
-    )
-    half = given.half(pulls)
+    factor = precision_root(design, root, weight) if factor is None else factor
+    gathered = design.gather(weight[..., None, :] * columns.T)
+    each = np.moveaxis(gathered, -2, 0)
+    pulls = np.stack([root.transposed_times(pull) for pull in each], axis=-1)
+    half = pulls / factor[..., None] if factor.ndim == weight.ndim else solve_lower(factor, pulls)
     return weighted_products(weight, columns) - np.swapaxes(half, -1, -2) @ half
 
 
@@ -262,14 +286,15 @@ def solve_lower(factor: FloatArray, right: FloatArray, *, transposed: bool = Fal
     """Solve lower triangular systems of a batch, (..., n, n) and (..., n, m)."""
     n, m = right.shape[-2:]
     batch = np.broadcast_shapes(factor.shape[:-2], right.shape[:-2])
-    left = np.broadcast_to(factor, (*batch, n, n)).reshape(-1, n, n)
-    out = np.empty((math.prod(batch), n, m))
-    for i, each in enumerate(np.broadcast_to(right, (*batch, n, m)).reshape(-1, n, m)):
+    n_batch = math.prod(batch)
+    left = np.broadcast_to(factor, (*batch, n, n)).reshape(n_batch, n, n)
+    out = np.empty((n_batch, n, m))
+    for i, each in enumerate(np.broadcast_to(right, (*batch, n, m)).reshape(n_batch, n, m)):
         # LAPACK takes columns first: a lower factor in rows is an upper one, transposed.
         out[i], _ = lapack.dtrtrs(left[i].T, each, lower=0, trans=int(not transposed))
     return out.reshape(*batch, n, m)
 
 
 def _apply(matrix: sparse.csr_array, x: FloatArray) -> FloatArray:
-    flat = x.reshape(-1, x.shape[-1])
-    return np.ascontiguousarray((matrix @ flat.T).T).reshape(*x.shape[:-1], -1)
+    flat = x.reshape(math.prod(x.shape[:-1]), x.shape[-1])
+    return np.ascontiguousarray((matrix @ flat.T).T).reshape(*x.shape[:-1], matrix.shape[0])
