@@ -2,6 +2,7 @@ import sys
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence
@@ -16,14 +17,27 @@ from ridgebayes.priors import HalfNormal, LogNormal
 TEXTURE = np.array([0, 0, 0, 1, 1, 1])
 Q = np.array([4, 6, 8, 4, 6, 8])
 WIDTH = 0.004  # of a bracket in log load: narrow beside the errors of 0.05 and more
+# Offsets that the evidence depends on: a prior as wide as they are.
+WIDE = {"tau_texture": HalfNormal(0.5), "tau_step": HalfNormal(0.5)}
+SHARED = {
+    "iid": np.zeros(6),
+    "texture": np.repeat([0.4, -0.3], 3),
+    "step": np.tile([0.5, -0.3, 0.1], 2),
+}
 
 
-def narrow(observed):
-    """The same rows as brackets and as their middles; nothing is known to better than 5 %."""
-    shift = np.array([0.05, 0.02, 0.04, -0.08, -0.02, -0.06])
-    middle = 2 * np.log((Q / 2 - 1) * 0.042 / 1.38) + shift
+def narrow(observed, structure="iid"):
+    """Rows as narrow brackets, and as their middles; no load is known to better than 5 %."""
+    own = np.array([0.05, 0.02, 0.04, -0.08, -0.02, -0.06])
+    middle = 2 * np.log((Q / 2 - 1) * 0.042 / 1.38) + own + SHARED[structure]
     brackets = observed(TEXTURE, Q, middle + WIDTH / 2, rel_se=0.05, log_lower=middle - WIDTH / 2)
     return brackets, observed(TEXTURE, Q, middle, rel_se=0.05)
+
+
+def sharing(data, structure, tail="normal"):
+    noise = Noise(structure, tail)
+    priors = {name: WIDE[name] for name in WIDE if name in noise.parameter_names}
+    return Model(data, Modified(), noise, priors)
 
 
 def quadrature(model):
@@ -47,7 +61,7 @@ def test_nested_evidence__of_plain_rows_is_the_quadrature(form, observed):
 
 
 def test_nested_evidence__of_offsets_integrated_out_is_the_quadrature(observed):
-    model = Model(narrow(observed)[1], Modified(), Noise("texture"))
+    model = sharing(narrow(observed, "texture")[1], "texture")
     assert not model.is_latent
     found = nested(model)
     assert found.value == pytest.approx(quadrature(model), abs=3 * found.se)  # Monte Carlo
@@ -59,19 +73,17 @@ def test_nested_evidence__of_sampled_offsets_is_the_quadrature_of_narrow_bracket
 ):
     # The probability of a narrow bracket is the density at its middle times the width; and with
     # exact rows the offsets have a closed form.
-    brackets, middles = narrow(observed)
-    model = Model(brackets, Modified(), Noise(structure))
+    brackets, middles = narrow(observed, structure)
+    model = sharing(brackets, structure)
     assert model.is_latent
-    exact = quadrature(Model(middles, Modified(), Noise(structure)))
-    found = nested(model)
+    exact = quadrature(sharing(middles, structure))
+    found = nested(model, n_live=100)
     # Monte Carlo; the bracket's curvature, (width / 0.05)^2 / 24 a row, is 2e-3 in all.
     assert found.value == pytest.approx(exact + len(Q) * np.log(WIDTH), abs=3 * found.se)
 
 
-def test_nested_evidence__of_sampled_offsets_with_student_errors_is_that_in_whitened_coordinates(
-    observed,
-):
-    model = Model(narrow(observed)[1], Modified(), Noise("texture", "student"))
+def test_nested_evidence__of_student_errors_with_offsets_is_that_in_whitened_coordinates(observed):
+    model = sharing(narrow(observed, "texture")[1], "texture", "student")
     assert model.is_latent
     found, importance = nested(model, n_live=100), importance_fit(model, seed=1)[1]
     assert importance.ok
@@ -79,13 +91,27 @@ def test_nested_evidence__of_sampled_offsets_with_student_errors_is_that_in_whit
     assert found.value == pytest.approx(importance.value, abs=3 * se)  # Monte Carlo
 
 
-def test_nested_evidence__of_counts_with_sampled_offsets_is_that_in_whitened_coordinates(observed):
-    load = 2 * np.log((Q / 2 - 0.4) * 0.042 / 1.38)
-    model = Model(observed(TEXTURE, Q, load, is_count=True), Modified(), Noise("step"))
-    found, importance = nested(model, n_live=100), importance_fit(model, seed=1)[1]
-    assert importance.ok
-    se = np.hypot(found.se, importance.se)
-    assert found.value == pytest.approx(importance.value, abs=3 * se)  # Monte Carlo
+def test_nested_evidence__of_counts_with_offsets_is_the_mean_likelihood_of_prior_draws(observed):
+    # Q = 4 at a load where 6 is due, and at one where 4 is not: 4 comes early, and 6 late.
+    at = np.array([4, 4, 8, 8])
+    load = 2 * np.log((at / 2 - 1) * 0.042 / 1.38) + [1.9, -0.5, 0.3, 0.2]
+    rows = observed(np.array([0, 1, 0, 1]), at, load, rel_se=0.05, is_count=True)
+    found = nested(sharing(rows, "step"), n_live=100)
+
+    rng, n = np.random.default_rng(2), 200_000
+    c = 1.382 * np.exp(0.1 * rng.standard_normal(n))
+    scale = np.hypot(0.05 * rng.standard_normal(n), 0.05)
+    offset = 0.5 * rng.standard_normal(n) * rng.standard_normal((4, n))  # of Q = 4, 6, 8, 10
+    reached = 2 * np.log(np.arange(1, 5)[:, None] * 0.042 / c) + offset
+    likelihood = np.ones(n)
+    for x, step in zip(load, at // 2 - 2, strict=True):
+        high = (x - reached[step]) / scale
+        low = np.minimum((x - reached[step + 1]) / scale, high)
+        likelihood *= stats.norm.cdf(high) - stats.norm.cdf(low)
+    se = likelihood.std() / likelihood.mean() / np.sqrt(n)
+    assert se < 0.05
+    # Monte Carlo
+    assert found.value == pytest.approx(np.log(likelihood.mean()), abs=3 * np.hypot(found.se, se))
 
 
 def test_nested_evidence__follows_replaced_priors(observed):

@@ -71,13 +71,15 @@ def nested_evidence(
     dynesty = _dynesty()
     n = model.n_coordinate
     density = _Latent(model) if model.is_latent else _Marginal(model)
+    # Scores times an unknown scale lie along curved ridges, which no ellipsoid fits.
+    walked = model.is_latent or n >= _WALKED
     sampler = dynesty.NestedSampler(
         density.log_likelihood,
         density.at_cube,
         n,
         nlive=n_live,
-        sample="unif" if n < _WALKED else "rwalk",
-        walks=None if n < _WALKED else 20 + 2 * n,
+        sample="rwalk" if walked else "unif",
+        walks=20 + 2 * n if walked else None,
         rstate=rng,
     )
     with np.errstate(all="ignore"), warnings.catch_warnings():
