@@ -21,8 +21,8 @@ WIDTH = 0.004  # of a bracket in log load: narrow beside the errors of 0.05 and 
 WIDE = {"tau_texture": HalfNormal(0.5), "tau_step": HalfNormal(0.5)}
 SHARED = {
     "iid": np.zeros(6),
-    "texture": np.repeat([0.4, -0.3], 3),
-    "step": np.tile([0.5, -0.3, 0.1], 2),
+    "texture": np.repeat([0.8, -0.6], 3),
+    "step": np.tile([1.0, -0.6, 0.2], 2),
 }
 
 
