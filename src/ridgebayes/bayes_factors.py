@@ -62,7 +62,13 @@ def evidences(fit: Fit) -> list[LogEvidence]:
         return [power_law_evidence(fit.model)]
     model, laplace = fit.model, fit_laplace(fit.model)
     found = [
-        bridge_evidence(model.log_density, fit.chains, laplace, rng=stream(fit.seed, "bridge"))
+        bridge_evidence(
+            model.log_density,
+            fit.chains,
+            laplace,
+            rng=stream(fit.seed, "bridge"),
+            draws_max=100_000 if model.is_plain else 20_000,  # an error of 0.002 will do
+        )
     ]
     if isinstance(model.form, PowerLaw) and model.is_plain:
         found.append(power_law_evidence(model))

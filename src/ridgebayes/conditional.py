@@ -10,6 +10,7 @@ Measured from that mean, in units of P's Cholesky factor, the coefficients no lo
 error model: what is left to search, and to fit proposals to, is the error model's few parameters.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,6 +19,8 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.likelihood import Model
 from ridgebayes.shared_scores import cholesky_or_nan, solve_lower
+
+_BATCH = 1_024  # draws whose covariances are held at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +62,18 @@ class Conditional:
         return np.einsum("...ji,...j->...i", factor, u - mean), -_log_diagonal(factor)
 
     def _factor_and_mean(self, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
-        with np.errstate(all="ignore"):
-            products = self.products(u_noise)
-        k = len(self.reference)
-        factor = cholesky_or_nan(products[..., :k, :k] + np.eye(k))
-        pull = self.reference + products[..., :k, k]
-        half = solve_lower(factor, pull[..., None])
-        return factor, self.reference - solve_lower(factor, half, transposed=True)[..., 0]
+        lead, k = u_noise.shape[:-1], len(self.reference)
+        flat = u_noise.reshape(math.prod(lead), u_noise.shape[-1])
+        factor, mean = np.empty((len(flat), k, k)), np.empty((len(flat), k))
+        for i in range(0, len(flat), _BATCH):
+            here = slice(i, i + _BATCH)
+            with np.errstate(all="ignore"):
+                products = self.products(flat[here])
+            factor[here] = cholesky_or_nan(products[..., :k, :k] + np.eye(k))
+            half = solve_lower(factor[here], (self.reference + products[..., :k, k])[..., None])
+            step = solve_lower(factor[here], half, transposed=True)[..., 0]
+            mean[here] = self.reference - step
+        return factor.reshape(*lead, k, k), mean.reshape(*lead, k)
 
 
 def _log_diagonal(factor: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ summed out, every one as probable as the next.
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
@@ -16,7 +16,12 @@ from scipy.special import logsumexp
 
 from ridgebayes.bayes_factors import BAYES_FACTOR_COLUMNS, EVIDENCE_COLUMNS, factor_row
 from ridgebayes.errors import ComputationError
-from ridgebayes.evidence import LogEvidence, power_law_evidence, quadrature_evidence
+from ridgebayes.evidence import (
+    LogEvidence,
+    laplace_evidence,
+    power_law_evidence,
+    quadrature_evidence,
+)
 from ridgebayes.fit import refuse_circular
 from ridgebayes.forms import Form, PowerLaw
 from ridgebayes.importance import importance_fit
@@ -29,7 +34,9 @@ from ridgebayes.sample import Tell
 from ridgebayes.table import ContactTable
 
 SUMMED = "summed out"  # the noise column of Bayes factors that hold for no error model alone
-# A first look: the error models differ by whole units, and the chosen one is then walked.
+# Error models differ by whole units, and the chosen one is then walked: Laplace's approximation
+# finds those worth a better look, which importance sampling gives.
+_CLOSE = 4.0
 _EFFORT = {"n_draw": 1_024, "n_round": 4, "n_per_round": 1_000}
 
 
@@ -63,7 +70,9 @@ def weigh_error_models(
     -------
     pandas.DataFrame
         Columns of `evidence.csv`, one row each: by quadrature where rows are exact and independent,
-        by importance sampling otherwise. A pair without a usable evidence says why in its status.
+        by importance sampling where an error model's mean evidence comes within four units of the
+        highest, by Laplace's approximation otherwise. A pair without a usable evidence says why in
+        its status.
 
     Raises
     ------
@@ -75,15 +84,26 @@ def weigh_error_models(
     data = Observations.from_table(table)
     pairs = list(itertools.product(forms, noises))
     seeds = [int(stream(seed, f.name, n.name).integers(2**63)) for f, n in pairs]
-    jobs = ([data] * len(pairs), *zip(*pairs, strict=True), seeds)
-    results = map(_evidence, *jobs) if executor is None else executor.map(_evidence, *jobs)
-    rows = []
-    for (form, noise), found in zip(pairs, results, strict=True):
-        if progress is not None:
-            progress(f"error model {noise.name}, {form.name}: ln Z {found.value:.2f}")
-        rows.append((form.name, noise.name, found.method, found.value, found.se, found.ok,
-                     1 / len(forms), math.nan, found.status))  # fmt: skip
-    frame = pd.DataFrame(rows, columns=EVIDENCE_COLUMNS)
+    tell = progress or (lambda text: None)
+
+    def look(method: Callable[..., LogEvidence], chosen: Sequence[int]) -> list[LogEvidence]:
+        columns = [(data, *pairs[i], seeds[i]) for i in chosen]
+        if not columns:
+            return []
+        tell(f"{len(columns)} evidences")
+        jobs = zip(*columns, strict=True)
+        return list(map(method, *jobs) if executor is None else executor.map(method, *jobs))
+
+    found = look(_first_look, range(len(pairs)))
+    means = mean_evidence(_frame(forms, pairs, found)).set_index("noise")["log_mean_evidence"]
+    close = [
+        i
+        for i, (_, noise) in enumerate(pairs)
+        if found[i].method == "laplace" and means.get(noise.name, -math.inf) > means.max() - _CLOSE
+    ]
+    for i, better in zip(close, look(_better_look, close), strict=True):
+        found[i] = better if better.ok else found[i]
+    frame = _frame(forms, pairs, found)
     for noise in frame["noise"].unique():
         here = (frame["noise"] == noise) & frame["used"]
         values = frame.loc[here, "log_evidence"]
@@ -91,18 +111,33 @@ def weigh_error_models(
     return frame
 
 
-def _evidence(data: Observations, form: Form, noise: Noise, seed: int) -> LogEvidence:
+def _frame(
+    forms: Sequence[Form], pairs: Sequence[tuple[Form, Noise]], found: Sequence[LogEvidence]
+) -> pd.DataFrame:
+    rows = [
+        (form.name, noise.name, e.method, e.value, e.se, e.ok, 1 / len(forms), math.nan, e.status)
+        for (form, noise), e in zip(pairs, found, strict=True)
+    ]
+    return pd.DataFrame(rows, columns=EVIDENCE_COLUMNS)
+
+
+def _first_look(data: Observations, form: Form, noise: Noise, seed: int) -> LogEvidence:
     try:
         model = Model(data, form, noise)
         if model.is_plain and isinstance(model.form, PowerLaw):
             return power_law_evidence(model)
+        laplace = fit_laplace(model)
         if model.is_plain:
-            found = quadrature_evidence(model.log_density, fit_laplace(model))
+            found = quadrature_evidence(model.log_density, laplace)
             if found.ok:
                 return found
-        return importance_fit(model, seed=seed, **_EFFORT)[1]
+        return laplace_evidence(laplace)
     except ComputationError as error:
-        return LogEvidence("importance", math.nan, math.nan, str(error))
+        return LogEvidence("laplace", math.nan, math.nan, str(error))
+
+
+def _better_look(data: Observations, form: Form, noise: Noise, seed: int) -> LogEvidence:
+    return importance_fit(Model(data, form, noise), seed=seed, **_EFFORT)[1]
 
 
 def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:

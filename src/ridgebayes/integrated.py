@@ -19,7 +19,7 @@ from ridgebayes.shared_scores import (
 )
 
 _LOG_2PI = math.log(2 * math.pi)
-_CHUNK = 20_000_000  # numbers held at a time where draws x levels x rows are needed
+_CHUNK = 2_000_000  # numbers held at a time where draws x levels x rows are needed
 
 
 class IntegratedOffsets:

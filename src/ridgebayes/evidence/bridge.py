@@ -18,7 +18,7 @@ from ridgebayes.evidence.record import LogEvidence
 from ridgebayes.laplace import Laplace
 from ridgebayes.sample import Chains
 
-_DRAWS_MAX = 100_000  # of each half; more would cost time that the error does not need
+_BATCH = 1_024  # points whose densities are asked for at a time
 
 
 def bridge_evidence(
@@ -28,6 +28,7 @@ def bridge_evidence(
     *,
     rng: np.random.Generator,
     iterations_max: int = 1000,
+    draws_max: int = 100_000,
 ) -> LogEvidence:
     """Estimate the log evidence from the draws of several ensembles.
 
@@ -43,6 +44,8 @@ def bridge_evidence(
         For the proposal's draws.
     iterations_max : int, optional
         Steps of the fixed-point iteration after which it counts as not converged.
+    draws_max : int, optional
+        Draws used of each half; more would cost time that the error does not need.
 
     Returns
     -------
@@ -62,13 +65,16 @@ def bridge_evidence(
     """
     n_ensemble, n_step, n_walker, n_parameter = chains.u.shape
     half = n_ensemble // 2
-    stride = max(math.ceil(half * n_step * n_walker / _DRAWS_MAX), 1)
+    stride = max(math.ceil(half * n_step * n_walker / draws_max), 1)
     z, log_jacobian = laplace.whiten(chains.u[:, ::stride])
     in_z = chains.log_density[:, ::stride] + log_jacobian + laplace.log_volume
 
     def log_target(points: FloatArray) -> FloatArray:
-        u, jacobian = laplace.unwhiten(points)
-        return log_density(u) + jacobian + laplace.log_volume
+        parts = []
+        for i in range(0, len(points), _BATCH):
+            u, jacobian = laplace.unwhiten(points[i : i + _BATCH])
+            parts.append(log_density(u) + jacobian + laplace.log_volume)
+        return np.concatenate(parts)
 
     results = []
     for fitted, bridged in (

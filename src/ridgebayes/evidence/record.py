@@ -45,8 +45,8 @@ def laplace_evidence(laplace: Laplace) -> LogEvidence:
     Returns
     -------
     LogEvidence
-        With standard error NaN. The status is not ok where the mode was not found.
+        With standard error NaN. The status is not ok where no mode was found.
     """
     if not laplace.is_mode:
-        return LogEvidence("laplace", np.nan, np.nan, "mode not found")
+        return LogEvidence("laplace", laplace.log_evidence, np.nan, "several humps, no mode")
     return LogEvidence("laplace", laplace.log_evidence, np.nan)

@@ -52,8 +52,9 @@ def _evidence_table(comparison: Comparison, means: pd.DataFrame) -> Table:
         ["Error model", *map(form_name, forms), "ln of the mean", "Probability"],
         rows,
         "ln evidence of every form under every error model, and the log of its mean over the forms "
-        "(a form without a usable evidence counts as zero). Evidences of error models that were "
-        "not chosen are by importance sampling, a first look; of independent rows by quadrature.",
+        "(a form without a usable evidence counts as zero). Error models that were not chosen: by "
+        "importance sampling where near the best, else by Laplace's approximation, without an "
+        "error; independent rows by quadrature.",
         strong=(0,),
         wide=True,
     )
