@@ -40,8 +40,8 @@ class IntegratedOffsets:
         self._groups = RowGroups.of(rows, offsets.codes)
         self._design = Design(offsets.codes[:, self._groups.row], offsets.n_level)
         # Coordinates and density ask for the same factors one after the other.
-        self._last: tuple[bytes, Root, FloatArray] | None = None
-        self._last_dense: tuple[bytes, FloatArray] | None = None
+        self._last: tuple[object, Root, FloatArray] | None = None
+        self._last_dense: tuple[object, FloatArray] | None = None
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         """Return the log-likelihood, shape (...), from (..., n_texture) and (..., n_noise)."""
@@ -104,7 +104,7 @@ class IntegratedOffsets:
 
     def _dense_factor(self, offsets: SmoothOffsets, eta: FloatArray) -> FloatArray:
         """Return the Cholesky factor of the covariance of the groups' means."""
-        key = eta.tobytes()
+        key = eta.shape, eta.tobytes()
         if self._last_dense is None or self._last_dense[0] != key:
             groups = self._groups
             code, index = offsets.codes[0, groups.row], np.arange(len(groups.n))
@@ -117,7 +117,7 @@ class IntegratedOffsets:
 
     def _factors(self, eta: FloatArray) -> tuple[Root, FloatArray]:
         """Return L and the Cholesky factor of the scores' precision."""
-        key = eta.tobytes()
+        key = eta.shape, eta.tobytes()
         if self._last is None or self._last[0] != key:
             root = self._offsets.root(eta)
             weight = self._groups.n / self._variance(eta)
