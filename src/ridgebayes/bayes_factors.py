@@ -183,5 +183,6 @@ def bayes_factor_table(
             add(a, b, "/".join(methods), ln_bf, math.hypot(*errors))
     if {"modified", "hybrid"} <= set(fits):
         ratio = savage_dickey(fits["hybrid"])
-        add("modified", "hybrid", ratio.method, -ratio.value, ratio.se)
+        if ratio.ok:
+            add("modified", "hybrid", ratio.method, -ratio.value, ratio.se)
     return pd.DataFrame(rows, columns=BAYES_FACTOR_COLUMNS)

@@ -254,7 +254,9 @@ def compare(
     with stage("leave-one-out"):
         loo = loo_table(fits)
     with stage("prior sensitivity"):
-        sensitivity = prior_sensitivity(fits)
+        own = evidence[evidence["used"] & (evidence["noise"] == error_model.name)]
+        values = dict(zip(own["form"], own["log_evidence"].astype(float), strict=True))
+        sensitivity = prior_sensitivity(fits, log_evidence=values)
     return Comparison(table, error_model, fits, evidence, factors, loo, sensitivity, failures)
 
 

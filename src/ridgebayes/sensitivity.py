@@ -3,14 +3,18 @@
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 import pandas as pd
+from scipy.special import logsumexp
 
+from ridgebayes.diagnostics import pareto_k
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import power_law_evidence, quadrature_evidence
 from ridgebayes.fit import Fit
 from ridgebayes.forms import PowerLaw
 from ridgebayes.laplace import fit_laplace
 from ridgebayes.likelihood import Model
+from ridgebayes.priors import Prior
 
 # A prior's scale by the name a reader knows it under, and the parameters it belongs to.
 PRIOR_SCALES = {"c": ("c", "c1"), "c2": ("c2",), "K": ("K[",), "sigma": ("sigma",)}
@@ -19,7 +23,10 @@ SCALE_FACTORS = tuple(10.0 ** (k / 4) for k in range(-4, 5))
 
 
 def prior_sensitivity(
-    fits: Mapping[str, Fit], factors: Sequence[float] = SCALE_FACTORS
+    fits: Mapping[str, Fit],
+    factors: Sequence[float] = SCALE_FACTORS,
+    *,
+    log_evidence: Mapping[str, float] | None = None,
 ) -> pd.DataFrame:
     """Return log evidences as each prior scale is stretched and shrunk.
 
@@ -29,14 +36,24 @@ def prior_sensitivity(
         By form name.
     factors : sequence of float, optional
         Multiples of the default scale; a factor of 100 in all if not given.
+    log_evidence : mapping of str to float, optional
+        Evidences under the default priors, where deterministic methods have none.
 
     Returns
     -------
     pandas.DataFrame
-        Columns prior (c, c2, K, sigma), factor, form, log_evidence; deterministic methods only.
+        Columns prior (c, c2, K, sigma), factor, form, log_evidence. Independent normal rows are
+        integrated anew; otherwise the posterior's draws are weighted by new over old prior, and
+        the evidence is NaN where too few of them count (Pareto k above 0.7).
     """
     rows = []
-    unchanged = {name: _deterministic_evidence(fit.model) for name, fit in fits.items()}
+    known = log_evidence or {}
+    unchanged = {
+        name: _deterministic_evidence(fit.model)
+        if fit.model.is_plain
+        else known.get(name, math.nan)
+        for name, fit in fits.items()
+    }
     for scale, starts in PRIOR_SCALES.items():
         for name, fit in fits.items():
             mine = {
@@ -48,9 +65,24 @@ def prior_sensitivity(
                 value = unchanged[name]
                 if mine and factor != 1:
                     stretched = {p: prior.stretched(factor) for p, prior in mine.items()}
-                    value = _deterministic_evidence(fit.model.with_priors(stretched))
+                    if fit.model.is_plain:
+                        value = _deterministic_evidence(fit.model.with_priors(stretched))
+                    else:
+                        value = unchanged[name] + _log_ratio(fit, stretched)
                 rows.append({"prior": scale, "factor": factor, "form": name, "log_evidence": value})
     return pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS)
+
+
+def _log_ratio(fit: Fit, priors: Mapping[str, Prior]) -> float:
+    """Return log of new over old evidence: the mean over the posterior of new over old prior."""
+    names = fit.model.parameter_names
+    log_weight = np.zeros(len(fit.draws))
+    for name, prior in priors.items():
+        values = fit.draws[:, names.index(name)]
+        log_weight += prior.log_pdf(values) - fit.model.priors[name].log_pdf(values)
+    if not pareto_k(log_weight) <= 0.7:
+        return math.nan
+    return float(logsumexp(log_weight)) - math.log(len(log_weight))
 
 
 def _deterministic_evidence(model: Model) -> float:

@@ -21,6 +21,7 @@ from ridgebayes.forms import Modified
 from ridgebayes.priors import default_priors
 
 _STEPS = 48  # grid points per integrated coordinate
+_N_DRAW = 128  # draws of each ensemble that the error model's parameters are taken from
 
 
 def savage_dickey(fit: Fit) -> LogEvidence:
@@ -34,7 +35,8 @@ def savage_dickey(fit: Fit) -> LogEvidence:
     Returns
     -------
     LogEvidence
-        Method ``savage-dickey``; the value is a log Bayes factor, not an evidence.
+        Method ``savage-dickey``; the value is a log Bayes factor, not an evidence. The status is
+        not ok where offsets are sampled beside the parameters.
 
     Raises
     ------
@@ -46,7 +48,7 @@ def savage_dickey(fit: Fit) -> LogEvidence:
     With u1, u2 the coordinates of c1 and c2 and w = u1 + beta u2, beta chosen so that w and u2 are
     uncorrelated, the density p(c2 = 0 | w) hardly depends on w, and its average over the draws of
     w is the marginal density with little Monte Carlo error. Given w, c2 and sigma are integrated
-    on a grid.
+    on a grid; with more parameters of the error model than sigma, c2 alone, given all of them.
 
     References
     ----------
@@ -59,6 +61,11 @@ def savage_dickey(fit: Fit) -> LogEvidence:
     nested = default_priors(Modified())["c"]
     if model.priors["c1"] != nested:
         raise InputError(f"prior of 'c1': {model.priors['c1']} given; rule: Modified's, {nested}")
+    if model.is_latent:
+        reason = "offsets are sampled: no conditional density of c2 alone"
+        return LogEvidence("savage-dickey", math.nan, math.nan, reason)
+    if not model.is_plain:
+        return _given_error_model(fit)
     chains = fit.kept_chains
     u = chains.u  # coordinates of c1, c2, sigma
     flat = u.reshape(-1, 3)
@@ -74,6 +81,29 @@ def savage_dickey(fit: Fit) -> LogEvidence:
     se = relative / math.sqrt(float(effective_sample_size(shifted))) if relative else 0.0
     # Prior and posterior density are both of the coordinate of c2: its Jacobian cancels.
     log_prior = -0.5 * _zero(fit) ** 2 - 0.5 * math.log(2 * math.pi)
+    return LogEvidence("savage-dickey", log_prior - log_posterior, max(se, 1e-12))
+
+
+def _given_error_model(fit: Fit) -> LogEvidence:
+    """Average p(c2 = 0 | w, the error model's parameters) over draws."""
+    u = fit.kept_chains.u
+    stride = max(u[..., 0].size // _N_DRAW // u.shape[0], 1)
+    u = u.reshape(len(u), -1, u.shape[-1])[:, ::stride]
+    flat = u.reshape(-1, u.shape[-1])
+    covariance = np.cov(flat[:, :2].T)
+    beta = -covariance[0, 1] / covariance[1, 1]
+    zero = _zero(fit)
+    c2 = np.append(_grid(flat[:, 1], include=zero), zero)
+    points = np.repeat(flat[:, None], len(c2), axis=1)
+    points[..., 1] = c2
+    points[..., 0] = (flat[:, 0] + beta * flat[:, 1])[:, None] - beta * c2
+    values = np.concatenate([fit.model.log_density(part) for part in np.array_split(points, 64)])
+    log_density = values[:, -1] - logsumexp(values[:, :-1], axis=1) - math.log(c2[1] - c2[0])
+    shifted = np.exp(log_density - log_density.max())
+    log_posterior = math.log(shifted.mean()) + log_density.max()
+    by_ensemble = shifted.reshape(len(u), -1, 1)
+    se = shifted.std() / shifted.mean() / math.sqrt(float(effective_sample_size(by_ensemble)))
+    log_prior = -0.5 * zero**2 - 0.5 * math.log(2 * math.pi)
     return LogEvidence("savage-dickey", log_prior - log_posterior, max(se, 1e-12))
 
 
