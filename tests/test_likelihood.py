@@ -113,22 +113,6 @@ def test_log_likelihood__costs_by_textures_not_rows():
     assert model.likelihood.groups.n.sum() == len(frame)
 
 
-STRUCTURED = [noise for noise in Noise.every() if noise.name != "iid"]
-
-
-@pytest.mark.parametrize("noise", STRUCTURED, ids=lambda noise: noise.name)
-def test_marginal_gradient__by_differences_is_that_of_shorter_steps(noise):
-    rng = np.random.default_rng(26)
-    model = Model(observations(made_up(rng, rel_se=True)), Hybrid(), noise)
-    u = 0.3 * rng.standard_normal(model.n_parameter)
-    gradient = model.marginal_gradient(u)
-    h = 1e-4
-    for i, step in enumerate(h * np.eye(len(u))):
-        up, down = model.marginal_log_density(u + step), model.marginal_log_density(u - step)
-        # Discretisation: h^2 f(3) here, (2e-3)^4 f(5) there; rounding 1e-12 / h.
-        assert gradient[i] == pytest.approx((up - down) / (2 * h), rel=1e-5, abs=1e-4)
-
-
 @pytest.mark.parametrize("noise", Noise.every(), ids=lambda noise: noise.name)
 def test_model__of_each_error_model_names_its_coordinates(noise):
     model = Model(observations(made_up(np.random.default_rng(27))), Hybrid(), noise)
@@ -162,11 +146,11 @@ def test_log_density__of_each_error_model_does_not_mind_the_order_of_rows(noise)
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("rel_se", [False, True])
-def test_marginal_gradient__is_the_central_difference(form, rel_se):
+def test_gradient__is_the_central_difference(form, rel_se):
     rng = np.random.default_rng(15)
     model = Model(observations(made_up(rng, rel_se=rel_se)), form)
     for u in model.to_unconstrained(draws_of(model, rng, 4)):
-        gradient = model.marginal_gradient(u)
+        gradient = model.gradient(u)
         for i in range(len(u)):
             h = 1e-5
             step = h * np.eye(len(u))[i]

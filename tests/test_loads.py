@@ -8,31 +8,41 @@ from ridgebayes.loads import LoadDistribution, mix_loads
 PROBABILITIES = (1e-4, 0.05, 0.5, 0.9, 0.9999)
 
 
-def mixture(seed=0, n_draw=40, shape=(3,), sd=True):
-    """Draws whose spread is comparable to the error's, unequal weights."""
+def draws_of(seed=0, n_draw=40, shape=(3,)):
+    """Centres, spreads and unequal weights of draws whose spread is comparable to the error's."""
     rng = np.random.default_rng(seed)
     weight = rng.random(n_draw)
-    return LoadDistribution(
-        -5 + 0.1 * rng.standard_normal((n_draw, *shape)),
-        rng.uniform(0.02, 0.1, n_draw) if sd else np.zeros(n_draw),
-        weight / weight.sum(),
-        np.zeros(shape, bool),
-    )
+    log_mean = -5 + 0.1 * rng.standard_normal((n_draw, *shape))
+    return log_mean, rng.uniform(0.02, 0.1, n_draw), weight / weight.sum()
 
 
-def oracle_cdf(load, x, i):
+def mixture(seed=0, n_draw=40, shape=(3,)):
+    return LoadDistribution(*draws_of(seed, n_draw, shape), np.zeros(shape, bool))
+
+
+def oracle_cdf(draws, x, i):
     """Sum of log-normal distribution functions, component by component."""
-    z = (np.log(x)[..., None] - load.log_mean[:, i]) / load.sd
-    return special.ndtr(z) @ load.weight
+    log_mean, sd, weight = draws
+    z = (np.log(x)[..., None] - log_mean[:, i]) / sd
+    return special.ndtr(z) @ weight
 
 
 def test_cdf__is_the_sum_of_log_normals():
     load = mixture()
     x = 0.0065
-    expected = [oracle_cdf(load, x, i) for i in range(3)]
+    expected = [oracle_cdf(draws_of(), x, i) for i in range(3)]
     np.testing.assert_allclose(load.cdf(x), expected, rtol=1e-12)  # algebra
     assert load.cdf(0.0).tolist() == [0, 0, 0]
     assert load.cdf(1e6).tolist() == pytest.approx([1, 1, 1], rel=1e-14)
+
+
+def test_cdf__takes_a_spread_of_each_draw_and_place_too():
+    log_mean, sd, weight = draws_of()
+    wide = sd[:, None] * np.array([1.0, 2.0, 0.5])
+    load = LoadDistribution(log_mean, wide, weight, np.zeros(3, bool))
+    x = 0.0065
+    expected = [oracle_cdf((log_mean, wide[:, i], weight), x, i) for i in range(3)]
+    np.testing.assert_allclose(load.cdf(x), expected, rtol=1e-12)  # algebra
 
 
 @pytest.mark.parametrize("prob", PROBABILITIES)
@@ -67,10 +77,10 @@ def test_quantile__without_error_model_is_a_weighted_order_statistic():
 
 
 def test_mean__is_the_integral_of_the_survival():
-    load = mixture(shape=(2,))
+    load, draws = mixture(shape=(2,)), draws_of(shape=(2,))
     for i in (0, 1):
         total, _ = integrate.quad(
-            lambda x, i=i: 1 - oracle_cdf(load, x, i), 1e-9, 0.05, points=[0.005, 0.007, 0.01]
+            lambda x, i=i: 1 - oracle_cdf(draws, x, i), 1e-9, 0.05, points=[0.005, 0.007, 0.01]
         )
         assert load.mean()[i] == pytest.approx(total, rel=1e-6)  # discretisation: quad's
 
@@ -82,7 +92,7 @@ def test_rvs__has_the_mean_and_the_distribution():
     # Monte Carlo: 4.5 standard errors, 1e-4 for Kolmogorov-Smirnov.
     assert np.all(np.abs(draws.mean(0) - load.mean()) < 4.5 * draws.std(0) / np.sqrt(n))
     for i in range(3):
-        test = stats.kstest(draws[:, i], lambda x, i=i: oracle_cdf(load, x, i))
+        test = stats.kstest(draws[:, i], lambda x, i=i: oracle_cdf(draws_of(), x, i))
         assert test.pvalue > 1e-4
     assert draws.tolist() == load.rvs(3, size=n).tolist()
 

@@ -160,7 +160,9 @@ def test_fitted__follows_a_target_of_two_humps():
     # Monte Carlo: four standard errors of a share of 4,000; 0.003 that wide components give away.
     assert near == pytest.approx(0.35, abs=0.033)
     np.testing.assert_allclose(move.rest[0], points[:, 2:].mean(axis=0), rtol=1e-12)
-    np.testing.assert_allclose(move.rest[1], points[:, 2:].std(axis=0), rtol=1e-12)
+    # The variance has a floor, a tenth's square, added to it.
+    spread = np.sqrt(points[:, 2:].var(axis=0) + 0.1**2)
+    np.testing.assert_allclose(move.rest[1], spread, rtol=1e-12)  # algebra
     # What the fit is for: far more candidates are accepted than from one component.
     target = stats.multivariate_normal
 
@@ -188,9 +190,10 @@ def test_fitted__of_one_component_has_mean_and_covariance_of_the_draws():
     points = rng.standard_normal((500, 3)) @ np.array([[1, 0.5, 0], [0, 2, 0], [0.3, 0, 1.0]])
     move = Independence.fitted(points, 3, rng, n_component=1)
     np.testing.assert_allclose(move.centres[0], points.mean(axis=0), rtol=1e-9)
-    # The common covariance weighs 4 of 520 draws more in it, and lacks a degree of freedom.
-    found = move.factors[0] @ move.factors[0].T
-    expected = np.cov(points.T) * (499 + 0.2 * 20) / 520
+    # The common covariance, a ridge of 1e-4 on it, weighs 4 of 520 draws more; the draws' own lacks
+    # a degree of freedom.
+    found, own = move.factors[0] @ move.factors[0].T, np.cov(points.T)
+    expected = (499 * own + 0.2 * 20 * (own + 1e-4 * np.eye(3))) / 520
     np.testing.assert_allclose(found, expected, rtol=1e-9)  # algebra
     assert move.rest.shape == (2, 0)
 

@@ -185,22 +185,6 @@ def test_given__textures_of_one_ratio_share_the_smooth_offset(data, observed):
     assert np.abs(other - alike[0][0]).max() > 1e-3
 
 
-@pytest.mark.parametrize("structure", STRUCTURES[:3])
-def test_inflation__is_the_variance_of_a_balanced_mean_times_the_rows(structure, observed):
-    texture, steps = (x.ravel() for x in np.meshgrid([0, 1, 2], [4, 6, 8, 10]))
-    balanced = observed(texture, steps, -8.0)
-    offsets, eta = offsets_of(Noise(structure), balanced), eta_of(structure)
-    loading = offsets.root(eta).loading(Design(offsets.codes, offsets.n_level))
-    variance = (loading.mean(axis=-1) ** 2).sum()
-    # Rounding: a few sums.
-    assert offsets.inflation(eta) == pytest.approx(12 * variance, rel=1e-13)
-
-
-def test_inflation__of_a_smooth_offset_is_that_of_its_steps(data):
-    offsets, eta = offsets_of(Noise("step-smooth"), data), eta_of("step-smooth")
-    assert offsets.inflation(eta) == pytest.approx(0.04**2 * 10 / 4, rel=1e-14)  # rounding
-
-
 def test_offsets_of__refuses_more_smooth_places_than_it_can_serve(observed):
     steps = 2 * np.arange(2, LARGEST_SMOOTH + 3)
     rule = f"step-smooth: {LARGEST_SMOOTH + 1} places of Q and a/pitch; rule: at most"
