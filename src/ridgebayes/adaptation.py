@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.errors import InputError
 from ridgebayes.moves import Independence
 
 _BATCH = 512  # points whose densities are asked for at a time: memory is bounded, caches are used
@@ -73,9 +74,16 @@ def weighted(
         Source of randomness.
     n : int
         Draws.
+
+    Raises
+    ------
+    InputError
+        If the density is positive at none of them.
     """
     z = proposal.rvs(rng, n)
     target = np.concatenate([log_density(z[i : i + _BATCH]) for i in range(0, n, _BATCH)])
+    if not np.isfinite(target).any():
+        raise InputError("sample: no starting points of positive density; rule: a feasible centre")
     return Weighted(z, target, target - proposal.log_pdf(z))
 
 
