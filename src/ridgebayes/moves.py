@@ -107,17 +107,16 @@ def _mixture(
     centres = points[rng.choice(n, n_component, replace=False)]
     factors = np.repeat(np.linalg.cholesky(common)[None], n_component, axis=0)
     weights = np.full(n_component, 1 / n_component)
-    for _ in range(40):  # a proposal, not an estimate: it need not be the last digit's mixture
+    for _ in range(12):  # a proposal, not an estimate: it need not be the last digit's mixture
         log_share = -0.5 * _distances(points, centres, factors)
         log_share += (np.log(weights) - _log_volumes(factors))[:, None]
         share = np.exp(log_share - logsumexp(log_share, axis=0))
         mass = share.sum(axis=1) + 1e-9
         weights = mass / mass.sum()
         centres = share @ points / mass[:, None]
-        for i in range(n_component):
-            off = points - centres[i]
-            covariance = (share[i][:, None] * off).T @ off + 0.2 * _PRIOR_WEIGHT * common
-            factors[i] = np.linalg.cholesky(covariance / (mass[i] + _PRIOR_WEIGHT))
+        off = points - centres[:, None]
+        scatter = np.swapaxes(share[:, :, None] * off, 1, 2) @ off + 0.2 * _PRIOR_WEIGHT * common
+        factors = np.linalg.cholesky(scatter / (mass + _PRIOR_WEIGHT)[:, None, None])
     return weights, centres, factors
 
 

@@ -19,7 +19,6 @@ from ridgebayes.moves import Independence
 from ridgebayes.randomness import stream
 
 Tell = Callable[[str], None]
-_CHECK = 100  # steps from one look at the stopping rule to the next
 
 
 @dataclass(frozen=True)
@@ -148,7 +147,7 @@ def sample(
     ]
     u, log_jacobian = laplace.unwhiten(walk.z)
     while True:
-        # A check every 100 steps, as emcee's own recipe has it, wherever the walk was picked up.
+        # With every check the target grows by 15 %, wherever the walk was picked up again.
         in_u = walk.log_density - log_jacobian
         before, tau = walk.tau, _mean_tau(u, in_u)
         missing = _missing(walk.n_step, tau, before, (*names, "log posterior"), settings)
@@ -158,7 +157,7 @@ def sample(
             )
         if not missing or walk.n_step >= settings.n_step_max:
             break
-        target = min(walk.n_step + _CHECK, settings.n_step_max)
+        target = min(max(int(1.15 * walk.n_step) + 10, 100), settings.n_step_max)
         n_before = walk.n_step
         walk = _walked_on(walk, samplers, target - n_before, tau)
         new_u, new_jacobian = laplace.unwhiten(walk.z[:, n_before:])
@@ -196,7 +195,7 @@ def _burnt_in(
     states, proposals = [], []
     for i in range(settings.n_ensemble):
         rng = stream(seed, f"ensemble {i}")
-        proposal, draws = adapted(in_z, n_coordinate - n_latent, n_latent, rng)
+        proposal, draws = adapted(in_z, n_coordinate - n_latent, n_latent, rng, n_round=4, n=1_000)
         start = emcee.State(_start(draws, rng, n_walker))
         # emcee takes the state of a RandomState; such an object it would silently ignore.
         start.random_state = np.random.RandomState(rng.integers(2**32)).get_state()
