@@ -110,7 +110,9 @@ def runs(tmp_path_factory, table):
         patch.setattr("ridgebayes.jobs.write_pages", pages)
         patch.setattr("ridgebayes.jobs.Progress", Counted)
         done = {
-            name: run_job(folder / name, table=table, forms=FORMS, seed=seed, settings=QUICK)
+            name: run_job(
+                folder / name, table=table, forms=FORMS, seed=seed, settings=QUICK, noise="iid"
+            )
             for name, seed in [("first", 5), ("again", 5), ("other", 6)]
         }
     return folder, done, pages, list(Counted.made)
@@ -258,7 +260,7 @@ def test_run__that_fails_mid_way_leaves_no_final_folder(
     monkeypatch.setattr("ridgebayes.jobs.compare", lambda *_, **__: runs[1]["first"])
     monkeypatch.setattr(f"ridgebayes.jobs.{place}", fail)
     with pytest.raises(RuntimeError, match="disk on fire"):
-        run_job(tmp_path / "out", table=table, forms=FORMS, settings=QUICK)
+        run_job(tmp_path / "out", table=table, forms=FORMS, settings=QUICK, noise="iid")
     assert not (tmp_path / "out").exists()
 
 
@@ -317,7 +319,7 @@ def default(tmp_path_factory):
     folder, pages = tmp_path_factory.mktemp("default") / "run", Pages()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("ridgebayes.jobs.write_pages", pages)
-        done = run_job(folder, forms=["modified"], settings=QUICK)
+        done = run_job(folder, forms=["modified"], settings=QUICK, noise="iid")
     return folder, done, pages
 
 
@@ -369,7 +371,9 @@ def test_default__unfinished_fits_of_the_second_comparison_are_failures_too(defa
 
 
 def test_compare__writes_the_comparison_without_bands_and_pages(tmp_path, table, no_pages, capsys):
-    done = compare_job(tmp_path / "out", table, forms=["modified"], seed=3, settings=QUICK)
+    done = compare_job(
+        tmp_path / "out", table, forms=["modified"], seed=3, settings=QUICK, noise="iid"
+    )
     assert names(tmp_path / "out") == COMPARED | posteriors("modified")
     assert no_pages.asked == []
     content = about(tmp_path / "out")
@@ -393,7 +397,7 @@ def test_compare__default_forms_are_the_four_printed_ones(tmp_path, table, monke
 
 
 def test_fit__writes_one_posterior_with_its_evidence(tmp_path, table):
-    done = fit_job(tmp_path / "out", table, "power-law", settings=QUICK)
+    done = fit_job(tmp_path / "out", table, "power-law", settings=QUICK, noise="iid")
     expected = {"table.csv", "summary.csv", "evidence.csv", "run.json"}
     assert names(tmp_path / "out") == expected | posteriors("power-law")
     content = about(tmp_path / "out")
@@ -408,9 +412,11 @@ def test_jobs__announce_as_many_stages_as_come(tmp_path, table, monkeypatch, n_f
     Counted.made = []
     monkeypatch.setattr("ridgebayes.jobs.Progress", Counted)
     if n_form == 1:
-        fit_job(tmp_path / "out", table, "modified", settings=QUICK)
+        fit_job(tmp_path / "out", table, "modified", settings=QUICK, noise="iid")
     else:
-        compare_job(tmp_path / "out", table, forms=["modified", "classic"], settings=QUICK)
+        compare_job(
+            tmp_path / "out", table, forms=["modified", "classic"], settings=QUICK, noise="iid"
+        )
     (progress,) = Counted.made
     assert progress.n_stage == len(progress.stages)
 
@@ -496,7 +502,7 @@ def test_resume__of_another_seed_is_refused_and_the_chains_stay(tmp_path, table,
 
     monkeypatch.setattr("ridgebayes.comparison.evidences", killed)
     with pytest.raises(KeyboardInterrupt):
-        fit_job(tmp_path / "out", table, "modified", seed=1, settings=QUICK)
+        fit_job(tmp_path / "out", table, "modified", seed=1, settings=QUICK, noise="iid")
     monkeypatch.undo()
     with pytest.raises(InputError, match=r"cannot resume, seed was '\d+' and is '\d+'"):
         fit_job(tmp_path / "out", table, "modified", seed=2, settings=QUICK, resume=True)

@@ -7,6 +7,7 @@ hands around `InferenceData`, 1.x (Python 3.12 and later) xarray's `DataTree`.
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from types import ModuleType
 from typing import Any
 
@@ -242,7 +243,7 @@ def pareto_smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
         if arviz.__version__.startswith("0."):
             smoothed, k = arviz.psislw(log_weights)
         else:
-            from arviz_stats.base import array_stats
+            array_stats: Any = import_module("arviz_stats.base").array_stats
 
             smoothed, k = array_stats.psislw(log_weights)
     return np.asarray(smoothed), float(k)

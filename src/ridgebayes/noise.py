@@ -58,8 +58,8 @@ class Noise:
         structure, colon, tail = name.partition(":")
         if structure not in cls.structures or (colon and tail not in cls.tails):
             raise InputError(
-                f"noise {name!r}: not an error model; rule: STRUCTURE or STRUCTURE:student, STRUCTURE "
-                f"one of {', '.join(cls.structures)}"
+                f"noise {name!r}: not an error model; rule: STRUCTURE or STRUCTURE:student, "
+                f"STRUCTURE one of {', '.join(cls.structures)}"
             )
         return cls(structure, tail or "normal")
 

@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fit import Fit
 from ridgebayes.forms import Form, PowerLaw, Texture, reduced_load
@@ -25,6 +25,7 @@ from ridgebayes.priors import default_priors
 from ridgebayes.qdistribution import QDistribution
 from ridgebayes.randomness import stream
 
+Counts = IntArray | FloatArray
 KINDS = ("curve", "simulation")
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
 N_LOAD_DRAWS = 2_560  # draws behind a load distribution; its quantiles move by 0.02 sd at most
@@ -226,13 +227,13 @@ class _Draws:
         """Degrees of freedom of each draw's errors; None where these are normal."""
         return self.theta[:, -1] if self.fit.noise.tail == "student" else None
 
-    def load(self, texture: Texture, Q: FloatArray, nu: float | FloatArray) -> FloatArray:
+    def load(self, texture: Texture, Q: Counts, nu: float | FloatArray) -> FloatArray:
         """Return the form's own load of each draw, (n_draw, n_Q); infinite where none reaches Q."""
         form, theta = self._form_at(texture)
         return np.nan_to_num(form.load(Q, *texture, theta, nu), nan=np.inf, posinf=np.inf)
 
     def log_load(
-        self, texture: Texture, Q: FloatArray, nu: float | FloatArray, kind: str
+        self, texture: Texture, Q: Counts, nu: float | FloatArray, kind: str
     ) -> tuple[FloatArray, FloatArray]:
         """Return location and scale of the log load of each draw, both (n_draw, n_Q).
 

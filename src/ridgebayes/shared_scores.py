@@ -11,6 +11,7 @@ in which no large numbers cancel. M has the size of the offsets, not of the rows
 """
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -269,10 +270,9 @@ def weighted_products(weight: FloatArray, columns: FloatArray) -> FloatArray:
 
 def cholesky_or_nan(matrix: FloatArray) -> FloatArray:
     """Return lower Cholesky factors of a batch; NaN where a matrix is not positive definite."""
-    try:
-        return np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        pass
+    with suppress(np.linalg.LinAlgError):
+        whole: FloatArray = np.linalg.cholesky(matrix).astype(float, copy=False)
+        return whole
     factors = np.full(matrix.shape, np.nan)
     for place in np.ndindex(matrix.shape[:-2]):
         try:

@@ -5,7 +5,7 @@ import pandas as pd
 from ridgebayes.comparison import Comparison
 from ridgebayes.error_models import SUMMED, mean_evidence
 from ridgebayes.ranking import ranked
-from ridgebayes.report.blocks import Section, Table, Text, table
+from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.names import form_name, noise_name, said
 from ridgebayes.report.numbers import ABSENT, decimals, probability, with_error
 
@@ -15,7 +15,7 @@ def error_models_section(comparison: Comparison) -> Section:
     means = mean_evidence(comparison.evidence)
     if len(means) < 2:
         return Section("Error models", "error-models", ())
-    blocks = [
+    blocks: list[Text | Table | Picture] = [
         Text(
             "What is left of a load after a form is fitted repeats from texture to texture and "
             "from step to step. An error model says what repeats; taken as independent the rows "
