@@ -42,7 +42,7 @@ def _two_prior_scales():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
             "ridgebayes.comparison.prior_sensitivity",
-            lambda fits: prior_sensitivity(fits, [1.0, 1.5]),
+            lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known),
         )
         yield
 
