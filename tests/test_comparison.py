@@ -34,7 +34,7 @@ def compared(paper, fits, forms, **replaced):
         return compare(paper, forms)
 
 
-def no_sensitivity(fits):
+def no_sensitivity(fits, **known):
     return pd.DataFrame()
 
 
@@ -373,7 +373,8 @@ def test_loo__without_row_likelihoods_is_an_empty_table(paper, fits, monkeypatch
 def mixed(comparison, **shares):
     """Return the comparison with probabilities given by hand, so that the mix is a real one."""
     evidence = pd.DataFrame({"form": list(shares), "model_probability": list(shares.values())})
-    return replace(comparison, evidence=evidence.assign(used=True))
+    own = evidence.assign(used=True, noise=comparison.noise.name)
+    return replace(comparison, evidence=own)
 
 
 def test_predict__is_the_mix_by_probability(comparison, fits):
