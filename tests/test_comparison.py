@@ -435,7 +435,7 @@ def test_half_plane__on_its_own_rows_is_refused_before_any_sampling(paper, monke
 
 
 def test_noise__of_another_name_is_refused(paper):
-    with pytest.raises(InputError, match=r"noise 'student': .*rule: one of iid"):
+    with pytest.raises(InputError, match=r"noise 'student': .*rule: STRUCTURE"):
         compare(paper, [rb.Modified()], noise="student")
 
 
