@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from ridgebayes.forms import Modified
-from ridgebayes.integrated import IntegratedOffsets
+from ridgebayes.integrated import IntegratedOffsets, IntegratedSmoothOffsets
 from ridgebayes.noise import Noise
 from ridgebayes.offsets import offsets_of
 from ridgebayes.rows import Rows
@@ -65,7 +65,8 @@ def table(observed, rng, n=25, n_texture=4):
 
 
 def likelihood_of(structure, data):
-    return IntegratedOffsets(Rows.of(data, Modified()), offsets_of(Noise(structure), data))
+    kind = IntegratedSmoothOffsets if structure == "step-smooth" else IntegratedOffsets
+    return kind(Rows.of(data, Modified()), offsets_of(Noise(structure), data))
 
 
 def residual(data, log_rates):

@@ -179,7 +179,7 @@ def test_centre__is_the_middle_and_a_uniform_errors_variance(observed):
         log_lower=[np.nan, load - 0.2, load - 3, -np.inf, np.nan],
         is_count=[False] * 4 + [True],
     )
-    middle, variance = Rows.of(data, Modified()).centre()
+    middle, variance = Rows.of(data, Modified()).centre
     beyond = load - 2 * log_shape(4)  # of a count of 2: not yet the load of 4
     np.testing.assert_allclose(middle, [0, -0.1, -0.5, -0.5, beyond + 0.5], atol=1e-13)
     np.testing.assert_allclose(variance, np.array([0, 0.04, 1, 1, 1]) / 12, atol=1e-13)

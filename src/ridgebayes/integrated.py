@@ -41,46 +41,24 @@ class IntegratedOffsets:
         self._design = Design(offsets.codes[:, self._groups.row], offsets.n_level)
         # Coordinates and density ask for the same factors one after the other.
         self._last: tuple[object, Root, FloatArray] | None = None
-        self._last_dense: tuple[object, FloatArray] | None = None
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         """Return the log-likelihood, shape (...), from (..., n_texture) and (..., n_noise)."""
         groups, variance = self._groups, self._variance(eta)
-        if isinstance(self._offsets, SmoothOffsets):
-            return self._dense(self._offsets, log_rates, eta)
         root, given = self._given(log_rates, eta)
         left = self._residual(log_rates) - self._design.spread(root.times(given.mean))
         misfit = ((groups.sum_of_squares + groups.n * left * left) / variance).sum(axis=-1)
         misfit += (given.mean**2).sum(axis=-1) + given.log_det
         return -0.5 * (misfit + (groups.n * (np.log(variance) + _LOG_2PI)).sum(axis=-1))
 
-    def _dense(self, offsets: SmoothOffsets, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
-        """Return the same where offsets are as many as groups of rows, by one factor, not two.
-
-        A group is normal by its mean, and by its scatter about it.
-        """
-        groups, variance = self._groups, self._variance(eta)
-        factor = self._dense_factor(offsets, eta)
-        half = solve_lower(factor, self._residual(log_rates)[..., None])[..., 0]
-        misfit = half**2 + 2 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)) + _LOG_2PI
-        scatter = groups.sum_of_squares / variance + np.log(groups.n)
-        scatter = scatter + (groups.n - 1) * (np.log(variance) + _LOG_2PI)
-        return -0.5 * (misfit + scatter).sum(axis=-1)
-
     def products(self, eta: FloatArray, columns: FloatArray) -> FloatArray:
         """Return X' inverse(Sigma) X of columns (n_obs, m) that groups of rows share, (..., m, m).
 
         Of residuals the means of groups serve: what products with other columns need.
         """
-        groups = self._groups
-        mean = np.zeros((len(groups.n), columns.shape[1]))
-        np.add.at(mean, groups.of_row, columns / groups.n[groups.of_row, None])
-        if isinstance(self._offsets, SmoothOffsets):
-            half = solve_lower(self._dense_factor(self._offsets, eta), mean)
-            return np.swapaxes(half, -1, -2) @ half
         root, factor = self._factors(eta)
-        weight = groups.n / self._variance(eta)
-        return products_given(self._design, root, weight, mean, factor)
+        weight = self._groups.n / self._variance(eta)
+        return products_given(self._design, root, weight, self._group_means(columns), factor)
 
     def pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         """Return log p(row | all other rows), shape (n_draw, n_obs), from (n_draw, ...).
@@ -101,19 +79,6 @@ class IntegratedOffsets:
         """Return what the rows tell of the offsets, for each of many draws."""
         root, given = self._given(log_rates, eta)
         return OffsetsGiven(self._offsets, eta, root, given.mean, given)
-
-    def _dense_factor(self, offsets: SmoothOffsets, eta: FloatArray) -> FloatArray:
-        """Return the Cholesky factor of the covariance of the groups' means."""
-        key = eta.shape, eta.tobytes()
-        if self._last_dense is None or self._last_dense[0] != key:
-            groups = self._groups
-            code, index = offsets.codes[0, groups.row], np.arange(len(groups.n))
-            covariance = offsets.covariance(eta)
-            if len(code) != offsets.n_level or np.any(code != index):
-                covariance = covariance[..., code[:, None], code]
-            covariance[..., index, index] += self._variance(eta) / groups.n
-            self._last_dense = key, cholesky_or_nan(covariance)
-        return self._last_dense[1]
 
     def _factors(self, eta: FloatArray) -> tuple[Root, FloatArray]:
         """Return L and the Cholesky factor of the scores' precision."""
@@ -140,8 +105,58 @@ class IntegratedOffsets:
         weight, residual = self._groups.n / self._variance(eta), self._residual(log_rates)
         return root, given_rows(self._design, root, weight, residual, factor)
 
+    def _group_means(self, columns: FloatArray) -> FloatArray:
+        groups = self._groups
+        mean = np.zeros((len(groups.n), columns.shape[1]))
+        np.add.at(mean, groups.of_row, columns / groups.n[groups.of_row, None])
+        return mean
+
     def _residual(self, log_rates: FloatArray) -> FloatArray:
         return self._groups.mean + 2 * log_rates[..., self._groups.texture]
 
     def _variance(self, eta: FloatArray) -> FloatArray:
         return eta[..., :1] ** 2 + self._groups.rel_se**2
+
+
+class IntegratedSmoothOffsets(IntegratedOffsets):
+    """The same where offsets are as many as groups of rows: one factor serves, not two.
+
+    Parameters
+    ----------
+    rows : Rows
+        Exact rows.
+    offsets : SmoothOffsets
+        What they share.
+    """
+
+    def __init__(self, rows: Rows, offsets: SmoothOffsets) -> None:
+        super().__init__(rows, offsets)
+        self._smooth = offsets
+        self._last_whole: tuple[object, FloatArray] | None = None
+
+    def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
+        """Return the log-likelihood; a group is normal by its mean, and by its scatter about it."""
+        groups, variance = self._groups, self._variance(eta)
+        factor = self._whole_factor(eta)
+        half = solve_lower(factor, self._residual(log_rates)[..., None])[..., 0]
+        misfit = half**2 + 2 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)) + _LOG_2PI
+        scatter = groups.sum_of_squares / variance + np.log(groups.n)
+        scatter = scatter + (groups.n - 1) * (np.log(variance) + _LOG_2PI)
+        return -0.5 * (misfit + scatter).sum(axis=-1)
+
+    def products(self, eta: FloatArray, columns: FloatArray) -> FloatArray:
+        half = solve_lower(self._whole_factor(eta), self._group_means(columns))
+        return np.swapaxes(half, -1, -2) @ half
+
+    def _whole_factor(self, eta: FloatArray) -> FloatArray:
+        """Return the Cholesky factor of the covariance of the groups' means."""
+        key = eta.shape, eta.tobytes()
+        if self._last_whole is None or self._last_whole[0] != key:
+            groups = self._groups
+            code, index = self._smooth.codes[0, groups.row], np.arange(len(groups.n))
+            covariance = self._smooth.covariance(eta)
+            if len(code) != self._smooth.n_level or np.any(code != index):
+                covariance = covariance[..., code[:, None], code]
+            covariance[..., index, index] += self._variance(eta) / groups.n
+            self._last_whole = key, cholesky_or_nan(covariance)
+        return self._last_whole[1]

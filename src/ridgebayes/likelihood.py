@@ -19,10 +19,10 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.forms import Form
 from ridgebayes.independent import IndependentNormalRows, IndependentRows
-from ridgebayes.integrated import IntegratedOffsets
+from ridgebayes.integrated import IntegratedOffsets, IntegratedSmoothOffsets
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
-from ridgebayes.offsets import OffsetsGiven, offsets_of
+from ridgebayes.offsets import OffsetsGiven, SmoothOffsets, offsets_of
 from ridgebayes.priors import JointPrior, Prior, default_priors
 from ridgebayes.rows import Rows
 from ridgebayes.sampled import SampledOffsets
@@ -88,6 +88,8 @@ class Model:
         if self.offsets is None:
             kind = IndependentNormalRows if is_normal else IndependentRows
             return kind(self.rows, self.noise.distribution)
+        if is_normal and isinstance(self.offsets, SmoothOffsets):
+            return IntegratedSmoothOffsets(self.rows, self.offsets)
         if is_normal:
             return IntegratedOffsets(self.rows, self.offsets)
         return SampledOffsets(self.rows, self.offsets, self.noise.distribution)
@@ -224,7 +226,7 @@ class Model:
         theta = self.to_theta(u)
         slope = self._joint.at_scores_slope(u, theta)[:k]
         jacobian = 2 * self.form.log_rate_gradient(theta[:k], self._a, self._b) * slope
-        residual = self.rows.centre()[0] + 2 * self.log_rates(theta)[self.data.texture]
+        residual = self.rows.centre[0] + 2 * self.log_rates(theta)[self.data.texture]
         return np.column_stack([jacobian[self.data.texture], residual])
 
     def products(self, u_noise: FloatArray, columns: FloatArray) -> FloatArray:

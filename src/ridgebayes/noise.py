@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ridgebayes.errors import InputError
-from ridgebayes.tails import NormalTail, StudentTail, Tail
-
-_TAILS: dict[str, Tail] = {tail.name: tail for tail in (NormalTail(), StudentTail())}
+from ridgebayes.tails import TAILS, Tail, tail_named
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class Noise:
         "texture+step",
         "step-smooth",
     )
-    tails: ClassVar[tuple[str, ...]] = tuple(_TAILS)
+    tails: ClassVar[tuple[str, ...]] = tuple(TAILS)
 
     def __post_init__(self) -> None:
         for kind, value, known in (
@@ -76,7 +74,7 @@ class Noise:
     @property
     def distribution(self) -> Tail:
         """The distribution of a row's own error, standardised."""
-        return _TAILS[self.tail]
+        return tail_named(self.tail)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -155,7 +155,8 @@ class SmoothOffsets(Offsets):
         # The kernel is a product: each factor is worked out on its own few values.
         self._axes = []
         for column in self._places.T:
-            values, code = np.unique(column.round(9), return_inverse=True)
+            _, first, code = np.unique(column.round(9), return_index=True, return_inverse=True)
+            values = column[first]
             squares = ((values[:, None] - values) ** 2).ravel()
             self._axes.append((squares, (code[:, None] * len(values) + code).ravel()))
 

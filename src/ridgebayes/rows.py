@@ -6,6 +6,7 @@ count have the probability of the errors between two residuals.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -67,8 +68,9 @@ class Rows:
         lower[exact] = upper[exact]
         return cls(data.texture, data.rel_se, exact, upper, lower)
 
+    @cached_property
     def centre(self) -> tuple[FloatArray, FloatArray]:
-        """Return each row's middle and the variance of a uniform error within its width.
+        """Each row's middle and the variance of a uniform error within its width.
 
         Where one end is infinite, or the width above 1 (a factor of 2.7 in load), a width of 1 at
         the other end stands for it: a rough value for approximations that are corrected later.
@@ -81,7 +83,7 @@ class Rows:
         """Return the variances of normal errors that come near the rows' own, (..., n_obs)."""
         own = eta[..., :1] ** 2 + self.rel_se**2
         df = eta[..., -1:] if tail.parameter_names else None
-        return own * tail.site_variance(df) + self.centre()[1]
+        return own * tail.site_variance(df) + self.centre[1]
 
     def log_likelihood(
         self,

@@ -38,7 +38,6 @@ class SampledOffsets:
         self._rows, self._offsets, self._tail = rows, offsets, tail
         self._design = Design(offsets.codes, offsets.n_level)
         self._design_next = Design(offsets.codes_next, offsets.n_level)
-        self._middle, self._extra = rows.centre()
         self.n_latent = offsets.n_level
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
@@ -80,21 +79,19 @@ class SampledOffsets:
     def _approximation(self, log_rates: FloatArray, eta: FloatArray) -> tuple[Root, ScoresGiven]:
         """Return L, and the scores given the rows taken as normal."""
         root, residual = self._offsets.root(eta), self._residual(log_rates)
-        own = eta[..., :1] ** 2 + self._rows.rel_se**2
+        weight = 1 / self._rows.normal_variance(eta, self._tail)
+        given = given_rows(self._design, root, weight, residual)
         if not self._tail.parameter_names:
-            variance = own + self._extra
-            return root, given_rows(self._design, root, 1 / variance, residual)
-        df = eta[..., -1:]
-        given = given_rows(
-            self._design, root, 1 / (own * self._tail.site_variance(df) + self._extra), residual
-        )
+            return root, given
+        _, extra = self._rows.centre
+        own, df = eta[..., :1] ** 2 + self._rows.rel_se**2, eta[..., -1:]
         for _ in range(_PASSES):
             # A t is a normal of unknown variance: this is its mean given what the residual may be.
             left = residual - self._design.spread(root.times(given.mean))
             square = left * left + given.variance(root.loading(self._design))
-            variance = (df * own + square) / (df + 1) + self._extra
+            variance = (df * own + square) / (df + 1) + extra
             given = given_rows(self._design, root, 1 / variance, residual)
         return root, given
 
     def _residual(self, log_rates: FloatArray) -> FloatArray:
-        return self._middle + 2 * log_rates[..., self._rows.texture]
+        return self._rows.centre[0] + 2 * log_rates[..., self._rows.texture]

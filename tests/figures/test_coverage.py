@@ -5,12 +5,11 @@ import itertools
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from ridgebayes.coverage import PROBS
 from ridgebayes.errors import InputError
 from ridgebayes.figures.coverage import plot_coverage
-from ridgebayes.figures.style import as_bytes, lay_out, styled
+from ridgebayes.figures.style import as_bytes
 from ridgebayes.forms import FORMS
 from ridgebayes.noise import Noise
 
@@ -26,40 +25,6 @@ def table(forms, noises, probs=PROBS, *, widest=1.0):
     return frame.assign(share=share, share_se=0.04, mean_width=width)
 
 
-def clipped_and_overlapping(figure):
-    with styled():
-        lay_out(figure)
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        renderer = canvas.get_renderer()
-        texts = [text for legend in figure.legends for text in legend.get_texts()]
-        for axes in figure.axes:
-            texts += [axes.title, axes.xaxis.label, axes.yaxis.label]
-            for axis in (axes.xaxis, axes.yaxis):
-                shown = axis.get_view_interval()
-                ticks = [t for t in axis._update_ticks() if min(shown) <= t.get_loc() <= max(shown)]
-                texts += [tick.label1 for tick in ticks]
-        boxes = [
-            (text.get_text(), text.get_window_extent(renderer))
-            for text in texts
-            if text.get_visible() and text.get_text().strip()
-        ]
-    clipped = [
-        text
-        for text, box in boxes
-        if box.x0 < 0
-        or box.y0 < 0
-        or box.x1 > figure.bbox.width + 1
-        or box.y1 > figure.bbox.height + 1
-    ]
-    overlapping = [
-        (one, other)
-        for (one, a), (other, b) in itertools.combinations(boxes, 2)
-        if min(a.x1, b.x1) - max(a.x0, b.x0) > 1 and min(a.y1, b.y1) - max(a.y0, b.y0) > 1
-    ]
-    return clipped, overlapping
-
-
 @pytest.mark.parametrize(
     ("forms", "noises", "widest"),
     [
@@ -69,13 +34,13 @@ def clipped_and_overlapping(figure):
         (list(FORMS), NOISES, 300.0),
     ],
 )
-def test_no_text_is_clipped_or_lies_on_other_text(forms, noises, widest):
+def test_no_text_is_clipped_or_lies_on_other_text(forms, noises, widest, faults):
     frame = table(forms, noises)
     last = frame["form"] == forms[-1]
     frame.loc[last, "mean_width"] *= widest
     figure = plot_coverage(frame)
     assert len(figure.axes) == 2 * len(forms)
-    assert clipped_and_overlapping(figure) == ([], [])
+    assert faults(figure) == ([], [])
 
 
 def test_dots_bars_and_lines_are_the_table():

@@ -1,15 +1,12 @@
 """The figures of predictive checks: they show the records, and all of their text can be read."""
 
-import itertools
-
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from ridgebayes.errors import InputError
 from ridgebayes.figures.predictive_checks import plot_posterior_checks, plot_prior_bands
-from ridgebayes.figures.style import as_bytes, lay_out, styled
+from ridgebayes.figures.style import as_bytes
 from ridgebayes.forms import Hybrid
 from ridgebayes.likelihood import Model
 from ridgebayes.observations import Observations
@@ -36,53 +33,21 @@ def panels(figure):
     return [axes for axes in figure.axes if axes.get_visible()]
 
 
-def clipped_and_overlapping(figure):
-    with styled():
-        lay_out(figure)
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        renderer = canvas.get_renderer()
-        texts = [text for legend in figure.legends for text in legend.get_texts()]
-        for axes in panels(figure):
-            texts += [axes.title, axes.xaxis.label, axes.yaxis.label]
-            for axis in (axes.xaxis, axes.yaxis):
-                texts += [tick.label1 for tick in axis._update_ticks()]
-        boxes = [
-            (text.get_text(), text.get_window_extent(renderer))
-            for text in texts
-            if text.get_visible() and text.get_text().strip()
-        ]
-    clipped = [
-        text
-        for text, box in boxes
-        if box.x0 < 0
-        or box.y0 < 0
-        or box.x1 > figure.bbox.width + 1
-        or box.y1 > figure.bbox.height + 1
-    ]
-    overlapping = [
-        (one, other)
-        for (one, a), (other, b) in itertools.combinations(boxes, 2)
-        if min(a.x1, b.x1) - max(a.x0, b.x0) > 1 and min(a.y1, b.y1) - max(a.y0, b.y0) > 1
-    ]
-    return clipped, overlapping
-
-
 @pytest.mark.parametrize("n", [1, 2, 4, 5])
-def test_checks__no_text_is_clipped_or_lies_on_other_text(n):
+def test_checks__no_text_is_clipped_or_lies_on_other_text(n, faults):
     figure = plot_posterior_checks(checks(n))
     assert len(panels(figure)) == n
-    assert clipped_and_overlapping(figure) == ([], [])
+    assert faults(figure) == ([], [])
 
 
 @pytest.mark.parametrize("n", [1, 2, 4, 9])
-def test_bands__no_text_is_clipped_or_lies_on_other_text(bands, n):
+def test_bands__no_text_is_clipped_or_lies_on_other_text(bands, n, faults):
     table, data = bands
     kept = data.textures[:n]
     here = [pair in kept for pair in zip(table["a_over_R"], table["b_over_R"], strict=True)]
     figure = plot_prior_bands(table[here], data, "hybrid")
     assert len(panels(figure)) == n
-    assert clipped_and_overlapping(figure) == ([], [])
+    assert faults(figure) == ([], [])
 
 
 def test_checks__show_the_observed_value_and_the_p_value():

@@ -4,10 +4,9 @@ import itertools
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from ridgebayes.errors import InputError
-from ridgebayes.figures.style import as_bytes, lay_out, styled
+from ridgebayes.figures.style import as_bytes
 from ridgebayes.figures.uniformity import plot_uniformity
 from ridgebayes.uniformity import ranks_to_pit, uniformity
 
@@ -27,45 +26,13 @@ def band(axes):
     return sorted(map(tuple, axes.collections[0].get_paths()[0].vertices.round(12).tolist()))
 
 
-def clipped_and_overlapping(figure):
-    with styled():
-        lay_out(figure)
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        renderer = canvas.get_renderer()
-        texts = [text for legend in figure.legends for text in legend.get_texts()]
-        for axes in panels(figure):
-            texts += [axes.title, axes.xaxis.label, axes.yaxis.label]
-            for axis in (axes.xaxis, axes.yaxis):
-                texts += [tick.label1 for tick in axis._update_ticks()]
-        boxes = [
-            (text.get_text(), text.get_window_extent(renderer))
-            for text in texts
-            if text.get_visible() and text.get_text().strip()
-        ]
-    clipped = [
-        text
-        for text, box in boxes
-        if box.x0 < 0
-        or box.y0 < 0
-        or box.x1 > figure.bbox.width + 1
-        or box.y1 > figure.bbox.height + 1
-    ]
-    overlapping = [
-        (one, other)
-        for (one, a), (other, b) in itertools.combinations(boxes, 2)
-        if min(a.x1, b.x1) - max(a.x0, b.x0) > 1 and min(a.y1, b.y1) - max(a.y0, b.y0) > 1
-    ]
-    return clipped, overlapping
-
-
 @pytest.mark.parametrize("n_panel", [1, 2, 3, 4, 7])
-def test_no_text_is_clipped_or_lies_on_other_text(n_panel):
+def test_no_text_is_clipped_or_lies_on_other_text(n_panel, faults):
     names = ["c", "K[a0.012_b0.01]", "a $name$ longer than any title", "hybrid", "c1", "c2", "df"]
     found = itertools.cycle([UNIFORM, BENT, FEW, RANKS])
     figure = plot_uniformity(dict(zip(names[:n_panel], found, strict=False)))
     assert len(panels(figure)) == n_panel
-    assert clipped_and_overlapping(figure) == ([], [])
+    assert faults(figure) == ([], [])
 
 
 @pytest.mark.parametrize("found", [UNIFORM, BENT, RANKS, FEW])
