@@ -21,11 +21,10 @@ hypothesis.settings.load_profile("steady")
 class Affine:
     """Whitened coordinates u = mode + factor z: the plainest ones a density can be given."""
 
-    n_latent = 0
-
     def __init__(self, mode, factor):
         self.mode, self.factor = np.asarray(mode, float), np.asarray(factor, float)
         self.log_volume = float(np.linalg.slogdet(self.factor)[1])
+        self.n_curved = len(self.mode)
 
     def unwhiten(self, z):
         return self.mode + z @ self.factor.T, np.zeros(z.shape[:-1])

@@ -57,7 +57,7 @@ def test_unwhiten__of_several_error_parameters_and_offsets_has_the_determinant_o
     funnel = Funnel(TURN, np.array([2e-3, 50.0]), lambda u: 0.01 * np.exp(u).sum(axis=-1))
     mode, h = np.array([0.3, 0.02, -0.5, 0.2, 0.0]), 1e-5
     laplace = Laplace(mode, factor, 0.0, funnel.about(mode[:4]), 2)
-    assert laplace.n_latent == 1
+    assert laplace.n_curved == 4
     for z in np.random.default_rng(4).standard_normal((5, 5)):
         columns = [laplace.unwhiten(z + d)[0] - laplace.unwhiten(z - d)[0] for d in h * np.eye(5)]
         log_determinant = np.linalg.slogdet(np.array(columns) / (2 * h))[1]
@@ -70,6 +70,19 @@ def test_unwhiten__of_several_error_parameters_and_offsets_has_the_determinant_o
         back, again = laplace.whiten(u)
         np.testing.assert_allclose(back, z, rtol=0, atol=1e-11)  # algebra
         assert again == pytest.approx(log_jacobian, abs=1e-11)
+
+
+def test_unwhiten__puts_the_error_model_before_many_coefficients():
+    funnel = Funnel(np.eye(5), np.full(5, 50.0), lambda u: 0.01 * np.exp(u).sum(axis=-1))
+    mode = np.linspace(-0.4, 0.4, 8)  # five coefficients, two error parameters, an offset
+    laplace = Laplace(mode, np.diag(np.arange(1.0, 9.0)), 0.0, funnel.about(mode[:7]), 2)
+    assert laplace.n_curved == 2
+    u = np.array([laplace.unwhiten(z)[0] for z in np.eye(8)])
+    np.testing.assert_allclose(u[:2, 5:7] - mode[5:7], np.diag([6.0, 7.0]), rtol=1e-12)  # algebra
+    assert np.array_equal(u[2:, 5:7], np.tile(mode[5:7], (6, 1)))
+    assert np.array_equal(np.argmax(np.abs(u[2:] - mode), axis=1), [0, 1, 2, 3, 4, 7])
+    back = laplace.whiten(u)[0]
+    np.testing.assert_allclose(back, np.eye(8), rtol=0, atol=1e-12)  # rounding
 
 
 def test_unwhiten__of_the_origin_is_the_mode():

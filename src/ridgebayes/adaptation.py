@@ -90,7 +90,7 @@ def weighted(
 def adapted(
     log_density: Callable[[FloatArray], FloatArray],
     k: int,
-    n_latent: int,
+    n_rest: int,
     rng: np.random.Generator,
     *,
     n_round: int = 6,
@@ -101,15 +101,15 @@ def adapted(
     Parameters
     ----------
     log_density : callable
-        (n, k + n_latent) to (n,): log density in whitened coordinates.
-    k, n_latent : int
+        (n, k + n_rest) to (n,): log density in whitened coordinates.
+    k, n_rest : int
         Coordinates that the mixture is fitted to, and those that are nearly normal.
     rng : numpy.random.Generator
         Source of randomness.
     n_round, n : int, optional
         Rounds, and draws of each.
     """
-    proposal = Independence.standard(k, n_latent)
+    proposal = Independence.standard(k, n_rest)
     draws = weighted(log_density, proposal, rng, n)
     for _ in range(n_round):
         # Early weights are cut, so that no single draw is all that the next round is fitted to.

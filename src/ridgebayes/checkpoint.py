@@ -17,11 +17,12 @@ from ridgebayes.atomic import replacing
 from ridgebayes.errors import InputError
 
 _ARRAYS = (
-    "z",
+    "u",
     "log_density",
     "accepted",
     "coordinates",
     "last_log_density",
+    "last_placed",
     "tau",
     "weights",
     "centres",
@@ -36,16 +37,18 @@ class Walk:
 
     Parameters
     ----------
-    z : ndarray of float, shape (n_ensemble, n_step, n_walker, n_coordinate)
-        Steps so far, whitened coordinates.
+    u : ndarray of float, shape (n_ensemble, n_step, n_walker, n_coordinate)
+        Steps so far, unconstrained coordinates.
     log_density : ndarray of float, shape (n_ensemble, n_step, n_walker)
-        Log density at them.
+        Log density of those.
     accepted : ndarray of float, shape (n_ensemble,)
         Accepted moves of all walkers so far.
     coordinates : ndarray of float, shape (n_ensemble, n_walker, n_coordinate)
-        Where the walkers are.
+        Where the walkers are, whitened coordinates z.
     last_log_density : ndarray of float, shape (n_ensemble, n_walker)
-        Log density there.
+        Log density of z there.
+    last_placed : ndarray of float, shape (n_ensemble, n_walker, n_coordinate + 1)
+        Unconstrained coordinates u there, and log |du/dz|.
     tau : ndarray of float, shape (n_coordinate + 1,)
         Autocorrelation times at the last check.
     weights, centres, factors, rest : ndarray of float, first axis n_ensemble
@@ -54,11 +57,12 @@ class Walk:
         State of each ensemble's `numpy.random.RandomState`, as `get_state` returns it.
     """
 
-    z: FloatArray
+    u: FloatArray
     log_density: FloatArray
     accepted: FloatArray
     coordinates: FloatArray
     last_log_density: FloatArray
+    last_placed: FloatArray
     tau: FloatArray
     weights: FloatArray
     centres: FloatArray
@@ -69,7 +73,7 @@ class Walk:
     @property
     def n_step(self) -> int:
         """Steps so far."""
-        return self.z.shape[1]
+        return self.u.shape[1]
 
 
 @dataclass(frozen=True)

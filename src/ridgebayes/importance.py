@@ -78,8 +78,8 @@ def importance_fit(
     u, log_density, log_means, variances, shapes = [], [], [], [], []
     for repeat in range(N_REPEAT):
         rng = stream(seed, f"importance {repeat}")
-        k, m = model.n_parameter, laplace.n_latent
-        proposal, _ = adapted(in_z, k, m, rng, n_round=n_round, n=n_per_round)
+        k = laplace.n_curved
+        proposal, _ = adapted(in_z, k, model.n_coordinate - k, rng, n_round=n_round, n=n_per_round)
         found = weighted(in_z, proposal, rng, n_draw)
         log_means.append(found.log_mean)
         variances.append(found.relative.var() / n_draw)

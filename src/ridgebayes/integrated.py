@@ -41,6 +41,8 @@ class IntegratedOffsets:
         self._design = Design(offsets.codes[:, self._groups.row], offsets.n_level)
         # Coordinates and density ask for the same factors one after the other.
         self._last: tuple[object, Root, FloatArray] | None = None
+        # And products are asked for of the same columns again and again.
+        self._means: tuple[FloatArray, FloatArray] | None = None
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         """Return the log-likelihood, shape (...), from (..., n_texture) and (..., n_noise)."""
@@ -106,10 +108,12 @@ class IntegratedOffsets:
         return root, given_rows(self._design, root, weight, residual, factor)
 
     def _group_means(self, columns: FloatArray) -> FloatArray:
-        groups = self._groups
-        mean = np.zeros((len(groups.n), columns.shape[1]))
-        np.add.at(mean, groups.of_row, columns / groups.n[groups.of_row, None])
-        return mean
+        if self._means is None or self._means[0] is not columns:
+            groups = self._groups
+            mean = np.zeros((len(groups.n), columns.shape[1]))
+            np.add.at(mean, groups.of_row, columns / groups.n[groups.of_row, None])
+            self._means = columns, mean
+        return self._means[1]
 
     def _residual(self, log_rates: FloatArray) -> FloatArray:
         return self._groups.mean + 2 * log_rates[..., self._groups.texture]

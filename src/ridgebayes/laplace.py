@@ -13,13 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, optimize
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.conditional import Conditional
 from ridgebayes.errors import ComputationError
 from ridgebayes.funnel import Funnel, FunnelAbout
 from ridgebayes.likelihood import Model
 
 _RUNAWAY = 25.0  # prior sds from the prior's centre at which a search has run away
+_FEW = 4  # coefficients; of more, a proposal's mixture knows too little in its many dimensions
 _STEP = 0.02  # of numerical derivatives by an error model's parameters, in prior sds
 
 
@@ -57,7 +58,8 @@ class Laplace:
         Parameters
         ----------
         z : ndarray of float, shape (..., n_coordinate)
-            Whitened coordinates: standard normal as far as the approximation is right.
+            Whitened coordinates: standard normal as far as the approximation is right. The first
+            `n_curved` belong to what is least normal; the order is otherwise that of `mode`.
 
         Returns
         -------
@@ -66,7 +68,7 @@ class Laplace:
         log_jacobian : ndarray of float, shape (...)
             Log |du/dw|.
         """
-        w, k = z @ self.factor.T, self._n_coefficient
+        w, k = z @ self.factor[:, self._order].T, self._n_coefficient
         u = self.mode + w
         u[..., :k], log_jacobian = self.frame.place(w[..., :k], u[..., self._noise])
         return u, log_jacobian
@@ -76,12 +78,16 @@ class Laplace:
         w, k = u - self.mode, self._n_coefficient
         w[..., :k], log_jacobian = self.frame.unplace(u[..., :k], u[..., self._noise])
         flat = w.reshape(-1, w.shape[-1]).T
-        return _solve_lower(self.factor, flat).T.reshape(w.shape), log_jacobian
+        z = _solve_lower(self.factor, flat).T.reshape(w.shape)
+        return z[..., self._order], log_jacobian
 
     @property
-    def n_latent(self) -> int:
-        """Coordinates of sampled offsets, the last ones."""
-        return len(self.mode) - self._n_coefficient - self.n_noise
+    def n_curved(self) -> int:
+        """Coordinates z that are not taken as normal; the others come after them.
+
+        Sampled offsets nearly are, and so are many coefficients given the error model.
+        """
+        return self.n_noise + (self._n_coefficient if self._n_coefficient <= _FEW else 0)
 
     @property
     def log_volume(self) -> float:
@@ -99,6 +105,15 @@ class Laplace:
     @property
     def _n_coefficient(self) -> int:
         return self.frame.n_coefficient
+
+    @property
+    def _order(self) -> IntArray:
+        """Which coordinate w each z belongs to."""
+        order = np.arange(len(self.mode))
+        if self._n_coefficient > _FEW:
+            noise = order[self._noise]
+            order = np.concatenate([noise, np.delete(order, noise)])
+        return order
 
     @property
     def _noise(self) -> slice:

@@ -131,25 +131,24 @@ def sample(
     doi:10.1007/s11222-008-9104-9, for differential evolution.
     """
     settings = settings or SampleSettings()
-    n_coordinate, n_latent = len(laplace.mode), laplace.n_latent
+    n_coordinate = len(laplace.mode)
     n_walker = max(settings.n_walker, 4 * n_coordinate)
 
-    def in_z(z: FloatArray) -> FloatArray:
+    def placed(z: FloatArray) -> FloatArray:
+        """Return log density in z, u and log |du/dz|, shape (n, n_coordinate + 2), in columns."""
         u, log_jacobian = laplace.unwhiten(z)
-        return log_density(u) + log_jacobian
+        return np.column_stack([log_density(u) + log_jacobian, u, log_jacobian])
 
     walk = checkpoint.load() if checkpoint is not None else None
     if walk is None:
-        walk = _burnt_in(in_z, n_walker, n_coordinate, n_latent, seed, settings)
+        walk = _burnt_in(placed, n_walker, n_coordinate, laplace.n_curved, seed, settings)
     samplers = [
-        _sampler(in_z, n_walker, n_coordinate, Independence(*proposal))
+        _sampler(placed, n_walker, n_coordinate, Independence(*proposal))
         for proposal in zip(walk.weights, walk.centres, walk.factors, walk.rest, strict=True)
     ]
-    u, log_jacobian = laplace.unwhiten(walk.z)
     while True:
-        # With every check the target grows by 15 %, wherever the walk was picked up again.
-        in_u = walk.log_density - log_jacobian
-        before, tau = walk.tau, _mean_tau(u, in_u)
+        # With every check the target grows by 5 %, wherever the walk was picked up again.
+        before, tau = walk.tau, _mean_tau(walk.u, walk.log_density)
         missing = _missing(walk.n_step, tau, before, (*names, "log posterior"), settings)
         if progress is not None and walk.n_step:
             progress(
@@ -157,20 +156,16 @@ def sample(
             )
         if not missing or walk.n_step >= settings.n_step_max:
             break
-        target = min(max(int(1.15 * walk.n_step) + 10, 100), settings.n_step_max)
-        n_before = walk.n_step
-        walk = _walked_on(walk, samplers, target - n_before, tau)
-        new_u, new_jacobian = laplace.unwhiten(walk.z[:, n_before:])
-        u = np.concatenate([u, new_u], axis=1)
-        log_jacobian = np.concatenate([log_jacobian, new_jacobian], axis=1)
+        target = min(max(int(1.05 * walk.n_step) + 20, 100), settings.n_step_max)
+        walk = _walked_on(walk, samplers, target - walk.n_step, tau)
         if checkpoint is not None:
             checkpoint.save(walk)
     acceptance = walk.accepted / (walk.n_step * n_walker)
-    return Chains(u, in_u, acceptance, tau, tuple(missing))
+    return Chains(walk.u, walk.log_density, acceptance, tau, tuple(missing))
 
 
 def _sampler(
-    in_z: Callable[[FloatArray], FloatArray],
+    placed: Callable[[FloatArray], FloatArray],
     n_walker: int,
     n_coordinate: int,
     proposal: Independence,
@@ -178,36 +173,41 @@ def _sampler(
     import emcee
 
     moves = [(emcee.moves.MHMove(proposal), 0.8), (emcee.moves.DEMove(), 0.2)]
-    return emcee.EnsembleSampler(n_walker, n_coordinate, in_z, vectorize=True, moves=moves)
+    return emcee.EnsembleSampler(n_walker, n_coordinate, placed, vectorize=True, moves=moves)
 
 
 def _burnt_in(
-    in_z: Callable[[FloatArray], FloatArray],
+    placed: Callable[[FloatArray], FloatArray],
     n_walker: int,
     n_coordinate: int,
-    n_latent: int,
+    n_curved: int,
     seed: int,
     settings: SampleSettings,
 ) -> Walk:
     """Fit each ensemble's own proposal, start its walkers from it, and burn them in."""
     import emcee
 
+    def in_z(z: FloatArray) -> FloatArray:
+        return placed(z)[:, 0]
+
     states, proposals = [], []
     for i in range(settings.n_ensemble):
         rng = stream(seed, f"ensemble {i}")
-        proposal, draws = adapted(in_z, n_coordinate - n_latent, n_latent, rng, n_round=4, n=1_000)
+        rest = n_coordinate - n_curved
+        proposal, draws = adapted(in_z, n_curved, rest, rng, n_round=4, n=1_000)
         start = emcee.State(_start(draws, rng, n_walker))
         # emcee takes the state of a RandomState; such an object it would silently ignore.
         start.random_state = np.random.RandomState(rng.integers(2**32)).get_state()
-        sampler = _sampler(in_z, n_walker, n_coordinate, proposal)
+        sampler = _sampler(placed, n_walker, n_coordinate, proposal)
         states.append(sampler.run_mcmc(start, settings.n_burn))
         proposals.append(proposal)
     return Walk(
-        z=np.empty((settings.n_ensemble, 0, n_walker, n_coordinate)),
+        u=np.empty((settings.n_ensemble, 0, n_walker, n_coordinate)),
         log_density=np.empty((settings.n_ensemble, 0, n_walker)),
         accepted=np.zeros(settings.n_ensemble),
         coordinates=np.stack([state.coords for state in states]),
         last_log_density=np.stack([state.log_prob for state in states]),
+        last_placed=np.stack([state.blobs for state in states]),
         tau=np.full(n_coordinate + 1, np.inf),
         **{
             name: np.stack([getattr(proposal, name) for proposal in proposals])
@@ -227,18 +227,21 @@ def _walked_on(walk: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray
         here = emcee.State(
             walk.coordinates[i],
             log_prob=walk.last_log_density[i],
+            blobs=walk.last_placed[i],
             random_state=walk.random_states[i],
         )
         ends.append(sampler.run_mcmc(here, n_step))
-    z = np.stack([sampler.get_chain() for sampler in samplers])
-    log_density = np.stack([sampler.get_log_prob() for sampler in samplers])
+    placed = np.stack([sampler.get_blobs() for sampler in samplers])
+    u, log_jacobian = placed[..., :-1], placed[..., -1]
+    log_density = np.stack([sampler.get_log_prob() for sampler in samplers]) - log_jacobian
     accepted = np.array([sampler.backend.accepted.sum() for sampler in samplers])
     return Walk(
-        z=np.concatenate([walk.z, z], axis=1),
+        u=np.concatenate([walk.u, u], axis=1),
         log_density=np.concatenate([walk.log_density, log_density], axis=1),
         accepted=walk.accepted + accepted,
         coordinates=np.stack([end.coords for end in ends]),
         last_log_density=np.stack([end.log_prob for end in ends]),
+        last_placed=np.stack([end.blobs for end in ends]),
         tau=tau,
         weights=walk.weights,
         centres=walk.centres,

@@ -20,6 +20,8 @@ from scipy.linalg import lapack
 
 from ridgebayes._types import FloatArray, IntArray
 
+_SMALL = 16  # unknowns: of fewer, a batch is solved faster than system by system
+
 
 class Design:
     """Which level of each factor a row has: the matrix Z, without its zeros.
@@ -288,11 +290,25 @@ def solve_lower(factor: FloatArray, right: FloatArray, *, transposed: bool = Fal
     batch = np.broadcast_shapes(factor.shape[:-2], right.shape[:-2])
     n_batch = math.prod(batch)
     left = np.broadcast_to(factor, (*batch, n, n)).reshape(n_batch, n, n)
+    many = np.broadcast_to(right, (*batch, n, m)).reshape(n_batch, n, m)
+    if n <= _SMALL < n_batch:
+        return _substituted(left, many, transposed).reshape(*batch, n, m)
     out = np.empty((n_batch, n, m))
-    for i, each in enumerate(np.broadcast_to(right, (*batch, n, m)).reshape(n_batch, n, m)):
+    for i, each in enumerate(many):
         # LAPACK takes columns first: a lower factor in rows is an upper one, transposed.
         out[i], _ = lapack.dtrtrs(left[i].T, each, lower=0, trans=int(not transposed))
     return out.reshape(*batch, n, m)
+
+
+def _substituted(factor: FloatArray, right: FloatArray, transposed: bool) -> FloatArray:
+    """Solve by substitution, unknown by unknown for the whole batch at once."""
+    n, out = right.shape[1], right.copy()
+    for i in reversed(range(n)) if transposed else range(n):
+        known = slice(i + 1, n) if transposed else slice(0, i)
+        row = factor[:, known, i] if transposed else factor[:, i, known]
+        out[:, i] -= (row[:, None, :] @ out[:, known])[:, 0]
+        out[:, i] /= factor[:, i, i, None]
+    return out
 
 
 def _apply(matrix: sparse.csr_array, x: FloatArray) -> FloatArray:
