@@ -47,7 +47,8 @@ LOAD_COLUMNS = [
 
 def compared(table, fits, shares=SHARES):
     """Make a comparison with probabilities given by hand, so that an average is a real mix."""
-    evidence = pd.DataFrame({"form": list(shares), "model_probability": list(shares.values())})
+    columns = {"form": list(shares), "model_probability": list(shares.values())}
+    evidence = pd.DataFrame(columns).assign(noise="iid")
     nothing = pd.DataFrame()
     chosen = {name: fits[name] for name in shares}
     return Comparison(table, Noise(), chosen, evidence.assign(used=True), nothing, nothing, nothing)

@@ -142,7 +142,7 @@ def test_coverage__that_failed_somewhere_is_written_and_says_so(command, canned)
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (("--noise", "nois"), "noise 'nois': rule:"),
+        (("--noise", "nois"), "noise 'nois': not an error model; rule:"),
         (("--noise", "iid,,step"), "--noise 'iid,,step': an empty name"),
         (("--noise", "iid,iid"), "noise: iid, iid given; rule: each once"),
         (("--forms", "hybrid,cubic"), "cubic"),

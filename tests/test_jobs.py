@@ -124,7 +124,7 @@ def runs(tmp_path_factory, table):
 def test_run__writes_the_files_of_the_contract_and_no_others(runs):
     folder, _, _, _ = runs
     expected = COMPARED | posteriors(*FORMS) | {"bands.csv", "loads.csv", "report.html"}
-    assert names(folder / "first") == expected
+    assert names(folder / "first") == expected | {"left_out.csv", "coverage.csv"}
     assert {path.name for path in folder.iterdir()} == {"first", "again", "other"}
 
 
@@ -148,7 +148,7 @@ def test_run__the_table_as_used_stands_in_the_folder(runs, table):
 def test_run__the_same_seed_gives_the_same_bytes(runs):
     folder, _, _, _ = runs
     files = sorted(path.name for path in (folder / "first").glob("*.csv"))
-    assert len(files) == 8
+    assert len(files) == 10
     for name in files:
         assert (folder / "first" / name).read_bytes() == (folder / "again" / name).read_bytes()
 
@@ -206,6 +206,8 @@ def test_run__says_how_it_was_made(runs, table):
         "savage-dickey and Bayes factors",
         "leave-one-out",
         "prior sensitivity",
+        "textures and steps left out",
+        "coverage of the bands",
         "bands",
         "figures and report",
     ]
@@ -234,8 +236,8 @@ def test_run__asks_for_pages_once_before_the_folder_has_its_name(runs):
 
 
 def test_run__announces_as_many_stages_as_come(runs):
-    assert [progress.n_stage for progress in runs[3]] == [9, 9, 9]
-    assert [len(progress.stages) for progress in runs[3]] == [9, 9, 9]
+    assert [progress.n_stage for progress in runs[3]] == [11, 11, 11]
+    assert [len(progress.stages) for progress in runs[3]] == [11, 11, 11]
 
 
 @pytest.fixture

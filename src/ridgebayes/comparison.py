@@ -63,6 +63,12 @@ class Comparison:
         Columns prior, factor, form, log_evidence: each prior scale over a factor of 100.
     failures : dict of str to str
         Forms that could not be fitted, and why.
+    left_out : pandas.DataFrame
+        Scores of each form on textures and steps left out, see `ridgebayes.left_out`; empty where
+        they were not asked for.
+    coverage : pandas.DataFrame
+        How often the best form's bands hold textures left out, see `ridgebayes.coverage`; empty
+        where it was not asked for.
     """
 
     table: ContactTable
@@ -73,6 +79,8 @@ class Comparison:
     loo: pd.DataFrame
     prior_sensitivity: pd.DataFrame
     failures: dict[str, str] = field(default_factory=dict)
+    left_out: pd.DataFrame = field(default_factory=pd.DataFrame)
+    coverage: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     def __repr__(self) -> str:
         parts = [f"{name} {share:.3g}" for name, share in self.probabilities.items()]

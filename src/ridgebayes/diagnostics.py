@@ -21,6 +21,7 @@ from ridgebayes.autocorrelation import effective_sample_size
 
 R_HAT_MAX = 1.01
 ESS_MIN = 400.0
+K_MAX = 0.7  # Pareto shape of weights above which their mean is not to be trusted
 
 
 def import_arviz() -> ModuleType:
@@ -173,7 +174,7 @@ class Loo:
     @property
     def n_bad_k(self) -> int:
         """Rows whose Pareto k is above 0.7."""
-        return int(np.sum(~(self.pareto_k <= 0.7)))
+        return int(np.sum(~(self.pareto_k <= K_MAX)))
 
 
 def leave_one_out(groups: Mapping[str, xr.Dataset], reff: float) -> Loo:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.adaptation import adapted, weighted
-from ridgebayes.diagnostics import pareto_k, shortcomings, summarise
+from ridgebayes.diagnostics import K_MAX, pareto_k, shortcomings, summarise
 from ridgebayes.evidence.record import LogEvidence
 from ridgebayes.fit import Fit
 from ridgebayes.laplace import fit_laplace
@@ -21,7 +21,6 @@ from ridgebayes.randomness import stream
 from ridgebayes.sample import Chains
 
 N_REPEAT = 4  # independent proposals
-K_MAX = 0.7
 
 
 def importance_fit(

@@ -6,7 +6,9 @@ from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from ridgebayes.atomic import replacing
 from ridgebayes.bands import bands_table, loads_table
@@ -16,6 +18,7 @@ from ridgebayes.datafiles import paper_sweep, reference_fe
 from ridgebayes.errors import InputError
 from ridgebayes.fit import refuse_circular
 from ridgebayes.forms import FORMS, Form, form_named
+from ridgebayes.left_out import left_out_scores
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
 from ridgebayes.progress import Progress
@@ -33,9 +36,6 @@ from ridgebayes.runfolder import (
 from ridgebayes.sample import SampleSettings
 from ridgebayes.table import ContactTable, read_table
 from ridgebayes.workers import n_cpu, workers
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 EMBEDDED = "embedded sweep"
 EMBEDDED_FE = "finite-element reference rows"
@@ -88,17 +88,18 @@ def run_job(
     """
     chosen, error_model, data = _checked(table, forms, noise)
     with_reference = table is None
-    n_stage = 2 * len(chosen) + 5 + (2 * len(FORMS) + 4 if with_reference else 0)
+    n_stage = 2 * len(chosen) + 7 + (2 * len(FORMS) + 4 if with_reference else 0)
     n_stage += 0 if error_model else 1 + with_reference
     reference = None
     with (
         new_folder(folder, force=force, resume=resume) as partial,
         Progress(n_stage) as progress,
-        workers(n_cpu()) if error_model is None else nullcontext() as executor,
+        workers(n_cpu()) as executor,
     ):
         comparison = _compared(
             data, chosen, error_model, seed, settings, progress, partial, executor
         )
+        comparison = _with_left_out(comparison, chosen, seed, progress, executor)
         write_comparison(comparison, partial)
         _bands(comparison, partial, progress)
         if with_reference:
@@ -174,7 +175,7 @@ def coverage_job(
     seed: int = 0,
     force: bool = False,
     jobs: int = 1,
-) -> "pd.DataFrame":
+) -> pd.DataFrame:
     """Count how often bands contain transitions of textures left out, form by form.
 
     Parameters
@@ -287,13 +288,34 @@ def _compared(
     )
 
 
+def _with_left_out(
+    comparison: Comparison,
+    forms: Sequence[Form],
+    seed: int,
+    progress: Progress,
+    executor: Executor,
+) -> Comparison:
+    """Add scores on textures and steps left out, and the coverage of the best form's bands."""
+    table, noise = comparison.table, comparison.noise
+    forms = [form for form in forms if form.name in comparison.fits]
+    with progress.stage("textures and steps left out"):
+        scores = left_out_scores(table, forms, noise, rng=seed, executor=executor)
+    with progress.stage("coverage of the bands"):
+        shares = pd.DataFrame()
+        if comparison.probabilities and len(table.calibration.textures) > 1:
+            noises = dict.fromkeys([noise, Noise()])  # beside it what independent rows promise
+            best = [form for form in forms if form.name == comparison.best]
+            shares = coverage(table, best, list(noises), rng=seed, executor=executor)
+    return replace(comparison, left_out=scores, coverage=shares)
+
+
 def _bands(comparison: Comparison, folder: Path, progress: Progress) -> None:
     with progress.stage("bands"):
         write_csv(bands_table(comparison), folder / "bands.csv")
         write_csv(loads_table(comparison), folder / "loads.csv")
 
 
-def _draw_coverage(found: "pd.DataFrame", folder: Path) -> None:
+def _draw_coverage(found: pd.DataFrame, folder: Path) -> None:
     from ridgebayes.figures.coverage import plot_coverage
     from ridgebayes.figures.style import as_bytes
 

@@ -16,8 +16,10 @@ import pandas as pd
 from ridgebayes.atomic import replacing
 from ridgebayes.bayes_factors import BAYES_FACTOR_COLUMNS, EVIDENCE_COLUMNS
 from ridgebayes.comparison import Comparison
+from ridgebayes.coverage import COVERAGE_COLUMNS
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.fit import Fit
+from ridgebayes.left_out import LEFT_OUT_COLUMNS
 from ridgebayes.noise import Noise
 from ridgebayes.scores import LOO_COLUMNS
 from ridgebayes.sensitivity import SENSITIVITY_COLUMNS
@@ -25,6 +27,7 @@ from ridgebayes.table import read_table
 
 RUN_JSON = "run.json"
 REFERENCE = "reference-fe"
+LEFT_OUT, COVERAGE = "left_out.csv", "coverage.csv"
 CHAINS = "chains-*.h5"
 _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray", "matplotlib")
 
@@ -129,11 +132,17 @@ def write_fits(comparison: Comparison, folder: Path) -> None:
 
 
 def write_comparison(comparison: Comparison, folder: Path) -> None:
-    """Write what `write_fits` does, and the Bayes factors, scores and prior sensitivity."""
+    """Write what `write_fits` does, and the Bayes factors, scores and prior sensitivity.
+
+    Left-out scores and coverage are written where there are any.
+    """
     write_fits(comparison, folder)
     write_csv(comparison.bayes_factors, folder / "bayes_factors.csv")
     write_csv(comparison.loo, folder / "loo.csv")
     write_csv(comparison.prior_sensitivity, folder / "prior_sensitivity.csv")
+    for frame, name in ((comparison.left_out, LEFT_OUT), (comparison.coverage, COVERAGE)):
+        if len(frame):
+            write_csv(frame, folder / name)
 
 
 def summary_table(fits: Sequence[Fit] | Any) -> pd.DataFrame:
@@ -228,6 +237,8 @@ def read_run(folder: Path) -> Comparison:
         _read_csv(folder / "loo.csv", LOO_COLUMNS, optional=True),
         _read_csv(folder / "prior_sensitivity.csv", SENSITIVITY_COLUMNS, optional=True),
         failures,
+        _read_csv(folder / LEFT_OUT, LEFT_OUT_COLUMNS, optional=True),
+        _read_csv(folder / COVERAGE, COVERAGE_COLUMNS, optional=True),
     )
 
 
@@ -253,11 +264,13 @@ def _read_csv(path: Path, columns: Sequence[str], *, optional: bool = False) -> 
     if optional and not path.is_file():
         return pd.DataFrame(columns=list(columns))
     try:
-        frame = pd.read_csv(path)
+        frame = pd.read_csv(path, dtype={"failed": "str"})
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: missing or damaged ({error}); run again") from None
     if list(frame.columns) != list(columns) or frame[columns[0]].isna().any():
         raise InputError(f"{path}: damaged; rule: columns {', '.join(columns)}; run again")
+    if "failed" in frame:  # no failure is an empty text, not a missing one
+        frame["failed"] = frame["failed"].fillna("")
     return frame
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from ridgebayes.diagnostics import pareto_k
+from ridgebayes.diagnostics import K_MAX, pareto_k
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import power_law_evidence, quadrature_evidence
 from ridgebayes.fit import Fit
@@ -80,7 +80,7 @@ def _log_ratio(fit: Fit, priors: Mapping[str, Prior]) -> float:
     for name, prior in priors.items():
         values = fit.draws[:, names.index(name)]
         log_weight += prior.log_pdf(values) - fit.model.priors[name].log_pdf(values)
-    if not pareto_k(log_weight) <= 0.7:
+    if not pareto_k(log_weight) <= K_MAX:
         return math.nan
     return float(logsumexp(log_weight)) - math.log(len(log_weight))
 

@@ -4,8 +4,12 @@ import pytest
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence, savage_dickey
 from ridgebayes.fit import calibrate
-from ridgebayes.forms import Hybrid
+from ridgebayes.forms import Hybrid, Modified
+from ridgebayes.importance import importance_fit
 from ridgebayes.laplace import fit_laplace
+from ridgebayes.likelihood import Model
+from ridgebayes.noise import Noise
+from ridgebayes.observations import Observations
 from ridgebayes.priors import LogNormal, Normal
 from ridgebayes.sample import SampleSettings
 
@@ -54,3 +58,24 @@ def test_savage_dickey__refuses_another_prior_of_c1(paper):
 def test_savage_dickey__refuses_other_forms(fits):
     with pytest.raises(InputError, match="form 'modified' given; rule: hybrid"):
         savage_dickey(fits["modified"])
+
+
+def test_savage_dickey__given_an_error_model_is_the_ratio_of_evidences(paper):
+    data, noise = Observations.from_table(paper), Noise.named("texture")
+    fit, hybrid = importance_fit(Model(data, Hybrid(), noise), seed=1)
+    _, modified = importance_fit(Model(data, Modified(), noise), seed=2)
+    found = savage_dickey(fit)
+    assert found.ok
+    se = np.sqrt(found.se**2 + hybrid.se**2 + modified.se**2)
+    assert se < 0.1
+    assert abs(found.value - (hybrid.value - modified.value)) < 4 * se  # Monte Carlo
+
+
+@pytest.mark.parametrize("noise", ["step", "step-smooth"])
+def test_savage_dickey__says_where_no_draw_suits_the_nested_form(paper, noise):
+    # Without c2 the offsets would be wider: the ratio comes out 10 to 50 too high.
+    model = Model(Observations.from_table(paper), Hybrid(), Noise.named(noise))
+    fit, _ = importance_fit(model, seed=1, n_draw=1_280, n_round=4, n_per_round=500)
+    found = savage_dickey(fit)
+    assert not found.ok
+    assert "Pareto k" in found.status

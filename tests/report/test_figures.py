@@ -28,6 +28,8 @@ NAMES = (
     "percent-error",
     "slopes",
     "smooth-cylinder",
+    "posterior-checks",
+    "prior-bands",
 )
 
 

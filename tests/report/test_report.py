@@ -4,13 +4,16 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
+import numpy as np
 import pandas as pd
 import pytest
 
 import ridgebayes as rb
+from ridgebayes.coverage import COVERAGE_COLUMNS
 from ridgebayes.errors import InputError
 from ridgebayes.figures import gallery
 from ridgebayes.labelled import read_netcdf
+from ridgebayes.left_out import LEFT_OUT_COLUMNS
 from ridgebayes.report import render_report, write_report
 from ridgebayes.report.numbers import decimals, interval, number, probability, with_error
 from ridgebayes.report.verdict import verdict
@@ -87,7 +90,9 @@ def test_every_link_has_its_section(page):
         "Finite-element reference",
         "The study's claims, one by one",
         "Prior sensitivity",
-        "Leave-one-out prediction",
+        "Prediction of what is left out",
+        "What each parameter hangs on",
+        "Predictive checks",
         "Convergence",
         "Posteriors",
         "Traces",
@@ -100,7 +105,7 @@ def test_full_report_has_section(page, section):
 
 
 def test_every_image_has_words_for_those_who_do_not_see_it(page):
-    assert len(page.all("img")) == 17
+    assert len(page.all("img")) == 19
     assert all(len(image["alt"]) > 20 for image in page.all("img"))
 
 
@@ -231,17 +236,54 @@ def test_undecided_is_the_headline_where_it_is(reference):
 
 def test_tables_that_a_run_did_not_write_leave_their_sections_out(single):
     bare = replace(
-        single, bayes_factors=pd.DataFrame(), loo=pd.DataFrame(), prior_sensitivity=pd.DataFrame()
+        single,
+        bayes_factors=single.bayes_factors.iloc[:0],
+        loo=pd.DataFrame(),
+        prior_sensitivity=pd.DataFrame(),
     )
     text = Page(render_report(bare)).text
-    assert "Leave-one-out" not in text
+    assert "Prediction of what is left out" not in text
+    assert "Do the bands hold?" not in text
     assert "Prior sensitivity" not in text
 
 
 def test_disagreement_of_loo_with_the_bayes_factors_is_explained(comparison):
     loo = comparison.loo.assign(elpd=[90.0, 1.0, 2.0, 3.0])
     text = Page(render_report(replace(comparison, loo=loo))).text
-    assert "It favours Classic by score and Hybrid by weight" in text
+    assert "Classic by score and Hybrid by weight for one more row" in text
+
+
+def test_left_out_scores_are_shown_and_read(comparison):
+    scores = pd.DataFrame(
+        [
+            ["hybrid", "iid", "texture", 9, 89.7, 1.7, 0.0149, 1.0, ""],
+            ["modified", "iid", "texture", 9, 82.3, 4.4, 0.0182, 0.0, ""],
+            ["hybrid", "iid", "step", 8, 31.9, 63.5, 0.0204, 0.2, ""],
+            ["modified", "iid", "step", 8, 75.8, 13.8, 0.0215, 0.8, ""],
+            ["classic", "iid", "step", 8, np.nan, np.nan, np.nan, 0.0, "Q = 4: no <mode>"],
+        ],
+        columns=LEFT_OUT_COLUMNS,
+    )
+    text = Page(render_report(replace(comparison, left_out=scores))).text
+    assert "9 textures in turn Hybrid 89.7 ± 1.7 0.015 1.000" in text
+    assert "which favour Hybrid: Modified for a count of edges it has never seen." in text
+    assert "Not fitted: classic, Q = 4: no <mode>." in text
+    agreeing = Page(render_report(replace(comparison, left_out=scores[:2]))).text
+    assert "All agree with the Bayes factors: Hybrid leads." in agreeing
+
+
+def test_coverage_is_shown_with_its_figure(comparison):
+    shares = pd.DataFrame(
+        [
+            ["hybrid", noise, prob, 41, n, n / 41, 0.052, 0.0064, 0.2439, 9, 0, 0, ""]
+            for noise, prob, n in [("step", 0.5, 25), ("step", 0.9, 38), ("iid", 0.9, 35)]
+        ],
+        columns=COVERAGE_COLUMNS,
+    )
+    page = Page(render_report(replace(comparison, coverage=shares)))
+    assert "step 90 % 38 of 41 92.7 ± 5.2 % 0.0064" in page.text.replace("\xa0", " ")
+    assert "9 textures left out in turn, Hybrid fitted to the others" in page.text
+    assert "24 % lie beyond" in page.text.replace("\xa0", " ")
 
 
 @pytest.mark.parametrize("suffix", [".html", ".md"])

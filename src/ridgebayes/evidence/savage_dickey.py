@@ -14,6 +14,7 @@ from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
 from ridgebayes.autocorrelation import effective_sample_size
+from ridgebayes.diagnostics import K_MAX, pareto_k
 from ridgebayes.errors import InputError
 from ridgebayes.evidence.record import LogEvidence
 from ridgebayes.fit import Fit
@@ -36,7 +37,8 @@ def savage_dickey(fit: Fit) -> LogEvidence:
     -------
     LogEvidence
         Method ``savage-dickey``; the value is a log Bayes factor, not an evidence. The status is
-        not ok where offsets are sampled beside the parameters.
+        not ok where offsets are sampled beside the parameters, or where hardly any draw of the
+        error model's parameters would suit c2 = 0.
 
     Raises
     ------
@@ -104,7 +106,10 @@ def _given_error_model(fit: Fit) -> LogEvidence:
     by_ensemble = shifted.reshape(len(u), -1, 1)
     se = shifted.std() / shifted.mean() / math.sqrt(float(effective_sample_size(by_ensemble)))
     log_prior = -0.5 * zero**2 - 0.5 * math.log(2 * math.pi)
-    return LogEvidence("savage-dickey", log_prior - log_posterior, max(se, 1e-12))
+    # Without c2 the error model may be another: draws of which hardly any comes near say nothing.
+    heavy = pareto_k(log_density)
+    status = "ok" if heavy <= K_MAX else f"densities at c2 = 0: Pareto k {heavy:.2f}, above {K_MAX}"
+    return LogEvidence("savage-dickey", log_prior - log_posterior, max(se, 1e-12), status)
 
 
 def _nodes(w: FloatArray) -> FloatArray:

@@ -17,11 +17,15 @@ from ridgebayes.bands import AVERAGE, bands_table
 from ridgebayes.comparison import Comparison
 from ridgebayes.errors import InputError
 from ridgebayes.figures.bands import MOST_TEXTURES, bands_figure, held_out_figure
+from ridgebayes.figures.coverage import plot_coverage
 from ridgebayes.figures.evidence import forest_figure, sensitivity_figure
 from ridgebayes.figures.forms import percent_error_figure, slope_figure, smooth_figure
 from ridgebayes.figures.posterior import corner_figure, trace_figure
+from ridgebayes.figures.predictive_checks import plot_posterior_checks, plot_prior_bands
 from ridgebayes.figures.style import as_bytes, styled
+from ridgebayes.fit import Fit
 from ridgebayes.held_out import held_out_loads
+from ridgebayes.predictive_checks import posterior_checks, prior_bands
 from ridgebayes.ranking import best_form, factors_by_method, ranked, sensitivity_factors
 from ridgebayes.smooth import smooth_cylinder
 
@@ -72,8 +76,9 @@ def gallery(comparison: Comparison) -> dict[str, Plate]:
     dict of str to Plate
         By name, in this order: ``evidence``, ``prior-sensitivity`` where there are two forms;
         ``bands``; ``held-out`` where rows were; ``percent-error``, ``slopes``,
-        ``smooth-cylinder``; ``corner-<form>`` and ``traces-<form>`` of each fit. Kept as long as
-        the comparison is.
+        ``smooth-cylinder``; ``coverage`` where it was counted; ``posterior-checks`` and
+        ``prior-bands`` of the best form; ``corner-<form>`` and ``traces-<form>`` of each fit.
+        Kept as long as the comparison is.
     """
     if comparison not in _drawn:
         _drawn[comparison] = {plate.name: plate for plate in _plates(comparison)}
@@ -98,9 +103,21 @@ def _plates(comparison: Comparison) -> Iterator[Plate]:
             slopes = slopes_table(comparison)
             yield Plate("slopes", slope_figure(slopes[slopes["form"] != "classic"]))
         yield Plate("smooth-cylinder", smooth_figure(smooth_cylinder()))
+        if len(comparison.coverage):
+            yield Plate("coverage", plot_coverage(comparison.coverage))
+        yield from _checks(comparison.fits[best or next(iter(comparison.fits))])
         for name in ranked(comparison):
             yield Plate(f"corner-{name}", corner_figure(comparison.fits[name]))
             yield Plate(f"traces-{name}", trace_figure(comparison.fits[name]))
+
+
+def _checks(fit: Fit) -> Iterator[Plate]:
+    data = fit.model.data
+    if data.is_exact.any():
+        yield Plate("posterior-checks", plot_posterior_checks(posterior_checks(fit, rng=fit.seed)))
+    bands = prior_bands(fit.model, rng=fit.seed)
+    if len(bands):
+        yield Plate("prior-bands", plot_prior_bands(bands, data, fit.form.name))
 
 
 def _predictions(comparison: Comparison, form: str) -> Iterator[Plate]:

@@ -5,6 +5,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.figures.style import COLOURS, DPI, QUIET, WIDTH, new_figure, symbol, title_of
 from ridgebayes.fit import Fit
 
@@ -28,6 +29,8 @@ def corner_figure(fit: Fit) -> Figure:
 
     names, shown = _shown(fit)
     draws = fit.draws[:, shown]
+    powers = _powers(draws)
+    draws = draws * 10.0**powers
     n = len(shown)
     size = min(2.0 + 1.6 * n, 11.0)
     figure = Figure(figsize=(size, size), dpi=DPI)
@@ -36,7 +39,10 @@ def corner_figure(fit: Fit) -> Figure:
     # A draw far out in a tail must not squeeze the rest of the panel.
     span = [tuple(np.quantile(x, [0.0005, 0.9995])) for x in draws.T]
     printed = fit.form.printed or ()
-    truths = [printed[i] if i < len(printed) else None for i in shown]
+    truths = [
+        printed[i] * 10.0**power if i < len(printed) else None
+        for i, power in zip(shown, powers.tolist(), strict=True)
+    ]
     inside = [
         t if t is not None and low < t < high else None
         for t, (low, high) in zip(truths, span, strict=True)
@@ -48,7 +54,10 @@ def corner_figure(fit: Fit) -> Figure:
         bins=36,
         smooth=0.9,
         color=colour,
-        labels=[symbol(name).replace(" ", "\n" if n >= 6 else " ", 1) for name in names],
+        labels=[
+            _scaled(name, power).replace(" ", "\n" if n >= 6 else " ", 1)
+            for name, power in zip(names, powers.tolist(), strict=True)
+        ],
         truths=inside,
         truth_color="#000000",
         plot_datapoints=False,
@@ -67,7 +76,7 @@ def corner_figure(fit: Fit) -> Figure:
         for line in axes.lines:
             line.set_linewidth(0.9)
     left = (0.85 if n < 6 else 1.1) / size
-    figure.subplots_adjust(left=left, bottom=left, right=0.98, top=1 - 0.45 / size)
+    figure.subplots_adjust(left=left, bottom=left, right=1 - 0.3 / size, top=1 - 0.45 / size)
     note = "" if n == fit.model.n_parameter else f" ({n} of {fit.model.n_parameter} parameters)"
     figure.suptitle(f"{title_of(fit.form.name)}: posterior{note}", y=1 - 0.1 / size, va="top")
     return figure
@@ -89,6 +98,8 @@ def trace_figure(fit: Fit) -> Figure:
     """
     names, shown = _shown(fit)
     theta = fit.model.to_theta(fit.kept_chains.u)[..., shown]
+    powers = _powers(theta.reshape(-1, len(shown)))
+    theta = theta * 10.0**powers
     n_walker = theta.shape[2]
     n_column = min(3, len(shown))
     n_row = -(-len(shown) // n_column)
@@ -103,11 +114,13 @@ def trace_figure(fit: Fit) -> Figure:
         mean, sd, r_hat, ess = (
             float(summary[column].loc[names[i]]) for column in ("mean", "sd", "r_hat", "ess_bulk")
         )
+        mean, sd = mean * 10.0 ** powers[i], sd * 10.0 ** powers[i]
         half = 1.96 * sd / np.sqrt(n_walker)
         axes.axhspan(mean - half, mean + half, color="#000000", alpha=0.08, linewidth=0)
         for k, ensemble in enumerate(theta[..., i]):
             axes.plot(steps, ensemble.mean(axis=1), linewidth=1.0, color=_ensemble_colour(k))
-        axes.set_title(f"{symbol(names[i])}\nR-hat {r_hat:.4f}, ESS {ess:,.0f}", fontsize=9)
+        label = _scaled(names[i], int(powers[i]))
+        axes.set_title(f"{label}\nR-hat {r_hat:.4f}, ESS {ess:,.0f}", fontsize=9)
         axes.yaxis.set_major_locator(MaxNLocator(4))
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
         if i + n_column >= len(shown):
@@ -120,6 +133,17 @@ def trace_figure(fit: Fit) -> Figure:
         fontsize=10,
     )
     return figure
+
+
+def _powers(draws: FloatArray) -> IntArray:
+    """Return the power of ten by which to show each column: an axis has no room for small ones."""
+    sizes = np.quantile(np.abs(draws), 0.5, axis=0)
+    small = (sizes > 0) & (sizes < 1e-3)
+    return np.where(small, -np.floor(np.log10(np.where(small, sizes, 1))), 0).astype(np.int64)
+
+
+def _scaled(name: str, power: int) -> str:
+    return f"$10^{{{power}}}$\N{NO-BREAK SPACE}{symbol(name)}" if power else symbol(name)
 
 
 def _ensemble_colour(k: int) -> str:

@@ -39,7 +39,7 @@ def _evidence_table(comparison: Comparison, means: pd.DataFrame) -> Table:
     usable = comparison.evidence[comparison.evidence["used"]].set_index(["form", "noise"])
     rows = []
     for mean in means.to_dict("records"):
-        cells = [noise_name(mean["noise"])]
+        cells = [mean["noise"]]
         for form in forms:
             if (form, mean["noise"]) in usable.index:
                 row = usable.loc[(form, mean["noise"])]
@@ -54,7 +54,7 @@ def _evidence_table(comparison: Comparison, means: pd.DataFrame) -> Table:
         "ln evidence of every form under every error model, and the log of its mean over the forms "
         "(a form without a usable evidence counts as zero). Error models that were not chosen: by "
         "importance sampling where near the best, else by Laplace's approximation, without an "
-        "error; independent rows by quadrature.",
+        "error; independent rows (iid) by quadrature. Names are those that --noise takes.",
         strong=(0,),
         wide=True,
     )

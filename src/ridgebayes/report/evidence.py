@@ -1,5 +1,5 @@
 # ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
-"""Sections on the evidence: Bayes factors, prior sensitivity, leave-one-out scores."""
+"""Sections on the evidence: Bayes factors and what they owe to the priors."""
 
 import math
 from collections.abc import Hashable, Mapping
@@ -96,6 +96,7 @@ def agreement_table(comparison: Comparison) -> Table:
     """Return the evidence by every method and the distance between them in standard errors."""
     methods = list(dict.fromkeys(comparison.own_evidence["method"]))
     others = [m for m in methods if m != "bridge"]
+    check = "importance" if "importance" in others else "quadrature"
     rows = []
     for name in ranked(comparison):
         rows_of = comparison.own_evidence[comparison.own_evidence["form"] == name]
@@ -109,20 +110,21 @@ def agreement_table(comparison: Comparison) -> Table:
                 cells.append(str(row["status"]))
             else:
                 cells.append(with_error(row["log_evidence"], row["log_evidence_se"]))
-        cells.append(_distance(own))
+        cells.append(_distance(own, check))
         rows.append(cells)
     return table(
-        ["Form", "bridge", *others, "bridge − quadrature, in standard errors"],
+        ["Form", "bridge", *others, f"bridge − {check}, in standard errors"],
         rows,
         "The same ln evidence by independent methods: bridge from the draws, quadrature without "
-        "any draw, Laplace as a first look without an error.",
+        "any draw, importance sampling with draws of its own, Laplace as a first look without an "
+        "error.",
     )
 
 
-def _distance(own: Mapping[str, Mapping[Hashable, Any]]) -> str:
-    if not {"bridge", "quadrature"} <= set(own):
+def _distance(own: Mapping[str, Mapping[Hashable, Any]], check: str) -> str:
+    if not {"bridge", check} <= set(own):
         return ABSENT
-    a, b = own["bridge"], own["quadrature"]
+    a, b = own["bridge"], own[check]
     error = _hypot(a["log_evidence_se"], b["log_evidence_se"])
     return decimals((a["log_evidence"] - b["log_evidence"]) / error, 1) if error else ABSENT
 
@@ -173,66 +175,6 @@ def prior_section(comparison: Comparison) -> Section:
                 ],
                 rows,
                 text=(0, 1),
-            ),
-        ),
-    )
-
-
-def score_section(comparison: Comparison) -> Section:
-    """Return leave-one-out scores and stacking weights, and how to read them."""
-    scores = comparison.loo
-    if not len(scores):
-        return Section("Leave-one-out prediction", "loo", ())
-    scores = scores.sort_values("elpd", ascending=False)
-    rows = [
-        [
-            form_name(row["form"]),
-            with_error(row["elpd"], row["se"], 2),
-            decimals(row["p"], 1),
-            str(int(row["n_bad_k"])),
-            decimals(row["stacking_weight"], 3),
-        ]
-        for row in scores.to_dict("records")
-    ]
-    words = (
-        "How well each form predicts a row left out, given all others: expected log predictive "
-        "density, and the weights that would predict best as a mixture."
-    )
-    best, leader = best_form(comparison), str(scores["form"].iloc[0])
-    heaviest = str(scores["form"].iloc[int(scores["stacking_weight"].argmax())])
-    if best is not None and len(scores) > 1:
-        if leader == best == heaviest:
-            words += " It agrees with the Bayes factors on the leading form."
-        else:
-            words += (
-                f" It favours {form_name(leader)} by score and {form_name(heaviest)} by weight, "
-                f"the Bayes factors {form_name(best)}. The two answer different questions: a Bayes "
-                "factor asks which form with its prior made all rows likely, leave-one-out which "
-                "fitted form predicts one more row of a texture it has already seen."
-            )
-    notes = [Text(words)]
-    if scores["n_bad_k"].sum():
-        notes.append(
-            Text(
-                "Rows with a Pareto k above 0.7 weigh so much on the posterior that their score is "
-                "a rough estimate; they are counted in the table.",
-                "note",
-            )
-        )
-    return Section(
-        "Leave-one-out prediction",
-        "loo",
-        (
-            *notes,
-            table(
-                [
-                    "Form",
-                    "elpd ± standard error",
-                    "Effective parameters",
-                    "Rows with k > 0.7",
-                    "Stacking weight",
-                ],
-                rows,
             ),
         ),
     )

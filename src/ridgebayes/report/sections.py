@@ -4,8 +4,13 @@ from collections.abc import Iterator
 
 from ridgebayes.comparison import Comparison
 from ridgebayes.report.blocks import Section
+from ridgebayes.report.checks import (
+    checks_section,
+    coverage_section,
+    power_scaling_section,
+)
 from ridgebayes.report.error_models import error_models_section
-from ridgebayes.report.evidence import evidence_section, prior_section, score_section
+from ridgebayes.report.evidence import evidence_section, prior_section
 from ridgebayes.report.posterior import (
     coefficients_section,
     convergence_section,
@@ -20,6 +25,7 @@ from ridgebayes.report.predictions import (
     smooth_section,
 )
 from ridgebayes.report.reference import reference_section
+from ridgebayes.report.scores import score_section
 from ridgebayes.report.sources import (
     claims_section,
     data_section,
@@ -53,6 +59,7 @@ def _sections(comparison: Comparison, reference: Comparison | None) -> Iterator[
     yield coefficients_section(comparison)
     yield bands_section(comparison)
     yield held_out_section(comparison)
+    yield coverage_section(comparison)
     yield errors_section(comparison)
     yield slopes_section(comparison)
     yield smooth_section(comparison)
@@ -60,7 +67,9 @@ def _sections(comparison: Comparison, reference: Comparison | None) -> Iterator[
         yield reference_section(reference)
     yield claims_section(comparison)
     yield prior_section(comparison)
+    yield power_scaling_section(comparison)
     yield score_section(comparison)
+    yield checks_section(comparison)
     yield convergence_section(comparison)
     yield corner_section(comparison)
     yield trace_section(comparison)
