@@ -1,8 +1,16 @@
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from ridgebayes.errors import InputError
+from ridgebayes.forms import Hybrid
+from ridgebayes.importance import importance_fit
+from ridgebayes.likelihood import Model
+from ridgebayes.noise import Noise
+from ridgebayes.observations import Observations
 from ridgebayes.predict import mix_q, predict_load, predict_q, texture_extrapolates
 
 A, B = 0.022, 0.02
@@ -273,3 +281,15 @@ def test_predict_q__curve_counts_a_draw_at_its_own_transition_load(fits):
     fit = fits["modified"]
     lowest = fit.form.load(6, A, B, fit.draws[:, :1]).min()
     assert float(fit.predict(A, B, lowest, kind="curve").at_least(6)) >= 1 / len(fit.draws)
+
+
+def test_predict_load__lets_go_of_a_fit_that_nobody_needs(paper):
+    # What is worked out once for a fit is kept for as long as the fit, and no longer.
+    data = Observations.from_table(paper)
+    model = Model(data, Hybrid(), Noise.named("texture"))
+    fit, _ = importance_fit(model, seed=1, n_draw=128, n_round=1, n_per_round=200)
+    predict_load(fit, 0.012, 0.03, 6)
+    ended = weakref.ref(fit)
+    del fit
+    gc.collect()
+    assert ended() is None

@@ -19,6 +19,7 @@ from ridgebayes.shared_scores import (
 )
 
 _LOG_2PI = math.log(2 * math.pi)
+_LARGEST_KEPT = 2**24  # bytes of factors that are kept for the next call
 _CHUNK = 2_000_000  # numbers held at a time where draws x levels x rows are needed
 
 
@@ -85,11 +86,13 @@ class IntegratedOffsets:
     def _factors(self, eta: FloatArray) -> tuple[Root, FloatArray]:
         """Return L and the Cholesky factor of the scores' precision."""
         key = eta.shape, eta.tobytes()
-        if self._last is None or self._last[0] != key:
-            root = self._offsets.root(eta)
-            weight = self._groups.n / self._variance(eta)
-            self._last = key, root, precision_root(self._design, root, weight)
-        return self._last[1], self._last[2]
+        if self._last is not None and self._last[0] == key:
+            return self._last[1], self._last[2]
+        root, weight = self._offsets.root(eta), self._groups.n / self._variance(eta)
+        factor = precision_root(self._design, root, weight)
+        if factor.nbytes <= _LARGEST_KEPT:
+            self._last = key, root, factor
+        return root, factor
 
     def _conditional(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         groups, rows = self._groups, self._rows
@@ -155,12 +158,15 @@ class IntegratedSmoothOffsets(IntegratedOffsets):
     def _whole_factor(self, eta: FloatArray) -> FloatArray:
         """Return the Cholesky factor of the covariance of the groups' means."""
         key = eta.shape, eta.tobytes()
-        if self._last_whole is None or self._last_whole[0] != key:
-            groups = self._groups
-            code, index = self._smooth.codes[0, groups.row], np.arange(len(groups.n))
-            covariance = self._smooth.covariance(eta)
-            if len(code) != self._smooth.n_level or np.any(code != index):
-                covariance = covariance[..., code[:, None], code]
-            covariance[..., index, index] += self._variance(eta) / groups.n
-            self._last_whole = key, cholesky_or_nan(covariance)
-        return self._last_whole[1]
+        if self._last_whole is not None and self._last_whole[0] == key:
+            return self._last_whole[1]
+        groups = self._groups
+        code, index = self._smooth.codes[0, groups.row], np.arange(len(groups.n))
+        covariance = self._smooth.covariance(eta)
+        if len(code) != self._smooth.n_level or np.any(code != index):
+            covariance = covariance[..., code[:, None], code]
+        covariance[..., index, index] += self._variance(eta) / groups.n
+        factor = cholesky_or_nan(covariance)
+        if factor.nbytes <= _LARGEST_KEPT:
+            self._last_whole = key, factor
+        return factor

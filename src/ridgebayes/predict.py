@@ -213,14 +213,15 @@ class _Draws:
 
     @classmethod
     def of(cls, fit: Fit, n: int) -> "_Draws":
+        stride = -(-len(fit.draws) // n)
+        if fit.model.offsets is None:
+            return cls(fit, fit.draws[::stride], None)
         kept = _prepared.get(fit)
-        if kept is None or len(kept.theta) > n:
-            stride = -(-len(fit.draws) // n)
-            offsets = fit.model.offsets_given(fit.coordinates[::stride])
-            kept = cls(fit, fit.draws[::stride], offsets)
-            if offsets is not None:  # worked out once for all textures
-                _prepared[fit] = kept
-        return kept
+        if kept is None or kept[0] < stride:  # worked out once for all textures
+            kept = stride, fit.model.offsets_given(fit.coordinates[::stride])
+            _prepared[fit] = kept
+        stride, offsets = kept
+        return cls(fit, fit.draws[::stride], offsets)
 
     @property
     def df(self) -> FloatArray | None:
@@ -267,7 +268,8 @@ class _Draws:
         return form, new[:, None]
 
 
-_prepared: "WeakKeyDictionary[Fit, _Draws]" = WeakKeyDictionary()
+# Stride and offsets of a fit's draws, as long as there is the fit: they must not refer to it.
+_prepared: "WeakKeyDictionary[Fit, tuple[int, OffsetsGiven | None]]" = WeakKeyDictionary()
 
 
 def _survival(fit: Fit, texture: Texture, p: FloatArray, nu: FloatArray, kind: str) -> FloatArray:

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import matplotlib
+from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
@@ -131,6 +132,7 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
             FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
         else:
             FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None, "Creator": None})
+    FigureCanvasBase(figure)  # lets go of the pixels
     return file.getvalue()
 
 
