@@ -191,3 +191,13 @@ def test_place__of_a_linear_form_leaves_standard_normals_of_the_density(structur
     density = model.log_density(np.concatenate([u, u_noise], axis=1)) + log_jacobian
     flat = density + 0.5 * (w * w).sum(axis=1)
     np.testing.assert_allclose(flat, flat[0], rtol=0, atol=1e-8)  # rounding: condition 1e5
+
+
+@pytest.mark.parametrize("noise", Noise.every(), ids=lambda noise: noise.name)
+def test_place__where_nothing_can_be_factorised_has_no_volume_rather_than_none_known(noise, make):
+    model = make(Hybrid(), noise)
+    frame = Conditional.of(model, np.zeros(2))
+    far = np.array([-60.0, 0.0, 60.0])[:, None] * np.ones(model.n_parameter - 2)
+    _, log_jacobian = frame.place(np.zeros((3, 2)), far)
+    assert not np.isnan(log_jacobian).any()
+    assert np.isfinite(log_jacobian[1])

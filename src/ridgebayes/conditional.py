@@ -54,12 +54,12 @@ class Conditional:
         """Return coefficients' coordinates of standard normals `w`, and log |du/dw|."""
         factor, mean = self._factor_and_mean(u_noise)
         step = solve_lower(factor, w[..., None], transposed=True)[..., 0]
-        return mean + step, -_log_diagonal(factor)
+        return mean + step, _log_volume(factor)
 
     def unplace(self, u: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the standard normals of coefficients' coordinates: the inverse of `place`."""
         factor, mean = self._factor_and_mean(u_noise)
-        return np.einsum("...ji,...j->...i", factor, u - mean), -_log_diagonal(factor)
+        return np.einsum("...ji,...j->...i", factor, u - mean), _log_volume(factor)
 
     def _factor_and_mean(self, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
         lead, k = u_noise.shape[:-1], len(self.reference)
@@ -76,5 +76,7 @@ class Conditional:
         return factor.reshape(*lead, k, k), mean.reshape(*lead, k)
 
 
-def _log_diagonal(factor: FloatArray) -> FloatArray:
-    return np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
+def _log_volume(factor: FloatArray) -> FloatArray:
+    """Return log |du/dw|; of a covariance that cannot be factorised, that of no volume at all."""
+    value = -np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
+    return np.where(np.isnan(value), -np.inf, value)
