@@ -1,0 +1,277 @@
+r"""Pressure under a parabola on given contact intervals, and how their free ends have to move.
+
+The surface recedes by :math:`u = -\int q \ln|x - \xi| d\xi`, with q the pressure times 2/(pi E*)
+and lengths over the body's radius. On an interval of half-width w and local coordinate s,
+:math:`q = \sum_n a_n T_n(s)/(w \sqrt{1 - s^2})`; the potential of each function is closed:
+
+.. math:: \Phi_0 = \pi (\ln 2 - \ln w + \ln z), \qquad \Phi_n = (\pi/n) z^n \cos n\theta,
+
+with :math:`\cos\theta = s` kept to [-1, 1] and z = 1 inside, :math:`z = |s| - \sqrt{s^2 - 1}`
+outside. The equations are collocated at Chebyshev points.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import fft
+
+from ridgebayes._types import FloatArray
+
+_LONG = 64  # coefficients; longer series are those of kinks
+_FAR = 96
+
+
+@dataclass(frozen=True, eq=False)
+class Intervals:
+    """Where a body is in contact; lengths in units of its radius, x = 0 below its centre.
+
+    Parameters
+    ----------
+    left, right : ndarray of float, shape (n,)
+        Ends, in rising order. Where `mirrored`, only the intervals of the right half, the first
+        one whole if it straddles the centre (left = -right).
+    mirrored : bool
+        Whether the left half is the mirror image of the right one.
+    """
+
+    left: FloatArray
+    right: FloatArray
+    mirrored: bool
+
+    @property
+    def straddles(self) -> bool:
+        """Whether the first interval is its own mirror image."""
+        return self.mirrored and len(self.left) > 0 and self.left[0] < 0
+
+    @property
+    def centre(self) -> FloatArray:
+        """Middles, shape (n,)."""
+        return 0.5 * (self.left + self.right)
+
+    @property
+    def half_width(self) -> FloatArray:
+        """Half-widths, shape (n,)."""
+        return 0.5 * (self.right - self.left)
+
+    @property
+    def weight(self) -> FloatArray:
+        """How often each interval is there, shape (n,): twice where it has a mirror image."""
+        weight = np.full(len(self.left), 2.0 if self.mirrored else 1.0)
+        if self.straddles:
+            weight[0] = 1.0
+        return weight
+
+
+@dataclass(frozen=True, eq=False)
+class Pressing:
+    """The solution on given intervals.
+
+    Parameters
+    ----------
+    intervals : Intervals
+        Where.
+    coefficients : ndarray of float, shape (n, m)
+        a_n of each interval; of one that straddles the centre those of odd order are zero.
+    approach : float
+        By which the body has come down, relative to its surface at a distance R, over R.
+    last : ndarray of float, shape (n,)
+        What the other intervals add to the last coefficient that knows of them.
+    """
+
+    intervals: Intervals
+    coefficients: FloatArray
+    approach: float
+    last: FloatArray
+
+    @property
+    def forces(self) -> FloatArray:
+        """Integral of q over each interval, shape (n,)."""
+        return math.pi * self.coefficients[:, 0]
+
+    @property
+    def load(self) -> float:
+        """Integral of q over all intervals, mirror images included."""
+        return float(self.forces @ self.intervals.weight)
+
+    @property
+    def singular(self) -> tuple[FloatArray, FloatArray]:
+        """Strength of the edge singularity, left and right, (n,) each: negative is tension."""
+        return self._at_ends(self.coefficients)
+
+    @property
+    def outward(self) -> tuple[FloatArray, FloatArray]:
+        """How far each end has to move outward for zero pressure there, left and right, (n,) each.
+
+        Newton's step. With B = sum n^2 a_n the singular strength falls by -B/(2 w) per length, and
+        where it vanishes it does not depend on the other ends: each takes its own step.
+        """
+        slopes = self._at_ends(self.coefficients * np.arange(self.coefficients.shape[1]) ** 2)
+        reach = 2 * self.intervals.half_width
+        with np.errstate(divide="ignore", invalid="ignore"):
+            left, right = (
+                -reach * strength / slope
+                for strength, slope in zip(self.singular, slopes, strict=True)
+            )
+        return left, right
+
+    def _at_ends(self, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return sums of T_n at s = -1 and 1."""
+        summed = _summable(coefficients)
+        return summed @ (-1.0) ** np.arange(summed.shape[1]), summed.sum(axis=1)
+
+    @property
+    def tail(self) -> float:
+        """Largest of what neighbours add to the last coefficients, over the mean of the first."""
+        return float(np.abs(self.last).max(initial=0.0) / np.abs(self.coefficients[:, 0]).mean())
+
+    def recession(self, x: ArrayLike) -> FloatArray:
+        """Return how far the body's surface recedes at x, of any shape."""
+        points = np.asarray(x, dtype=np.float64)
+        # Of a kink's long series hardly anything reaches beyond its own land.
+        series, flat = self.coefficients[:, :_FAR], points.ravel()
+        step = max(2_000_000 // series.size, 1)
+        found = [
+            np.einsum("xin,in->x", _functions(self.intervals, part, series.shape[1]), series)
+            for part in np.split(flat, range(step, len(flat), step))
+        ]
+        return np.concatenate(found).reshape(points.shape)
+
+    def surface(self, x: ArrayLike) -> FloatArray:
+        """Return the height of the body's surface above the ridges' tops at x."""
+        points = np.asarray(x, dtype=np.float64)
+        return 0.5 * points**2 - self.approach + self.recession(points)
+
+    def pressure(self, s: ArrayLike) -> FloatArray:
+        """Return q sqrt(1 - s^2) at local coordinates s (n_point,), shape (n, n_point)."""
+        theta = np.arccos(np.asarray(s, dtype=np.float64))
+        shapes = np.cos(np.arange(self.coefficients.shape[1])[:, None] * theta)
+        return _summable(self.coefficients) @ shapes / self.intervals.half_width[:, None]
+
+
+def press(intervals: Intervals, height: FloatArray, load: float, n_coefficients: int) -> Pressing:
+    """Solve for the pressures that bring the body's surface onto the rigid one.
+
+    Parameters
+    ----------
+    intervals : Intervals
+        Where they touch.
+    height : ndarray of float, shape (n, n_height)
+        Chebyshev coefficients, on each interval, of the depth of the rigid surface below the
+        ridges' tops. They may be many more than `n_coefficients`: where the rigid surface has a
+        kink, high orders are its own alone, since the other intervals' surfaces are smooth here.
+    load : float
+        Integral of q over all intervals.
+    n_coefficients : int
+        m, coefficients per interval that depend on the other intervals.
+
+    Returns
+    -------
+    Pressing
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the equations are singular.
+
+    Notes
+    -----
+    *Accuracy.* Exponential in m, by the distance to the next interval.
+    *Cost.* One dense solve of n m + 1 unknowns.
+    """
+    n, m = len(intervals.left), n_coefficients
+    s = _points(intervals, m)
+    x = (intervals.centre[:, None] + intervals.half_width[:, None] * s).ravel()
+    used = _used(intervals, m)
+    functions = _functions(intervals, x, used.shape[1])
+    matrix = np.empty((n * m + 1, n * m + 1))
+    matrix[:-1, :-1] = functions.reshape(len(x), -1)[:, used.ravel()]
+    matrix[:-1, -1] = -1.0
+    matrix[-1] = 0.0
+    matrix[-1, :-1:m] = math.pi * intervals.weight
+    width = max(used.shape[1], height.shape[1])
+    whole = np.zeros((n, width))
+    whole[:, : height.shape[1]] = height
+    low = np.where(used, whole[:, : used.shape[1]], 0.0)
+    order = np.arange(used.shape[1])
+    own = np.einsum("in,imn->im", low, np.cos(order * np.arccos(s)[..., None]))
+    # Relative to the first interval: a small load leaves only small differences of the parabola.
+    first, depth = intervals.centre[0], whole[0, 0]
+    right = np.append(-0.5 * (x - first) * (x + first) - (own - depth).ravel(), load)
+    solved = np.linalg.solve(matrix, right)
+    coefficients = -whole * np.arange(width) / math.pi
+    coefficients[:, : used.shape[1]][used] = solved[:-1]
+    ends = np.where(used, np.arange(used.shape[1]), -1).max(axis=1)
+    last = coefficients[np.arange(n), ends] - coefficients_alone(whole, ends)
+    approach = float(solved[-1]) + 0.5 * first**2 + depth
+    return Pressing(intervals, coefficients, approach, last)
+
+
+def coefficients_alone(height: FloatArray, order: np.ndarray) -> FloatArray:
+    """Return the coefficient of each interval at an order, had it no neighbours, shape (n,)."""
+    return -order * height[np.arange(len(order)), order] / math.pi
+
+
+def chebyshev_points(intervals: Intervals, n_point: int) -> FloatArray:
+    """Return x at the Chebyshev points of each interval, shape (n, n_point)."""
+    s = np.cos((np.arange(n_point) + 0.5) * (math.pi / n_point))
+    return intervals.centre[:, None] + intervals.half_width[:, None] * s
+
+
+def chebyshev_coefficients(values: FloatArray) -> FloatArray:
+    """Return Chebyshev coefficients from values at `chebyshev_points`, shape (n, n_point)."""
+    found = fft.dct(values, type=2, axis=-1) / values.shape[-1]
+    found[..., 0] *= 0.5
+    return found
+
+
+def _summable(coefficients: FloatArray) -> FloatArray:
+    """Return coefficients whose plain sums are those of a kink's slow series in Abel's sense."""
+    n = coefficients.shape[1]
+    return coefficients * np.exp(-36.0 * (np.arange(n) / n) ** 8) if n > _LONG else coefficients
+
+
+def _points(intervals: Intervals, m: int) -> FloatArray:
+    """Return local coordinates to collocate at; where mirrored in itself, of the right half."""
+    s = np.tile(np.cos((np.arange(m) + 0.5) * (math.pi / m)), (len(intervals.left), 1))
+    if intervals.straddles:
+        s[0] = np.cos((np.arange(m) + 0.5) * (math.pi / (2 * m)))
+    return s
+
+
+def _used(intervals: Intervals, m: int) -> np.ndarray:
+    """Return which functions each interval has, a mask (n, m), or (n, 2m) with even ones first."""
+    n = len(intervals.left)
+    if not intervals.straddles:
+        return np.ones((n, m), dtype=bool)
+    used = np.zeros((n, 2 * m), dtype=bool)
+    used[:, :m] = True
+    used[0] = np.arange(2 * m) % 2 == 0
+    return used
+
+
+def _functions(intervals: Intervals, x: FloatArray, m: int) -> FloatArray:
+    """Return the potentials of every function at x, mirror images added, shape (n_x, n, m)."""
+    found = _potentials(intervals.centre, intervals.half_width, x, m)
+    if not intervals.mirrored:
+        return found
+    own = 1 if intervals.straddles else 0
+    # A mirror image has coefficients of alternating sign about the mirrored centre.
+    signs = (-1.0) ** np.arange(m)
+    centre, half_width = -intervals.centre[own:], intervals.half_width[own:]
+    found[:, own:] += signs * _potentials(centre, half_width, x, m)
+    return found
+
+
+def _potentials(centre: FloatArray, half_width: FloatArray, x: FloatArray, m: int) -> FloatArray:
+    s = (x[:, None] - centre) / half_width
+    beyond = np.maximum(np.abs(s) - 1.0, 0.0)
+    # |s| - sqrt(s^2 - 1) by its reciprocal: no difference of large numbers.
+    z = 1.0 / (1.0 + beyond + np.sqrt(beyond * (2.0 + beyond)))
+    theta = np.arccos(np.clip(s, -1.0, 1.0))
+    found = np.empty((*s.shape, m))
+    found[..., 0] = math.pi * (math.log(2.0) - np.log(half_width) + np.log(z))
+    order = np.arange(1, m)
+    found[..., 1:] = z[..., None] ** order * np.cos(order * theta[..., None]) * (math.pi / order)
+    return found

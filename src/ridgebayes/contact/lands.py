@@ -1,0 +1,128 @@
+"""The rigid side of a contact: the tops of ridges and the floors of grooves, one land each."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+from ridgebayes.errors import InputError
+
+
+@dataclass(frozen=True)
+class Land:
+    """A stretch of the rigid surface that contact may cover; lengths over the body's radius.
+
+    Parameters
+    ----------
+    ridge : int or None
+        Number of the ridge: 0, 1, ... to the right of the groove below the centre, -1, -2, ... to
+        its left. None for a groove's floor.
+    start, stop : float
+        Ends, x = 0 below the body's centre.
+    depth : float
+        Below the ridges' tops.
+    corner : float
+        Radius of both corners; 0 is sharp.
+    """
+
+    ridge: int | None
+    start: float
+    stop: float
+    depth: float = 0.0
+    corner: float = 0.0
+
+    def height(self, x: FloatArray) -> FloatArray:
+        """Return the depth of the land's surface below the ridges' tops at x, of any shape."""
+        if self.corner == 0.0:
+            return np.full(np.shape(x), self.depth)
+        into = np.maximum(self.start + self.corner - x, x - self.stop + self.corner)
+        # The parabola of a circle's curvature: a half-plane is first order in slopes anyway.
+        return np.maximum(into, 0.0) ** 2 / (2 * self.corner)
+
+    @property
+    def flat(self) -> tuple[float, float]:
+        """Ends of its flat part."""
+        return self.start + self.corner, self.stop - self.corner
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Parallel ridges under a body; lengths over the body's radius.
+
+    Parameters
+    ----------
+    a, b : float
+        Ridge and groove width.
+    depth : float
+        Of the grooves' floors; infinite where they are never touched.
+    corner : float
+        Radius of the ridges' top corners, at most half a ridge; 0 is sharp.
+    offset : float
+        Of the body's centre from a groove's centre, in pitches, -0.5 to 0.5; 0.5 is over a ridge.
+
+    Raises
+    ------
+    InputError
+        If a value breaks its rule.
+    """
+
+    a: float
+    b: float
+    depth: float = math.inf
+    corner: float = 0.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value, holds, rule in (
+            ("a", self.a, 0 < self.a < math.inf, "finite and > 0"),
+            ("b", self.b, 0 < self.b < math.inf, "finite and > 0"),
+            ("depth", self.depth, self.depth > 0, "> 0"),
+            ("corner", self.corner, 0 <= self.corner <= 0.5 * self.a, "0 to half the ridge width"),
+            ("offset", self.offset, -0.5 <= self.offset <= 0.5, "-0.5 to 0.5 pitches"),
+        ):
+            if not holds:
+                raise InputError(f"{name} = {value!r}; rule: {rule}")
+
+    @property
+    def pitch(self) -> float:
+        """Distance from ridge to ridge."""
+        return self.a + self.b
+
+    @cached_property
+    def mirrored(self) -> bool:
+        """Whether the left half is the mirror image of the right one."""
+        return self.offset in (-0.5, 0.0, 0.5)
+
+    def ridge(self, number: int) -> Land:
+        """Return the top of a ridge."""
+        if abs(self.offset) == 0.5:  # over a ridge: that one is number 0, and exactly symmetric
+            start = number * self.pitch - 0.5 * self.a
+        else:
+            start = 0.5 * self.b + (number - self.offset) * self.pitch
+        return Land(number, start, start + self.a, 0.0, self.corner)
+
+    def floor_after(self, number: int) -> Land:
+        """Return the floor of the groove to the right of a ridge."""
+        stop = self.ridge(number + 1).start
+        return Land(None, stop - self.b, stop, self.depth)
+
+    def lands(self, reach: float) -> list[Land]:
+        """Return every land that begins within `reach` of the centre, from left to right.
+
+        Of a mirrored profile those of the right half, and the one that straddles the centre.
+        """
+        return sorted(self._lands(reach), key=lambda land: land.start)
+
+    def _lands(self, reach: float) -> Iterator[Land]:
+        n = math.ceil(reach / self.pitch) + 1
+        for number in range(-n - 1, n + 1):
+            for land in (self.ridge(number), self.floor_after(number)):
+                if land.ridge is None and math.isinf(self.depth):
+                    continue
+                left = land.start + land.stop < -1e-9 * self.pitch
+                if min(abs(land.start), abs(land.stop)) > reach or (self.mirrored and left):
+                    continue
+                yield land

@@ -1,0 +1,333 @@
+"""A parabola pressed on ridges by any load: where it touches, and what follows from that.
+
+Contact covers part of each land: up to a sharp corner, where the pressure is singular, or to an end
+that is found from zero pressure. Ends take Newton steps, all at once; lands that the surface would
+penetrate are added, contacts that shrink to nothing are dropped.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+from ridgebayes.contact.intervals import (
+    Intervals,
+    Pressing,
+    chebyshev_coefficients,
+    chebyshev_points,
+    press,
+)
+from ridgebayes.contact.lands import Land, Profile
+
+_MAX_ITERATIONS = 200
+_SHRINK = 0.2  # a contact keeps at least this share of its width in one step
+_TENSION = 0.1  # times the root of the tolerance, of the mean pressure: free ends err by as much
+_BEGUN = 1e-6  # of the load
+_NOTHING = 1e-11  # of a land's width: narrower is no contact
+_MAX_UNKNOWNS = 4_000
+_PER_LAYER, _MOST_ORDERS = 400.0, 65_536
+
+
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """A body pressed on ridges.
+
+    Parameters
+    ----------
+    profile : Profile
+        The rigid side.
+    lands : tuple of Land
+        Those in contact, from left to right; of a mirrored profile the right half.
+    pressing : Pressing
+        Pressures on them.
+    status : str
+        ``ok``, or which condition does not hold.
+    """
+
+    profile: Profile
+    lands: tuple[Land, ...]
+    pressing: Pressing
+    status: str
+
+    @property
+    def W(self) -> float:
+        """The load: integral of pressure times 2/(pi E*), over R; p/E is pi/4 W/(1 - nu^2)."""
+        return self.pressing.load
+
+    @property
+    def Q(self) -> int:
+        """Ridges in contact: each at its proximal corner, one below the centre with any part."""
+        touched = [land.ridge is not None for land in self.lands]
+        return int(np.sum(self.pressing.intervals.weight[touched]))
+
+    @property
+    def contact_fraction(self) -> float:
+        """Length in contact over the distance between the outermost ends."""
+        intervals = self.pressing.intervals
+        whole = float(2 * intervals.half_width @ intervals.weight)
+        first = -intervals.right[-1] if self.profile.mirrored else intervals.left[0]
+        return whole / float(intervals.right[-1] - first)
+
+    @property
+    def approach(self) -> float:
+        """By which the body has come down on the ridges' tops, over R.
+
+        Relative to its surface at a distance R from the centre: a half-plane has no depth at which
+        it would rest, so that some distance has to be named.
+        """
+        return self.pressing.approach
+
+    def penetration(self, groove: int) -> float:
+        """Return how deep the surface hangs into the groove right of a ridge, over R."""
+        floor = self.profile.floor_after(groove)
+        x = np.linspace(floor.start, floor.stop, 65)[1:-1]
+        return float(-self.pressing.surface(x).min())
+
+
+def pressed(
+    profile: Profile,
+    W: float,
+    *,
+    rel_tol: float = 1e-8,
+    n_coefficients: int | None = None,
+    start: Pressed | None = None,
+    ridges: range | None = None,
+) -> Pressed:
+    """Press a parabola on ridges by a load.
+
+    Parameters
+    ----------
+    profile : Profile
+        The rigid side.
+    W : float
+        Load: 4 (1 - nu^2)/pi times p/E.
+    rel_tol : float, optional
+        Tolerance of the ends, over their interval's width, of tension and of penetration.
+    n_coefficients : int, optional
+        Per interval; by the profile and the tolerance if not given.
+    start : Pressed, optional
+        A solution at a load nearby, to begin with.
+    ridges : range, optional
+        Numbers of the only ridges there are: what happens up to the load that reaches the next.
+
+    Returns
+    -------
+    Pressed
+        Its status says which of the conditions (no tension, no penetration, ends at zero pressure,
+        coefficients decayed, forces in balance) does not hold, if any.
+    """
+    m = n_coefficients or coefficients_for(profile, rel_tol)
+    hertz = math.sqrt(2 * W)
+    lands = [
+        land
+        for land in profile.lands(1.3 * hertz + 3 * profile.pitch)
+        if ridges is None or land.ridge is None or land.ridge in ridges
+    ]
+    state = _State(profile, lands, rel_tol)
+    state.begin(W, hertz, start)
+    found, status = None, "not converged: contact ends still move"
+    for _ in range(_MAX_ITERATIONS):
+        intervals = state.intervals()
+        if len(intervals.left) * m > _MAX_UNKNOWNS:
+            status = f"not computed: {len(intervals.left) * m} unknowns; cap {_MAX_UNKNOWNS}"
+            break
+        try:
+            found = press(intervals, _heights(state.touched, intervals), W, m)
+        except np.linalg.LinAlgError:
+            status = "not converged: singular equations"
+            break
+        if state.move(found):
+            continue
+        if state.add_penetrated(found):
+            continue
+        status = "ok"
+        break
+    if found is None:
+        nothing = Intervals(np.empty(0), np.empty(0), profile.mirrored)
+        empty = Pressing(nothing, np.empty((0, m)), math.nan, np.empty(0))
+        return Pressed(profile, (), empty, status)
+    if status == "ok":
+        status = _checked(found, W, rel_tol)
+    return Pressed(profile, tuple(state.touched), found, status)
+
+
+def coefficients_for(profile: Profile, rel_tol: float) -> int:
+    """Return how many coefficients an interval takes: more where grooves are narrow."""
+    excess = 2 * profile.b / profile.a
+    log_rho = math.log1p(excess + math.sqrt(excess * (2 + excess)))
+    sharp = math.log(0.1 / rel_tol) / (2 * log_rho) + 4
+    return math.ceil(1.15 * sharp)
+
+
+def _heights(lands: Sequence[Land], intervals: Intervals) -> FloatArray:
+    """Return the Chebyshev coefficients of each land's depth on its interval."""
+    if not any(land.corner for land in lands):
+        return np.array([[land.depth] for land in lands])
+    # Enough for the narrowest layer beyond a kink: at an angle of phi orders of 1/phi see it.
+    angles = [np.pi]
+    for land, centre, half in zip(lands, intervals.centre, intervals.half_width, strict=True):
+        for kink in land.flat if land.corner else ():
+            s = (kink - centre) / half
+            if -1 < s < 1:
+                angles.append(min(math.acos(s), math.pi - math.acos(s)))
+    n = int(min(max(_PER_LAYER / max(min(angles), 1e-9), 128), _MOST_ORDERS))
+    points = chebyshev_points(intervals, n)
+    values = [land.height(x) for land, x in zip(lands, points, strict=True)]
+    return chebyshev_coefficients(np.stack(values))
+
+
+class _State:
+    """Which lands are in contact, from where to where, and which ends are stuck at a corner."""
+
+    def __init__(self, profile: Profile, lands: Sequence[Land], rel_tol: float) -> None:
+        self._profile, self._lands, self._tol = profile, list(lands), rel_tol
+        self._ends: dict[Land, tuple[float, float]] = {}
+
+    @property
+    def touched(self) -> list[Land]:
+        return sorted(self._ends, key=lambda land: land.start)
+
+    def intervals(self) -> Intervals:
+        ends = np.array([self._ends[land] for land in self.touched]).reshape(-1, 2)
+        return Intervals(ends[:, 0].copy(), ends[:, 1].copy(), self._profile.mirrored)
+
+    def begin(self, W: float, hertz: float, start: Pressed | None) -> None:
+        """Begin with a solution nearby, or with what Hertz's contact covers."""
+        if start is not None and len(start.lands):
+            known = set(self._lands)
+            intervals = start.pressing.intervals
+            self._ends = {
+                land: (float(low), float(high))
+                for land, low, high in zip(
+                    start.lands, intervals.left, intervals.right, strict=True
+                )
+                if land in known
+            }
+        if not self._ends:
+            for land in self._lands:
+                low, high = max(land.start, -hertz), min(land.stop, hertz)
+                if land.ridge is not None and high > low:
+                    self._ends[land] = self._within(land, low, high)
+        if not self._ends:
+            # The nearest corners: as wide as a body's slope there takes the load.
+            tops = [land for land in self._lands if land.ridge is not None]
+            near = min(tops, key=lambda land: min(abs(land.start), abs(land.stop)))
+            self._ends[near] = self._first(near, W)
+
+    def _first(self, land: Land, W: float) -> tuple[float, float]:
+        """Guess a new contact: at the land's nearest point to the centre."""
+        low, high = land.flat
+        at = min(max(0.0, low), high)
+        width = 0.5 * min(land.stop - land.start, max(W / max(abs(at), math.sqrt(W)), 1e-6 * at))
+        if low < 0 < high:
+            return self._within(land, -width, width)
+        if at == low:
+            return self._within(land, land.start if land.corner == 0 else low - width, low + width)
+        return self._within(land, high - width, land.stop if land.corner == 0 else high + width)
+
+    def _within(self, land: Land, low: float, high: float) -> tuple[float, float]:
+        low, high = max(low, land.start), min(high, land.stop)
+        if self._profile.mirrored and land.start < 0 < land.stop:
+            high = max(high, -low)
+            low = -high
+        return low, high
+
+    def move(self, found: Pressing) -> bool:
+        """Move free ends by Newton's step, drop what shrinks to nothing; whether any did."""
+        moved = False
+        width = 2 * found.intervals.half_width
+        typical = np.abs(found.coefficients[:, 0])
+        share = math.pi * typical / found.load
+        outward = [np.nan_to_num(step, nan=0.0) for step in found.outward]
+        for i, land in enumerate(self.touched):
+            ends = list(self._ends[land])
+            for side, limit in ((0, land.start), (1, land.stop)):
+                strength = found.singular[side][i]
+                step = outward[side][i]
+                if strength > 0 and step <= 0:  # no zero of pressure ahead: as far as it goes
+                    step = width[i]
+                elif strength < 0 and step >= 0:
+                    step = -0.5 * width[i]
+                stuck = ends[side] == limit and land.corner == 0
+                if stuck and strength >= -self._tol * typical[i]:
+                    continue
+                # A contact that has only just begun is as wide as rounding lets it be.
+                near = self._tol * width[i] * max(1.0, _BEGUN / max(share[i], 1e-300))
+                if not stuck and abs(step) <= near:
+                    continue
+                step = float(min(max(step, -0.5 * (1 - _SHRINK) * width[i]), 2 * width[i]))
+                room = abs(limit - ends[side])
+                if land.corner:  # never as far as the wall, where the profile is vertical
+                    step = min(step, 0.5 * room)
+                new = limit if step >= room else ends[side] + (2 * side - 1) * step
+                moved = moved or new != ends[side]
+                ends[side] = new
+            if ends[1] - ends[0] <= _NOTHING * (land.stop - land.start) and len(self._ends) > 1:
+                del self._ends[land]
+                moved = True
+                continue
+            if self._profile.mirrored and land.start < 0 < land.stop:
+                ends[0] = -ends[1]
+            self._ends[land] = ends[0], ends[1]
+        return moved
+
+    def add_penetrated(self, found: Pressing) -> bool:
+        """Begin a contact on every land that the surface penetrates; whether there was any."""
+        added = False
+        scale = max(self._tol * found.load, 1e-15)
+        for land in self._lands:
+            if land in self._ends:
+                continue
+            low, high = land.flat
+            x = np.linspace(low, high, 33 if land.ridge is None else 9)
+            gap = found.surface(x) + land.height(x)
+            if gap.min() < -scale:
+                inside = x[gap < 0]
+                if land.ridge is None:
+                    middle, half = 0.5 * float(inside[0] + inside[-1]), 0.5 * float(np.ptp(inside))
+                    half = max(0.5 * half, 0.02 * (high - low))
+                    self._ends[land] = self._within(land, middle - half, middle + half)
+                else:
+                    self._ends[land] = self._first(land, found.load)
+                added = True
+        return added
+
+
+def _checked(found: Pressing, W: float, rel_tol: float) -> str:
+    """Return ``ok``, or which condition does not hold."""
+    if not abs(found.load / W - 1) <= 1e-10:
+        return f"forces not in balance: {found.load / W - 1:.1e}"
+    if not 0.01 * found.tail**2 <= rel_tol:
+        return f"not converged: coefficient tail {found.tail:.1e}"
+    smallest = smallest_pressure(found)
+    if not smallest >= -max(_TENSION * math.sqrt(rel_tol), 1e-6):
+        return f"tension: {smallest:.1e} of the mean pressure"
+    return "ok"
+
+
+def smallest_pressure(found: Pressing) -> float:
+    """Return the smallest q sqrt(1 - s^2) of any interval over its mean: negative is tension."""
+    m = found.coefficients.shape[1]
+    n = min(2 * m, 1024) + 1
+    theta = np.arange(n) * (math.pi / (n - 1))
+    if m > n:  # the long series of a kink says nothing of the last few of its own waves
+        theta = theta[(theta > 16 / m) & (theta < math.pi - 16 / m)]
+    pressure = found.pressure(np.cos(theta))
+    mean = found.coefficients[:, 0] / found.intervals.half_width
+    # A contact that has only just begun is as small as rounding lets it be.
+    counts = found.forces * found.intervals.weight > _BEGUN * found.load
+    return float((pressure.min(axis=1) / mean)[counts].min(initial=np.inf))
+
+
+def many_pressed(
+    profile: Profile, W: Sequence[float] | FloatArray, *, rel_tol: float = 1e-8
+) -> list[Pressed]:
+    """Press by each of several loads; each begins where the next lower one ended."""
+    order = np.argsort(W)
+    found: dict[int, Pressed] = {}
+    last = None
+    for i in order.tolist():
+        found[i] = last = pressed(profile, float(W[i]), rel_tol=rel_tol, start=last)
+    return [found[i] for i in range(len(order))]

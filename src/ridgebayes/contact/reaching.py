@@ -1,0 +1,139 @@
+"""Loads at which contact reaches one ridge after another, for any profile: events, not steps.
+
+The gap over a ridge that is not there yet falls as the load rises; where it vanishes is the load
+that reaches it. No load increment enters.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.lands import Land, Profile
+from ridgebayes.contact.pressed import Pressed, pressed
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """The loads that reach further ridges, in rising order.
+
+    Parameters
+    ----------
+    W : ndarray of float, shape (n,)
+        Loads, 4 (1 - nu^2)/pi times p/E; NaN where none was found.
+    Q : ndarray of int, shape (n,)
+        Ridges in contact from that load on.
+    status : tuple of str
+        ``ok``, or why not.
+    """
+
+    W: FloatArray
+    Q: IntArray
+    status: tuple[str, ...]
+
+
+def reaching_loads(
+    profile: Profile, *, W_max: float, n_max: int = 10_000, rel_tol: float = 1e-8
+) -> Reached:
+    """Find every load up to a largest one at which a further ridge, or pair of them, is reached.
+
+    Parameters
+    ----------
+    profile : Profile
+        The rigid side.
+    W_max : float
+        Largest load.
+    n_max : int, optional
+        Most events.
+    rel_tol : float, optional
+        Wanted relative error of each load.
+
+    Returns
+    -------
+    Reached
+        What is touched from the smallest load on is no event. Of a mirrored profile each event is
+        a pair of ridges.
+
+    Notes
+    -----
+    *Cost.* About ten solves of `pressed` for each event, twice as many beside the centre.
+    """
+    loads: list[float] = []
+    counts: list[int] = []
+    status: list[str] = []
+    tiny = 1e-10 * min(W_max, profile.pitch**2)
+    now = pressed(profile, tiny, rel_tol=rel_tol)
+    first = [land.ridge for land in now.lands if land.ridge is not None] or [0, -1][:1]
+    low, high = min(first), max(first)
+    start = tiny
+    while len(loads) < n_max:
+        # To the right, and where the profile is no mirror image also to the left.
+        events = [_reach(profile, range(low, high + 1), high + 1, start, W_max, rel_tol)]
+        if not profile.mirrored:
+            events.append(_reach(profile, range(low, high + 1), low - 1, start, W_max, rel_tol))
+        W, ridge, why, solution = min(events, key=lambda event: event[0])
+        if not W_max >= W:
+            break
+        low, high = min(low, ridge), max(high, ridge)
+        loads.append(W if why == "ok" else math.nan)
+        step = 2 if profile.mirrored else 1
+        counts.append((solution.Q if solution is not None else 0) + step)
+        status.append(why)
+        start = W
+        if why != "ok":
+            break
+    return Reached(np.array(loads), np.array(counts, dtype=np.int64), tuple(status))
+
+
+def _reach(
+    profile: Profile, ridges: range, number: int, start: float, W_max: float, rel_tol: float
+) -> tuple[float, int, str, Pressed | None]:
+    """Return the load at which a ridge beyond those given is reached, infinite if above W_max."""
+    land = profile.ridge(number)
+    last: list[Pressed | None] = [None]
+
+    def gap(W: float) -> float:
+        found = pressed(profile, W, rel_tol=rel_tol, start=last[0], ridges=ridges)
+        if found.status != "ok":
+            raise _FailedError(found.status)
+        last[0] = found
+        return nearest_gap(found, land)
+
+    try:
+        below, above = start, start
+        at_below = at_above = gap(start)
+        while at_above > 0:
+            below, at_below = above, at_above
+            if above >= W_max:
+                return math.inf, number, "ok", last[0]
+            above = min(max(1.5 * above, above + 0.1 * profile.pitch**2), W_max)
+            at_above = gap(above)
+        if at_below <= 0:
+            return start, number, "ok", last[0]
+        root = optimize.brentq(gap, below, above, xtol=1e-3 * rel_tol * above, rtol=1e-14)
+        return float(root), number, "ok", last[0]
+    except _FailedError as failed:
+        return start, number, str(failed), last[0]
+
+
+class _FailedError(Exception):
+    """A solution on the way was not sound."""
+
+
+def nearest_gap(found: Pressed, land: Land) -> float:
+    """Return the smallest gap between the body's surface and a land that it does not touch."""
+    low, high = land.flat
+    inner, towards = (low, -1.0) if abs(low) < abs(high) else (high, 1.0)
+    if land.corner == 0.0:
+        return float(found.pressing.surface(np.array([inner]))[0] + land.depth)
+
+    def gap(into: float) -> float:
+        x = np.array([inner + towards * into])
+        return float((found.pressing.surface(x) + land.height(x))[0])
+
+    best = optimize.minimize_scalar(
+        gap, bounds=(0.0, land.corner * (1 - 1e-9)), method="bounded", options={"xatol": 1e-12}
+    )
+    return min(float(best.fun), gap(0.0))
