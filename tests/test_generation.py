@@ -1,7 +1,11 @@
+import math
+
 import numpy as np
 import pytest
 
 from ridgebayes.contact import halfplane, hertz
+from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.pressed import pressed
 from ridgebayes.datafiles import PAPER_SWEEP, data_path
 from ridgebayes.errors import InputError
 from ridgebayes.generation import generate
@@ -118,17 +122,73 @@ def test_a_texture_no_solve_can_serve_does_not_vanish():
 @pytest.mark.parametrize(
     ("scene", "said"),
     [
-        (scene_with(groove_depth_over_R=0.05), r"textures\[1\].groove_depth_over_R = 0.05"),
-        (scene_with(corner_radius_over_R=1e-3), r"textures\[1\].corner_radius_over_R = 0.001"),
-        (scene_with(offset=0.25), r"textures\[1\].offset = 0.25"),
-        (scene_with(offset="uniform"), r"textures\[1\].offset = 'uniform'"),
-        (Scene(textures=scene_with().textures, friction=0.3), "friction = 0.3"),
+        (scene_with(groove_depth_over_R=0.05), "groove floor"),
+        (scene_with(corner_radius_over_R=1e-3), "corner radius"),
+        (scene_with(offset=0.25), "offset"),
+        (scene_with(offset="uniform"), "offset"),
     ],
 )
-@pytest.mark.parametrize("solver", ["auto", "hertz", "half-plane"])
-def test_what_is_not_simulated_is_refused(scene, said, solver):
-    with pytest.raises(InputError, match=f"{said}: is not simulated in this version"):
-        generate(scene, solver=solver)
+def test_what_hertz_cannot_simulate_is_refused(scene, said):
+    with pytest.raises(InputError, match=rf"textures\[1\]: {said}: is not simulated by 'hertz'"):
+        generate(scene, solver="hertz")
+
+
+def test_friction_that_changes_loads_is_refused_and_that_which_does_not_is_not():
+    textures = scene_with().textures
+    with pytest.raises(InputError, match=r"friction = 0.3: changes loads by up to 0\.0"):
+        generate(Scene(textures=textures, friction=0.3, nu=0.3))
+    without = generate(Scene(textures=textures))
+    incompressible = generate(Scene(textures=textures, friction=0.3))
+    assert incompressible.digest() == without.digest()
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"offset": 0.25},
+        {"groove_depth_over_R": 3e-4},
+        {"corner_radius_over_R": 2e-3},
+        {"offset": -0.1, "corner_radius_over_R": 1e-3, "groove_depth_over_R": 5e-4},
+    ],
+)
+def test_rows_of_other_effects_are_the_events_of_their_profile(changed):
+    scene = scene_with(**changed)
+    table = generate(scene, rel_tol=1e-6).frame
+    texture = scene.textures[0]
+    profile = Profile(
+        texture.a_over_R,
+        texture.b_over_R,
+        texture.groove_depth_over_R or math.inf,
+        texture.corner_radius_over_R,
+        texture.offset,
+    )
+    # Each load is where the count of a separate solution changes.
+    for Q, p in zip(table["Q"], table["p_over_E"], strict=True):
+        counts = [
+            pressed(profile, 4 / math.pi * 0.75 * p * (1 + change), rel_tol=1e-7).Q
+            for change in (-1e-5, 1e-5)  # tolerance asked for: 1e-6
+        ]
+        assert counts[0] < Q == counts[1]
+    assert set(table["offset_over_R"]) == {texture.offset * (texture.a_over_R + texture.b_over_R)}
+    assert table["source"].str.contains("effects=ridges").all()
+
+
+def test_a_uniform_offset_is_curves_at_evenly_spaced_ones():
+    table = generate(scene_with(offset="uniform"), rel_tol=1e-6).frame
+    pitch = sum(scene_with().textures[0].model_dump()[name] for name in ("a_over_R", "b_over_R"))
+    offsets = np.unique(table["offset_over_R"]) / pitch
+    np.testing.assert_allclose(offsets, (2 * np.arange(8) + 1) / 32, rtol=1e-12)
+
+
+def test_auto_leaves_out_what_does_not_matter():
+    # A corner of a hundredth of a ridge: under one per cent.
+    scene = scene_with(corner_radius_over_R=2e-4)
+    wanted = scene.model_copy(update={"relative": 0.02})
+    loose, exact = generate(wanted), generate(wanted, solver="half-plane", rel_tol=1e-6)
+    assert not loose.frame["source"].str.contains("effects").any()
+    assert exact.frame["source"].str.contains(r"effects=ridges\+corner-radius").all()
+    ratio = loose.frame["p_over_E"] / exact.frame["p_over_E"]
+    assert 1e-5 < abs(ratio - 1).max() < 0.02
 
 
 def test_unknown_solvers_are_refused():

@@ -1,14 +1,19 @@
 """Scenes to contact tables: which solver, which transitions, what it said of each."""
 
 import importlib.metadata
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact import halfplane, hertz
+from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.reaching import reaching_loads
+from ridgebayes.effects import Plan, plan
 from ridgebayes.errors import InputError
 from ridgebayes.scene import Scene, Texture
 from ridgebayes.table import ContactTable
@@ -17,8 +22,8 @@ SOLVERS = ("auto", "hertz", "half-plane")
 # A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
 _MAX_TRANSITIONS = 8192
 
-# Loads of the transitions 1 ... n of one texture, with a status each.
-_Solver: TypeAlias = Callable[[Texture, float, int, float], tuple[FloatArray, tuple[str, ...]]]
+# Q, loads and status of one texture's transitions up to p/E.
+_Curve: TypeAlias = tuple[IntArray, FloatArray, tuple[str, ...]]
 
 
 def generate(scene: Scene, *, solver: str = "auto", rel_tol: float | None = None) -> ContactTable:
@@ -29,31 +34,35 @@ def generate(scene: Scene, *, solver: str = "auto", rel_tol: float | None = None
     scene : Scene
         Textures, Poisson's ratio, highest load.
     solver : {"auto", "hertz", "half-plane"}
-        ``"auto"`` is the half-plane; ``"hertz"`` the smooth closed form in ridge units.
+        ``"auto"`` simulates the effects that the scene calls for, see `ridgebayes.effects.plan`;
+        ``"half-plane"`` all that the scene gives; ``"hertz"`` is the smooth closed form in ridge
+        units.
     rel_tol : float or None, scalar, dimensionless
         Wanted relative error of each load; None is the scene's, and 1e-8 if that is looser.
 
     Returns
     -------
     ContactTable
-        A row per transition with p/E at or below the load, Q = 2 + 2k. A transition that was
-        not computed but should lie below the load, by the growth as k^2 of those before it, stands
-        there without a load, its status saying why.
+        A row per transition with p/E at or below the load; Q counts ridges in contact, so that it
+        may be odd where the body is offset. A transition that was not computed but should lie
+        below the load, by the growth as k^2 of those before it, stands there without a load, its
+        status saying why. An offset ``"uniform"`` is eight curves, at offsets of 1/32, 3/32, ...
+        of a pitch. `source` names the effects that were simulated.
 
     Raises
     ------
     InputError
-        If the solver is unknown, the scene asks for what it cannot simulate (a finite groove
-        depth, round corners, an offset, friction), or a texture has no transition, or over
-        8,192, under the load. All findings in one message.
+        If the solver is unknown, the scene asks for what the solver cannot simulate, or a texture
+        has no transition, or over 8,192, under the load. All findings in one message.
 
     Notes
     -----
     *Validity.* Small strain: within 1 % of finite strain up to p/E = 0.015, of moderate grooves.
 
-    *Accuracy.* As `contact.halfplane.transition_loads`; "hertz" is exact for its own question.
+    *Accuracy.* As `contact.halfplane.transition_loads` and `contact.reaching.reaching_loads`;
+    "hertz" is exact for its own question.
 
-    *Cost.* Milliseconds a texture.
+    *Cost.* Milliseconds a texture; a second or so with floors, corners or an offset.
 
     Examples
     --------
@@ -65,54 +74,136 @@ def generate(scene: Scene, *, solver: str = "auto", rel_tol: float | None = None
     if solver not in SOLVERS:
         hint = " is not simulated in this version;" if solver == "cylinder-fe" else ":"
         raise InputError(f"solver = {solver!r}{hint} must be one of {', '.join(SOLVERS)}")
-    problems = _not_simulated(scene)
+    plans = _plans(scene, solver)
+    problems = _not_simulated(scene, plans, solver)
     if problems:
         raise InputError("\n".join(f"scene: {problem}" for problem in problems))
-    name = "hertz" if solver == "hertz" else "half-plane"
     if rel_tol is None:
         rel_tol = min(halfplane.DEFAULT_REL_TOL, scene.relative or halfplane.DEFAULT_REL_TOL)
-    source = f"ridgebayes {importlib.metadata.version('ridgebayes')} {name}"
-    if name == "half-plane":
-        source += f" rel_tol={rel_tol:g}"
-
     frames = []
-    for number, texture in enumerate(scene.textures, start=1):
+    for number, one in enumerate(plans, start=1):
+        texture = one.texture
         where = f"scene: textures[{number}] = ({texture.a_over_R!r}, {texture.b_over_R!r})"
         try:
-            frames.append(_rows(texture, scene, _SOLVERS[name], rel_tol))
+            frames += list(_curves(one, scene, solver, rel_tol))
         except InputError as error:
             problems.append(f"{where}: {error}")
     if problems:
         raise InputError("\n".join(problems))
     frame = pd.concat(frames, ignore_index=True)
-    return ContactTable.from_frame(frame.assign(solver=name, source=source)[_COLUMNS], where=source)
+    columns = [name for name in _COLUMNS if name != "offset_over_R" or frame[name].any()]
+    return ContactTable.from_frame(frame[columns], where=str(frame["source"].iloc[0]))
 
 
-_COLUMNS = ["a_over_R", "b_over_R", "Q", "p_over_E", "nu", "role", "solver", "status", "source"]
+def _plans(scene: Scene, solver: str) -> list[Plan]:
+    """Plan what there is to decide: nothing where every effect given is simulated anyway."""
+    plain = not any(_given(texture) for texture in scene.textures) and not scene.friction
+    if plain and (scene.relative is None or solver != "auto"):
+        return [Plan(texture, (), given_profile(texture)) for texture in scene.textures]
+    return plan(scene)
 
 
-def _not_simulated(scene: Scene) -> list[str]:
-    """List what the scene asks for beyond these solvers."""
-    asked: list[tuple[str, object, bool]] = [("friction", scene.friction, scene.friction != 0.0)]
-    for number, texture in enumerate(scene.textures, start=1):
-        depth, corner, offset = (
-            texture.groove_depth_over_R,
-            texture.corner_radius_over_R,
-            texture.offset,
-        )
-        asked += [
-            (f"textures[{number}].groove_depth_over_R", depth, depth is not None),
-            (f"textures[{number}].corner_radius_over_R", corner, corner != 0.0),
-            (f"textures[{number}].offset", offset, offset != 0.0),
-        ]
-    return [
-        f"{key} = {value!r}: is not simulated in this version" for key, value, on in asked if on
-    ]
-
-
-def _rows(texture: Texture, scene: Scene, solve: _Solver, rel_tol: float) -> pd.DataFrame:
-    """Return the transitions of one texture up to the load."""
+def _curves(one: Plan, scene: Scene, solver: str, rel_tol: float) -> Iterator[pd.DataFrame]:
+    """Yield the curves of a texture: one, or several offsets."""
+    texture = one.texture
     p_max = scene.p_over_E if texture.max_p_over_E is None else texture.max_p_over_E
+    smooth = solver == "hertz" or (solver == "auto" and one.profile is None)
+    profile = one.profile if solver == "auto" else given_profile(texture)
+    names = ["ridges", *_given(texture)]
+    if solver == "auto":
+        names = [name for name in names if name in one.simulated or not one.effects]
+    offsets = [0.0]
+    if profile is not None and profile.offset:
+        offsets = list(UNIFORM) if texture.offset == "uniform" else [profile.offset]
+    for offset in offsets:
+        if smooth or profile is None:
+            name, extra = "hertz", ""
+            found = _many(texture, scene, p_max, _hertz, rel_tol)
+        else:
+            name, extra = "half-plane", f" rel_tol={rel_tol:g}"
+            if names != ["ridges"]:
+                extra += f" effects={'+'.join(names).replace(' ', '-')}"
+            here = replace(profile, offset=offset)
+            if here == Profile(here.a, here.b):
+                found = _many(texture, scene, p_max, _half_plane, rel_tol)
+            else:
+                found = _events(here, scene, p_max, rel_tol)
+        Q, p_over_E, status = found
+        yield pd.DataFrame(
+            {
+                "a_over_R": texture.a_over_R,
+                "b_over_R": texture.b_over_R,
+                "Q": Q,
+                "p_over_E": p_over_E,
+                "nu": scene.nu,
+                "offset_over_R": offset * (texture.a_over_R + texture.b_over_R),
+                "role": texture.role,
+                "solver": name,
+                "status": list(status),
+                "source": f"ridgebayes {importlib.metadata.version('ridgebayes')} {name}{extra}",
+            }
+        )
+
+
+UNIFORM = tuple((2 * i + 1) / 32 for i in range(8))  # offsets that stand for any, and their mirrors
+
+
+def given_profile(texture: Texture) -> Profile:
+    """Return the rigid side with all that a texture gives; a uniform offset is the largest."""
+    return Profile(
+        texture.a_over_R,
+        texture.b_over_R,
+        texture.groove_depth_over_R or math.inf,
+        texture.corner_radius_over_R,
+        0.5 if texture.offset == "uniform" else float(texture.offset),
+    )
+
+
+def _given(texture: Texture) -> list[str]:
+    given = {
+        "offset": texture.offset != 0.0,
+        "groove floor": texture.groove_depth_over_R is not None,
+        "corner radius": texture.corner_radius_over_R != 0.0,
+    }
+    return [name for name, on in given.items() if on]
+
+
+_COLUMNS = [
+    "a_over_R",
+    "b_over_R",
+    "Q",
+    "p_over_E",
+    "nu",
+    "offset_over_R",
+    "role",
+    "solver",
+    "status",
+    "source",
+]
+
+
+def _not_simulated(scene: Scene, plans: Sequence[Plan], solver: str) -> list[str]:
+    """List what the scene asks for beyond these solvers."""
+    problems = []
+    for number, one in enumerate(plans, start=1):
+        friction = next((effect for effect in one.effects if effect.name == "friction"), None)
+        if friction is not None and not friction.estimate <= (scene.relative or 0.0):
+            problems.append(
+                f"friction = {scene.friction!r}: changes loads by up to {friction.estimate:.2g}, "
+                f"and is not simulated in this version; rule: at most the wanted accuracy, "
+                f"{scene.relative or 0.0:g}"
+            )
+            break
+        if solver == "hertz":
+            problems += [
+                f"textures[{number}]: {name}: is not simulated by 'hertz'"
+                for name in _given(one.texture)
+            ]
+    return problems
+
+
+def _many(texture: Texture, scene: Scene, p_max: float, solve: "_Solver", rel_tol: float) -> _Curve:
+    """Return the transitions of one texture up to the load, by a solver of the first n of them."""
     pitch = texture.a_over_R + texture.b_over_R
     n_transitions, loads = 8, np.zeros(0)
     while not (loads.size and loads[-1] > p_max):
@@ -125,17 +216,19 @@ def _rows(texture: Texture, scene: Scene, solve: _Solver, rel_tol: float) -> pd.
     keep = loads <= p_max
     if not keep.any():
         raise InputError(f"no transition under p/E = {p_max!r}: the first is at {loads[0]:.4g}")
-    return pd.DataFrame(
-        {
-            "a_over_R": texture.a_over_R,
-            "b_over_R": texture.b_over_R,
-            "Q": 2 + 2 * k[keep],
-            "p_over_E": p_over_E[keep],
-            "nu": scene.nu,
-            "role": texture.role,
-            "status": [text for text, kept in zip(status, keep, strict=True) if kept],
-        }
-    )
+    kept = tuple(text for text, under in zip(status, keep, strict=True) if under)
+    return 2 + 2 * k[keep], p_over_E[keep], kept
+
+
+def _events(profile: Profile, scene: Scene, p_max: float, rel_tol: float) -> _Curve:
+    """Return the transitions of any profile up to the load: a table holds those from Q = 4 on."""
+    reduced = 4 / math.pi * (1 - scene.nu**2)
+    found = reaching_loads(profile, W_max=reduced * p_max, n_max=_MAX_TRANSITIONS, rel_tol=rel_tol)
+    keep = found.Q >= 4
+    if not keep.any():
+        raise InputError(f"no transition to 4 edges or more under p/E = {p_max!r}")
+    status = tuple(text for text, kept in zip(found.status, keep, strict=True) if kept)
+    return found.Q[keep], found.W[keep] / reduced, status
 
 
 def _filled(p_over_E: FloatArray, pitch_over_R: float, nu: float) -> FloatArray:
@@ -169,4 +262,4 @@ def _hertz(
     return loads, ("ok",) * n_transitions
 
 
-_SOLVERS: dict[str, _Solver] = {"hertz": _hertz, "half-plane": _half_plane}
+_Solver: TypeAlias = Callable[[Texture, float, int, float], tuple[FloatArray, tuple[str, ...]]]

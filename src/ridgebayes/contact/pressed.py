@@ -24,7 +24,7 @@ from ridgebayes.contact.lands import Land, Profile
 _MAX_ITERATIONS = 200
 _SHRINK = 0.2  # a contact keeps at least this share of its width in one step
 _TENSION = 0.1  # times the root of the tolerance, of the mean pressure: free ends err by as much
-_BEGUN = 1e-6  # of the load
+_BEGUN, _ROUNDING = 1e-6, 1e-9  # of the load
 _NOTHING = 1e-11  # of a land's width: narrower is no contact
 _MAX_UNKNOWNS = 4_000
 _PER_LAYER, _MOST_ORDERS = 400.0, 65_536
@@ -255,6 +255,7 @@ class _State:
                     continue
                 # A contact that has only just begun is as wide as rounding lets it be.
                 near = self._tol * width[i] * max(1.0, _BEGUN / max(share[i], 1e-300))
+                near = near if share[i] > _ROUNDING else math.inf
                 if not stuck and abs(step) <= near:
                     continue
                 step = float(min(max(step, -0.5 * (1 - _SHRINK) * width[i]), 2 * width[i]))
@@ -282,7 +283,10 @@ class _State:
                 continue
             low, high = land.flat
             x = np.linspace(low, high, 33 if land.ridge is None else 9)
-            gap = found.surface(x) + land.height(x)
+            if land.corner:  # a round corner is touched before the flat is
+                into = np.linspace(0, land.corner, 33)[:0:-1]
+                x = np.concatenate([low - into, x, high + into[::-1]])
+            x, gap = _with_vertex(found, land, x)
             if gap.min() < -scale:
                 inside = x[gap < 0]
                 if land.ridge is None:
@@ -293,6 +297,25 @@ class _State:
                     self._ends[land] = self._first(land, found.load)
                 added = True
         return added
+
+
+def _with_vertex(found: Pressing, land: Land, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return places and the gaps there, the lowest point between three of them put in."""
+    gap = found.surface(x) + land.height(x)
+    i = int(np.clip(np.argmin(gap), 1, len(x) - 2))
+    left, right = gap[i] - gap[i - 1], gap[i + 1] - gap[i]
+    near, far = x[i] - x[i - 1], x[i + 1] - x[i]
+    bend = right / far - left / near
+    if not bend > 0:
+        return x, gap
+    at = float(
+        np.clip(
+            0.5 * (x[i] + x[i - 1]) - left / near * 0.5 * (near + far) / bend, x[i - 1], x[i + 1]
+        )
+    )
+    place = int(np.searchsorted(x, at))
+    lowest = found.surface(np.array([at])) + land.height(np.array([at]))
+    return np.insert(x, place, at), np.insert(gap, place, lowest[0])
 
 
 def _checked(found: Pressing, W: float, rel_tol: float) -> str:

@@ -1,0 +1,366 @@
+"""Which effects a scene calls for: how large each is, and whether it is simulated or neglected.
+
+An effect is neglected where leaving it out changes no transition load by more than the wanted
+accuracy. What is said of its size comes from one or two solutions at chosen loads, not from the
+simulation that it is to save: the shift of an event is the gap that the effect leaves at the load
+of the event without it, over the slope of that gap.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray
+from ridgebayes.contact import halfplane, hertz
+from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.pressed import Pressed, pressed
+from ridgebayes.contact.reaching import nearest_gap
+from ridgebayes.scene import Scene, Texture
+
+PLAN_COLUMNS = [
+    "effect",
+    "number",
+    "estimated_rel_change",
+    "simulated",
+    "reason",
+    "cost_s",
+    "texture",
+]
+_SAFETY = 1.5  # an estimate may be two thirds of the truth and still be on the safe side
+_ROUGH = 1e-5  # tolerance of the solutions behind estimates
+_STEP = 0.03  # of a load, for the slope of a gap
+_DEFAULT_RELATIVE = 1e-8  # without a wanted accuracy only what has no effect at all is left out
+# Loads of finite elements over those of the half-plane are 1 + 0.65 (w/R)^2 at small strain and
+# 1 + 0.3 (w/R)^2 at finite strain, up to a half-width w of 0.26 R: data/fea.
+_FINITE_BODY = 0.65
+_PER_PRESS, _PER_CUBE = 8e-4, 3e-11  # CPU seconds of a solution: fixed, and times unknowns cubed
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect on the transition loads of one texture.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``corner radius``.
+    number : float
+        The dimensionless number that it hangs on; NaN where a scene does not give it.
+    estimate : float
+        Largest relative change of a transition load when it is neglected; NaN where unknown.
+    simulated : bool
+        Whether loads take it into account.
+    reason : str
+        Why, with the number's definition.
+    cost_s : float
+        CPU seconds that simulating it takes or would take; NaN where nothing here can.
+    """
+
+    name: str
+    number: float
+    estimate: float
+    simulated: bool
+    reason: str
+    cost_s: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is simulated of one texture.
+
+    Parameters
+    ----------
+    texture : Texture
+        With its widths over R.
+    effects : tuple of Effect
+        Everything considered.
+    profile : Profile or None
+        The rigid side with the effects that are simulated; None where even the ridges are
+        neglected.
+    """
+
+    texture: Texture
+    effects: tuple[Effect, ...]
+    profile: Profile | None
+
+    @property
+    def simulated(self) -> tuple[str, ...]:
+        """Names of the effects that loads take into account."""
+        return tuple(effect.name for effect in self.effects if effect.simulated)
+
+    @property
+    def left_out(self) -> tuple[Effect, ...]:
+        """Effects that are not simulated although they exceed the wanted accuracy."""
+        return tuple(e for e in self.effects if not e.simulated and e.name in _NOT_AVAILABLE)
+
+
+_NOT_AVAILABLE = ("finite body and large deformation", "friction")
+
+
+def plan(scene: Scene) -> list[Plan]:
+    """Decide for each texture of a scene what to simulate.
+
+    Parameters
+    ----------
+    scene : Scene
+        Textures, highest load, wanted accuracy.
+
+    Returns
+    -------
+    list of Plan
+        One per texture, in the scene's order.
+
+    Notes
+    -----
+    *Accuracy.* Estimates of what is neglected are at least the true change and at most ten times
+    it, checked on scenes spread over the space (`ridgebayes.plan_check`).
+    *Cost.* Some tens of milliseconds a texture.
+
+    Examples
+    --------
+    >>> scene = Scene.of([(0.032, 0.01)], p_over_E=0.01, relative=0.02)
+    >>> plan(scene)[0].simulated
+    ('ridges', "Poisson's ratio")
+    """
+    return [_planned(scene, texture) for texture in scene.textures]
+
+
+def plan_table(plans: list[Plan]) -> pd.DataFrame:
+    """Return plans as a table of columns `PLAN_COLUMNS`."""
+    rows = [
+        [e.name, e.number, e.estimate, e.simulated, e.reason, e.cost_s, _label(one.texture)]
+        for one in plans
+        for e in one.effects
+    ]
+    return pd.DataFrame(rows, columns=PLAN_COLUMNS)
+
+
+def _label(texture: Texture) -> str:
+    return texture_label(texture.a_over_R, texture.b_over_R)
+
+
+def texture_label(a: float, b: float) -> str:
+    """Return the label that a contact table gives a texture."""
+    return f"a{a!r}_b{b!r}"
+
+
+def _planned(scene: Scene, texture: Texture) -> Plan:
+    base = _Base.of(scene, texture)
+    effects = list(_effects(base))
+    chosen = {effect.name for effect in effects if effect.simulated}
+    profile = None
+    if chosen & {"ridges", "offset", "groove floor", "corner radius"}:
+        profile = replace(
+            base.sharp,
+            depth=base.depth if "groove floor" in chosen else math.inf,
+            corner=texture.corner_radius_over_R if "corner radius" in chosen else 0.0,
+            offset=base.offset if "offset" in chosen else 0.0,
+        )
+    return Plan(texture, tuple(effects), profile)
+
+
+@dataclass(frozen=True, eq=False)
+class _Base:
+    """A texture without any further effect, and the loads at which effects are looked at."""
+
+    scene: Scene
+    texture: Texture
+    sharp: Profile
+    W: FloatArray  # of all transitions under the scene's load, at least one
+    last: Pressed  # at the highest of them
+
+    @classmethod
+    def of(cls, scene: Scene, texture: Texture) -> "_Base":
+        a, b = texture.a_over_R, texture.b_over_R
+        sharp = Profile(a, b)
+        p_max = texture.max_p_over_E or scene.p_over_E
+        W_max = 4 / math.pi * (1 - scene.nu**2) * p_max
+        n = min(max(int(math.sqrt(2 * W_max) / (a + b)) + 2, 4), _MOST_LOOKED_AT)
+        loads = halfplane.transition_loads(a, b, n, rel_tol=1e-6)
+        W = 4 / math.pi * loads.F * (a + b) ** 2
+        W = W[np.isfinite(W)]
+        W = W[: max(int(np.searchsorted(W, W_max, side="right")), 1)]
+        # Of very many ridges those looked at stand for all: what is beyond is smoother still.
+        top = min(max(W_max, float(W[-1])), 1.2 * float(W[-1]) + sharp.pitch**2)
+        return cls(scene, texture, sharp, W, pressed(sharp, top, rel_tol=_ROUGH))
+
+    @property
+    def tolerance(self) -> float:
+        return self.scene.relative or _DEFAULT_RELATIVE
+
+    @property
+    def depth(self) -> float:
+        return self.texture.groove_depth_over_R or math.inf
+
+    @property
+    def offset(self) -> float:
+        """The offset; of a uniform one, the largest."""
+        return 0.5 if self.texture.offset == "uniform" else float(self.texture.offset)
+
+    @property
+    def penetration(self) -> float:
+        """How deep the surface hangs into any groove at the highest load."""
+        grooves = range(-1, len(self.last.lands))
+        return max(self.last.penetration(groove) for groove in grooves)
+
+    @property
+    def half_width(self) -> float:
+        return math.sqrt(2 * self.last.W)
+
+    def shift(self, other: Profile) -> float:
+        """Return the largest relative shift of an event when this profile takes the other's place.
+
+        Looked at are the first transition, the last one and one between.
+        """
+        n = len(self.W)
+        return max(
+            (self._shift_of(other, k) for k in sorted({1, (n + 1) // 2, n})), default=math.nan
+        )
+
+    def _shift_of(self, other: Profile, k: int) -> float:
+        """Gap at the load of event k, over its slope: one Newton step from here to there."""
+        W, land = float(self.W[k - 1]), other.ridge(k)
+        first = pressed(other, W, rel_tol=_ROUGH, ridges=range(k))
+        second = pressed(other, W * (1 + _STEP), rel_tol=_ROUGH, start=first, ridges=range(k))
+        if first.status != "ok" or second.status != "ok":
+            return math.nan
+        gap, later = nearest_gap(first, land), nearest_gap(second, land)
+        return abs(gap / ((later - gap) / _STEP)) if later != gap else math.inf
+
+    def cost(self, n_solution: float, n_interval: float, m: float) -> float:
+        unknowns = n_interval * m
+        return n_solution * (_PER_PRESS + _PER_CUBE * unknowns**3 + 4e-8 * unknowns**2)
+
+
+_MOST_LOOKED_AT = 64
+
+
+def _effects(base: _Base) -> Iterator[Effect]:
+    yield _ridges(base)
+    yield _partial_contact(base)
+    yield _offset(base)
+    yield _floor(base)
+    yield _corner(base)
+    yield _poisson(base)
+    yield _finite_body(base)
+    yield _friction(base)
+    yield from _not_modelled()
+
+
+def _decided(
+    base: _Base, name: str, number: float, estimate: float, what: str, cost: float
+) -> Effect:
+    """Simulate an effect if its estimate, or its being unknown, exceeds the wanted accuracy."""
+    simulated = not estimate <= base.tolerance
+    word = "above" if simulated else "within"
+    if math.isnan(estimate):
+        reason = f"{what}; size not known, simulated to be safe"
+    else:
+        reason = f"{what}; {word} the wanted {base.tolerance:g}"
+    return Effect(name, number, estimate, simulated, reason, cost)
+
+
+def _ridges(base: _Base) -> Effect:
+    a, b, n = base.sharp.a, base.sharp.b, len(base.W)
+    Q = 2 + 2 * np.arange(1, n + 1)
+    smooth = hertz.transition_load(Q, a, b, nu=0.0) * 4 / math.pi
+    estimate = float(np.max(np.abs(smooth / base.W - 1)))
+    cost = base.cost(2, n, 8)
+    return _decided(
+        base, "ridges", b / (a + b), estimate, "b/pitch; against Hertz in ridge units", cost
+    )
+
+
+def _partial_contact(base: _Base) -> Effect:
+    reason = (
+        "contact half-width over pitch; at a transition every ridge within is fully covered, so "
+        "that loads of transitions do not depend on it; counts at a load and pressures have it"
+    )
+    number = base.half_width / base.sharp.pitch
+    return Effect("partial contact", number, 0.0, False, reason, base.cost(3, len(base.W), 10))
+
+
+def _offset(base: _Base) -> Effect:
+    number = abs(base.offset)
+    n, sharp = len(base.W), base.sharp
+    # The further ridge of the first pair moves away by the offset; loads go as distance squared.
+    first = 0.5 * sharp.b + sharp.pitch
+    estimate = _SAFETY * ((1 + number * sharp.pitch / first) ** 2 - 1)
+    cost = base.cost(24 * 2 * n, 2 * n, 10)
+    return _decided(base, "offset", number, estimate, "fraction of a pitch", cost)
+
+
+def _floor(base: _Base) -> Effect:
+    depth, hang = base.depth, base.penetration
+    number = hang / depth
+    cost = base.cost(40 * len(base.W), 2 * len(base.W), 12)
+    what = "deepest penetration into a groove over its depth"
+    if number < 1:
+        reason = f"{what}; the floor is not touched"
+        return Effect("groove floor", number, 0.0, False, reason, cost)
+    estimate = _SAFETY * base.shift(replace(base.sharp, depth=depth))
+    return _decided(base, "groove floor", number, estimate, what, cost)
+
+
+def _corner(base: _Base) -> Effect:
+    corner = base.texture.corner_radius_over_R
+    number = corner / base.sharp.a
+    cost = base.cost(120 * len(base.W), len(base.W), 12)
+    if corner == 0:
+        return Effect("corner radius", 0.0, 0.0, False, "radius over a; corners are sharp", cost)
+    estimate = _SAFETY * base.shift(replace(base.sharp, corner=corner))
+    return _decided(base, "corner radius", number, estimate, "radius over a", cost)
+
+
+def _poisson(base: _Base) -> Effect:
+    nu = base.scene.nu
+    estimate = abs(0.75 / (1 - nu**2) - 1)
+    reason = "nu; an exact factor 1/(1 - nu^2), against nu = 0.5"
+    return Effect("Poisson's ratio", nu, estimate, True, reason, 0.0)
+
+
+def _finite_body(base: _Base) -> Effect:
+    width = base.half_width
+    p = math.pi / 4 * base.last.W / (1 - base.scene.nu**2)
+    count = max(base.last.Q, 1)
+    strain = 2 * p / (count * base.sharp.a)
+    hang = base.penetration / base.sharp.b
+    # A surface that hangs into a groove by its own width is bent by as much as a body can be.
+    estimate = _FINITE_BODY * width**2 + 0.3 * hang**2
+    reason = (
+        f"contact half-width over R; load per ridge over E a is {strain:.2g}, penetration over "
+        f"b {hang:.2g}; "
+    )
+    if estimate <= base.tolerance:
+        reason += f"within the wanted {base.tolerance:g}"
+    else:
+        reason += f"above the wanted {base.tolerance:g}: needs finite elements"
+    return Effect(_NOT_AVAILABLE[0], width, estimate, False, reason, math.nan)
+
+
+def _friction(base: _Base) -> Effect:
+    nu, friction = base.scene.nu, base.scene.friction
+    beta = (1 - 2 * nu) / (2 * (1 - nu))
+    # Full stick raises the stiffness of a flat contact by (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) at most.
+    stick = (1 - nu) * math.log(3 - 4 * nu) / (1 - 2 * nu) - 1 if nu < 0.5 else 0.0
+    estimate = stick * min(friction / beta, 1.0) if beta > 0 and friction else 0.0
+    reason = f"friction coefficient; tangential mismatch (1 - 2 nu)/(2 (1 - nu)) is {beta:.2g}; "
+    if estimate <= base.tolerance:
+        reason += f"within the wanted {base.tolerance:g}"
+    else:
+        reason += f"above the wanted {base.tolerance:g}: needs finite elements"
+    return Effect("friction", friction, estimate, False, reason, math.nan)
+
+
+def _not_modelled() -> Iterator[Effect]:
+    for name, number in (
+        ("adhesion", "work of adhesion over E a"),
+        ("viscoelasticity", "loading time over relaxation time"),
+        ("compliance of the ridges", "the body's modulus over the ridges'"),
+        ("third dimension", "2 R over the cylinder's length"),
+    ):
+        reason = f"{number}; not modelled, and a scene does not give it"
+        yield Effect(name, math.nan, math.nan, False, reason, math.nan)

@@ -1,0 +1,250 @@
+"""Pressures on given intervals, against closed forms and plain quadrature of the logarithm."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+from ridgebayes.contact.intervals import (
+    Intervals,
+    chebyshev_coefficients,
+    chebyshev_points,
+    press,
+)
+
+FLAT = np.zeros((1, 1))
+S = np.linspace(-1.0, 1.0, 9)
+
+
+def intervals_of(*ends, mirrored=False):
+    left, right = np.array(ends, dtype=float).T
+    return Intervals(left, right, mirrored)
+
+
+def two_strips(alpha, beta, W):
+    """Closed form on [-beta, -alpha] and [alpha, beta]: in t = x^2 a tilted flat punch.
+
+    -int p ln|t - tau| dtau = d - t/2 for p(t) dt = q dx. Returns the approach, and q sqrt(1-s^2)
+    of the right strip as a function of s.
+    """
+    middle, half = 0.5 * (beta**2 + alpha**2), 0.5 * (beta**2 - alpha**2)
+    approach = 0.5 * middle + 0.5 * W * math.log(2.0 / half)
+
+    def strength(s):
+        x = 0.5 * (alpha + beta) + 0.5 * (beta - alpha) * s
+        r = (x**2 - middle) / half
+        # 1 - r^2 is 1 - s^2 times the factor below.
+        w = 0.5 * (beta - alpha)
+        factor = (w / half) ** 2 * (x + alpha) * (x + beta)
+        return 2 * x * (0.5 * W - 0.5 * half * r) / (math.pi * half * np.sqrt(factor))
+
+    return approach, strength
+
+
+def recession_by_quadrature(found, x):
+    """-int q ln|x - xi| dxi over every interval and mirror image, in the angle of each."""
+    total = 0.0
+    for i, (centre, w) in enumerate(
+        zip(found.intervals.centre, found.intervals.half_width, strict=True)
+    ):
+        whole = found.intervals.mirrored and not (found.intervals.straddles and i == 0)
+        for sign in (1.0, -1.0) if whole else (1.0,):
+
+            def integrand(theta, i=i, centre=centre, w=w, sign=sign):
+                s = np.array([math.cos(theta)])
+                q = float(found.pressure(s)[i, 0]) * w  # dx = w sin(theta) dtheta
+                return -q * math.log(abs(x - sign * (centre + w * s[0])) or 1e-300)
+
+            at = (sign * x - centre) / w
+            points = [math.acos(at)] if -1 < at < 1 else None
+            total += integrate.quad(integrand, 0, math.pi, points=points, limit=400)[0]
+    return total
+
+
+@pytest.mark.parametrize("W", [1e-12, 1e-4, 0.1])
+def test_press__one_interval_of_hertz_half_width_is_hertz(W):
+    w = math.sqrt(2 * W)
+    found = press(intervals_of((-w, w)), FLAT, W, 8)
+    # Rounding: of a solve of nine unknowns.
+    np.testing.assert_allclose(found.pressure(S)[0], w * (1 - S**2) / math.pi, atol=1e-13 * w)
+    assert found.approach == pytest.approx(0.25 * w**2 + W * math.log(2 / w), rel=1e-13)
+    assert np.abs(found.singular).max() < 1e-13 * W
+    assert np.abs(found.outward).max() < 1e-12 * w
+
+
+@pytest.mark.parametrize("factor", [1.0, 3.0, 100.0])
+def test_press__a_fixed_interval_is_the_flat_punch_and_the_parabola(factor):
+    w = 0.02
+    W = factor * 0.5 * w**2
+    found = press(intervals_of((-w, w)), FLAT, W, 6)
+    # x^2/2 = w^2/4 (1 + T_2), and the flat punch is W/(pi w sqrt(1 - s^2)).
+    expected = (W - 0.5 * w**2 * (2 * S**2 - 1)) / (math.pi * w)
+    np.testing.assert_allclose(found.pressure(S)[0], expected, atol=1e-13 * W / w)  # rounding
+    assert found.load == pytest.approx(W, rel=1e-14)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("alpha", [0.1, 0.02, 1e-3])
+def test_press__two_strips_are_their_closed_form(mirrored, alpha):
+    beta, W = 0.12, 0.02
+    ends = [(alpha, beta)] if mirrored else [(-beta, -alpha), (alpha, beta)]
+    found = press(intervals_of(*ends, mirrored=mirrored), np.zeros((len(ends), 1)), W, 120)
+    approach, strength = two_strips(alpha, beta, W)
+    # Discretisation: exponential, decayed for the wider grooves; 1e-8 of the narrowest.
+    rtol = 1e-12 if alpha > 0.01 else 1e-8
+    np.testing.assert_allclose(found.pressure(S)[-1], strength(S), rtol=rtol)
+    assert found.approach == pytest.approx(approach, rel=rtol)
+    assert found.load == pytest.approx(W, rel=1e-13)
+
+
+def test_press__the_free_end_of_two_strips_is_where_their_closed_form_says():
+    alpha, W = 0.02, 1e-3
+    beta = math.sqrt(alpha**2 + 2 * W)  # W = (beta^2 - alpha^2)/2
+    found = press(intervals_of((alpha, beta), mirrored=True), FLAT, W, 40)
+    assert abs(found.singular[1][0]) < 1e-12 * W  # rounding
+    assert found.singular[0][0] > 0.1 * W
+
+
+def test_outward__is_newtons_step_and_gains_twice_the_digits():
+    alpha, W = 0.02, 1e-3
+    beta = math.sqrt(alpha**2 + 2 * W)
+    errors = []
+    for off in (1e-2, 1e-3, 1e-4):
+        end = beta * (1 + off)
+        found = press(intervals_of((alpha, end), mirrored=True), FLAT, W, 40)
+        errors.append(abs(end + found.outward[1][0] - beta) / beta)
+    # Order: quadratic in the distance, with a constant of order one.
+    assert all(error < off**2 for error, off in zip(errors, (2e-2, 2e-3, 2e-4), strict=True))
+    assert 80 < errors[0] / errors[1] < 120
+
+
+def test_outward__strength_falls_as_claimed_and_not_with_another_free_end():
+    """Finite differences at a solution with a free end on either side of each interval."""
+    c, W = 0.3, 0.02
+    floor = np.array([[0.0], [0.02], [0.0]])
+    ends = np.array([-0.35, -0.3, -0.08, 0.06, 0.3, 0.36])
+
+    def solve(ends):
+        return press(intervals_of(*ends.reshape(-1, 2)), floor, W, 60)
+
+    for _ in range(12):  # outermost and floor's ends are free, the two inner ones are corners
+        left, right = solve(ends).outward
+        ends = ends + np.array([-left[0], 0.0, -left[1], right[1], 0.0, right[2]])
+    base = solve(ends)
+    slopes = (base.coefficients * np.arange(60) ** 2).sum(axis=1) / (2 * base.intervals.half_width)
+    free = {0: (0, 0, -1.0), 2: (0, 1, -1.0), 3: (1, 1, 1.0), 5: (1, 2, 1.0)}
+    assert all(abs(base.singular[side][i]) < 1e-12 for side, i, _ in free.values())
+    h = 1e-5 * c
+    for moved, (side, i, way) in free.items():
+        step = np.zeros(6)
+        step[moved] = way * h
+        up, down = solve(ends + step), solve(ends - step)
+        changes = {
+            end: (up.singular[s][j] - down.singular[s][j]) / (2 * h)
+            for end, (s, j, _) in free.items()
+        }
+        scale = abs(changes[moved])
+        if side == 1:
+            # Discretisation: of a central difference.
+            assert changes[moved] == pytest.approx(slopes[i], rel=1e-6)
+        others = [abs(change) for end, change in changes.items() if end != moved]
+        assert max(others) < 1e-6 * scale
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("x", [0.0, 0.013, 0.031, -0.044, 0.07, 0.4])
+def test_recession__is_the_integral_of_the_logarithm(mirrored, x):
+    ends = [(-0.01, 0.01), (0.03, 0.05)] if mirrored else [(-0.04, -0.01), (0.012, 0.03)]
+    height = np.array([[2e-4, 0.0, 1e-5], [0.0, 0.0, 0.0]])
+    found = press(intervals_of(*ends, mirrored=mirrored), height, 3e-3, 16)
+    # Quadrature: scipy's own tolerance over an integrable logarithm.
+    assert float(found.recession(x)) == pytest.approx(recession_by_quadrature(found, x), rel=1e-7)
+
+
+def test_press__the_body_lies_on_the_rigid_surface_between_collocation_points_too():
+    s = np.linspace(-1, 1, 101)
+    intervals = intervals_of((-0.05, -0.02), (-0.004, 0.004), (0.03, 0.06))
+    height = np.array([[0.0, 0.0, 0.0], [3e-4, 1e-5, 2e-5], [0.0, -1e-5, 0.0]])
+    found = press(intervals, height, 4e-3, 24)
+    for centre, w, row in zip(intervals.centre, intervals.half_width, height, strict=True):
+        rigid = np.polynomial.chebyshev.chebval(s, row)
+        # Discretisation: exponential, decayed.
+        np.testing.assert_allclose(found.surface(centre + w * s), -rigid, atol=1e-13)
+
+
+def test_press__a_mirrored_half_is_the_whole():
+    height = np.array([[2e-4, 0.0, 1e-5], [0.0, 1e-5, 0.0]])
+    half = press(intervals_of((-0.01, 0.01), (0.03, 0.05), mirrored=True), height, 3e-3, 20)
+    mirror = height[1] * [1, -1, 1]
+    ends = (-0.05, -0.03), (-0.01, 0.01), (0.03, 0.05)
+    whole = press(intervals_of(*ends), np.stack([mirror, *height]), 3e-3, 40)
+    # Rounding: 1e-12 of the dense solve.
+    np.testing.assert_allclose(half.forces, whole.forces[1:], rtol=1e-12)
+    assert half.approach == pytest.approx(whole.approach, rel=1e-12)
+    np.testing.assert_allclose(half.pressure(S), whole.pressure(S)[1:], rtol=1e-10)
+    assert half.load == pytest.approx(3e-3, rel=1e-13)
+    assert np.array_equal(half.intervals.weight, [1.0, 2.0])
+    assert half.intervals.straddles
+    assert not whole.intervals.straddles
+
+
+def test_press__its_error_falls_exponentially_in_the_coefficients():
+    alpha, beta, W = 0.02, 0.12, 0.02
+    exact, _ = two_strips(alpha, beta, W)
+    m = np.array([3, 4, 5, 6])
+    errors = [
+        abs(press(intervals_of((alpha, beta), mirrored=True), FLAT, W, int(n)).approach - exact)
+        for n in m
+    ]
+    log_rho = math.acosh((alpha + 0.5 * (alpha + beta)) / (0.5 * (beta - alpha)))
+    slope = np.polyfit(m, np.log(errors), 1)[0]
+    # Discretisation: rho^-m or quicker (rho^-2m), rho that of the mirror image's edge.
+    assert slope < -log_rho
+
+
+def test_press__a_kinks_long_series_gives_its_free_end():
+    """x^2/2 and beyond |x| = c a parabola of curvature 1/r: both ends free has a closed load."""
+    w, c, r, n = 0.05, 0.04, 0.01, 4096
+    angle = math.asin(c / w)
+    W = 0.5 * w**2 + (w**2 * (0.5 * math.pi - angle) - c * w * math.cos(angle)) / (math.pi * r)
+    intervals = intervals_of((-w, w))
+    x = chebyshev_points(intervals, n)
+    height = chebyshev_coefficients(np.maximum(np.abs(x) - c, 0.0) ** 2 / (2 * r))
+    found = press(intervals, height, W, 10)
+    # Discretisation: Abel's sums of a series of n^-2; far below a plain sum's n^-1.
+    assert np.abs(found.singular).max() < 1e-9 * found.coefficients[0, 0]
+    assert np.abs(found.outward).max() < 1e-9 * w
+    assert found.load == pytest.approx(W, rel=1e-13)
+
+
+def test_tail__is_what_neighbours_add_not_what_a_kink_has():
+    intervals = intervals_of((-0.05, 0.05))
+    x = chebyshev_points(intervals, 512)
+    height = chebyshev_coefficients(np.maximum(np.abs(x) - 0.04, 0.0) ** 2 / 0.02)
+    assert press(intervals, height, 4e-3, 10).tail < 1e-12  # rounding: it has no neighbours
+    near = press(intervals_of((-0.06, -0.001), (0.001, 0.06)), np.zeros((2, 1)), 4e-3, 6)
+    far = press(intervals_of((-0.06, -0.03), (0.03, 0.06)), np.zeros((2, 1)), 4e-3, 6)
+    assert near.tail > 1e-2 > 1e-3 > far.tail
+
+
+def test_press__scales_with_the_length():
+    ends, height = np.array([(-0.05, -0.02), (0.03, 0.06)]), np.array([[1e-4, 1e-5], [0.0, 2e-5]])
+    usual = press(intervals_of(*ends), height, 4e-3, 20)
+    for scale in (1e-3, 8.0):
+        scaled = press(intervals_of(*(scale * ends)), scale**2 * height, scale**2 * 4e-3, 20)
+        # Rounding: 1e-11 of the dense solve; the logarithm's unit shifts the approach.
+        np.testing.assert_allclose(
+            scaled.coefficients, scale**2 * usual.coefficients, atol=1e-12 * scale**2 * usual.load
+        )
+        shifted = scale**2 * (usual.approach - usual.load * math.log(scale))
+        assert scaled.approach == pytest.approx(shifted, rel=1e-11)
+
+
+def test_chebyshev_coefficients__are_those_of_a_polynomial():
+    intervals = intervals_of((-1.0, 3.0), (0.0, 1.0))
+    x = chebyshev_points(intervals, 7)
+    s = (x - intervals.centre[:, None]) / intervals.half_width[:, None]
+    given = np.array([[1.0, -2.0, 0.5, 0.0, 0.0, 0.0, 3.0]] * 2)
+    values = np.stack([np.polynomial.chebyshev.chebval(r, g) for r, g in zip(s, given, strict=True)])
+    np.testing.assert_allclose(chebyshev_coefficients(values), given, atol=1e-14)  # rounding
