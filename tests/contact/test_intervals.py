@@ -91,10 +91,11 @@ def test_press__two_strips_are_their_closed_form(mirrored, alpha):
     ends = [(alpha, beta)] if mirrored else [(-beta, -alpha), (alpha, beta)]
     found = press(intervals_of(*ends, mirrored=mirrored), np.zeros((len(ends), 1)), W, 120)
     approach, strength = two_strips(alpha, beta, W)
-    # Discretisation: exponential, decayed for the wider grooves; 1e-8 of the narrowest.
-    rtol = 1e-12 if alpha > 0.01 else 1e-8
+    # Discretisation: exponential, decayed; at the corner of the narrowest groove 1e-6 is left by
+    # the sum that is meant for kinks.
+    rtol = 1e-11 if alpha > 0.01 else 1e-6
     np.testing.assert_allclose(found.pressure(S)[-1], strength(S), rtol=rtol)
-    assert found.approach == pytest.approx(approach, rel=rtol)
+    assert found.approach == pytest.approx(approach, rel=1e-13)  # rounding
     assert found.load == pytest.approx(W, rel=1e-13)
 
 
@@ -246,5 +247,7 @@ def test_chebyshev_coefficients__are_those_of_a_polynomial():
     x = chebyshev_points(intervals, 7)
     s = (x - intervals.centre[:, None]) / intervals.half_width[:, None]
     given = np.array([[1.0, -2.0, 0.5, 0.0, 0.0, 0.0, 3.0]] * 2)
-    values = np.stack([np.polynomial.chebyshev.chebval(r, g) for r, g in zip(s, given, strict=True)])
+    values = np.stack(
+        [np.polynomial.chebyshev.chebval(r, g) for r, g in zip(s, given, strict=True)]
+    )
     np.testing.assert_allclose(chebyshev_coefficients(values), given, atol=1e-14)  # rounding

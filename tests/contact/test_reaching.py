@@ -1,0 +1,177 @@
+"""Loads that reach ridges, against closed forms, the Galerkin solution and each other's limits."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import optimize
+
+from ridgebayes.contact.halfplane import transition_loads
+from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.pressed import pressed
+from ridgebayes.contact.reaching import nearest_gap, reaching_loads
+
+A, B = 0.012, 0.03
+W_MAX = 1.1e-2
+
+
+def covered_loads(a, b, n):
+    """W of the fully covered transitions: another basis, another program."""
+    table = transition_loads(a, b, n)
+    assert table.status == ("ok",) * n
+    return 4 / math.pi * table.F * (a + b) ** 2
+
+
+@pytest.mark.parametrize(
+    ("a", "b"), [(0.012, 0.03), (0.032, 0.01), (0.012, 0.09), (2e-6, 0.02), (0.1, 1e-3)]
+)
+def test_reaching_loads__are_those_of_the_galerkin_solution(a, b):
+    W = covered_loads(a, b, 4)
+    found = reaching_loads(Profile(a, b), W_max=1.001 * W[-1])
+    assert found.status == ("ok",) * 4
+    assert np.array_equal(found.Q, [4, 6, 8, 10])
+    # Tolerance: 1e-8 asked for, of each solution.
+    np.testing.assert_allclose(found.W, W, rtol=2e-8)
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_nearest_gap__vanishes_at_the_galerkin_loads_by_plain_root_finding(k):
+    W, profile = covered_loads(A, B, 3), Profile(A, B)
+
+    def gap(load):
+        found = pressed(profile, load, ridges=range(-k, k))
+        assert found.status == "ok"
+        return nearest_gap(found, profile.ridge(k))
+
+    root = optimize.brentq(gap, 0.9 * W[k - 1], 1.1 * W[k - 1], xtol=1e-14, rtol=1e-13)
+    assert root == pytest.approx(W[k - 1], rel=1e-7)  # tolerance
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.012, 0.03), (0.2, 0.01), (1e-4, 0.05)])
+def test_reaching_loads__the_first_pair_has_a_closed_load(a, b):
+    """In t = x^2 two ridges are one punch: W = w sinh(tau)/tau, t = middle + w cosh(tau)."""
+    inner, outer, corner = 0.5 * b, 0.5 * b + a, 1.5 * b + a
+    w = 0.5 * (outer**2 - inner**2)
+    tau = math.acosh((corner**2 - 0.5 * (outer**2 + inner**2)) / w)
+    W = w * math.sinh(tau) / tau
+    found = reaching_loads(Profile(a, b), W_max=1.01 * W)
+    assert found.status == ("ok",)
+    assert found.W[0] == pytest.approx(W, rel=1e-8)  # tolerance
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.012, 0.03), (0.1, 0.01), (1e-4, 0.05)])
+def test_reaching_loads__the_first_pair_beside_a_ridge_has_a_closed_load(a, b):
+    """One covered ridge: W = w^2 sinh(2 tau)/(4 tau), corner at w cosh(tau)."""
+    w = 0.5 * a
+    tau = math.acosh((w + b) / w)
+    W = w**2 * math.sinh(2 * tau) / (4 * tau)
+    for offset in (-0.5, 0.5):
+        found = reaching_loads(Profile(a, b, offset=offset), W_max=1.01 * W)
+        assert found.status == ("ok",)
+        assert np.array_equal(found.Q, [3])
+        assert found.W[0] == pytest.approx(W, rel=1e-8)  # tolerance
+
+
+@pytest.mark.parametrize("offset", [0.1, 0.44])
+@pytest.mark.parametrize("corner", [0.0, 1e-3])
+def test_reaching_loads__of_mirrored_offsets_are_the_same(offset, corner):
+    right, left = (
+        reaching_loads(Profile(A, B, corner=corner, offset=way * offset), W_max=2e-3, rel_tol=1e-6)
+        for way in (1.0, -1.0)
+    )
+    assert set(right.status) == set(left.status) == {"ok"}
+    assert np.array_equal(right.Q, left.Q)
+    np.testing.assert_allclose(right.W, left.W, rtol=2e-6)  # tolerance
+    # One ridge at a time, the first beside it included.
+    assert np.all(np.diff(right.Q) == 1)
+    assert np.all(np.diff(right.W) > 0)
+
+
+@pytest.mark.parametrize("shape", [{}, {"corner": 1e-3}, {"depth": 1e-3}])
+@pytest.mark.parametrize("offset", [0.0, 0.5])
+def test_reaching_loads__a_pair_is_two_ridges_at_one_load(shape, offset):
+    pairs = reaching_loads(Profile(A, B, offset=offset, **shape), W_max=3e-3, rel_tol=1e-6)
+    off = abs(offset - 1e-4)
+    single = reaching_loads(Profile(A, B, offset=off, **shape), W_max=3.1e-3, rel_tol=1e-6)
+    assert set(pairs.status) == set(single.status) == {"ok"}
+    n = len(pairs.W)
+    # Over a groove the second ridge is reached at almost no load, which is no event of the pairs.
+    first = 1 if offset == 0.0 else 0
+    found = single.W[first : first + 2 * n].reshape(n, 2)
+    # Order: first in an offset of 1e-4, nearly as much to either side.
+    np.testing.assert_allclose(found.mean(axis=1), pairs.W, rtol=1e-4)
+    np.testing.assert_allclose(found[:, 0], pairs.W, rtol=5e-3)
+
+
+@pytest.mark.parametrize("shape", [{}, {"offset": 0.3}, {"offset": 0.5, "corner": 1e-3}])
+def test_reaching_loads__q_steps_there_and_nowhere_else(shape):
+    profile = Profile(A, B, **shape)
+    found = reaching_loads(profile, W_max=4e-3, rel_tol=1e-6)
+    assert set(found.status) == {"ok"}
+    for W, Q in zip(found.W.tolist(), found.Q.tolist(), strict=True):
+        # Tolerance: penetration is seen from 1e-6 of the load on.
+        before, after = (pressed(profile, W * (1 + way * 1e-3)) for way in (-1, 1))
+        assert (before.status, after.status) == ("ok", "ok")
+        assert before.Q < after.Q == Q
+    middles = np.sqrt(found.W[1:] * found.W[:-1])
+    assert [pressed(profile, float(W)).Q for W in middles] == found.Q[:-1].tolist()
+
+
+@pytest.mark.parametrize("scale", [1e-2, 3.0])
+def test_reaching_loads__scale_with_the_square_of_the_length(scale):
+    usual = reaching_loads(Profile(A, B, depth=1e-3, offset=0.2), W_max=5e-3)
+    scaled = reaching_loads(
+        Profile(scale * A, scale * B, depth=scale**2 * 1e-3, offset=0.2), W_max=scale**2 * 5e-3
+    )
+    assert set(usual.status) == set(scaled.status) == {"ok"}
+    assert np.array_equal(usual.Q, scaled.Q)
+    np.testing.assert_allclose(scaled.W, scale**2 * usual.W, rtol=3e-8)  # tolerance
+
+
+def test_reaching_loads__small_corners_tend_to_sharp_ones():
+    sharp = reaching_loads(Profile(A, B), W_max=2e-3).W
+    misses = []
+    for corner in (1e-3, 1e-4, 1e-5):
+        found = reaching_loads(Profile(A, B, corner=corner), W_max=2e-3, rel_tol=1e-6)
+        assert set(found.status) == {"ok"}
+        misses.append(np.abs(found.W / sharp - 1).max())
+    # Order: between the corner and its root; two effects of opposite sign nearly cancel at 1e-4.
+    assert misses[0] < 0.02
+    assert misses[2] < 0.5 * misses[1] < 0.25 * misses[0]
+
+
+def test_reaching_loads__a_floor_delays_ridges_and_a_deep_one_does_not():
+    bare = reaching_loads(Profile(A, B), W_max=W_MAX)
+    deep = reaching_loads(Profile(A, B, depth=1.0), W_max=W_MAX)
+    assert np.array_equal(bare.W, deep.W)
+    touched = reaching_loads(Profile(A, B, depth=6e-4), W_max=W_MAX, rel_tol=1e-6)
+    assert set(touched.status) == {"ok"}
+    n = len(touched.W)
+    assert 0 < n <= len(bare.W)
+    # What a floor carries does not press the ridges down.
+    assert np.all(bare.W[:n] * (1 - 1e-6) < touched.W)
+
+
+def test_reaching_loads__stop_at_the_most_events_asked_for():
+    few = reaching_loads(Profile(A, B), W_max=W_MAX, n_max=2)
+    many = reaching_loads(Profile(A, B), W_max=W_MAX)
+    assert np.array_equal(few.W, many.W[:2])
+    assert len(many.W) > 2
+
+
+def test_reaching_loads__none_below_a_small_load():
+    found = reaching_loads(Profile(A, B), W_max=1e-6)
+    assert (found.W.shape, found.Q.shape, found.status) == ((0,), (0,), ())
+
+
+@pytest.mark.parametrize("corner", [0.0, 2e-3])
+def test_nearest_gap__is_the_smallest_of_a_fine_sample(corner):
+    profile = Profile(A, B, corner=corner, offset=0.1)
+    found = pressed(profile, 1e-3, rel_tol=1e-6, ridges=range(-1, 1))
+    for number in (-3, -2, 1, 2):
+        land = profile.ridge(number)
+        x = np.linspace(land.start, land.stop, 4001)
+        gap = found.pressing.surface(x) + land.height(x)
+        assert nearest_gap(found, land) <= gap.min() + 1e-15
+        # Discretisation: of the sample, second order.
+        assert nearest_gap(found, land) == pytest.approx(gap.min(), abs=1e-9)
