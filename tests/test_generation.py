@@ -210,5 +210,5 @@ def test_textures_without_a_row_are_all_named():
 
 
 def test_a_load_with_too_many_transitions_is_refused():
-    with pytest.raises(InputError, match="over 8192 transitions"):
+    with pytest.raises(InputError, match="over 65536 transitions"):
         generate(Scene.of([(1e-6, 1e-6)], p_over_E=0.1), solver="hertz")

@@ -9,6 +9,7 @@ of the event without it, over the slope of that gap.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -200,25 +201,51 @@ class _Base:
         """The offset; of a uniform one, the largest."""
         return 0.5 if self.texture.offset == "uniform" else float(self.texture.offset)
 
-    @property
+    @cached_property
     def penetration(self) -> float:
-        """How deep the surface hangs into any groove at the highest load."""
-        grooves = range(-1, len(self.last.lands))
-        return max(self.last.penetration(groove) for groove in grooves)
+        """How deep the surface hangs into any groove at the highest load, corners as they are."""
+        found = self.last
+        if self.texture.corner_radius_over_R:
+            round_ones = replace(self.sharp, corner=self.texture.corner_radius_over_R)
+            found = pressed(round_ones, self.last.W, rel_tol=_ROUGH)
+        solutions = [one for one in (self.last, found) if one.status == "ok"]
+        return max(
+            one.penetration(groove) for one in solutions for groove in range(-1, len(one.lands))
+        )
 
     @property
     def half_width(self) -> float:
         return math.sqrt(2 * self.last.W)
 
-    def shift(self, other: Profile) -> float:
-        """Return the largest relative shift of an event when this profile takes the other's place.
+    @cached_property
+    def shifts(self) -> dict[tuple[bool, bool], FloatArray]:
+        """Relative shifts of the first transition, the last and one between, by (floor, corner).
 
-        Looked at are the first transition, the last one and one between.
+        An effect does not always do the same: a floor takes up what round corners give way.
         """
         n = len(self.W)
-        return max(
-            (self._shift_of(other, k) for k in sorted({1, (n + 1) // 2, n})), default=math.nan
-        )
+        looked_at = sorted({1, (n + 1) // 2, n})
+        corner = self.texture.corner_radius_over_R
+        found = {(False, False): np.zeros(len(looked_at))}
+        for floor, is_round in ((True, False), (False, True), (True, True)):
+            if (floor and self.penetration < self.depth) or (is_round and not corner):
+                continue
+            other = replace(
+                self.sharp,
+                depth=self.depth if floor else math.inf,
+                corner=corner if is_round else 0.0,
+            )
+            found[floor, is_round] = np.array([self._shift_of(other, k) for k in looked_at])
+        return found
+
+    def change(self, which: int) -> float:
+        """Return the largest change that floor (0) or corners (1) make, beside the other."""
+        shifts, sizes = self.shifts, []
+        for key, with_it in shifts.items():
+            without = (False, key[1]) if which == 0 else (key[0], False)
+            if key[which] and without in shifts:
+                sizes.append(np.abs(with_it - shifts[without]).max())
+        return float(np.max(sizes)) if sizes else 0.0
 
     def _shift_of(self, other: Profile, k: int) -> float:
         """Gap at the load of event k, over its slope: one Newton step from here to there."""
@@ -228,7 +255,7 @@ class _Base:
         if first.status != "ok" or second.status != "ok":
             return math.nan
         gap, later = nearest_gap(first, land), nearest_gap(second, land)
-        return abs(gap / ((later - gap) / _STEP)) if later != gap else math.inf
+        return -gap / ((later - gap) / _STEP) if later != gap else math.inf
 
     def cost(self, n_solution: float, n_interval: float, m: float) -> float:
         unknowns = n_interval * m
@@ -301,7 +328,7 @@ def _floor(base: _Base) -> Effect:
     if number < 1:
         reason = f"{what}; the floor is not touched"
         return Effect("groove floor", number, 0.0, False, reason, cost)
-    estimate = _SAFETY * base.shift(replace(base.sharp, depth=depth))
+    estimate = _SAFETY * base.change(0)
     return _decided(base, "groove floor", number, estimate, what, cost)
 
 
@@ -311,7 +338,7 @@ def _corner(base: _Base) -> Effect:
     cost = base.cost(120 * len(base.W), len(base.W), 12)
     if corner == 0:
         return Effect("corner radius", 0.0, 0.0, False, "radius over a; corners are sharp", cost)
-    estimate = _SAFETY * base.shift(replace(base.sharp, corner=corner))
+    estimate = _SAFETY * base.change(1)
     return _decided(base, "corner radius", number, estimate, "radius over a", cost)
 
 

@@ -20,7 +20,7 @@ from ridgebayes.table import ContactTable
 
 SOLVERS = ("auto", "hertz", "half-plane")
 # A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
-_MAX_TRANSITIONS = 8192
+_MAX_TRANSITIONS = 65_536
 
 # Q, loads and status of one texture's transitions up to p/E.
 _Curve: TypeAlias = tuple[IntArray, FloatArray, tuple[str, ...]]
@@ -53,7 +53,7 @@ def generate(scene: Scene, *, solver: str = "auto", rel_tol: float | None = None
     ------
     InputError
         If the solver is unknown, the scene asks for what the solver cannot simulate, or a texture
-        has no transition, or over 8,192, under the load. All findings in one message.
+        has no transition, or over 65,536, under the load. All findings in one message.
 
     Notes
     -----

@@ -19,14 +19,14 @@ class HalfPlaneLoads:
     status : tuple of str, shape (n_transition,)
         ``"ok"``, or what failed.
     n_coefficients : ndarray of int, shape (n_transition,), count
-        Chebyshev coefficients per strip; 0 where nothing was computed.
+        Chebyshev coefficients per strip; 0 where nothing was solved.
     rel_error : ndarray of float, shape (n_transition,), dimensionless
         Estimated relative error of F: change from the solve with an eighth fewer coefficients,
         plus rounding. NaN where nothing was computed.
     tail : ndarray of float, shape (n_transition,), dimensionless
-        Largest of the last two coefficients over the mean of the first.
+        Largest of the last two coefficients over the mean of the first; NaN where not solved.
     smallest_pressure : ndarray of float, shape (n_transition,), dimensionless
-        Smallest p(s) sqrt(1-s^2) on the strips, ends included, over its mean.
+        Smallest p(s) sqrt(1-s^2) on the strips, ends included, over its mean; NaN likewise.
 
     Notes
     -----

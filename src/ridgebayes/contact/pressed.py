@@ -26,7 +26,7 @@ _SHRINK = 0.2  # a contact keeps at least this share of its width in one step
 _TENSION = 0.1  # times the root of the tolerance, of the mean pressure: free ends err by as much
 _BEGUN, _ROUNDING = 1e-6, 1e-9  # of the load
 _NOTHING = 1e-11  # of a land's width: narrower is no contact
-_MAX_UNKNOWNS = 4_000
+_MAX_UNKNOWNS, _MOST_COEFFICIENTS = 4_000, 400
 _PER_LAYER, _MOST_ORDERS = 400.0, 65_536
 
 
@@ -142,6 +142,9 @@ def pressed(
             continue
         if state.add_penetrated(found):
             continue
+        if not _resolved(found, rel_tol) and m < _MOST_COEFFICIENTS:
+            m = math.ceil(1.5 * m)  # a contact has come near its neighbour
+            continue
         status = "ok"
         break
     if found is None:
@@ -255,7 +258,10 @@ class _State:
                     continue
                 # A contact that has only just begun is as wide as rounding lets it be.
                 near = self._tol * width[i] * max(1.0, _BEGUN / max(share[i], 1e-300))
-                near = near if share[i] > _ROUNDING else math.inf
+                near = near if share[i] > max(_ROUNDING, 0.01 * self._tol) else math.inf
+                layer = (2 * side - 1) * (ends[side] - land.flat[side])
+                if 0 < layer < width[i]:  # beyond a kink pressure falls to zero within it
+                    near = min(near, 0.3 * _TENSION * math.sqrt(self._tol) * layer)
                 if not stuck and abs(step) <= near:
                     continue
                 step = float(min(max(step, -0.5 * (1 - _SHRINK) * width[i]), 2 * width[i]))
@@ -322,12 +328,17 @@ def _checked(found: Pressing, W: float, rel_tol: float) -> str:
     """Return ``ok``, or which condition does not hold."""
     if not abs(found.load / W - 1) <= 1e-10:
         return f"forces not in balance: {found.load / W - 1:.1e}"
-    if not 0.01 * found.tail**2 <= rel_tol:
+    if not _resolved(found, rel_tol):
         return f"not converged: coefficient tail {found.tail:.1e}"
     smallest = smallest_pressure(found)
     if not smallest >= -max(_TENSION * math.sqrt(rel_tol), 1e-6):
         return f"tension: {smallest:.1e} of the mean pressure"
     return "ok"
+
+
+def _resolved(found: Pressing, rel_tol: float) -> bool:
+    """Return whether coefficients have decayed: loads err by under 0.01 tail^2."""
+    return 0.01 * found.tail**2 <= rel_tol
 
 
 def smallest_pressure(found: Pressing) -> float:
