@@ -215,6 +215,49 @@ def coverage(
 
 
 @app.command()
+def plan(
+    scene: Annotated[Path | None, typer.Argument(help="Scene file.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", help="CSV to write; with --verify the folder to make."),
+    ] = None,
+    figures: Annotated[Path | None, typer.Option(help="Folder to draw the scene into.")] = None,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Check the estimates on scenes all over the space.")
+    ] = False,
+    scenes: Annotated[int, typer.Option(min=1, help="How many scenes, with --verify.")] = 32,
+    seed: Seed = 0,
+    force: Force = False,
+) -> None:
+    """Say which effects a scene calls for, how large each is, and what is simulated."""
+    from ridgebayes.effects import plan_table
+    from ridgebayes.plan_jobs import plan_check_job, plan_job
+    from ridgebayes.scene import Scene
+
+    if verify:
+        if scene is not None or out is None:
+            raise InputError("--verify: needs -o, a folder to make, and takes no scene")
+        found = plan_check_job(out, n=scenes, seed=seed, force=force)
+        print(f"{out}: {int(found['honest'].sum())} of {len(found)} estimates are honest")
+        if not found["honest"].all():
+            raise ComputationError(f"{int((~found['honest']).sum())} are not, see {out}/report.md")
+        return
+    if scene is None:
+        raise InputError("SCENE: missing; rule: a scene file, or --verify")
+    if out is not None:
+        _refuse_existing(out, force)
+    plans = plan_job(Scene.from_toml(scene), out=out, figures=figures)
+    for one in plans:
+        print(f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}")
+        for row in plan_table([one]).to_dict("records"):
+            size = row["estimated_rel_change"]
+            known = "size not known" if size != size else f"changes loads by {size:.1e}"
+            word = "simulated" if row["simulated"] else "left out"
+            cost = "" if row["cost_s"] != row["cost_s"] else f", {row['cost_s']:.2g} s"
+            print(f"  {row['effect']}: {word}; {known}{cost}; {row['reason']}")
+
+
+@app.command()
 def report(folder: Annotated[Path, typer.Argument(help="A run folder.")]) -> None:
     """Write the report of a finished run again."""
     from ridgebayes.jobs import report_job

@@ -19,8 +19,7 @@ from scipy import fft
 
 from ridgebayes._types import FloatArray
 
-_LONG = 64  # coefficients; longer series are those of kinks
-_FAR = 96
+_FAR = 96  # coefficients of a kink's series that others' lands can tell
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +77,15 @@ class Pressing:
         By which the body has come down, relative to its surface at a distance R, over R.
     last : ndarray of float, shape (n,)
         What the other intervals add to the last coefficient that knows of them.
+    n_coupled : int
+        Coefficients that know of the other intervals; further ones are those of kinks.
     """
 
     intervals: Intervals
     coefficients: FloatArray
     approach: float
     last: FloatArray
+    n_coupled: int
 
     @property
     def forces(self) -> FloatArray:
@@ -104,7 +106,7 @@ class Pressing:
     def outward(self) -> tuple[FloatArray, FloatArray]:
         """How far each end has to move outward for zero pressure there, left and right, (n,) each.
 
-        Newton's step. With B = sum n^2 a_n the singular strength falls by -B/(2 w) per length, and
+        Newton's step. With B = sum n^2 a_n the singular strength changes by B/(2 w) per length, and
         where it vanishes it does not depend on the other ends: each takes its own step.
         """
         slopes = self._at_ends(self.coefficients * np.arange(self.coefficients.shape[1]) ** 2)
@@ -118,7 +120,7 @@ class Pressing:
 
     def _at_ends(self, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return sums of T_n at s = -1 and 1."""
-        summed = _summable(coefficients)
+        summed = self._summable(coefficients)
         return summed @ (-1.0) ** np.arange(summed.shape[1]), summed.sum(axis=1)
 
     @property
@@ -129,14 +131,37 @@ class Pressing:
     def recession(self, x: ArrayLike) -> FloatArray:
         """Return how far the body's surface recedes at x, of any shape."""
         points = np.asarray(x, dtype=np.float64)
-        # Of a kink's long series hardly anything reaches beyond its own land.
-        series, flat = self.coefficients[:, :_FAR], points.ravel()
+        cut = max(_FAR, self.n_coupled)
+        series, flat = self.coefficients[:, :cut], points.ravel()
         step = max(2_000_000 // series.size, 1)
-        found = [
-            np.einsum("xin,in->x", _functions(self.intervals, part, series.shape[1]), series)
-            for part in np.split(flat, range(step, len(flat), step))
-        ]
-        return np.concatenate(found).reshape(points.shape)
+        found = np.concatenate(
+            [
+                np.einsum("xin,in->x", _functions(self.intervals, part, series.shape[1]), series)
+                for part in np.split(flat, range(step, len(flat), step))
+            ]
+        )
+        if self.coefficients.shape[1] > cut:
+            found += self._own_kinks(flat, cut)
+        return found.reshape(points.shape)
+
+    def _own_kinks(self, x: FloatArray, cut: int) -> FloatArray:
+        """Return what a kink's series beyond `cut` adds on and beside its own interval."""
+        added, order = np.zeros(len(x)), np.arange(cut, self.coefficients.shape[1])
+        signs = [1.0, -1.0] if self.intervals.mirrored else [1.0]
+        for i, (centre, half) in enumerate(
+            zip(self.intervals.centre, self.intervals.half_width, strict=True)
+        ):
+            for sign in signs[: 1 if self.intervals.straddles and i == 0 else 2]:
+                s = (sign * x - centre) / half
+                near = np.abs(s) < 1.5
+                if near.any():
+                    beyond = np.maximum(np.abs(s[near]) - 1.0, 0.0)
+                    log_z = -np.log1p(beyond + np.sqrt(beyond * (2.0 + beyond)))
+                    theta = np.arccos(np.clip(s[near], -1.0, 1.0))
+                    weight = self.coefficients[i, cut:] * (math.pi / order)
+                    for place, a, t in zip(np.flatnonzero(near), log_z, theta, strict=True):
+                        added[place] += np.exp(order * a) * np.cos(order * t) @ weight
+        return added
 
     def surface(self, x: ArrayLike) -> FloatArray:
         """Return the height of the body's surface above the ridges' tops at x."""
@@ -147,7 +172,24 @@ class Pressing:
         """Return q sqrt(1 - s^2) at local coordinates s (n_point,), shape (n, n_point)."""
         theta = np.arccos(np.asarray(s, dtype=np.float64))
         shapes = np.cos(np.arange(self.coefficients.shape[1])[:, None] * theta)
-        return _summable(self.coefficients) @ shapes / self.intervals.half_width[:, None]
+        return self._summable(self.coefficients) @ shapes / self.intervals.half_width[:, None]
+
+    def pressure_at_points(self) -> FloatArray:
+        """Return q sqrt(1 - s^2) at as many Chebyshev points as coefficients, at least 64."""
+        summed = self._summable(self.coefficients)
+        n = max(2 * summed.shape[1], 64)
+        padded = np.zeros((len(summed), n))
+        padded[:, : summed.shape[1]] = 0.5 * summed
+        padded[:, 0] *= 2.0
+        found: FloatArray = fft.dct(padded, type=3, axis=1)
+        return found / self.intervals.half_width[:, None]
+
+    def _summable(self, coefficients: FloatArray) -> FloatArray:
+        """Return coefficients whose plain sums are those of a kink's slow series, after Abel."""
+        n = coefficients.shape[1]
+        if n <= self.n_coupled:
+            return coefficients
+        return coefficients * np.exp(-36.0 * (np.arange(n) / n) ** 8)
 
 
 def press(intervals: Intervals, height: FloatArray, load: float, n_coefficients: int) -> Pressing:
@@ -205,7 +247,7 @@ def press(intervals: Intervals, height: FloatArray, load: float, n_coefficients:
     ends = np.where(used, np.arange(used.shape[1]), -1).max(axis=1)
     last = coefficients[np.arange(n), ends] - coefficients_alone(whole, ends)
     approach = float(solved[-1]) + 0.5 * first**2 + depth
-    return Pressing(intervals, coefficients, approach, last)
+    return Pressing(intervals, coefficients, approach, last, used.shape[1])
 
 
 def coefficients_alone(height: FloatArray, order: np.ndarray) -> FloatArray:
@@ -224,12 +266,6 @@ def chebyshev_coefficients(values: FloatArray) -> FloatArray:
     found = fft.dct(values, type=2, axis=-1) / values.shape[-1]
     found[..., 0] *= 0.5
     return found
-
-
-def _summable(coefficients: FloatArray) -> FloatArray:
-    """Return coefficients whose plain sums are those of a kink's slow series in Abel's sense."""
-    n = coefficients.shape[1]
-    return coefficients * np.exp(-36.0 * (np.arange(n) / n) ** 8) if n > _LONG else coefficients
 
 
 def _points(intervals: Intervals, m: int) -> FloatArray:

@@ -7,9 +7,10 @@ penetrate are added, contacts that shrink to nothing are dropped.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import optimize
 
 from ridgebayes._types import FloatArray
 from ridgebayes.contact.intervals import (
@@ -20,6 +21,7 @@ from ridgebayes.contact.intervals import (
     press,
 )
 from ridgebayes.contact.lands import Land, Profile
+from ridgebayes.errors import InputError
 
 _MAX_ITERATIONS = 200
 _SHRINK = 0.2  # a contact keeps at least this share of its width in one step
@@ -66,6 +68,8 @@ class Pressed:
     def contact_fraction(self) -> float:
         """Length in contact over the distance between the outermost ends."""
         intervals = self.pressing.intervals
+        if not self.lands:
+            return math.nan
         whole = float(2 * intervals.half_width @ intervals.weight)
         first = -intervals.right[-1] if self.profile.mirrored else intervals.left[0]
         return whole / float(intervals.right[-1] - first)
@@ -82,8 +86,14 @@ class Pressed:
     def penetration(self, groove: int) -> float:
         """Return how deep the surface hangs into the groove right of a ridge, over R."""
         floor = self.profile.floor_after(groove)
-        x = np.linspace(floor.start, floor.stop, 65)[1:-1]
-        return float(-self.pressing.surface(x).min())
+        # Where no pressure acts the surface is convex: one minimum.
+        lowest = optimize.minimize_scalar(
+            lambda x: float(self.pressing.surface(np.array([x]))[0]),
+            bounds=(floor.start, floor.stop),
+            method="bounded",
+            options={"xatol": 1e-6 * self.profile.b},
+        )
+        return float(-lowest.fun)
 
 
 def pressed(
@@ -117,7 +127,16 @@ def pressed(
     Pressed
         Its status says which of the conditions (no tension, no penetration, ends at zero pressure,
         coefficients decayed, forces in balance) does not hold, if any.
+
+    Raises
+    ------
+    InputError
+        If the load is not finite and positive.
     """
+    if not 0 < W < math.inf:
+        raise InputError(f"W = {W!r}; rule: finite and > 0")
+    if profile.corner < rel_tol * profile.a:  # loads change by less than the corner over a
+        profile = replace(profile, corner=0.0)
     m = n_coefficients or coefficients_for(profile, rel_tol)
     hertz = math.sqrt(2 * W)
     lands = [
@@ -149,7 +168,7 @@ def pressed(
         break
     if found is None:
         nothing = Intervals(np.empty(0), np.empty(0), profile.mirrored)
-        empty = Pressing(nothing, np.empty((0, m)), math.nan, np.empty(0))
+        empty = Pressing(nothing, np.empty((0, m)), math.nan, np.empty(0), m)
         return Pressed(profile, (), empty, status)
     if status == "ok":
         status = _checked(found, W, rel_tol)
@@ -292,7 +311,10 @@ class _State:
             if land.corner:  # a round corner is touched before the flat is
                 into = np.linspace(0, land.corner, 33)[:0:-1]
                 x = np.concatenate([low - into, x, high + into[::-1]])
-            x, gap = _with_vertex(found, land, x)
+            x = np.unique(x)
+            gap = found.surface(x) + land.height(x)
+            for _ in range(3):
+                x, gap = _with_vertex(found, land, x, gap)
             if gap.min() < -scale:
                 inside = x[gap < 0]
                 if land.ridge is None:
@@ -305,21 +327,27 @@ class _State:
         return added
 
 
-def _with_vertex(found: Pressing, land: Land, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return places and the gaps there, the lowest point between three of them put in."""
-    gap = found.surface(x) + land.height(x)
+def _at_both_ends(found: Pressing) -> list[FloatArray]:
+    return [strength / found.intervals.half_width for strength in found.singular]
+
+
+def _with_vertex(
+    found: Pressing, land: Land, x: FloatArray, gap: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return places and gaps with the lowest point of the parabola through the lowest three."""
+    if len(x) < 3:
+        return x, gap
     i = int(np.clip(np.argmin(gap), 1, len(x) - 2))
-    left, right = gap[i] - gap[i - 1], gap[i + 1] - gap[i]
     near, far = x[i] - x[i - 1], x[i + 1] - x[i]
-    bend = right / far - left / near
+    left, right = (gap[i] - gap[i - 1]) / near, (gap[i + 1] - gap[i]) / far
+    bend = right - left
     if not bend > 0:
         return x, gap
-    at = float(
-        np.clip(
-            0.5 * (x[i] + x[i - 1]) - left / near * 0.5 * (near + far) / bend, x[i - 1], x[i + 1]
-        )
-    )
+    at = 0.5 * (x[i] + x[i - 1]) - left * 0.5 * (near + far) / bend
+    at = float(np.clip(at, x[i - 1], x[i + 1]))
     place = int(np.searchsorted(x, at))
+    if at in (x[i - 1], x[i], x[i + 1]):
+        return x, gap
     lowest = found.surface(np.array([at])) + land.height(np.array([at]))
     return np.insert(x, place, at), np.insert(gap, place, lowest[0])
 
@@ -343,12 +371,12 @@ def _resolved(found: Pressing, rel_tol: float) -> bool:
 
 def smallest_pressure(found: Pressing) -> float:
     """Return the smallest q sqrt(1 - s^2) of any interval over its mean: negative is tension."""
-    m = found.coefficients.shape[1]
-    n = min(2 * m, 1024) + 1
-    theta = np.arange(n) * (math.pi / (n - 1))
-    if m > n:  # the long series of a kink says nothing of the last few of its own waves
-        theta = theta[(theta > 16 / m) & (theta < math.pi - 16 / m)]
-    pressure = found.pressure(np.cos(theta))
+    pressure, m = found.pressure_at_points(), found.coefficients.shape[1]
+    if m > found.n_coupled:  # a kink's series says nothing of the last few of its own waves
+        ends = math.ceil(16 / math.pi * pressure.shape[1] / m)
+        pressure = pressure[:, ends:-ends]
+    else:
+        pressure = np.column_stack([pressure, *_at_both_ends(found)])
     mean = found.coefficients[:, 0] / found.intervals.half_width
     # A contact that has only just begun is as small as rounding lets it be.
     counts = found.forces * found.intervals.weight > _BEGUN * found.load

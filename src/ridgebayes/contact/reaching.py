@@ -78,6 +78,8 @@ def reaching_loads(
             break
         low, high = min(low, ridge), max(high, ridge)
         loads.append(W if why == "ok" else math.nan)
+        # A contact that begins at this very load is all rounding.
+        W *= 1 + max(0.1 * rel_tol, 1e-9)
         step = 2 if profile.mirrored else 1
         counts.append((solution.Q if solution is not None else 0) + step)
         status.append(why)
@@ -93,13 +95,17 @@ def _reach(
     """Return the load at which a ridge beyond those given is reached, infinite if above W_max."""
     land = profile.ridge(number)
     last: list[Pressed | None] = [None]
+    known: dict[float, float] = {}
 
     def gap(W: float) -> float:
+        if W in known:  # from another start it might come out on the other side of zero
+            return known[W]
         found = pressed(profile, W, rel_tol=rel_tol, start=last[0], ridges=ridges)
         if found.status != "ok":
             raise _FailedError(found.status)
         last[0] = found
-        return nearest_gap(found, land)
+        known[W] = nearest_gap(found, land)
+        return known[W]
 
     try:
         below, above = start, start

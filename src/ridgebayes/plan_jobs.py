@@ -1,0 +1,168 @@
+"""The jobs behind `plan`: a scene's effects as a table and figures, and the check of estimates."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ridgebayes.atomic import replacing
+from ridgebayes.contact import hertz
+from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.pressed import pressed
+from ridgebayes.contact.reaching import reaching_loads
+from ridgebayes.effects import Plan, plan, plan_table, texture_label
+from ridgebayes.generation import given_profile
+from ridgebayes.plan_check import check_plans, spread_scenes
+from ridgebayes.progress import Progress
+from ridgebayes.runfolder import new_folder, write_csv, write_text
+from ridgebayes.scene import Scene
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from ridgebayes._types import FloatArray
+
+CHECK_CSV = "plan-check.csv"
+_TOLERANCE = 1e-5  # of the curves in figures
+
+
+def plan_job(scene: Scene, *, out: Path | None = None, figures: Path | None = None) -> list[Plan]:
+    """Plan a scene, write the table, draw the figures.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is there.
+    out : Path, optional
+        CSV file to write.
+    figures : Path, optional
+        Folder to draw into, made if it does not exist: of each texture the body pressed by the
+        highest load, Q against load, and the size of each effect, as PNG and SVG.
+
+    Returns
+    -------
+    list of Plan
+        One per texture.
+    """
+    plans = plan(scene)
+    if out is not None:
+        write_csv(plan_table(plans), out)
+    if figures is not None:
+        figures.mkdir(parents=True, exist_ok=True)
+        for one in plans:
+            label = texture_label(one.texture.a_over_R, one.texture.b_over_R)
+            for name, figure in _figures(scene, one).items():
+                _save(figure, figures / f"{name}-{label}")
+    return plans
+
+
+def plan_check_job(
+    folder: Path, *, n: int = 32, seed: int = 0, force: bool = False
+) -> "pd.DataFrame":
+    """Check the estimates behind plans on scenes spread over the space.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder to make: plan-check.csv, its figure, report.md.
+    n : int, optional
+        Scenes.
+    seed : int, optional
+        Seed of their spread.
+    force : bool, optional
+        Whether an existing folder of this command may be replaced.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `ridgebayes.plan_check.check_plans` returns it.
+    """
+    from ridgebayes.figures.scenes import plot_plan_check
+
+    scenes = spread_scenes(n, rng=seed)
+    with new_folder(folder, force=force, about=CHECK_CSV) as partial, Progress(1) as progress:
+        with progress.stage("scenes"):
+            found = check_plans(scenes, progress=progress.detail)
+        write_csv(found, partial / CHECK_CSV)
+        _save(plot_plan_check(found), partial / "plan-check")
+        write_text(_report(found), partial / "report.md")
+    return found
+
+
+def _figures(scene: Scene, one: Plan) -> dict[str, "Figure"]:
+    from ridgebayes.figures.scenes import plot_counts, plot_effects, plot_pressed
+
+    texture, reduced = one.texture, 4 / math.pi * (1 - scene.nu**2)
+    p_max = texture.max_p_over_E or scene.p_over_E
+    profile = one.profile or Profile(texture.a_over_R, texture.b_over_R)
+    figures = {
+        "deformed": plot_pressed(pressed(profile, reduced * p_max, rel_tol=_TOLERANCE)),
+        "effects": plot_effects(plan_table([one]), scene.relative),
+    }
+    given = given_profile(texture)
+    sharp = Profile(texture.a_over_R, texture.b_over_R)
+    wanted = {"as planned": profile, "all that the scene gives": given, "ridges alone": sharp}
+    curves = {
+        name: curve
+        for name, each in wanted.items()
+        if len((curve := _curve(each, scene, p_max))[0])
+    }
+    smooth = _smooth(sharp, scene, p_max)
+    if len(smooth[0]):
+        curves["Hertz, no grooves"] = smooth
+    if curves:
+        figures["counts"] = plot_counts(curves)
+    return figures
+
+
+def _curve(profile: Profile, scene: Scene, p_max: float) -> "tuple[FloatArray, FloatArray]":
+    reduced = 4 / math.pi * (1 - scene.nu**2)
+    found = reaching_loads(profile, W_max=reduced * p_max, n_max=200, rel_tol=_TOLERANCE)
+    ok = np.array([status == "ok" for status in found.status], dtype=bool)
+    return found.W[ok] / reduced, found.Q[ok].astype(float)
+
+
+def _smooth(profile: Profile, scene: Scene, p_max: float) -> "tuple[FloatArray, FloatArray]":
+    Q = np.arange(4.0, 404.0, 2.0)
+    loads = hertz.transition_load(Q, profile.a, profile.b, nu=scene.nu)
+    return loads[loads <= p_max], Q[loads <= p_max]
+
+
+def _save(figure: "Figure", path: Path) -> None:
+    from ridgebayes.figures.style import as_bytes
+
+    for kind in ("png", "svg"):
+        with replacing(path.with_name(f"{path.name}.{kind}")) as partial:
+            partial.write_bytes(as_bytes(figure, kind))
+
+
+def _report(found: "pd.DataFrame") -> str:
+    """Return the check as Markdown: what it shows, and a table of every row."""
+    neglected = found[~found["simulated"]]
+    within = neglected["true_change"] <= neglected["relative"]
+    shown = ["scene", "effect", "number", "estimate", "true_change", "relative", "simulated"]
+    lines = [
+        "# Are the estimates honest?",
+        "",
+        f"{found['scene'].nunique()} scenes spread by a Sobol sequence; each effect of each was "
+        "switched over alone, all else as planned, and the true change of the transition loads "
+        "compared with the estimate and with the accuracy that the scene wants.",
+        "",
+        f"- {int(within.sum())} of {len(neglected)} neglected effects change loads by no more "
+        "than the accuracy wanted.",
+        f"- {int(found['honest'].sum())} of {len(found)} estimates are honest: not exceeded where "
+        "it matters, and at most ten times too large.",
+        "",
+        "![Estimates against true changes](plan-check.png)",
+        "",
+        "| " + " | ".join(shown) + " |",
+        "|" + "---|" * len(shown),
+    ]
+    for row in found[shown].to_dict("records"):
+        cells = [
+            f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values()
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
