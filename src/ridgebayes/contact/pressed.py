@@ -23,8 +23,8 @@ from ridgebayes.contact.intervals import (
 from ridgebayes.contact.lands import Land, Profile
 from ridgebayes.errors import InputError
 
-_MAX_ITERATIONS = 200
-_SHRINK = 0.2  # a contact keeps at least this share of its width in one step
+_MAX_ITERATIONS = 80
+_SHRINK = 0.1  # a contact keeps at least this share of its width in one step
 _TENSION = 0.1  # times the root of the tolerance, of the mean pressure: free ends err by as much
 _BEGUN, _ROUNDING = 1e-6, 1e-9  # of the load
 _NOTHING = 1e-11  # of a land's width: narrower is no contact
@@ -139,14 +139,15 @@ def pressed(
         profile = replace(profile, corner=0.0)
     m = n_coefficients or coefficients_for(profile, rel_tol)
     hertz = math.sqrt(2 * W)
-    lands = [
+    within = [
         land
         for land in profile.lands(1.3 * hertz + 3 * profile.pitch)
         if ridges is None or land.ridge is None or land.ridge in ridges
     ]
-    state = _State(profile, lands, rel_tol)
+    state = _State(profile, within, rel_tol)
     state.begin(W, hertz, start)
-    found, status = None, "not converged: contact ends still move"
+    found, lands = None, []
+    status = "not converged: contact ends still move"
     for _ in range(_MAX_ITERATIONS):
         intervals = state.intervals()
         if len(intervals.left) * m > _MAX_UNKNOWNS:
@@ -154,6 +155,7 @@ def pressed(
             break
         try:
             found = press(intervals, _heights(state.touched, intervals), W, m)
+            lands = state.touched
         except np.linalg.LinAlgError:
             status = "not converged: singular equations"
             break
@@ -172,7 +174,7 @@ def pressed(
         return Pressed(profile, (), empty, status)
     if status == "ok":
         status = _checked(found, W, rel_tol)
-    return Pressed(profile, tuple(state.touched), found, status)
+    return Pressed(profile, tuple(lands), found, status)
 
 
 def coefficients_for(profile: Profile, rel_tol: float) -> int:
@@ -265,13 +267,16 @@ class _State:
         outward = [np.nan_to_num(step, nan=0.0) for step in found.outward]
         for i, land in enumerate(self.touched):
             ends = list(self._ends[land])
+            sharp = land.corner == 0
+            is_stuck = sharp and (ends[0] == land.start or ends[1] == land.stop)
+            most = (1 - _SHRINK) * width[i] * (1.0 if is_stuck else 0.5)
             for side, limit in ((0, land.start), (1, land.stop)):
                 strength = found.singular[side][i]
                 step = outward[side][i]
                 if strength > 0 and step <= 0:  # no zero of pressure ahead: as far as it goes
                     step = width[i]
                 elif strength < 0 and step >= 0:
-                    step = -0.5 * width[i]
+                    step = -most
                 stuck = ends[side] == limit and land.corner == 0
                 if stuck and strength >= -self._tol * typical[i]:
                     continue
@@ -283,7 +288,7 @@ class _State:
                     near = min(near, 0.3 * _TENSION * math.sqrt(self._tol) * layer)
                 if not stuck and abs(step) <= near:
                     continue
-                step = float(min(max(step, -0.5 * (1 - _SHRINK) * width[i]), 2 * width[i]))
+                step = float(min(max(step, -most), 2 * width[i]))
                 room = abs(limit - ends[side])
                 if land.corner:  # never as far as the wall, where the profile is vertical
                     step = min(step, 0.5 * room)
@@ -315,7 +320,9 @@ class _State:
             gap = found.surface(x) + land.height(x)
             for _ in range(3):
                 x, gap = _with_vertex(found, land, x, gap)
-            if gap.min() < -scale:
+            # On a sloping surface a contact too narrow to be one stands for this much.
+            narrow = 100 * _NOTHING * (land.stop - land.start) * max(-land.start, land.stop)
+            if gap.min() < -max(scale, narrow):
                 inside = x[gap < 0]
                 if land.ridge is None:
                     middle, half = 0.5 * float(inside[0] + inside[-1]), 0.5 * float(np.ptp(inside))
@@ -365,8 +372,8 @@ def _checked(found: Pressing, W: float, rel_tol: float) -> str:
 
 
 def _resolved(found: Pressing, rel_tol: float) -> bool:
-    """Return whether coefficients have decayed: loads err by under 0.01 tail^2."""
-    return 0.01 * found.tail**2 <= rel_tol
+    """Return whether coefficients have decayed: loads err by under tail^2."""
+    return found.tail**2 <= rel_tol
 
 
 def smallest_pressure(found: Pressing) -> float:
