@@ -27,7 +27,7 @@ def commands(block):
 
 def test_blocks__are_all_known():
     # A new block has to be run or checked below, and then counted here.
-    assert [language for language, _ in BLOCKS] == ["sh", "python", "sh"]
+    assert [language for language, _ in BLOCKS] == ["sh", "python", "sh", "sh"]
     assert TEXT.count("```") == 2 * len(BLOCKS)
 
 
@@ -61,6 +61,17 @@ def test_command_block__runs(tmp_path, monkeypatch):
     assert len(bands) == 1 + 2 * 50  # kinds of band x loads
 
 
+def test_scene_block__runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").symlink_to(ROOT / "data")
+    for name, *words in commands(SHELL[2]):
+        assert name == "ridgebayes"
+        done = CliRunner().invoke(app, words, catch_exceptions=False)
+        assert done.exit_code == 0, done.output
+    assert (tmp_path / "micro.csv").is_file()
+    assert list((tmp_path / "figures").glob("deformed-*.png"))
+
+
 def test_command_table__lists_every_command_and_no_other():
     listed = re.findall(r"^\| `ridgebayes (\S+)` \|", TEXT, flags=re.MULTILINE)
     assert listed == [command.callback.__name__ for command in app.registered_commands]
@@ -77,7 +88,7 @@ def test_option_names__exist():
 
 def test_files_named__exist():
     named = re.findall(r"[`(]((?:docs|data|benchmarks|notebooks)/[\w./-]*)[`)]", TEXT)
-    assert len(named) == 8
+    assert len(named) == 9
     for name in named:
         assert (ROOT / name).exists(), name
 

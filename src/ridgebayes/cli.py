@@ -21,6 +21,7 @@ from ridgebayes.errors import ComputationError, InputError
 if TYPE_CHECKING:
     from ridgebayes._types import FloatArray
     from ridgebayes.comparison import Comparison
+    from ridgebayes.scene import Scene
 
 app = typer.Typer(
     help="How many ridges does a soft body touch, how sure is that, and which contact model "
@@ -111,6 +112,8 @@ def generate(
     table.write(out)
     failed = len(table.left_out)
     print(f"{out}: {len(table)} rows, {len(table.textures)} textures, {failed} not ok")
+    for line in _left_out(wanted) if solver == "auto" else ():
+        print(line)
     if failed:
         raise ComputationError(f"{failed} rows are not ok, see column status of {out}")
 
@@ -325,6 +328,21 @@ def _names(text: str, option: str = "--forms") -> list[str]:
     if not all(names):
         raise InputError(f"{option} {text!r}: an empty name; rule: names with commas between them")
     return names
+
+
+def _left_out(scene: "Scene") -> list[str]:
+    """Say what exceeds a scene's accuracy and no solver here simulates."""
+    from ridgebayes.effects import plan as plan_scene
+
+    if scene.relative is None:
+        return []
+    return [
+        f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}: {effect.name} left out, "
+        f"about {effect.estimate:.1e} of a load; {scene.relative:g} was asked for"
+        for one in plan_scene(scene)
+        for effect in one.left_out
+        if effect.estimate > scene.relative
+    ]
 
 
 def _texture(text: str) -> tuple[float, float]:

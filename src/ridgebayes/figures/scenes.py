@@ -56,7 +56,9 @@ def plot_pressed(found: Pressed) -> Figure:
     top.set_ylabel("height over $R$, stretched")
     for sign in (1, -1) if found.profile.mirrored else (1,):
         _pressure(bottom, found, sign)
-    bottom.set_ylim(bottom=0)
+    # Corners stand out of any axis: it is the pressure between them that is to be seen.
+    between = found.pressing.pressure(np.cos(np.linspace(0.6, math.pi - 0.6, 20)))
+    bottom.set_ylim(0, 4 * 0.5 * math.pi * float(between.max()))
     bottom.set_xlabel("$x/R$ from below the body's centre")
     bottom.set_ylabel("pressure over $E^*$")
     figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=2)
