@@ -154,6 +154,7 @@ def test_plan__leaves_out_a_floor_below_the_deepest_penetration_which_changes_no
     np.testing.assert_allclose(below.W, without.W, rtol=2e-8)  # tolerance: 1e-8 of each
     effect = planned(a, b, p_over_E=p, groove_depth_over_R=1.01 * deepest)[1]["groove floor"]
     assert (effect.estimate, effect.simulated) == (0.0, False)
+    assert effect.reason.endswith("the floor is not touched")
     # Tolerance: the plan presses to 1e-5.
     assert effect.number == pytest.approx(1 / 1.01, rel=1e-4)
     # One well above it does change loads, and is said to.

@@ -23,6 +23,8 @@ _HOME = {
     "RidgebayesError": "errors",
     "Scene": "scene",
     "generate": "generation",
+    "contact_at_loads": "responses",
+    "ridge_forces": "responses",
     "ContactTable": "table",
     "read_table": "table",
     "paper_sweep": "datafiles",
@@ -70,6 +72,7 @@ if TYPE_CHECKING:
     from ridgebayes.priors import HalfNormal, LogNormal, Normal
     from ridgebayes.qdistribution import QDistribution
     from ridgebayes.report import write_report
+    from ridgebayes.responses import contact_at_loads, ridge_forces
     from ridgebayes.sample import SampleSettings
     from ridgebayes.scene import Scene
     from ridgebayes.table import ContactTable, read_table
