@@ -81,11 +81,14 @@ class Plan:
     profile : Profile or None
         The rigid side with the effects that are simulated; None where even the ridges are
         neglected.
+    relative : float
+        Accuracy wanted.
     """
 
     texture: Texture
     effects: tuple[Effect, ...]
     profile: Profile | None
+    relative: float = _DEFAULT_RELATIVE
 
     @property
     def simulated(self) -> tuple[str, ...]:
@@ -95,7 +98,11 @@ class Plan:
     @property
     def left_out(self) -> tuple[Effect, ...]:
         """Effects that are not simulated although they exceed the wanted accuracy."""
-        return tuple(e for e in self.effects if not e.simulated and e.name in _NOT_AVAILABLE)
+        return tuple(
+            effect
+            for effect in self.effects
+            if effect.name in _NOT_AVAILABLE and effect.estimate > self.relative
+        )
 
 
 _NOT_AVAILABLE = ("finite body and large deformation", "friction")
@@ -116,8 +123,8 @@ def plan(scene: Scene) -> list[Plan]:
 
     Notes
     -----
-    *Accuracy.* Estimates of what is neglected are at least the true change and at most ten times
-    it, checked on scenes spread over the space (`ridgebayes.plan_check`).
+    *Accuracy.* What is neglected changes loads by no more than the accuracy wanted, and estimates
+    are at most ten times the truth: checked on scenes all over the space (`ridgebayes.plan_check`).
     *Cost.* Some tens of milliseconds a texture.
 
     Examples
@@ -132,15 +139,17 @@ def plan(scene: Scene) -> list[Plan]:
 def plan_table(plans: list[Plan]) -> pd.DataFrame:
     """Return plans as a table of columns `PLAN_COLUMNS`."""
     rows = [
-        [e.name, e.number, e.estimate, e.simulated, e.reason, e.cost_s, _label(one.texture)]
+        [e.name, e.number, e.estimate, e.simulated, e.reason, e.cost_s, plan_label(one.texture)]
         for one in plans
         for e in one.effects
     ]
     return pd.DataFrame(rows, columns=PLAN_COLUMNS)
 
 
-def _label(texture: Texture) -> str:
-    return texture_label(texture.a_over_R, texture.b_over_R)
+def plan_label(texture: Texture) -> str:
+    """Return the label of a plan's texture: with its offset, if it has one."""
+    label = texture_label(texture.a_over_R, texture.b_over_R)
+    return f"{label}_offset{texture.offset}" if texture.offset else label
 
 
 def texture_label(a: float, b: float) -> str:
@@ -160,7 +169,7 @@ def _planned(scene: Scene, texture: Texture) -> Plan:
             corner=texture.corner_radius_over_R if "corner radius" in chosen else 0.0,
             offset=base.offset if "offset" in chosen else 0.0,
         )
-    return Plan(texture, tuple(effects), profile)
+    return Plan(texture, tuple(effects), profile, base.tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +181,7 @@ class _Base:
     sharp: Profile
     W: FloatArray  # of all transitions under the scene's load, at least one
     last: Pressed  # at the highest of them
+    W_max: float  # of the scene, or of the first transition if that is higher
 
     @classmethod
     def of(cls, scene: Scene, texture: Texture) -> "_Base":
@@ -186,7 +196,8 @@ class _Base:
         W = W[: max(int(np.searchsorted(W, W_max, side="right")), 1)]
         # Of very many ridges those looked at stand for all: what is beyond is smoother still.
         top = min(max(W_max, float(W[-1])), 1.2 * float(W[-1]) + sharp.pitch**2)
-        return cls(scene, texture, sharp, W, pressed(sharp, top, rel_tol=_ROUGH))
+        last = pressed(sharp, top, rel_tol=_ROUGH)
+        return cls(scene, texture, sharp, W, last, max(W_max, float(W[-1])))
 
     @property
     def tolerance(self) -> float:
@@ -209,13 +220,15 @@ class _Base:
             round_ones = replace(self.sharp, corner=self.texture.corner_radius_over_R)
             found = pressed(round_ones, self.last.W, rel_tol=_ROUGH)
         solutions = [one for one in (self.last, found) if one.status == "ok"]
-        return max(
+        deepest = max(
             one.penetration(groove) for one in solutions for groove in range(-1, len(one.lands))
         )
+        # Beyond the ridges looked at it grows as the pressure in the middle: with the root of W.
+        return deepest * math.sqrt(self.W_max / self.last.W)
 
     @property
     def half_width(self) -> float:
-        return math.sqrt(2 * self.last.W)
+        return math.sqrt(2 * self.W_max)
 
     @cached_property
     def shifts(self) -> dict[tuple[bool, bool], FloatArray]:
@@ -328,7 +341,8 @@ def _floor(base: _Base) -> Effect:
     if number < 1:
         reason = f"{what}; the floor is not touched"
         return Effect("groove floor", number, 0.0, False, reason, cost)
-    estimate = _SAFETY * base.change(0)
+    # Touched only beyond the transitions looked at: not known by how much.
+    estimate = _SAFETY * base.change(0) or math.nan
     return _decided(base, "groove floor", number, estimate, what, cost)
 
 
@@ -351,8 +365,8 @@ def _poisson(base: _Base) -> Effect:
 
 def _finite_body(base: _Base) -> Effect:
     width = base.half_width
-    p = math.pi / 4 * base.last.W / (1 - base.scene.nu**2)
-    count = max(base.last.Q, 1)
+    p = math.pi / 4 * base.W_max / (1 - base.scene.nu**2)
+    count = max(base.last.Q, 2 * base.half_width / base.sharp.pitch)
     strain = 2 * p / (count * base.sharp.a)
     hang = base.penetration / base.sharp.b
     # A surface that hangs into a groove by its own width is bent by as much as a body can be.

@@ -57,12 +57,14 @@ def spread_scenes(n: int = 32, *, rng: Rng = 0) -> list[Scene]:
     -------
     list of Scene
         Ridges of 0.003 to 0.05 R, grooves 0.1 to 5 times as wide, a floor at 0.01 to 0.3 of the
-        groove's width, corners of 0.001 to 0.4 of the ridge's, an offset of 0.0003 to 0.5 pitches,
-        loads that reach 1 to 6 pitches, accuracies of 0.3 to 10 %.
+        groove's width, corners of 0.001 to 0.4 of the ridge's width (twice the floor's depth at
+        most), an offset of 0.0003 to 0.5 pitches, loads that reach 1 to 6 pitches, accuracies of
+        0.3 to 10 %.
     """
     if n < 1:
         raise InputError(f"n: {n} given; rule: at least 1")
-    points = qmc.Sobol(8, rng=np.random.default_rng(seed_of(rng))).random(n)
+    sequence = qmc.Sobol(8, rng=np.random.default_rng(seed_of(rng)))
+    points = sequence.random_base2(math.ceil(math.log2(n)))[:n]
     low = np.array([0.003, 0.1, 0.01, 0.001, 0.0003, 0.0, 1.2, 0.003])
     high = np.array([0.05, 5.0, 0.3, 0.4, 0.5, 0.5, 6.0, 0.1])
     logarithmic = np.array([True, True, True, True, True, False, False, True])
@@ -90,7 +92,7 @@ def _scene(
         a_over_R=a,
         b_over_R=b,
         groove_depth_over_R=depth * b,
-        corner_radius_over_R=corner * a,
+        corner_radius_over_R=min(corner * a, 2 * depth * b),
         offset=offset,
     )
     reach = min(pitches * (a + b), 0.3)
@@ -171,7 +173,7 @@ def _rows(number: int, scene: Scene, one: Plan) -> list[dict[str, Any]]:
 
 def _honest(estimate: float, true: float, scene: Scene, simulated: bool) -> bool:
     wanted = scene.relative or _TOLERANCE
-    if not simulated and not true <= wanted:
+    if math.isnan(true) or (not simulated and not true <= wanted):
         return False
     floor = _NEGLIGIBLE * wanted
     return not estimate > TOO_LARGE * max(true, floor)

@@ -11,7 +11,8 @@ from ridgebayes.contact import hertz
 from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.pressed import pressed
 from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.effects import Plan, plan, plan_table, texture_label
+from ridgebayes.effects import Plan, plan, plan_label, plan_table
+from ridgebayes.errors import InputError
 from ridgebayes.generation import given_profile
 from ridgebayes.plan_check import check_plans, spread_scenes
 from ridgebayes.progress import Progress
@@ -46,13 +47,15 @@ def plan_job(scene: Scene, *, out: Path | None = None, figures: Path | None = No
     list of Plan
         One per texture.
     """
+    if figures is not None and figures.exists() and not figures.is_dir():
+        raise InputError(f"{figures}: not a folder; rule: --figures names one")
     plans = plan(scene)
     if out is not None:
         write_csv(plan_table(plans), out)
     if figures is not None:
         figures.mkdir(parents=True, exist_ok=True)
         for one in plans:
-            label = texture_label(one.texture.a_over_R, one.texture.b_over_R)
+            label = plan_label(one.texture)
             for name, figure in _figures(scene, one).items():
                 _save(figure, figures / f"{name}-{label}")
     return plans
@@ -104,11 +107,13 @@ def _figures(scene: Scene, one: Plan) -> dict[str, "Figure"]:
     given = given_profile(texture)
     sharp = Profile(texture.a_over_R, texture.b_over_R)
     wanted = {"as planned": profile, "all that the scene gives": given, "ridges alone": sharp}
-    curves = {
-        name: curve
-        for name, each in wanted.items()
-        if len((curve := _curve(each, scene, p_max))[0])
-    }
+    curves: dict[str, tuple[FloatArray, FloatArray]] = {}
+    drawn: set[Profile] = set()
+    for name, each in wanted.items():
+        curve = _curve(each, scene, p_max)
+        if each not in drawn and len(curve[0]):  # the same line twice would hide the first
+            curves[name] = curve
+        drawn.add(each)
     smooth = _smooth(sharp, scene, p_max)
     if len(smooth[0]):
         curves["Hertz, no grooves"] = smooth

@@ -12,6 +12,7 @@ from pydantic import (
     PlainValidator,
     ValidationError,
     field_validator,
+    model_validator,
 )
 
 from ridgebayes.errors import InputError
@@ -73,6 +74,21 @@ class Texture(_Record):
     offset: Offset = 0.0
     role: Role = "calibration"
     max_p_over_E: Positive | None = None
+
+    @model_validator(mode="after")
+    def _corners_fit(self) -> "Texture":
+        corner, depth = self.corner_radius_over_R, self.groove_depth_over_R
+        if corner > 0.5 * self.a_over_R:
+            raise ValueError(
+                f"corner_radius_over_R = {corner!r}: must be at most half of a_over_R = "
+                f"{self.a_over_R!r}"
+            )
+        if depth is not None and 2 * depth < corner:
+            raise ValueError(
+                f"groove_depth_over_R = {depth!r}: must be at least half of "
+                f"corner_radius_over_R = {corner!r}"
+            )
+        return self
 
 
 class Scene(_Record):
@@ -245,5 +261,7 @@ def findings(error: ValidationError, where: str) -> list[str]:
         elif found["type"] == "missing":
             rule = "missing; rule: it must be given"
         shown = "" if found["type"] == "missing" else f" = {found['input']!r}"
-        lines.append(f"{where}: {key}{shown}: {rule[:1].lower()}{rule[1:]}")
+        # A rule between several keys names them itself.
+        about = f"{key}{shown}: " if key else ""
+        lines.append(f"{where}: {about}{rule[:1].lower()}{rule[1:]}")
     return lines

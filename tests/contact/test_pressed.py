@@ -423,11 +423,12 @@ def test_penetration__is_the_depth_at_which_the_floor_begins_to_touch():
 
 def profile_of(pitch, share, offset, depth, corner):
     a = share * pitch
+    depth = math.inf if depth is None else depth * pitch**2
     return Profile(
         a,
         pitch - a,
-        depth=math.inf if depth is None else depth * pitch**2,
-        corner=0.0 if corner is None else corner * a,
+        depth=depth,
+        corner=0.0 if corner is None else min(corner * a, 2 * depth),
         offset=offset,
     )
 

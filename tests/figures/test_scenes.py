@@ -168,7 +168,9 @@ def test_plot_effects__bars_are_the_table_and_filled_where_simulated():
     known = table[table["estimated_rel_change"].notna()]
     (axes,) = plot_effects(table, 0.005).axes
     assert [label.get_text() for label in axes.get_yticklabels()] == known["effect"].tolist()
-    for bar, row in zip(axes.patches, known.to_dict("records"), strict=True):
+    sized = known[known["estimated_rel_change"] > 0]
+    assert [text.get_text() for text in axes.texts] == ["0"] * (len(known) - len(sized))
+    for bar, row in zip(axes.patches, sized.to_dict("records"), strict=True):
         assert bar.get_width() == max(row["estimated_rel_change"], 1e-6)
         assert (bar.get_facecolor()[3] > 0) == row["simulated"]
         assert bar.get_edgecolor() == to_rgba("#0072B2")

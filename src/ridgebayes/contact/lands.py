@@ -81,6 +81,12 @@ class Profile:
             ("b", self.b, 0 < self.b < math.inf, "finite and > 0"),
             ("depth", self.depth, self.depth > 0, "> 0"),
             ("corner", self.corner, 0 <= self.corner <= 0.5 * self.a, "0 to half the ridge width"),
+            (
+                "depth",
+                self.depth,
+                2 * self.depth >= self.corner,
+                "at least half the corners' radius",
+            ),
             ("offset", self.offset, -0.5 <= self.offset <= 0.5, "-0.5 to 0.5 pitches"),
         ):
             if not holds:

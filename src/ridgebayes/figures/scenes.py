@@ -46,7 +46,7 @@ def plot_pressed(found: Pressed) -> Figure:
     surface = found.pressing.surface(np.abs(x) if found.profile.mirrored else x)
     lowest = min(float(surface.min()), 0.0)
     depth = min(found.profile.depth, max(-1.6 * lowest, 0.05 * found.profile.pitch))
-    top.fill_between(x, surface, surface.max(), color=_BODY, alpha=0.18, linewidth=0)
+    top.fill_between(x, surface, 1e3, color=_BODY, alpha=0.18, linewidth=0)
     top.plot(x, surface, color=_BODY, linewidth=1.2, label="body")
     rigid = _rigid(found.profile, x, depth)
     top.fill_between(x, rigid, rigid.min() - 0.1 * depth, color=_RIDGE, alpha=0.35, linewidth=0)
@@ -81,6 +81,8 @@ def _pressure(axes: Axes, found: Pressed, sign: int) -> None:
     values = found.pressing.pressure(s) * 0.5 * math.pi / np.sqrt(1 - s * s)
     intervals = found.pressing.intervals
     for i in range(len(intervals.left)):
+        if sign < 0 and i == 0 and intervals.straddles:
+            continue  # its own mirror image
         at = sign * (intervals.centre[i] + intervals.half_width[i] * s)
         axes.fill_between(at, values[i], color=_PRESSURE, alpha=0.35, linewidth=0)
         axes.plot(at, values[i], color=_PRESSURE, linewidth=0.9)
@@ -143,6 +145,9 @@ def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
     least = 1e-6
     for row, effect in enumerate(known.to_dict("records")):
         size = max(float(effect["estimated_rel_change"]), least)
+        if effect["estimated_rel_change"] == 0:
+            axes.text(1.3 * least, row, "0", va="center", fontsize=8)
+            continue
         axes.barh(
             row,
             size,
@@ -160,7 +165,8 @@ def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
     axes.grid(visible=False, axis="y")
     if relative is not None:
         axes.axvline(relative, color="#000000", linewidth=1, linestyle=":")
-    axes.set_xlabel("relative change of a transition load (filled: simulated; dotted: wanted)")
+    dotted = "" if relative is None else "; dotted: wanted"
+    axes.set_xlabel(f"relative change of a transition load (filled: simulated{dotted})")
     return figure
 
 
