@@ -348,12 +348,16 @@ SCENE = "[texture]\nridge_width = 0.02\ngroove_width = 0.02\n"
         (SCENE + '[body]\nradius = "8 mm"\n', ["body.radius = '8 mm'", "everywhere or nowhere"]),
         ("[texture\n", ["not a TOML file", "line 1"]),
         ("", ["texture"]),
-        (SCENE + "groove_depth = 0.1\n", ["groove_depth", "0.1", "not simulated"]),
+        (SCENE + "corner_radius = 0.011\n", ["corner_radius_over_R = 0.011", "at most half"]),
+        (
+            SCENE + "[body]\npoissons_ratio = 0.3\n[load]\nfriction = 0.2\n",
+            ["friction = 0.2", "not simulated"],
+        ),
     ],
 )
 def test_generate__a_bad_scene_is_refused(refused, text, expected):
     Path("my.toml").write_text(text)
-    where = [] if "groove_depth" in text else ["my.toml"]
+    where = [] if "friction" in text else ["my.toml"]
     refused(["generate", "my.toml", "-o", "t.csv"], *where, *expected)
 
 
