@@ -93,6 +93,12 @@ def test_plain_pressures_are_divided_by_the_modulus(read):
     assert read(plain) == read(WHOLE)
 
 
+def test_a_force_is_spread_over_the_diameter_and_the_length(read):
+    text = WHOLE.replace('max = "1.2 kPa"', 'force = "0.3072 N"\nlength = "16 mm"')
+    # F/(2 R length) = 0.3072 N/(16 mm x 16 mm) = 1.2 kPa
+    assert read(text).p_over_E == read(WHOLE).p_over_E
+
+
 def test_several_textures_with_role_and_load(read):
     scene = read(
         """
@@ -157,6 +163,9 @@ def test_all_problems_are_in_one_message(refused):
         ('radius = "8 mm"', "", "body.radius: missing"),
         ('youngs_modulus = "60 kPa"', "", "body.youngs_modulus: missing; load.max needs it"),
         ("friction", "p_over_E = 0.1\nfriction", "load.max, load.p_over_E: give one of them"),
+        ('max = "1.2 kPa"', 'force = "1 N"', "load.length: missing; a force takes both"),
+        ('max = "1.2 kPa"', 'length = "1 mm"', "load.force: missing; a force takes both"),
+        ('max = "1.2 kPa"', 'force = "1 kPa"', "load.force = '1 kPa': must be a number and a unit"),
         ('offset = "uniform"', "offset = 0.7", "texture.offset = 0.7: must be a fraction"),
         ('offset = "uniform"', "offset = true", "texture.offset = True: must be a fraction"),
         ('offset = "uniform"', 'role = "held_out"', "texture.role = 'held_out'"),

@@ -2,7 +2,8 @@
 
 Keys: `[body]` radius, youngs_modulus, poissons_ratio; `[texture]` (or several `[[texture]]`)
 ridge_width, groove_width, groove_depth, corner_radius, offset, role, max_p_over_E; `[load]` one
-of max (p), line (P' = 2 R p) and p_over_E, and friction; `[accuracy]` relative.
+of max (p), line (P' = 2 R p), force with length (of the cylinder) and p_over_E, and friction;
+`[accuracy]` relative.
 """
 
 import json
@@ -66,6 +67,7 @@ _Length = Annotated[_Measure, PlainValidator(_measured("length"))]
 _LengthOrZero = Annotated[_Measure, PlainValidator(_measured("length", may_be_zero=True))]
 _Pressure = Annotated[_Measure, PlainValidator(_measured("pressure"))]
 _LineLoad = Annotated[_Measure, PlainValidator(_measured("line load"))]
+_Force = Annotated[_Measure, PlainValidator(_measured("force"))]
 
 
 class _Section(BaseModel):
@@ -91,6 +93,8 @@ class _Texture(_Section):
 class _Load(_Section):
     max: _Pressure | None = None
     line: _LineLoad | None = None
+    force: _Force | None = None
+    length: _Length | None = None
     p_over_E: Positive | None = None
     friction: NotNegative = 0.0
 
@@ -168,11 +172,15 @@ def _clashes(scene: _SceneFile) -> list[str]:
         )
     if united and scene.body.radius is None:
         problems.append("body.radius: missing; widths with units need it")
-    loads = {key: getattr(scene.load, key) for key in ("max", "line", "p_over_E")}
+    loads = {key: getattr(scene.load, key) for key in ("max", "line", "force", "p_over_E")}
     given = [f"load.{key}" for key, value in loads.items() if value is not None]
     if len(given) > 1:
         problems.append(f"{', '.join(given)}: give one of them")
-    if (scene.load.max or scene.load.line) and scene.body.youngs_modulus is None:
+    if (scene.load.force is None) != (scene.load.length is None):
+        missing = "length" if scene.load.length is None else "force"
+        problems.append(f"load.{missing}: missing; a force takes both, load.force and load.length")
+    dimensional = scene.load.max or scene.load.line or scene.load.force
+    if dimensional and scene.body.youngs_modulus is None:
         problems.append(f"body.youngs_modulus: missing; {given[0]} needs it")
     return problems
 
@@ -214,6 +222,9 @@ def _plain(scene: _SceneFile) -> Json:
         values["p_over_E"] = _ratio(load.max, modulus.value)
     elif modulus is not None and load.line is not None:
         values["p_over_E"] = _ratio(load.line, 2 * radius * modulus.value)  # P' = 2 R p
+    elif modulus is not None and load.force is not None and load.length is not None:
+        area = 2 * radius * load.length.value
+        values["p_over_E"] = _ratio(load.force, area * modulus.value)
     return values
 
 

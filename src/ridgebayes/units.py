@@ -7,9 +7,9 @@ from typing import Any, Literal, TypeAlias
 
 from ridgebayes.errors import InputError
 
-Dimension: TypeAlias = Literal["length", "pressure", "line load"]
+Dimension: TypeAlias = Literal["length", "pressure", "line load", "force"]
 
-_SI: dict[Dimension, str] = {"length": "m", "pressure": "Pa", "line load": "N/m"}
+_SI: dict[Dimension, str] = {"length": "m", "pressure": "Pa", "line load": "N/m", "force": "N"}
 # One number, then unit names with one-digit powers: pint's own parser would also take "2 * 3 mm",
 # and would compute "mm ** 999999".
 _NUMBER = r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)"
@@ -24,8 +24,8 @@ def to_si(text: str, dimension: Dimension) -> Fraction:
     ----------
     text : str
         A decimal number and a unit.
-    dimension : {"length", "pressure", "line load"}
-        What the unit has to measure; the results are in m, Pa and N/m.
+    dimension : {"length", "pressure", "line load", "force"}
+        What the unit has to measure; the results are in m, Pa, N/m and N.
 
     Returns
     -------
