@@ -31,7 +31,11 @@ def test_paper_sweep_has_41_rows_to_fit_and_3_held_out():
     fitted = frame[frame["role"] == "calibration"]
     assert fitted["p_over_E"].max() <= 0.02 < frame["p_over_E"].max() <= 0.045
     assert set(frame["status"]) == {"ok"}
-    assert frame["source"].str.fullmatch(r"ridgebayes \S+ half-plane rel_tol=1e-08").all()
+    assert (
+        frame["source"]
+        .str.fullmatch(r"ridgebayes \S+ half-plane effects=ridges rel_tol=1e-08")
+        .all()
+    )
 
 
 def test_rows_stop_at_the_load_and_include_it():
@@ -58,7 +62,7 @@ def test_hertz_rows_are_the_closed_form():
     assert frame["p_over_E"].max() <= 0.02 < next_one
     assert set(frame["solver"]) == {"hertz"}
     assert set(frame["nu"]) == {0.3}
-    assert frame["source"].str.fullmatch(r"ridgebayes \S+ hertz").all()
+    assert frame["source"].str.fullmatch(r"ridgebayes \S+ hertz effects=none").all()
 
 
 def test_auto_is_the_half_plane():
@@ -185,7 +189,7 @@ def test_auto_leaves_out_what_does_not_matter():
     scene = scene_with(corner_radius_over_R=2e-4)
     wanted = scene.model_copy(update={"relative": 0.02})
     loose, exact = generate(wanted), generate(wanted, solver="half-plane", rel_tol=1e-6)
-    assert not loose.frame["source"].str.contains("effects").any()
+    assert loose.frame["source"].str.contains("effects=ridges rel_tol").all()
     assert exact.frame["source"].str.contains(r"effects=ridges\+corner-radius").all()
     ratio = loose.frame["p_over_E"] / exact.frame["p_over_E"]
     assert 1e-5 < abs(ratio - 1).max() < 0.02

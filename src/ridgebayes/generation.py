@@ -117,12 +117,11 @@ def _curves(one: Plan, scene: Scene, solver: str, rel_tol: float) -> Iterator[pd
         offsets = list(UNIFORM) if texture.offset == "uniform" else [profile.offset]
     for offset in offsets:
         if smooth or profile is None:
-            name, extra = "hertz", ""
+            name, extra = "hertz", " effects=none"
             found = _many(texture, scene, p_max, _hertz, rel_tol)
         else:
-            name, extra = "half-plane", f" rel_tol={rel_tol:g}"
-            if names != ["ridges"]:
-                extra += f" effects={'+'.join(names).replace(' ', '-')}"
+            simulated = "+".join(names).replace(" ", "-")
+            name, extra = "half-plane", f" effects={simulated} rel_tol={rel_tol:g}"
             here = replace(profile, offset=offset)
             if here == Profile(here.a, here.b):
                 found = _many(texture, scene, p_max, _half_plane, rel_tol)
