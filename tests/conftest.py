@@ -1,13 +1,17 @@
 """Expensive things that many tests look at and none changes: tables, fits, approximations."""
 
 import functools
+import re
+import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import hypothesis
 import numpy as np
 import pytest
 
 import ridgebayes as rb
+from ridgebayes import cli
 from ridgebayes.forms import FORMS, form_named
 from ridgebayes.laplace import fit_laplace
 from ridgebayes.likelihood import Model
@@ -113,3 +117,29 @@ def fe_laplaces(fe_table):
 def fe_models(fe_table):
     data = Observations.from_table(fe_table)
     return Lazy(lambda name: Model(data, form_named(name)))
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a command said, and the exit code it ended with."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def command(monkeypatch, capsys, tmp_path):
+    """Call the program as the shell would, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["ridgebayes", *map(str, words)])
+        with pytest.raises(SystemExit) as stopped:
+            cli.main()
+        printed = capsys.readouterr()
+        err = re.sub(r"\x1b\[[0-9;]*m", "", printed.err)
+        return Said(stopped.value.code or 0, printed.out, err)
+
+    return call

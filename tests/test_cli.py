@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -29,13 +28,6 @@ AT = ("--texture", "0.022,0.02")
 OVER = ("--p-over-E", "0.001:0.02:5")
 
 
-@dataclass(frozen=True)
-class Said:
-    code: int
-    out: str
-    err: str
-
-
 @pytest.fixture(scope="module", autouse=True)
 def _two_prior_scales():
     """Two prior scales say as much here as nine, in a fifth of the time."""
@@ -45,23 +37,6 @@ def _two_prior_scales():
             lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known),
         )
         yield
-
-
-@pytest.fixture
-def command(monkeypatch, capsys, tmp_path):
-    """Call the program as the shell would, in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["ridgebayes", *map(str, words)])
-        with pytest.raises(SystemExit) as stopped:
-            cli.main()
-        printed = capsys.readouterr()
-        err = re.sub(r"\x1b\[[0-9;]*m", "", printed.err)
-        return Said(stopped.value.code or 0, printed.out, err)
-
-    return call
 
 
 def everything(folder=Path()):

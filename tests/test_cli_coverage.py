@@ -1,15 +1,13 @@
 """`ridgebayes coverage` as a person types it: exit codes, what is said, what is written."""
 
+import functools
 import json
 import re
-import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from ridgebayes import cli
 from ridgebayes.coverage import COVERAGE_COLUMNS, PROBS
 from ridgebayes.noise import Noise
 from ridgebayes.runfolder import RUN_JSON
@@ -25,29 +23,11 @@ ROWS = """a_over_R,b_over_R,Q,p_over_E
 FILES = {"coverage.csv", "coverage.json", "coverage.png", "coverage.svg"}
 
 
-@dataclass(frozen=True)
-class Said:
-    code: int
-    out: str
-    err: str
-
-
 @pytest.fixture
-def command(monkeypatch, capsys, tmp_path):
-    """Call the program as the shell would, in a folder that holds a table."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
+def command(command):
+    """Call the subcommand in a folder that holds a table."""
     Path("table.csv").write_text(ROWS)
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["ridgebayes", "coverage", *map(str, words)])
-        with pytest.raises(SystemExit) as stopped:
-            cli.main()
-        printed = capsys.readouterr()
-        err = re.sub(r"\x1b\[[0-9;]*m", "", printed.err)
-        return Said(stopped.value.code or 0, printed.out, err)
-
-    return call
+    return functools.partial(command, "coverage")
 
 
 @pytest.fixture

@@ -1,14 +1,12 @@
 """`ridgebayes plan` as a person types it: exit codes, what is said, what is written."""
 
+import functools
 import re
-import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from ridgebayes import cli
 from ridgebayes.effects import PLAN_COLUMNS, plan, plan_table
 from ridgebayes.plan_check import CHECK_COLUMNS
 from ridgebayes.scene import Scene
@@ -26,29 +24,11 @@ relative = 0.01
 CHECK = {"plan-check.csv", "plan-check.png", "plan-check.svg", "report.md"}
 
 
-@dataclass(frozen=True)
-class Said:
-    code: int
-    out: str
-    err: str
-
-
 @pytest.fixture
-def command(monkeypatch, capsys, tmp_path):
-    """Call the program as the shell would, in a folder that holds a scene."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
+def command(command):
+    """Call the subcommand in a folder that holds a scene."""
     Path("scene.toml").write_text(SCENE)
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["ridgebayes", "plan", *map(str, words)])
-        with pytest.raises(SystemExit) as stopped:
-            cli.main()
-        printed = capsys.readouterr()
-        err = re.sub(r"\x1b\[[0-9;]*m", "", printed.err)
-        return Said(stopped.value.code or 0, printed.out, err)
-
-    return call
+    return functools.partial(command, "plan")
 
 
 @pytest.fixture

@@ -341,7 +341,6 @@ def _left_out(scene: "Scene") -> list[str]:
         f"about {effect.estimate:.1e} of a load; {scene.relative:g} was asked for"
         for one in plan_scene(scene)
         for effect in one.left_out
-        if effect.estimate > scene.relative
     ]
 
 

@@ -17,7 +17,7 @@ import pandas as pd
 from ridgebayes._types import FloatArray
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.lands import Profile
-from ridgebayes.contact.pressed import Pressed, pressed
+from ridgebayes.contact.pressed import Pressed, load_factor, pressed
 from ridgebayes.contact.reaching import nearest_gap
 from ridgebayes.scene import Scene, Texture
 
@@ -157,6 +157,17 @@ def texture_label(a: float, b: float) -> str:
     return f"a{a!r}_b{b!r}"
 
 
+def given_profile(texture: Texture) -> Profile:
+    """Return the rigid side with all that a texture gives; a uniform offset is the largest."""
+    return Profile(
+        texture.a_over_R,
+        texture.b_over_R,
+        texture.groove_depth_over_R or math.inf,
+        texture.corner_radius_over_R,
+        0.5 if texture.offset == "uniform" else float(texture.offset),
+    )
+
+
 def _planned(scene: Scene, texture: Texture) -> Plan:
     base = _Base.of(scene, texture)
     effects = list(_effects(base))
@@ -165,9 +176,9 @@ def _planned(scene: Scene, texture: Texture) -> Plan:
     if chosen & {"ridges", "offset", "groove floor", "corner radius"}:
         profile = replace(
             base.sharp,
-            depth=base.depth if "groove floor" in chosen else math.inf,
-            corner=texture.corner_radius_over_R if "corner radius" in chosen else 0.0,
-            offset=base.offset if "offset" in chosen else 0.0,
+            depth=base.given.depth if "groove floor" in chosen else math.inf,
+            corner=base.given.corner if "corner radius" in chosen else 0.0,
+            offset=base.given.offset if "offset" in chosen else 0.0,
         )
     return Plan(texture, tuple(effects), profile, base.tolerance)
 
@@ -187,11 +198,10 @@ class _Base:
     def of(cls, scene: Scene, texture: Texture) -> "_Base":
         a, b = texture.a_over_R, texture.b_over_R
         sharp = Profile(a, b)
-        p_max = texture.max_p_over_E or scene.p_over_E
-        W_max = 4 / math.pi * (1 - scene.nu**2) * p_max
+        W_max = load_factor(scene.nu) * scene.highest_load(texture)
         n = min(max(int(math.sqrt(2 * W_max) / (a + b)) + 2, 4), _MOST_LOOKED_AT)
         loads = halfplane.transition_loads(a, b, n, rel_tol=1e-6)
-        W = 4 / math.pi * loads.F * (a + b) ** 2
+        W = load_factor(0) * loads.F * (a + b) ** 2
         W = W[np.isfinite(W)]
         W = W[: max(int(np.searchsorted(W, W_max, side="right")), 1)]
         # Of very many ridges those looked at stand for all: what is beyond is smoother still.
@@ -203,21 +213,16 @@ class _Base:
     def tolerance(self) -> float:
         return self.scene.relative or _DEFAULT_RELATIVE
 
-    @property
-    def depth(self) -> float:
-        return self.texture.groove_depth_over_R or math.inf
-
-    @property
-    def offset(self) -> float:
-        """The offset; of a uniform one, the largest."""
-        return 0.5 if self.texture.offset == "uniform" else float(self.texture.offset)
+    @cached_property
+    def given(self) -> Profile:
+        return given_profile(self.texture)
 
     @cached_property
     def penetration(self) -> float:
         """How deep the surface hangs into any groove at the highest load, corners as they are."""
         found = self.last
-        if self.texture.corner_radius_over_R:
-            round_ones = replace(self.sharp, corner=self.texture.corner_radius_over_R)
+        if self.given.corner:
+            round_ones = replace(self.sharp, corner=self.given.corner)
             found = pressed(round_ones, self.last.W, rel_tol=_ROUGH)
         solutions = [one for one in (self.last, found) if one.status == "ok"]
         deepest = max(
@@ -238,14 +243,14 @@ class _Base:
         """
         n = len(self.W)
         looked_at = sorted({1, (n + 1) // 2, n})
-        corner = self.texture.corner_radius_over_R
+        depth, corner = self.given.depth, self.given.corner
         found = {(False, False): np.zeros(len(looked_at))}
         for floor, is_round in ((True, False), (False, True), (True, True)):
-            if (floor and self.penetration < self.depth) or (is_round and not corner):
+            if (floor and self.penetration < depth) or (is_round and not corner):
                 continue
             other = replace(
                 self.sharp,
-                depth=self.depth if floor else math.inf,
+                depth=depth if floor else math.inf,
                 corner=corner if is_round else 0.0,
             )
             found[floor, is_round] = np.array([self._shift_of(other, k) for k in looked_at])
@@ -306,7 +311,7 @@ def _decided(
 def _ridges(base: _Base) -> Effect:
     a, b, n = base.sharp.a, base.sharp.b, len(base.W)
     Q = 2 + 2 * np.arange(1, n + 1)
-    smooth = hertz.transition_load(Q, a, b, nu=0.0) * 4 / math.pi
+    smooth = hertz.transition_load(Q, a, b, nu=0.0) * load_factor(0)
     estimate = float(np.max(np.abs(smooth / base.W - 1)))
     cost = base.cost(2, n, 8)
     return _decided(
@@ -324,7 +329,7 @@ def _partial_contact(base: _Base) -> Effect:
 
 
 def _offset(base: _Base) -> Effect:
-    number = abs(base.offset)
+    number = abs(base.given.offset)
     n, sharp = len(base.W), base.sharp
     # The further ridge of the first pair moves away by the offset; loads go as distance squared.
     first = 0.5 * sharp.b + sharp.pitch
@@ -334,7 +339,7 @@ def _offset(base: _Base) -> Effect:
 
 
 def _floor(base: _Base) -> Effect:
-    depth, hang = base.depth, base.penetration
+    depth, hang = base.given.depth, base.penetration
     number = hang / depth
     cost = base.cost(40 * len(base.W), 2 * len(base.W), 12)
     what = "deepest penetration into a groove over its depth"
@@ -347,7 +352,7 @@ def _floor(base: _Base) -> Effect:
 
 
 def _corner(base: _Base) -> Effect:
-    corner = base.texture.corner_radius_over_R
+    corner = base.given.corner
     number = corner / base.sharp.a
     cost = base.cost(120 * len(base.W), len(base.W), 12)
     if corner == 0:
@@ -365,7 +370,7 @@ def _poisson(base: _Base) -> Effect:
 
 def _finite_body(base: _Base) -> Effect:
     width = base.half_width
-    p = math.pi / 4 * base.W_max / (1 - base.scene.nu**2)
+    p = base.W_max / load_factor(base.scene.nu)
     count = max(base.last.Q, 2 * base.half_width / base.sharp.pitch)
     strain = 2 * p / (count * base.sharp.a)
     hang = base.penetration / base.sharp.b

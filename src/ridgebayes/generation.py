@@ -1,7 +1,6 @@
 """Scenes to contact tables: which solver, which transitions, what it said of each."""
 
 import importlib.metadata
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeAlias
@@ -12,8 +11,9 @@ import pandas as pd
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.pressed import load_factor
 from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.effects import Plan, plan
+from ridgebayes.effects import Plan, given_profile, plan
 from ridgebayes.errors import InputError
 from ridgebayes.scene import Scene, Texture
 from ridgebayes.table import ContactTable
@@ -106,7 +106,7 @@ def _plans(scene: Scene, solver: str) -> list[Plan]:
 def _curves(one: Plan, scene: Scene, solver: str, rel_tol: float) -> Iterator[pd.DataFrame]:
     """Yield the curves of a texture: one, or several offsets."""
     texture = one.texture
-    p_max = scene.p_over_E if texture.max_p_over_E is None else texture.max_p_over_E
+    p_max = scene.highest_load(texture)
     smooth = solver == "hertz" or (solver == "auto" and one.profile is None)
     profile = one.profile if solver == "auto" else given_profile(texture)
     names = ["ridges", *_given(texture)]
@@ -145,17 +145,6 @@ def _curves(one: Plan, scene: Scene, solver: str, rel_tol: float) -> Iterator[pd
 
 
 UNIFORM = tuple((2 * i + 1) / 32 for i in range(8))  # offsets that stand for any, and their mirrors
-
-
-def given_profile(texture: Texture) -> Profile:
-    """Return the rigid side with all that a texture gives; a uniform offset is the largest."""
-    return Profile(
-        texture.a_over_R,
-        texture.b_over_R,
-        texture.groove_depth_over_R or math.inf,
-        texture.corner_radius_over_R,
-        0.5 if texture.offset == "uniform" else float(texture.offset),
-    )
 
 
 def _given(texture: Texture) -> list[str]:
@@ -221,13 +210,13 @@ def _many(texture: Texture, scene: Scene, p_max: float, solve: "_Solver", rel_to
 
 def _events(profile: Profile, scene: Scene, p_max: float, rel_tol: float) -> _Curve:
     """Return the transitions of any profile up to the load: a table holds those from Q = 4 on."""
-    reduced = 4 / math.pi * (1 - scene.nu**2)
-    found = reaching_loads(profile, W_max=reduced * p_max, n_max=_MAX_TRANSITIONS, rel_tol=rel_tol)
+    factor = load_factor(scene.nu)
+    found = reaching_loads(profile, W_max=factor * p_max, n_max=_MAX_TRANSITIONS, rel_tol=rel_tol)
     keep = found.Q >= 4
     if not keep.any():
         raise InputError(f"no transition to 4 edges or more under p/E = {p_max!r}")
     status = tuple(text for text, kept in zip(found.status, keep, strict=True) if kept)
-    return found.Q[keep], found.W[keep] / reduced, status
+    return found.Q[keep], found.W[keep] / factor, status
 
 
 def _filled(p_over_E: FloatArray, pitch_over_R: float, nu: float) -> FloatArray:

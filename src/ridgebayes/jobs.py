@@ -10,7 +10,6 @@ from typing import Any
 
 import pandas as pd
 
-from ridgebayes.atomic import replacing
 from ridgebayes.bands import bands_table, loads_table
 from ridgebayes.comparison import DEFAULT_FORMS, Comparison, compare
 from ridgebayes.coverage import coverage
@@ -215,7 +214,10 @@ def coverage_job(
         found = coverage(data, chosen, models, rng=seed, executor=executor, progress=progress.stage)
         write_csv(found, partial / "coverage.csv")
         with progress.stage("figure"):
-            _draw_coverage(found, partial)
+            from ridgebayes.figures.coverage import plot_coverage
+            from ridgebayes.figures.style import save
+
+            save(plot_coverage(found), partial / "coverage")
         options = {"table": str(table) if table else None, "forms": list(forms)}
         content = {
             "command": "coverage",
@@ -313,16 +315,6 @@ def _bands(comparison: Comparison, folder: Path, progress: Progress) -> None:
     with progress.stage("bands"):
         write_csv(bands_table(comparison), folder / "bands.csv")
         write_csv(loads_table(comparison), folder / "loads.csv")
-
-
-def _draw_coverage(found: pd.DataFrame, folder: Path) -> None:
-    from ridgebayes.figures.coverage import plot_coverage
-    from ridgebayes.figures.style import as_bytes
-
-    figure = plot_coverage(found)
-    for kind in ("png", "svg"):
-        with replacing(folder / f"coverage.{kind}") as partial:
-            partial.write_bytes(as_bytes(figure, kind))
 
 
 def _about(

@@ -12,10 +12,10 @@ from scipy.stats import qmc
 from ridgebayes._types import FloatArray, Rng
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.pressed import load_factor
 from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.effects import Plan, plan
+from ridgebayes.effects import Plan, given_profile, plan
 from ridgebayes.errors import InputError
-from ridgebayes.generation import given_profile
 from ridgebayes.randomness import seed_of
 from ridgebayes.scene import Scene, Texture
 
@@ -137,7 +137,7 @@ def _rows(number: int, scene: Scene, one: Plan) -> list[dict[str, Any]]:
     texture = one.texture
     given = given_profile(texture)
     planned = one.profile or Profile(texture.a_over_R, texture.b_over_R)
-    W_max = 4 / math.pi * (1 - scene.nu**2) * scene.p_over_E
+    W_max = load_factor(scene.nu) * scene.highest_load(texture)
     base = _loads(planned, 1.3 * W_max)
     rows: list[dict[str, Any]] = []
     for effect in one.effects:

@@ -1,19 +1,16 @@
 """The jobs behind `plan`: a scene's effects as a table and figures, and the check of estimates."""
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ridgebayes.atomic import replacing
 from ridgebayes.contact import hertz
 from ridgebayes.contact.lands import Profile
-from ridgebayes.contact.pressed import pressed
+from ridgebayes.contact.pressed import load_factor, pressed
 from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.effects import Plan, plan, plan_label, plan_table
+from ridgebayes.effects import Plan, given_profile, plan, plan_label, plan_table
 from ridgebayes.errors import InputError
-from ridgebayes.generation import given_profile
 from ridgebayes.plan_check import check_plans, spread_scenes
 from ridgebayes.progress import Progress
 from ridgebayes.runfolder import new_folder, write_csv, write_text
@@ -53,11 +50,13 @@ def plan_job(scene: Scene, *, out: Path | None = None, figures: Path | None = No
     if out is not None:
         write_csv(plan_table(plans), out)
     if figures is not None:
+        from ridgebayes.figures.style import save
+
         figures.mkdir(parents=True, exist_ok=True)
         for one in plans:
             label = plan_label(one.texture)
             for name, figure in _figures(scene, one).items():
-                _save(figure, figures / f"{name}-{label}")
+                save(figure, figures / f"{name}-{label}")
     return plans
 
 
@@ -83,13 +82,14 @@ def plan_check_job(
         As `ridgebayes.plan_check.check_plans` returns it.
     """
     from ridgebayes.figures.scenes import plot_plan_check
+    from ridgebayes.figures.style import save
 
     scenes = spread_scenes(n, rng=seed)
     with new_folder(folder, force=force, about=CHECK_CSV) as partial, Progress(1) as progress:
         with progress.stage("scenes"):
             found = check_plans(scenes, progress=progress.detail)
         write_csv(found, partial / CHECK_CSV)
-        _save(plot_plan_check(found), partial / "plan-check")
+        save(plot_plan_check(found), partial / "plan-check")
         write_text(_report(found), partial / "report.md")
     return found
 
@@ -97,23 +97,21 @@ def plan_check_job(
 def _figures(scene: Scene, one: Plan) -> dict[str, "Figure"]:
     from ridgebayes.figures.scenes import plot_counts, plot_effects, plot_pressed
 
-    texture, reduced = one.texture, 4 / math.pi * (1 - scene.nu**2)
-    p_max = texture.max_p_over_E or scene.p_over_E
+    texture, p_max = one.texture, scene.highest_load(one.texture)
     profile = one.profile or Profile(texture.a_over_R, texture.b_over_R)
     figures = {
-        "deformed": plot_pressed(pressed(profile, reduced * p_max, rel_tol=_TOLERANCE)),
+        "deformed": plot_pressed(
+            pressed(profile, load_factor(scene.nu) * p_max, rel_tol=_TOLERANCE)
+        ),
         "effects": plot_effects(plan_table([one]), scene.relative),
     }
-    given = given_profile(texture)
     sharp = Profile(texture.a_over_R, texture.b_over_R)
-    wanted = {"as planned": profile, "all that the scene gives": given, "ridges alone": sharp}
-    curves: dict[str, tuple[FloatArray, FloatArray]] = {}
-    drawn: set[Profile] = set()
-    for name, each in wanted.items():
-        curve = _curve(each, scene, p_max)
-        if each not in drawn and len(curve[0]):  # the same line twice would hide the first
-            curves[name] = curve
-        drawn.add(each)
+    # The same line twice would hide the first: each profile goes by its first name.
+    names: dict[Profile, str] = {profile: "as planned"}
+    names.setdefault(given_profile(texture), "all that the scene gives")
+    names.setdefault(sharp, "ridges alone")
+    found = {name: _curve(each, scene, p_max) for each, name in names.items()}
+    curves = {name: curve for name, curve in found.items() if len(curve[0])}
     smooth = _smooth(sharp, scene, p_max)
     if len(smooth[0]):
         curves["Hertz, no grooves"] = smooth
@@ -123,24 +121,16 @@ def _figures(scene: Scene, one: Plan) -> dict[str, "Figure"]:
 
 
 def _curve(profile: Profile, scene: Scene, p_max: float) -> "tuple[FloatArray, FloatArray]":
-    reduced = 4 / math.pi * (1 - scene.nu**2)
-    found = reaching_loads(profile, W_max=reduced * p_max, n_max=200, rel_tol=_TOLERANCE)
+    factor = load_factor(scene.nu)
+    found = reaching_loads(profile, W_max=factor * p_max, n_max=200, rel_tol=_TOLERANCE)
     ok = np.array([status == "ok" for status in found.status], dtype=bool)
-    return found.W[ok] / reduced, found.Q[ok].astype(float)
+    return found.W[ok] / factor, found.Q[ok].astype(float)
 
 
 def _smooth(profile: Profile, scene: Scene, p_max: float) -> "tuple[FloatArray, FloatArray]":
     Q = np.arange(4.0, 404.0, 2.0)
     loads = hertz.transition_load(Q, profile.a, profile.b, nu=scene.nu)
     return loads[loads <= p_max], Q[loads <= p_max]
-
-
-def _save(figure: "Figure", path: Path) -> None:
-    from ridgebayes.figures.style import as_bytes
-
-    for kind in ("png", "svg"):
-        with replacing(path.with_name(f"{path.name}.{kind}")) as partial:
-            partial.write_bytes(as_bytes(figure, kind))
 
 
 def _report(found: "pd.DataFrame") -> str:

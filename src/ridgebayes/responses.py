@@ -7,10 +7,9 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from ridgebayes.contact.lands import Profile
-from ridgebayes.contact.pressed import Pressed, many_pressed
-from ridgebayes.effects import plan, texture_label
+from ridgebayes.contact.pressed import Pressed, load_factor, many_pressed
+from ridgebayes.effects import given_profile, plan, texture_label
 from ridgebayes.errors import InputError
-from ridgebayes.generation import given_profile
 from ridgebayes.scene import Scene, Texture
 
 RESPONSE_COLUMNS = [
@@ -74,14 +73,14 @@ def contact_at_loads(
     """
     rows = []
     for label, load, found in _solved(scene, p_over_E, solver, rel_tol):
-        grooves = _penetrations(found)
+        grooves, (left, right) = _penetrations(found), found.ends
         rows.append(
             [
                 label,
                 load,
                 found.Q,
                 found.contact_fraction,
-                _half_width(found),
+                0.5 * (right - left),
                 found.approach,
                 max(grooves.values(), default=math.nan),
                 found.status,
@@ -148,8 +147,7 @@ def _solved(
     found = []
     for texture, profile in _profiles(scene, solver):
         label = texture_label(texture.a_over_R, texture.b_over_R)
-        W = 4 / math.pi * (1 - scene.nu**2) * loads
-        solutions = many_pressed(profile, W, rel_tol=rel_tol)
+        solutions = many_pressed(profile, load_factor(scene.nu) * loads, rel_tol=rel_tol)
         found += [(label, p, one) for p, one in zip(loads.tolist(), solutions, strict=True)]
     return found
 
@@ -165,14 +163,6 @@ def _profiles(scene: Scene, solver: str) -> list[tuple[Texture, Profile]]:
         (one.texture, one.profile or Profile(one.texture.a_over_R, one.texture.b_over_R))
         for one in plan(scene)
     ]
-
-
-def _half_width(found: Pressed) -> float:
-    if not found.lands:
-        return math.nan
-    intervals = found.pressing.intervals
-    left = -intervals.right[-1] if found.profile.mirrored else intervals.left[0]
-    return 0.5 * float(intervals.right[-1] - left)
 
 
 def _penetrations(found: Pressed) -> dict[int, float]:

@@ -120,6 +120,10 @@ class Scene(_Record):
     friction: NotNegative = 0.0
     relative: Relative | None = None
 
+    def highest_load(self, texture: Texture) -> float:
+        """Return the highest p/E on one of the textures: its own, or the scene's."""
+        return self.p_over_E if texture.max_p_over_E is None else texture.max_p_over_E
+
     @field_validator("textures")
     @classmethod
     def _no_two_alike(cls, textures: tuple[Texture, ...]) -> tuple[Texture, ...]:

@@ -153,14 +153,11 @@ class Pressing:
         ):
             for sign in signs[: 1 if self.intervals.straddles and i == 0 else 2]:
                 s = (sign * x - centre) / half
-                near = np.abs(s) < 1.5
-                if near.any():
-                    beyond = np.maximum(np.abs(s[near]) - 1.0, 0.0)
-                    log_z = -np.log1p(beyond + np.sqrt(beyond * (2.0 + beyond)))
-                    theta = np.arccos(np.clip(s[near], -1.0, 1.0))
-                    weight = self.coefficients[i, cut:] * (math.pi / order)
-                    for place, a, t in zip(np.flatnonzero(near), log_z, theta, strict=True):
-                        added[place] += np.exp(order * a) * np.cos(order * t) @ weight
+                near = np.flatnonzero(np.abs(s) < 1.5)
+                excess, theta = _outside_and_angle(s[near])
+                weight = self.coefficients[i, cut:] * (math.pi / order)
+                for place, log_z, t in zip(near, -np.log1p(excess), theta, strict=True):
+                    added[place] += np.exp(order * log_z) * np.cos(order * t) @ weight
         return added
 
     def surface(self, x: ArrayLike) -> FloatArray:
@@ -302,12 +299,17 @@ def _functions(intervals: Intervals, x: FloatArray, m: int) -> FloatArray:
 
 def _potentials(centre: FloatArray, half_width: FloatArray, x: FloatArray, m: int) -> FloatArray:
     s = (x[:, None] - centre) / half_width
-    beyond = np.maximum(np.abs(s) - 1.0, 0.0)
-    # |s| - sqrt(s^2 - 1) by its reciprocal: no difference of large numbers.
-    z = 1.0 / (1.0 + beyond + np.sqrt(beyond * (2.0 + beyond)))
-    theta = np.arccos(np.clip(s, -1.0, 1.0))
+    excess, theta = _outside_and_angle(s)
+    z = 1.0 / (1.0 + excess)
     found = np.empty((*s.shape, m))
     found[..., 0] = math.pi * (math.log(2.0) - np.log(half_width) + np.log(z))
     order = np.arange(1, m)
     found[..., 1:] = z[..., None] ** order * np.cos(order * theta[..., None]) * (math.pi / order)
     return found
+
+
+def _outside_and_angle(s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return 1/z - 1 and theta: z by its reciprocal is no difference of large numbers."""
+    beyond = np.maximum(np.abs(s) - 1.0, 0.0)
+    excess = beyond + np.sqrt(beyond * (2.0 + beyond))
+    return excess, np.arccos(np.clip(s, -1.0, 1.0))

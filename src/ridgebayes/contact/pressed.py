@@ -32,6 +32,11 @@ _MAX_UNKNOWNS, _MOST_COEFFICIENTS = 4_000, 400
 _PER_LAYER, _MOST_ORDERS = 400.0, 65_536
 
 
+def load_factor(nu: float) -> float:
+    """Return W over p/E: 4 (1 - nu^2)/pi."""
+    return 4 / math.pi * (1 - nu**2)
+
+
 @dataclass(frozen=True, eq=False)
 class Pressed:
     """A body pressed on ridges.
@@ -65,14 +70,19 @@ class Pressed:
         return int(np.sum(self.pressing.intervals.weight[touched]))
 
     @property
-    def contact_fraction(self) -> float:
-        """Length in contact over the distance between the outermost ends."""
+    def ends(self) -> tuple[float, float]:
+        """Outermost ends of contact, left and right; NaN where nothing was solved."""
         intervals = self.pressing.intervals
         if not self.lands:
-            return math.nan
-        whole = float(2 * intervals.half_width @ intervals.weight)
-        first = -intervals.right[-1] if self.profile.mirrored else intervals.left[0]
-        return whole / float(intervals.right[-1] - first)
+            return math.nan, math.nan
+        last = float(intervals.right[-1])
+        return -last if self.profile.mirrored else float(intervals.left[0]), last
+
+    @property
+    def contact_fraction(self) -> float:
+        """Length in contact over the distance between the outermost ends."""
+        intervals, (first, last) = self.pressing.intervals, self.ends
+        return float(2 * intervals.half_width @ intervals.weight) / (last - first)
 
     @property
     def approach(self) -> float:
@@ -268,8 +278,8 @@ class _State:
         for i, land in enumerate(self.touched):
             ends = list(self._ends[land])
             sharp = land.corner == 0
-            is_stuck = sharp and (ends[0] == land.start or ends[1] == land.stop)
-            most = (1 - _SHRINK) * width[i] * (1.0 if is_stuck else 0.5)
+            has_stuck = sharp and (ends[0] == land.start or ends[1] == land.stop)
+            most = (1 - _SHRINK) * width[i] * (1.0 if has_stuck else 0.5)
             for side, limit in ((0, land.start), (1, land.stop)):
                 strength = found.singular[side][i]
                 step = outward[side][i]
@@ -277,7 +287,7 @@ class _State:
                     step = width[i]
                 elif strength < 0 and step >= 0:
                     step = -most
-                stuck = ends[side] == limit and land.corner == 0
+                stuck = sharp and ends[side] == limit
                 if stuck and strength >= -self._tol * typical[i]:
                     continue
                 # A contact that has only just begun is as wide as rounding lets it be.
@@ -334,10 +344,6 @@ class _State:
         return added
 
 
-def _at_both_ends(found: Pressing) -> list[FloatArray]:
-    return [strength / found.intervals.half_width for strength in found.singular]
-
-
 def _with_vertex(
     found: Pressing, land: Land, x: FloatArray, gap: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -383,7 +389,8 @@ def smallest_pressure(found: Pressing) -> float:
         ends = math.ceil(16 / math.pi * pressure.shape[1] / m)
         pressure = pressure[:, ends:-ends]
     else:
-        pressure = np.column_stack([pressure, *_at_both_ends(found)])
+        width = found.intervals.half_width
+        pressure = np.column_stack([pressure, *(end / width for end in found.singular)])
     mean = found.coefficients[:, 0] / found.intervals.half_width
     # A contact that has only just begun is as small as rounding lets it be.
     counts = found.forces * found.intervals.weight > _BEGUN * found.load

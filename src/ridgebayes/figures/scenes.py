@@ -36,10 +36,8 @@ def plot_pressed(found: Pressed) -> Figure:
     matplotlib.figure.Figure
         Above, the body's surface and the rigid one, heights stretched; below, pressure over E*.
     """
-    intervals = found.pressing.intervals
-    edge = 1.25 * float(intervals.right[-1])
-    if not found.profile.mirrored:
-        edge = max(edge, -1.25 * float(intervals.left[0]))
+    left, right = found.ends
+    edge = 1.25 * max(right, -left)
     figure = new_figure(WIDTH, 5.2)
     top, bottom = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]})
     x = np.linspace(-edge, edge, 1601)

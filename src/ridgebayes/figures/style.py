@@ -3,6 +3,7 @@
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -10,6 +11,8 @@ from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+
+from ridgebayes.atomic import replacing
 
 # Okabe and Ito's palette: told apart with every common kind of colour blindness.
 COLOURS = {
@@ -134,6 +137,13 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
             FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None, "Creator": None})
     FigureCanvasBase(figure)  # lets go of the pixels
     return file.getvalue()
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG and SVG, each whole or not at all; `path` has no suffix."""
+    for kind in ("png", "svg"):
+        with replacing(path.with_name(f"{path.name}.{kind}")) as partial:
+            partial.write_bytes(as_bytes(figure, kind))
 
 
 def lay_out(figure: Figure) -> None:

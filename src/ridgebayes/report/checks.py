@@ -1,7 +1,8 @@
 """Sections on whether the model holds: coverage of its bands, predictive checks, power-scaling."""
 
+import numpy as np
+
 from ridgebayes.comparison import Comparison
-from ridgebayes.figures import gallery
 from ridgebayes.fit import Fit
 from ridgebayes.power_scaling import THRESHOLD, power_scaling
 from ridgebayes.predictive_checks import posterior_checks
@@ -54,10 +55,10 @@ def coverage_section(comparison: Comparison) -> Section:
 
 def checks_section(comparison: Comparison) -> Section:
     """Return the predictive checks of the best form."""
-    drawn = gallery(comparison)
     fit = _fit(comparison)
+    data = fit.model.data
     blocks: list[Text | Table | Picture] = []
-    if "posterior-checks" in drawn:
+    if data.is_exact.any():
         found = posterior_checks(fit, rng=fit.seed).table()
         odd = found[found["two_sided"] < 0.05]
         words = (
@@ -79,7 +80,7 @@ def checks_section(comparison: Comparison) -> Section:
                 "observed ones over the posterior's draws.",
             ),
         ]
-    if "prior-bands" in drawn:
+    if np.any(data.Q >= 4):
         blocks.append(
             Picture(
                 comparison,
