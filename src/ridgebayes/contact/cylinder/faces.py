@@ -1,0 +1,305 @@
+"""The rigid side as faces cut into segments: tops, round corners, walls, floors, a plate above.
+
+Contact pressure lives on these segments, constant on each. The ends of a top are ends of segments:
+a sharp corner needs no node of the body's mesh under it, wherever the body slides to.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.lands import Land, Profile
+
+_GAUSS = 3  # points between kinks, where the gap is smooth
+_GROWTH = 0.25  # of segments, with distance from the nearest corner
+_WALL = 0.5  # a wall without a floor ends this many groove widths down
+_BEHIND = 0.02  # how far the body may be inside the rigid side on the way, over R
+_NEAR = 0.05  # nodes further from a face than this, over R, are no kinks of its gap
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """How finely the rigid side is cut; lengths over R.
+
+    Parameters
+    ----------
+    corner : float
+        Length of segments at sharp corners.
+    arc : int
+        Segments of a round corner.
+    most : float
+        Length of the longest on a ridge.
+    edge : float
+        Length of the body's edges. A sharp corner's wall begins so far down: above, edges that
+        turn around the corner are on neither side of it.
+    """
+
+    corner: float
+    arc: int
+    most: float
+    edge: float
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """A straight or round part of the rigid side, cut into segments.
+
+    Parameters
+    ----------
+    origin : ndarray of float, shape (2,)
+        A point of the straight line, or the centre of the circle.
+    angle : float
+        Of a straight face: its normal is (sin, cos) of it.
+    radius : float
+        Of a round face; 0 of a straight one.
+    breaks : ndarray of float, shape (n + 1,)
+        Ends of segments, rising: distance from the origin along (cos, -sin) of the angle, or
+        the normal's angle itself.
+    ridge : int or None
+        Number of the ridge it belongs to; None of floors and plates.
+    rises : bool
+        Whether it moves up with the ridges.
+    below : float or None
+        Height of the sharp corner that a wall hangs from. A body that has slipped into the ridge
+        by less than its depth under the corner has come through the wall, by more from above.
+    """
+
+    origin: FloatArray
+    angle: float
+    radius: float
+    breaks: FloatArray
+    ridge: int | None
+    rises: bool = True
+    below: float | None = None
+
+    @property
+    def measure(self) -> float:
+        """Length of a unit of the breaks."""
+        return self.radius or 1.0
+
+    def at(self, where: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return points and normals, shape (n, 2)."""
+        angle = where if self.radius else np.full_like(where, self.angle)
+        normal = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
+        if self.radius:
+            return self.origin + self.radius * normal, normal
+        tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=-1)
+        return self.origin + where[:, None] * tangent, normal
+
+    def of(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return where points project to, and their distance from the face; shape (n,)."""
+        x = point - self.origin
+        if self.radius:
+            return np.arctan2(x[:, 0], x[:, 1]), np.hypot(x[:, 0], x[:, 1]) - self.radius
+        sine, cosine = math.sin(self.angle), math.cos(self.angle)
+        return x @ np.array([cosine, -sine]), x @ np.array([sine, cosine])
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Quadrature points of all segments, between the kinks of the gap."""
+
+    point: FloatArray
+    normal: FloatArray
+    weight: FloatArray
+    segment: IntArray
+    face: IntArray
+    behind: FloatArray
+
+
+class Faces:
+    """All faces, and their segments in one row.
+
+    Parameters
+    ----------
+    faces : sequence of Face
+        The rigid side.
+    """
+
+    def __init__(self, faces: Sequence[Face]) -> None:
+        self.faces = tuple(faces)
+        counts = [len(face.breaks) - 1 for face in self.faces]
+        self._first = np.concatenate([[0], np.cumsum(counts)])
+        self.length: FloatArray = np.concatenate(
+            [face.measure * np.diff(face.breaks) for face in self.faces]
+        )
+        self.rises = np.repeat([face.rises for face in self.faces], counts)
+        self.face: IntArray = np.repeat(np.arange(len(counts)), counts)
+        self.radius = np.array([face.radius for face in self.faces])
+
+    def __len__(self) -> int:
+        return len(self.length)
+
+    def of_ridge(self, number: int) -> np.ndarray:
+        """Return which segments belong to a ridge, shape (n_segment,)."""
+        return np.array([face.ridge == number for face in self.faces])[self.face]
+
+    def rays(self, nodes: FloatArray, rise: float) -> Rays:
+        """Return quadrature points for a rim whose gap has kinks at some nodes.
+
+        Parameters
+        ----------
+        nodes : ndarray of float, shape (n_node, 2), over R
+            End points of the rim's edges.
+        rise : float, over R
+            Of the ridges.
+        """
+        x, w = np.polynomial.legendre.leggauss(_GAUSS)
+        some: list[tuple[FloatArray, ...]] = []
+        for number, face in enumerate(self.faces):
+            up = np.array([0.0, rise if face.rises else 0.0])
+            place, apart = face.of(nodes - up)
+            kinks = place[np.abs(apart) < _NEAR]
+            kinks = kinks[(kinks > face.breaks[0]) & (kinks < face.breaks[-1])]
+            breaks = np.unique(np.concatenate([face.breaks, kinks]))
+            low, width = breaks[:-1, None], np.diff(breaks)[:, None]
+            where = (low + 0.5 * width * (1.0 + x)).ravel()
+            weight = (0.5 * face.measure * width * w).ravel()
+            segment = np.searchsorted(face.breaks, where) - 1 + self._first[number]
+            point, normal = face.at(where)
+            behind = np.full(len(where), _BEHIND)
+            if face.below is not None:
+                behind = np.minimum(face.below - point[:, 1], _BEHIND)
+            number_of = np.full(len(where), number)
+            some.append((point + up, normal, weight, segment, number_of, behind))
+        return Rays(*(np.concatenate([one[i] for one in some]) for i in range(6)))
+
+
+@dataclass(frozen=True)
+class Corner:
+    """The corner of a ridge that the body reaches first: centre of its arc, and radius."""
+
+    ridge: int
+    centre: tuple[float, float]
+    radius: float
+
+
+def first_height(profile: Profile) -> float:
+    """Return the height of the ridges' tops at which they touch the disk of radius 1."""
+    heights = []
+    for land in profile.lands(3 * profile.pitch):
+        if land.start <= 0.0 <= land.stop:
+            heights.append(-1.0 + land.depth)
+            continue
+        inner = min(abs(land.start), abs(land.stop)) + land.corner
+        if inner < 1.0 + land.corner:
+            centre = -math.sqrt((1.0 + land.corner) ** 2 - inner**2)
+            heights.append(centre + land.corner + land.depth)
+    return min(heights)
+
+
+def proximal_corner(profile: Profile, number: int, height: float) -> Corner:
+    """Return the corner of a ridge nearest to the body's axis."""
+    land = profile.ridge(number)
+    right = land.start + land.stop > 0
+    x = land.start + land.corner if right else land.stop - land.corner
+    return Corner(number, (x, height - land.corner), land.corner)
+
+
+def ridge_faces(
+    profile: Profile, numbers: range, height: float, resolution: Resolution
+) -> list[Face]:
+    """Cut ridges and the floors between them.
+
+    Parameters
+    ----------
+    profile : Profile
+        The rigid side; of a mirrored one the right half is cut.
+    numbers : range
+        Ridges.
+    height : float
+        Of their tops.
+    resolution : Resolution
+        Lengths of segments.
+
+    Returns
+    -------
+    list of Face
+        Tops, round corners, walls and floors.
+    """
+    found: list[Face] = []
+    for number in numbers:
+        found += _ridge(profile, profile.ridge(number), height, resolution)
+    if math.isfinite(profile.depth):
+        for number in range(numbers.start - 1, numbers.stop):
+            land = profile.floor_after(number)
+            start = max(land.start, 0.0) if profile.mirrored else land.start
+            if land.stop > start:
+                n = math.ceil((land.stop - start) / resolution.most)
+                breaks = np.linspace(start, land.stop, n + 1)
+                found.append(Face(np.array([0.0, height - profile.depth]), 0.0, 0.0, breaks, None))
+    return found
+
+
+def plate(width: float, segment: float, *, mirrored: bool, above: bool) -> Face:
+    """Cut a flat plate at y = 1 above the disk, or at y = -1 below it.
+
+    Parameters
+    ----------
+    width : float
+        Half its width.
+    segment : float
+        Length of segments.
+    mirrored : bool
+        Cut the right half alone.
+    above : bool
+        Whether it is above the disk and stays, or below and rises.
+    """
+    n = math.ceil(width / segment)
+    breaks = np.linspace(0.0, width, n + 1)
+    if not mirrored:
+        breaks = np.concatenate([-breaks[:0:-1], breaks])
+    if above:
+        return Face(np.array([0.0, 1.0]), math.pi, 0.0, -breaks[::-1], None, rises=False)
+    return Face(np.array([0.0, -1.0]), 0.0, 0.0, breaks, 0)
+
+
+def _ridge(
+    profile: Profile, land: Land, height: float, resolution: Resolution
+) -> Iterator[Face]:
+    r, number = land.corner, land.ridge
+    depth = min(profile.depth, max(_WALL * profile.b, 2 * r))
+    at_corner = r * math.pi / 2 / resolution.arc if r else resolution.corner
+    cut_up = _graded if r else _cut
+    start, stop = land.flat
+    cut = profile.mirrored and start < 0.0
+    low = 0.0 if cut else start
+    if stop > low:
+        first = resolution.most if cut else at_corner
+        breaks = low + cut_up(stop - low, first, at_corner, resolution.most)
+        yield Face(np.array([0.0, height]), 0.0, 0.0, breaks, number)
+    for side, at in ((-1.0, start), (1.0, stop)):
+        if cut and side < 0:
+            continue
+        if r:
+            angle = np.sort(side * np.linspace(0.0, math.pi / 2, resolution.arc + 1))
+            yield Face(np.array([at, height - r]), 0.0, r, angle, number)
+        top = r or resolution.edge
+        if depth > top:
+            down = top + _graded(depth - top, at_corner, resolution.most, resolution.most)
+            breaks = np.sort(side * down)  # along (cos, -sin): downwards on the right
+            origin = np.array([at + side * r, height])
+            yield Face(
+                origin, side * math.pi / 2, 0.0, breaks, number, below=None if r else height
+            )
+
+
+def _cut(length: float, first: float, last: float, most: float) -> FloatArray:
+    """Return breaks from 0 to length: a segment of each given end, and equal ones between."""
+    if length <= 2 * (first + last):
+        return np.linspace(0.0, length, 5)
+    between = length - first - last
+    n = max(round(between / most), 1)
+    return np.concatenate([[0.0], first + np.linspace(0.0, between, n + 1), [length]])
+
+
+def _graded(length: float, first: float, last: float, most: float) -> FloatArray:
+    """Return breaks from 0 to length: segments of about first, growing, then about last."""
+    fine = np.linspace(0.0, length, 4001)
+    size = np.minimum(np.minimum(first + _GROWTH * fine, last + _GROWTH * (length - fine)), most)
+    count = np.concatenate([[0.0], np.cumsum(0.5 * (1 / size[1:] + 1 / size[:-1]))]) * fine[1]
+    n = max(math.ceil(count[-1] - 1e-9), 1)
+    return np.interp(np.linspace(0.0, count[-1], n + 1), count, fine)

@@ -1,0 +1,218 @@
+"""Graded quadrilateral meshes of a disk, finest along the part of its rim that is pressed.
+
+A core of three blocks in each quarter, and around it a ring in polar coordinates, whose columns
+split in three on their way to the rim: every transition is made of quadrilaterals, so that no mesh
+generator is needed. Edges are quadratic and follow the circle.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from skfem import MeshQuad, MeshQuad2
+
+from ridgebayes._types import FloatArray, IntArray
+
+_CORE = 0.45  # radius of the core over that of the disk
+_FEWEST = 6  # columns of the core along a quarter of its rim
+_LAYER = 1.0  # depth at which columns of a width split, in that width
+
+
+@dataclass(frozen=True, eq=False)
+class DiskMesh:
+    """A part of the disk of radius 1 around the origin, pressed from below.
+
+    Parameters
+    ----------
+    mesh : skfem.MeshQuad2
+        Nine-node quadrilaterals.
+    rim : ndarray of int, shape (n_edge, 3)
+        Nodes of the edges along the circle, counter-clockwise from the lowest angle: first,
+        middle, last.
+    axis, mid_plane : ndarray of int
+        Nodes with x = 0, and with y = 0.
+    """
+
+    mesh: MeshQuad2
+    rim: IntArray
+    axis: IntArray
+    mid_plane: IntArray
+
+    @property
+    def points(self) -> FloatArray:
+        """Node coordinates, shape (n_node, 2)."""
+        return np.ascontiguousarray(self.mesh.doflocs.T)
+
+
+def disk_mesh(
+    size: Callable[[FloatArray], FloatArray],
+    *,
+    refine: int = 1,
+    both_sides: bool = False,
+    whole: bool = False,
+) -> DiskMesh:
+    """Mesh a quarter of a disk, its lower half or all of it.
+
+    Parameters
+    ----------
+    size : callable
+        Wanted length of the rim's edges, over the radius, at angles from the lowest point, shape
+        (n,), 0 to pi/2; of both sides where both are meshed.
+    refine : int, optional
+        Makes elements inside smaller by this factor, the rim's being given by `size`.
+    both_sides : bool, optional
+        Mesh x < 0 too, the mirror image.
+    whole : bool, optional
+        Mesh y > 0 too, the mirror image.
+
+    Returns
+    -------
+    DiskMesh
+        Elements are about as long as wide where they are finest, and edges at most as long as
+        wanted; their neighbours inside grow with depth.
+    """
+    angles, radii = [], []  # of each quadrilateral's corners, counter-clockwise
+    smallest = float(np.min(size(np.linspace(0.0, math.pi / 2, 20_001))))
+    n_core, n_level = _columns(smallest, _FEWEST * refine)
+    edges = np.linspace(0.0, math.pi / 2, n_core + 1)
+    width = edges[1]
+    depth = 1.0 - _CORE
+
+    def add(low: FloatArray, high: FloatArray, inner: float, outer: float) -> None:
+        angles.append(np.column_stack([low, low, high, high]))
+        radii.append(np.tile([inner, outer, outer, inner], (len(low), 1)))
+
+    def rows(edges: FloatArray, start: float, stop: float, height: float) -> None:
+        n = max(round((start - stop) / height), 1)
+        at = 1.0 - np.linspace(start, stop, n + 1)
+        for inner, outer in zip(at[:-1], at[1:], strict=True):
+            add(edges[:-1], edges[1:], inner, outer)
+
+    for level in range(n_level + 1):
+        last = level == n_level
+        reach = 0.0 if last else _LAYER * width
+        if not last:
+            below = 0.8 * width / 3  # height of the row in which columns split
+            rows(edges, depth, reach, width)
+            edges = _split(edges, size, reach, below, angles, radii)
+            depth, width = reach - below, width / 3
+        else:
+            rows(edges, depth, 0.0, width)
+    theta, radius = np.concatenate(angles), np.concatenate(radii)
+    ring = np.stack([radius * np.sin(theta), -radius * np.cos(theta)], axis=-1)
+    quads = np.concatenate([_core(n_core), ring])
+    if both_sides:
+        quads = np.concatenate([quads, (quads * [-1.0, 1.0])[:, ::-1]])
+    if whole:
+        quads = np.concatenate([quads, (quads * [1.0, -1.0])[:, ::-1]])
+    return _joined(quads)
+
+
+def _columns(smallest: float, fewest: int) -> tuple[int, int]:
+    """Choose columns of the core and number of splits for the finest width to come out right."""
+    best = min(
+        (
+            (n, level)
+            for n in range(fewest, 3 * fewest - 1, 2)
+            for level in range(12)
+            if math.pi / 2 / n / 3**level <= smallest * (1 + 1e-9)
+        ),
+        key=lambda choice: -(math.pi / 2 / choice[0] / 3 ** choice[1]) + 1e-6 * choice[0],
+    )
+    return best
+
+
+def _split(
+    edges: FloatArray,
+    size: Callable[[FloatArray], FloatArray],
+    depth: float,
+    height: float,
+    angles: list[FloatArray],
+    radii: list[FloatArray],
+) -> FloatArray:
+    """Add a row in which columns wider than wanted split in three; return the edges above it."""
+    low, high = edges[:-1], edges[1:]
+    width = high - low
+    at = low[:, None] + np.linspace(0.0, 1.0, 9) * width[:, None]
+    wide = width > (1 + 1e-9) * size(at.ravel()).reshape(at.shape).min(axis=1)
+    inner, outer = 1.0 - depth, 1.0 - depth + height
+    middle = 0.5 * (inner + outer)
+    plain = ~wide
+    angles.append(np.column_stack([low, low, high, high])[plain])
+    radii.append(np.tile([inner, outer, outer, inner], (int(plain.sum()), 1)))
+    first, last, third = low[wide], high[wide], width[wide] / 3
+    one, two = first + third, last - third
+    for corners, heights in (
+        ((first, first, one, one), (inner, outer, outer, middle)),
+        ((one, one, two, two), (middle, outer, outer, middle)),
+        ((two, two, last, last), (middle, outer, outer, inner)),
+        ((first, one, two, last), (inner, middle, middle, inner)),
+    ):
+        angles.append(np.column_stack(corners))
+        radii.append(np.tile(heights, (len(first), 1)))
+    return np.sort(np.concatenate([edges, one, two]))
+
+
+def _core(n: int) -> FloatArray:
+    """Return the quadrilaterals of the core: a square and two blocks from it to the ring."""
+    m = n // 2
+    side = 0.55 * _CORE
+    grid = np.linspace(0.0, side, m + 1)
+    theta = np.linspace(0.0, math.pi / 2, n + 1)
+    arc = _CORE * np.column_stack([np.sin(theta), -np.cos(theta)])
+    inner = np.concatenate(
+        [
+            np.column_stack([grid, np.full(m + 1, -side)]),
+            np.column_stack([np.full(m, side), -grid[-2::-1]]),
+        ]
+    )
+    n_row = max(m // 2, 1)
+    t = np.linspace(0.0, 1.0, n_row + 1)[:, None, None]
+    around = inner + t * (arc - inner)  # (row, column, 2)
+    X, Y = np.meshgrid(grid, -grid, indexing="ij")
+    square = np.stack([X, Y], axis=-1)
+    return np.concatenate([_cells(square)[:, ::-1], _cells(around)])
+
+
+def _cells(grid: FloatArray) -> FloatArray:
+    cells = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2)
+    return cells.reshape(-1, 4, 2)
+
+
+def _joined(quads: FloatArray) -> DiskMesh:
+    """Join quadrilaterals at their common corners, and bend the edges of the ring."""
+    corners = quads.reshape(-1, 2)
+    keys = np.round(corners * 1e9).astype(np.int64)
+    _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    cells = number.reshape(-1, 4)
+    flat = MeshQuad(np.ascontiguousarray(corners[first].T), np.ascontiguousarray(cells.T))
+    mesh = MeshQuad2.from_mesh(flat)
+    points = np.array(mesh.doflocs)
+    element, facets = mesh.dofs.element_dofs, flat.facets
+    middle = mesh.dofs.facet_dofs[0]
+    points[:, middle] = _halfway(points[:, facets])
+    points[:, element[8]] = _halfway(points[:, element[:4]])
+    mesh = MeshQuad2(points, mesh.t)
+    on_rim = np.hypot(*points[:, facets]).min(axis=0) > 1.0 - 1e-9
+    ends = facets[:, on_rim]
+    theta = np.arctan2(points[0], -points[1])
+    ends = np.where(theta[ends[0]] <= theta[ends[1]], ends, ends[::-1])
+    order = np.argsort(theta[ends[0]])
+    rim = np.column_stack([ends[0], middle[on_rim], ends[1]])[order]
+    return DiskMesh(
+        mesh,
+        rim,
+        np.flatnonzero(np.abs(points[0]) < 1e-12),
+        np.flatnonzero(np.abs(points[1]) < 1e-12),
+    )
+
+
+def _halfway(points: FloatArray) -> FloatArray:
+    """Return the middle of some points, shape (2, n_point, n): in polar coordinates in the ring."""
+    straight = points.mean(axis=1)
+    radius = np.hypot(*points)
+    ring = radius.min(axis=0) > _CORE - 1e-9
+    direction = (points / np.maximum(radius, 1e-300)).mean(axis=1)
+    direction /= np.maximum(np.hypot(*direction), 1e-300)
+    return np.where(ring, radius.mean(axis=0) * direction, straight)

@@ -1,0 +1,191 @@
+"""Forces and stiffness of a meshed body: quadratic displacements, linear pressure in each element.
+
+Nine-node quadrilaterals with three pressures of their own each (Q2/P-1): the pressures of an
+element meet no other element, so that they are condensed into its displacements.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sparse
+from skfem import Basis, ElementQuad2
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.cylinder.material import Material, cofactor, jacobian
+from ridgebayes.contact.cylinder.mesh import DiskMesh
+
+# Where the volume cannot change, the linearised constraint is condensed with this compressibility
+# (times E) instead of none. It enters no equation, only the Newton step, whose error it makes.
+_SOFTENING = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Assembled:
+    """Forces of one state and its linearisation.
+
+    Parameters
+    ----------
+    force : ndarray of float, shape (n_node, 2)
+        Internal force on the nodes at the state's own pressures.
+    volume : ndarray of float, shape (n_element, 3)
+        Residual of the pressures' equations.
+    condensed : ndarray of float, shape (n_node, 2)
+        Force of the condensed pressures: force + condensed + stiffness du = 0 is the linear step.
+    stiffness : scipy.sparse.csc_array, shape (2 n_node, 2 n_node)
+        Of displacements alone.
+    """
+
+    force: FloatArray
+    volume: FloatArray
+    condensed: FloatArray
+    stiffness: sparse.csc_array
+    _coupling: FloatArray
+    _inverse: FloatArray
+
+    def pressure_step(self, du: FloatArray, dofs: IntArray) -> FloatArray:
+        """Return the step of the pressures that goes with one of the displacements."""
+        change = self.volume + np.einsum("eqd,ed->eq", self._coupling, du.reshape(-1)[dofs])
+        return np.einsum("epq,eq->ep", self._inverse, change)
+
+
+class InvertedError(Exception):
+    """An element is turned inside out: the step was too long."""
+
+
+class Solid:
+    """A meshed body of one material.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+        The body.
+    material : Material
+        What it is made of.
+    """
+
+    def __init__(self, mesh: DiskMesh, material: Material) -> None:
+        self.mesh, self.material = mesh, material
+        basis = Basis(mesh.mesh, ElementQuad2(), intorder=5)
+        self.nodes: IntArray = basis.element_dofs.T.astype(np.int64)  # (element, 9)
+        # (element, point, node, direction)
+        self._grad = np.stack([basis.basis[i][0].grad for i in range(9)]).transpose(2, 3, 0, 1)
+        self._grad = np.ascontiguousarray(self._grad)
+        self._weight = np.asarray(basis.dx)
+        at = np.asarray(basis.global_coordinates().value)  # (2, element, point)
+        centre = np.average(at, axis=2, weights=np.broadcast_to(self._weight, at.shape))
+        extent = np.sqrt(self._weight.sum(axis=1))
+        local = (at - centre[..., None]) / extent[:, None]
+        # Pressures: constant and linear in space, (element, point, 3).
+        self._linear = np.stack([np.ones_like(local[0]), *local], axis=-1)
+        self.points = mesh.points
+        self.n_node, self.n_element = len(self.points), len(self.nodes)
+        self.dofs = np.stack([2 * self.nodes, 2 * self.nodes + 1], axis=-1).reshape(-1, 18)
+        self._mass = np.einsum("eg,egp,egq->epq", self._weight, self._linear, self._linear)
+
+    @cached_property
+    def _pattern(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Places of the element matrices' entries in the compressed columns of the whole."""
+        rows = np.repeat(self.dofs, 18, axis=1).ravel()
+        columns = np.tile(self.dofs, (1, 18)).ravel()
+        n = 2 * self.n_node
+        key, place = np.unique(columns * n + rows, return_inverse=True)
+        pointers = np.searchsorted(key // n, np.arange(n + 1))
+        return place, key % n, pointers
+
+    def gradients(self, u: FloatArray) -> FloatArray:
+        """Return F = 1 + grad u at the quadrature points, shape (n_element, n_point, 2, 2)."""
+        return np.eye(2) + np.einsum("eni,egnj->egij", u[self.nodes], self._grad)
+
+    def pressures(self, p: FloatArray) -> FloatArray:
+        """Return the pressure field at the quadrature points, shape (n_element, n_point)."""
+        return np.einsum("egp,ep->eg", self._linear, p)
+
+    def no_pressure(self) -> FloatArray:
+        """Return the pressures of the unloaded body, shape (n_element, 3)."""
+        return np.zeros((self.n_element, 3))
+
+    def force(self, u: FloatArray, p: FloatArray) -> FloatArray:
+        """Return the internal force on the nodes, shape (n_node, 2)."""
+        stress = self.material.stress(self.gradients(u), self.pressures(p))
+        return self._scattered(self._element_force(stress))
+
+    def energy(self, u: FloatArray) -> float:
+        """Return the stored energy over E R^2 and unit length."""
+        return float(np.sum(self._weight * self.material.energy(self.gradients(u))))
+
+    def volume_residual(self, u: FloatArray, p: FloatArray) -> FloatArray:
+        """Return the residual of J - 1 - p/K = 0, shape (n_element, 3)."""
+        change = self._volume_change(self.gradients(u))
+        change = change - self.material.compressibility * self.pressures(p)
+        return np.einsum("eg,eg,egp->ep", self._weight, change, self._linear)
+
+    def assemble(self, u: FloatArray, p: FloatArray) -> Assembled:
+        """Linearise at a state.
+
+        Parameters
+        ----------
+        u : ndarray of float, shape (n_node, 2), over R
+            Displacements.
+        p : ndarray of float, shape (n_element, 3), over E
+            Pressures, tension positive.
+
+        Returns
+        -------
+        Assembled
+            Forces, residuals and the stiffness of the displacements.
+
+        Raises
+        ------
+        InvertedError
+            If the volume is not positive everywhere.
+        """
+        F, pressure = self.gradients(u), self.pressures(p)
+        material, n = self.material, self.n_element
+        if material.finite and not jacobian(F).min() > 0:
+            raise InvertedError("an element is turned inside out")
+        stress = material.stress(F, pressure)
+        tangent = material.stiffness(F, pressure) * self._weight[..., None, None, None, None]
+        tangent = tangent.transpose(0, 1, 2, 4, 3, 5)  # (e, g, i, k, j, l)
+        n_point = self._weight.shape[1]
+        grad = self._grad.reshape(n, n_point, 9, 2)
+        # K[n i, m k] = sum over g, j, l of grad[n j] A[i k j l] grad[m l]
+        half = np.einsum("egikjl,egml->egikjm", tangent, grad, optimize=True)
+        left = grad.transpose(0, 2, 1, 3).reshape(n, 9, 2 * n_point)
+        right = half.transpose(0, 1, 4, 2, 5, 3).reshape(n, 2 * n_point, 36)
+        K = (left @ right).reshape(n, 9, 2, 9, 2).reshape(n, 18, 18)
+        cof = cofactor(F) if material.finite else np.broadcast_to(np.eye(2), F.shape)
+        pull = np.einsum("egij,egnj->egni", cof, grad).reshape(n, n_point, 18)
+        weighted = (self._linear * self._weight[..., None]).transpose(0, 2, 1)
+        coupling = weighted @ pull  # (e, 3, 18)
+        inverse = np.linalg.inv(max(material.compressibility, _SOFTENING) * self._mass)
+        volume = self.volume_residual(u, p)
+        transposed = coupling.transpose(0, 2, 1) @ inverse
+        K = K + transposed @ coupling
+        condensed = np.einsum("edq,eq->ed", transposed, volume).reshape(n, 9, 2)
+        return Assembled(
+            self._scattered(self._element_force(stress)),
+            volume,
+            self._scattered(condensed),
+            self._summed(K),
+            coupling,
+            inverse,
+        )
+
+    def _volume_change(self, F: FloatArray) -> FloatArray:
+        if self.material.finite:
+            return jacobian(F) - 1.0
+        return np.asarray(F[..., 0, 0] + F[..., 1, 1] - 2.0)
+
+    def _element_force(self, stress: FloatArray) -> FloatArray:
+        return np.einsum("eg,egij,egnj->eni", self._weight, stress, self._grad, optimize=True)
+
+    def _scattered(self, forces: FloatArray) -> FloatArray:
+        flat = np.bincount(self.dofs.ravel(), forces.reshape(-1), 2 * self.n_node)
+        return flat.reshape(-1, 2)
+
+    def _summed(self, matrices: FloatArray) -> sparse.csc_array:
+        place, rows, pointers = self._pattern
+        values = np.bincount(place, matrices.ravel(), len(rows))
+        n = 2 * self.n_node
+        return sparse.csc_array((values, rows, pointers), shape=(n, n))

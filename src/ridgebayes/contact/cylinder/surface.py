@@ -1,0 +1,214 @@
+"""Gaps between the deformed rim and the rigid side, with their derivatives.
+
+From a point y of the rigid side a ray runs along its normal n to the rim x(s): the gap is
+n.(x(s) - y) where t.(x(s) - y) = 0. With m = n - t (n.x')/(t.x') and ds = -(t.du)/(t.x'),
+
+    dg = m.du(s),    d2g = m.(du'(s) ds + Du'(s) ds) + (m.x'') ds Ds.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ridgebayes._types import FloatArray, IntArray
+
+
+def shapes(s: FloatArray) -> FloatArray:
+    """Return the quadratic shape functions of an edge at s in [0, 1], shape (..., 3)."""
+    return np.stack([(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)], axis=-1)
+
+
+def slopes(s: FloatArray) -> FloatArray:
+    """Return their derivatives by s, shape (..., 3)."""
+    return np.stack([4 * s - 3, 4 - 8 * s, 4 * s - 1], axis=-1)
+
+
+_BENDS = np.array([4.0, -8.0, 4.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Where rays from the rigid side meet the rim; one entry per ray that does.
+
+    Parameters
+    ----------
+    ray : ndarray of int, shape (n,)
+        Number of the ray.
+    edge : ndarray of int, shape (n,)
+        Edge of the rim it meets.
+    s : ndarray of float, shape (n,)
+        Place on the edge, 0 to 1.
+    gap : ndarray of float, shape (n,)
+        Along the ray; negative where the body reaches into the rigid side.
+    gradient : ndarray of float, shape (n, 3, 2)
+        Derivative of the gap by the edge's node positions.
+    hessian : ndarray of float, shape (n, 6, 6)
+        Second derivative.
+    slide : ndarray of float, shape (n, 3, 2)
+        Derivative of s by the edge's node positions.
+    tangent : ndarray of float, shape (n, 2)
+        Of the rigid side.
+    """
+
+    ray: IntArray
+    edge: IntArray
+    s: FloatArray
+    gap: FloatArray
+    gradient: FloatArray
+    hessian: FloatArray
+    slide: FloatArray
+    tangent: FloatArray
+
+
+def cast(
+    rim: FloatArray, point: FloatArray, normal: FloatArray, *, behind: FloatArray, ahead: float
+) -> Hits:
+    """Cast rays from the rigid side to the rim.
+
+    Parameters
+    ----------
+    rim : ndarray of float, shape (n_edge, 3, 2), over R
+        Node positions of its edges, the body on the left of their direction.
+    point, normal : ndarray of float, shape (n, 2)
+        Rays.
+    behind : ndarray of float, shape (n,)
+        How far to look back along each ray.
+    ahead : float
+        How far to look forward.
+
+    Returns
+    -------
+    Hits
+        Of each ray that enters the body within that range, the entry nearest to its point.
+    """
+    tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=-1)
+    along = tangent @ rim.reshape(-1, 2).T  # of every node on every ray's tangent
+    along = along.reshape(len(point), -1, 3) - np.einsum("ni,ni->n", tangent, point)[:, None, None]
+    # A parabola stays between its control points, the middle one twice as far out as the node.
+    control = 2.0 * along[..., 1] - 0.5 * (along[..., 0] + along[..., 2])
+    low = np.minimum(np.minimum(along[..., 0], along[..., 2]), control)
+    high = np.maximum(np.maximum(along[..., 0], along[..., 2]), control)
+    ray, edge = np.nonzero((low <= 0.0) & (high >= 0.0))
+    s, where = _rising_roots(along[ray, edge])
+    ray, edge = ray[where], edge[where]
+    at = rim[edge]
+    x = np.einsum("nk,nki->ni", shapes(s), at)
+    gap = np.einsum("ni,ni->n", normal[ray], x - point[ray])
+    near = (gap > -behind[ray]) & (gap < ahead)
+    order = np.lexsort((np.abs(gap), ray))
+    order = order[near[order]]
+    first = order[np.unique(ray[order], return_index=True)[1]]
+    return _with_derivatives(
+        ray[first], edge[first], s[first], gap[first], rim, tangent[ray[first]], normal[ray[first]]
+    )
+
+
+def _rising_roots(values: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Find where parabolas through values at 0, 1/2, 1 rise through zero; the number of each."""
+    a = 2 * values[:, 0] - 4 * values[:, 1] + 2 * values[:, 2]
+    b = -3 * values[:, 0] + 4 * values[:, 1] - values[:, 2]
+    c = values[:, 0]
+    inside = b**2 - 4 * a * c
+    real = inside >= 0
+    root = np.sqrt(np.where(real, inside, 0.0))
+    # The root with slope +root: (-b + root) / 2a, without the difference where b > 0.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = np.where(b > 0, -2 * c / (b + root), (-b + root) / (2 * a))
+    where = np.flatnonzero(real & (root > 0) & (s >= 0.0) & (s <= 1.0))
+    return s[where], where
+
+
+def _with_derivatives(
+    ray: IntArray,
+    edge: IntArray,
+    s: FloatArray,
+    gap: FloatArray,
+    rim: FloatArray,
+    tangent: FloatArray,
+    normal: FloatArray,
+) -> Hits:
+    at, N, dN = rim[edge], shapes(s), slopes(s)
+    first = np.einsum("nk,nki->ni", dN, at)
+    second = np.einsum("k,nki->ni", _BENDS, at)
+    speed = np.einsum("ni,ni->n", tangent, first)
+    m = normal - tangent * (np.einsum("ni,ni->n", normal, first) / speed)[:, None]
+    gradient = N[:, :, None] * m[:, None, :]
+    slide = -N[:, :, None] * tangent[:, None, :] / speed[:, None, None]
+    moved = (dN[:, :, None] * m[:, None, :]).reshape(-1, 6)
+    slid = slide.reshape(-1, 6)
+    cross = moved[:, :, None] * slid[:, None, :]
+    bend = np.einsum("ni,ni->n", m, second)[:, None, None]
+    hessian = cross + cross.transpose(0, 2, 1) + bend * slid[:, :, None] * slid[:, None, :]
+    return Hits(ray, edge, s, gap, gradient, hessian, slide, tangent)
+
+
+def kink(rim: FloatArray, edge: IntArray, tangent: FloatArray, normal: FloatArray) -> FloatArray:
+    """Return how much the gap's derivative jumps where one edge ends and the next begins.
+
+    Parameters
+    ----------
+    rim : ndarray of float, shape (n_edge, 3, 2)
+        Node positions of its edges.
+    edge : ndarray of int, shape (n,)
+        The edges that end there.
+    tangent, normal : ndarray of float, shape (n, 2)
+        Of the rigid side.
+
+    Returns
+    -------
+    ndarray of float, shape (n,)
+        n.x'/t.x' after the node less that before: minus the jump of m along t.
+    """
+    before = np.einsum("k,nki->ni", slopes(np.array(1.0)), rim[edge])
+    after = np.einsum("k,nki->ni", slopes(np.array(0.0)), rim[edge + 1])
+    bend = [
+        np.einsum("ni,ni->n", normal, first) / np.einsum("ni,ni->n", tangent, first)
+        for first in (before, after)
+    ]
+    return np.asarray(bend[1] - bend[0])
+
+
+def distance(rim: FloatArray, point: FloatArray) -> tuple[float, int, FloatArray]:
+    """Measure how far a point lies outside the body.
+
+    Parameters
+    ----------
+    rim : ndarray of float, shape (n_edge, 3, 2), over R
+        Node positions of its edges, the body on the left of their direction.
+    point : ndarray of float, shape (2,)
+        The point.
+
+    Returns
+    -------
+    distance : float
+        To the nearest place of the rim; negative inside the body.
+    edge : int
+        Where that is.
+    gradient : ndarray of float, shape (3, 2)
+        Derivative of the distance by that edge's node positions.
+    """
+    apart = np.linalg.norm(rim - point, axis=-1).min(axis=1)
+    size = np.linalg.norm(rim[:, 2] - rim[:, 0], axis=-1)
+    near = np.flatnonzero(apart - size <= apart.min() + 1e-300)
+    s = np.linspace(0.0, 1.0, 9)[None, :].repeat(len(near), axis=0)
+    at = rim[near]
+    x = shapes(s) @ at
+    best = np.argmin(np.linalg.norm(x - point, axis=-1), axis=1)
+    s = s[0, best]
+    for _ in range(20):
+        x = np.einsum("nk,nki->ni", shapes(s), at) - point
+        first = np.einsum("nk,nki->ni", slopes(s), at)
+        second = np.einsum("k,nki->ni", _BENDS, at)
+        f = np.einsum("ni,ni->n", x, first)
+        df = np.einsum("ni,ni->n", first, first) + np.einsum("ni,ni->n", x, second)
+        s = np.clip(s - f / np.where(df > 0, df, np.inf), 0.0, 1.0)
+    x = np.einsum("nk,nki->ni", shapes(s), at) - point
+    i = int(np.argmin(np.linalg.norm(x, axis=-1)))
+    first = slopes(s[i]) @ at[i]
+    out = np.array([first[1], -first[0]]) / np.hypot(*first)
+    away = -x[i]
+    # At a kink between edges the nearest place is the node, and the normal lies between.
+    size_of = np.hypot(*away)
+    if s[i] in (0.0, 1.0) and size_of > 0:
+        out = away / size_of * np.sign(away @ out)
+    return float(away @ out), int(near[i]), -shapes(s[i])[:, None] * out
