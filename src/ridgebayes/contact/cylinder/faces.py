@@ -126,9 +126,12 @@ class Faces:
         self.length: FloatArray = np.concatenate(
             [face.measure * np.diff(face.breaks) for face in self.faces]
         )
-        self.rises = np.repeat([face.rises for face in self.faces], counts)
+        self.rises: np.ndarray = np.repeat([face.rises for face in self.faces], counts)
         self.face: IntArray = np.repeat(np.arange(len(counts)), counts)
-        self.radius = np.array([face.radius for face in self.faces])
+        self._radius = np.array([face.radius for face in self.faces])
+        self._angle = np.array([face.angle for face in self.faces])
+        self._origin = np.array([face.origin for face in self.faces])
+        self._face_rises = np.array([face.rises for face in self.faces])
 
     def __len__(self) -> int:
         return len(self.length)
@@ -136,6 +139,37 @@ class Faces:
     def of_ridge(self, number: int) -> np.ndarray:
         """Return which segments belong to a ridge, shape (n_segment,)."""
         return np.array([face.ridge == number for face in self.faces])[self.face]
+
+    def frames(
+        self, point: FloatArray, face: IntArray, rise: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return tangents and normals of faces where points project to, and length over distance.
+
+        Parameters
+        ----------
+        point : ndarray of float, shape (n, 2), over R
+            Points near the faces.
+        face : ndarray of int, shape (n,)
+            Which.
+        rise : float, over R
+            Of the ridges.
+
+        Returns
+        -------
+        tangent, normal : ndarray of float, shape (n, 2)
+            Of each face there.
+        per_length : ndarray of float, shape (n,)
+            How far the projection moves on the face as the point moves along it.
+        """
+        radius, origin = self._radius[face], self._origin[face].copy()
+        origin[:, 1] += np.where(self._face_rises[face], rise, 0.0)
+        out = point - origin
+        far = np.hypot(out[:, 0], out[:, 1])
+        is_round = radius > 0
+        angle = np.where(is_round, np.arctan2(out[:, 0], out[:, 1]), self._angle[face])
+        normal = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
+        tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=-1)
+        return tangent, normal, np.where(is_round, radius / np.where(is_round, far, 1.0), 1.0)
 
     def rays(self, nodes: FloatArray, rise: float) -> Rays:
         """Return quadrature points for a rim whose gap has kinks at some nodes.

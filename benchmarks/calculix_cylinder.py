@@ -1,0 +1,466 @@
+"""Check the finite-element cylinder with CalculiX: ``python benchmarks/calculix_cylinder.py``.
+
+An independent solution, by a solver that shares nothing with the package but its mesh: a neo-Hookean
+quarter disk (radius 1, E = 1, plane strain) whose flat mid-plane is driven down onto frictionless
+rigid ridges with sharp corners. It prints the loads at which the rim meets the next ridge, and the
+CPU seconds and memory they cost. Needs `ccx`, the solver of CalculiX 2.20 or later, on the path.
+
+What is compared: p is the line load over 2R, so p/E is the reaction of the quarter's mid-plane. A
+ridge counts as reached when the rim meets the inner upper corner of it.
+
+The contact is a penalty, so that the body is inside the ridges by w = pressure / stiffness, and the
+rim beside them is lower than it would be by about the w of the ridge next to it. So the
+gap at the next corner is taken as that of the rim plus the mean w where the outermost ridge that
+carries touches; it is extrapolated to zero from the last levels before touching, which lie
+close, as a first run with large elements has told where the transitions are. With stiffnesses of
+2e4 and 1e5 E/R the loads so corrected differ by less than the correction's tenth (see `--penalty`).
+"""
+
+import argparse
+import math
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ridgebayes.contact.cylinder.mesh import DiskMesh, disk_mesh
+
+STATIC = "1.,1.,0.002,1."  # one increment a level, cut where it does not converge
+DEPTH = 0.06  # height of the blocks that are the ridges
+STIFF = 1000.0  # Young's modulus of these blocks, whose nodes are all held
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A texture on which a cylinder is pressed, and how it is computed; lengths over R.
+
+    Parameters
+    ----------
+    a, b : float
+        Ridge and groove widths.
+    nu : float
+        Poisson's ratio.
+    edge, corner : float
+        Length of the rim's elements under the ridges, and beside their corners.
+    reach : float
+        Angle to which the rim is fine.
+    penalty : float
+        Stiffness of the contact, pressure over overlap, over E/R.
+    element : str
+        CPE8 or, with reduced integration, CPE8R.
+    n_ridge : int
+        Ridges in the half x >= 0.
+    """
+
+    a: float
+    b: float
+    nu: float
+    edge: float
+    corner: float
+    reach: float
+    penalty: float
+    element: str
+    n_ridge: int
+
+    @property
+    def inner(self) -> np.ndarray:
+        """Inner corners of the ridges."""
+        return self.b / 2 + (self.a + self.b) * np.arange(self.n_ridge)
+
+    @property
+    def height(self) -> float:
+        """Height of the ridges' tops: the undeformed disk touches the first corner."""
+        return -math.sqrt(1.0 - (self.b / 2) ** 2)
+
+    def size(self, theta: np.ndarray) -> np.ndarray:
+        """Return the wanted length of the rim's elements at angles from the lowest point."""
+        places = np.concatenate([self.inner, self.inner + self.a])
+        corners = np.arcsin(places[places < 1.0])
+        # Points of the rim that meet a corner slide as the load grows: hence the widths.
+        apart = np.abs(theta[:, None] - corners) - (0.5 * self.corner + 0.005 * corners)
+        near = self.corner + 0.3 * np.maximum(apart.min(axis=1), 0.0)
+        return np.minimum(near, self.edge) + 0.3 * np.maximum(theta - self.reach, 0.0)
+
+
+@dataclass
+class Run:
+    """What a run of the solver gave and cost."""
+
+    nodes: int
+    elements: int
+    load: list[float] = field(default_factory=list)  # p/E of each level
+    rim: list[np.ndarray] = field(default_factory=list)  # positions of the rim's nodes, (n, 2)
+    cpu: float = 0.0
+    wall: float = 0.0
+    memory: float = 0.0  # MiB
+    ended: str = ""
+
+
+def find_solver() -> str | None:
+    """Return the path of CalculiX's solver."""
+    return shutil.which("ccx") or shutil.which("ccx_2.20")
+
+
+def hertz_load(half_width: float, nu: float) -> float:
+    """Return p/E of a smooth cylinder in contact over a half-width."""
+    return math.pi * half_width**2 / (8.0 * (1.0 - nu**2))
+
+
+def approach(p: float, nu: float) -> float:
+    """Estimate how far the mid-plane comes down at p/E."""
+    half_width = math.sqrt(8.0 * p * (1.0 - nu**2) / math.pi)
+    return 2.0 * p * (1.0 - nu**2) / math.pi * (2.0 * math.log(4.0 / half_width) - 1.0)
+
+
+def _rows(numbers: Iterable[int]) -> list[str]:
+    """Return numbers in lines of twelve."""
+    some = [str(int(number)) for number in numbers]
+    return [",".join(some[i : i + 12]) + "," for i in range(0, len(some), 12)]
+
+
+def write_deck(path: Path, setup: Setup, mesh: DiskMesh, levels: Iterable[float]) -> np.ndarray:
+    """Write the solver's input; return the nodes of the rim in their order, counted from 0.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    setup : Setup
+        What is computed.
+    mesh : DiskMesh
+        A quarter of the disk.
+    levels : iterable of float
+        Displacements of the mid-plane downwards, each the end of a step of its own: the contact
+        keeps a spurious overlap where one step holds several.
+    """
+    points, element = mesh.points, mesh.mesh.dofs.element_dofs
+    cells = element[:8].T  # corners, then middles, then the centre, which these elements lack
+    used = np.unique(cells)
+    number = np.zeros(len(points), dtype=int)
+    number[used] = np.arange(1, len(used) + 1)
+    lines = ["*NODE,NSET=NDISK"]
+    lines += [f"{number[i]},{points[i, 0]:.13g},{points[i, 1]:.13g},0." for i in used]
+    lines.append(f"*ELEMENT,TYPE={setup.element},ELSET=EDISK")
+    lines += [f"{i},{','.join(map(str, row))}" for i, row in enumerate(number[cells], 1)]
+    n_node, n_cell = len(used), len(cells)
+
+    lines.append("*NODE,NSET=NRID")
+    top, bottom = setup.height, setup.height - DEPTH
+    for k, x in enumerate(setup.inner):
+        corners = ((x, bottom), (x + setup.a, bottom), (x + setup.a, top), (x, top))
+        lines += [
+            f"{n_node + 4 * k + i},{u:.13g},{v:.13g},0." for i, (u, v) in enumerate(corners, 1)
+        ]
+    lines.append("*ELEMENT,TYPE=CPE4,ELSET=ERID")
+    for k in range(setup.n_ridge):
+        lines.append(",".join(map(str, [n_cell + k + 1, *(n_node + 4 * k + 1 + np.arange(4))])))
+
+    middle = np.arctan2(points[:, 0], -points[:, 1])[mesh.rim[:, 1]]
+    pressed = set(mesh.rim[middle < 2.0 * setup.reach + 0.05, 1])
+    lines.append("*SURFACE,NAME=BODY,TYPE=ELEMENT")
+    for side in range(4):
+        some = np.flatnonzero([i in pressed for i in cells[:, 4 + side]])
+        lines += [f"{i + 1},S{side + 1}" for i in some]
+    lines.append("*SURFACE,NAME=RIDGES,TYPE=ELEMENT")
+    lines += [f"{n_cell + k + 1},S{face}" for k in range(setup.n_ridge) for face in (3, 2, 4)]
+
+    rim = np.concatenate([mesh.rim[:, :2].ravel(), mesh.rim[-1:, 2]])
+    for name, nodes in (("NTOP", mesh.mid_plane), ("NAX", mesh.axis), ("NARC", rim)):
+        lines += [f"*NSET,NSET={name}", *_rows(n for n in number[nodes] if n)]
+    mu, bulk = 0.5 / (1.0 + setup.nu), 1.0 / (3.0 * (1.0 - 2.0 * setup.nu))
+    lines += [
+        *("*MATERIAL,NAME=BODY", "*HYPERELASTIC,NEO HOOKE", f"{mu / 2:.10g},{2.0 / bulk:.10g}"),
+        *("*MATERIAL,NAME=RIDGES", "*ELASTIC", f"{STIFF},0.3"),
+        *("*SOLID SECTION,ELSET=EDISK,MATERIAL=BODY", "1."),
+        *("*SOLID SECTION,ELSET=ERID,MATERIAL=RIDGES", "1."),
+        *("*SURFACE INTERACTION,NAME=SI", "*SURFACE BEHAVIOR,PRESSURE-OVERCLOSURE=LINEAR"),
+        f"{setup.penalty:.10g}",
+        *("*CONTACT PAIR,INTERACTION=SI,TYPE=SURFACE TO SURFACE", "BODY,RIDGES"),
+        *("*BOUNDARY", "NRID,1,2", "NAX,1,1"),
+    ]
+    for i, level in enumerate(levels):
+        lines.append("*STEP,NLGEOM,INC=60")
+        if i == 0:
+            lines += ["*CONTROLS,PARAMETERS=FIELD", "0.001,0.002"]
+        lines += [
+            *("*STATIC", STATIC, "*BOUNDARY", f"NTOP,2,2,{-level:.12g}"),
+            *("*NODE PRINT,NSET=NTOP,TOTALS=ONLY,FREQUENCY=1000", "RF"),
+            *("*NODE PRINT,NSET=NARC,FREQUENCY=1000", "U", "*END STEP"),
+        ]
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    return rim
+
+
+def read_results(path: Path, undeformed: np.ndarray) -> tuple[list[float], list[np.ndarray]]:
+    """Read loads p/E and positions of the rim's nodes, of all levels that are complete."""
+    loads: list[float] = []
+    rims: list[np.ndarray] = []
+    moved: list[tuple[float, float]] | None = None
+    force = False
+    for line in path.read_text(encoding="ascii").splitlines():
+        words = line.split()
+        if not words:
+            continue
+        if line.startswith(" total force"):
+            force, moved = True, None
+        elif line.startswith(" displacements"):
+            moved = []
+        elif force:
+            loads.append(-float(words[1]))
+            force = False
+        elif moved is not None:
+            moved.append((float(words[1]), float(words[2])))
+            if len(moved) == len(undeformed):
+                rims.append(undeformed + np.array(moved))
+    return loads[: len(rims)], rims
+
+
+def solve(setup: Setup, levels: Iterable[float], *, limit: float = 600.0) -> Run:
+    """Run the solver with one thread in a temporary folder.
+
+    Parameters
+    ----------
+    setup : Setup
+        What is computed.
+    levels : iterable of float
+        Displacements of the mid-plane.
+    limit : float, s
+        Wall time after which the solver is stopped; the levels it has done count.
+    """
+    solver = find_solver()
+    if solver is None:
+        raise FileNotFoundError("no `ccx` on the path")
+    mesh = disk_mesh(setup.size)
+    with tempfile.TemporaryDirectory() as folder:
+        deck = Path(folder) / "cylinder.inp"
+        levels = list(levels)
+        rim = write_deck(deck, setup, mesh, levels)
+        run = Run(len(mesh.points) - mesh.mesh.dofs.element_dofs.shape[1], mesh.mesh.nelements)
+        start = time.perf_counter()
+        with (Path(folder) / "log").open("wb") as log:
+            process = subprocess.Popen(
+                [solver, "-i", "cylinder"],
+                cwd=folder,
+                env={**os.environ, "OMP_NUM_THREADS": "1"},
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+            pid = 0
+            while pid == 0:
+                pid, status, used = os.wait4(process.pid, os.WNOHANG)
+                if pid == 0 and time.perf_counter() - start > limit:
+                    process.kill()
+                    pid, status, used = os.wait4(process.pid, 0)
+                elif pid == 0:
+                    time.sleep(0.1)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        run.wall = time.perf_counter() - start
+        run.cpu, run.memory = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+        results = deck.with_suffix(".dat")
+        if results.exists():
+            # The solver writes the set's nodes in the order they were given in.
+            run.load, run.rim = read_results(results, mesh.points[rim])
+        if len(run.load) < len(levels):
+            why = f"stopped after {limit:.0f} s" if process.returncode < 0 else "did not converge"
+            run.ended = f"{why}; {len(run.load)} of {len(levels)} levels"
+    return run
+
+
+def along(rim: np.ndarray) -> np.ndarray:
+    """Return a polyline along the rim's quadratic edges, eight pieces an edge."""
+    s = np.linspace(0.0, 1.0, 9)[:-1]
+    shapes = np.stack([(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)])
+    nodes = np.stack([rim[:-2:2], rim[1:-1:2], rim[2::2]])
+    return np.concatenate([np.einsum("ks,kni->nsi", shapes, nodes).reshape(-1, 2), rim[-1:]])
+
+
+def gap_at(line: np.ndarray, x: float, height: float) -> float:
+    """Return how high above the ridges' tops the rim's outermost crossing of x lies."""
+    low = line[: np.argmax(line[:, 0]) + 1]
+    i = int(np.flatnonzero(low[:, 0] < x)[-1])
+    t = (x - low[i, 0]) / (low[i + 1, 0] - low[i, 0])
+    return float(low[i, 1] + t * (low[i + 1, 1] - low[i, 1]) - height)
+
+
+def overlap_on(line: np.ndarray, start: float, stop: float, height: float) -> float:
+    """Return the mean overlap where the rim is inside the ridge between start and stop."""
+    x, depth = line[:, 0], height - line[:, 1]
+    on = (x > start) & (x < stop) & (depth > 0.0)
+    return float(depth[on].mean()) if on.any() else 0.0
+
+
+def transitions(
+    setup: Setup, values: Iterable[float], run: Run, *, correct: bool = True
+) -> list[tuple[int, float]]:
+    """Find where the rim meets corners.
+
+    Parameters
+    ----------
+    setup : Setup
+        What was computed.
+    values : iterable of float
+        One for each level, in terms of which to say it: loads, or displacements.
+    run : Run
+        The result.
+    correct : bool
+        Correct for the overlap.
+
+    Returns
+    -------
+    list of (int, float)
+        Number Q of ridges, both sides counted, that are touched afterwards, and the value there.
+    """
+    value = np.array(list(values))[: len(run.rim)]
+    lines = [along(rim) for rim in run.rim]
+    found = []
+    for k in range(1, setup.n_ridge):
+        gaps = np.array([gap_at(line, setup.inner[k], setup.height) for line in lines])
+        if not (gaps <= 0.0).any():
+            break
+        overlap = np.zeros(len(lines))
+        if correct:
+            before = setup.inner[k - 1]
+            overlap += [overlap_on(line, before, before + setup.a, setup.height) for line in lines]
+        opened = np.arange(np.flatnonzero(gaps <= 0.0)[0])[-3:]
+        if len(opened) < 2:
+            continue
+        degree = len(opened) - 1
+        y = (gaps + overlap)[opened]
+        # The value as a polynomial in the gap, at gap 0.
+        terms = np.polynomial.polynomial.polyfit(y / y[0], value[opened], degree)
+        found.append((2 * (k + 1), float(terms[0])))
+    return found
+
+
+def make_setup(
+    a: float,
+    b: float,
+    p_max: float,
+    *,
+    nu: float = 0.49,
+    edge: float = 1.5e-3,
+    corner: float = 4e-4,
+    penalty: float = 1e5,
+    element: str = "CPE8R",
+) -> Setup:
+    """Choose how far the rim is fine, and how many ridges there are."""
+    half_width = math.sqrt(8.0 * p_max * (1.0 - nu**2) / math.pi)
+    reach = math.asin(min(half_width, 0.95)) + 0.5 * (a + b)
+    n_ridge = max(2, math.ceil((half_width - b / 2) / (a + b)) + 2)
+    return Setup(a, b, nu, edge, corner, reach, penalty, element, n_ridge)
+
+
+def first_levels(setup: Setup, p_max: float, each: int) -> np.ndarray:
+    """Return displacements to p_max, so many for each pitch of contact half-width."""
+    widest = math.sqrt(8.0 * p_max * (1.0 - setup.nu**2) / math.pi)
+    n = math.ceil(each * widest / (setup.a + setup.b))
+    widths = np.linspace(0.0, widest, n + 1)[1:]
+    return np.array([approach(hertz_load(w, setup.nu), setup.nu) for w in widths])
+
+
+def refined_levels(at: list[float], each: Iterable[float] = (0.35, 0.7, 0.92, 0.98)) -> np.ndarray:
+    """Return displacements of which some lie just below each transition."""
+    start, some = 0.0, []
+    for stop in at:
+        some += [start + part * (stop - start) for part in each]
+        start = stop
+    return np.array([*some, at[-1] + 0.02 * (at[-1] - (at[-2] if len(at) > 1 else 0.0))])
+
+
+def locate(setup: Setup, p_max: float, *, each: int = 6, limit: float = 600.0) -> tuple[list, Run]:
+    """Find roughly, with large elements, the displacements at which ridges are reached."""
+    rough = Setup(
+        **{
+            **vars(setup),
+            "edge": max(setup.edge, min(setup.a, setup.b) / 8),
+            "corner": max(setup.corner, min(setup.a, setup.b) / 8),
+            "penalty": min(setup.penalty, 2e4),
+            "element": "CPE8R",
+        }
+    )
+    levels = first_levels(rough, p_max, each)
+    run = solve(rough, levels, limit=limit)
+    return [d for _, d in transitions(rough, levels, run)], run
+
+
+def calculix_transitions(
+    a: float,
+    b: float,
+    p_max: float,
+    *,
+    limit: float = 600.0,
+    report: Callable[[str], None] | None = None,
+    **options: float | str,
+) -> list[tuple[int, float]]:
+    """Compute the loads at which the next ridge is reached.
+
+    Parameters
+    ----------
+    a, b : float, over R
+        Ridge and groove widths.
+    p_max : float, over E
+        Load to which to go, about.
+    limit : float, s
+        Wall time of each of the two runs.
+    report : callable, optional
+        Told what runs cost and how they ended.
+    **options
+        Of `make_setup`: nu, edge, corner, penalty, element.
+
+    Returns
+    -------
+    list of (int, float)
+        Q, the number of ridges touched from there on, and p/E.
+    """
+    setup = make_setup(a, b, p_max, **options)  # type: ignore[arg-type]
+    tell = report or (lambda text: None)
+    at, rough = locate(setup, p_max, limit=limit)
+    tell(describe("rough", rough))
+    if not at:
+        return []
+    levels = refined_levels(at)
+    run = solve(setup, levels, limit=limit)
+    tell(describe("fine", run))
+    for Q, p in transitions(setup, run.load, run, correct=False):
+        tell(f"  without correction: {Q:3d} {p:.6e}")
+    return transitions(setup, run.load, run)
+
+
+def describe(name: str, run: Run) -> str:
+    """Return a line about a run."""
+    last = f"p/E = {run.load[-1]:.5f}" if run.load else "no level"
+    return (
+        f"{name}: {run.elements} elements, {len(run.load)} levels to {last}, CPU {run.cpu:.1f} s, "
+        f"wall {run.wall:.1f} s, {run.memory:.0f} MiB{'; ' * bool(run.ended)}{run.ended}"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--a", type=float, default=0.022, help="ridge width over R")
+    parser.add_argument("--b", type=float, default=0.02, help="groove width over R")
+    parser.add_argument("--p-max", type=float, default=0.02, help="largest p/E")
+    parser.add_argument("--nu", type=float, default=0.49)
+    parser.add_argument("--edge", type=float, default=1.5e-3, help="elements under ridges, over R")
+    parser.add_argument("--corner", type=float, default=4e-4, help="elements at corners, over R")
+    parser.add_argument("--penalty", type=float, default=1e5, help="contact stiffness over E/R")
+    parser.add_argument("--element", choices=["CPE8", "CPE8R"], default="CPE8R")
+    parser.add_argument("--limit", type=float, default=600.0, help="seconds for each run")
+    given = vars(parser.parse_args())
+    if find_solver() is None:
+        print("no `ccx` on the path: CalculiX is not installed, nothing to compare with")
+        return
+    found = calculix_transitions(report=print, **given)
+    print(f"{'Q':>3} {'p/E':>13}")
+    for Q, p in found:
+        print(f"{Q:3d} {p:13.6e}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,330 @@
+"""The full cylinder on parallel ridges: its transitions, one after another.
+
+The ridges rise towards the body. Each transition is solved for as a point: the rise at which the
+next ridge's corner touches, so that no load increment enters its load. On the way there the
+distance of that corner shrinks in steps that grow and shrink with Newton's.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact import hertz
+from ridgebayes.contact.cylinder.faces import (
+    Corner,
+    Face,
+    Faces,
+    Resolution,
+    first_height,
+    plate,
+    proximal_corner,
+    ridge_faces,
+)
+from ridgebayes.contact.cylinder.material import Material
+from ridgebayes.contact.cylinder.mesh import disk_mesh
+from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
+from ridgebayes.contact.cylinder.solid import Solid
+from ridgebayes.contact.cylinder.touching import Press, State
+from ridgebayes.contact.lands import Profile
+from ridgebayes.errors import InputError
+
+_CORNER = 0.2  # of an edge: the segment at a sharp corner, which keeps the body on the corner
+_SEGMENT = 1.25  # edges: other segments; shorter ones would ask more than edges can give
+_ARC = 8  # segments of a round corner
+_FIRST_STEP, _STEP, _LEAST_STEP = 0.1, 0.25, 1e-3  # of the corner's distance
+_MOST_ELEMENTS = 40_000
+_LOOSER = 0.3  # growth of edges away from ridges
+
+
+@dataclass(frozen=True)
+class Fineness:
+    """How fine the mesh is.
+
+    Parameters
+    ----------
+    edges : float
+        Edges of the rim over a ridge's width.
+    refine : int
+        Makes elements inside smaller by this factor.
+    """
+
+    edges: float = 24.0
+    refine: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """A transition: the body just touches a further ridge.
+
+    Parameters
+    ----------
+    ridge : int
+        Its number.
+    Q : int
+        Ridges touched from here on.
+    p_over_E : float
+        Load.
+    state : State
+        The body there.
+    """
+
+    ridge: int
+    Q: int
+    p_over_E: float
+    state: State
+
+
+class Cylinder:
+    """A soft cylinder on rigid ridges; lengths over its radius, stresses over Young's modulus.
+
+    Parameters
+    ----------
+    profile : Profile or None
+        The rigid side; None is a flat.
+    nu : float, optional
+        Poisson's ratio.
+    p_max : float
+        Largest load that will be asked for: the mesh is made for it.
+    finite : bool, optional
+        Finite strain, neo-Hookean; or a linear material that follows the contact as it moves.
+    friction : float, optional
+        Coulomb's coefficient.
+    pressed_by : {"mid-plane", "plate"}
+        The flat mid-plane pushes half a cylinder down, or a flat frictionless plate the whole.
+    fineness : Fineness, optional
+        Of the mesh.
+
+    Raises
+    ------
+    InputError
+        If a value breaks its rule, or the mesh would have over 40,000 elements.
+    """
+
+    def __init__(
+        self,
+        profile: Profile | None,
+        *,
+        p_max: float,
+        nu: float = 0.5,
+        finite: bool = True,
+        friction: float = 0.0,
+        pressed_by: str = "mid-plane",
+        fineness: Fineness | None = None,
+    ) -> None:
+        if pressed_by not in ("mid-plane", "plate"):
+            raise InputError(f"pressed_by = {pressed_by!r}; rule: mid-plane or plate")
+        if not friction >= 0:
+            raise InputError(f"friction = {friction!r}; rule: >= 0")
+        if not 0 < p_max <= 1:
+            raise InputError(f"p_max = {p_max!r}; rule: over 0 and at most 1")
+        self.profile = profile
+        self.mirrored = profile is None or profile.mirrored
+        whole = pressed_by == "plate"
+        if whole and not self.mirrored:
+            raise InputError("pressed_by = 'plate': a plate does not hold a body off centre")
+        fineness = fineness or Fineness()
+        material = Material(nu, finite)
+        # Wider than the half-plane's: bodies on ridges reach further, and mesh costs little there.
+        self._reach = min(1.2 * float(hertz.half_width(p_max, nu=nu)) + 0.02, 1.2)
+        sizes = _Sizes.of(profile, self._reach, fineness)
+        mesh = disk_mesh(
+            sizes.at, refine=fineness.refine, both_sides=not self.mirrored, whole=whole
+        )
+        n = mesh.mesh.t.shape[1]
+        if n > _MOST_ELEMENTS:
+            raise InputError(f"{n} elements; rule: at most {_MOST_ELEMENTS}")
+        faces, self._height = self._faces(sizes)
+        if whole:
+            faces.append(plate(0.7, sizes.plate, mirrored=self.mirrored, above=True))
+        solid = Solid(mesh, material)
+        held = np.zeros((solid.n_node, 2), dtype=bool)
+        if self.mirrored:
+            held[mesh.axis, 0] = True
+        else:
+            # The mid-plane may widen, but its middle stays where it is.
+            held[np.intersect1d(mesh.axis, mesh.mid_plane), 0] = True
+        if not whole:
+            held[mesh.mid_plane, 1] = True
+        self.press = Press(solid, Faces(faces), held, friction=friction)
+        # A half model carries half the load; p is line load over 2 R.
+        self._per_load = 1.0 if self.mirrored else 0.5
+
+    def _faces(self, sizes: "_Sizes") -> tuple[list[Face], float]:
+        profile = self.profile
+        if profile is None:
+            width = min(self._reach, 1.0)
+            return [plate(width, sizes.segment, mirrored=True, above=False)], -1.0
+        numbers = _ridges_within(profile, self._reach)
+        height = first_height(profile)
+        return ridge_faces(profile, numbers, height, sizes.resolution), height
+
+    def unloaded(self) -> State:
+        """Return the state in which the ridges just touch the undeformed body."""
+        return self.press.unloaded()
+
+    def p_over_E(self, state: State) -> float:
+        """Return the load of a state."""
+        touch = self.press.touch(state, state, np.zeros(len(self.press.faces), dtype=bool))
+        return self._per_load * self.press.load(state, touch)
+
+    def at_load(self, p_over_E: float, start: State) -> State:
+        """Return the state at a load, from one at another.
+
+        Raises
+        ------
+        NotConvergedError
+            If none was found, saying at which load.
+        """
+        now, state = self.p_over_E(start), start
+        step = p_over_E - now
+        while now != p_over_E:
+            goal = now + step if abs(p_over_E - now - step) > 1e-12 else p_over_E
+            try:
+                found, n = solve(self.press, state, Control("load", goal / self._per_load))
+            except NotConvergedError as failed:
+                step /= 3
+                if abs(step) < 1e-3 * p_over_E:
+                    raise NotConvergedError(f"at p/E = {now:.5g}: {failed}") from None
+                continue
+            state, now = found, goal
+            step = min(step * (2.0 if n < 7 else 1.0), p_over_E - now, key=abs)
+        return state
+
+    def transitions(self, p_max: float) -> Iterator[Reached]:
+        """Yield the transitions up to a load, in order.
+
+        Raises
+        ------
+        NotConvergedError
+            Where the next could not be reached, saying at which load and why.
+        """
+        profile = self.profile
+        if profile is None:
+            return
+        state = self.unloaded()
+        low, high = _first_touched(profile)
+        while True:
+            ahead = [high + 1] if self.mirrored else [low - 1, high + 1]
+            corners = [proximal_corner(profile, one, self._height) for one in ahead]
+            found = self._next(state, corners, p_max)
+            if found is None:
+                return
+            state, corner = found
+            low, high = min(low, corner.ridge), max(high, corner.ridge)
+            count = 2 * high + 2 if self.mirrored else high - low + 1
+            if self.mirrored and abs(profile.offset) == 0.5:
+                count = 2 * high + 1
+            yield Reached(corner.ridge, count, self.p_over_E(state), state)
+
+    def _next(
+        self, state: State, corners: list[Corner], p_max: float
+    ) -> tuple[State, Corner] | None:
+        """Return the state that touches one of some corners first; None beyond the load."""
+        step = _STEP if state.rise else _FIRST_STEP
+        apart = [self.press.apart(state, one)[0] for one in corners]
+        which = int(np.argmin(apart))
+        whole, now = apart[which], 1.0
+        while True:
+            goal = max(now - step, 0.0)
+            control = Control("corner", goal * whole, corners[which])
+            try:
+                found, n = solve(self.press, state, control)
+            except NotConvergedError as failed:
+                step /= 3
+                if step < _LEAST_STEP:
+                    why = f"at p/E = {self.p_over_E(state):.5g}: {failed}"
+                    raise NotConvergedError(why) from None
+                continue
+            apart = [self.press.apart(found, one)[0] for one in corners]
+            sooner = int(np.argmin(apart))
+            if sooner != which and apart[sooner] < 0:
+                # Another corner came first: from the state before, towards that one.
+                which = sooner
+                whole, now = self.press.apart(state, corners[which])[0], 1.0
+                step = _STEP
+                continue
+            state, now = found, goal
+            if now == 0.0:
+                if self.p_over_E(state) > p_max:
+                    return None
+                return state, corners[which]
+            if self.p_over_E(state) > p_max:
+                return None
+            step *= 2.0 if n < 7 else 1.0
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """Wanted lengths of the rim's edges, and of the segments above them."""
+
+    edge: float
+    at_corner: float
+    resolution: Resolution
+    segment: float
+    plate: float
+    spans: FloatArray = field(repr=False)  # of ridges on the right half, (n, 2)
+    corners: FloatArray = field(repr=False)
+    window: float = 0.0
+
+    @classmethod
+    def of(cls, profile: Profile | None, reach: float, fineness: Fineness) -> "_Sizes":
+        if profile is None:
+            edge = reach / (6 * fineness.edges)
+            spans = np.array([[0.0, reach]])
+            resolution = Resolution(edge, _ARC, _SEGMENT * edge, edge)
+            return cls(edge, edge, resolution, _SEGMENT * edge, _SEGMENT * edge, spans, spans[:, 1])
+        edge = min(profile.a, 4 * profile.b, 0.5 * reach) / fineness.edges
+        lands = [profile.ridge(k) for k in _ridges_within(profile, reach)]
+        spans = np.array([sorted((abs(one.start), abs(one.stop))) for one in lands])
+        at_corner, arc = edge, _ARC
+        if profile.corner:
+            arc = max(round(_ARC * fineness.edges / 24), 2)
+            at_corner = min(profile.corner * math.pi / 2 / arc / _SEGMENT, edge)
+        resolution = Resolution(_CORNER * edge, arc, _SEGMENT * edge, edge)
+        window = 1.5 * profile.corner
+        return cls(
+            edge, at_corner, resolution, _SEGMENT * edge, reach / 60, spans, spans.ravel(), window
+        )
+
+    def at(self, theta: FloatArray) -> FloatArray:
+        """Return wanted lengths at angles: fine where ridges press, finer at their corners."""
+        # A point of the rim comes to lie between its arc length and its abscissa, or beyond.
+        slack = 0.3 * np.minimum(theta, 1.0) ** 3 + 2 * self.edge
+        outside = np.maximum(
+            np.maximum(self.spans[:, :1] - theta, theta - self.spans[:, 1:]), 0.0
+        ).min(axis=0)
+        found = self.edge + _LOOSER * np.maximum(outside - slack, 0.0)
+        if self.at_corner < self.edge:
+            near = np.abs(self.corners[:, None] - theta).min(axis=0)
+            beyond = np.maximum(near - self.window - slack, 0.0)
+            found = np.minimum(found, self.at_corner + _LOOSER * beyond)
+        return np.asarray(found)
+
+
+def _ridges_within(profile: Profile, reach: float) -> range:
+    """Return the numbers of the ridges that begin within reach of the axis."""
+    last = 0
+    while profile.ridge(last + 1).start < reach:
+        last += 1
+    if profile.mirrored:
+        return range(last + 1)
+    first = -1
+    while profile.ridge(first - 1).stop > -reach:
+        first -= 1
+    return range(first, last + 1)
+
+
+def _first_touched(profile: Profile) -> tuple[int, int]:
+    """Return the lowest and highest number of the ridges that touch first."""
+    if profile.mirrored:
+        return 0, 0
+    near = min((0, -1), key=lambda one: abs(_inner_end(profile, one)))
+    return near, near
+
+
+def _inner_end(profile: Profile, number: int) -> float:
+    land = profile.ridge(number)
+    return min(abs(land.start), abs(land.stop))

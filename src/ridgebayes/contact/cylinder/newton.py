@@ -1,0 +1,333 @@
+"""Equilibrium of a body pressed on rigid faces, by Newton's method on all unknowns at once.
+
+On each segment of the rigid side the mean gap is zero, or the pressure is; with friction the slip
+is zero, or the shear is the friction's. Each step solves the linear complementarity problem for the
+pressures. Multipliers are condensed with a finite stiffness that enters the steps alone, not the
+answer.
+
+One more equation sets how far the ridges rise: that rise itself, the load, or the distance between
+the body and a corner. The last makes a transition a point to solve for.
+"""
+
+import math
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import scipy.sparse as sparse
+from scipy.sparse.linalg import splu
+
+from ridgebayes._types import FloatArray
+from ridgebayes.contact.cylinder.faces import Corner, Faces
+from ridgebayes.contact.cylinder.material import jacobian
+from ridgebayes.contact.cylinder.solid import Assembled, InvertedError
+from ridgebayes.contact.cylinder.touching import Press, State, Touch
+
+# Stiffness of condensed multipliers, in E per length of a segment: its inverse is the error of a
+# step, its size times rounding that of the linear solve.
+_STIFF = 1e4
+_MOST_STEPS, _UNDAMPED = 60, 12
+_DAMPING = 0.3  # the first, in E: as stiff as an element is
+_GAP_TOL = 1e-11  # over R: the first transition moves by 2e-8 of its load
+_FORCE_TOL = 1e-9  # of the load
+_VOLUME_TOL = 1e-11  # over R^2, of an element
+_LOOSE = 1e3  # a damped solution's tolerances over those of others: a part in 10^6 of the load
+_LEAST_VOLUME = 0.05  # of an element after a step, over the undeformed
+_MOST_PIVOTS, _PATIENCE = 60, 5
+
+
+class NotConvergedError(Exception):
+    """No equilibrium was found; its message says why."""
+
+
+@dataclass(frozen=True)
+class Control:
+    """The equation that the rise of the ridges solves.
+
+    Parameters
+    ----------
+    kind : {"rise", "load", "corner"}
+        What is given.
+    target : float
+        The rise over R, the line load over E R of what is meshed, or the distance of the corner.
+    corner : Corner or None
+        Of "corner".
+    """
+
+    kind: str
+    target: float
+    corner: Corner | None = None
+
+    def left_out(self, faces: Faces) -> np.ndarray:
+        """Return the segments that carry nothing: those of the ridge about to be reached."""
+        if self.corner is None:
+            return np.zeros(len(faces), dtype=bool)
+        return faces.of_ridge(self.corner.ridge)
+
+    def missing(self, press: Press, state: State, touch: Touch) -> float:
+        """Return target minus value."""
+        if self.corner is not None:
+            return self.target - press.apart(state, self.corner)[0]
+        return self.target - (
+            press.load(state, touch) if self.kind == "load" else state.rise
+        )
+
+    @property
+    def tolerance(self) -> float:
+        """How little may be missing."""
+        return _FORCE_TOL * abs(self.target) if self.kind == "load" else _GAP_TOL
+
+
+def solve(press: Press, start: State, control: Control) -> tuple[State, int]:
+    """Find the equilibrium in which the control is met.
+
+    Parameters
+    ----------
+    press : Press
+        Body and rigid side.
+    start : State
+        Where to begin, and what slip is counted from.
+    control : Control
+        The equation for the rise.
+
+    Returns
+    -------
+    State, int
+        And the number of Newton steps.
+
+    Raises
+    ------
+    NotConvergedError
+        If none was found.
+    """
+    left_out = control.left_out(press.faces)
+    state = replace(start, pressure=np.where(left_out, 0.0, start.pressure))
+    active, damping, last = state.pressure > 0, 0.0, math.inf
+    for step in range(_MOST_STEPS):
+        touch = press.touch(state, start, left_out)
+        try:
+            inner = press.solid.assemble(state.u, state.p)
+        except InvertedError as inverted:
+            raise NotConvergedError(str(inverted)) from None
+        error = _error(press, state, touch, inner, control)
+        if error < (_LOOSE if damping else 1.0):
+            return state, step
+        # Where the rim snaps past a corner there is no equilibrium nearby: with damping the
+        # steps follow the body down to the next one, and the damping goes as it comes near.
+        if step >= _UNDAMPED:
+            damping = min(damping * min(max(error / last, 0.3), 2.0), 10.0) or _DAMPING
+        last = error
+        moved, active = _Step(press, state, touch, inner, active, control, damping).solve()
+        if not (np.isfinite(moved.u).all() and math.isfinite(moved.rise)):
+            raise NotConvergedError("the stiffness is singular")
+        state = _guarded(press, state, moved)
+    raise NotConvergedError(f"no equilibrium in {_MOST_STEPS} Newton steps")
+
+
+def _error(
+    press: Press, state: State, touch: Touch, inner: Assembled, control: Control
+) -> float:
+    """Return the largest residual over its tolerance."""
+    outside = press.force(state, touch)
+    residual = (inner.force.ravel() - outside)[press.free]
+    total = max(float(np.abs(outside).sum()), 1e-12)
+    gap = np.where(state.pressure > 0, touch.gap, np.minimum(touch.gap, 0.0))
+    missing = control.missing(press, state, touch)
+    worst = max(
+        float(np.abs(residual).max()) / (_FORCE_TOL * total),
+        float(np.abs(gap).max()) / _GAP_TOL,
+        float(np.abs(inner.volume).max()) / _VOLUME_TOL,
+        abs(missing) / max(control.tolerance, 1e-300),
+    )
+    if press.friction:
+        kind, _ = _sticking(press, state, touch)
+        limit = press.friction * state.pressure
+        slip = np.where(kind == 0, touch.slip, 0.0) / press.faces.length
+        excess = np.where(kind == 0, 0.0, state.shear - kind * limit)
+        worst = max(
+            worst,
+            float(np.abs(slip).max()) / _GAP_TOL,
+            float(np.abs(excess * press.faces.length).max()) / (_FORCE_TOL * total),
+        )
+    return worst
+
+
+def _sticking(press: Press, state: State, touch: Touch) -> tuple[np.ndarray, FloatArray]:
+    """Return 0 where segments stick, and else the sign of the shear; and the shear's stiffness."""
+    scale = _STIFF / press.faces.length**2
+    tried = state.shear - scale * touch.slip
+    limit = press.friction * state.pressure
+    kind = np.where(np.abs(tried) <= limit, 0.0, np.sign(tried))
+    return np.where(state.pressure > 0, kind, 0.0), scale
+
+
+def _guarded(press: Press, state: State, moved: State) -> State:
+    """Take a step, or the part of it that turns no element inside out."""
+    part, found = 1.0, moved
+    for _ in range(6):
+        solid = press.solid
+        if not solid.material.finite or (
+            jacobian(solid.gradients(found.u)).min() > _LEAST_VOLUME
+        ):
+            return found
+        part *= 0.5
+        names = [one.name for one in fields(State)]
+        found = State(
+            *((1 - part) * getattr(state, one) + part * getattr(moved, one) for one in names)
+        )
+    raise NotConvergedError("an element is turned inside out")
+
+
+class _Step:
+    """One Newton step: a linear complementarity problem for the segments' pressures.
+
+    The stiffness is factorised once, with the segments in contact condensed; others that enter or
+    leave are rank-one changes of it.
+    """
+
+    def __init__(
+        self,
+        press: Press,
+        state: State,
+        touch: Touch,
+        inner: Assembled,
+        active: np.ndarray,
+        control: Control,
+        damping: float,
+    ) -> None:
+        self._press, self._state, self._touch, self._inner = press, state, touch, inner
+        self._control = control
+        length = press.faces.length
+        self._candidate = np.isfinite(touch.gap)
+        self._reference = active & self._candidate
+        self._gap = np.where(self._candidate, touch.gap, 0.0) * length
+        self._scale = _STIFF / length**2
+        self._C = touch.normal
+        # Rising ridges are the whole rim sinking, for those segments that rise.
+        self._lift = -(press.faces.rises * (self._C @ press.up))
+        self._bent = np.asarray(press.bending(state, touch, rising=True) @ press.up)
+        K = inner.stiffness - press.bending(state, touch)
+        Ca, scale = self._C[self._reference], self._scale[self._reference]
+        K = K + Ca.T @ sparse.diags_array(scale) @ Ca
+        rest = -(inner.force.ravel() + inner.condensed.ravel())
+        self._rub_lift = np.zeros_like(rest)
+        if press.friction:
+            stiffness, force, self._rub_lift = self._rubbing()
+            K, rest = K + stiffness, rest + force
+        if damping:
+            K = K + damping * sparse.eye_array(K.shape[0])
+        free = press.free
+        self._factor = splu(
+            sparse.csc_array(K)[free][:, free],
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=1e-3 if press.friction else 0.0,
+        )
+        self._columns: dict[int, FloatArray] = {}
+        self._still = self._solved(rest)
+        self._risen = self._solved(-self._bent - self._rub_lift)
+
+    def _rubbing(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
+        """Return friction's stiffness, its force on the nodes, and that by the rise."""
+        press, state, touch = self._press, self._state, self._touch
+        kind, scale = _sticking(press, state, touch)
+        on = self._reference
+        stuck, slid = np.flatnonzero(on & (kind == 0)), np.flatnonzero(on & (kind != 0))
+        T, Ts = touch.along[stuck], touch.along[slid]
+        lift = -(press.faces.rises * (touch.along @ press.up))
+        stiffness = T.T @ sparse.diags_array(scale[stuck]) @ T
+        shear = state.shear[stuck] - scale[stuck] * touch.slip[stuck]
+        by_rise = T.T @ (scale[stuck] * lift[stuck])
+        rate = press.friction * kind[slid]
+        Cs, normal = self._C[slid], self._scale[slid]
+        stiffness = stiffness + Ts.T @ sparse.diags_array(rate * normal) @ Cs
+        pressed = rate * (state.pressure[slid] - normal * self._gap[slid])
+        by_rise = by_rise + Ts.T @ (rate * normal * self._lift[slid])
+        return stiffness, np.asarray(T.T @ shear + Ts.T @ pressed), np.asarray(by_rise)
+
+    def solve(self) -> tuple[State, np.ndarray]:
+        """Return the state after the step, and which segments are in contact then.
+
+        Block principal pivoting: all that are wrong change sides, and one at a time where that
+        does not lead on.
+        """
+        active = self._reference.copy()
+        fewest, patience = len(active) + 1, _PATIENCE
+        for _ in range(_MOST_PIVOTS):
+            du, rise, pressure, gap = self._of(active)
+            tiny = 1e-9 * np.abs(pressure).max(initial=0.0)
+            leaving = active & (pressure < -tiny)
+            wrong = leaving | (self._candidate & ~active & (gap < -1e-13))
+            n = int(wrong.sum())
+            if n == 0:
+                return self._moved(du, rise, np.maximum(pressure, 0.0), active), active
+            patience = _PATIENCE if n < fewest else patience - 1
+            fewest = min(n, fewest)
+            if patience < 0:
+                wrong[: np.flatnonzero(wrong)[-1]] = False
+            active = active ^ wrong
+        raise NotConvergedError("no set of segments in contact fits")
+
+    def _moved(
+        self, du: FloatArray, rise: float, pressure: FloatArray, active: np.ndarray
+    ) -> State:
+        press, state, touch = self._press, self._state, self._touch
+        shear = np.zeros_like(pressure)
+        if press.friction:
+            kind, scale = _sticking(press, state, touch)
+            lift = -(press.faces.rises * (touch.along @ press.up))
+            slip = touch.slip + touch.along @ du + rise * lift
+            shear = np.where(
+                kind == 0, state.shear - scale * slip, kind * press.friction * pressure
+            )
+            shear = np.where(active & self._reference, shear, 0.0)
+        dp = self._inner.pressure_step(du, press.solid.dofs)
+        u = state.u + du.reshape(-1, 2)
+        return State(u, state.p + dp, pressure, shear, state.rise + rise)
+
+    def _of(self, active: np.ndarray) -> tuple[FloatArray, float, FloatArray, FloatArray]:
+        """Return the step with the given segments in contact: du, rise, pressures and gaps."""
+        changed = np.flatnonzero(active ^ self._reference)
+        on = np.flatnonzero(active)
+        C, scale, lift = self._C[on], self._scale[on], self._lift[on]
+        old = self._state.pressure[on]
+        first = self._still + self._solved(C.T @ (old - scale * self._gap[on]))
+        second = self._risen - self._solved(C.T @ (scale * lift))
+        if len(changed):
+            sign = np.where(active[changed], 1.0, -1.0) / self._scale[changed]
+            Z = np.column_stack([self._column(int(j)) for j in changed])
+            U = self._C[changed]
+            middle = np.diag(sign) + U @ Z
+            first = first - Z @ np.linalg.solve(middle, U @ first)
+            second = second - Z @ np.linalg.solve(middle, U @ second)
+        rise = self._rise(first, second, on)
+        du = first + rise * second
+        moved = self._gap + self._C @ du + rise * self._lift
+        pressure = np.zeros(len(active))
+        pressure[on] = old - scale * moved[on]
+        return du, rise, pressure, moved / self._press.faces.length
+
+    def _rise(self, first: FloatArray, second: FloatArray, on: np.ndarray) -> float:
+        """Return the rise with which the control is met, du being first + rise second."""
+        control, press, state = self._control, self._press, self._state
+        if control.corner is not None:
+            value, row = press.apart(state, control.corner)
+            slope = row @ second - row @ press.up
+            return float((control.target - value - row @ first) / slope)
+        if control.kind == "rise":
+            return control.target - state.rise
+        # The load is the force of what rises, along the rise: minus lift . pressure.
+        C, scale, lift = self._C[on], self._scale[on], self._lift[on]
+        pressure = state.pressure[on] - scale * (self._gap[on] + C @ first)
+        rubbing = press.up @ (self._touch.along.T @ (press.faces.rises * state.shear))
+        now = -lift @ pressure + self._bent @ first + rubbing
+        slope = lift @ (scale * (C @ second + lift)) + self._bent @ (second - press.up)
+        return float((control.target - now) / slope)
+
+    def _solved(self, right: FloatArray) -> FloatArray:
+        found = np.zeros(len(right))
+        found[self._press.free] = self._factor.solve(right[self._press.free])
+        return found
+
+    def _column(self, j: int) -> FloatArray:
+        if j not in self._columns:
+            self._columns[j] = self._solved(self._C[[j]].toarray().ravel())
+        return self._columns[j]

@@ -1,0 +1,197 @@
+"""A body against rigid faces: gaps of all segments, and the forces of their pressures on it."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.cylinder.faces import Corner, Faces
+from ridgebayes.contact.cylinder.solid import Solid
+from ridgebayes.contact.cylinder.surface import Hits, cast, distance, kink, shapes
+
+_AHEAD = 0.05  # how far rays look for the body, over R
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A body pressed on rigid faces.
+
+    Parameters
+    ----------
+    u : ndarray of float, shape (n_node, 2), over R
+        Displacements.
+    p : ndarray of float, shape (n_element, 3), over E
+        Pressures inside.
+    pressure : ndarray of float, shape (n_segment,), over E
+        Contact pressure on the segments of the rigid side.
+    shear : ndarray of float, shape (n_segment,), over E
+        Traction on the body along the segments, in the direction of their breaks.
+    rise : float, over R
+        Of the ridges.
+    """
+
+    u: FloatArray
+    p: FloatArray
+    pressure: FloatArray
+    shear: FloatArray
+    rise: float
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """Gaps of all segments in one state, and their derivatives.
+
+    Parameters
+    ----------
+    gap : ndarray of float, shape (n_segment,), over R
+        Mean over each segment; infinite where a ray of it misses the body.
+    normal, along : scipy.sparse.csr_array, shape (n_segment, 2 n_node)
+        Derivative of each segment's integrated gap, and of its integrated slip.
+    slip : ndarray of float, shape (n_segment,), over R^2
+        Integrated slip since the state before.
+    """
+
+    gap: FloatArray
+    normal: sparse.csr_array
+    along: sparse.csr_array
+    slip: FloatArray
+    _hits: Hits
+    _segment: IntArray  # of each hit
+    _weight: FloatArray
+    _node: IntArray  # of the rim at kinks of the gap,
+    _kink_segment: IntArray  # the segments they lie over,
+    _kinks: FloatArray  # and their part of the second derivative, shape (n, 2, 2)
+
+
+class Press:
+    """A body, the rigid faces under it, and where it is held.
+
+    Parameters
+    ----------
+    solid : Solid
+        The body.
+    faces : Faces
+        The rigid side.
+    held : ndarray of bool, shape (n_node, 2)
+        Displacements that are zero.
+    friction : float, optional
+        Coulomb's coefficient.
+    """
+
+    def __init__(
+        self, solid: Solid, faces: Faces, held: np.ndarray, *, friction: float = 0.0
+    ) -> None:
+        self.solid, self.faces, self.friction = solid, faces, friction
+        self.free: IntArray = np.flatnonzero(~held.ravel())
+        self.up: FloatArray = np.tile([0.0, 1.0], solid.n_node)
+        self._rim = solid.mesh.rim
+
+    def unloaded(self) -> State:
+        """Return the state before any contact."""
+        none = np.zeros(len(self.faces))
+        still = np.zeros((self.solid.n_node, 2))
+        return State(still, self.solid.no_pressure(), none, none, 0.0)
+
+    def rim(self, state: State) -> FloatArray:
+        """Return the node positions of the deformed rim's edges, shape (n_edge, 3, 2)."""
+        return (self.solid.points + state.u)[self._rim]
+
+    def touch(self, state: State, before: State, left_out: np.ndarray) -> Touch:
+        """Measure the gaps of all segments.
+
+        Parameters
+        ----------
+        state : State
+            Where the body is.
+        before : State
+            Where slip is counted from.
+        left_out : ndarray of bool, shape (n_segment,)
+            Segments whose gaps are not looked at: infinite.
+        """
+        rim = self.rim(state)
+        rays = self.faces.rays(np.concatenate([rim[:, 0], rim[-1:, 2]]), state.rise)
+        hits = cast(rim, rays.point, rays.normal, behind=rays.behind, ahead=_AHEAD)
+        n = len(self.faces)
+        segment, weight = rays.segment[hits.ray], rays.weight[hits.ray]
+        gap = np.bincount(segment, weight * hits.gap, n) / self.faces.length
+        missing = np.bincount(segment, minlength=n) < np.bincount(rays.segment, minlength=n)
+        gap[missing | left_out] = math.inf
+        # Where the next ray meets the next edge, the gap has a kink at the node between them.
+        after = np.flatnonzero(
+            (np.diff(hits.edge) == 1)
+            & (np.diff(hits.ray) == 1)
+            & (np.diff(rays.face[hits.ray]) == 0)
+        )
+        edge = hits.edge[after]
+        tangent, normal, per_length = self.faces.frames(
+            rim[edge, 2], rays.face[hits.ray[after]], state.rise
+        )
+        jump = kink(rim, edge, tangent, normal) * per_length
+        along = weight[:, None, None] * shapes(hits.s)[:, :, None] * hits.tangent[:, None, :]
+        slip = np.zeros(n)
+        if self.friction:
+            # The body that is here now was there before, both as the ridges see it.
+            there = np.einsum("nk,nki->ni", shapes(hits.s), self.rim(before)[hits.edge])
+            there[:, 1] += np.where(self.faces.rises[segment], state.rise - before.rise, 0.0)
+            moved = np.einsum("ni,ni->n", hits.tangent, rays.point[hits.ray] - there)
+            slip = np.bincount(segment, weight * moved, n)
+        return Touch(
+            gap,
+            self._rows(segment, hits.edge, weight[:, None, None] * hits.gradient),
+            self._rows(segment, hits.edge, along),
+            slip,
+            hits,
+            segment,
+            weight,
+            self._rim[edge, 2],
+            segment[after],
+            jump[:, None, None] * tangent[:, :, None] * tangent[:, None, :],
+        )
+
+    def force(self, state: State, touch: Touch) -> FloatArray:
+        """Return the force of the rigid side on the nodes, shape (2 n_node,)."""
+        return np.asarray(touch.normal.T @ state.pressure + touch.along.T @ state.shear)
+
+    def load(self, state: State, touch: Touch) -> float:
+        """Return the force of what rises, upwards: the line load over E R of what is meshed."""
+        rises = self.faces.rises
+        pushing = touch.normal.T @ (rises * state.pressure)
+        rubbing = touch.along.T @ (rises * state.shear)
+        return float((pushing + rubbing) @ self.up)
+
+    def bending(self, state: State, touch: Touch, *, rising: bool = False) -> sparse.csr_array:
+        """Return the second derivative of the pressures' work, of all faces or those that rise."""
+        pressure = state.pressure * self.faces.rises if rising else state.pressure
+        on_hit, on_kink = pressure[touch._segment], pressure[touch._kink_segment]
+        keep, kept = np.flatnonzero(on_hit), np.flatnonzero(on_kink)
+        hessian = (touch._weight * on_hit)[keep, None, None] * touch._hits.hessian[keep]
+        dofs = self._dofs(touch._hits.edge[keep])
+        pair = np.stack([2 * touch._node[kept], 2 * touch._node[kept] + 1], axis=-1)
+        kinks = on_kink[kept, None, None] * touch._kinks[kept]
+        rows = [np.repeat(dofs, 6, axis=1).ravel(), np.repeat(pair, 2, axis=1).ravel()]
+        columns = [np.tile(dofs, (1, 6)).ravel(), np.tile(pair, (1, 2)).ravel()]
+        values = np.concatenate([hessian.ravel(), kinks.ravel()])
+        n = 2 * self.solid.n_node
+        return sparse.csr_array(
+            (values, (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)
+        )
+
+    def apart(self, state: State, corner: Corner) -> tuple[float, FloatArray]:
+        """Return the distance of a corner from the body, and its derivative by the nodes."""
+        at = np.array(corner.centre) + [0.0, state.rise]
+        value, edge, gradient = distance(self.rim(state), at)
+        row = np.zeros(2 * self.solid.n_node)
+        nodes = self._rim[edge]
+        row[2 * nodes], row[2 * nodes + 1] = gradient[:, 0], gradient[:, 1]
+        return value - corner.radius, row
+
+    def _dofs(self, edge: IntArray) -> IntArray:
+        nodes = self._rim[edge]
+        return np.stack([2 * nodes, 2 * nodes + 1], axis=-1).reshape(-1, 6)
+
+    def _rows(self, segment: IntArray, edge: IntArray, values: FloatArray) -> sparse.csr_array:
+        places = (np.repeat(segment, 6), self._dofs(edge).ravel())
+        shape = (len(self.faces), 2 * self.solid.n_node)
+        return sparse.csr_array((values.ravel(), places), shape=shape)

@@ -1,0 +1,240 @@
+"""Stress and stiffness against the energy they come from, and against hand-checked cases."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ridgebayes.contact.cylinder.material import Material, cofactor, jacobian
+from ridgebayes.errors import InputError
+
+NU = [0.0, 0.3, 0.49]
+KINDS = [pytest.param(True, id="finite"), pytest.param(False, id="linear")]
+STEP = 1e-5
+
+
+def gradients(n=20, size=0.3, seed=1):
+    """Deformation gradients with a positive Jacobian."""
+    F = np.eye(2) + size * np.random.default_rng(seed).uniform(-1.0, 1.0, (n, 2, 2))
+    assert jacobian(F).min() > 0.2
+    return F
+
+
+def directions():
+    """The four components of F, one after the other, with their places."""
+    for i in range(2):
+        for j in range(2):
+            one = np.zeros((2, 2))
+            one[i, j] = STEP
+            yield i, j, one
+
+
+def turned(angle):
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def pressure_of(material, F):
+    """K times the change of volume, where it may change."""
+    change = jacobian(F) - 1.0 if material.finite else F[..., 0, 0] + F[..., 1, 1] - 2.0
+    return change / material.compressibility
+
+
+@pytest.mark.parametrize("finite", KINDS)
+@pytest.mark.parametrize("nu", NU)
+def test_stress__is_the_derivative_of_the_energy(nu, finite):
+    material, F = Material(nu, finite), gradients()
+    stress = material.stress(F, pressure_of(material, F))
+    for i, j, dF in directions():
+        slope = (material.energy(F + dF) - material.energy(F - dF)) / (2 * STEP)
+        # Finite differences: STEP^2 times a third derivative, and rounding of K over STEP.
+        np.testing.assert_allclose(slope, stress[:, i, j], atol=2e-8)
+
+
+@pytest.mark.parametrize("finite", KINDS)
+def test_stress__without_pressure_is_that_of_the_energy_that_ignores_volume(finite):
+    material, F = Material(0.5, finite), gradients()
+    stress = material.stress(F, np.zeros(len(F)))
+    for i, j, dF in directions():
+        slope = (material.energy(F + dF) - material.energy(F - dF)) / (2 * STEP)
+        np.testing.assert_allclose(slope, stress[:, i, j], atol=1e-9)  # finite differences
+
+
+@pytest.mark.parametrize("finite", KINDS)
+@pytest.mark.parametrize("nu", [*NU, 0.5])
+def test_stiffness__is_the_derivative_of_the_stress_at_fixed_pressure(nu, finite):
+    material, F = Material(nu, finite), gradients()
+    p = np.random.default_rng(2).uniform(-0.5, 0.5, len(F))
+    stiffness = material.stiffness(F, p)
+    assert stiffness.shape == (len(F), 2, 2, 2, 2)
+    for k, m, dF in directions():
+        slope = (material.stress(F + dF, p) - material.stress(F - dF, p)) / (2 * STEP)
+        # Finite differences: STEP^2 times a third derivative.
+        np.testing.assert_allclose(slope, stiffness[..., k, m], atol=1e-8)
+
+
+@pytest.mark.parametrize("finite", KINDS)
+def test_stiffness__has_major_symmetry(finite):
+    F = gradients()
+    found = Material(0.3, finite).stiffness(F, np.linspace(-0.5, 0.5, len(F)))
+    # Rounding.
+    np.testing.assert_allclose(found, found.transpose(0, 3, 4, 1, 2), atol=1e-14)
+
+
+def test_stiffness__of_small_strain_has_minor_symmetry():
+    found = Material(0.3, finite=False).stiffness(np.eye(2), np.array(0.0))
+    np.testing.assert_array_equal(found, found.transpose(1, 0, 2, 3))
+    np.testing.assert_array_equal(found, found.transpose(0, 1, 3, 2))
+
+
+@pytest.mark.parametrize("angle", [0.4, 2.0, -3.0])
+def test_finite_strain__turns_with_the_body(angle):
+    """P(QF) = Q P(F), W(QF) = W(F), and A turns its first legs."""
+    material, F, Q = Material(0.3), gradients(), turned(angle)
+    p = np.linspace(-0.5, 0.5, len(F))
+    # Rounding.
+    np.testing.assert_allclose(material.stress(Q @ F, p), Q @ material.stress(F, p), atol=1e-14)
+    np.testing.assert_allclose(material.energy(Q @ F), material.energy(F), atol=1e-14)
+    legs = np.einsum("ai,bk,nijkl->najbl", Q, Q, material.stiffness(F, p))
+    np.testing.assert_allclose(material.stiffness(Q @ F, p), legs, atol=1e-13)
+
+
+def test_finite_strain__has_no_direction():
+    """Isotropic: P(FQ) = P(F) Q."""
+    material, F, Q = Material(0.3), gradients(), turned(0.7)
+    p = np.linspace(-0.5, 0.5, len(F))
+    # Rounding.
+    np.testing.assert_allclose(material.stress(F @ Q, p), material.stress(F, p) @ Q, atol=1e-14)
+
+
+@pytest.mark.parametrize("finite", KINDS)
+def test_body_at_rest__has_no_stress_and_no_energy(finite):
+    material = Material(0.3, finite)
+    stress, energy = material.stress(np.eye(2), np.array(0.0)), material.energy(np.eye(2))
+    np.testing.assert_allclose(stress, 0.0, atol=1e-15)  # rounding
+    assert energy == pytest.approx(0.0, abs=1e-15)  # rounding
+
+
+@pytest.mark.parametrize("nu", [*NU, 0.5])
+def test_finite_strain__is_linear_when_tiny(nu):
+    """The difference falls as the square of the strain, that of the energies as its cube."""
+    pair = [Material(nu, finite) for finite in (True, False)]
+    H = gradients() - np.eye(2)
+    apart = []
+    for size in (1e-2, 1e-3):
+        F = np.eye(2) + size * H
+        p = size * np.linspace(-0.5, 0.5, len(F))
+        stress = np.subtract(*(one.stress(F, p) for one in pair))
+        energy = np.subtract(*(one.energy(F) for one in pair))
+        stiffness = np.subtract(*(one.stiffness(F, p) for one in pair))
+        apart.append([np.abs(x).max() for x in (stress, energy, stiffness)])
+    # Discretisation order: powers 2, 3 and 1 of the strain, the next ones a hundredth of them.
+    np.testing.assert_allclose(np.log10(np.divide(*apart)), [2.0, 3.0, 1.0], atol=0.03)
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
+def test_simple_shear__is_proportional_to_the_shear_modulus(nu):
+    """At J = 1 the Cauchy stress is mu dev(F F^T) + p: shear mu gamma, normal stresses gamma^2."""
+    gamma, p = 0.4, 0.07
+    material = Material(nu)
+    F = np.array([[1.0, gamma], [0.0, 1.0]])
+    cauchy = material.stress(F, np.array(p)) @ F.T
+    mu = 1.0 / (2.0 * (1.0 + nu))
+    expected = [
+        [mu * gamma**2 * 2 / 3 + p, mu * gamma],
+        [mu * gamma, -mu * gamma**2 / 3 + p],
+    ]
+    np.testing.assert_allclose(cauchy, expected, atol=1e-14)  # rounding
+    assert material.energy(F) == pytest.approx(mu * gamma**2 / 2, abs=1e-14)  # rounding
+
+
+def test_stretch_without_volume__needs_the_textbooks_stress():
+    """Plane strain, nu = 0.5, free sides: sigma_1 = mu (l^2 - 1/l^2), W = mu/2 (l - 1/l)^2."""
+    material, stretch = Material(0.5), 1.3
+    F = np.diag([stretch, 1.0 / stretch])
+    free = material.stress(F, np.array(0.0))
+    p = -free[1, 1] / stretch  # cof(F)_22 = stretch
+    cauchy = material.stress(F, np.array(p)) @ F.T
+    mu = 1.0 / 3.0
+    expected = np.diag([mu * (stretch**2 - stretch**-2), 0.0])
+    np.testing.assert_allclose(cauchy, expected, atol=1e-14)  # rounding
+    # Rounding.
+    assert material.energy(F) == pytest.approx(mu / 2 * (stretch - 1 / stretch) ** 2, abs=1e-14)
+
+
+@pytest.mark.parametrize("nu", NU)
+def test_small_uniaxial_stress__has_the_moduli_of_plane_strain(nu):
+    """Free sides: stress over strain is E / (1 - nu^2), sideways strain -nu / (1 - nu)."""
+    strain = 1e-3
+    material = Material(nu, finite=False)
+    F = np.eye(2) + np.diag([strain, -nu / (1 - nu) * strain])
+    stress = material.stress(F, pressure_of(material, F))
+    expected = np.diag([strain / (1 - nu**2), 0.0])
+    np.testing.assert_allclose(stress, expected, atol=1e-14)  # rounding, times K
+    energy = 0.5 * strain**2 / (1 - nu**2)
+    assert material.energy(F) == pytest.approx(energy, rel=1e-11)  # rounding of F over the strain
+
+
+@pytest.mark.parametrize("nu", NU)
+def test_equal_strain__has_the_moduli_of_lame(nu):
+    """2 (lambda + mu) in the plane, with lambda = nu / ((1 + nu)(1 - 2 nu))."""
+    strain = 1e-3
+    material = Material(nu, finite=False)
+    F = (1.0 + strain) * np.eye(2)
+    lame = nu / ((1 + nu) * (1 - 2 * nu))
+    expected = 2 * (lame + 0.5 / (1 + nu)) * strain * np.eye(2)
+    stress = material.stress(F, pressure_of(material, F))
+    np.testing.assert_allclose(stress, expected, atol=1e-14)  # rounding, times K
+
+
+def test_pure_dilation__at_finite_strain_is_pressure_and_its_deviator():
+    """F = l in the plane: sigma = mu J^(-5/3) (l^2 - 1)/3 + K (J - 1)."""
+    nu, stretch = 0.3, 1.2
+    material, F = Material(nu), 1.2 * np.eye(2)
+    J = stretch**2
+    K, mu = 1.0 / (3.0 * (1.0 - 2.0 * nu)), 0.5 / (1.0 + nu)
+    cauchy = material.stress(F, np.array(K * (J - 1.0))) @ F.T / J
+    expected = mu * J ** (-5.0 / 3.0) * (stretch**2 - 1.0) / 3.0 + K * (J - 1.0)
+    np.testing.assert_allclose(cauchy, expected * np.eye(2), atol=1e-14)  # rounding
+    energy = mu / 2 * (J ** (-2 / 3) * (2 * J + 1) - 3) + K / 2 * (J - 1) ** 2
+    assert material.energy(F) == pytest.approx(energy, abs=1e-14)  # rounding
+
+
+def test_energy__at_one_half_ignores_the_volume():
+    """With the volume's part it would be infinite; nearly there, that part is all there is."""
+    F = 1.2 * np.eye(2)
+    limit = Material(0.5).energy(F)
+    assert 0.0 < limit < 0.05
+    for nu in (0.49, 0.4999):
+        part = Material(nu).energy(F) - Material(nu).mu / Material(0.5).mu * limit
+        assert part == pytest.approx(0.44**2 / 2 / (3 * (1 - 2 * nu)), rel=1e-12)  # rounding
+    tiny = np.eye(2) + 1e-4 * np.eye(2)
+    # The plane's dilation has a deviator, mu (2 e^2 - 4 e^2 / 3); no trace beside it.
+    energy = Material(0.5, finite=False).energy(tiny)
+    assert energy == pytest.approx(2 / 9 * 1e-8, rel=1e-11)  # rounding of F over the strain
+
+
+def test_moduli__are_those_of_young_and_poisson():
+    assert Material(0.25).mu == 0.4
+    assert Material(0.5).mu == 1.0 / 3.0
+    assert Material(0.25).compressibility == 1.5
+    assert Material(0.5).compressibility == 0.0
+    assert Material(0.0).compressibility == 3.0
+
+
+@pytest.mark.parametrize("nu", [-1e-9, 0.5 + 1e-9, 1.0, math.nan, math.inf])
+def test_nu__outside_its_range_is_refused(nu):
+    with pytest.raises(InputError, match="nu"):
+        Material(nu)
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.5])
+def test_nu__may_be_at_the_ends_of_its_range(nu):
+    assert np.isfinite(Material(nu).energy(gradients())).all()
+
+
+def test_cofactor__is_the_derivative_of_the_jacobian():
+    F = gradients()
+    np.testing.assert_allclose(jacobian(F), np.linalg.det(F), atol=1e-14)  # rounding
+    expected = jacobian(F)[:, None, None] * np.linalg.inv(F).transpose(0, 2, 1)
+    np.testing.assert_allclose(cofactor(F), expected, atol=1e-14)  # rounding

@@ -1,0 +1,276 @@
+"""Meshes of the disk: conforming, on the circle, as fine as asked, mirror images of themselves."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ridgebayes.contact.cylinder.mesh import disk_mesh
+
+PARTS = [
+    pytest.param({}, id="quarter"),
+    pytest.param({"both_sides": True}, id="lower half"),
+    pytest.param({"whole": True}, id="right half"),
+    pytest.param({"both_sides": True, "whole": True}, id="disk"),
+]
+# Of the whole disk, the rim's last edge runs from the top clockwise and stands before its place.
+WRAPPED = pytest.mark.xfail(reason="the rim's edge that ends at the top has angle +pi, not -pi")
+ORDERED = [
+    *PARTS[:-1],
+    pytest.param({"both_sides": True, "whole": True}, id="disk", marks=WRAPPED),
+]
+
+
+def even(width):
+    return lambda angle: np.full_like(angle, width)
+
+
+def graded(angle):
+    """Fine below an edge of contact at 0.1, and coarse far from it."""
+    return np.minimum(1.5e-3 + 0.3 * np.abs(np.abs(angle) - 0.1), 0.3)
+
+
+def shallow(angle):
+    """Coarse everywhere but near the lowest point: some columns never split, some twice."""
+    return np.minimum(0.02 + 0.5 * np.abs(angle), 0.35)
+
+
+SIZES = [pytest.param(even(0.1), id="even"), graded, shallow]
+
+
+def facets(found):
+    """Corners and middle of each element's four edges, each once; of how many elements."""
+    nine = found.mesh.dofs.element_dofs
+    sides = np.concatenate(
+        [np.stack([nine[i], nine[(i + 1) % 4], nine[4 + i]], axis=-1) for i in range(4)]
+    )
+    sides[:, :2] = np.sort(sides[:, :2], axis=1)
+    return np.unique(sides, axis=0, return_counts=True)
+
+
+def on_circle(points):
+    return np.abs(np.hypot(*points.T) - 1.0) < 1e-12  # rounding
+
+
+def angle_of(points):
+    return np.arctan2(points[..., 0], -points[..., 1])
+
+
+def jacobians(found, n=5):
+    """Of every element's map, on a grid that includes its corners."""
+    at = np.linspace(0.0, 1.0, n)
+    grid = np.stack(np.meshgrid(at, at)).reshape(2, -1)
+    return found.mesh.mapping().detDF(grid)
+
+
+def area_of(found):
+    """Gauss' rule of three points each way: exact for the Jacobian of nine nodes."""
+    t, w = np.polynomial.legendre.leggauss(3)
+    grid = 0.5 + 0.5 * np.stack(np.meshgrid(t, t)).reshape(2, -1)
+    return float((found.mesh.mapping().detDF(grid) @ np.outer(w, w).ravel()).sum()) / 4.0
+
+
+@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("size", SIZES)
+def test_mesh__interior_edges_have_two_elements_and_the_others_lie_on_the_boundary(size, part):
+    found = disk_mesh(size, **part)
+    x, y = found.points.T
+    sides, counts = facets(found)
+    assert set(counts) == {1, 2}
+    outer = sides[counts == 1]
+    on_axis = (np.abs(x) < 1e-12) & ("both_sides" not in part)  # rounding
+    on_middle = (np.abs(y) < 1e-12) & ("whole" not in part)  # rounding
+    on_rim = on_circle(found.points)
+    lies = [on[outer].all(axis=1) for on in (on_axis, on_middle, on_rim)]
+    assert np.logical_or.reduce(lies).all()
+    # Each straight side is covered, once: rounding of a sum of lengths.
+    lengths = np.linalg.norm(found.points[outer[:, 0]] - found.points[outer[:, 1]], axis=1)
+    wanted = [
+        0.0 if "both_sides" in part else 2.0 if "whole" in part else 1.0,
+        0.0 if "whole" in part else 2.0 if "both_sides" in part else 1.0,
+    ]
+    assert [lengths[on].sum() for on in lies[:2]] == pytest.approx(wanted, abs=1e-13)
+    rim = np.sort(found.rim[:, [0, 2]], axis=1)
+    assert {*map(tuple, rim)} == {*map(tuple, outer[lies[2], :2])}
+    assert len(rim) == lies[2].sum()
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_mesh__every_node_belongs_to_an_element_and_no_two_share_a_place(part):
+    found = disk_mesh(graded, **part)
+    used = np.unique(found.mesh.dofs.element_dofs)
+    np.testing.assert_array_equal(used, np.arange(len(found.points)))
+    order = np.lexsort(np.round(found.points, 8).T)  # far below the smallest edge
+    apart = np.linalg.norm(np.diff(found.points[order], axis=0), axis=1)
+    assert apart.min() > 1e-5
+
+
+@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("size", SIZES)
+def test_mesh__jacobians_are_positive(size, part):
+    """Largest over smallest in one element: it is nowhere near being turned inside out."""
+    found = jacobians(disk_mesh(size, **part))
+    assert found.min() > 0.0
+    assert (found.max(axis=1) < 6.0 * found.min(axis=1)).all()
+
+
+@pytest.mark.parametrize(
+    ("part", "area"),
+    [
+        ({}, math.pi / 4),
+        ({"both_sides": True}, math.pi / 2),
+        ({"whole": True}, math.pi / 2),
+        ({"both_sides": True, "whole": True}, math.pi),
+    ],
+)
+def test_area__is_the_disks_to_fourth_order(part, area):
+    errors = [
+        area - area_of(disk_mesh(even(math.pi / 12 / n), refine=n, **part)) for n in (1, 2, 4)
+    ]
+    # Discretisation: a parabola through three places of an arc misses h^4/480 of its area.
+    assert errors[0] / area == pytest.approx((math.pi / 12) ** 4 / 480, rel=0.02)
+    ratios = np.divide(errors[:-1], errors[1:])
+    # Discretisation order: 2^4, the next term h^2 smaller.
+    np.testing.assert_allclose(ratios, 16.0, rtol=0.01)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_rim__lies_on_the_circle_with_its_nodes_halfway(part):
+    found = disk_mesh(graded, **part)
+    at = found.points[found.rim]
+    # Rounding.
+    np.testing.assert_allclose(np.hypot(at[..., 0], at[..., 1]), 1.0, rtol=0, atol=1e-15)
+    chord = np.linalg.norm(np.diff(at, axis=1), axis=-1)
+    # Rounding of the difference of neighbours 1e-3 apart.
+    np.testing.assert_allclose(chord[:, 0], chord[:, 1], rtol=1e-11)
+
+
+@pytest.mark.parametrize("part", ORDERED)
+def test_rim__is_one_line_counter_clockwise(part):
+    found = disk_mesh(graded, **part)
+    np.testing.assert_array_equal(found.rim[1:, 0], found.rim[:-1, 2])
+    first, middle, last = np.moveaxis(found.points[found.rim], 1, 0)
+    for a, b in ((first, middle), (middle, last)):
+        assert (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] > 0).all()
+    start = 1.0 if "both_sides" in part else 0.0
+    start *= math.pi if "whole" in part else math.pi / 2
+    stop = math.pi if "whole" in part else math.pi / 2
+    # Rounding.
+    assert abs(angle_of(first[0])) == pytest.approx(start, abs=1e-15)
+    assert abs(angle_of(last[-1])) == pytest.approx(stop, abs=1e-15)
+    turned = np.arcsin(first[:, 0] * last[:, 1] - first[:, 1] * last[:, 0])
+    wanted = (2 if "both_sides" in part else 1) * (2 if "whole" in part else 1) * math.pi / 2
+    assert turned.sum() == pytest.approx(wanted, abs=1e-12)  # rounding of a sum
+
+
+@pytest.mark.parametrize("refine", [1, 3])
+@pytest.mark.parametrize("size", SIZES)
+def test_size__is_the_most_an_edge_is_long(size, refine):
+    found = disk_mesh(size, refine=refine, both_sides=True)
+    ends = angle_of(found.points[found.rim[:, [0, 2]]])
+    width = np.diff(ends, axis=1)[:, 0]
+    asked = size(np.linspace(*ends.T, 201)).min(axis=0)
+    # The size is looked at in nine places of a column; it may fall between them by its slope of
+    # at most 1/2 over a sixteenth of the width.
+    assert (width <= asked * (1 + 1e-9) + 0.5 * width / 16).all()
+    # It is met at both ends of its range: 6, 8, .. 16 columns times a power of 3 are all there is.
+    finest = size(np.linspace(0.0, math.pi / 2, 20_001)).min()
+    assert 0.75 * finest <= width.min() * (1 + 1e-9)  # rounding
+    assert width.min() <= finest * (1 + 1e-9)  # rounding
+
+
+def test_size__is_asked_where_it_is_small():
+    """Few edges for a fine part: the others are longer by the size's own growth."""
+    found = disk_mesh(graded)
+    ends = angle_of(found.points[found.rim[:, [0, 2]]])
+    width = np.diff(ends, axis=1)[:, 0]
+    least = width[np.abs(ends.mean(axis=1) - 0.1) < 1e-3]
+    assert width.max() > 50 * least.max()
+    assert len(found.rim) < 0.1 * math.pi / 2 / least.max()
+
+
+def test_elements__are_about_as_long_as_wide_where_they_are_finest():
+    found = disk_mesh(graded)
+    sides, _ = facets(found)
+    finest = np.diff(angle_of(found.points[found.rim[:, [0, 2]]]), axis=1)[:, 0]
+    rim = found.rim[finest < 1.01 * finest.min()]
+    ends = np.isin(sides[:, :2], rim[:, [0, 2]])
+    up = sides[ends.any(axis=1) & ~ends.all(axis=1), :2]
+    up = up[~on_circle(found.points[up].reshape(-1, 2)).reshape(-1, 2).all(axis=1)]
+    height = np.linalg.norm(found.points[up[:, 0]] - found.points[up[:, 1]], axis=1)
+    assert (height > 0.5 * finest.min()).all()
+    assert (height < 1.5 * finest.min()).all()
+
+
+def inside(found):
+    """Longest edge of the core."""
+    sides, _ = facets(found)
+    ends = found.points[sides[:, :2]]
+    near = np.hypot(*ends.mean(axis=1).T) < 0.4
+    return np.linalg.norm(ends[near, 0] - ends[near, 1], axis=1).max()
+
+
+# 6 to 16 columns times `refine`, times powers of 3: a smaller `fewest` may give the same choice.
+SAME = pytest.mark.xfail(reason="the core of refine = 2 is that of refine = 1 for many sizes")
+
+
+@pytest.mark.parametrize("refine", [pytest.param(2, marks=SAME), 3])
+def test_refine__divides_elements_inside_by_its_factor(refine):
+    # Columns come in steps of two out of 6 or more.
+    ratio = inside(disk_mesh(graded)) / inside(disk_mesh(graded, refine=refine))
+    assert 0.75 * refine < ratio < refine / 0.75
+
+
+def test_refine__leaves_the_rim_its_size():
+    for refine in (1, 2, 3, 4):
+        found = disk_mesh(graded, refine=refine)
+        width = np.diff(angle_of(found.points[found.rim[:, [0, 2]]]), axis=1)
+        assert 0.75 * 1.5e-3 <= width.min() <= 1.5e-3
+
+
+@pytest.mark.parametrize(
+    ("part", "mirror"),
+    [
+        ({"both_sides": True}, (-1.0, 1.0)),
+        ({"whole": True}, (1.0, -1.0)),
+        ({"both_sides": True, "whole": True}, (-1.0, 1.0)),
+        ({"both_sides": True, "whole": True}, (1.0, -1.0)),
+    ],
+)
+def test_mirrored__mesh_is_its_own_image(part, mirror):
+    """Nodes, and the elements they belong to."""
+    found = disk_mesh(shallow, **part)
+
+    def elements(points):
+        nine = np.round(points[found.mesh.dofs.element_dofs.T] * 1e8).astype(np.int64)
+        return {tuple(sorted(map(tuple, one))) for one in nine}  # rounding, far below an edge
+
+    assert elements(found.points) == elements(found.points * mirror)
+
+
+@pytest.mark.parametrize("part", PARTS[1:])
+def test_mirrored__mesh_contains_the_quarter(part):
+    quarter, found = disk_mesh(shallow), disk_mesh(shallow, **part)
+    times = (2 if "both_sides" in part else 1) * (2 if "whole" in part else 1)
+    assert found.mesh.nelements == times * quarter.mesh.nelements
+    assert len(found.rim) == times * len(quarter.rim)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_axis_and_mid_plane__hold_the_nodes_of_the_straight_lines(part):
+    found = disk_mesh(graded, **part)
+    sides, _ = facets(found)
+    for nodes, i in ((found.axis, 0), (found.mid_plane, 1)):
+        across = found.points[:, i]
+        # Rounding: cos(pi/2).
+        np.testing.assert_allclose(across[nodes], 0.0, atol=1e-15)
+        # Lines of edges, middles among them, from the centre or the other side to the rim.
+        edges = sides[np.isin(sides, nodes).all(axis=1)]
+        np.testing.assert_array_equal(np.unique(edges), nodes)
+        assert len(nodes) == 2 * len(edges) + 1
+        others = np.setdiff1d(np.arange(len(across)), nodes)
+        assert np.abs(across[others]).min() > 1e-5
+        along = found.points[nodes, 1 - i]
+        two = "whole" if i == 0 else "both_sides"
+        reach = [-1.0 if i == 0 or two in part else 0.0, 1.0 if i == 1 or two in part else 0.0]
+        assert [along.min(), along.max()] == pytest.approx(reach, abs=1e-15)  # rounding

@@ -1,0 +1,381 @@
+"""Forces and stiffness of the meshed body: patch tests, derivatives, orders of convergence."""
+
+import functools
+import math
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import spsolve
+from skfem import Basis, ElementQuad2, LinearForm
+
+from ridgebayes.contact.cylinder.material import Material
+from ridgebayes.contact.cylinder.mesh import disk_mesh
+from ridgebayes.contact.cylinder.solid import InvertedError, Solid
+
+KINDS = [pytest.param(True, id="finite"), pytest.param(False, id="linear")]
+STRETCH = np.array([[1.15, 0.2], [-0.1, 0.95]])
+STEP = 1e-6
+
+
+@functools.cache
+def graded():
+    """Distorted elements: splitting columns, bent edges, a factor of 20 in size."""
+    return disk_mesh(lambda angle: np.minimum(0.02 + 0.4 * angle, 0.3))
+
+
+def solid(nu=0.3, *, finite=True):
+    return Solid(graded(), Material(nu, finite))
+
+
+def inner_nodes(mesh):
+    """Nodes on no edge that belongs to one element alone."""
+    nine = mesh.mesh.dofs.element_dofs
+    sides = np.concatenate(
+        [np.stack([nine[i], nine[(i + 1) % 4], nine[4 + i]], axis=-1) for i in range(4)]
+    )
+    sides[:, :2] = np.sort(sides[:, :2], axis=1)
+    found, counts = np.unique(sides, axis=0, return_counts=True)
+    return np.setdiff1d(np.arange(len(mesh.points)), found[counts == 1])
+
+
+def turned(angle):
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def waves(points, size=0.05):
+    """A smooth displacement of no symmetry, far from turning anything inside out."""
+    x, y = points.T
+    return size * np.stack([np.sin(2 * x + y) + y**2, np.cos(x - 3 * y)], axis=-1)
+
+
+def some_state(body):
+    """Displacements and pressures without any smoothness from element to element."""
+    rng = np.random.default_rng(3)
+    p = rng.uniform(-0.2, 0.2, (body.n_element, 3))
+    return waves(body.points), p
+
+
+def some_directions(body):
+    rng = np.random.default_rng(4)
+    x, y = body.points.T
+    smooth = np.stack([np.cos(3 * y) + x, np.sin(2 * x * y)], axis=-1)
+    # At the scale of an element, lest its gradient be larger than one.
+    rough = 0.005 * rng.uniform(-1.0, 1.0, body.points.shape)
+    return smooth + rough, rng.uniform(-1.0, 1.0, (body.n_element, 3))
+
+
+def gathered(body, forces):
+    """Sum element forces at the nodes."""
+    total = np.zeros(2 * body.n_node)
+    np.add.at(total, body.dofs, forces)
+    return total.reshape(-1, 2)
+
+
+def slope(function, step=STEP):
+    return (function(step) - function(-step)) / (2 * step)
+
+
+# ----------------------------------------------------------------------------------------- patch
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
+@pytest.mark.parametrize("finite", KINDS)
+def test_patch__of_constant_stress_has_no_force_inside(finite, nu):
+    body = solid(nu, finite=finite)
+    u, p = body.points @ (STRETCH - np.eye(2)).T, body.no_pressure()
+    p[:, 0] = 0.17
+    force = body.force(u, p)
+    # Rounding: forces of elements are of order 0.1 at most.
+    np.testing.assert_allclose(force[inner_nodes(body.mesh)], 0.0, atol=1e-14)
+    assert np.abs(force).max() > 1e-3
+    stress = body.material.stress(STRETCH, np.array(0.17))
+    # The virtual work of a constant gradient is the stress times the area.
+    area = body._weight.sum()
+    np.testing.assert_allclose(force.T @ body.points, area * stress, atol=1e-14)  # rounding
+
+
+@pytest.mark.parametrize("finite", KINDS)
+def test_patch__of_matching_pressure_is_in_equilibrium_with_its_volume(finite):
+    body = solid(finite=finite)
+    u, p = body.points @ (STRETCH - np.eye(2)).T, body.no_pressure()
+    change = np.linalg.det(STRETCH) - 1.0 if finite else np.trace(STRETCH) - 2.0
+    p[:, 0] = change / body.material.compressibility
+    # Rounding of a sum over nine points.
+    np.testing.assert_allclose(body.volume_residual(u, p), 0.0, atol=1e-15)
+
+
+def test_gradients__of_a_linear_displacement_are_constant():
+    body = solid()
+    F = body.gradients(body.points @ (STRETCH - np.eye(2)).T)
+    # Rounding: differences of coordinates over the size of an element, 0.01.
+    np.testing.assert_allclose(F, np.broadcast_to(STRETCH, F.shape), atol=1e-13)
+
+
+@pytest.mark.parametrize("angle", [0.5, 3.0])
+def test_rigid_motion__at_finite_strain_has_no_force(angle):
+    body = solid()
+    u = body.points @ (turned(angle) - np.eye(2)).T + [0.3, -0.2]
+    force = body.force(u, body.no_pressure())
+    np.testing.assert_allclose(force, 0.0, atol=1e-14)  # rounding
+    assert body.energy(u) == pytest.approx(0.0, abs=1e-14)  # rounding
+
+
+def test_rigid_motion__of_a_linear_body_is_infinitesimal():
+    body = solid(finite=False)
+    spin = np.array([[0.0, -0.3], [0.3, 0.0]])
+    force = body.force(body.points @ spin.T + [0.3, -0.2], body.no_pressure())
+    np.testing.assert_allclose(force, 0.0, atol=1e-14)  # rounding
+
+
+def test_force__turns_with_the_body():
+    body, Q = solid(), turned(0.8)
+    u, p = some_state(body)
+    found = body.force((body.points + u) @ Q.T - body.points, p)
+    np.testing.assert_allclose(found, body.force(u, p) @ Q.T, atol=1e-14)  # rounding
+
+
+@pytest.mark.parametrize("finite", KINDS)
+def test_force__is_balanced(finite):
+    """Of whatever state: no resultant, and at finite strain no moment about deformed places."""
+    body = solid(finite=finite)
+    u, p = some_state(body)
+    force = body.force(u, p)
+    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-14)  # rounding
+    x, y = (body.points + (u if finite else 0.0)).T
+    assert x @ force[:, 1] - y @ force[:, 0] == pytest.approx(0.0, abs=1e-14)  # rounding
+
+
+# ----------------------------------------------------------------------------------------- energy
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+@pytest.mark.parametrize("finite", KINDS)
+def test_energy__of_constant_strain_is_its_density_times_the_area(finite, nu):
+    body = solid(nu, finite=finite)
+    energy = body.energy(body.points @ (STRETCH - np.eye(2)).T)
+    area = Basis(body.mesh.mesh, ElementQuad2(), intorder=8).dx.sum()
+    expected = area * float(body.material.energy(STRETCH))
+    assert energy == pytest.approx(expected, rel=1e-13)  # rounding
+    # Discretisation: edges are 0.3 at most, and parabolas miss h^4/480 of a circle's area.
+    assert area == pytest.approx(math.pi / 4, rel=0.3**4 / 480)
+
+
+@pytest.mark.parametrize("finite", KINDS)
+def test_force__without_pressure_is_the_derivative_of_the_energy_that_ignores_volume(finite):
+    body = solid(0.5, finite=finite)
+    u, _ = some_state(body)
+    du, _ = some_directions(body)
+    found = slope(lambda t: body.energy(u + t * du))
+    expected = np.sum(body.force(u, body.no_pressure()) * du)
+    # Finite differences.
+    assert found == pytest.approx(expected, rel=1e-7)
+
+
+def test_volume_residual__is_the_change_of_area():
+    """Its constant part without pressure, summed: the area of the bent elements, less the first."""
+    body = solid()
+    u = waves(body.points)
+    deformed = np.ascontiguousarray((body.points + u).T)
+    first, last = (
+        Basis(type(body.mesh.mesh)(at, body.mesh.mesh.t), ElementQuad2(), intorder=8).dx.sum()
+        for at in (body.mesh.mesh.doflocs, deformed)
+    )
+    found = body.volume_residual(u, body.no_pressure())[:, 0].sum()
+    assert abs(last - first) > 0.005
+    assert found == pytest.approx(last - first, abs=1e-14)  # rounding
+
+
+def test_pressures__are_linear_in_space():
+    """Each element's three values: at its centre, and slopes times the root of its area."""
+    body = solid()
+    p = np.random.default_rng(5).uniform(-1.0, 1.0, (body.n_element, 3))
+    places = np.einsum("egp->peg", body._linear)
+    weight = body._weight
+    # Rounding: mean zero about the centre of each element, over lengths of its size.
+    np.testing.assert_allclose((weight * places[1:]).sum(axis=2), 0.0, atol=1e-14)
+    at = Basis(body.mesh.mesh, ElementQuad2(), intorder=5).global_coordinates()
+    root = np.sqrt(weight.sum(axis=1))
+    centre = (weight * at).sum(axis=2) / root**2
+    expected = p[:, :1] + np.einsum(
+        "ieg,ei->eg", (at - centre[..., None]) / root[:, None], p[:, 1:]
+    )
+    np.testing.assert_allclose(body.pressures(p), expected, atol=1e-13)  # rounding
+
+
+# --------------------------------------------------------------------------------- linearisation
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+@pytest.mark.parametrize("finite", KINDS)
+def test_stiffness__is_the_derivative_of_the_force_and_of_the_condensed_pressures(finite, nu):
+    """Its part of fixed pressure, and that of pressures that follow the volume."""
+    body = solid(nu, finite=finite)
+    u, p = some_state(body)
+    du, _ = some_directions(body)
+    found = body.assemble(u, p)
+    np.testing.assert_array_equal(found.force, body.force(u, p))
+    np.testing.assert_array_equal(found.volume, body.volume_residual(u, p))
+    coupled = np.einsum("eqd,ed->eq", found._coupling, du.reshape(-1)[body.dofs])
+    change = slope(lambda t: body.volume_residual(u + t * du, p))
+    # Finite differences: rounding over the step, and nothing else in a quadratic.
+    np.testing.assert_allclose(coupled, change, atol=1e-11)
+    follows = np.einsum("epq,eq->ep", found._inverse, coupled)
+    condensed = gathered(body, np.einsum("eqd,eq->ed", found._coupling, follows))
+    total = (found.stiffness @ du.ravel()).reshape(-1, 2)
+    direct = slope(lambda t: body.force(u + t * du, p))
+    # Finite differences, and rounding of condensed forces, 1e5 times larger at nu = 0.5.
+    tol = 2e-9 + 1e-14 * np.abs(condensed).max()
+    np.testing.assert_allclose(total - condensed, direct, atol=tol)
+    assert np.abs(direct).max() > 1e-2
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+@pytest.mark.parametrize("finite", KINDS)
+def test_stiffness__is_symmetric(finite, nu):
+    body = solid(nu, finite=finite)
+    K = body.assemble(*some_state(body)).stiffness
+    assert K.shape == (2 * body.n_node, 2 * body.n_node)
+    assert abs(K - K.T).max() < 1e-14 * abs(K).max()  # rounding
+
+
+def test_stiffness__of_the_body_at_rest_is_positive_but_for_rigid_motions():
+    body = Solid(disk_mesh(lambda angle: np.full_like(angle, 0.3)), Material(0.3))
+    K = body.assemble(np.zeros_like(body.points), body.no_pressure()).stiffness.toarray()
+    values = np.linalg.eigvalsh(K)
+    np.testing.assert_allclose(values[:3], 0.0, atol=1e-13)  # rounding
+    assert values[3] > 1e-3
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3])
+@pytest.mark.parametrize("finite", KINDS)
+def test_volume_residual__falls_with_the_pressure_by_the_compressibility(finite, nu):
+    """And condensed pressures are those of its inverse."""
+    body = solid(nu, finite=finite)
+    u, p = some_state(body)
+    _, dp = some_directions(body)
+    change = slope(lambda t: body.volume_residual(u, p + t * dp))
+    back = -np.einsum("epq,eq->ep", body.assemble(u, p)._inverse, change)
+    np.testing.assert_allclose(back, dp, atol=1e-7)  # finite differences: rounding over the step
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3])
+def test_linear_step__is_exact_in_a_linear_body(nu):
+    """After any step of displacements, the pressures' own solves their equation, and
+    force + condensed + stiffness du is the force."""
+    body = solid(nu, finite=False)
+    u, p = some_state(body)
+    du, _ = some_directions(body)
+    found = body.assemble(u, p)
+    dp = found.pressure_step(du, body.dofs)
+    np.testing.assert_allclose(body.volume_residual(u + du, p + dp), 0.0, atol=1e-14)  # rounding
+    expected = found.force + found.condensed + (found.stiffness @ du.ravel()).reshape(-1, 2)
+    np.testing.assert_allclose(body.force(u + du, p + dp), expected, atol=1e-13)  # rounding
+
+
+def test_linear_step__is_the_derivative_at_finite_strain():
+    body = solid(0.3)
+    u, p = some_state(body)
+    du, _ = some_directions(body)
+    found = body.assemble(u, p)
+    dp = found.pressure_step(du, body.dofs)
+    force = slope(lambda t: body.force(u + t * du, p + t * dp))
+    volume = slope(lambda t: body.volume_residual(u + t * du, p + t * dp))
+    expected = found.condensed + (found.stiffness @ du.ravel()).reshape(-1, 2)
+    np.testing.assert_allclose(force, expected, atol=5e-9)  # finite differences
+    np.testing.assert_allclose(volume, -found.volume, atol=1e-10)  # finite differences
+
+
+def test_pressure_step__at_one_half_is_that_of_a_slight_compressibility():
+    """1e-5 / E: it enters the step alone. The residual itself has none."""
+    body = solid(0.5)
+    u, p = some_state(body)
+    du, dp = some_directions(body)
+    np.testing.assert_array_equal(body.volume_residual(u, p), body.volume_residual(u, p + dp))
+    found, like = body.assemble(u, p), solid(0.5 - 1e-5 / 6).assemble(u, p)
+    step = found.pressure_step(du, body.dofs)
+    assert np.isfinite(step).all()
+    change = found.volume + np.einsum("eqd,ed->eq", found._coupling, du.reshape(-1)[body.dofs])
+    expected = np.einsum("epq,eq->ep", like._inverse, change)
+    # Rounding: 0.5 - nu, over 1.7e-6.
+    np.testing.assert_allclose(step, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+def test_assemble__refuses_elements_turned_inside_out():
+    body = solid()
+    p = body.no_pressure()
+    whole = body.points * [-2.0, 0.0]
+    with pytest.raises(InvertedError):
+        body.assemble(whole, p)
+    one = np.zeros_like(body.points)
+    nodes = body.nodes[7]
+    one[nodes[8]] = 0.8 * (body.points[nodes[0]] - body.points[nodes[8]])
+    with pytest.raises(InvertedError):
+        body.assemble(one, p)
+    with pytest.raises(InvertedError):
+        body.assemble(np.full_like(body.points, np.nan), p)
+    assert np.isfinite(solid(finite=False).assemble(whole, p).force).all()
+
+
+# ----------------------------------------------------------------------------------- convergence
+
+
+def compressible(x, y):
+    """A displacement, its pressure and the load per volume that goes with them, nu = 0.3."""
+    mu, K = 0.5 / 1.3, 1.0 / 1.2
+    a, b = 2 * x + y, x - 2 * y
+    u = np.sin(a), np.cos(b)
+    volume = 2 * np.cos(a) + 2 * np.sin(b)
+    slopes = -4 * np.sin(a) + 2 * np.cos(b), -2 * np.sin(a) - 4 * np.cos(b)
+    # div(2 mu dev e) = mu lap u + mu/3 grad div u in plane strain; lap u = -5 u.
+    load = [5 * mu * u[i] - (mu / 3 + K) * slopes[i] for i in range(2)]
+    return u, K * volume, load
+
+
+def incompressible(x, y):
+    """A displacement without divergence, of the stream function sin 2x cos 3y, at nu = 0.5."""
+    mu = 1.0 / 3.0
+    u = -3 * np.sin(2 * x) * np.sin(3 * y), -2 * np.cos(2 * x) * np.cos(3 * y)
+    p = np.cos(x + 2 * y)
+    down = -np.sin(x + 2 * y)
+    return u, p, [13 * mu * u[i] - (i + 1) * down for i in range(2)]  # lap u = -13 u
+
+
+def solved(exact, nu, n):
+    """Errors of displacements and pressures, of a quarter held at its whole boundary."""
+    mesh = disk_mesh(lambda angle: np.full_like(angle, math.pi / 12 / n), refine=n)
+    body = Solid(mesh, Material(nu, finite=False))
+    basis = Basis(mesh.mesh, ElementQuad2(), intorder=8)
+    loads = [LinearForm(lambda v, w, i=i: exact(*w.x)[2][i] * v).assemble(basis) for i in range(2)]
+    inner = inner_nodes(mesh)
+    u, p = np.stack(exact(*body.points.T)[0], axis=-1), body.no_pressure()
+    u[inner] = 0.0
+    free = np.stack([2 * inner, 2 * inner + 1], axis=-1).ravel()
+    for _ in range(4):
+        found = body.assemble(u, p)
+        rest = np.stack(loads, axis=-1) - found.force - found.condensed
+        du = np.zeros(2 * body.n_node)
+        du[free] = spsolve(found.stiffness[free][:, free], rest.ravel()[free])
+        p = p + found.pressure_step(du, body.dofs)
+        u = u + du.reshape(-1, 2)
+    left = np.stack(loads, axis=-1) - body.force(u, p)
+    assert np.abs(left[inner]).max() < 1e-10  # rounding
+    wanted = exact(*basis.global_coordinates())[0]
+    apart = sum((basis.interpolate(u[:, i]) - wanted[i]) ** 2 for i in range(2))
+    at = Basis(mesh.mesh, ElementQuad2(), intorder=5).global_coordinates()
+    off = body.pressures(p) - exact(*at)[1]
+    if nu == 0.5:  # known but for a constant, of a body held all around
+        off -= np.average(off, weights=body._weight)
+    return math.sqrt((basis.dx * apart).sum()), math.sqrt((body._weight * off**2).sum())
+
+
+@pytest.mark.parametrize(("exact", "nu"), [(compressible, 0.3), (incompressible, 0.5)])
+def test_solution__converges_with_the_third_power_of_the_edges_and_pressure_with_the_second(
+    exact, nu
+):
+    errors = np.array([solved(exact, nu, n) for n in (2, 4, 8)])
+    orders = np.log2(errors[:-1] / errors[1:])
+    # Discretisation order: 3 for quadratic displacements, 2 for linear pressures.
+    assert (orders > [2.8, 1.85]).all()
+    assert (orders < [3.6, 2.6]).all()
+    assert (errors[-1] < [1e-5, 4e-4]).all()

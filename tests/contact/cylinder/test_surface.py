@@ -1,0 +1,398 @@
+"""Gaps along rays and distances from points: their values, derivatives, and which place counts."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ridgebayes.contact.cylinder.surface import cast, distance, kink, shapes, slopes
+
+UP = np.array([0.0, 1.0])
+STEP = 1e-6
+
+
+def joined(nodes):
+    """Edges through nodes: first, middle, last, and so on."""
+    return np.stack([nodes[:-2:2], nodes[1:-1:2], nodes[2::2]], axis=1)
+
+
+def circle(n_edge, start=-math.pi, stop=math.pi, *, radius=1.0, centre=(0.0, 0.0)):
+    """An arc by angles from the lowest point, counter-clockwise."""
+    angle = np.linspace(start, stop, 2 * n_edge + 1)
+    return joined(np.array(centre) + radius * np.column_stack([np.sin(angle), -np.cos(angle)]))
+
+
+def straight(*corners):
+    """Straight edges from corner to corner."""
+    at = np.array(corners, dtype=float)
+    return np.stack([at[:-1], 0.5 * (at[:-1] + at[1:]), at[1:]], axis=1)
+
+
+SQUARE = straight((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+
+
+def dented(n_edge=20, seed=1):
+    """The lower part of a circle, each node moved by a part of an edge: kinks at every end."""
+    angle = np.linspace(-1.2, 1.2, 2 * n_edge + 1)
+    nodes = np.column_stack([np.sin(angle), -np.cos(angle)])
+    return joined(nodes + 0.01 * np.random.default_rng(seed).uniform(-1.0, 1.0, nodes.shape))
+
+
+def rays(x, y, normal=UP, behind=0.5):
+    x, y = np.broadcast_arrays(np.atleast_1d(x), y)
+    point = np.column_stack([x, y]).astype(float)
+    normal = np.asarray(normal, dtype=float)
+    normal = np.broadcast_to(normal / np.hypot(*normal.T)[..., None], point.shape).copy()
+    return point, normal, {"behind": np.full(len(point), behind), "ahead": 0.5}
+
+
+def shifted(rim, edge, k, i, by):
+    """Move a node, of the neighbouring edge too where it is an end."""
+    rim = rim.copy()
+    rim[edge, k, i] += by
+    if k == 0 and edge > 0:
+        rim[edge - 1, 2, i] += by
+    if k == 2 and edge < len(rim) - 1:
+        rim[edge + 1, 0, i] += by
+    return rim
+
+
+NODES = [(k, i) for k in range(3) for i in range(2)]
+
+
+# ------------------------------------------------------------------------------------------ cast
+
+
+def test_shapes__interpolate_and_their_slopes_are_their_derivatives():
+    np.testing.assert_array_equal(shapes(np.array([0.0, 0.5, 1.0])), np.eye(3))
+    s = np.linspace(0.0, 1.0, 11)
+    np.testing.assert_allclose(shapes(s).sum(axis=-1), 1.0, rtol=1e-15)  # rounding
+    found = (shapes(s + STEP) - shapes(s - STEP)) / (2 * STEP)
+    np.testing.assert_allclose(slopes(s), found, atol=1e-9)  # finite differences: rounding
+
+
+def test_cast__of_vertical_rays_measures_up_to_the_circle():
+    x = np.linspace(-0.8, 0.8, 33)
+    off = []
+    for n_edge in (24, 48, 96):
+        point, normal, reach = rays(x, -1.01)
+        hits = cast(circle(n_edge), point, normal, **reach)
+        np.testing.assert_array_equal(hits.ray, np.arange(33))
+        off.append(np.abs(hits.gap - (1.01 - np.sqrt(1.0 - x**2))).max())
+        rim = circle(n_edge)
+        at = np.einsum("nk,nki->ni", shapes(hits.s), rim[hits.edge])
+        # Rounding: where it says it meets the rim, it does.
+        np.testing.assert_allclose(at, point + hits.gap[:, None] * normal, atol=1e-14)
+    # Discretisation order: parabolas leave the circle by h^4/500 or so, a sixteenth in each step;
+    # where on its edge each ray falls, varies.
+    assert off[0] < 1.5e-5
+    np.testing.assert_allclose(np.divide(off[:-1], off[1:]), 16.0, rtol=0.25)
+
+
+def test_cast__of_rays_to_the_centre_has_one_gap():
+    angle = np.linspace(-3.0, 3.0, 50)
+    out = np.column_stack([np.sin(angle), -np.cos(angle)])
+    point, normal, reach = rays(*(1.03 * out).T, normal=-out)
+    hits = cast(circle(64), point, normal, **reach)
+    np.testing.assert_array_equal(hits.ray, np.arange(50))
+    np.testing.assert_allclose(hits.gap, 0.03, atol=3e-7)  # discretisation: h^4/500
+    # The rigid side's tangent is a quarter turn clockwise from its normal.
+    turned = np.column_stack([normal[:, 1], -normal[:, 0]])
+    np.testing.assert_array_equal(hits.tangent, turned)
+
+
+def test_cast__into_the_body_has_a_negative_gap():
+    point, normal, reach = rays([-0.1, 0.2], [-0.9, -0.8])
+    hits = cast(circle(64), point, normal, **reach)
+    expected = -np.sqrt([1 - 0.01, 1 - 0.04]) + [0.9, 0.8]
+    np.testing.assert_allclose(hits.gap, expected, atol=3e-7)  # discretisation: h^4/500
+    assert (hits.gap < 0).all()
+
+
+def test_cast__counts_entries_and_no_exits():
+    """A ray that starts in the body and leaves it within reach meets nothing."""
+    point, normal, reach = rays([0.05, 0.3], 0.8)
+    assert len(cast(circle(64), point, normal, **reach).ray) == 0
+    backwards = cast(circle(64), point, -normal, **reach)
+    assert len(backwards.ray) == 2
+    assert (backwards.gap < 0).all()
+
+
+def test_cast__chooses_the_nearest_entry():
+    """Three squares one above the other: ahead or behind, exits on the way do not count."""
+    column = np.concatenate([SQUARE + 5.0 * i * UP for i in (2, 0, 1)])
+    point, normal, _ = rays(np.full(4, 0.3), [-1.5, 1.4, 1.6, 8.8])
+    hits = cast(column, point, normal, behind=np.full(4, 50.0), ahead=50.0)
+    np.testing.assert_array_equal(hits.ray, np.arange(4))
+    # Entries at -1, 4 and 9: rounding.
+    np.testing.assert_allclose(hits.gap, [0.5, -2.4, 2.4, 0.2], atol=1e-14)
+    np.testing.assert_array_equal(hits.edge, [4, 4, 8, 0])
+
+
+def test_cast__keeps_rays_in_order_and_each_once():
+    rim = dented()
+    rng = np.random.default_rng(2)
+    point, normal, reach = rays(rng.uniform(-0.7, 0.7, 200), rng.uniform(-1.1, -0.9, 200))
+    hits = cast(rim, point, normal, **reach)
+    np.testing.assert_array_equal(hits.ray, np.arange(200))
+    one = [cast(rim, point[[i]], normal[[i]], behind=np.array([0.5]), ahead=0.5) for i in range(50)]
+    np.testing.assert_array_equal([hit.edge[0] for hit in one], hits.edge[:50])
+    # Rounding: products of matrices of other shapes.
+    np.testing.assert_allclose([hit.gap[0] for hit in one], hits.gap[:50], atol=1e-15)
+
+
+def test_cast__drops_what_is_out_of_reach():
+    point, normal, _ = rays(np.full(6, 0.1), [-1.3, -1.19, -1.21, -0.95, -0.85, -0.85])
+    behind = np.array([0.1, 0.1, 0.1, 0.1, 0.1, 0.2])
+    ahead = 0.2
+    hits = cast(SQUARE, point, normal, behind=behind, ahead=ahead)
+    np.testing.assert_array_equal(hits.ray, [1, 3, 5])
+    np.testing.assert_allclose(hits.gap, [0.19, -0.05, -0.15], atol=1e-15)  # rounding
+    beside, normal, reach = rays([-1.1, 1.1, 0.0], -1.2)
+    np.testing.assert_array_equal(cast(SQUARE, beside, normal, **reach).ray, [2])
+
+
+def test_cast__without_any_hit_is_empty():
+    point, normal, reach = rays([5.0, 6.0], -1.0)
+    hits = cast(SQUARE, point, normal, **reach)
+    assert hits.gradient.shape == (0, 3, 2)
+    assert hits.hessian.shape == (0, 6, 6)
+
+
+def test_cast__meets_an_edge_that_bulges_past_its_nodes():
+    """x(s) = 2.6 s - 1.6 s^2 reaches 1.05625, beyond all three nodes; after that it is an exit."""
+    edge = np.array([[[0.0, -1.0], [0.9, -1.1], [1.0, -1.0]]])
+    point, normal, reach = rays([1.03, 1.05624, 1.05626], -1.3)
+    hits = cast(edge, point, normal, **reach)
+    np.testing.assert_array_equal(hits.ray, [0, 1])
+    assert hits.s[0] == pytest.approx((2.6 - math.sqrt(2.6**2 - 6.4 * 1.03)) / 3.2)
+    assert (hits.s < 0.8125).all()
+
+
+def test_cast__through_a_node_is_met():
+    rim = circle(24)
+    at = rim[9:16, 0]
+    point, normal, reach = rays(at[:, 0], -1.2)
+    hits = cast(rim, point, normal, **reach)
+    np.testing.assert_array_equal(hits.ray, np.arange(7))
+    np.testing.assert_allclose(hits.gap, at[:, 1] + 1.2, atol=1e-15)  # rounding
+
+
+@pytest.mark.xfail(reason="a root may round to beyond 1 on one edge, and be below 0 on the next")
+def test_cast__through_a_node_to_rounding_is_met():
+    """Oblique rays, whose node is off by a bit or two: one edge or the other has to own it."""
+    for n_edge in range(3, 40):
+        rim = circle(n_edge, -0.6, 0.6)
+        at = rim[1:, 0]
+        for angle in np.linspace(-0.4, 0.4, 9):
+            n = np.array([math.sin(angle), math.cos(angle)])
+            point, normal, reach = rays(*(at - 0.05 * n).T, normal=n)
+            hits = cast(rim, point, normal, **reach)
+            np.testing.assert_array_equal(hits.ray, np.arange(len(at)))
+
+
+def oblique():
+    rim = dented()
+    rng = np.random.default_rng(7)
+    x = rng.uniform(-0.6, 0.6, 40)
+    lean = np.column_stack([rng.uniform(-0.4, 0.4, 40), np.ones(40)])
+    point, normal, reach = rays(x, rng.uniform(-1.1, -0.9, 40), normal=lean)
+    hits = cast(rim, point, normal, **reach)
+    # Away from ends of edges, past which a step of the differences would go.
+    kept = np.flatnonzero((hits.s > 1e-3) & (hits.s < 1 - 1e-3))
+    assert len(kept) > 30
+    return rim, point, normal, reach, hits, kept
+
+
+def differences(step=STEP):
+    """Hits of one ray with each coordinate of its edge's nodes moved there and back."""
+    rim, point, normal, reach, hits, kept = oblique()
+    for h in kept:
+        ray = hits.ray[h]
+        one = point[[ray]], normal[[ray]]
+        ahead = {"behind": reach["behind"][[ray]], "ahead": reach["ahead"]}
+        for k, i in NODES:
+            pair = [
+                cast(shifted(rim, hits.edge[h], k, i, by), *one, **ahead) for by in (step, -step)
+            ]
+            assert pair[0].edge[0] == pair[1].edge[0] == hits.edge[h]
+            yield hits, h, k, i, pair
+
+
+def test_gradient__is_the_derivative_of_the_gap_by_the_nodes():
+    for hits, h, k, i, (plus, minus) in differences():
+        found = (plus.gap[0] - minus.gap[0]) / (2 * STEP)
+        assert found == pytest.approx(hits.gradient[h, k, i], abs=1e-8)  # finite differences
+
+
+def test_slide__is_the_derivative_of_the_place_on_the_edge():
+    for hits, h, k, i, (plus, minus) in differences():
+        found = (plus.s[0] - minus.s[0]) / (2 * STEP)
+        # Finite differences: STEP over the edge's length, squared, and rounding.
+        assert found == pytest.approx(hits.slide[h, k, i], abs=1e-6)
+
+
+def test_hessian__is_the_derivative_of_the_gradient():
+    largest = 0.0
+    for hits, h, k, i, (plus, minus) in differences():
+        found = (plus.gradient[0] - minus.gradient[0]).ravel() / (2 * STEP)
+        # Finite differences: STEP over the edge's length, squared.
+        np.testing.assert_allclose(hits.hessian[h, 2 * k + i], found, atol=1e-5)
+        largest = max(largest, np.abs(found).max())
+    assert largest > 5.0
+
+
+def test_hessian__is_symmetric():
+    *_, hits, _ = oblique()
+    turned = hits.hessian.transpose(0, 2, 1)
+    np.testing.assert_allclose(hits.hessian, turned, atol=1e-13)  # rounding
+
+
+def test_gradient__of_a_rigid_shift_is_the_normal_as_seen_along_the_ray():
+    """Moving the whole rim along the ray adds to the gap, one to one."""
+    _, _, normal, _, hits, _ = oblique()
+    along = np.einsum("nki,ni->n", hits.gradient, normal[hits.ray])
+    np.testing.assert_allclose(along, 1.0, rtol=1e-13)  # rounding
+
+
+# ------------------------------------------------------------------------------------------ kink
+
+
+@pytest.mark.parametrize("lean", [-0.3, 0.0, 0.2])
+def test_kink__is_the_jump_of_the_gaps_slope_at_a_node(lean):
+    """The slope of the gap as the ray moves along the rigid side, and of the gradient's sum."""
+    rim = dented()
+    edge = np.arange(4, 15)
+    node = rim[edge, 2]
+    n = np.array([lean, 1.0]) / math.hypot(lean, 1.0)
+    t = np.array([n[1], -n[0]])
+    found = kink(rim, edge, np.tile(t, (11, 1)), np.tile(n, (11, 1)))
+    step = 1e-5
+    gaps, sums = [], []
+    for by in (-2 * step, -step, step, 2 * step):
+        point, normal, reach = rays(*(node - 0.05 * n + by * t).T, normal=n)
+        hits = cast(rim, point, normal, **reach)
+        np.testing.assert_array_equal(hits.edge, edge + (by > 0))
+        gaps.append(hits.gap)
+        sums.append(hits.gradient.sum(axis=1) @ t)
+    jump = ((gaps[3] - gaps[2]) - (gaps[1] - gaps[0])) / step
+    # Finite differences: three times the step, times a curvature of the dents of order 10.
+    np.testing.assert_allclose(found, jump, atol=2e-3)
+    np.testing.assert_allclose(found, sums[1] - sums[2], atol=2e-3)
+    assert np.abs(found).max() > 0.1
+
+
+def test_kink__of_a_smooth_line_is_zero():
+    rim = joined(np.column_stack([np.linspace(0, 1, 9), np.linspace(0, 1, 9) ** 2]))
+    found = kink(rim, np.arange(3), np.tile([1.0, 0.0], (3, 1)), np.tile(UP, (3, 1)))
+    np.testing.assert_allclose(found, 0.0, atol=1e-14)  # rounding
+
+
+def test_kink__of_a_corner_is_the_difference_of_its_slopes():
+    rim = straight((0, 0), (1, -0.2), (2, 0.3))
+    found = kink(rim, np.array([0]), np.array([[1.0, 0.0]]), UP[None])
+    np.testing.assert_allclose(found, [0.5 + 0.2], rtol=1e-14)  # rounding
+
+
+# -------------------------------------------------------------------------------------- distance
+
+
+@pytest.mark.parametrize("radius", [0.4, 0.9, 1.0, 1.02, 3.0])
+def test_distance__from_the_unit_circle_is_signed(radius):
+    angles = np.linspace(-3.0, 3.0, 23)
+    off = []
+    for n_edge in (16, 32, 64):
+        at = radius * np.column_stack([np.sin(angles), -np.cos(angles)])
+        found = [distance(circle(n_edge), point)[0] for point in at]
+        off.append(np.abs(np.array(found) - (radius - 1.0)).max())
+    # Discretisation order: parabolas leave the circle by h^4/500 or so; where on its edge the
+    # nearest place falls, varies.
+    assert off[0] < 5e-5
+    np.testing.assert_allclose(np.divide(off[:-1], off[1:]), 16.0, rtol=0.25)
+
+
+@pytest.mark.parametrize(
+    ("point", "expected"),
+    [
+        ((0.3, -1.2), 0.2),
+        ((0.3, -0.9), -0.1),
+        ((-1.4, 0.1), 0.4),
+        ((1.3, -1.4), 0.5),  # a corner: 3, 4, 5
+        ((0.0, 0.25), -0.75),
+        ((0.2, 1.0), 0.0),
+    ],
+)
+def test_distance__from_a_square_is_exact(point, expected):
+    found, _, gradient = distance(SQUARE, np.array(point))
+    assert found == pytest.approx(expected, abs=1e-15)  # rounding
+    # The distance falls as the edge comes nearer: minus the unit outward direction.
+    assert np.hypot(*gradient.sum(axis=0)) == pytest.approx(1.0, abs=1e-15)  # rounding
+
+
+def test_distance__from_a_corner_that_points_inwards_is_to_the_sides():
+    rim = straight((-2, -1), (0, 0), (2, -1), (2, 2), (-2, 2), (-2, -1))
+    side = np.array([-1.0, -2.0]) / math.sqrt(5)  # outward, of the second edge
+    for way, own in ((1.0, 1), (-1.0, 0)):
+        found, edge, gradient = distance(rim, (np.array([1.0, -0.5]) + 0.1 * side) * [way, 1])
+        assert found == pytest.approx(0.1, abs=1e-15)  # rounding
+        assert edge == own
+        # Rounding.
+        np.testing.assert_allclose(-gradient.sum(axis=0), side * [way, 1], atol=1e-14)
+    inside, _, gradient = distance(rim, np.array([0.0, 0.1]))
+    assert inside == pytest.approx(-0.1, abs=1e-15)  # rounding: to the corner itself
+    np.testing.assert_allclose(gradient.sum(axis=0), [0.0, 1.0], atol=1e-14)  # rounding
+
+
+def some_points():
+    rng = np.random.default_rng(11)
+    angle = rng.uniform(-1.0, 1.0, 40)
+    return rng.uniform(0.8, 1.2, 40)[:, None] * np.column_stack([np.sin(angle), -np.cos(angle)])
+
+
+def test_distance__is_to_the_nearest_of_all_places():
+    rim = dented()
+    s = np.linspace(0.0, 1.0, 2001)
+    places = np.einsum("sk,eki->esi", shapes(s), rim)
+    for point in some_points():
+        apart = np.linalg.norm(places - point, axis=-1)
+        found, edge, _ = distance(rim, point)
+        # Discretisation of the search: half a step of 6e-5, squared, over twice the distance.
+        assert abs(found) == pytest.approx(apart.min(), abs=1e-6)
+        assert apart[edge].min() == pytest.approx(apart.min(), abs=1e-6)
+        assert (found < 0) == (np.hypot(*point) < 1.0) or abs(found) < 0.03
+
+
+def test_distance__has_the_derivative_by_the_nodes():
+    """Also where the nearest place is a node, and the sides' normals differ."""
+    rim = dented()
+    at_nodes = 0
+    for point in some_points():
+        _, edge, gradient = distance(rim, point)
+        at_nodes += (np.abs(gradient).max(axis=1) == 0.0).sum() == 2
+        for k, i in NODES:
+            pair = [distance(shifted(rim, edge, k, i, by), point)[0] for by in (STEP, -STEP)]
+            slope = (pair[0] - pair[1]) / (2 * STEP)
+            # Finite differences: STEP^2 times a third derivative, and rounding over STEP.
+            assert slope == pytest.approx(gradient[k, i], abs=1e-7)
+        shift = np.array([0.6, -0.8]) * STEP
+        moved = (distance(rim, point + shift)[0] - distance(rim, point - shift)[0]) / 2
+        assert moved == pytest.approx(-gradient.sum(axis=0) @ shift, abs=1e-7 * STEP + 1e-14)
+    assert 5 < at_nodes < 35
+
+
+def test_distance__of_a_point_on_the_rim_is_zero():
+    rim = dented()
+    at = shapes(np.array(0.3)) @ rim[7]
+    found, edge, gradient = distance(rim, at)
+    assert found == pytest.approx(0.0, abs=1e-15)  # rounding
+    assert edge == 7
+    out = -gradient.sum(axis=0)
+    tangent = slopes(np.array(0.3)) @ rim[7]
+    assert out @ tangent == pytest.approx(0.0, abs=1e-15)  # rounding
+    assert tangent[0] * out[1] - tangent[1] * out[0] < 0.0  # outward is on the right
+
+
+@pytest.mark.xfail(reason="the sign of a point straight ahead of the rim's end is that of zero")
+def test_distance__past_the_end_of_a_rim_is_not_zero():
+    rim = straight((0, 0), (1, 0), (2, 0))
+    assert abs(distance(rim, np.array([2.1, 0.0]))[0]) == pytest.approx(0.1, abs=1e-15)  # rounding
