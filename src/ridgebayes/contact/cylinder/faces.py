@@ -291,9 +291,7 @@ def plate(width: float, segment: float, *, mirrored: bool, above: bool) -> Face:
     return Face(np.array([0.0, -1.0]), 0.0, 0.0, breaks, 0)
 
 
-def _ridge(
-    profile: Profile, land: Land, height: float, resolution: Resolution
-) -> Iterator[Face]:
+def _ridge(profile: Profile, land: Land, height: float, resolution: Resolution) -> Iterator[Face]:
     r, number = land.corner, land.ridge
     depth = min(profile.depth, max(_WALL * profile.b, 2 * r))
     at_corner = r * math.pi / 2 / resolution.arc if r else resolution.corner
@@ -316,9 +314,7 @@ def _ridge(
             down = top + _graded(depth - top, at_corner, resolution.most, resolution.most)
             breaks = np.sort(side * down)  # along (cos, -sin): downwards on the right
             origin = np.array([at + side * r, height])
-            yield Face(
-                origin, side * math.pi / 2, 0.0, breaks, number, below=None if r else height
-            )
+            yield Face(origin, side * math.pi / 2, 0.0, breaks, number, below=None if r else height)
 
 
 def _cut(length: float, first: float, last: float, most: float) -> FloatArray:

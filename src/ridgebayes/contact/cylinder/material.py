@@ -61,9 +61,7 @@ class Material:
         J, cof = jacobian(F), cofactor(F)
         first = np.einsum("...ij,...ij->...", F, F) + 1.0
         scale = self.mu * J ** (-2.0 / 3.0)
-        return (
-            scale[..., None, None] * F + (p - scale * first / (3.0 * J))[..., None, None] * cof
-        )
+        return scale[..., None, None] * F + (p - scale * first / (3.0 * J))[..., None, None] * cof
 
     def stiffness(self, F: FloatArray, p: FloatArray) -> FloatArray:
         """Return dP/dF at fixed p, shape (..., 2, 2, 2, 2)."""

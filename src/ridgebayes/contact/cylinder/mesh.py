@@ -16,6 +16,7 @@ from ridgebayes._types import FloatArray, IntArray
 
 _CORE = 0.45  # radius of the core over that of the disk
 _FEWEST = 6  # columns of the core along a quarter of its rim
+_TALL = 1.5  # height of elements over their width
 _LAYER = 2.0  # depth at which columns of a width split, in that width: 1 costs 0.4 % of a load
 
 
@@ -60,7 +61,7 @@ def disk_mesh(
         Wanted length of the rim's edges, over the radius, at angles from the lowest point, shape
         (n,), 0 to pi/2; of both sides where both are meshed.
     refine : int, optional
-        Makes elements inside smaller by this factor, the rim's being given by `size`.
+        Makes the core's elements smaller by at least this factor, the rim's being given by `size`.
     both_sides : bool, optional
         Mesh x < 0 too, the mirror image.
     whole : bool, optional
@@ -84,7 +85,7 @@ def disk_mesh(
         radii.append(np.tile([inner, outer, outer, inner], (len(low), 1)))
 
     def rows(edges: FloatArray, start: float, stop: float, height: float) -> None:
-        n = max(round((start - stop) / height), 1)
+        n = max(round((start - stop) / (_TALL * height)), 1)
         at = 1.0 - np.linspace(start, stop, n + 1)
         for inner, outer in zip(at[:-1], at[1:], strict=True):
             add(edges[:-1], edges[1:], inner, outer)
@@ -196,16 +197,18 @@ def _joined(quads: FloatArray) -> DiskMesh:
     mesh = MeshQuad2(points, mesh.t)
     on_rim = np.hypot(*points[:, facets]).min(axis=0) > 1.0 - 1e-9
     ends = facets[:, on_rim]
-    theta = np.arctan2(points[0], -points[1])
-    ends = np.where(theta[ends[0]] <= theta[ends[1]], ends, ends[::-1])
-    order = np.argsort(theta[ends[0]])
-    rim = np.column_stack([ends[0], middle[on_rim], ends[1]])[order]
-    return DiskMesh(
-        mesh,
-        rim,
-        np.flatnonzero(np.abs(points[0]) < 1e-12),
-        np.flatnonzero(np.abs(points[1]) < 1e-12),
-    )
+    # The middle of an edge has a clear angle, also where the rim ends and begins at the top.
+    x, y = points[:, middle[on_rim]]
+    theta = np.arctan2(x, -y)
+    first, last = points[:, ends[0]], points[:, ends[1]]
+    forward = (last[0] - first[0]) * -y + (last[1] - first[1]) * x > 0
+    ends = np.where(forward, ends, ends[::-1])
+    rim = np.column_stack([ends[0], middle[on_rim], ends[1]])[np.argsort(theta)]
+    return DiskMesh(mesh, rim, *_on_axes(points))
+
+
+def _on_axes(points: FloatArray) -> tuple[IntArray, IntArray]:
+    return np.flatnonzero(np.abs(points[0]) < 1e-12), np.flatnonzero(np.abs(points[1]) < 1e-12)
 
 
 def _halfway(points: FloatArray) -> FloatArray:

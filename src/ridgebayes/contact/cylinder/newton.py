@@ -25,14 +25,14 @@ from ridgebayes.contact.cylinder.touching import Press, State, Touch
 # Stiffness of condensed multipliers, in E per length of a segment: its inverse is the error of a
 # step, its size times rounding that of the linear solve.
 _STIFF = 1e4
-_MOST_STEPS, _UNDAMPED = 60, 12
+_MOST_STEPS, _UNDAMPED = 30, 10
 _DAMPING = 0.3  # the first, in E: as stiff as an element is
 _GAP_TOL = 1e-11  # over R: the first transition moves by 2e-8 of its load
 _FORCE_TOL = 1e-9  # of the load
 _VOLUME_TOL = 1e-11  # over R^2, of an element
 _LOOSE = 1e3  # a damped solution's tolerances over those of others: a part in 10^6 of the load
 _LEAST_VOLUME = 0.05  # of an element after a step, over the undeformed
-_MOST_PIVOTS, _PATIENCE = 60, 5
+_MOST_PIVOTS, _PATIENCE = 30, 5
 
 
 class NotConvergedError(Exception):
@@ -67,9 +67,7 @@ class Control:
         """Return target minus value."""
         if self.corner is not None:
             return self.target - press.apart(state, self.corner)[0]
-        return self.target - (
-            press.load(state, touch) if self.kind == "load" else state.rise
-        )
+        return self.target - (press.load(state, touch) if self.kind == "load" else state.rise)
 
     @property
     def tolerance(self) -> float:
@@ -123,9 +121,7 @@ def solve(press: Press, start: State, control: Control) -> tuple[State, int]:
     raise NotConvergedError(f"no equilibrium in {_MOST_STEPS} Newton steps")
 
 
-def _error(
-    press: Press, state: State, touch: Touch, inner: Assembled, control: Control
-) -> float:
+def _error(press: Press, state: State, touch: Touch, inner: Assembled, control: Control) -> float:
     """Return the largest residual over its tolerance."""
     outside = press.force(state, touch)
     residual = (inner.force.ravel() - outside)[press.free]
@@ -165,9 +161,7 @@ def _guarded(press: Press, state: State, moved: State) -> State:
     part, found = 1.0, moved
     for _ in range(6):
         solid = press.solid
-        if not solid.material.finite or (
-            jacobian(solid.gradients(found.u)).min() > _LEAST_VOLUME
-        ):
+        if not solid.material.finite or (jacobian(solid.gradients(found.u)).min() > _LEAST_VOLUME):
             return found
         part *= 0.5
         names = [one.name for one in fields(State)]
@@ -247,10 +241,10 @@ class _Step:
         """Return the state after the step, and which segments are in contact then.
 
         Block principal pivoting: all that are wrong change sides, and one at a time where that
-        does not lead on.
+        does not lead on. Far from equilibrium there may be no such set; then the best one serves.
         """
         active = self._reference.copy()
-        fewest, patience = len(active) + 1, _PATIENCE
+        fewest, patience, best = len(active) + 1, _PATIENCE, active
         for _ in range(_MOST_PIVOTS):
             du, rise, pressure, gap = self._of(active)
             tiny = 1e-9 * np.abs(pressure).max(initial=0.0)
@@ -259,12 +253,15 @@ class _Step:
             n = int(wrong.sum())
             if n == 0:
                 return self._moved(du, rise, np.maximum(pressure, 0.0), active), active
-            patience = _PATIENCE if n < fewest else patience - 1
-            fewest = min(n, fewest)
+            if n < fewest:
+                fewest, patience, best = n, _PATIENCE, active
+            else:
+                patience -= 1
             if patience < 0:
                 wrong[: np.flatnonzero(wrong)[-1]] = False
             active = active ^ wrong
-        raise NotConvergedError("no set of segments in contact fits")
+        du, rise, pressure, _ = self._of(best)
+        return self._moved(du, rise, np.maximum(pressure, 0.0), best), best
 
     def _moved(
         self, du: FloatArray, rise: float, pressure: FloatArray, active: np.ndarray

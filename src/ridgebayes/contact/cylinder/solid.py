@@ -72,7 +72,7 @@ class Solid:
         self._grad = np.stack([basis.basis[i][0].grad for i in range(9)]).transpose(2, 3, 0, 1)
         self._grad = np.ascontiguousarray(self._grad)
         self._weight = np.asarray(basis.dx)
-        at = np.asarray(basis.global_coordinates().value)  # (2, element, point)
+        at = np.asarray(basis.global_coordinates())  # (2, element, point)
         centre = np.average(at, axis=2, weights=np.broadcast_to(self._weight, at.shape))
         extent = np.sqrt(self._weight.sum(axis=1))
         local = (at - centre[..., None]) / extent[:, None]

@@ -24,6 +24,7 @@ def slopes(s: FloatArray) -> FloatArray:
 
 
 _BENDS = np.array([4.0, -8.0, 4.0])
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +89,8 @@ def cast(
     control = 2.0 * along[..., 1] - 0.5 * (along[..., 0] + along[..., 2])
     low = np.minimum(np.minimum(along[..., 0], along[..., 2]), control)
     high = np.maximum(np.maximum(along[..., 0], along[..., 2]), control)
-    ray, edge = np.nonzero((low <= 0.0) & (high >= 0.0))
+    slack = _ROUNDING * (high - low)
+    ray, edge = np.nonzero((low <= slack) & (high >= -slack))
     s, where = _rising_roots(along[ray, edge])
     ray, edge = ray[where], edge[where]
     at = rim[edge]
@@ -114,8 +116,9 @@ def _rising_roots(values: FloatArray) -> tuple[FloatArray, IntArray]:
     # The root with slope +root: (-b + root) / 2a, without the difference where b > 0.
     with np.errstate(divide="ignore", invalid="ignore"):
         s = np.where(b > 0, -2 * c / (b + root), (-b + root) / (2 * a))
-    where = np.flatnonzero(real & (root > 0) & (s >= 0.0) & (s <= 1.0))
-    return s[where], where
+    # A node belongs to both its edges: to rounding it might else belong to none.
+    where = np.flatnonzero(real & (root > 0) & (s >= -_ROUNDING) & (s <= 1.0 + _ROUNDING))
+    return np.clip(s[where], 0.0, 1.0), where
 
 
 def _with_derivatives(
@@ -210,5 +213,5 @@ def distance(rim: FloatArray, point: FloatArray) -> tuple[float, int, FloatArray
     # At a kink between edges the nearest place is the node, and the normal lies between.
     size_of = np.hypot(*away)
     if s[i] in (0.0, 1.0) and size_of > 0:
-        out = away / size_of * np.sign(away @ out)
+        out = away / size_of * (-1.0 if away @ out < 0 else 1.0)
     return float(away @ out), int(near[i]), -shapes(s[i])[:, None] * out

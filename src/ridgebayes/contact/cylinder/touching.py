@@ -180,7 +180,7 @@ class Press:
 
     def apart(self, state: State, corner: Corner) -> tuple[float, FloatArray]:
         """Return the distance of a corner from the body, and its derivative by the nodes."""
-        at = np.array(corner.centre) + [0.0, state.rise]
+        at = np.array([corner.centre[0], corner.centre[1] + state.rise])
         value, edge, gradient = distance(self.rim(state), at)
         row = np.zeros(2 * self.solid.n_node)
         nodes = self._rim[edge]
