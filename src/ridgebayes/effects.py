@@ -101,11 +101,21 @@ class Plan:
         return tuple(
             effect
             for effect in self.effects
-            if effect.name in _NOT_AVAILABLE and effect.estimate > self.relative
+            if effect.name in _BY_FINITE_ELEMENTS
+            and not effect.simulated
+            and effect.estimate > self.relative
         )
 
+    @property
+    def needs_finite_elements(self) -> bool:
+        """Whether an effect is simulated that only finite elements have."""
+        return any(name in _BY_FINITE_ELEMENTS for name in self.simulated)
 
-_NOT_AVAILABLE = ("finite body and large deformation", "friction")
+
+_BY_FINITE_ELEMENTS = ("finite body and large deformation", "friction")
+# Finite elements themselves are right to about this: a smaller effect is not worth them.
+FINITE_ELEMENT_ERROR = 0.002
+_PER_TRANSITION = 5.0  # CPU seconds of finite elements
 
 
 def plan(scene: Scene) -> list[Plan]:
@@ -380,11 +390,25 @@ def _finite_body(base: _Base) -> Effect:
         f"contact half-width over R; load per ridge over E a is {strain:.2g}, penetration over "
         f"b {hang:.2g}; "
     )
-    if estimate <= base.tolerance:
-        reason += f"within the wanted {base.tolerance:g}"
+    return _by_finite_elements(base, _BY_FINITE_ELEMENTS[0], width, estimate, reason)
+
+
+def _by_finite_elements(
+    base: _Base, name: str, number: float, estimate: float, reason: str
+) -> Effect:
+    """Simulate an effect by finite elements where it exceeds both a stated accuracy and theirs."""
+    wanted, asked = base.tolerance, base.scene.relative is not None
+    cost = _PER_TRANSITION * len(base.W)
+    if estimate <= wanted:
+        return Effect(name, number, estimate, False, f"{reason}within the wanted {wanted:g}", cost)
+    if estimate <= FINITE_ELEMENT_ERROR:
+        reason += f"less than the {FINITE_ELEMENT_ERROR:g} that finite elements may be off"
+    elif not asked and name == _BY_FINITE_ELEMENTS[0]:
+        reason += "a scene without a wanted accuracy is computed on a half-plane"
     else:
-        reason += f"above the wanted {base.tolerance:g}: needs finite elements"
-    return Effect(_NOT_AVAILABLE[0], width, estimate, False, reason, math.nan)
+        reason += f"above the wanted {wanted:g}: finite elements"
+        return Effect(name, number, estimate, True, reason, cost)
+    return Effect(name, number, estimate, False, reason, cost)
 
 
 def _friction(base: _Base) -> Effect:
@@ -394,11 +418,7 @@ def _friction(base: _Base) -> Effect:
     stick = (1 - nu) * math.log(3 - 4 * nu) / (1 - 2 * nu) - 1 if nu < 0.5 else 0.0
     estimate = stick * min(friction / beta, 1.0) if beta > 0 and friction else 0.0
     reason = f"friction coefficient; tangential mismatch (1 - 2 nu)/(2 (1 - nu)) is {beta:.2g}; "
-    if estimate <= base.tolerance:
-        reason += f"within the wanted {base.tolerance:g}"
-    else:
-        reason += f"above the wanted {base.tolerance:g}: needs finite elements"
-    return Effect("friction", friction, estimate, False, reason, math.nan)
+    return _by_finite_elements(base, _BY_FINITE_ELEMENTS[1], friction, estimate, reason)
 
 
 def _not_modelled() -> Iterator[Effect]:

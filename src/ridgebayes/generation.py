@@ -13,12 +13,12 @@ from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.pressed import load_factor
 from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.effects import Plan, given_profile, plan
+from ridgebayes.effects import FINITE_ELEMENT_ERROR, Plan, given_profile, plan
 from ridgebayes.errors import InputError
 from ridgebayes.scene import Scene, Texture
 from ridgebayes.table import ContactTable
 
-SOLVERS = ("auto", "hertz", "half-plane")
+SOLVERS = ("auto", "hertz", "half-plane", "cylinder-fe")
 # A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
 _MAX_TRANSITIONS = 65_536
 
@@ -33,10 +33,11 @@ def generate(scene: Scene, *, solver: str = "auto", rel_tol: float | None = None
     ----------
     scene : Scene
         Textures, Poisson's ratio, highest load.
-    solver : {"auto", "hertz", "half-plane"}
+    solver : {"auto", "hertz", "half-plane", "cylinder-fe"}
         ``"auto"`` simulates the effects that the scene calls for, see `ridgebayes.effects.plan`;
-        ``"half-plane"`` all that the scene gives; ``"hertz"`` is the smooth closed form in ridge
-        units.
+        ``"half-plane"`` all that the scene gives but friction, at small strain; ``"hertz"`` is the
+        smooth closed form in ridge units; ``"cylinder-fe"`` all that the scene gives on the whole
+        cylinder, neo-Hookean at finite strain, by finite elements.
     rel_tol : float or None, scalar, dimensionless
         Wanted relative error of each load; None is the scene's, and 1e-8 if that is looser.
 
@@ -57,12 +58,15 @@ def generate(scene: Scene, *, solver: str = "auto", rel_tol: float | None = None
 
     Notes
     -----
-    *Validity.* Small strain: within 1 % of finite strain up to p/E = 0.015, of moderate grooves.
+    *Validity.* But for "cylinder-fe" small strain: within 1 % of finite strain up to p/E = 0.015,
+    of moderate grooves.
 
     *Accuracy.* As `contact.halfplane.transition_loads` and `contact.reaching.reaching_loads`;
-    "hertz" is exact for its own question.
+    "hertz" is exact for its own question. Rows of "cylinder-fe" carry their mesh's error in
+    `rel_se`; where finite elements stop converging a row says at which load.
 
-    *Cost.* Milliseconds a texture; a second or so with floors, corners or an offset.
+    *Cost.* Milliseconds a texture; a second or so with floors, corners or an offset; of finite
+    elements several seconds a transition.
 
     Examples
     --------
@@ -72,8 +76,7 @@ def generate(scene: Scene, *, solver: str = "auto", rel_tol: float | None = None
     ([4, 6], [0.0009778101, 0.0037869602])
     """
     if solver not in SOLVERS:
-        hint = " is not simulated in this version;" if solver == "cylinder-fe" else ":"
-        raise InputError(f"solver = {solver!r}{hint} must be one of {', '.join(SOLVERS)}")
+        raise InputError(f"solver = {solver!r}: must be one of {', '.join(SOLVERS)}")
     plans = _plans(scene, solver)
     problems = _not_simulated(scene, plans, solver)
     if problems:
@@ -91,7 +94,7 @@ def generate(scene: Scene, *, solver: str = "auto", rel_tol: float | None = None
     if problems:
         raise InputError("\n".join(problems))
     frame = pd.concat(frames, ignore_index=True)
-    columns = [name for name in _COLUMNS if name != "offset_over_R" or frame[name].any()]
+    columns = [name for name in _COLUMNS if name not in _IF_ANY or frame[name].any()]
     return ContactTable.from_frame(frame[columns], where=str(frame["source"].iloc[0]))
 
 
@@ -107,11 +110,16 @@ def _curves(one: Plan, scene: Scene, solver: str, rel_tol: float) -> Iterator[pd
     """Yield the curves of a texture: one, or several offsets."""
     texture = one.texture
     p_max = scene.highest_load(texture)
-    smooth = solver == "hertz" or (solver == "auto" and one.profile is None)
     profile = one.profile if solver == "auto" else given_profile(texture)
+    if profile is None and one.needs_finite_elements:
+        profile = given_profile(texture)
+    smooth = solver == "hertz" or profile is None
+    by_elements = solver == "cylinder-fe" or (solver == "auto" and one.needs_finite_elements)
     names = ["ridges", *_given(texture)]
     if solver == "auto":
         names = [name for name in names if name in one.simulated or not one.effects]
+    if by_elements:
+        names += ["finite body and large deformation"] + ["friction"] * (scene.friction > 0)
     offsets = [0.0]
     if profile is not None and profile.offset:
         offsets = list(UNIFORM) if texture.offset == "uniform" else [profile.offset]
@@ -123,7 +131,10 @@ def _curves(one: Plan, scene: Scene, solver: str, rel_tol: float) -> Iterator[pd
             simulated = "+".join(names).replace(" ", "-")
             name, extra = "half-plane", f" effects={simulated} rel_tol={rel_tol:g}"
             here = replace(profile, offset=offset)
-            if here == Profile(here.a, here.b):
+            if by_elements:
+                name, extra = "cylinder-fe", f" effects={simulated}"
+                found = _elements(here, scene, p_max)
+            elif here == Profile(here.a, here.b):
                 found = _many(texture, scene, p_max, _half_plane, rel_tol)
             else:
                 found = _events(here, scene, p_max, rel_tol)
@@ -134,6 +145,7 @@ def _curves(one: Plan, scene: Scene, solver: str, rel_tol: float) -> Iterator[pd
                 "b_over_R": texture.b_over_R,
                 "Q": Q,
                 "p_over_E": p_over_E,
+                "rel_se": _ELEMENTS_SE if name == "cylinder-fe" else 0.0,
                 "nu": scene.nu,
                 "offset_over_R": offset * (texture.a_over_R + texture.b_over_R),
                 "role": texture.role,
@@ -161,6 +173,7 @@ _COLUMNS = [
     "b_over_R",
     "Q",
     "p_over_E",
+    "rel_se",
     "nu",
     "offset_over_R",
     "role",
@@ -170,16 +183,22 @@ _COLUMNS = [
 ]
 
 
+_IF_ANY = ("rel_se", "offset_over_R")
+_ELEMENTS_SE = 1e-3  # relative error of a load by finite elements: docs/validation.md
+
+
 def _not_simulated(scene: Scene, plans: Sequence[Plan], solver: str) -> list[str]:
     """List what the scene asks for beyond these solvers."""
     problems = []
     for number, one in enumerate(plans, start=1):
         friction = next((effect for effect in one.effects if effect.name == "friction"), None)
-        if friction is not None and not friction.estimate <= (scene.relative or 0.0):
+        has_it = solver == "cylinder-fe" or (solver == "auto" and one.needs_finite_elements)
+        wanted = max(scene.relative or 0.0, FINITE_ELEMENT_ERROR if solver == "auto" else 0.0)
+        if friction is not None and not has_it and not friction.estimate <= wanted:
             problems.append(
                 f"friction = {scene.friction!r}: changes loads by up to {friction.estimate:.2g}, "
-                f"and is not simulated in this version; rule: at most the wanted accuracy, "
-                f"{scene.relative or 0.0:g}"
+                f"and is not simulated by {solver!r}; rule: at most the wanted accuracy, "
+                f"{scene.relative or 0.0:g}, or 'cylinder-fe'"
             )
             break
         if solver == "hertz":
@@ -217,6 +236,19 @@ def _events(profile: Profile, scene: Scene, p_max: float, rel_tol: float) -> _Cu
         raise InputError(f"no transition to 4 edges or more under p/E = {p_max!r}")
     status = tuple(text for text, kept in zip(found.status, keep, strict=True) if kept)
     return found.Q[keep], found.W[keep] / factor, status
+
+
+def _elements(profile: Profile, scene: Scene, p_max: float) -> _Curve:
+    """Return the transitions by finite elements: what was found, and why no more."""
+    from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
+
+    body = Cylinder(profile, p_max=p_max, nu=scene.nu, friction=scene.friction)
+    Q, p_over_E, status = transition_curve(body, p_max)
+    keep = Q >= 4
+    if not keep.any():
+        raise InputError(f"no transition to 4 edges or more under p/E = {p_max!r}")
+    kept = tuple(text for text, on in zip(status, keep, strict=True) if on)
+    return Q[keep], p_over_E[keep], kept
 
 
 def _filled(p_over_E: FloatArray, pitch_over_R: float, nu: float) -> FloatArray:

@@ -32,7 +32,7 @@ from ridgebayes.contact.lands import Profile
 from ridgebayes.errors import InputError
 
 # Of an edge: the segment at a sharp corner, where the body's edge cannot follow the turn. Shorter
-# ones hold the body on the corner, longer ones let it sink in: 0.4 leaves a part in 2,000 of a load.
+# ones hold the body on the corner, longer ones let it sink in; this leaves 0.05 % of a load.
 _CORNER = 0.4
 _SEGMENT = 1.25  # edges: other segments; shorter ones would ask more than edges can give
 _ARC = 8  # segments of a round corner
@@ -172,6 +172,12 @@ class Cylinder:
         touch = self.press.touch(state, state, np.zeros(len(self.press.faces), dtype=bool))
         return self._per_load * self.press.load(state, touch)
 
+    @property
+    def first_count(self) -> int:
+        """Ridges touched from the smallest load on."""
+        over_a_groove = self.profile is not None and self.profile.offset == 0.0
+        return 2 if over_a_groove else 1
+
     def at_load(self, p_over_E: float, start: State) -> State:
         """Return the state at a load, from one at another.
 
@@ -216,22 +222,14 @@ class Cylinder:
                 return
             state, corner = found
             low, high = min(low, corner.ridge), max(high, corner.ridge)
-            count = 2 * high + 2 if self.mirrored else high - low + 1
-            if self.mirrored and abs(profile.offset) == 0.5:
-                count = 2 * high + 1
+            count = self.first_count + (2 * high if self.mirrored else high - low)
             load = self.p_over_E(state)
             yield Reached(corner.ridge, count, load, state)
             # Loads grow at least as the square of the corners' distance, smooth bodies' do so.
-            further = [
-                abs(self._inner(one))
-                for one in ((high + 1,) if self.mirrored else (low - 1, high + 1))
-            ]
-            if 0.9 * load * (min(further) / abs(corner.centre[0])) ** 2 > p_max:
+            ahead = [high + 1] if self.mirrored else [low - 1, high + 1]
+            further = min(abs(proximal_corner(profile, one, 0.0).centre[0]) for one in ahead)
+            if 0.9 * load * (further / abs(corner.centre[0])) ** 2 > p_max:
                 return
-
-    def _inner(self, number: int) -> float:
-        assert self.profile is not None
-        return proximal_corner(self.profile, number, 0.0).centre[0]
 
     def _next(
         self, state: State, corners: list[Corner], p_max: float
@@ -268,6 +266,40 @@ class Cylinder:
             if self.p_over_E(state) > p_max:
                 return None
             step *= 2.0 if n < 7 else 1.0
+
+
+def transition_curve(body: Cylinder, p_max: float) -> tuple[IntArray, FloatArray, tuple[str, ...]]:
+    """Return all transitions up to a load as a curve.
+
+    Parameters
+    ----------
+    body : Cylinder
+        On ridges.
+    p_max : float, scalar, dimensionless
+        Largest load over E.
+
+    Returns
+    -------
+    Q : ndarray of int, shape (n,)
+        Ridges touched from each load on.
+    p_over_E : ndarray of float, shape (n,), dimensionless
+        Loads, rising; NaN where none was found.
+    status : tuple of str
+        ``ok``; where no equilibrium was found there is one more row that says at which load and
+        why, and none after it.
+    """
+    counts, loads, status = [], [], []
+    try:
+        for one in body.transitions(p_max):
+            counts.append(one.Q)
+            loads.append(one.p_over_E)
+            status.append("ok")
+    except NotConvergedError as failed:
+        step = 2 if body.mirrored else 1
+        counts.append((counts[-1] if counts else body.first_count) + step)
+        loads.append(math.nan)
+        status.append(f"not converged: {failed}")
+    return np.array(counts, dtype=np.int64), np.array(loads), tuple(status)
 
 
 @dataclass(frozen=True)

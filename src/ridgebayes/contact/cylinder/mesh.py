@@ -8,6 +8,7 @@ generator is needed. Edges are quadratic and follow the circle.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from skfem import MeshQuad, MeshQuad2
@@ -87,7 +88,7 @@ def disk_mesh(
     def rows(edges: FloatArray, start: float, stop: float, height: float) -> None:
         n = max(round((start - stop) / (_TALL * height)), 1)
         at = 1.0 - np.linspace(start, stop, n + 1)
-        for inner, outer in zip(at[:-1], at[1:], strict=True):
+        for inner, outer in pairwise(at):
             add(edges[:-1], edges[1:], inner, outer)
 
     for level in range(n_level + 1):
@@ -112,7 +113,7 @@ def disk_mesh(
 
 def _columns(smallest: float, fewest: int) -> tuple[int, int]:
     """Choose columns of the core and number of splits for the finest width to come out right."""
-    best = min(
+    return min(
         (
             (n, level)
             for n in range(fewest, 3 * fewest - 1, 2)
@@ -121,7 +122,6 @@ def _columns(smallest: float, fewest: int) -> tuple[int, int]:
         ),
         key=lambda choice: -(math.pi / 2 / choice[0] / 3 ** choice[1]) + 1e-6 * choice[0],
     )
-    return best
 
 
 def _split(

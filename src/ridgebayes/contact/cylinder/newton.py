@@ -137,7 +137,8 @@ def _error(press: Press, state: State, touch: Touch, inner: Assembled, control: 
     if press.friction:
         kind, _ = _sticking(press, state, touch)
         limit = press.friction * state.pressure
-        slip = np.where(kind == 0, touch.slip, 0.0) / press.faces.length
+        sticks = (kind == 0) & (state.pressure > 0)
+        slip = np.where(sticks, touch.slip, 0.0) / press.faces.length
         excess = np.where(kind == 0, 0.0, state.shear - kind * limit)
         worst = max(
             worst,

@@ -182,7 +182,7 @@ class Solid:
 
     def _scattered(self, forces: FloatArray) -> FloatArray:
         flat = np.bincount(self.dofs.ravel(), forces.reshape(-1), 2 * self.n_node)
-        return flat.reshape(-1, 2)
+        return np.asarray(flat, dtype=np.float64).reshape(-1, 2)
 
     def _summed(self, matrices: FloatArray) -> sparse.csc_array:
         place, rows, pointers = self._pattern

@@ -136,7 +136,7 @@ class Press:
             there = np.einsum("nk,nki->ni", shapes(hits.s), self.rim(before)[hits.edge])
             there[:, 1] += np.where(self.faces.rises[segment], state.rise - before.rise, 0.0)
             moved = np.einsum("ni,ni->n", hits.tangent, rays.point[hits.ray] - there)
-            slip = np.bincount(segment, weight * moved, n)
+            slip += np.bincount(segment, weight * moved, n)
         return Touch(
             gap,
             self._rows(segment, hits.edge, weight[:, None, None] * hits.gradient),

@@ -1,0 +1,180 @@
+"""A pressed cylinder for other programs: VTU and XDMF files, and a table of its contact."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from skfem import ElementQuad2
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefQuad
+
+from ridgebayes._types import FloatArray
+from ridgebayes.atomic import replacing
+from ridgebayes.contact.cylinder.cylinder import Cylinder
+from ridgebayes.contact.cylinder.material import jacobian
+from ridgebayes.contact.cylinder.solid import Solid
+from ridgebayes.contact.cylinder.touching import State
+from ridgebayes.errors import InputError
+
+SUFFIXES = (".vtu", ".xdmf")
+_ORDER = 5  # of the solid's quadrature
+
+
+def write_fields(cylinder: Cylinder, states: Sequence[State], path: Path) -> None:
+    """Write states of what is meshed, at undeformed points, as nine-node quadrilaterals.
+
+    Point data are those of `nodal_fields`. Of a mirrored profile the right half is meshed.
+
+    Parameters
+    ----------
+    cylinder : Cylinder
+        The body.
+    states : sequence of State
+        One for ``.vtu``; of ``.xdmf`` a time series, whose time is p/E.
+    path : pathlib.Path
+        Ends in ``.vtu`` or ``.xdmf``; an existing file is replaced. Numbers of an ``.xdmf`` are in
+        a file beside it, of the same name but ``.h5``: move both together. Each appears whole or
+        not at all, the ``.h5`` first.
+
+    Raises
+    ------
+    InputError
+        If the suffix is unknown, there is no state, or several for ``.vtu``, or the file cannot be
+        written.
+    """
+    if path.suffix not in SUFFIXES:
+        raise InputError(f"{path}: unknown suffix; rule: {' or '.join(SUFFIXES)}")
+    if not states:
+        raise InputError(f"{path}: no state to write")
+    if path.suffix == ".vtu" and len(states) > 1:
+        raise InputError(f"{path}: {len(states)} states; rule: one in .vtu, several in .xdmf")
+    try:
+        if path.suffix == ".vtu":
+            _write_vtu(cylinder, states[0], path)
+        else:
+            _write_xdmf(cylinder, states, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def nodal_fields(cylinder: Cylinder, state: State) -> dict[str, FloatArray]:
+    """Compute what `write_fields` writes.
+
+    Parameters
+    ----------
+    cylinder : Cylinder
+        The body.
+    state : State
+        Its state.
+
+    Returns
+    -------
+    dict of str to ndarray of float
+        ``displacement``, shape (n_node, 3), over R; ``pressure``, shape (n_node,), over E: minus
+        the mean of the three normal stresses, positive in compression; ``cauchy_stress``, shape
+        (n_node, 9), over E, row by row; ``volume_ratio``, shape (n_node,): J. All but the first
+        are bilinear fits in each element to its quadrature points, averaged where elements meet;
+        near a sharp corner they depend on the mesh.
+    """
+    solid = cylinder.press.solid
+    F, mean = solid.gradients(state.u), solid.pressures(state.p)
+    plane = solid.material.stress(F, mean)
+    if solid.material.finite:
+        J = jacobian(F)
+        plane = plane @ np.swapaxes(F, -1, -2) / J[..., None, None]
+    else:
+        J = np.trace(F, axis1=-2, axis2=-1) - 1.0
+    stress = np.zeros((*mean.shape, 3, 3))
+    stress[..., :2, :2] = plane
+    stress[..., 2, 2] = 3.0 * mean - np.trace(plane, axis1=-2, axis2=-1)
+    return {
+        "displacement": _with_z(state.u),
+        "pressure": _at_nodes(solid, -mean),
+        "cauchy_stress": _at_nodes(solid, stress.reshape(*mean.shape, 9)),
+        "volume_ratio": _at_nodes(solid, J),
+    }
+
+
+def surface_table(cylinder: Cylinder, state: State) -> pd.DataFrame:
+    """Tabulate the segments of the rigid side that are in contact.
+
+    Parameters
+    ----------
+    cylinder : Cylinder
+        The body.
+    state : State
+        Its state.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a segment: ``ridge``, its number, missing on floors and plates above; ``x``, ``y``,
+        its middle, over R; ``length``, over R; ``normal_x``, ``normal_y``, towards the body;
+        ``pressure``, on the body along that normal, and ``shear``, on it along (normal_y,
+        -normal_x), over E. Of a mirrored profile the right half.
+    """
+    faces, parts = cylinder.press.faces, []
+    for face in faces.faces:
+        point, normal = face.at(0.5 * (face.breaks[1:] + face.breaks[:-1]))
+        part = pd.DataFrame({"ridge": pd.array([face.ridge] * len(point), dtype="Int64")})
+        part["x"], part["y"] = point[:, 0], point[:, 1] + (state.rise if face.rises else 0.0)
+        part["normal_x"], part["normal_y"] = normal.T
+        parts.append(part)
+    table = pd.concat(parts, ignore_index=True)
+    table.insert(3, "length", faces.length)
+    table["pressure"], table["shear"] = state.pressure, state.shear
+    return table[table["pressure"] > 0].reset_index(drop=True)
+
+
+def _write_vtu(cylinder: Cylinder, state: State, path: Path) -> None:
+    import meshio
+
+    points, cells = _mesh(cylinder.press.solid)
+    mesh = meshio.Mesh(points, cells, point_data=nodal_fields(cylinder, state))
+    with replacing(path) as partial:
+        mesh.write(partial, file_format="vtu")
+
+
+def _write_xdmf(cylinder: Cylinder, states: Sequence[State], path: Path) -> None:
+    import h5py
+    from meshio.xdmf import TimeSeriesWriter
+
+    side = path.with_suffix(".h5")
+    with replacing(path) as partial, replacing(side) as numbers:
+        writer = TimeSeriesWriter(partial)
+        # Entered as a context it would open a file in the current folder, named as the partial one.
+        writer.h5_filename, writer.h5_file = side.name, h5py.File(numbers, "w")
+        with writer.h5_file:
+            writer.write_points_cells(*_mesh(cylinder.press.solid))
+            for state in states:
+                writer.write_data(cylinder.p_over_E(state), nodal_fields(cylinder, state))
+            writer.__exit__()
+
+
+def _mesh(solid: Solid) -> tuple[FloatArray, list[tuple[str, np.ndarray]]]:
+    # VTK's order of nodes is scikit-fem's: corners, edges from each to the next, centre.
+    return _with_z(solid.points), [("quad9", solid.nodes)]
+
+
+def _with_z(plane: FloatArray) -> FloatArray:
+    return np.column_stack([plane, np.zeros(len(plane))])
+
+
+def _at_nodes(solid: Solid, values: FloatArray) -> FloatArray:
+    """Return averages at nodes of values at quadrature points, (n_element, n_point, ...)."""
+    points, weights = get_quadrature(RefQuad, _ORDER)
+    # Weighted least squares leave out what vanishes at two Gauss points a direction, where the
+    # gradient of a quadratic is most accurate.
+    root = np.sqrt(weights)
+    fit = np.linalg.pinv(root[:, None] * _bilinear(points)) * root
+    to_nodes = _bilinear(ElementQuad2.doflocs.T) @ fit
+    own = np.tensordot(values, to_nodes, (1, 1))  # (n_element, ..., 9)
+    total = np.zeros((solid.n_node, *values.shape[2:]))
+    np.add.at(total, solid.nodes, np.moveaxis(own, -1, 1))
+    count = np.bincount(solid.nodes.ravel(), minlength=solid.n_node)
+    return np.asarray((total.T / count).T)
+
+
+def _bilinear(at: FloatArray) -> FloatArray:
+    return np.stack([np.ones_like(at[0]), at[0], at[1], at[0] * at[1]], axis=-1)
