@@ -1,7 +1,7 @@
 """Make `fea/cylinder_sweep.csv`: the study's nine textures to p/E 0.02 by finite elements.
 
-Run it from anywhere: ``python data/make_cylinder_sweep.py``. Neo-Hookean at finite strain, Poisson's
-ratio 0.5, the default mesh; about ten minutes on one processor. It replaces the file.
+Run it from anywhere: ``python data/make_cylinder_sweep.py``. Neo-Hookean at finite strain,
+Poisson's ratio 0.5, the default mesh; about ten minutes on one processor. It replaces the file.
 """
 
 from pathlib import Path

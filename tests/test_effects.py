@@ -122,8 +122,10 @@ def test_plan__with_a_tighter_accuracy_simulates_more():
     ]
     assert chosen[0] < chosen[1] < chosen[2]
     assert chosen[0] == {"Poisson's ratio"}
-    assert chosen[2] == {"ridges", "offset", "groove floor", "corner radius", "Poisson's ratio"}
-    assert set(planned(**texture)[0].simulated) == chosen[2]
+    given = {"ridges", "offset", "groove floor", "corner radius", "Poisson's ratio"}
+    assert chosen[2] == {*given, FINITE_BODY}
+    # Finite elements only for a scene that says what they are worth.
+    assert set(planned(**texture)[0].simulated) == given
 
 
 def test_plan__may_neglect_even_the_ridges():
@@ -231,7 +233,7 @@ def test_plan__says_that_the_finite_body_grows_as_the_half_width_squared():
     # Tolerance: what hangs into grooves this narrow is nothing beside it.
     assert ends[1].estimate / ends[0].estimate == pytest.approx(4, rel=1e-3)
     assert not ends[0].simulated
-    assert math.isnan(ends[0].cost_s)
+    assert ends[1].cost_s > ends[0].cost_s > 1
 
 
 def test_plan__says_that_deep_hanging_bends_the_body_more():
@@ -266,5 +268,5 @@ def test_plan__says_of_friction_at_most_that_of_full_stick():
     # A flat punch that sticks: stiffer by (1 - nu) ln(3 - 4 nu)/(1 - 2 nu), ln 3 at nu = 0.
     assert sizes[2] == sizes[3] == pytest.approx(math.log(3) - 1, rel=1e-12)  # rounding
     effect = planned(friction=0.5, nu=0.0, relative=0.01)[1]["friction"]
-    assert not effect.simulated
-    assert "needs finite elements" in effect.reason
+    assert effect.simulated
+    assert effect.reason.endswith("above the wanted 0.01: finite elements")

@@ -34,9 +34,9 @@ _SAFETY = 1.5  # an estimate may be two thirds of the truth and still be on the 
 _ROUGH = 1e-5  # tolerance of the solutions behind estimates
 _STEP = 0.03  # of a load, for the slope of a gap
 _DEFAULT_RELATIVE = 1e-8  # without a wanted accuracy only what has no effect at all is left out
-# Loads of finite elements over those of the half-plane are 1 + 0.65 (w/R)^2 at small strain and
-# 1 + 0.3 (w/R)^2 at finite strain, up to a half-width w of 0.26 R: data/fea.
-_FINITE_BODY = 0.65
+# Loads of finite elements over those of the half-plane are 1 + 0.3 (w/R)^2 at finite strain, up to
+# a half-width w of 0.26 R (data/fea); and half as much again to be safe.
+_FINITE_BODY = 0.45
 _PER_PRESS, _PER_CUBE = 8e-4, 3e-11  # CPU seconds of a solution: fixed, and times unknowns cubed
 
 
@@ -384,8 +384,12 @@ def _finite_body(base: _Base) -> Effect:
     count = max(base.last.Q, 2 * base.half_width / base.sharp.pitch)
     strain = 2 * p / (count * base.sharp.a)
     hang = base.penetration / base.sharp.b
+    # A compressible surface draws in by (1 - 2 nu)(1 + nu) times its pressure, and loads go as
+    # distances squared.
+    nu = base.scene.nu
+    drawn = 2 * (1 - 2 * nu) * (1 + nu) * p / width
     # A surface that hangs into a groove by its own width is bent by as much as a body can be.
-    estimate = _FINITE_BODY * width**2 + 0.3 * hang**2
+    estimate = _FINITE_BODY * width**2 + 0.3 * hang**2 + drawn
     reason = (
         f"contact half-width over R; load per ridge over E a is {strain:.2g}, penetration over "
         f"b {hang:.2g}; "

@@ -1,4 +1,4 @@
-"""Figures of the whole cylinder: its deformed mesh on the ridges, and its contact beside Hertz's."""
+"""Figures of the whole cylinder: its deformed mesh on ridges, and its contact beside Hertz's."""
 
 import math
 
@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import Triangulation
 
 from ridgebayes._types import FloatArray
 from ridgebayes.contact.cylinder.cylinder import Cylinder
@@ -20,14 +21,24 @@ from ridgebayes.errors import InputError
 from ridgebayes.figures.style import COLOURS, WIDTH, new_figure, styled
 
 _BODY, _RIDGE, _PRESSURE = COLOURS["modified"], "#B8B8B8", COLOURS["classic"]
-_FIELDS = {"von Mises": "von Mises stress over $E$", "pressure": "pressure inside over $E$"}
+# Label, and the highest that has a colour of its own, over the mean contact pressure: more than
+# there is under a smooth contact, less than near sharp corners.
+_FIELDS = {
+    "von Mises": ("von Mises stress over $E$", 0.8),
+    "pressure": ("pressure inside over $E$", 1.4),
+}
 _SIDES = [[0, 4, 1], [1, 5, 2], [2, 6, 3], [3, 7, 0]]  # of an element: end, middle, end
 _AROUND = [0, 4, 1, 5, 2, 6, 3, 7]  # its nodes but the centre: eight triangles
 _MARGIN, _HEIGHT = 1.2, 0.68  # of the close-up: half its width, over the contact's; height over it
 _BELOW = 0.1  # of that height under the body
 _ACROSS = 7.3  # inches of panels: the width less labels and colours
+_BEYOND = {  # of the colours, by whether anything is below, and above
+    (False, False): "neither",
+    (False, True): "max",
+    (True, False): "min",
+    (True, True): "both",
+}
 _ARC = np.linspace(0.0, 0.5 * math.pi, 13)
-_TOLD_APART = (1.0, 99.0)  # per cent of nodes, most of which are near the contact
 _HIGHEST = 3.0  # of the mean contact pressure: sharp corners stand out of any axis
 
 
@@ -44,8 +55,8 @@ def plot_deformed(
     state : State
         Its state, in contact.
     fields : tuple of {"von Mises", "pressure"}
-        What colours the whole, and the close-up; the highest hundredth of nodes is
-        one colour, and so are the lowest below zero.
+        What colours the whole, and the close-up. Tension is one colour, and so is what is found
+        near sharp corners alone.
 
     Returns
     -------
@@ -62,9 +73,11 @@ def plot_deformed(
         if field not in _FIELDS:
             raise InputError(f"fields: no {field!r}; rule: {' or '.join(_FIELDS)}")
     table = surface_table(cylinder, state)
+    table = table[table["normal_y"] > -0.5]  # not the plate above
     if table.empty:
         raise InputError("the body touches nothing: no contact to draw")
-    body = _Body(cylinder, state)
+    mean = float(np.average(table["pressure"], weights=table["length"]))
+    body = _Body(cylinder, state, mean)
     low, high = body.points.min(axis=0), body.points.max(axis=0)
     wide = 1.05 * max(high[0], -low[0])
     half = _MARGIN * float((table["x"].abs() + 0.5 * table["length"]).max())
@@ -82,7 +95,7 @@ def plot_deformed(
         axes.set_ylabel("$y/R$")
         _rigid(axes, cylinder, state)
         body.draw(axes, field, width)
-    _pressure(below, table, mirrored=cylinder.mirrored)
+    _pressure(below, table, _HIGHEST * mean, mirrored=cylinder.mirrored)
     below.set(xlim=(-half, half), xlabel="$x/R$", ylabel="pressure over $E$")
     return figure
 
@@ -121,8 +134,8 @@ def plot_departure(
 class _Body:
     """The deformed mesh with its mirror image, and what colours it."""
 
-    def __init__(self, cylinder: Cylinder, state: State) -> None:
-        solid = cylinder.press.solid
+    def __init__(self, cylinder: Cylinder, state: State, mean: float) -> None:
+        solid, self._mean = cylinder.press.solid, mean
         self.points = solid.points + state.u
         elements = solid.nodes
         found = nodal_fields(cylinder, state)
@@ -144,23 +157,23 @@ class _Body:
     def draw(self, axes: Axes, field: str, width: float) -> None:
         """Draw elements, coloured, their edges curved, and what the colours mean."""
         values = self._values[field]
-        least, most = np.percentile(values, _TOLD_APART)
-        least = min(float(least), 0.0)
+        label, share = _FIELDS[field]
+        least, most = float(values.min()), float(values.max())
+        x, y = self.points.T
         coloured = axes.tripcolor(
-            *self.points.T,
-            self._triangles,
+            Triangulation(x, y, self._triangles),
             values,
             shading="gouraud",
             cmap="YlGnBu",
-            vmin=least,
-            vmax=float(most),
+            vmin=0.0,
+            vmax=min(most, share * self._mean),
             rasterized=True,
         )
         curves = np.einsum("sk,nki->nsi", shapes(np.linspace(0, 1, 5)), self.points[self._sides])
         lines = LineCollection(list(curves), colors="#000000", linewidths=width, rasterized=True)
         axes.add_collection(lines, autolim=False)
-        beyond = "both" if values.min() < least else "max"
-        axes.figure.colorbar(coloured, ax=axes, label=_FIELDS[field], extend=beyond)
+        beyond = _BEYOND[least < 0, most > share * self._mean]
+        axes.figure.colorbar(coloured, ax=axes, label=label, extend=beyond)
 
 
 def _rigid(axes: Axes, cylinder: Cylinder, state: State) -> None:
@@ -189,7 +202,7 @@ def _outline(ridge: Land, height: float, bottom: float) -> FloatArray:
     return np.concatenate([[[ridge.start, bottom]], top, [[ridge.stop, bottom]]])
 
 
-def _pressure(axes: Axes, table: pd.DataFrame, *, mirrored: bool) -> None:
+def _pressure(axes: Axes, table: pd.DataFrame, most: float, *, mirrored: bool) -> None:
     half = 0.5 * table["length"] * table["normal_y"].abs()
     low, high = (table["x"] - half).to_numpy(), (table["x"] + half).to_numpy()
     height = table["pressure"].to_numpy()
@@ -203,6 +216,5 @@ def _pressure(axes: Axes, table: pd.DataFrame, *, mirrored: bool) -> None:
     if mirrored:
         bars = np.concatenate([bars, bars * [-1.0, 1.0]])
     axes.add_collection(PolyCollection(list(bars), color=_PRESSURE, alpha=0.6, linewidths=0))
-    mean = float(np.average(height, weights=table["length"]))
-    axes.set_ylim(0.0, 1.05 * min(height.max(), _HIGHEST * mean))
+    axes.set_ylim(0.0, 1.05 * min(height.max(), most))
     axes.yaxis.set_major_locator(MaxNLocator(4))

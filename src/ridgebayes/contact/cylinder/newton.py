@@ -33,6 +33,8 @@ _VOLUME_TOL = 1e-11  # over R^2, of an element
 _LOOSE = 1e3  # a damped solution's tolerances over those of others: a part in 10^6 of the load
 _LEAST_VOLUME = 0.05  # of an element after a step, over the undeformed
 _MOST_PIVOTS, _PATIENCE = 30, 5
+_FRICTION_STEPS, _ALL_AT_ONCE = 15, 6
+_SURE = 1e-9  # of the friction, by which a shear has to exceed it
 
 
 class NotConvergedError(Exception):
@@ -100,28 +102,43 @@ def solve(press: Press, start: State, control: Control) -> tuple[State, int]:
     left_out = control.left_out(press.faces)
     state = replace(start, pressure=np.where(left_out, 0.0, start.pressure))
     active, damping, last = state.pressure > 0, 0.0, math.inf
-    for step in range(_MOST_STEPS):
+    # Segments change between sticking and sliding on the way: damping has to wait for them.
+    more = _FRICTION_STEPS if press.friction else 0
+    kind, settled = np.zeros(len(press.faces)), True
+    for step in range(_MOST_STEPS + more):
         touch = press.touch(state, start, left_out)
         try:
             inner = press.solid.assemble(state.u, state.p)
         except InvertedError as inverted:
             raise NotConvergedError(str(inverted)) from None
-        error = _error(press, state, touch, inner, control)
+        if press.friction and step:
+            before = kind
+            kind = _changed(press, state, touch, kind, one_by_one=step >= _ALL_AT_ONCE)
+            settled = np.array_equal(kind, before)
+        error = _error(press, state, touch, inner, kind, control)
+        error = error if settled else max(error, _LOOSE)
         if error < (_LOOSE if damping else 1.0):
             return state, step
         # Where the rim snaps past a corner there is no equilibrium nearby: with damping the
         # steps follow the body down to the next one, and the damping goes as it comes near.
-        if step >= _UNDAMPED:
+        if step >= _UNDAMPED + more:
             damping = min(damping * min(max(error / last, 0.3), 2.0), 10.0) or _DAMPING
         last = error
-        moved, active = _Step(press, state, touch, inner, active, control, damping).solve()
+        moved, active = _Step(press, state, touch, inner, active, kind, control, damping).solve()
         if not (np.isfinite(moved.u).all() and math.isfinite(moved.rise)):
             raise NotConvergedError("the stiffness is singular")
         state = _guarded(press, state, moved)
-    raise NotConvergedError(f"no equilibrium in {_MOST_STEPS} Newton steps")
+    raise NotConvergedError(f"no equilibrium in {_MOST_STEPS + more} Newton steps")
 
 
-def _error(press: Press, state: State, touch: Touch, inner: Assembled, control: Control) -> float:
+def _error(
+    press: Press,
+    state: State,
+    touch: Touch,
+    inner: Assembled,
+    kind: FloatArray,
+    control: Control,
+) -> float:
     """Return the largest residual over its tolerance."""
     outside = press.force(state, touch)
     residual = (inner.force.ravel() - outside)[press.free]
@@ -135,26 +152,37 @@ def _error(press: Press, state: State, touch: Touch, inner: Assembled, control: 
         abs(missing) / max(control.tolerance, 1e-300),
     )
     if press.friction:
-        kind, _ = _sticking(press, state, touch)
-        limit = press.friction * state.pressure
-        sticks = (kind == 0) & (state.pressure > 0)
-        slip = np.where(sticks, touch.slip, 0.0) / press.faces.length
-        excess = np.where(kind == 0, 0.0, state.shear - kind * limit)
+        on = state.pressure > 0
+        slip = np.where(on & (kind == 0), touch.slip, 0.0) / press.faces.length
+        off = np.where(kind == 0, 0.0, state.shear - kind * press.friction * state.pressure)
         worst = max(
             worst,
             float(np.abs(slip).max()) / _GAP_TOL,
-            float(np.abs(excess * press.faces.length).max()) / (_FORCE_TOL * total),
+            float(np.abs(off * press.faces.length).max()) / (_FORCE_TOL * total),
         )
     return worst
 
 
-def _sticking(press: Press, state: State, touch: Touch) -> tuple[np.ndarray, FloatArray]:
-    """Return 0 where segments stick, and else the sign of the shear; and the shear's stiffness."""
-    scale = _STIFF / press.faces.length**2
-    tried = state.shear - scale * touch.slip
+def _changed(
+    press: Press, state: State, touch: Touch, kind: FloatArray, *, one_by_one: bool
+) -> FloatArray:
+    """Return which segments stick, 0, or slide, with the sign of their shear.
+
+    What sticks begins to slide beyond the friction; what slides against its shear has stopped.
+    """
     limit = press.friction * state.pressure
-    kind = np.where(np.abs(tried) <= limit, 0.0, np.sign(tried))
-    return np.where(state.pressure > 0, kind, 0.0), scale
+    excess = np.abs(state.shear) - limit * (1 + _SURE)
+    along = kind * touch.slip / press.faces.length
+    slides = (kind == 0) & (excess > 0)
+    stops = (kind != 0) & (along > _GAP_TOL)
+    on = state.pressure > 0
+    fresh = np.where(slides, np.sign(state.shear), np.where(stops, 0.0, kind))
+    fresh = np.where(on, fresh, 0.0)
+    wrong = np.flatnonzero((fresh != kind) & on)
+    if one_by_one and len(wrong):
+        by = np.where(slides, excess / np.maximum(limit, 1e-300), along / press.faces.length)
+        fresh = np.where(np.arange(len(kind)) == wrong[np.argmax(by[wrong])], fresh, kind * on)
+    return fresh
 
 
 def _guarded(press: Press, state: State, moved: State) -> State:
@@ -186,11 +214,12 @@ class _Step:
         touch: Touch,
         inner: Assembled,
         active: np.ndarray,
+        kind: FloatArray,
         control: Control,
         damping: float,
     ) -> None:
         self._press, self._state, self._touch, self._inner = press, state, touch, inner
-        self._control = control
+        self._control, self._kind = control, kind
         length = press.faces.length
         self._candidate = np.isfinite(touch.gap)
         self._reference = active & self._candidate
@@ -223,8 +252,7 @@ class _Step:
     def _rubbing(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
         """Return friction's stiffness, its force on the nodes, and that by the rise."""
         press, state, touch = self._press, self._state, self._touch
-        kind, scale = _sticking(press, state, touch)
-        on = self._reference
+        kind, scale, on = self._kind, self._scale, self._reference
         stuck, slid = np.flatnonzero(on & (kind == 0)), np.flatnonzero(on & (kind != 0))
         T, Ts = touch.along[stuck], touch.along[slid]
         lift = -(press.faces.rises * (touch.along @ press.up))
@@ -270,7 +298,7 @@ class _Step:
         press, state, touch = self._press, self._state, self._touch
         shear = np.zeros_like(pressure)
         if press.friction:
-            kind, scale = _sticking(press, state, touch)
+            kind, scale = self._kind, self._scale
             lift = -(press.faces.rises * (touch.along @ press.up))
             slip = touch.slip + touch.along @ du + rise * lift
             shear = np.where(

@@ -129,14 +129,16 @@ class Press:
             rim[edge, 2], rays.face[hits.ray[after]], state.rise
         )
         jump = kink(rim, edge, tangent, normal) * per_length
-        along = weight[:, None, None] * shapes(hits.s)[:, :, None] * hits.tangent[:, None, :]
+        # The plate above has no friction.
+        rubs = np.where(self.faces.rises[segment], weight, 0.0)
+        along = rubs[:, None, None] * shapes(hits.s)[:, :, None] * hits.tangent[:, None, :]
         slip = np.zeros(n)
         if self.friction:
             # The body that is here now was there before, both as the ridges see it.
             there = np.einsum("nk,nki->ni", shapes(hits.s), self.rim(before)[hits.edge])
             there[:, 1] += np.where(self.faces.rises[segment], state.rise - before.rise, 0.0)
             moved = np.einsum("ni,ni->n", hits.tangent, rays.point[hits.ray] - there)
-            slip += np.bincount(segment, weight * moved, n)
+            slip += np.bincount(segment, rubs * moved, n)
         return Touch(
             gap,
             self._rows(segment, hits.edge, weight[:, None, None] * hits.gradient),

@@ -1,0 +1,237 @@
+"""Files and tables of a pressed cylinder: read back, they are the state."""
+
+import functools
+
+import meshio
+import numpy as np
+import pytest
+
+from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
+from ridgebayes.contact.cylinder.fields import nodal_fields, surface_table, write_fields
+from ridgebayes.contact.cylinder.newton import Control, solve
+from ridgebayes.contact.cylinder.touching import State
+from ridgebayes.contact.lands import Profile
+from ridgebayes.errors import InputError
+
+PROFILES = {
+    "sharp": Profile(0.022, 0.02),
+    "rounded": Profile(0.022, 0.02, corner=0.004),
+    "offset": Profile(0.022, 0.02, offset=0.2),
+    "flat": None,
+}
+STRETCH = np.array([[1.1, 0.2], [-0.05, 0.97]])
+
+
+@functools.cache
+def body(name="sharp", *, finite=True, nu=0.5):
+    fineness = Fineness(edges=8)
+    return Cylinder(PROFILES[name], p_max=0.003, finite=finite, nu=nu, fineness=fineness)
+
+
+@functools.cache
+def raised(name="sharp", rise=4e-3):
+    press = body(name).press
+    return solve(press, press.unloaded(), Control("rise", rise))[0]
+
+
+def stretched(cylinder, mean=0.0):
+    """A state of one gradient and mean stress everywhere."""
+    solid = cylinder.press.solid
+    still = cylinder.unloaded()
+    p = solid.no_pressure()
+    p[:, 0] = mean
+    u = solid.points @ (STRETCH - np.eye(2)).T
+    return State(u, p, still.pressure, still.shear, 0.0)
+
+
+def written(tmp_path, name="sharp"):
+    path = tmp_path / "state.vtu"
+    write_fields(body(name), [raised(name)], path)
+    return meshio.read(path)
+
+
+# ------------------------------------------------------------------------------------------ files
+
+
+def test_vtu__has_the_state_at_the_undeformed_points(tmp_path):
+    mesh, solid = written(tmp_path), body().press.solid
+    np.testing.assert_array_equal(mesh.points[:, :2], solid.points)
+    np.testing.assert_array_equal(mesh.points[:, 2], 0.0)
+    (cells,) = mesh.cells
+    assert cells.type == "quad9"
+    np.testing.assert_array_equal(cells.data, solid.nodes)
+    expected = nodal_fields(body(), raised())
+    assert mesh.point_data.keys() == expected.keys()
+    for key, values in expected.items():
+        np.testing.assert_array_equal(mesh.point_data[key], values)
+    np.testing.assert_array_equal(mesh.point_data["displacement"][:, :2], raised().u)
+    np.testing.assert_array_equal(mesh.point_data["displacement"][:, 2], 0.0)
+    assert [one.name for one in tmp_path.iterdir()] == ["state.vtu"]
+
+
+def test_vtu__has_its_nodes_in_the_order_of_the_format(tmp_path):
+    """Corners counter-clockwise, then the middles of the edges between them, then the centre."""
+    mesh = written(tmp_path)
+    nine = (mesh.points + mesh.point_data["displacement"])[mesh.cells[0].data][..., :2]
+    # The outline through middles of edges encloses a positive area in every element, and so do
+    # the four quarters around the centre.
+    outline = nine[:, [0, 4, 1, 5, 2, 6, 3, 7]]
+    assert area(outline).min() > 0
+    for quarter in ([0, 4, 8, 7], [4, 1, 5, 8], [8, 5, 2, 6], [7, 8, 6, 3]):
+        share = area(nine[:, quarter]) / area(outline)
+        assert share.min() > 0.1  # elements are far from squares
+    # The body is half a quarter disk of area pi/4, whose volume does not change: an outline of
+    # straight half edges cuts off less than 1e-4 of it.
+    assert area(outline).sum() == pytest.approx(np.pi / 4, rel=1e-3)
+
+
+def area(polygons):
+    x, y = np.moveaxis(polygons, -1, 0)
+    return 0.5 * (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
+
+
+def test_xdmf__is_a_series_in_the_load(tmp_path, monkeypatch):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    states = [raised(rise=2e-3), raised()]
+    write_fields(body(), states, tmp_path / "series.xdmf")
+    # Numbers are beside the file, not in the current folder, and nothing else is left.
+    assert {one.name for one in tmp_path.iterdir()} == {"series.xdmf", "series.h5", "elsewhere"}
+    assert not list(elsewhere.iterdir())
+    with meshio.xdmf.TimeSeriesReader(tmp_path / "series.xdmf") as series:
+        points, cells = series.read_points_cells()
+        steps = [series.read_data(i) for i in range(series.num_steps)]
+    np.testing.assert_array_equal(points[:, :2], body().press.solid.points)
+    assert [one.type for one in cells] == ["quad9"]
+    np.testing.assert_array_equal(cells[0].data, body().press.solid.nodes)
+    assert [time for time, _, _ in steps] == [body().p_over_E(one) for one in states]
+    for (_, found, _), state in zip(steps, states, strict=True):
+        for key, values in nodal_fields(body(), state).items():
+            np.testing.assert_array_equal(found[key], values)
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "message"),
+    [
+        ("a.vtk", 1, "unknown suffix"),
+        ("a.vtu", 2, "2 states; rule: one"),
+        ("a.vtu", 0, "no state"),
+        ("a.xdmf", 0, "no state"),
+        ("none/a.vtu", 1, "cannot be written"),
+        ("none/a.xdmf", 1, "cannot be written"),
+    ],
+)
+def test_write_fields__says_what_it_cannot_write(name, count, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        write_fields(body(), [body().unloaded()] * count, tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+# ----------------------------------------------------------------------------------------- fields
+
+
+@pytest.mark.parametrize("finite", [True, False])
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_fields__of_a_constant_gradient_are_those_of_the_material(finite, nu):
+    cylinder = body(finite=finite, nu=nu)
+    found = nodal_fields(cylinder, stretched(cylinder, 0.17))
+    mu = 0.5 / (1 + nu)
+    if finite:
+        # Cauchy stress of a neo-Hookean body: mu J^(-5/3) dev(b) + p.
+        F = np.eye(3)
+        F[:2, :2] = STRETCH
+        J, b = np.linalg.det(F), F @ F.T
+        expected = mu * J ** (-5 / 3) * (b - np.trace(b) / 3 * np.eye(3)) + 0.17 * np.eye(3)
+    else:
+        H = np.zeros((3, 3))
+        H[:2, :2] = STRETCH - np.eye(2)
+        J = 1 + np.trace(H)
+        expected = mu * (H + H.T) + (0.17 - 2 * mu * np.trace(H) / 3) * np.eye(3)
+    rounding = {"rtol": 0, "atol": 1e-11}  # of coordinates over the size of the smallest element
+    stress = found["cauchy_stress"].reshape(-1, 3, 3)
+    np.testing.assert_allclose(stress, np.broadcast_to(expected, stress.shape), **rounding)
+    np.testing.assert_allclose(found["volume_ratio"], J, **rounding)
+    np.testing.assert_allclose(found["pressure"], -0.17, **rounding)
+
+
+def test_fields__of_a_linear_pressure_are_exact_in_rectangles():
+    """In the square core of the mesh, where elements are rectangles, at all nine nodes."""
+    cylinder = body()
+    solid, still = cylinder.press.solid, cylinder.unloaded()
+    x, y = solid.points.T
+    corners = solid.points[solid.nodes]
+    centre, size = corners[:, 8], np.sqrt(solid._weight.sum(axis=1))
+    # 0.2 + x - 3 y in each element's own coordinates.
+    p = np.column_stack([0.2 + centre @ [1.0, -3.0], size, -3.0 * size])
+    state = State(still.u, p, still.pressure, still.shear, 0.0)
+    inside = np.hypot(x, y) < 0.2
+    assert inside.sum() > 20
+    found = nodal_fields(cylinder, state)["pressure"]
+    np.testing.assert_allclose(found[inside], -(0.2 + x - 3 * y)[inside], atol=1e-13)  # rounding
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_volume_ratio__is_one_in_the_mean_where_nothing_is_compressible(name):
+    found = nodal_fields(body(name), raised(name))["volume_ratio"]
+    # Each element's volume is constant to 1e-11; nodes weigh it otherwise than area does.
+    assert found.mean() == pytest.approx(1.0, abs=1e-5)
+    assert np.abs(found - 1).max() < 0.2  # at sharp corners
+
+
+def test_stress__below_a_contact_is_its_pressure():
+    """A smooth contact: no shear there, and the normal stress is minus the segment's pressure."""
+    table = surface_table(body("flat"), raised("flat"))
+    fields = nodal_fields(body("flat"), raised("flat"))
+    place = body("flat").press.solid.points + raised("flat").u
+    nodes = body("flat").press.solid.mesh.rim[:, 0]
+    nodes = nodes[place[nodes, 0] < 0.6 * table["x"].max()]
+    assert len(nodes) > 5
+    pressure = np.interp(place[nodes, 0], table["x"], table["pressure"])
+    stress = fields["cauchy_stress"][nodes]
+    # Fields at the edge of an element, and pressures constant on segments: per cents.
+    np.testing.assert_allclose(-stress[:, 4], pressure, rtol=0.05)
+    np.testing.assert_allclose(stress[:, 1], 0.0, atol=0.05 * pressure.max())
+
+
+# ---------------------------------------------------------------------------------------- surface
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_surface_table__carries_the_load(name):
+    table = surface_table(body(name), raised(name))
+    carried = (table["pressure"] * table["length"] * table["normal_y"]).sum()
+    if not body(name).mirrored:
+        carried /= 2  # p is line load over 2 R; of a mirrored body half of it is meshed
+    # The normal is that in the middle of a segment: of round ones, at this fineness, 15 degrees
+    # from that at its ends, whose sine is 1.1 % less than the angle.
+    load = body(name).p_over_E(raised(name))
+    assert carried == pytest.approx(load, rel=1e-2 if name == "rounded" else 1e-12)
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_surface_table__lies_on_the_deformed_rim(name):
+    cylinder, state = body(name), raised(name)
+    table = surface_table(cylinder, state)
+    assert table.columns.tolist() == [
+        *("ridge", "x", "y", "length", "normal_x", "normal_y", "pressure", "shear")
+    ]
+    assert (table["pressure"] > 0).all()
+    assert (table["shear"] == 0).all()
+    x, y = cylinder.press.rim(state)[:, ::2].reshape(-1, 2).T
+    order = np.argsort(x)
+    # Chords of the rim's edges.
+    atol = 1e-4 if name != "flat" else 1e-5
+    np.testing.assert_allclose(np.interp(table["x"], x[order], y[order]), table["y"], atol=atol)
+    if name == "flat":
+        assert set(table["ridge"]) == {0}
+        return
+    for number, rows in table.groupby("ridge"):
+        land = PROFILES[name].ridge(number)
+        assert rows["x"].between(land.start, land.stop).all()
+        assert rows["length"].sum() <= 1.2 * (land.stop - land.start)
+    assert len(table["ridge"].unique()) >= (1 if cylinder.mirrored else 3)
+
+
+def test_surface_table__of_an_unloaded_body_is_empty():
+    assert surface_table(body(), body().unloaded()).empty

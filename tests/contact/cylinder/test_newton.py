@@ -1,0 +1,185 @@
+"""Equilibrium: the same state by rise, load or corner, in few steps, or a message."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from ridgebayes.contact.cylinder import newton
+from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
+from ridgebayes.contact.cylinder.faces import Corner, proximal_corner
+from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
+from ridgebayes.contact.lands import Profile
+
+COARSE = Fineness(edges=8)
+AB = (0.06, 0.03)
+
+
+@functools.cache
+def body(nu=0.3, *, friction=0.0, ab=AB, finite=True):
+    profile = Profile(*ab) if ab else None
+    return Cylinder(profile, p_max=0.02, nu=nu, friction=friction, finite=finite, fineness=COARSE)
+
+
+@functools.cache
+def pressed(rise=0.01):
+    """A ridged state far from its first transition."""
+    return solve(body().press, body().unloaded(), Control("rise", rise))[0]
+
+
+def load(one, state):
+    """Line load of what is meshed."""
+    touch = one.press.touch(state, state, np.zeros(len(one.press.faces), dtype=bool))
+    return one.press.load(state, touch)
+
+
+def same(one, other):
+    assert one.rise == pytest.approx(other.rise, rel=1e-8)  # solver's tolerances, next ones too
+    np.testing.assert_allclose(one.u, other.u, atol=1e-9)
+    np.testing.assert_allclose(one.pressure, other.pressure, atol=1e-6 * other.pressure.max())
+
+
+def test_load__leads_to_the_state_of_the_rise():
+    one = body()
+    at = pressed(0.012)
+    same(solve(one.press, pressed(0.01), Control("load", load(one, at)))[0], at)
+
+
+@pytest.mark.parametrize("rise", [0.008, 0.02])
+def test_rise__leads_back_without_friction(rise):
+    there = solve(body().press, pressed(), Control("rise", rise))[0]
+    same(solve(body().press, there, Control("rise", pressed().rise))[0], pressed())
+
+
+def test_corner__leads_to_the_state_of_its_load_and_rise():
+    one = body()
+    corner = proximal_corner(one.profile, 1, one._height)
+    apart = one.press.apart(pressed(), corner)[0]
+    by_corner = solve(one.press, pressed(), Control("corner", 0.7 * apart, corner))[0]
+    assert one.press.apart(by_corner, corner)[0] == pytest.approx(0.7 * apart, abs=2e-11)
+    same(solve(one.press, pressed(), Control("load", load(one, by_corner)))[0], by_corner)
+    same(solve(one.press, pressed(), Control("rise", by_corner.rise))[0], by_corner)
+
+
+def test_corner__lets_its_own_ridge_carry_nothing():
+    one = body()
+    corner = proximal_corner(one.profile, 1, one._height)
+    found = solve(one.press, pressed(), Control("corner", 0.0, corner))[0]
+    assert not found.pressure[one.press.faces.of_ridge(1)].any()
+
+
+def test_solution__is_in_equilibrium_and_presses_only_where_it_touches():
+    one, state = body(), pressed()
+    touch = one.press.touch(state, state, np.zeros(len(one.press.faces), dtype=bool))
+    inner = one.press.solid.assemble(state.u, state.p).force.ravel()
+    outer = one.press.force(state, touch)
+    total = np.abs(outer).sum()
+    # The solver's tolerances: 1e-9 of the load, 1e-11 of the gap.
+    assert np.abs((inner - outer)[one.press.free]).max() < 1e-9 * total
+    on = state.pressure > 0
+    assert 5 < on.sum() < len(on)
+    assert np.abs(touch.gap[on]).max() < 1e-11
+    assert touch.gap[~on].min() > -1e-11
+    # The mid-plane holds what the ridges push, and nothing else pushes up.
+    held = np.setdiff1d(np.arange(len(inner)), one.press.free)
+    up = held[held % 2 == 1]
+    assert -inner[up].sum() == pytest.approx(load(one, state), rel=1e-8)
+
+
+def errors(monkeypatch, run):
+    found = []
+    measure = newton._error
+
+    def noted(*arguments):
+        found.append(measure(*arguments))
+        return found[-1]
+
+    monkeypatch.setattr(newton, "_error", noted)
+    run()
+    return np.array(found)
+
+
+@pytest.mark.parametrize("kind", ["rise", "load"])
+@pytest.mark.parametrize("finite", [True, False])
+def test_newton__converges_quadratically(monkeypatch, kind, finite):
+    one = body(ab=None, finite=finite)
+    start = solve(one.press, one.unloaded(), Control("rise", 0.02))[0]
+    target = 0.0202 if kind == "rise" else 1.01 * load(one, start)
+    found = errors(monkeypatch, lambda: solve(one.press, start, Control(kind, target)))
+    # Each error at most a thousandth of the one before, which no linear rate near 1 does.
+    assert len(found) <= 6
+    assert (found[2:-1] < 1e-2 * found[1:-2]).all()
+    assert found[-1] < 1.0
+
+
+def test_no_equilibrium__is_said():
+    with pytest.raises(NotConvergedError, match=r"inside out|equilibrium in 30|singular"):
+        solve(body().press, pressed(), Control("rise", 0.9))
+
+
+@pytest.mark.parametrize("rise", [1e-7, 1e-4])
+def test_first_contact__needs_no_state_in_contact(rise):
+    one = body()
+    found, steps = solve(one.press, one.unloaded(), Control("rise", rise))
+    assert found.pressure.any()
+    assert steps < 10
+
+
+def test_load__of_an_untouched_body_is_reached():
+    one = body(ab=None)
+    found = solve(one.press, one.unloaded(), Control("load", 1e-6))[0]
+    assert load(one, found) == pytest.approx(1e-6, rel=1e-8)  # the solver's tolerance
+
+
+def test_control__of_a_corner_leaves_out_its_ridge_alone():
+    faces = body().press.faces
+    out = Control("corner", 0.0, Corner(1, (0.1, -1.0), 0.0)).left_out(faces)
+    assert np.array_equal(out, faces.of_ridge(1))
+    assert not Control("rise", 0.1).left_out(faces).any()
+
+
+# -------------------------------------------------------------------------------------- friction
+
+
+@functools.cache
+def rubbed(friction, ab=AB, nu=0.3):
+    one = body(nu, friction=friction, ab=ab)
+    state = one.unloaded()
+    for rise in (2e-4, 1e-3, 2e-3):
+        state = solve(one.press, state, Control("rise", rise))[0]
+    return one, state
+
+
+@pytest.mark.parametrize("ab", [AB, None])
+@pytest.mark.parametrize("friction", [0.05, 0.3])
+def test_shear__is_at_most_the_frictions(ab, friction):
+    one, state = rubbed(friction, ab)
+    on = state.pressure > 0
+    assert np.abs(state.shear).max() > 0
+    # Rounding, and what stays of a step of the kinds: 1e-9 of the load.
+    excess = np.abs(state.shear) - friction * state.pressure
+    assert (excess * one.press.faces.length).max() < 1e-8 * load(one, state)
+    assert not state.shear[~on].any()
+
+
+@pytest.mark.parametrize("ab", [AB, None])
+def test_friction__of_a_body_below_half_pulls_the_contact_inwards(ab):
+    """At nu = 0.3 the surface moves inwards under pressure; friction acts against that."""
+    one, state = rubbed(0.3, ab)
+    level = np.array([face.angle == 0.0 for face in one.press.faces.faces])[one.press.faces.face]
+    assert (state.shear * one.press.faces.length)[level].sum() > 0
+
+
+def test_friction__stiffens_and_ends_in_sticking():
+    loads = [load(*rubbed(friction, None)) for friction in (0.0, 0.05, 0.3, 10.0, 100.0)]
+    assert loads[0] < loads[1] < loads[2] <= loads[3] * (1 + 1e-9)
+    # Everything sticks: the coefficient is no longer in the equations. The solver's tolerance.
+    assert loads[4] == pytest.approx(loads[3], rel=1e-7)
+
+
+def test_friction__without_compressibility_matters_little():
+    """At nu = 0.5 pressure moves a half-plane's surface up and down alone: Goodman, 1962."""
+    smooth, rough = (load(*rubbed(friction, None, 0.5)) for friction in (0.0, 1.0))
+    at_03 = load(*rubbed(1.0, None)) / load(*rubbed(0.0, None)) - 1
+    # Second order in the strains: a tenth of what it is at 0.3.
+    assert abs(rough / smooth - 1) < 0.1 * at_03
