@@ -37,7 +37,6 @@ _CORNER = 0.4
 _SEGMENT = 1.25  # edges: other segments; shorter ones would ask more than edges can give
 _ARC = 8  # segments of a round corner
 _FIRST_STEP, _STEP, _LEAST_STEP = 0.1, 0.25, 1e-3  # of the corner's distance
-_FIRST_RISES = (1e-4, 3e-4, 3e-5, 1e-5)  # over R, until one of them converges
 _MOST_ELEMENTS = 40_000
 _LOOSER = 0.3  # growth of edges away from ridges
 
@@ -187,8 +186,7 @@ class Cylinder:
         NotConvergedError
             If none was found, saying at which load.
         """
-        state = start if start.pressure.any() else self._begun(start)
-        now = self.p_over_E(state)
+        now, state = self.p_over_E(start), start
         step = p_over_E - now
         while now != p_over_E:
             goal = now + step if abs(p_over_E - now - step) > 1e-12 else p_over_E
@@ -202,15 +200,6 @@ class Cylinder:
             state, now = found, goal
             step = min(step * (2.0 if n < 7 else 1.0), p_over_E - now, key=abs)
         return state
-
-    def _begun(self, start: State) -> State:
-        """Return a state just after first contact: before it, the load says nothing of the rise."""
-        for rise in _FIRST_RISES:
-            try:
-                return solve(self.press, start, Control("rise", rise))[0]
-            except NotConvergedError as failed:
-                last = failed
-        raise NotConvergedError(f"at first contact: {last}")
 
     def transitions(self, p_max: float) -> Iterator[Reached]:
         """Yield the transitions up to a load, in order.
@@ -338,8 +327,9 @@ class _Sizes:
         spans = np.array([sorted((abs(one.start), abs(one.stop))) for one in lands])
         at_corner, arc = edge, _ARC
         if profile.corner:
-            arc = max(round(_ARC * fineness.edges / 24), 2)
-            at_corner = min(profile.corner * math.pi / 2 / arc / _SEGMENT, edge)
+            quarter = profile.corner * math.pi / 2
+            arc = max(round(_ARC * fineness.edges / 24), 2, math.ceil(quarter / (_SEGMENT * edge)))
+            at_corner = min(quarter / arc / _SEGMENT, edge)
         resolution = Resolution(_CORNER * edge, arc, _SEGMENT * edge, edge)
         window = 1.5 * profile.corner
         return cls(

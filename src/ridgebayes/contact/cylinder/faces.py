@@ -215,10 +215,11 @@ def first_height(profile: Profile) -> float:
     """Return the height of the ridges' tops at which they touch the disk of radius 1."""
     heights = []
     for land in profile.lands(3 * profile.pitch):
-        if land.start <= 0.0 <= land.stop:
+        low, high = land.flat
+        if low <= 0.0 <= high:
             heights.append(-1.0 + land.depth)
             continue
-        inner = min(abs(land.start), abs(land.stop)) + land.corner
+        inner = min(abs(low), abs(high))
         if inner < 1.0 + land.corner:
             centre = -math.sqrt((1.0 + land.corner) ** 2 - inner**2)
             heights.append(centre + land.corner + land.depth)

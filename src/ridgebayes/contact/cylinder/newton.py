@@ -107,6 +107,8 @@ def solve(press: Press, start: State, control: Control) -> tuple[State, int]:
     kind, settled = np.zeros(len(press.faces)), True
     for step in range(_MOST_STEPS + more):
         touch = press.touch(state, start, left_out)
+        if step == 0 and not active.any():
+            active = _nearest(press, touch)
         try:
             inner = press.solid.assemble(state.u, state.p)
         except InvertedError as inverted:
@@ -129,6 +131,16 @@ def solve(press: Press, start: State, control: Control) -> tuple[State, int]:
             raise NotConvergedError("the stiffness is singular")
         state = _guarded(press, state, moved)
     raise NotConvergedError(f"no equilibrium in {_MOST_STEPS + more} Newton steps")
+
+
+def _nearest(press: Press, touch: Touch) -> np.ndarray:
+    """Return the segments that touch first, below and above: nothing else holds a loose body."""
+    found = np.zeros(len(touch.gap), dtype=bool)
+    for side in (press.faces.rises, ~press.faces.rises):
+        least = np.where(side, touch.gap, math.inf).min(initial=math.inf)
+        if math.isfinite(least):
+            found |= side & (touch.gap <= least + _GAP_TOL)
+    return found
 
 
 def _error(
