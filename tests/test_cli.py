@@ -347,7 +347,6 @@ def test_generate__a_bad_scene_is_refused(refused, text, expected):
         (("--texture", "0.02,0.02", "--nu", "0.7"), ["nu = 0.7", "0.5"]),
         (("--texture", "0.02,0.02", "--tol", "0"), ["rel_tol = 0.0", "(0, 0.1]"]),
         (("--texture", "0.02,0.02", "--solver", "magic"), ["solver = 'magic'", "half-plane"]),
-        (("--texture", "0.02,0.02", "--solver", "cylinder-fe"), ["not simulated"]),
     ],
 )
 def test_generate__bad_options_are_refused(refused, words, expected):

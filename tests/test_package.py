@@ -130,10 +130,13 @@ def _roots(node: ast.AST) -> set[str]:
 
 
 def test_mechanics__never_sees_a_scene_a_table_or_a_fit():
-    for path in (PACKAGE / "contact").glob("*.py"):
+    for path in (PACKAGE / "contact").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("ridgebayes."):
-                assert node.module.split(".")[1] in {"_types", "errors", "contact"}, path.name
+                allowed = {"_types", "errors", "contact"}
+                if path.name == "fields.py":  # writes files, whole or not at all
+                    allowed.add("atomic")
+                assert node.module.split(".")[1] in allowed, path.name
 
 
 def test_no_public_function_has_the_name_of_a_module():

@@ -89,7 +89,7 @@ def generate(
     ] = None,
     p_max: Annotated[float, typer.Option(help="Highest load p/E, with --texture.")] = 0.02,
     nu: Annotated[float, typer.Option(help="Poisson's ratio, with --texture.")] = 0.5,
-    solver: Annotated[str, typer.Option(help="auto, hertz or half-plane.")] = "auto",
+    solver: Annotated[str, typer.Option(help="auto, hertz, half-plane or cylinder-fe.")] = "auto",
     tol: Annotated[
         float | None, typer.Option(help="Relative tolerance of each load; 1e-8 if not given.")
     ] = None,
@@ -331,7 +331,7 @@ def _names(text: str, option: str = "--forms") -> list[str]:
 
 
 def _left_out(scene: "Scene") -> list[str]:
-    """Say what exceeds a scene's accuracy and no solver here simulates."""
+    """Say what exceeds a scene's accuracy and is not simulated."""
     from ridgebayes.effects import plan as plan_scene
 
     if scene.relative is None:

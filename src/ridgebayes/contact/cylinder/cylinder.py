@@ -33,8 +33,8 @@ from ridgebayes.errors import InputError
 
 # Of an edge: the segment at a sharp corner, where the body's edge cannot follow the turn. Shorter
 # ones hold the body on the corner, longer ones let it sink in; this leaves 0.05 % of a load.
-_CORNER = 0.4
-_SEGMENT = 1.25  # edges: other segments; shorter ones would ask more than edges can give
+CORNER = 0.4
+SEGMENT = 1.25  # edges: other segments; shorter ones would ask more than edges can give
 _ARC = 8  # segments of a round corner
 _FIRST_STEP, _STEP, _LEAST_STEP = 0.1, 0.25, 1e-3  # of the corner's distance
 _MOST_ELEMENTS = 40_000
@@ -320,20 +320,20 @@ class _Sizes:
         if profile is None:
             edge = reach / (6 * fineness.edges)
             spans = np.array([[0.0, reach]])
-            resolution = Resolution(edge, _ARC, _SEGMENT * edge, edge)
-            return cls(edge, edge, resolution, _SEGMENT * edge, _SEGMENT * edge, spans, spans[:, 1])
+            resolution = Resolution(edge, _ARC, SEGMENT * edge, edge)
+            return cls(edge, edge, resolution, SEGMENT * edge, SEGMENT * edge, spans, spans[:, 1])
         edge = min(profile.a, 4 * profile.b, 0.5 * reach) / fineness.edges
         lands = [profile.ridge(k) for k in _ridges_within(profile, reach)]
         spans = np.array([sorted((abs(one.start), abs(one.stop))) for one in lands])
         at_corner, arc = edge, _ARC
         if profile.corner:
             quarter = profile.corner * math.pi / 2
-            arc = max(round(_ARC * fineness.edges / 24), 2, math.ceil(quarter / (_SEGMENT * edge)))
-            at_corner = min(quarter / arc / _SEGMENT, edge)
-        resolution = Resolution(_CORNER * edge, arc, _SEGMENT * edge, edge)
+            arc = max(round(_ARC * fineness.edges / 24), 2, math.ceil(quarter / (SEGMENT * edge)))
+            at_corner = min(quarter / arc / SEGMENT, edge)
+        resolution = Resolution(CORNER * edge, arc, SEGMENT * edge, edge)
         window = 1.5 * profile.corner
         return cls(
-            edge, at_corner, resolution, _SEGMENT * edge, reach / 60, spans, spans.ravel(), window
+            edge, at_corner, resolution, SEGMENT * edge, reach / 60, spans, spans.ravel(), window
         )
 
     def at(self, theta: FloatArray) -> FloatArray:

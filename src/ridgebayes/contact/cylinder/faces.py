@@ -296,16 +296,16 @@ def _ridge(profile: Profile, land: Land, height: float, resolution: Resolution) 
     r, number = land.corner, land.ridge
     depth = min(profile.depth, max(_WALL * profile.b, 2 * r))
     at_corner = r * math.pi / 2 / resolution.arc if r else resolution.corner
-    cut_up = _graded if r else _cut
+    cut_up = _graded if r else cut
     start, stop = land.flat
-    cut = profile.mirrored and start < 0.0
-    low = 0.0 if cut else start
+    halved = profile.mirrored and start < 0.0
+    low = 0.0 if halved else start
     if stop > low:
-        first = resolution.most if cut else at_corner
+        first = resolution.most if halved else at_corner
         breaks = low + cut_up(stop - low, first, at_corner, resolution.most)
         yield Face(np.array([0.0, height]), 0.0, 0.0, breaks, number)
     for side, at in ((-1.0, start), (1.0, stop)):
-        if cut and side < 0:
+        if halved and side < 0:
             continue
         if r:
             angle = np.sort(side * np.linspace(0.0, math.pi / 2, resolution.arc + 1))
@@ -318,7 +318,7 @@ def _ridge(profile: Profile, land: Land, height: float, resolution: Resolution) 
             yield Face(origin, side * math.pi / 2, 0.0, breaks, number, below=None if r else height)
 
 
-def _cut(length: float, first: float, last: float, most: float) -> FloatArray:
+def cut(length: float, first: float, last: float, most: float) -> FloatArray:
     """Return breaks from 0 to length: a segment of each given end, and equal ones between."""
     if length <= 2 * (first + last):
         return np.linspace(0.0, length, 5)
