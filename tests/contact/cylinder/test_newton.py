@@ -117,7 +117,7 @@ def test_no_equilibrium__is_said():
         solve(body().press, pressed(), Control("rise", 0.9))
 
 
-@pytest.mark.parametrize("rise", [1e-7, 1e-4])
+@pytest.mark.parametrize("rise", [1e-4, 1e-3])
 def test_first_contact__needs_no_state_in_contact(rise):
     one = body()
     found, steps = solve(one.press, one.unloaded(), Control("rise", rise))
@@ -179,7 +179,7 @@ def test_friction__stiffens_and_ends_in_sticking():
 
 def test_friction__without_compressibility_matters_little():
     """At nu = 0.5 pressure moves a half-plane's surface up and down alone: Goodman, 1962."""
-    smooth, rough = (load(*rubbed(friction, None, 0.5)) for friction in (0.0, 1.0))
-    at_03 = load(*rubbed(1.0, None)) / load(*rubbed(0.0, None)) - 1
+    smooth, rough = (load(*rubbed(friction, None, 0.5)) for friction in (0.0, 10.0))
+    at_03 = load(*rubbed(10.0, None)) / load(*rubbed(0.0, None)) - 1
     # Second order in the strains: a tenth of what it is at 0.3.
     assert abs(rough / smooth - 1) < 0.1 * at_03

@@ -137,7 +137,10 @@ class Cylinder:
         )
         n = mesh.mesh.t.shape[1]
         if n > _MOST_ELEMENTS:
-            raise InputError(f"{n} elements; rule: at most {_MOST_ELEMENTS}")
+            raise InputError(
+                f"{n} elements at {fineness.edges:g} edges a ridge; rule: at most {_MOST_ELEMENTS}: "
+                "fewer edges, a lower load or rounder corners need less"
+            )
         faces, self._height = self._faces(sizes)
         if whole:
             faces.append(plate(0.7, sizes.plate, mirrored=self.mirrored, above=True))

@@ -1,0 +1,251 @@
+"""The pressed cylinder against Hertz, the half-plane's transitions, its energy and its mirror."""
+
+import functools
+import math
+
+import numpy as np
+import pytest
+
+from ridgebayes.contact import hertz
+from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
+from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
+from ridgebayes.contact.halfplane import transition_loads
+from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.reaching import reaching_loads
+from ridgebayes.errors import InputError
+
+COARSE = Fineness(edges=8)
+A, B = 0.0032, 0.001  # so little that a disk is a half-plane to the discretisation
+WIDE = Profile(0.06, 0.03)
+
+
+@functools.cache
+def flat(nu=0.3, *, finite=True, pressed_by="mid-plane", p_max=0.01, edges=8):
+    return Cylinder(
+        None,
+        p_max=p_max,
+        nu=nu,
+        finite=finite,
+        pressed_by=pressed_by,
+        fineness=Fineness(edges=edges),
+    )
+
+
+@functools.cache
+def reached(profile, p_max, *, nu=0.3, edges=8, **others):
+    one = Cylinder(profile, p_max=p_max, nu=nu, fineness=Fineness(edges=edges), **others)
+    return tuple(one.transitions(p_max))
+
+
+def loads(found):
+    return np.array([one.p_over_E for one in found])
+
+
+def width(one, state, *, rising=True):
+    """Half-width of the contact of a half model: half of the last segment is its error."""
+    faces = one.press.faces
+    return faces.length[(state.pressure > 0) & (faces.rises == rising)].sum()
+
+
+# ----------------------------------------------------------------------------------------- smooth
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
+def test_smooth__contact_is_as_wide_as_hertzs(nu):
+    one = flat(nu, p_max=0.001, edges=12)
+    state = one.at_load(0.001, one.unloaded())
+    # Discretisation: one segment.
+    expected = float(hertz.half_width(0.001, nu=nu))
+    assert width(one, state) == pytest.approx(expected, abs=one.press.faces.length[0])
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_smooth__pressure_is_hertzs(nu):
+    one = flat(nu, p_max=0.001, edges=12)
+    state = one.at_load(0.001, one.unloaded())
+    w, length = float(hertz.half_width(0.001, nu=nu)), one.press.faces.length[0]
+    x = length * (np.arange(len(state.pressure)) + 0.5)
+    inside = x < 0.8 * w
+    expected = 4 * 0.001 / (math.pi * w) * np.sqrt(1 - (x[inside] / w) ** 2)
+    # Discretisation, and the finite width of the contact (w/R = 0.04).
+    np.testing.assert_allclose(state.pressure[inside], expected, rtol=0.01)
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_smooth__plate_and_mid_plane_press_alike(nu):
+    plane, plate = (flat(nu, pressed_by=by, p_max=0.001) for by in ("mid-plane", "plate"))
+    half, whole = (one.at_load(0.001, one.unloaded()) for one in (plane, plate))
+    assert whole.rise == pytest.approx(2 * half.rise, rel=1e-3)
+    below = whole.pressure[: len(half.pressure)]
+    # Discretisation of the upper half alone: it is cut otherwise.
+    np.testing.assert_allclose(below, half.pressure, atol=1e-3 * half.pressure.max())
+    above = width(plate, whole, rising=False)
+    assert above == pytest.approx(width(plate, whole), abs=1.01 * plate.press.faces.length.max())
+
+
+def test_smooth__is_pressed_to_a_quarter_of_the_modulus():
+    one = flat(0.5, p_max=0.25)
+    state = one.unloaded()
+    rises = []
+    for p in (0.05, 0.15, 0.25):
+        state = one.at_load(p, state)
+        assert one.p_over_E(state) == pytest.approx(p, rel=1e-8)  # the solver's tolerance
+        rises.append(state.rise)
+    assert rises[0] < rises[1] < rises[2] < 0.5
+
+
+@pytest.mark.parametrize("finite", [True, False])
+def test_work__of_the_load_is_the_stored_energy(finite):
+    one = flat(0.3, finite=finite)
+    rises = 0.5 * 0.03 * (1 - np.cos(np.linspace(0, np.pi, 17)))
+    state, works = one.unloaded(), [0.0]
+    for rise in rises[1:]:
+        state = solve(one.press, state, Control("rise", rise))[0]
+        works.append(2 * one.p_over_E(state))  # line load over E R of both halves
+    x, w = rises, np.array(works)
+    work = np.sum(np.diff(x) * 0.5 * (w[1:] + w[:-1]))
+    energy = 2 * one.press.solid.energy(state.u)
+    # Trapezium of 16 steps; segments that come into contact one by one.
+    assert energy == pytest.approx(work, rel=1e-2)
+
+
+# --------------------------------------------------------------------------------- the half-plane
+
+
+def test_transitions__of_tiny_ridges_are_the_half_planes():
+    expected = transition_loads(A, B, 2).p_over_E(A + B, nu=0.49)
+    found = reached(Profile(A, B), 1.001 * expected[1], nu=0.49, edges=16)
+    assert [one.Q for one in found] == [4, 6]
+    assert [one.ridge for one in found] == [1, 2]
+    np.testing.assert_allclose(loads(found), expected, rtol=2e-3)  # discretisation
+
+
+@pytest.mark.parametrize(
+    ("others", "tolerance"),
+    [
+        pytest.param({"offset": 0.2}, 1e-2, id="off centre"),
+        pytest.param({"offset": 0.5}, 5e-3, id="over a ridge"),
+        pytest.param({"corner": A / 10}, 1e-2, id="round corners"),
+    ],
+)
+def test_transitions__of_tiny_profiles_are_the_half_planes(others, tolerance):
+    profile = Profile(A, B, **others)
+    expected = reaching_loads(profile, W_max=profile.pitch**2, rel_tol=1e-6)
+    assert set(expected.status) == {"ok"}
+    p = math.pi / 4 / (1 - 0.3**2) * expected.W
+    found = reached(profile, 1.01 * p[-1], edges=10)
+    assert [one.Q for one in found] == expected.Q.tolist()
+    np.testing.assert_allclose(loads(found), p, rtol=tolerance)  # discretisation: 10 edges
+
+
+# --------------------------------------------------------------------------------------- symmetry
+
+
+def test_transitions__of_the_mirrored_profile_are_the_same():
+    left, right = (reached(Profile(0.06, 0.03, offset=s * 0.2), 5e-3) for s in (-1, 1))
+    assert [one.ridge for one in left] == [-1 - one.ridge for one in right]
+    assert len(left) == 2
+    np.testing.assert_allclose(loads(left), loads(right), rtol=1e-7)  # the solver's tolerance
+
+
+def test_transitions__of_the_half_model_are_those_of_the_whole():
+    half = reached(WIDE, 5e-3)
+    both = reached(Profile(0.06, 0.03, offset=1e-7), 5e-3)
+    # Both of a pair at once, but for the offset.
+    assert [one.Q for one in half] == [4]
+    assert [one.Q for one in both] == [2, 3, 4]
+    # Q = 2 comes at once.
+    assert both[0].p_over_E < 1e-4 * half[0].p_over_E
+    np.testing.assert_allclose(loads(both[1:]), half[0].p_over_E, rtol=1e-4)
+
+
+def test_transitions__by_the_plate_are_those_by_the_mid_plane():
+    plate, plane = (reached(WIDE, 5e-3, pressed_by=one) for one in ("plate", "mid-plane"))
+    np.testing.assert_allclose(loads(plate), loads(plane), rtol=1e-4)
+
+
+# ------------------------------------------------------------------------------------------ loads
+
+
+def test_transitions__end_at_the_largest_load():
+    (first,) = reached(WIDE, 5e-3)
+    assert len(reached(WIDE, 1.001 * first.p_over_E)) == 1
+    assert len(reached(WIDE, 0.999 * first.p_over_E)) == 0
+
+
+def test_transitions__of_a_flat_are_none():
+    assert list(flat().transitions(0.01)) == []
+
+
+def test_transition__has_the_state_in_which_its_corner_touches():
+    one = Cylinder(WIDE, p_max=5e-3, nu=0.3, fineness=COARSE)
+    (first,) = one.transitions(5e-3)
+    assert one.p_over_E(first.state) == first.p_over_E
+    assert not first.state.pressure[one.press.faces.of_ridge(1)].any()
+    beyond = one.at_load(1.2 * first.p_over_E, first.state)
+    assert beyond.pressure[one.press.faces.of_ridge(1)].any()
+
+
+def test_at_load__forgets_its_way_without_friction():
+    one = flat()
+    straight = one.at_load(0.005, one.unloaded())
+    around = one.at_load(0.005, one.at_load(0.01, one.at_load(0.002, one.unloaded())))
+    np.testing.assert_allclose(around.u, straight.u, atol=1e-9)  # the solver's tolerance
+
+
+def test_at_load__says_where_it_failed():
+    one = flat()
+    with pytest.raises(NotConvergedError, match=r"at p/E = 0\.\d+: "):
+        one.at_load(50.0, one.at_load(0.005, one.unloaded()))
+
+
+# --------------------------------------------------------------------------------------- friction
+
+
+def test_friction__of_zero_is_none():
+    without, zero = reached(WIDE, 5e-3), reached(WIDE, 5e-3, friction=0.0)
+    assert loads(without).tolist() == loads(zero).tolist()
+
+
+def test_friction__delays_transitions_below_half():
+    rough, smooth = reached(WIDE, 5e-3, friction=0.1), reached(WIDE, 5e-3)
+    assert len(rough) == len(smooth) == 1
+    assert 1.001 < rough[0].p_over_E / smooth[0].p_over_E < 1.1
+
+
+def test_friction__above_leaves_the_plate_without():
+    """The plate is frictionless: no friction under it, whatever the ridges have."""
+    one = Cylinder(None, p_max=1e-3, nu=0.3, friction=0.3, pressed_by="plate", fineness=COARSE)
+    state = solve(one.press, one.unloaded(), Control("rise", 1e-3))[0]
+    assert not state.shear[~one.press.faces.rises].any()
+    assert state.shear[one.press.faces.rises].any()
+
+
+# ------------------------------------------------------------------------------------------- rules
+
+
+@pytest.mark.parametrize(
+    ("values", "rule"),
+    [
+        ({"pressed_by": "hand"}, "pressed_by = 'hand'; rule: mid-plane or plate"),
+        ({"friction": -0.1}, "friction = -0.1; rule: >= 0"),
+        ({"friction": math.nan}, "friction = nan; rule: >= 0"),
+        ({"p_max": 0.0}, "p_max = 0.0; rule: over 0 and at most 1"),
+        ({"p_max": 1.1}, "p_max = 1.1; rule: over 0 and at most 1"),
+        ({"p_max": math.nan}, "p_max = nan; rule: over 0 and at most 1"),
+        ({"nu": 0.6}, "nu = 0.6; rule: 0 to 0.5"),
+    ],
+)
+def test_values__against_their_rules_are_refused(values, rule):
+    with pytest.raises(InputError, match=rule):
+        Cylinder(WIDE, **({"p_max": 1e-3} | values))
+
+
+def test_elements__beyond_the_rule_are_refused():
+    with pytest.raises(InputError, match="elements at 60 edges a ridge; rule: at most 40000"):
+        Cylinder(Profile(0.002, 0.002), p_max=0.02, fineness=Fineness(edges=60))
+
+
+def test_plate__over_a_profile_off_centre_is_refused():
+    with pytest.raises(InputError, match="does not hold a body off centre"):
+        Cylinder(Profile(0.06, 0.03, offset=0.1), p_max=1e-3, pressed_by="plate")
