@@ -12,6 +12,7 @@ from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.reaching import reaching_loads
+from ridgebayes.datafiles import reference_fe
 from ridgebayes.errors import InputError
 
 COARSE = Fineness(edges=8)
@@ -165,6 +166,14 @@ def test_transitions__by_the_plate_are_those_by_the_mid_plane():
 
 
 # ------------------------------------------------------------------------------------------ loads
+
+
+def test_transitions__are_those_of_calculix():
+    frame = reference_fe().frame
+    frame = frame[(frame["series"] == "fine") & (frame["Q"] <= 6)]
+    found = loads(Cylinder(Profile(0.032, 0.01), nu=0.49, p_max=0.0045).transitions(0.004))
+    # Reference: 0.1 %; discretisation of the default mesh: 0.1 %.
+    np.testing.assert_allclose(found, frame["p_over_E"], rtol=2e-3)
 
 
 def test_transitions__end_at_the_largest_load():
