@@ -114,7 +114,7 @@ def _curves(one: Plan, scene: Scene, solver: str, rel_tol: float) -> Iterator[pd
     if profile is None and one.needs_finite_elements:
         profile = given_profile(texture)
     smooth = solver == "hertz" or profile is None
-    by_elements = solver == "cylinder-fe" or (solver == "auto" and one.needs_finite_elements)
+    by_elements = _by_elements(one, solver)
     names = ["ridges", *_given(texture)]
     if solver == "auto":
         names = [name for name in names if name in one.simulated or not one.effects]
@@ -184,7 +184,11 @@ _COLUMNS = [
 
 
 _IF_ANY = ("rel_se", "offset_over_R")
-_ELEMENTS_SE = 1e-3  # relative error of a load by finite elements: docs/validation.md
+_ELEMENTS_SE = 1e-3  # relative error of a load by finite elements: docs/validation/cylinder.md
+
+
+def _by_elements(one: Plan, solver: str) -> bool:
+    return solver == "cylinder-fe" or (solver == "auto" and one.needs_finite_elements)
 
 
 def _not_simulated(scene: Scene, plans: Sequence[Plan], solver: str) -> list[str]:
@@ -192,9 +196,12 @@ def _not_simulated(scene: Scene, plans: Sequence[Plan], solver: str) -> list[str
     problems = []
     for number, one in enumerate(plans, start=1):
         friction = next((effect for effect in one.effects if effect.name == "friction"), None)
-        has_it = solver == "cylinder-fe" or (solver == "auto" and one.needs_finite_elements)
         wanted = max(scene.relative or 0.0, FINITE_ELEMENT_ERROR if solver == "auto" else 0.0)
-        if friction is not None and not has_it and not friction.estimate <= wanted:
+        if (
+            friction is not None
+            and not _by_elements(one, solver)
+            and not friction.estimate <= wanted
+        ):
             problems.append(
                 f"friction = {scene.friction!r}: changes loads by up to {friction.estimate:.2g}, "
                 f"and is not simulated by {solver!r}; rule: at most the wanted accuracy, "

@@ -217,9 +217,8 @@ class Cylinder:
             return
         state = self.unloaded()
         low, high = _first_touched(profile)
+        corners = self._ahead(profile, low, high)
         while True:
-            ahead = [high + 1] if self.mirrored else [low - 1, high + 1]
-            corners = [proximal_corner(profile, one, self._height) for one in ahead]
             found = self._next(state, corners, p_max)
             if found is None:
                 return
@@ -230,10 +229,15 @@ class Cylinder:
             yield Reached(corner.ridge, count, load, state)
             # Loads grow by more than the square of the corners' distance: a smooth body's do so,
             # grooves make it more, and at finite strain it is still 1 % more at p/E = 0.06.
-            ahead = [high + 1] if self.mirrored else [low - 1, high + 1]
-            further = min(abs(proximal_corner(profile, one, 0.0).centre[0]) for one in ahead)
+            corners = self._ahead(profile, low, high)
+            further = min(abs(one.centre[0]) for one in corners)
             if 0.97 * load * (further / abs(corner.centre[0])) ** 2 > p_max:
                 return
+
+    def _ahead(self, profile: Profile, low: int, high: int) -> list[Corner]:
+        """Return the corners that may be reached next, ridges low to high being touched."""
+        numbers = [high + 1] if self.mirrored else [low - 1, high + 1]
+        return [proximal_corner(profile, one, self._height) for one in numbers]
 
     def _next(
         self, state: State, corners: list[Corner], p_max: float
@@ -263,12 +267,10 @@ class Cylinder:
                 step = _STEP
                 continue
             state, now = found, goal
-            if now == 0.0:
-                if self.p_over_E(state) > p_max:
-                    return None
-                return state, corners[which]
             if self.p_over_E(state) > p_max:
                 return None
+            if now == 0.0:
+                return state, corners[which]
             step *= 2.0 if n < 7 else 1.0
 
 

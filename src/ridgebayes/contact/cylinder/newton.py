@@ -202,7 +202,7 @@ def _guarded(press: Press, state: State, moved: State) -> State:
     part, found = 1.0, moved
     for _ in range(6):
         solid = press.solid
-        if not solid.material.finite or (jacobian(solid.gradients(found.u)).min() > _LEAST_VOLUME):
+        if not solid.material.finite or jacobian(solid.gradients(found.u)).min() > _LEAST_VOLUME:
             return found
         part *= 0.5
         names = [one.name for one in fields(State)]
@@ -240,15 +240,16 @@ class _Step:
         self._C = touch.normal
         # Rising ridges are the whole rim sinking, for those segments that rise.
         self._lift = -(press.faces.rises * (self._C @ press.up))
+        self._slip_lift = -(press.faces.rises * (touch.along @ press.up))
         self._bent = np.asarray(press.bending(state, touch, rising=True) @ press.up)
         K = inner.stiffness - press.bending(state, touch)
         Ca, scale = self._C[self._reference], self._scale[self._reference]
         K = K + Ca.T @ sparse.diags_array(scale) @ Ca
         rest = -(inner.force.ravel() + inner.condensed.ravel())
-        self._rub_lift = np.zeros_like(rest)
+        by_rise = self._bent
         if press.friction:
-            stiffness, force, self._rub_lift = self._rubbing()
-            K, rest = K + stiffness, rest + force
+            stiffness, force, rubbed = self._rubbing()
+            K, rest, by_rise = K + stiffness, rest + force, by_rise + rubbed
         if damping:
             K = K + damping * sparse.eye_array(K.shape[0])
         free = press.free
@@ -259,7 +260,7 @@ class _Step:
         )
         self._columns: dict[int, FloatArray] = {}
         self._still = self._solved(rest)
-        self._risen = self._solved(-self._bent - self._rub_lift)
+        self._risen = self._solved(-by_rise)
 
     def _rubbing(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
         """Return friction's stiffness, its force on the nodes, and that by the rise."""
@@ -267,7 +268,7 @@ class _Step:
         kind, scale, on = self._kind, self._scale, self._reference
         stuck, slid = np.flatnonzero(on & (kind == 0)), np.flatnonzero(on & (kind != 0))
         T, Ts = touch.along[stuck], touch.along[slid]
-        lift = -(press.faces.rises * (touch.along @ press.up))
+        lift = self._slip_lift
         stiffness = T.T @ sparse.diags_array(scale[stuck]) @ T
         shear = state.shear[stuck] - scale[stuck] * touch.slip[stuck]
         by_rise = T.T @ (scale[stuck] * lift[stuck])
@@ -311,8 +312,7 @@ class _Step:
         shear = np.zeros_like(pressure)
         if press.friction:
             kind, scale = self._kind, self._scale
-            lift = -(press.faces.rises * (touch.along @ press.up))
-            slip = touch.slip + touch.along @ du + rise * lift
+            slip = touch.slip + touch.along @ du + rise * self._slip_lift
             shear = np.where(
                 kind == 0, state.shear - scale * slip, kind * press.friction * pressure
             )
