@@ -93,6 +93,10 @@ def generate(
     tol: Annotated[
         float | None, typer.Option(help="Relative tolerance of each load; 1e-8 if not given.")
     ] = None,
+    fields: Annotated[
+        Path | None,
+        typer.Option(help="Folder to make, for what finite elements find: XDMF, CSV, figures."),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Compute transition loads of textures and write them as a table."""
@@ -108,7 +112,12 @@ def generate(
         wanted = Scene.of([_texture(text) for text in texture], p_over_E=p_max, nu=nu)
     else:
         wanted = Scene.paper()
-    table = generate_table(wanted, solver=solver, rel_tol=tol)
+    if fields is None:
+        table = generate_table(wanted, solver=solver, rel_tol=tol)
+    else:
+        from ridgebayes.field_files import generate_fields
+
+        table = generate_fields(wanted, fields, solver=solver, rel_tol=tol, force=force)
     table.write(out)
     failed = len(table.left_out)
     print(f"{out}: {len(table)} rows, {len(table.textures)} textures, {failed} not ok")

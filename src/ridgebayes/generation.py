@@ -3,7 +3,7 @@
 import importlib.metadata
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,9 @@ from ridgebayes.errors import InputError
 from ridgebayes.scene import Scene, Texture
 from ridgebayes.table import ContactTable
 
+if TYPE_CHECKING:
+    from ridgebayes.contact.cylinder.cylinder import Cylinder, Reached
+
 SOLVERS = ("auto", "hertz", "half-plane", "cylinder-fe")
 # A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
 _MAX_TRANSITIONS = 65_536
@@ -26,7 +29,13 @@ _MAX_TRANSITIONS = 65_536
 _Curve: TypeAlias = tuple[IntArray, FloatArray, tuple[str, ...]]
 
 
-def generate(scene: Scene, *, solver: str = "auto", rel_tol: float | None = None) -> ContactTable:
+def generate(
+    scene: Scene,
+    *,
+    solver: str = "auto",
+    rel_tol: float | None = None,
+    pressed: "_Pressed | None" = None,
+) -> ContactTable:
     """Compute the transition loads of a scene's textures, up to its load.
 
     Parameters
@@ -40,6 +49,9 @@ def generate(scene: Scene, *, solver: str = "auto", rel_tol: float | None = None
         cylinder, neo-Hookean at finite strain, by finite elements.
     rel_tol : float or None, scalar, dimensionless
         Wanted relative error of each load; None is the scene's, and 1e-8 if that is looser.
+    pressed : callable, optional
+        Is given each texture that finite elements simulate: the cylinder, and its transitions with
+        the states there, such as `ridgebayes.field_files.FieldFiles` writes to files.
 
     Returns
     -------
@@ -88,7 +100,7 @@ def generate(scene: Scene, *, solver: str = "auto", rel_tol: float | None = None
         texture = one.texture
         where = f"scene: textures[{number}] = ({texture.a_over_R!r}, {texture.b_over_R!r})"
         try:
-            frames += list(_curves(one, scene, solver, rel_tol))
+            frames += list(_curves(one, scene, solver, rel_tol, pressed))
         except InputError as error:
             problems.append(f"{where}: {error}")
     if problems:
@@ -106,7 +118,9 @@ def _plans(scene: Scene, solver: str) -> list[Plan]:
     return plan(scene)
 
 
-def _curves(one: Plan, scene: Scene, solver: str, rel_tol: float) -> Iterator[pd.DataFrame]:
+def _curves(
+    one: Plan, scene: Scene, solver: str, rel_tol: float, pressed: "_Pressed | None"
+) -> Iterator[pd.DataFrame]:
     """Yield the curves of a texture: one, or several offsets."""
     texture = one.texture
     p_max = scene.highest_load(texture)
@@ -133,7 +147,11 @@ def _curves(one: Plan, scene: Scene, solver: str, rel_tol: float) -> Iterator[pd
             here = replace(profile, offset=offset)
             if by_elements:
                 name, extra = "cylinder-fe", f" effects={simulated}"
-                found = _elements(here, scene, p_max)
+                body = _cylinder(here, scene, p_max)
+                reached: list[Reached] = []
+                found = _elements(body, p_max, reached)
+                if pressed is not None:
+                    pressed(texture, body, reached)
             elif here == Profile(here.a, here.b):
                 found = _many(texture, scene, p_max, _half_plane, rel_tol)
             else:
@@ -245,12 +263,17 @@ def _events(profile: Profile, scene: Scene, p_max: float, rel_tol: float) -> _Cu
     return found.Q[keep], found.W[keep] / factor, status
 
 
-def _elements(profile: Profile, scene: Scene, p_max: float) -> _Curve:
-    """Return the transitions by finite elements: what was found, and why no more."""
-    from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
+def _cylinder(profile: Profile, scene: Scene, p_max: float) -> "Cylinder":
+    from ridgebayes.contact.cylinder.cylinder import Cylinder
 
-    body = Cylinder(profile, p_max=p_max, nu=scene.nu, friction=scene.friction)
-    Q, p_over_E, status = transition_curve(body, p_max)
+    return Cylinder(profile, p_max=p_max, nu=scene.nu, friction=scene.friction)
+
+
+def _elements(body: "Cylinder", p_max: float, reached: "list[Reached]") -> _Curve:
+    """Return the transitions by finite elements: what was found, and why no more."""
+    from ridgebayes.contact.cylinder.cylinder import transition_curve
+
+    Q, p_over_E, status = transition_curve(body, p_max, seen=reached.append)
     keep = Q >= 4
     if not keep.any():
         raise InputError(f"no transition to 4 edges or more under p/E = {p_max!r}")
@@ -290,3 +313,4 @@ def _hertz(
 
 
 _Solver: TypeAlias = Callable[[Texture, float, int, float], tuple[FloatArray, tuple[str, ...]]]
+_Pressed: TypeAlias = "Callable[[Texture, Cylinder, Sequence[Reached]], None]"

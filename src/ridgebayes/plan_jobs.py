@@ -10,7 +10,7 @@ from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.pressed import load_factor, pressed
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.effects import Plan, given_profile, plan, plan_label, plan_table
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.plan_check import check_plans, spread_scenes
 from ridgebayes.progress import Progress
 from ridgebayes.runfolder import new_folder, write_csv, write_text
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 CHECK_CSV = "plan-check.csv"
 _TOLERANCE = 1e-5  # of the curves in figures
+_EDGES = 10.0  # a ridge, of the mesh in figures
 
 
 def plan_job(scene: Scene, *, out: Path | None = None, figures: Path | None = None) -> list[Plan]:
@@ -95,17 +96,15 @@ def plan_check_job(
 
 
 def _figures(scene: Scene, one: Plan) -> dict[str, "Figure"]:
-    from ridgebayes.figures.scenes import plot_counts, plot_effects, plot_pressed
+    from ridgebayes.figures.scenes import plot_counts, plot_effects
 
     texture, p_max = one.texture, scene.highest_load(one.texture)
-    profile = one.profile or Profile(texture.a_over_R, texture.b_over_R)
+    sharp = Profile(texture.a_over_R, texture.b_over_R)
+    profile = one.profile or (given_profile(texture) if one.needs_finite_elements else sharp)
     figures = {
-        "deformed": plot_pressed(
-            pressed(profile, load_factor(scene.nu) * p_max, rel_tol=_TOLERANCE)
-        ),
+        "deformed": _deformed(profile, scene, one, p_max),
         "effects": plot_effects(plan_table([one]), scene.relative),
     }
-    sharp = Profile(texture.a_over_R, texture.b_over_R)
     # The same line twice would hide the first: each profile goes by its first name.
     names: dict[Profile, str] = {profile: "as planned"}
     names.setdefault(given_profile(texture), "all that the scene gives")
@@ -118,6 +117,24 @@ def _figures(scene: Scene, one: Plan) -> dict[str, "Figure"]:
     if curves:
         figures["counts"] = plot_counts(curves)
     return figures
+
+
+def _deformed(profile: Profile, scene: Scene, one: Plan, p_max: float) -> "Figure":
+    if not one.needs_finite_elements:
+        from ridgebayes.figures.scenes import plot_pressed
+
+        return plot_pressed(pressed(profile, load_factor(scene.nu) * p_max, rel_tol=_TOLERANCE))
+    from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
+    from ridgebayes.contact.cylinder.newton import NotConvergedError
+    from ridgebayes.figures.cylinder import plot_deformed
+
+    body = Cylinder(
+        profile, p_max=p_max, nu=scene.nu, friction=scene.friction, fineness=Fineness(_EDGES)
+    )
+    try:
+        return plot_deformed(body, body.at_load(p_max, body.unloaded()))
+    except NotConvergedError as failed:
+        raise ComputationError(f"{plan_label(one.texture)}: no figure of the body: {failed}") from None
 
 
 def _curve(profile: Profile, scene: Scene, p_max: float) -> "tuple[FloatArray, FloatArray]":

@@ -159,7 +159,7 @@ def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
     axes.xaxis.set_major_locator(LogLocator(10))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_yticks(range(len(known)), [plain(name, 40) for name in known["effect"]])
-    axes.invert_yaxis()
+    axes.set_ylim(len(known) - 0.5, -0.5)  # the first on top, and room for a 0 in the last row
     axes.grid(visible=False, axis="y")
     if relative is not None:
         axes.axvline(relative, color="#000000", linewidth=1, linestyle=":")

@@ -6,7 +6,7 @@ distance of that corner shrinks in steps that grow and shrink with Newton's.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -231,7 +231,7 @@ class Cylinder:
             # grooves make it more, and at finite strain it is still 1 % more at p/E = 0.06.
             corners = self._ahead(profile, low, high)
             further = min(abs(one.centre[0]) for one in corners)
-            if 0.97 * load * (further / abs(corner.centre[0])) ** 2 > p_max:
+            if 0.99 * load * (further / abs(corner.centre[0])) ** 2 > p_max:
                 return
 
     def _ahead(self, profile: Profile, low: int, high: int) -> list[Corner]:
@@ -274,7 +274,9 @@ class Cylinder:
             step *= 2.0 if n < 7 else 1.0
 
 
-def transition_curve(body: Cylinder, p_max: float) -> tuple[IntArray, FloatArray, tuple[str, ...]]:
+def transition_curve(
+    body: Cylinder, p_max: float, *, seen: Callable[[Reached], None] | None = None
+) -> tuple[IntArray, FloatArray, tuple[str, ...]]:
     """Return all transitions up to a load as a curve.
 
     Parameters
@@ -283,6 +285,8 @@ def transition_curve(body: Cylinder, p_max: float) -> tuple[IntArray, FloatArray
         On ridges.
     p_max : float, scalar, dimensionless
         Largest load over E.
+    seen : callable, optional
+        Is given each transition when it is found.
 
     Returns
     -------
@@ -300,6 +304,8 @@ def transition_curve(body: Cylinder, p_max: float) -> tuple[IntArray, FloatArray
             counts.append(one.Q)
             loads.append(one.p_over_E)
             status.append("ok")
+            if seen is not None:
+                seen(one)
     except NotConvergedError as failed:
         step = 2 if body.mirrored else 1
         counts.append((counts[-1] if counts else body.first_count) + step)
