@@ -3,8 +3,8 @@
 An independent solution, by a solver that shares nothing with the package but its mesh: a
 neo-Hookean quarter disk (radius 1, E = 1, plane strain) whose flat mid-plane is driven down onto
 frictionless rigid ridges with sharp corners. It prints the loads at which the rim meets the next
-ridge, and the CPU seconds and memory they cost. Needs `ccx`, the solver of CalculiX 2.20 or later,
-on the path.
+ridge, and the CPU seconds and memory they cost, beside those of the package's own finite elements.
+Needs `ccx`, the solver of CalculiX 2.20 or later, on the path.
 
 What is compared: p is the line load over 2R, so p/E is the reaction of the quarter's mid-plane. A
 ridge counts as reached when the rim meets the inner upper corner of it.
@@ -39,7 +39,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
 from ridgebayes.contact.cylinder.mesh import DiskMesh, disk_mesh
+from ridgebayes.contact.lands import Profile
 
 STATIC = "1.,1.,0.002,1."  # one increment a level, cut where it does not converge
 DEPTH = 0.06  # height of the blocks that are the ridges
@@ -478,10 +480,36 @@ def main() -> None:
     if find_solver() is None:
         print("no `ccx` on the path: CalculiX is not installed, nothing to compare with")
         return
+    before = _children_cpu()
     found = calculix_transitions(report=print, **given)
-    print(f"{'Q':>3} {'p/E':>13}")
+    theirs = _children_cpu() - before
+    before = time.process_time()
+    own = own_transitions(given["a"], given["b"], given["p_max"], given["nu"])
+    ours = time.process_time() - before
+    print(f"{'Q':>3} {'CalculiX':>13} {'here':>13} {'here less CalculiX':>19}")
     for Q, p in found:
-        print(f"{Q:3d} {p:13.6e}")
+        if Q in own:
+            print(f"{Q:3d} {p:13.6e} {own[Q]:13.6e} {own[Q] / p - 1:19.2%}")
+        else:
+            print(f"{Q:3d} {p:13.6e}")
+    print(
+        f"CPU seconds: CalculiX {theirs:.1f}, here {ours:.1f} to p/E = {max(own.values()):.5f}, "
+        f"ratio {theirs / ours:.1f}"
+    )
+    print("CalculiX's are those of both its runs: the first tells the second where to look.")
+
+
+def own_transitions(a: float, b: float, p_max: float, nu: float) -> dict[int, float]:
+    """Return the loads by Q that the package's own finite elements find, on the default mesh."""
+    body = Cylinder(Profile(a, b), p_max=p_max, nu=nu)
+    Q, p_over_E, _ = transition_curve(body, p_max)
+    ok = np.isfinite(p_over_E)
+    return dict(zip(Q[ok].tolist(), p_over_E[ok].tolist(), strict=True))
+
+
+def _children_cpu() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pandas as pd
 import pytest
@@ -412,6 +413,36 @@ def test_generate__rows_that_failed_are_written_and_exit_1(command, paper, monke
     assert said.out == "t.csv: 44 rows, 10 textures, 3 not ok\n"
     assert said.err == "ridgebayes: 3 rows are not ok, see column status of t.csv\n"
     assert rb.read_table("t.csv").digest() == partly.digest()
+
+
+ELEMENTS = ("--texture", "0.06,0.02", "--p-max", "0.004", "--solver", "cylinder-fe")
+
+
+def test_generate__fields_of_the_cylinder_are_kept(command):
+    said = command("generate", *ELEMENTS, "--fields", "found", "-o", "t.csv")
+    assert (said.code, said.err) == (0, "")
+    label = "a0.06_b0.02"
+    names = {"loads.csv", f"contact-{label}.csv"}
+    names |= {f"fields-{label}{suffix}" for suffix in (".xdmf", ".h5")}
+    names |= {f"deformed-{label}{suffix}" for suffix in (".png", ".svg")}
+    assert {path.name for path in Path("found").iterdir()} == names
+    assert Path("found/loads.csv").read_bytes() == Path("t.csv").read_bytes()
+    contact = pd.read_csv(f"found/contact-{label}.csv")
+    (load,) = rb.read_table("t.csv").frame["p_over_E"]
+    assert contact["p_over_E"].unique().tolist() == [load]
+    # Balance: half the line load over E R, in the body's right half; the solver's tolerance.
+    pushed = (contact["pressure"] * contact["length"] * contact["normal_y"]).sum()
+    assert pushed == pytest.approx(load, rel=1e-8)
+    with meshio.xdmf.TimeSeriesReader(f"found/fields-{label}.xdmf") as series:
+        series.read_points_cells()
+        assert series.num_steps == 1
+        assert series.read_data(0)[0] == load
+    assert command("generate", *ELEMENTS, "--fields", "found", "-o", "u.csv").code == 2
+
+
+def test_generate__fields_without_finite_elements_are_refused(refused):
+    words = ("--texture", "0.06,0.02", "--fields", "found", "-o", "t.csv")
+    refused(["generate", *words], "--fields found", "rule: --solver cylinder-fe")
 
 
 # --- what is done ---------------------------------------------------------------------------------

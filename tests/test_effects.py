@@ -10,10 +10,11 @@ from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.pressed import pressed
 from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.datafiles import reference_fe
+from ridgebayes.datafiles import CALCULIX_FE, data_path
 from ridgebayes.effects import plan, plan_table
 from ridgebayes.generation import generate
 from ridgebayes.scene import Scene, Texture
+from ridgebayes.table import read_table
 
 A, B, P = 0.02, 0.03, 0.006
 DEEPEST = 1.9e-3  # about how deep the surface hangs into the middle groove of (A, B) at P
@@ -244,7 +245,7 @@ def test_plan__says_that_deep_hanging_bends_the_body_more():
 
 
 def test_plan__says_of_the_finite_body_what_finite_elements_find():
-    frame = reference_fe().frame
+    frame = read_table(data_path(CALCULIX_FE)).frame
     frame = frame[frame["role"] == "calibration"]
     assert len(frame) == 8
     for row in frame.to_dict("records"):

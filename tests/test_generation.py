@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from ridgebayes.contact import halfplane, hertz
+from ridgebayes.contact.cylinder import cylinder
+from ridgebayes.contact.cylinder.cylinder import Reached
 from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.pressed import pressed
 from ridgebayes.datafiles import PAPER_SWEEP, data_path
@@ -218,6 +220,49 @@ def test_finite_elements_are_chosen_where_the_body_is_large_beside_its_contact()
     # in by (1 - 2 nu)(1 + nu) = 0.145 times its pressure p/w.
     assert ratio[0] - 1 == pytest.approx(2 * 0.145 * 0.00337 / 0.083, abs=0.004)
     assert 0.01 < ratio[1] - 1 < 0.04
+
+
+@pytest.fixture
+def stopping(monkeypatch):
+    """Let the fine mesh stop after Q = 6, and coarser ones after a count."""
+    until = {24: 6, 10: 10}
+
+    def transition_curve(body, p_max, *, seen):
+        edges = 24 if body.press.solid.mesh.mesh.t.shape[1] > 1000 else 10
+        Q = np.arange(4, until[edges] + 3, 2)
+        for count in Q[:-1]:
+            seen(Reached(count // 2 - 1, int(count), 1e-6 * edges * count**2, None))
+        load = np.where(until[edges] < Q, math.nan, 1e-6 * edges * Q**2)
+        status = ["ok"] * (len(Q) - 1) + ["not converged: at p/E = 0.001"]
+        end = len(Q) if edges == 24 or until[10] < 10 else -1
+        return Q[:end], load[:end], tuple(status[:end])
+
+    monkeypatch.setattr(cylinder, "transition_curve", transition_curve)
+    return until
+
+
+def test_a_coarser_mesh_takes_over_where_the_fine_one_stops(stopping):
+    scene, bodies = Scene.of([(0.06, 0.02)], p_over_E=0.02), []
+    frame = generate(scene, solver="cylinder-fe", pressed=lambda *found: bodies.append(found)).frame
+    assert frame["Q"].tolist() == [4, 6, 8, 10]
+    assert frame["p_over_E"].tolist() == [
+        1e-6 * 24 * 4**2,
+        1e-6 * 24 * 6**2,
+        1e-6 * 10 * 8**2,
+        1e-6 * 10 * 10**2,
+    ]
+    assert frame["rel_se"].tolist() == [1e-3, 1e-3, 4e-3, 4e-3]
+    edges = frame["source"].str.extract(r"edges=(\d+)$")[0].tolist()
+    assert edges == ["24", "24", "10", "10"]
+    assert [[one.Q for one in reached] for _, _, reached in bodies] == [[4, 6], [8, 10]]
+
+
+def test_where_every_mesh_stops_the_row_says_so(stopping):
+    stopping[10] = 8
+    frame = generate(Scene.of([(0.06, 0.02)], p_over_E=0.02), solver="cylinder-fe").frame
+    assert frame["Q"].tolist() == [4, 6, 8, 10]
+    assert frame["status"].tolist() == ["ok"] * 3 + ["not converged: at p/E = 0.001"]
+    assert math.isnan(frame["p_over_E"].iloc[-1])
 
 
 def test_textures_without_a_row_are_all_named():

@@ -86,6 +86,9 @@ class FieldFiles:
         label = plan_label(texture)
         if texture.offset == "uniform" and body.profile is not None:
             label = f"{label}_{body.profile.offset:g}"
+        # Where a coarser mesh takes over, its first transition tells the files apart.
+        if (self._folder / f"contact-{label}.csv").exists():
+            label = f"{label}_from_Q{reached[0].Q}"
         write_fields(body, [one.state for one in reached], self._folder / f"fields-{label}.xdmf")
         tables = []
         for one in reached:

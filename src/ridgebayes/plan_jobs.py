@@ -134,7 +134,9 @@ def _deformed(profile: Profile, scene: Scene, one: Plan, p_max: float) -> "Figur
     try:
         return plot_deformed(body, body.at_load(p_max, body.unloaded()))
     except NotConvergedError as failed:
-        raise ComputationError(f"{plan_label(one.texture)}: no figure of the body: {failed}") from None
+        raise ComputationError(
+            f"{plan_label(one.texture)}: no figure of the body: {failed}"
+        ) from None
 
 
 def _curve(profile: Profile, scene: Scene, p_max: float) -> "tuple[FloatArray, FloatArray]":

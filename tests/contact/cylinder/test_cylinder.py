@@ -2,18 +2,20 @@
 
 import functools
 import math
+import re
 
 import numpy as np
 import pytest
 
 from ridgebayes.contact import hertz
-from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
+from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness, transition_curve
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.datafiles import reference_fe
+from ridgebayes.datafiles import CALCULIX_FE, data_path
 from ridgebayes.errors import InputError
+from ridgebayes.table import read_table
 
 COARSE = Fineness(edges=8)
 A, B = 0.0032, 0.001  # so little that a disk is a half-plane to the discretisation
@@ -169,7 +171,7 @@ def test_transitions__by_the_plate_are_those_by_the_mid_plane():
 
 
 def test_transitions__are_those_of_calculix():
-    frame = reference_fe().frame
+    frame = read_table(data_path(CALCULIX_FE)).frame
     frame = frame[(frame["series"] == "fine") & (frame["Q"] <= 6)]
     found = loads(Cylinder(Profile(0.032, 0.01), nu=0.49, p_max=0.0045).transitions(0.004))
     # Reference: 0.1 %; discretisation of the default mesh: 0.1 %.
@@ -193,6 +195,20 @@ def test_transition__has_the_state_in_which_its_corner_touches():
     assert not first.state.pressure[one.press.faces.of_ridge(1)].any()
     beyond = one.at_load(1.2 * first.p_over_E, first.state)
     assert beyond.pressure[one.press.faces.of_ridge(1)].any()
+
+
+def test_transitions__too_many_steps_are_given_up(monkeypatch):
+    monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder._MOST_TRIES", 2)
+    one = Cylinder(WIDE, p_max=5e-3, nu=0.3, fineness=COARSE)
+    Q, p_over_E, status = transition_curve(one, 5e-3)
+    assert (Q.tolist(), np.isnan(p_over_E).tolist()) == ([4], [True])
+    assert re.match(r"not converged: at p/E = [\d.e-]+: steps stay small", status[0])
+
+
+def test_curve__shows_what_is_found():
+    one, found = Cylinder(WIDE, p_max=5e-3, nu=0.3, fineness=COARSE), []
+    Q, p_over_E, _ = transition_curve(one, 5e-3, seen=found.append)
+    assert [(each.Q, each.p_over_E) for each in found] == list(zip(Q, p_over_E, strict=True))
 
 
 def test_at_load__forgets_its_way_without_friction():

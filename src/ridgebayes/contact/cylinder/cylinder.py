@@ -37,6 +37,7 @@ CORNER = 0.4
 SEGMENT = 1.25  # edges: other segments; shorter ones would ask more than edges can give
 _ARC = 8  # segments of a round corner
 _FIRST_STEP, _STEP, _LEAST_STEP = 0.1, 0.25, 1e-3  # of the corner's distance
+_MOST_TRIES = 16  # solves on the way to a transition
 _MOST_ELEMENTS = 40_000
 _LOOSER = 0.3  # growth of edges away from ridges
 
@@ -131,7 +132,7 @@ class Cylinder:
         material = Material(nu, finite)
         # Wider than the half-plane's: bodies on ridges reach further, and mesh costs little there.
         self._reach = min(1.2 * float(hertz.half_width(p_max, nu=nu)) + 0.02, 1.2)
-        sizes = _Sizes.of(profile, self._reach, fineness)
+        sizes = _Sizes.of(profile, self._reach, fineness, p_max)
         mesh = disk_mesh(
             sizes.at, refine=fineness.refine, both_sides=not self.mirrored, whole=whole
         )
@@ -247,7 +248,7 @@ class Cylinder:
         apart = [self.press.apart(state, one)[0] for one in corners]
         which = int(np.argmin(apart))
         whole, now = apart[which], 1.0
-        while True:
+        for _ in range(_MOST_TRIES):
             goal = max(now - step, 0.0)
             control = Control("corner", goal * whole, corners[which])
             try:
@@ -272,6 +273,8 @@ class Cylinder:
             if now == 0.0:
                 return state, corners[which]
             step *= 2.0 if n < 7 else 1.0
+        why = f"at p/E = {self.p_over_E(state):.5g}: steps stay small"
+        raise NotConvergedError(f"{why} where the rim slides over corners")
 
 
 def transition_curve(
@@ -324,16 +327,17 @@ class _Sizes:
     segment: float
     plate: float
     spans: FloatArray = field(repr=False)  # of ridges on the right half, (n, 2)
-    corners: FloatArray = field(repr=False)
-    window: float = 0.0
+    windows: FloatArray = field(repr=False)  # of what meets their corners, (n, 2)
 
     @classmethod
-    def of(cls, profile: Profile | None, reach: float, fineness: Fineness) -> "_Sizes":
+    def of(
+        cls, profile: Profile | None, reach: float, fineness: Fineness, p_max: float
+    ) -> "_Sizes":
         if profile is None:
             edge = reach / (6 * fineness.edges)
             spans = np.array([[0.0, reach]])
             resolution = Resolution(edge, _ARC, SEGMENT * edge, edge)
-            return cls(edge, edge, resolution, SEGMENT * edge, SEGMENT * edge, spans, spans[:, 1])
+            return cls(edge, edge, resolution, SEGMENT * edge, SEGMENT * edge, spans, spans)
         edge = min(profile.a, 4 * profile.b, 0.5 * reach) / fineness.edges
         lands = [profile.ridge(k) for k in _ridges_within(profile, reach)]
         spans = np.array([sorted((abs(one.start), abs(one.stop))) for one in lands])
@@ -343,24 +347,29 @@ class _Sizes:
             arc = max(round(_ARC * fineness.edges / 24), 2, math.ceil(quarter / (SEGMENT * edge)))
             at_corner = min(quarter / arc / SEGMENT, edge)
         resolution = Resolution(CORNER * edge, arc, SEGMENT * edge, edge)
-        window = 1.5 * profile.corner
-        return cls(
-            edge, at_corner, resolution, SEGMENT * edge, reach / 60, spans, spans.ravel(), window
+        # What lies on a corner under load was nearer the axis before, by some 0.25 to 0.5 p/E of
+        # its distance; a little farther out while the load is small.
+        far = spans.ravel()
+        around = 1.5 * profile.corner + 3 * at_corner
+        windows = np.column_stack(
+            [far - around - 0.6 * p_max * far, far + around + 0.1 * np.minimum(far, 1.0) ** 3]
         )
+        return cls(edge, at_corner, resolution, SEGMENT * edge, reach / 60, spans, windows)
 
     def at(self, theta: FloatArray) -> FloatArray:
         """Return wanted lengths at angles: fine where ridges press, finer at their corners."""
         # A point of the rim comes to lie between its arc length and its abscissa, or beyond.
         slack = 0.3 * np.minimum(theta, 1.0) ** 3 + 2 * self.edge
-        outside = np.maximum(
-            np.maximum(self.spans[:, :1] - theta, theta - self.spans[:, 1:]), 0.0
-        ).min(axis=0)
-        found = self.edge + _LOOSER * np.maximum(outside - slack, 0.0)
+        found = self.edge + _LOOSER * np.maximum(_outside(self.spans, theta) - slack, 0.0)
         if self.at_corner < self.edge:
-            near = np.abs(self.corners[:, None] - theta).min(axis=0)
-            beyond = np.maximum(near - self.window - slack, 0.0)
-            found = np.minimum(found, self.at_corner + _LOOSER * beyond)
+            found = np.minimum(found, self.at_corner + _LOOSER * _outside(self.windows, theta))
         return np.asarray(found)
+
+
+def _outside(spans: FloatArray, theta: FloatArray) -> FloatArray:
+    """Return how far angles are from the nearest of some intervals, 0 inside."""
+    away = np.maximum(spans[:, :1] - theta, theta - spans[:, 1:])
+    return np.asarray(np.maximum(away, 0.0).min(axis=0))
 
 
 def _ridges_within(profile: Profile, reach: float) -> range:
