@@ -75,7 +75,8 @@ def generate(
 
     *Accuracy.* As `contact.halfplane.transition_loads` and `contact.reaching.reaching_loads`;
     "hertz" is exact for its own question. Rows of "cylinder-fe" carry their mesh's error in
-    `rel_se`; where finite elements stop converging a row says at which load.
+    `rel_se`, and in `edges` how many of its edges lie on a ridge; where finite elements stop
+    converging a row says at which load.
 
     *Cost.* Milliseconds a texture; a second or so with floors, corners or an offset; of finite
     elements several seconds a transition.
@@ -146,8 +147,7 @@ def _curves(
         here = replace(profile, offset=offset)
         if by_elements:
             for found, edges, body, reached in _elements(here, scene, p_max):
-                how = f"{effects} edges={edges}"
-                yield _frame(found, texture, scene, offset, "cylinder-fe", how, _ELEMENTS_SE[edges])
+                yield _frame(found, texture, scene, offset, "cylinder-fe", effects, edges)
                 if pressed is not None:
                     pressed(texture, body, reached)
             continue
@@ -166,7 +166,7 @@ def _frame(
     offset: float,
     solver: str,
     how: str,
-    rel_se: float = 0.0,
+    edges: int = 0,
 ) -> pd.DataFrame:
     Q, p_over_E, status = found
     return pd.DataFrame(
@@ -175,13 +175,14 @@ def _frame(
             "b_over_R": texture.b_over_R,
             "Q": Q,
             "p_over_E": p_over_E,
-            "rel_se": rel_se,
+            "rel_se": _ELEMENTS_SE.get(edges, 0.0),
             "nu": scene.nu,
             "offset_over_R": offset * (texture.a_over_R + texture.b_over_R),
             "role": texture.role,
             "solver": solver,
             "status": list(status),
             "source": f"ridgebayes {importlib.metadata.version('ridgebayes')} {solver} {how}",
+            "edges": edges,
         }
     )
 
@@ -210,10 +211,11 @@ _COLUMNS = [
     "solver",
     "status",
     "source",
+    "edges",
 ]
 
 
-_IF_ANY = ("rel_se", "offset_over_R")
+_IF_ANY = ("rel_se", "offset_over_R", "edges")
 # Edges a ridge of the mesh, and the relative error of its loads: docs/validation/cylinder.md. Where
 # the fine one's rim cannot pass a corner a coarser one can: what slides is less than its edge.
 _ELEMENTS_SE = {24: 1e-3, 10: 4e-3}
