@@ -1,0 +1,1 @@
+"""Output of other programs to contact tables: one module a file format."""

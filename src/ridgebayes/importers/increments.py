@@ -1,0 +1,144 @@
+"""From increments to transitions: in which increment, or at which load, each corner was reached."""
+
+import math
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.errors import InputError
+
+_SHOWN = 5  # loads a message lists
+
+
+def transitions_of(
+    load: FloatArray,
+    gap: FloatArray,
+    Q: IntArray,
+    *,
+    brackets: bool = False,
+    gap_error: FloatArray | float = 0.0,
+) -> tuple[pd.DataFrame, list[str]]:
+    """Find the load at which each of several corners was reached.
+
+    Parameters
+    ----------
+    load : ndarray of float, shape (n_increment,), dimensionless
+        p/E of each converged increment, in the order of the run.
+    gap : ndarray of float, shape (n_increment, n_corner), over R
+        How far the body is from each corner: 0 or less where it touches. Infinite, with its sign,
+        where only that is known.
+    Q : ndarray of int, shape (n_corner,)
+        Ridges touched once that corner is.
+    brackets : bool, optional
+        Whether to give the increment, ``p_over_E_lower < load <= p_over_E``, even where gaps are
+        smooth enough to tell the load within it.
+    gap_error : float or ndarray of float, shape (n_increment, n_corner), over R, optional
+        How far the gaps may be off, such as by a penalty's overlap or by printed digits.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``Q``, ``p_over_E``, ``p_over_E_lower`` (NaN where the load is told) and
+        ``rel_se`` (0 with a bracket); a row for each corner that was reached.
+    list of str
+        What was left out or looks odd.
+
+    Raises
+    ------
+    InputError
+        If no corner was reached.
+
+    Notes
+    -----
+    *Validity.* Increments whose load is not above all before them are left out: repeats, cut-backs
+    and unloading. A gap is extrapolated from the two increments before contact, on the side where
+    a penalty has no say; the load has to lie within the increment, else the bracket stands.
+
+    *Accuracy.* `rel_se` is the change that one more increment makes, by a parabola, with the gap's
+    error beside it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> load = np.array([0.1, 0.2, 0.3, 0.4])
+    >>> gap = np.array([[0.25], [0.15], [0.05], [-0.001]])
+    >>> rows, _ = transitions_of(load, gap, np.array([4]))
+    >>> round(float(rows["p_over_E"].iloc[0]), 12)
+    0.35
+    """
+    load, gap = np.asarray(load, dtype=float), np.asarray(gap, dtype=float)
+    error = np.broadcast_to(np.asarray(gap_error, dtype=float), gap.shape)
+    order, said = _rising(load)
+    load, gap, error = load[order], gap[order], error[order]
+    rows = []
+    for j in np.argsort(Q):
+        known = ~np.isnan(gap[:, j])
+        touched = known & (gap[:, j] <= 0)
+        if not touched.any():
+            said.append(f"Q = {Q[j]}: not reached")
+            continue
+        first = int(np.argmax(touched))
+        lost = load[first:][known[first:] & (gap[first:, j] > 0)]
+        if lost.size:
+            said.append(f"Q = {Q[j]}: contact is lost again at p/E = {_listed(lost)}")
+        before = np.flatnonzero(known[:first])
+        lower = float(load[before[-1]]) if before.size else 0.0
+        row = {
+            "Q": int(Q[j]),
+            "p_over_E": float(load[first]),
+            "p_over_E_lower": lower,
+            "rel_se": 0.0,
+        }
+        told = None if brackets else _told(load, gap[:, j], error[:, j], before, float(load[first]))
+        if told is not None:
+            row |= {"p_over_E": told[0], "p_over_E_lower": math.nan, "rel_se": told[1]}
+        elif not brackets and np.isfinite(gap[before, j]).any():
+            said.append(f"Q = {Q[j]}: the gap before contact is not smooth enough: bracketed")
+        rows.append(row)
+    if not rows:
+        top = f"the highest load is p/E = {load[-1]:.5g}" if load.size else "no increment is left"
+        raise InputError(f"no corner is reached: {top}; {'; '.join(said)}")
+    return pd.DataFrame(rows), said
+
+
+def _rising(load: FloatArray) -> tuple[IntArray, list[str]]:
+    """Return the increments whose load is above all before; what the others are."""
+    finite = np.isfinite(load) & (load > 0)
+    above = np.maximum.accumulate(np.where(finite, load, 0.0))
+    before = np.concatenate([[0.0], above[:-1]])
+    keep = finite & (load > before)
+    said = []
+    if n := int((~finite).sum()):
+        said.append(f"{n} increments without a load above 0: left out")
+    repeated = finite & (load == before)
+    if n := int(repeated.sum()):
+        said.append(f"{n} increments repeat a load: left out")
+    if n := int((finite & (load < before)).sum()):
+        said.append(f"{n} increments unload, or were cut back: left out")
+    return np.flatnonzero(keep), said
+
+
+def _told(
+    load: FloatArray, gap: FloatArray, error: FloatArray, before: IntArray, upper: float
+) -> tuple[float, float] | None:
+    """Return the load of zero gap and its relative error, from the last increments before it."""
+    last = before[-3:]
+    g, p = gap[last], load[last]
+    if last.size < 3 or not np.isfinite(g).all() or not (np.diff(g) < 0).all():
+        return None
+    slope = (g[2] - g[1]) / (p[2] - p[1])
+    straight = p[2] - g[2] / slope
+    # Inverse quadratic interpolation: the load as a parabola of the gap, at gap 0.
+    weights = [np.prod([g[k] / (g[k] - g[i]) for k in range(3) if k != i]) for i in range(3)]
+    curved = float(np.dot(weights, p))
+    doubt = math.hypot(curved - straight, error[last[-1]] / abs(slope))
+    if not (p[2] < straight <= upper * (1 + 1e-12) + doubt):
+        return None
+    found = min(straight, upper)
+    return found, max(doubt / found, 1e-12)
+
+
+def _listed(loads: FloatArray) -> str:
+    shown = ", ".join(f"{one:.5g}" for one in loads[:_SHOWN])
+    return f"{shown} and {loads.size - _SHOWN} more" if loads.size > _SHOWN else shown

@@ -1,0 +1,271 @@
+"""Levels of a run that printed its rim: from forces and positions to a contact table."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+from ridgebayes.errors import InputError
+from ridgebayes.importers.increments import transitions_of
+from ridgebayes.importers.record import Imported
+from ridgebayes.table import ContactTable
+
+_ROUND = 2e-3  # of R: how far surface nodes may lie off a circle
+_LEAST_NODES = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """Converged increments of a run.
+
+    Parameters
+    ----------
+    force : ndarray of float, shape (n_level,), force
+        What pushes the body down, per unit thickness or as printed; its sign does not matter.
+    undeformed : ndarray of float, shape (n_node, 2), length
+        Surface nodes.
+    position : ndarray of float, shape (n_level, n_node, 2), length
+        The same nodes at each level.
+    rigid : ndarray of float, shape (n, 2), length
+        Nodes of the rigid side, as far as known: corners are looked for among them.
+    digits : float, length
+        What printed digits leave open of a position.
+    said : tuple of str
+        What was understood, and what was left out.
+    """
+
+    force: FloatArray
+    undeformed: FloatArray
+    position: FloatArray
+    rigid: FloatArray
+    digits: float = 0.0
+    said: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Body:
+    """What a run's files do not say, and the user does; lengths and stresses in the run's units.
+
+    Parameters
+    ----------
+    a_over_R, b_over_R, nu : float
+        Texture and Poisson's ratio.
+    R : float or None
+        Radius; None takes the circle through the surface's nodes.
+    E : float
+        Young's modulus.
+    symmetry : {"half", "full"}
+        Whether the mesh is half of the body (x of one sign), and its force half of the load.
+    top : float or None
+        Height of the ridges' tops; None looks for the rigid side's nodes at their corners.
+    thickness : float
+        Of the plane-strain slice to which forces belong.
+    """
+
+    a_over_R: float
+    b_over_R: float
+    nu: float = 0.5
+    R: float | None = None
+    E: float = 1.0
+    symmetry: Literal["half", "full"] = "half"
+    top: float | None = None
+    thickness: float = 1.0
+
+    def __post_init__(self) -> None:
+        rules = {
+            "texture": self.a_over_R > 0 and self.b_over_R > 0,
+            "nu": 0 <= self.nu <= 0.5,
+            "R": self.R is None or 0 < self.R < math.inf,
+            "E": 0 < self.E < math.inf,
+            "symmetry": self.symmetry in ("half", "full"),
+            "thickness": 0 < self.thickness < math.inf,
+        }
+        if bad := [name for name, holds in rules.items() if not holds]:
+            raise InputError(
+                f"{', '.join(bad)}: rule: --texture, --R, --E and --thickness above 0, --nu from 0 "
+                "to 0.5, --symmetry half or full"
+            )
+
+
+def table_of(
+    levels: Levels, body: Body, *, where: str, solver: str, source: str, brackets: bool = False
+) -> Imported:
+    """Follow the rim over each proximal corner, and tell at which load it gets there.
+
+    Parameters
+    ----------
+    levels : Levels
+        What the run printed.
+    body : Body
+        What it did not.
+    where : str
+        Name that messages show.
+    solver, source : str
+        Columns of the table.
+    brackets : bool, optional
+        As `ridgebayes.importers.increments.transitions_of`.
+
+    Returns
+    -------
+    Imported
+
+    Raises
+    ------
+    InputError
+        If the surface is not round, corners cannot be placed, or none is reached.
+    """
+    rim = _Rim.of(levels, body, where)
+    load = 2 if body.symmetry == "half" else 1
+    p_over_E = np.abs(levels.force) * load / body.thickness / (2 * rim.R * body.E)
+    corners, how = _corners(levels, body, rim, where)
+    gaps = np.array([rim.gaps(one, corners) for one in levels.position]) / rim.R
+    depth = np.array([rim.overlap(one, corners, body) for one in levels.position]) / rim.R
+    Q = 4 + 2 * np.arange(len(corners) - 1)
+    try:
+        frame, odd = transitions_of(
+            p_over_E,
+            gaps[:, 1:],
+            Q,
+            brackets=brackets,
+            gap_error=np.hypot(depth[:, None], levels.digits / rim.R),
+        )
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    frame.insert(0, "a_over_R", body.a_over_R)
+    frame.insert(1, "b_over_R", body.b_over_R)
+    frame = frame.assign(nu=body.nu, solver=solver, source=source)
+    n_bracket = int(frame["p_over_E_lower"].notna().sum())
+    said = [
+        *levels.said,
+        f"surface: {len(levels.undeformed)} nodes on a circle of R = {rim.R:.6g}",
+        f"texture: a/R = {body.a_over_R:g}, b/R = {body.b_over_R:g}, nu = {body.nu:g}; {how}",
+        f"load: force {'times 2 ' if load == 2 else ''}over 2 R E, E = {body.E:g}, "
+        f"{len(p_over_E)} increments to p/E = {np.nanmax(p_over_E):.5g}",
+        *odd,
+        f"kept: {len(frame)} transitions, Q = {frame['Q'].iloc[0]} to {frame['Q'].iloc[-1]}, "
+        f"{n_bracket} as brackets",
+    ]
+    return Imported(ContactTable.from_frame(frame, where=where), tuple(said))
+
+
+@dataclass(frozen=True)
+class _Rim:
+    """The surface's nodes from the bottom outwards, each side by itself, x counted outwards."""
+
+    R: float
+    centre: FloatArray
+    sides: tuple[tuple[FloatArray, float], ...] = field(repr=False)  # node numbers, sign of x
+
+    @classmethod
+    def of(cls, levels: Levels, body: Body, where: str) -> "_Rim":
+        at = levels.undeformed
+        if len(at) < _LEAST_NODES:
+            raise InputError(f"{where}: {len(at)} surface nodes; rule: at least {_LEAST_NODES}")
+        matrix = np.column_stack([2 * at, np.ones(len(at))])
+        (x, y, c), *_ = np.linalg.lstsq(matrix, (at**2).sum(axis=1), rcond=None)
+        centre = np.array([x, y])
+        if body.symmetry == "half":
+            # The axis is where the mesh ends: nodes on it tell it better than a circle does.
+            x = at[np.argmin(np.abs(at[:, 0] - x)), 0]
+            centre[0] = x
+        found = math.sqrt(max(c + x * x + y * y, 0.0))
+        R = body.R if body.R is not None else found
+        off = np.abs(np.hypot(*(at - centre).T) - R)
+        if not off.max() <= _ROUND * R:
+            raise InputError(
+                f"{where}: surface nodes lie up to {off.max():.3g} off a circle of R = {R:.6g} "
+                f"about ({x:.4g}, {y:.4g}); rule: the undeformed surface of a cylinder, within "
+                f"{_ROUND:g} R (the circle through them has R = {found:.6g})"
+            )
+        angle = np.arctan2(at[:, 0] - x, y - at[:, 1])
+        sides = []
+        tiny = 1e-9
+        for sign in (1.0, -1.0):
+            some = np.flatnonzero(sign * angle >= -tiny)
+            some = some[np.argsort(sign * angle[some])]
+            if len(some) >= _LEAST_NODES:
+                sides.append((some, sign))
+        if not sides or (body.symmetry == "full" and len(sides) < 2):
+            raise InputError(
+                f"{where}: surface nodes on one side of the axis only; rule: --symmetry half"
+            )
+        if body.symmetry == "half" and len(sides) > 1:
+            raise InputError(
+                f"{where}: surface nodes on both sides of the axis; rule: --symmetry full"
+            )
+        return cls(float(R), centre, tuple(sides))
+
+    def gaps(self, position: FloatArray, corners: FloatArray) -> FloatArray:
+        """Return how high the rim is above each corner, the nearer side's."""
+        sides = []
+        for nodes, sign in self.sides:
+            x = sign * (position[nodes, 0] - self.centre[0])
+            y = position[nodes, 1]
+            sides.append([_height(x, y, far) - high for far, high in corners])
+        return np.min(np.array(sides), axis=0)
+
+    def overlap(self, position: FloatArray, corners: FloatArray, body: Body) -> float:
+        """Return how deep the rim is inside ridges, on the mean of where it is: a penalty's."""
+        deep = []
+        for nodes, sign in self.sides:
+            x = sign * (position[nodes, 0] - self.centre[0])
+            over = corners[:, :1] <= x
+            on = over & (x <= corners[:, :1] + body.a_over_R * self.R)
+            inside = corners[:, 1:] - position[nodes, 1]
+            deep.append(inside[on & (inside > 0)])
+        found = np.concatenate(deep)
+        return float(found.mean()) if found.size else 0.0
+
+
+def _height(x: FloatArray, y: FloatArray, at: float) -> float:
+    """Return the lowest y of a curve through nodes where x = at; NaN where it does not get there.
+
+    Through four nodes around, where x rises through them; straight between two else.
+    """
+    crossing = np.flatnonzero((x[:-1] - at) * (x[1:] - at) <= 0)
+    if not crossing.size:
+        return math.nan
+    heights = []
+    for i in crossing:
+        some = slice(max(i - 1, 0), i + 3)
+        xs, ys = x[some], y[some]
+        if len(xs) < 4 or not (np.diff(xs) > 0).all():
+            xs, ys = x[i : i + 2], y[i : i + 2]
+            if xs[0] == xs[1]:
+                heights.append(float(ys.min()))
+                continue
+        weights = [
+            np.prod([(at - xs[k]) / (xs[i] - xs[k]) for k in range(len(xs)) if k != i])
+            for i in range(len(xs))
+        ]
+        heights.append(float(np.dot(weights, ys)))
+    return min(heights)
+
+
+def _corners(levels: Levels, body: Body, rim: _Rim, where: str) -> tuple[FloatArray, str]:
+    """Return the proximal corners as distance from the axis and height, and how they were found."""
+    pitch = (body.a_over_R + body.b_over_R) * rim.R
+    farthest = np.abs(levels.position[..., 0] - rim.centre[0]).max()
+    n = max(math.ceil((farthest - body.b_over_R * rim.R / 2) / pitch), 2)
+    far = body.b_over_R * rim.R / 2 + pitch * np.arange(n)
+    if body.top is not None:
+        return np.column_stack([far, np.full(n, body.top)]), f"tops at y = {body.top:g}"
+    # Rigid nodes stand at the corners: the highest of those at each distance.
+    near = 1e-5 * rim.R
+    away = np.abs(levels.rigid[:, 0] - rim.centre[0]) if len(levels.rigid) else np.zeros(0)
+    heights = []
+    for one in far:
+        here = levels.rigid[np.abs(away - one) < near, 1] if away.size else np.zeros(0)
+        if not here.size:
+            break
+        heights.append(float(here.max()))
+    if len(heights) < 2:
+        raise InputError(
+            f"{where}: no rigid nodes at the corners x = {far[0]:.6g}, {far[1]:.6g} from the axis; "
+            "rule: a deck with the ridges' nodes and the --texture that they make, or --top, the "
+            "height of the ridges' tops"
+        )
+    tops = f"tops at y = {heights[0]:.6g} in the deck, {len(heights)} ridges a side"
+    return np.column_stack([far[: len(heights)], heights]), tops

@@ -1,0 +1,83 @@
+"""What importers hand on: a table, and what they understood of the file."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from ridgebayes.errors import InputError
+from ridgebayes.table import ContactTable
+
+LARGEST = 2 * 2**30  # bytes of a file: more is not read into memory
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """A file that was understood.
+
+    Parameters
+    ----------
+    table : ContactTable
+        Its rows.
+    said : tuple of str
+        What was understood, a line each: columns, units, textures, rows kept, rows left out and
+        why.
+    """
+
+    table: ContactTable
+    said: tuple[str, ...]
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    InputError
+        If it is not there, is not a file, is over 2 GiB, or cannot be read.
+    """
+    try:
+        if not path.is_file():
+            what = "is not a file" if path.exists() else "no such file"
+            raise InputError(f"{path}: {what}")
+        if (size := path.stat().st_size) > LARGEST:
+            raise InputError(f"{path}: {size} bytes; rule: at most {LARGEST}")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+
+
+def read_text(path: Path) -> str:
+    """Return a file's text: UTF-8 with or without a byte order mark, lines ended in any way.
+
+    Raises
+    ------
+    InputError
+        As `read_bytes`, if it holds a zero byte, or if it is not UTF-8: with the line.
+    """
+    content = read_bytes(path)
+    if b"\0" in content:
+        line = content[: content.index(b"\0")].count(b"\n") + 1
+        raise InputError(f"{path}, line {line}: a zero byte: not a text file, or not UTF-8")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise InputError(
+            f"{path}, line {line}: byte {content[error.start]:#04x} is not UTF-8; rule: UTF-8"
+        ) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def provenance(path: Path, importer: str, *details: str) -> str:
+    """Return where rows come from: importer, file, the beginning of its SHA-256, details."""
+    digest = hashlib.sha256(read_bytes(path)).hexdigest()[:16]
+    return " ".join([f"import {importer}:", path.name, f"sha256={digest}", *details])
