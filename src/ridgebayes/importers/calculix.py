@@ -93,8 +93,8 @@ def read_calculix(
     )
     if sheet.E is not None and not math.isclose(sheet.E, body.E, rel_tol=1e-3):
         raise InputError(
-            f"{deck}: the material has E = {sheet.E:.6g}, and {body.E:g} was given; rule: --E as in "
-            "the deck"
+            f"{deck}: the material has E = {sheet.E:.6g}, and {body.E:g} was given; rule: --E as "
+            "in the deck"
         )
     if sheet.nu is not None and abs(sheet.nu - body.nu) > 1e-3:
         raise InputError(

@@ -138,26 +138,26 @@ def _block(
             goes_on = cells[-1] == ""
             flat += [cell for cell in cells if cell]
             if not goes_on:
-                values = [_integer(path, number, v) for v in _numbers(path, number, flat)]
-                deck.elements[values[0]] = tuple(values[1:])
+                element, *nodes = (_integer(path, number, v) for v in _numbers(path, number, flat))
+                deck.elements[element] = tuple(nodes)
                 flat = []
     elif rows and (keyword == "HYPERELASTIC" or (keyword == "ELASTIC" and deck.E is None)):
         # Rubber is the body even where the ridges' metal stands before it.
         _material(path, deck, keyword, options, *rows[0])
     elif keyword == "INCLUDE":
-        name = options.get("INPUT", "").strip("\"'")
-        target = Path(name)
+        given = options.get("INPUT", "").strip("\"'")
+        target = Path(given)
         line = rows[0][0]
-        if not name or target.is_absolute() or ".." in target.parts:
+        if not given or target.is_absolute() or ".." in target.parts:
             raise InputError(
-                f"{path}, line {line}: *INCLUDE of {name!r}: rule: a file in the deck's own folder"
+                f"{path}, line {line}: *INCLUDE of {given!r}: rule: a file in the deck's own folder"
             )
         if depth >= _DEEPEST:
             raise InputError(f"{path}, line {line}: *INCLUDE: rule: at most {_DEEPEST} deep")
         inside = path.parent / target
         if not inside.resolve().is_relative_to(path.parent.resolve()):
             raise InputError(
-                f"{path}, line {line}: *INCLUDE of {name!r}: rule: a file in the deck's own folder"
+                f"{path}, line {line}: *INCLUDE of {given!r}: rule: a file in the deck's own folder"
             )
         _read(inside, deck, depth + 1)
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.importers.increments import transitions_of
 from ridgebayes.importers.record import Imported
@@ -156,7 +156,7 @@ class _Rim:
 
     R: float
     centre: FloatArray
-    sides: tuple[tuple[FloatArray, float], ...] = field(repr=False)  # node numbers, sign of x
+    sides: tuple[tuple[IntArray, float], ...] = field(repr=False)  # node numbers, sign of x
 
     @classmethod
     def of(cls, levels: Levels, body: Body, where: str) -> "_Rim":

@@ -1,0 +1,1 @@
+"""Scenes as input decks for other programs."""
