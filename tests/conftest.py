@@ -12,6 +12,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes import cli
+from ridgebayes.datafiles import CALCULIX_FE, data_path
 from ridgebayes.forms import FORMS, form_named
 from ridgebayes.laplace import fit_laplace
 from ridgebayes.likelihood import Model
@@ -63,7 +64,8 @@ def paper():
 
 @pytest.fixture(scope="session")
 def fe_table():
-    return rb.reference_fe()
+    """Eight rows to fit, of CalculiX, and four held out."""
+    return rb.read_table(data_path(CALCULIX_FE))
 
 
 class Lazy(Mapping):

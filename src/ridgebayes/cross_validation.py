@@ -156,7 +156,8 @@ def cross_validate(
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> table = rb.reference_fe()
+    >>> from ridgebayes.datafiles import CALCULIX_FE, data_path
+    >>> table = rb.read_table(data_path(CALCULIX_FE))
     >>> done = cross_validate(table, rb.Modified(), leave="texture", rng=1)
     >>> len(done.rows), len(done.folds), bool(done.elpd_se > done.folds["log_score_se"].max())
     (8, 2, True)

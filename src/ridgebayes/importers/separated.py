@@ -1,0 +1,311 @@
+"""CSV, TSV and semicolon-separated text: fast where clean, exact about where it is not."""
+
+import codecs
+import csv
+import io
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.errors import InputError
+from ridgebayes.importers.cells import (
+    FINITE,
+    FORMULA,
+    NUMBER,
+    SHOWN,
+    Cells,
+    clean_headers,
+    lossless,
+    refusal,
+)
+
+SEPARATORS = {"\t": "tab", ";": "';'", ",": "','"}
+_SNIFFED = 50  # records by which a separator is judged
+_COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?\s*", re.A)
+# What a comma between thousands may look like: such cells do not tell which comma is meant.
+_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}\s*", re.A)
+# From pandas 3.1 the default reader of floats is exact and naming a precision is deprecated.
+_PANDAS = tuple(int(part) for part in pd.__version__.split(".")[:2])
+_EXACT: dict[str, Any] = {} if _PANDAS >= (3, 1) else {"float_precision": "round_trip"}
+
+
+class Separated:
+    """A text file of cells between separators.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Its name, for messages.
+    content : bytes
+        All of it: UTF-8, with or without a byte-order mark, lines ended in any way.
+
+    Raises
+    ------
+    InputError
+        If it is not UTF-8 text, is empty, has formulas, an open quote, or rows of another length
+        than the header.
+    """
+
+    def __init__(self, path: Path, content: bytes) -> None:
+        self.where = str(path)
+        self._content = _utf8(content, self.where)
+        self._separator = _separator(self._content, self.where)
+        first = next(_records(self._content, self._separator, self.where))
+        self._header_line = first[0]
+        self.headers = clean_headers(first[1], self.where)
+        self._lines: IntArray | None = None
+        data = np.frombuffer(self._content, dtype=np.uint8)
+        if not _is_rectangular(data, self._content, self._separator, len(self.headers)):
+            self._lines = self._checked_lines()
+        self._check_formulas(data)
+
+    def read(self, numeric: Iterable[str]) -> Cells:
+        """Read all rows, the columns of these headers as numbers."""
+        wanted = [name for name in self.headers if name in set(numeric)]
+        frame = self._fast(wanted, ".")
+        mark = "point"
+        if frame is None:
+            frame, mark = self._decimal_comma(wanted)
+        text = {n: lossless(frame[n]) for n in frame if n not in wanted}
+        name = "TSV" if self._separator == "\t" else "CSV"
+        said = f"{name}, separator {SEPARATORS[self._separator]}, decimal {mark}"
+        lines = self._lines
+        offset = self._header_line + 1
+
+        def line(row: int) -> int:
+            return row + offset if lines is None else int(lines[row])
+
+        return Cells(
+            self.where,
+            frame.assign(**text),
+            lambda row, _: f"{self.where}, line {line(row)}",
+            self._typed,
+            line,
+            (f"{self.where}: {said}, {len(frame)} rows",),
+        ).without_blank_rows()
+
+    def _rows(self) -> Iterator[tuple[int, list[str]]]:
+        """Yield line and cells of each record below the header."""
+        records = _records(self._content, self._separator, self.where)
+        next(records)
+        return records
+
+    def _checked_lines(self) -> IntArray:
+        """Return each row's line; refuse rows of another length than the header."""
+        width, lines = len(self.headers), []
+        bad: list[str] = []
+        n = 0
+        for line, cells in self._rows():
+            lines.append(line)
+            if len(cells) != width:
+                n += 1
+                if n <= SHOWN:
+                    typed = self._separator.join(cells)
+                    shown = typed if len(typed) <= 60 else f"{typed[:57]}..."
+                    bad.append(
+                        f"{self.where}, line {line}: {shown!r} has {len(cells)} cells: rule: "
+                        f"{width} cells, as the header (separator {SEPARATORS[self._separator]})"
+                    )
+        if n == 1:
+            raise InputError(bad[0])
+        if n:
+            more = [f"and {n - SHOWN} more"] if n > SHOWN else []
+            raise InputError(
+                "\n  ".join([f"{self.where}: {n} rows of another length", *bad, *more])
+            )
+        return np.array(lines, dtype=np.int64)
+
+    def _check_formulas(self, data: Any) -> None:
+        signs = np.flatnonzero(data == ord("="))
+        before = data[signs[signs > 0] - 1]
+        starts = np.frombuffer(b'\r\n\t ",;', dtype=np.uint8)
+        if not np.isin(before, starts).any():
+            return
+        bad, n = [], 0
+        for line, cells in self._rows():
+            for name, cell in zip(self.headers, cells, strict=True):
+                if cell.lstrip().startswith("="):
+                    n += 1
+                    if n <= SHOWN:
+                        bad.append((f"{self.where}, line {line}", name, cell, FORMULA))
+        if n:
+            raise refusal(self.where, bad, n)
+
+    def _fast(self, wanted: list[str], decimal: str) -> pd.DataFrame | None:
+        """Return the rows as pandas reads them; None where a slower look is needed."""
+        try:
+            frame = pd.read_csv(
+                io.BytesIO(self._content),
+                sep=self._separator,
+                header=0,
+                names=list(self.headers),
+                index_col=False,
+                dtype={name: (float if name in wanted else str) for name in self.headers},
+                keep_default_na=False,
+                na_values={name: [""] for name in wanted},
+                decimal=decimal,
+                encoding="utf-8",
+                **_EXACT,
+            )
+        except (ValueError, OverflowError):
+            return None
+        if self._lines is not None and len(frame) != len(self._lines):
+            return None
+        for name in wanted:
+            values = frame[name].to_numpy()
+            if np.isinf(values).any():
+                return None
+            # pandas reads the words true and false as 1 and 0.
+            if ((values == 0) | (values == 1)).any() and _has_words(self._content):
+                return None
+        return frame
+
+    def _decimal_comma(self, wanted: list[str]) -> tuple[pd.DataFrame, str]:
+        """Read cell by cell: with decimal commas if they are beyond doubt; else tell each cell."""
+        places = [self.headers.index(name) for name in wanted]
+        first: dict[str, tuple[int, str, str]] = {}  # line, header and cell of the first of a kind
+        bad, n = [], 0
+        sure = False
+        for line, cells in self._rows():
+            for name, place in zip(wanted, places, strict=True):
+                cell = cells[place]
+                if not cell.strip():
+                    continue
+                if NUMBER.fullmatch(cell):
+                    if "." in cell:
+                        first.setdefault("point", (line, name, cell))
+                    if np.isfinite(float(cell)):
+                        continue
+                elif _COMMA.fullmatch(cell):
+                    first.setdefault("comma", (line, name, cell))
+                    sure = sure or not _THOUSANDS.fullmatch(cell)
+                    if np.isfinite(float(cell.replace(",", "."))):
+                        continue
+                n += 1
+                if n <= SHOWN:
+                    bad.append((f"{self.where}, line {line}", name, cell, FINITE))
+        if n:
+            raise refusal(self.where, bad, n)
+        if "comma" not in first:
+            return self._slow(wanted), "point"
+        line, name, cell = first["comma"]
+        place = f"{self.where}, line {line}, column {name!r} = {cell!r}"
+        if self._separator == ",":
+            raise InputError(
+                f"{place}: rule: a point for decimals, since commas separate the cells"
+            )
+        if "point" in first:
+            line, name, cell = first["point"]
+            raise InputError(
+                f"{place}: but line {line}, column {name!r} = {cell!r}: rule: one decimal mark in "
+                "all of the file, and no thousands separators"
+            )
+        if not sure:
+            raise InputError(
+                f"{place}: may be a decimal comma or a thousands separator, and no cell tells "
+                "which: rule: a point for decimals"
+            )
+        frame = self._fast(wanted, ",")
+        return self._slow(wanted) if frame is None else frame, "comma"
+
+    def _slow(self, wanted: list[str]) -> pd.DataFrame:
+        rows = list(self._rows())
+        if self._lines is None:
+            self._lines = np.array([line for line, _ in rows], dtype=np.int64)
+        columns: dict[str, Any] = {}
+        for place, name in enumerate(self.headers):
+            cells = [row[place] for _, row in rows]
+            columns[name] = _floats(cells) if name in wanted else pd.Series(cells, dtype=str)
+        return pd.DataFrame(columns)
+
+    def _typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
+        rows = {row for row, _ in wanted}
+        found = {row: cells for row, (_, cells) in enumerate(self._rows()) if row in rows}
+        return [found[row][self.headers.index(name)] for row, name in wanted]
+
+
+def _floats(cells: list[str]) -> FloatArray:
+    return np.array([float(c.replace(",", ".")) if c.strip() else np.nan for c in cells])
+
+
+def _has_words(content: bytes) -> bool:
+    return re.search(rb"true|false", content, re.I) is not None
+
+
+def _utf8(content: bytes, where: str) -> bytes:
+    """Return UTF-8 text without its mark and without blank lines at its end."""
+    for mark, name in ((codecs.BOM_UTF16_LE, "UTF-16"), (codecs.BOM_UTF16_BE, "UTF-16")):
+        if content.startswith(mark):
+            raise InputError(f"{where}, line 1: begins as {name} text; rule: UTF-8")
+    content = content.removeprefix(codecs.BOM_UTF8)
+    if b"\0" in content:
+        line = content[: content.index(b"\0")].count(b"\n") + 1
+        raise InputError(f"{where}, line {line}: a zero byte: not a text file, or not UTF-8")
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise InputError(
+            f"{where}, line {line}: byte {content[error.start]:#04x} is not UTF-8; rule: UTF-8"
+        ) from None
+    content = content.rstrip(b"\r\n")
+    if not content.strip():
+        raise InputError(f"{where}: the file is empty")
+    return content + b"\n"
+
+
+def _records(content: bytes, separator: str, where: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the line number and cells of each record that is not blank, header first."""
+    text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", newline="")
+    reader = csv.reader(text, delimiter=separator, strict=True)
+    before = 0
+    try:
+        for cells in reader:
+            if len(cells) > 1 or (cells and cells[0].strip()):
+                yield before + 1, cells
+            before = reader.line_num
+    except csv.Error as error:
+        raise InputError(f"{where}, line {before + 1}: not CSV: {error}") from None
+
+
+def _separator(content: bytes, where: str) -> str:
+    """Return the separator that gives the first records as many cells as the header.
+
+    Tab goes before semicolon before comma: a comma may stand within cells of the others.
+    """
+    fit, odd = [], []
+    failed: InputError | None = None
+    for separator in SEPARATORS:
+        try:
+            records = _records(content, separator, where)
+            widths = [len(cells) for _, (_, cells) in zip(range(_SNIFFED), records, strict=False)]
+        except InputError as error:
+            failed = error
+            continue
+        if widths and widths[0] > 1:
+            (fit if len(set(widths)) == 1 else odd).append((widths[0], separator))
+    if fit:
+        return fit[0][1]
+    if odd:
+        return max(odd, key=lambda one: one[0])[1]
+    if failed is not None:
+        raise failed
+    raise InputError(
+        f"{where}, line 1: one column only; rule: columns separated by commas, semicolons or tabs"
+    )
+
+
+def _is_rectangular(data: Any, content: bytes, separator: str, width: int) -> bool:
+    """Count the separators of every line at once; False where quotes or blanks hide the answer."""
+    if b'"' in content or content.count(b"\r") != content.count(b"\r\n"):
+        return False
+    marks = data[(data == ord(separator)) | (data == ord("\n"))]
+    if len(marks) % width:
+        return False
+    lines = marks.reshape(-1, width)
+    return bool(np.all(lines[:, :-1] == ord(separator)) and np.all(lines[:, -1] == ord("\n")))
