@@ -269,6 +269,41 @@ def plan(
             print(f"  {row['effect']}: {word}; {known}{cost}; {row['reason']}")
 
 
+@app.command("export-deck")
+def export_deck(
+    scene: Annotated[Path, typer.Argument(help="Scene file of one texture.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="File to write, such as run.inp.")],
+    program: Annotated[
+        str, typer.Option("--format", help="calculix or abaqus: which reads it.")
+    ] = "calculix",
+    edges: Annotated[float, typer.Option(help="Element edges over a ridge's width.")] = 12.0,
+    force: Force = False,
+) -> None:
+    """Write a scene as a deck for your own finite elements."""
+    from ridgebayes.decks.deck_text import REACTION, SURFACE, deck_text
+    from ridgebayes.decks.pressed_disk import pressed_disk
+    from ridgebayes.runfolder import write_text
+    from ridgebayes.scene import Scene
+
+    _refuse_existing(out, force)
+    wanted = Scene.from_toml(scene)
+    try:
+        disk = pressed_disk(wanted, edges=edges)
+        text = deck_text(disk, program)
+    except InputError as error:
+        raise InputError(f"{scene}: {error}") from None
+    write_text(text, out)
+    (texture,) = wanted.textures
+    corner = texture.corner_radius_over_R
+    print(f"{out}: {len(disk.cells)} elements, {len(disk.displacements)} levels, R = 1, E = 1")
+    print(
+        f"import the run with: ridgebayes import {out.with_suffix('.dat')} --deck {out} "
+        f"--surface {SURFACE} --reaction {REACTION} --texture {texture.a_over_R:g},"
+        f"{texture.b_over_R:g} --nu {wanted.nu:g}{f' --corner {corner:g}' if corner else ''} "
+        "-o TABLE.csv"
+    )
+
+
 @app.command()
 def report(folder: Annotated[Path, typer.Argument(help="A run folder.")]) -> None:
     """Write the report of a finished run again."""

@@ -1,7 +1,7 @@
 """Parquet files as cells, through pyarrow and nothing else."""
 
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +61,7 @@ class Arrow:
         if not self._table.num_rows:
             raise InputError(f"{self.where}: no rows")
 
-    def read(self, numeric: Iterable[str]) -> Cells:
+    def read(self, numeric: Collection[str]) -> Cells:
         """Read all rows, the columns of these headers as numbers."""
         wanted = set(numeric)
         said = [f"{self.where}: Parquet, {self._table.num_rows} rows"]

@@ -1,6 +1,5 @@
 """CalculiX's ``.sta``: which increments converged, and which attempts were cut back."""
 
-import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,7 +89,7 @@ def read_sta(path: Path) -> Status:
     A last line without an end is that of a run still going on: it is not read.
     """
     found: dict[tuple[int, int], float] = {}
-    cut_backs = tail = 0
+    cut_backs, tail, last = 0, 0, 0.0
     lines = read_text(path).split("\n")
     lines.pop()
     for number, line in enumerate(lines, start=1):
@@ -108,13 +107,12 @@ def read_sta(path: Path) -> Status:
             continue
         cut_backs, tail = cut_backs + tail, 0
         key = (int(match[1]), int(match[2]))
-        last = max(found.values(), default=-math.inf)
         if key in found or times[0] < last:
             raise InputError(
                 f"{path}, line {number}: step {key[0]}, increment {key[1]} at time {times[0]:g}; "
                 "rule: each once, in the order of time"
             )
-        found[key] = times[0]
+        found[key] = last = times[0]
     if not found and not tail:
         raise InputError(f"{path}: no increments; rule: a .sta of CalculiX")
     return Status(path, np.array(list(found.values())), cut_backs, tail)

@@ -1,7 +1,7 @@
 """Cells of a table file, whatever its format: headers, values, and where each cell stands."""
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -100,12 +100,12 @@ class Source(Protocol):
     where: str
     headers: tuple[str, ...]
 
-    def read(self, numeric: Iterable[str]) -> Cells:
+    def read(self, numeric: Collection[str]) -> Cells:
         """Read all rows, the columns of these headers as numbers."""
 
 
 def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
-    """Return headers on one line each, and a stand-in for a column without one.
+    r"""Return headers on one line each, and a stand-in for a column without one.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> clean_headers(["Ridge  width\\n[mm]", None], "mine.csv")
+    >>> clean_headers(["Ridge  width\n[mm]", None], "mine.csv")
     ('Ridge width [mm]', '(column 2)')
     """
     headers: list[str] = []

@@ -121,7 +121,7 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
     InputError
         If the unit is not understood, is of another dimension, or differs from the header's.
     """
-    words, unit, strict = split_header(header)
+    words, unit, _ = split_header(header)
     place = f"{where}, header {header!r}"
     if explicit is not None and explicit not in _NONE and unit and key in DIMENSIONS:
         dimension = DIMENSIONS[key]
@@ -129,7 +129,7 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
         if own is not None and own != unit_factor(explicit, dimension):
             raise InputError(f"{place}: the mapping says {explicit!r}; rule: one unit a column")
     if explicit is not None:
-        unit, strict = explicit.strip(), True
+        unit = explicit.strip()
     if key not in DIMENSIONS:
         if unit == "%":
             return "%", Fraction(1, 100)
@@ -196,15 +196,15 @@ def divided(over: Quantity, *under: Quantity, by: int = 1) -> FloatArray:
     arrays = np.broadcast_arrays(over.values, *(one.values for one in under))
     shape = arrays[0].shape
     columns = [np.atleast_1d(one).astype(float) for one in arrays]
-    code = row_codes(*columns)
-    first = np.unique(code, return_index=True)[1]
     if factor == 1 and len(columns) == 1:
         return columns[0].reshape(shape)
+    code = row_codes(*columns)
+    first = np.unique(code, return_index=True)[1]
     if first.size > _MOST_EXACT:
         with np.errstate(all="ignore"):
             found = columns[0] * float(factor)
-            for one in columns[1:]:
-                found = found / one
+            for column in columns[1:]:
+                found = found / column
         return found.reshape(shape)
     exact = np.array([_quotient(factor, *(one[i] for one in columns)) for i in first])
     return exact[code].reshape(shape)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.importers.increments import transitions_of
 from ridgebayes.table_cells import row_codes
@@ -71,7 +71,7 @@ class Histories:
                 failed.append(f"{name}{error}")
                 continue
             said += [f"{name}{text}" for text in odd]
-            frames.append(frame.assign(**{key: one[key] for key in self.curve}))
+            frames.append(frame.assign(**{str(key): one[str(key)] for key in self.curve}))
         if not frames:
             raise InputError(f"{where}: {failed[0]}")
         said += [f"left out: {text}" for text in failed]
@@ -79,7 +79,7 @@ class Histories:
             said = [*said[:_SHOWN], f"and {len(said) - _SHOWN} more remarks on runs"]
         return pd.concat(frames, ignore_index=True), [f"{n_run} runs of increments", *said]
 
-    def _run(self, rows: FloatArray, *, brackets: bool) -> tuple[pd.DataFrame, list[str]]:
+    def _run(self, rows: IntArray, *, brackets: bool) -> tuple[pd.DataFrame, list[str]]:
         Q = np.array(self.Q, dtype=np.int64)
         # Absurd numbers overflow where loads are extrapolated, and then are not used.
         with np.errstate(all="ignore"):
@@ -93,7 +93,7 @@ class Histories:
         if again.size:
             names = ", ".join(str(q) for q in frame["Q"].to_numpy()[again])
             said.append(f"Q = {names}: reached in the same increment as the Q before: left out")
-            frame = frame.drop(index=again)
+            frame = frame.drop(index=again.tolist())
         return frame, said
 
 

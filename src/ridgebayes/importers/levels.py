@@ -62,6 +62,8 @@ class Body:
         Height of the ridges' tops; None looks for the rigid side's nodes at their corners.
     thickness : float
         Of the plane-strain slice to which forces belong.
+    corner_over_R : float
+        Radius of the ridges' top corners; 0 is sharp.
     """
 
     a_over_R: float
@@ -72,6 +74,7 @@ class Body:
     symmetry: Literal["half", "full"] = "half"
     top: float | None = None
     thickness: float = 1.0
+    corner_over_R: float = 0.0
 
     def __post_init__(self) -> None:
         rules = {
@@ -81,11 +84,12 @@ class Body:
             "E": 0 < self.E < math.inf,
             "symmetry": self.symmetry in ("half", "full"),
             "thickness": 0 < self.thickness < math.inf,
+            "corner radius": 0 <= self.corner_over_R <= self.a_over_R / 2,
         }
         if bad := [name for name, holds in rules.items() if not holds]:
             raise InputError(
                 f"{', '.join(bad)}: rule: --texture, --R, --E and --thickness above 0, --nu from 0 "
-                "to 0.5, --symmetry half or full"
+                "to 0.5, --symmetry half or full, --corner from 0 to half a ridge"
             )
 
 
@@ -120,7 +124,8 @@ def table_of(
     load = 2 if body.symmetry == "half" else 1
     p_over_E = np.abs(levels.force) * load / body.thickness / (2 * rim.R * body.E)
     corners, how = _corners(levels, body, rim, where)
-    gaps = np.array([rim.gaps(one, corners) for one in levels.position]) / rim.R
+    corner = body.corner_over_R * rim.R
+    gaps = np.array([rim.gaps(one, corners, corner) for one in levels.position]) / rim.R
     depth = np.array([rim.overlap(one, corners, body) for one in levels.position]) / rim.R
     Q = 4 + 2 * np.arange(len(corners) - 1)
     try:
@@ -197,13 +202,17 @@ class _Rim:
             )
         return cls(float(R), centre, tuple(sides))
 
-    def gaps(self, position: FloatArray, corners: FloatArray) -> FloatArray:
-        """Return how high the rim is above each corner, the nearer side's."""
+    def gaps(self, position: FloatArray, corners: FloatArray, radius: float) -> FloatArray:
+        """Return how far the rim is from each corner, the nearer side's: above sharp ones."""
         sides = []
         for nodes, sign in self.sides:
             x = sign * (position[nodes, 0] - self.centre[0])
             y = position[nodes, 1]
-            sides.append([_height(x, y, far) - high for far, high in corners])
+            if radius == 0:
+                sides.append([_height(x, y, far) - high for far, high in corners])
+            else:
+                centres = corners + np.array([radius, -radius])
+                sides.append([_distance(x, y, *centre) - radius for centre in centres])
         return np.min(np.array(sides), axis=0)
 
     def overlap(self, position: FloatArray, corners: FloatArray, body: Body) -> float:
@@ -244,6 +253,15 @@ def _height(x: FloatArray, y: FloatArray, at: float) -> float:
     return min(heights)
 
 
+def _distance(x: FloatArray, y: FloatArray, at: float, height: float) -> float:
+    """Return how far a point below is from a curve through nodes, straight between them."""
+    start, along = np.column_stack([x, y])[:-1], np.diff(np.column_stack([x, y]), axis=0)
+    from_start = np.array([at, height]) - start
+    length = np.maximum((along**2).sum(axis=1), 1e-300)
+    part = np.clip((from_start * along).sum(axis=1) / length, 0.0, 1.0)
+    return float(np.hypot(*(from_start - part[:, None] * along).T).min())
+
+
 def _corners(levels: Levels, body: Body, rim: _Rim, where: str) -> tuple[FloatArray, str]:
     """Return the proximal corners as distance from the axis and height, and how they were found."""
     pitch = (body.a_over_R + body.b_over_R) * rim.R
@@ -253,19 +271,19 @@ def _corners(levels: Levels, body: Body, rim: _Rim, where: str) -> tuple[FloatAr
     if body.top is not None:
         return np.column_stack([far, np.full(n, body.top)]), f"tops at y = {body.top:g}"
     # Rigid nodes stand at the corners: the highest of those at each distance.
-    near = 1e-5 * rim.R
+    near, flat = 1e-5 * rim.R, far + body.corner_over_R * rim.R
     away = np.abs(levels.rigid[:, 0] - rim.centre[0]) if len(levels.rigid) else np.zeros(0)
     heights = []
-    for one in far:
+    for one in flat:
         here = levels.rigid[np.abs(away - one) < near, 1] if away.size else np.zeros(0)
         if not here.size:
             break
         heights.append(float(here.max()))
     if len(heights) < 2:
         raise InputError(
-            f"{where}: no rigid nodes at the corners x = {far[0]:.6g}, {far[1]:.6g} from the axis; "
-            "rule: a deck with the ridges' nodes and the --texture that they make, or --top, the "
-            "height of the ridges' tops"
+            f"{where}: no rigid nodes at the corners, {flat[0]:.6g} and {flat[1]:.6g} from the "
+            "axis; rule: a deck with the ridges' nodes and the --texture that they make, or --top, "
+            "the height of the ridges' tops"
         )
     tops = f"tops at y = {heights[0]:.6g} in the deck, {len(heights)} ridges a side"
     return np.column_stack([far[: len(heights)], heights]), tops

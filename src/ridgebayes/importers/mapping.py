@@ -1,14 +1,11 @@
 """Which column of a file is which of the contract: by a mapping, by name, or by a clear guess."""
 
 import re
-import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from ridgebayes.errors import InputError
 from ridgebayes.importers.column_units import DIMENSIONS, column_unit, split_header, unit_factor
-from ridgebayes.importers.record import read_text
 from ridgebayes.table_columns import NAMES, NUMBERS
 
 TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
@@ -75,70 +72,13 @@ class Use:
         """Whether its cells are numbers."""
         return self.key in _QUANTITIES
 
+    @property
+    def name(self) -> str:
+        """The key, with the corner."""
+        return self.key if self.Q is None else f"{self.key} Q={self.Q}"
+
     def __str__(self) -> str:
-        key = self.key if self.Q is None else f"{self.key} Q={self.Q}"
-        return f"{key}={self.header!r}" + ("" if self.unit is None else f";{self.unit}")
-
-
-def parse_map(texts: Iterable[str]) -> dict[str, str]:
-    """Return a mapping from texts ``key=header``, ``key=header;unit`` or ``gap Q=4=header``.
-
-    Raises
-    ------
-    InputError
-        If a text has no key or header, or a key stands twice.
-
-    Examples
-    --------
-    >>> parse_map(["a=Ridge width;mm", "gap Q=4=Gap 1 [mm]", "Q=4=First", "p=Load Q=* [kPa]"])
-    {'a': 'Ridge width;mm', 'gap Q=4': 'Gap 1 [mm]', 'Q=4': 'First', 'p': 'Load Q=* [kPa]'}
-    """
-    found: dict[str, str] = {}
-    for text in texts:
-        match = re.fullmatch(r"\s*((?:\w+[\s:]+)?Q?\s*=?\s*\d+|[^=]*?)\s*=\s*(.*?)\s*", text, re.S)
-        if match is None or not match.group(1) or not match.group(2):
-            raise InputError(f"--map {text!r}: rule: KEY=HEADER, or KEY=HEADER;UNIT")
-        key, header = match.groups()
-        if key in found:
-            raise InputError(f"--map {text!r}: rule: each key once")
-        found[key] = header
-    return found
-
-
-def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
-    """Read a mapping that is kept beside the data.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        A TOML file: ``[columns]`` of key and header (``a = "Ridge width [mm]"``), and optionally
-        ``[values]`` of key and value (``R = "8 mm"``).
-
-    Returns
-    -------
-    mapping, values : dict of str to str
-        As `ridgebayes.importers.columns.read_columns` takes them.
-
-    Raises
-    ------
-    InputError
-        If it is not TOML, or has other keys, or others than text in columns.
-    """
-    try:
-        content = tomllib.loads(read_text(path))
-    # A thousand brackets in each other: RecursionError.
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise InputError(f"{path}: not TOML: {str(error)[:200]}") from None
-    tables: dict[str, dict[str, str]] = {"columns": {}, "values": {}}
-    for name, entries in content.items():
-        if name not in tables or not isinstance(entries, dict):
-            raise InputError(f"{path}: {name}: rule: tables [columns] and [values]")
-        for key, value in entries.items():
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not (isinstance(value, str) or (number and name == "values")):
-                raise InputError(f"{path}: [{name}] {key} = {value!r}: rule: text in quotes")
-            tables[name][key] = str(value)
-    return tables["columns"], tables["values"]
+        return f"{self.name}={self.header!r}" + ("" if self.unit is None else f";{self.unit}")
 
 
 def assign(
@@ -349,6 +289,5 @@ def _without_load(use: Use, where: str) -> Use:
 
 
 def _plain(words: str) -> str:
-    return " ".join(re.sub(r"['’]", "", words).replace("_", " ").lower().split()).replace(
-        " / ", "/"
-    )
+    words = words.replace("'", "").replace("\N{RIGHT SINGLE QUOTATION MARK}", "").replace("_", " ")
+    return " ".join(words.lower().split()).replace(" / ", "/")

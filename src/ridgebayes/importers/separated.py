@@ -4,7 +4,7 @@ import codecs
 import csv
 import io
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -64,14 +64,14 @@ class Separated:
             self._lines = self._checked_lines()
         self._check_formulas(data)
 
-    def read(self, numeric: Iterable[str]) -> Cells:
+    def read(self, numeric: Collection[str]) -> Cells:
         """Read all rows, the columns of these headers as numbers."""
-        wanted = [name for name in self.headers if name in set(numeric)]
+        wanted = [name for name in self.headers if name in numeric]
         frame = self._fast(wanted, ".")
         mark = "point"
         if frame is None:
             frame, mark = self._decimal_comma(wanted)
-        text = {n: lossless(frame[n]) for n in frame if n not in wanted}
+        text: dict[str, Any] = {n: lossless(frame[n]) for n in self.headers if n not in wanted}
         name = "TSV" if self._separator == "\t" else "CSV"
         said = f"{name}, separator {SEPARATORS[self._separator]}, decimal {mark}"
         lines = self._lines
@@ -172,8 +172,8 @@ class Separated:
         bad, n = [], 0
         sure = False
         for line, cells in self._rows():
-            for name, place in zip(wanted, places, strict=True):
-                cell = cells[place]
+            for name, i in zip(wanted, places, strict=True):
+                cell = cells[i]
                 if not cell.strip():
                     continue
                 if NUMBER.fullmatch(cell):
@@ -193,17 +193,17 @@ class Separated:
             raise refusal(self.where, bad, n)
         if "comma" not in first:
             return self._slow(wanted), "point"
-        line, name, cell = first["comma"]
-        place = f"{self.where}, line {line}, column {name!r} = {cell!r}"
+        number, name, cell = first["comma"]
+        place = f"{self.where}, line {number}, column {name!r} = {cell!r}"
         if self._separator == ",":
             raise InputError(
                 f"{place}: rule: a point for decimals, since commas separate the cells"
             )
         if "point" in first:
-            line, name, cell = first["point"]
+            number, name, cell = first["point"]
             raise InputError(
-                f"{place}: but line {line}, column {name!r} = {cell!r}: rule: one decimal mark in "
-                "all of the file, and no thousands separators"
+                f"{place}: but line {number}, column {name!r} = {cell!r}: rule: one decimal mark "
+                "in all of the file, and no thousands separators"
             )
         if not sure:
             raise InputError(
@@ -278,7 +278,8 @@ def _separator(content: bytes, where: str) -> str:
 
     Tab goes before semicolon before comma: a comma may stand within cells of the others.
     """
-    fit, odd = [], []
+    fit: list[tuple[int, str]] = []
+    odd: list[tuple[int, str]] = []
     failed: InputError | None = None
     for separator in SEPARATORS:
         try:

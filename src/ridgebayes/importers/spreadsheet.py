@@ -4,7 +4,8 @@ import io
 import re
 import warnings
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -67,9 +68,9 @@ class Spreadsheet:
         self._check(lambda value, kind: kind == "f" or _is_formula(value), self.headers, FORMULA)
         self._check(lambda _, kind: kind == "e", self.headers, "rule: no error values")
 
-    def read(self, numeric: Iterable[str]) -> Cells:
+    def read(self, numeric: Collection[str]) -> Cells:
         """Read all rows, the columns of these headers as numbers."""
-        wanted = [name for name in self.headers if name in set(numeric)]
+        wanted = [name for name in self.headers if name in numeric]
         self._check(lambda value, kind: not _is_number(value, kind), wanted, FINITE)
         columns: dict[str, Any] = {}
         for i, name in enumerate(self.headers):
@@ -189,7 +190,7 @@ def _check_xml(text: bytes, name: str, where: str) -> None:
 def _grid(content: bytes, where: str, sheet: str | None) -> tuple[str, int, list[list[_Cell]]]:
     """Return the sheet's name, the number of its first row with a value, and rows from there."""
     try:
-        import openpyxl
+        openpyxl: Any = import_module("openpyxl")
     except ImportError:
         raise InputError(
             f"{where}: Excel files need openpyxl: pip install 'ridgebayes[excel]'"

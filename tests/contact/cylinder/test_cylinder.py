@@ -197,12 +197,22 @@ def test_transition__has_the_state_in_which_its_corner_touches():
     assert beyond.pressure[one.press.faces.of_ridge(1)].any()
 
 
-def test_transitions__too_many_steps_are_given_up(monkeypatch):
-    monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder._MOST_TRIES", 2)
+def test_transitions__after_too_many_failures_are_given_up(monkeypatch):
+    tried = []
+
+    def fails(press, start, control):
+        tried.append(control.target)
+        if len(tried) > 2:
+            raise NotConvergedError("no equilibrium")
+        return solve(press, start, control)
+
+    monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder.solve", fails)
+    monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder._MOST_FAILURES", 3)
     one = Cylinder(WIDE, p_max=5e-3, nu=0.3, fineness=COARSE)
     Q, p_over_E, status = transition_curve(one, 5e-3)
     assert (Q.tolist(), np.isnan(p_over_E).tolist()) == ([4], [True])
-    assert re.match(r"not converged: at p/E = [\d.e-]+: steps stay small", status[0])
+    assert re.fullmatch(r"not converged: at p/E = [\d.e-]+: no equilibrium", status[0])
+    assert len(tried) == 2 + 3
 
 
 def test_curve__shows_what_is_found():

@@ -1,0 +1,70 @@
+"""Mappings as people write them: `--map` options, and a TOML file beside the data."""
+
+import re
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+
+from ridgebayes.errors import InputError
+from ridgebayes.importers.record import read_text
+
+
+def parse_map(texts: Iterable[str]) -> dict[str, str]:
+    """Return a mapping from texts ``key=header``, ``key=header;unit`` or ``gap Q=4=header``.
+
+    Raises
+    ------
+    InputError
+        If a text has no key or header, or a key stands twice.
+
+    Examples
+    --------
+    >>> parse_map(["a=Ridge width;mm", "gap Q=4=Gap 1 [mm]", "Q=4=First", "p=Load Q=* [kPa]"])
+    {'a': 'Ridge width;mm', 'gap Q=4': 'Gap 1 [mm]', 'Q=4': 'First', 'p': 'Load Q=* [kPa]'}
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        match = re.fullmatch(r"\s*((?:\w+[\s:]+)?Q?\s*=?\s*\d+|[^=]*?)\s*=\s*(.*?)\s*", text, re.S)
+        if match is None or not match.group(1) or not match.group(2):
+            raise InputError(f"--map {text!r}: rule: KEY=HEADER, or KEY=HEADER;UNIT")
+        key, header = match.groups()
+        if key in found:
+            raise InputError(f"--map {text!r}: rule: each key once")
+        found[key] = header
+    return found
+
+
+def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
+    """Read a mapping that is kept beside the data.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        A TOML file: ``[columns]`` of key and header (``a = "Ridge width [mm]"``), and optionally
+        ``[values]`` of key and value (``R = "8 mm"``).
+
+    Returns
+    -------
+    mapping, values : dict of str to str
+        As `ridgebayes.importers.columns.read_columns` takes them.
+
+    Raises
+    ------
+    InputError
+        If it is not TOML, or has other keys, or others than text in columns.
+    """
+    try:
+        content = tomllib.loads(read_text(path))
+    # A thousand brackets in each other: RecursionError.
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        raise InputError(f"{path}: not TOML: {str(error)[:200]}") from None
+    tables: dict[str, dict[str, str]] = {"columns": {}, "values": {}}
+    for name, entries in content.items():
+        if name not in tables or not isinstance(entries, dict):
+            raise InputError(f"{path}: {name}: rule: tables [columns] and [values]")
+        for key, value in entries.items():
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not (isinstance(value, str) or (number and name == "values")):
+                raise InputError(f"{path}: [{name}] {key} = {value!r}: rule: text in quotes")
+            tables[name][key] = str(value)
+    return tables["columns"], tables["values"]
