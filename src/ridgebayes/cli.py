@@ -269,6 +269,89 @@ def plan(
             print(f"  {row['effect']}: {word}; {known}{cost}; {row['reason']}")
 
 
+@app.command("import")
+def import_(
+    file: Annotated[list[Path], typer.Argument(help="File to read; of a VTU series all of them.")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Table to write.")] = None,
+    program: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            help="table, calculix, calculix-contact, abaqus-dat, abaqus-rpt or series; looked at "
+            "if not given.",
+        ),
+    ] = None,
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", help="KEY=HEADER, such as 'a=Ridge width [mm]', or a TOML file."),
+    ] = None,
+    sheet: Annotated[str | None, typer.Option(help="Sheet of a workbook.")] = None,
+    texture: Annotated[str | None, typer.Option(help="A,B of a run, over R.")] = None,
+    nu: Annotated[str | None, typer.Option(help="Poisson's ratio.")] = None,
+    R: Annotated[str | None, typer.Option("--R", help="Radius, such as '8 mm'.")] = None,
+    E: Annotated[str | None, typer.Option("--E", help="Young's modulus, such as '60 kPa'.")] = None,
+    deck: Annotated[Path | None, typer.Option(help="Deck of a run.")] = None,
+    surface: Annotated[str | None, typer.Option(help="Node set of the body's rim.")] = None,
+    reaction: Annotated[str | None, typer.Option(help="Node set that is driven.")] = None,
+    symmetry: Annotated[
+        str | None, typer.Option(help="half or full: what of the body is meshed.")
+    ] = None,
+    top: Annotated[float | None, typer.Option(help="Height of the ridges' tops.")] = None,
+    corner: Annotated[float | None, typer.Option(help="Radius of ridges' corners, over R.")] = None,
+    thickness: Annotated[
+        float | None, typer.Option(help="Of the slice that forces belong to.")
+    ] = None,
+    field: Annotated[
+        str | None, typer.Option(help="Point data of a series: displacement if not given.")
+    ] = None,
+    time: Annotated[
+        str | None, typer.Option(help="What a series' time is: p_over_E or line.")
+    ] = None,
+    loads: Annotated[
+        str, typer.Option(help="Of several .vtu, with commas: their p/E or line loads.")
+    ] = "",
+    brackets: Annotated[
+        bool, typer.Option("--brackets", help="The increment of each transition, not a load in it.")
+    ] = False,
+    role: Annotated[str | None, typer.Option(help="calibration or held-out.")] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what is understood, write nothing.")
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Read the output of your own finite elements or tests into a table."""
+    from ridgebayes.import_jobs import Given, import_files
+
+    if out is None and not dry_run:
+        raise InputError("-o: missing; rule: the table to write, or --dry-run")
+    if out is not None and not dry_run:
+        _refuse_existing(out, force)
+    given = Given(
+        map=tuple(mapping or ()),
+        sheet=sheet,
+        texture=_texture(texture) if texture is not None else None,
+        nu=nu,
+        R=R,
+        E=E,
+        symmetry=symmetry,
+        top=top,
+        thickness=thickness,
+        corner=corner,
+        deck=deck,
+        surface=surface,
+        reaction=reaction,
+        field=field,
+        time=time,
+        loads=_numbers("--loads", loads),
+    )
+    found = import_files(file, given, program=program, brackets=brackets, role=role)
+    for line in found.said:
+        print(line)
+    if out is not None and not dry_run:
+        found.table.write(out)
+        print(f"{out}: {len(found.table)} rows, {len(found.table.textures)} textures")
+
+
 @app.command("export-deck")
 def export_deck(
     scene: Annotated[Path, typer.Argument(help="Scene file of one texture.")],
@@ -398,6 +481,13 @@ def _texture(text: str) -> tuple[float, float]:
     if not (0 < a < float("inf") and 0 < b < float("inf")):
         raise InputError(f"--texture {text!r}: rule: both widths finite and > 0")
     return a, b
+
+
+def _numbers(option: str, text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(one) for one in text.split(",")) if text else ()
+    except ValueError:
+        raise InputError(f"{option} {text!r}: rule: numbers with commas between them") from None
 
 
 def _loads(text: str) -> "FloatArray":

@@ -11,7 +11,7 @@ import numpy as np
 TITLE = "not from Abaqus: numbers of another program, in its layout"
 
 
-def pressed(*, a=0.05, b=0.03, R=1.0, E=1.0, full=False, n_level=25, depth=0.012, n_node=241):
+def pressed(*, a=0.05, b=0.03, R=1.0, E=1.0, full=False, n_level=34, depth=0.034, n_node=241):
     """A rim moved in closed form, whose transition loads are known.
 
     A cylinder sinks by d, stretches sideways by 1 + 0.4 d and stays above ridges' tops, at a load
@@ -21,7 +21,7 @@ def pressed(*, a=0.05, b=0.03, R=1.0, E=1.0, full=False, n_level=25, depth=0.012
     the unit of E R, of the half or the full body, ``top``, ``corners`` (distance from the axis),
     ``Q`` and ``load``, the transitions up to the last level.
     """
-    half = np.linspace(0.0, 1.0, n_node) ** 1.0 * 0.9
+    half = np.linspace(0.0, 1.0, n_node) * 0.9
     angle = np.concatenate([-half[:0:-1], half]) if full else half
     nodes = R * np.column_stack([np.sin(angle), -np.cos(angle)])
     top = -R * math.sqrt(1 - (b / 2) ** 2)
@@ -105,7 +105,7 @@ def dat_text(force, nodes, position, *, surface="RIM", reaction="TOP", driven=No
     """A .dat of one step: *NODE PRINT of U on one set and of RF on another, at each increment."""
     driven = driven or [len(nodes) + 1]
     n = len(force)
-    out = ["1", "", "   Abaqus 2023", "", f" {TITLE}", "", f"  STEP    1     INCREMENT     1"]
+    out = ["1", "", "   Abaqus 2023", "", f" {TITLE}", "", "  STEP    1     INCREMENT     1"]
     out += ["                        S T E P       1     S T A T I C   A N A L Y S I S", "", ""]
     for k in range(n):
         out += [f"                                INCREMENT {k + 1:5d} SUMMARY", "", ""]
@@ -164,7 +164,7 @@ def rpt_text(
         if coordinates:
             at = position[k] if coordinates == "deformed" else nodes
             names, rows = ["COORD.COOR1", "COORD.COOR2", *names], np.hstack([at, moved])
-        head = ["*" * 80, f"{'Field Output Report, written Mon Oct  3 22:08:28 2016'}", ""]
+        head = ["*" * 80, "Field Output Report, written Mon Oct  3 22:08:28 2016", ""]
         head += ["Source 1", "---------", "", f"   ODB: /{TITLE}.odb", "   Step: PRESS"]
         head += [f"   Frame: Increment {k + 1:6d}: Step Time = {(k + 1) / len(force):8.4f}", ""]
         head += ["Loc 1 : Nodal values from source 1", "", 'Output sorted by column "Node Label".']

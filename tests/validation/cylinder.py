@@ -78,12 +78,12 @@ def meshes() -> pd.DataFrame:
 
 
 def half_width(body: Cylinder, pressure: np.ndarray) -> float:
-    """Return where the contact ends: pressure squared falls to zero linearly there."""
+    """Return where the contact ends: pressure squared falls to zero there, in Hertz's way in x^2."""
     length = body.press.faces.length
     x = np.cumsum(length) - 0.5 * length
     inside = np.flatnonzero(pressure > 0)[-9:-2]  # the last two hold part of a contact
-    slope, level = np.polyfit(x[inside], pressure[inside] ** 2, 1)
-    return float(-level / slope)
+    slope, level = np.polyfit(x[inside] ** 2, pressure[inside] ** 2, 1)
+    return float(np.sqrt(-level / slope))
 
 
 def smooth() -> pd.DataFrame:

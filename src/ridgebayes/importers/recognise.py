@@ -5,8 +5,8 @@ from pathlib import Path
 from ridgebayes.errors import InputError
 from ridgebayes.importers.record import read_bytes
 
-FORMATS = ("table", "calculix", "abaqus-dat", "abaqus-rpt", "series")
-_TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".parquet")
+FORMATS = ("table", "calculix", "calculix-contact", "abaqus-dat", "abaqus-rpt", "series")
+_TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".parquet", ".rpt")
 _LOOKED_AT = 20_000  # bytes
 
 
@@ -32,13 +32,15 @@ def recognise(path: Path) -> str:
     head = read_bytes(path)[:_LOOKED_AT]
     if suffix in (".vtu", ".xdmf", ".xmf"):
         return "series"
-    if b"Field Output Report" in head or suffix == ".rpt":
+    if b"Field Output Report" in head:
         return "abaqus-rpt"
     if suffix == ".dat":
         if b"THE FOLLOWING TABLE IS PRINTED" in head or b"A B A Q U S" in head or b"Abaqus" in head:
             return "abaqus-dat"
-        if b") for set " in head or b") for all " in head:
-            return "calculix"
+        if b"displacements (" in head or b"contact stress (" in head or b") for set " in head:
+            # Contact stresses alone tell which faces carry; displacements tell more.
+            whole = read_bytes(path)
+            return "calculix" if b"displacements (" in whole else "calculix-contact"
     if suffix in _TABLES:
         return "table"
     raise InputError(

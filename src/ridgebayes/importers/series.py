@@ -304,8 +304,8 @@ def _vtus(
     if len(paths) < 2 or loads is None or len(loads) != len(paths):
         given = "no" if loads is None else f"{len(loads)}"
         raise InputError(
-            f"{paths[0]}: {len(paths)} .vtu with {given} loads; rule: several, each one state, and a "
-            "load for each; or an .xdmf series"
+            f"{paths[0]}: {len(paths)} .vtu with {given} loads; rule: several, each one state, and "
+            "a load for each; or an .xdmf series"
         )
     if not all(math.isfinite(load) for load in loads):
         raise InputError(f"{paths[0]}: loads {list(loads)}; rule: finite numbers")

@@ -29,6 +29,8 @@ LARGEST_RATIO = 200  # of unpacked to packed, above a megabyte
 MOST_CELLS = 10**6
 MOST_ROWS = 2**20  # of a worksheet, by the format
 _ROW = re.compile(rb"<(?:\w+:)?row\b[^>]*?\sr=[\"']([^\"']*)[\"']")
+# What Python takes for a part of a number, and Excel does not: "1_000", digits of other scripts.
+_ODD = re.compile(rb"<(?:\w+:)?v\b[^>]*>[^<]*?(\d_|[&\x80-\xff])")
 
 _Cell = tuple[Any, str]  # value and openpyxl's data type
 
@@ -185,6 +187,9 @@ def _check_xml(text: bytes, name: str, where: str) -> None:
         numbers = [int(n) if n.isdigit() else -1 for n in _ROW.findall(text)]
         if any(n < 1 for n in numbers) or any(np.diff(numbers) <= 0):
             raise InputError(f"{where}: {name}: rule: numbered rows in rising order")
+        if odd := _ODD.search(text):
+            cell = odd.group().split(b">")[-1][:60].decode("utf-8", "replace")
+            raise InputError(f"{where}: {name}: value {cell!r}: rule: a number")
 
 
 def _grid(content: bytes, where: str, sheet: str | None) -> tuple[str, int, list[list[_Cell]]]:

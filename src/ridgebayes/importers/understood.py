@@ -118,21 +118,23 @@ class UnderstoodColumns:
         load = self._load(None)
         corners = sorted(corners, key=lambda use: use.Q or 0)
         gaps = np.column_stack([self._gap(use) for use in corners])
-        self._say()
-        said = self._unused()
         keep = np.ones(len(self.cells.frame), dtype=bool)
+        left_out = []
         if status := self._use("status", None):
             words = as_text(self.cells.frame[status.header])
             keep = words.isin(["", OK]).to_numpy(bool)
+            self.told.append(status)
             if not keep.all():
-                said.append(f"left out: {int((~keep).sum())} increments whose status is not 'ok'")
+                n = int((~keep).sum())
+                left_out.append(f"left out: {n} increments whose status is not 'ok'")
             if not keep.any():
                 raise InputError(f"{self.where}: no increment whose status is 'ok'")
+        self._say()
         frame = self._framed(curve)[keep].reset_index(drop=True)
         # In a run the empty cells of a column are its default; NaN would tell rows apart.
         runs = Histories(frame, load[keep], gaps[keep], [use.Q or 0 for use in corners])
         rows, remarks = runs.transitions(self.where, brackets=brackets)
-        return rows, None, [*said, *remarks]
+        return rows, None, [*self._unused(), *left_out, *remarks]
 
     def _curve(self) -> dict[str, Any]:
         """Return what is constant along a curve."""
@@ -180,7 +182,7 @@ class UnderstoodColumns:
             self._check(use, numbers)
             how = {"mapped": "", "named": "", "guessed": ", a guess"}[use.how]
             in_unit = f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else ""
-            if use.name != use.header or unit or how:
+            if use.name != use.header or key in DIMENSIONS or unit or how:
                 self.said.append(f"{use.name}: column {use.header!r}{in_unit}{how}")
         found = Quantity(f"{key} ({use.header!r})", numbers, unit, factor)
         if key in DIMENSIONS:
@@ -313,6 +315,9 @@ class UnderstoodColumns:
         )
 
     def _say(self) -> None:
+        plain = [use.header for use in self.told if use.header in NAMES and use.key == use.header]
+        if plain:
+            self.said.insert(0, f"as their names say: {', '.join(plain)}")
         if everywhere_or_nowhere(_distinct(self._dimensional), self.where):
             self.said.append("units: on all, converted exactly")
         elif self._dimensional:
