@@ -63,9 +63,10 @@ def test_read_abaqus_dat__rows_and_totals_are_the_same_load(tmp_path):
     deck = WRITER.deck_text(RUN).replace(
         f"NSET=TOP\n{N + 1},", f"NSET=TOP\n{N + 1},{N + 2},{N + 3}"
     )
-    one, three, total = (
-        loads(tmp_path, WRITER.dat_text(*ARRAYS, driven=d, total=t), deck=deck)
-        for d, t in ((driven[:1], False), (driven, False), (driven, True))
+    one = loads(tmp_path)
+    three, total = (
+        loads(tmp_path, WRITER.dat_text(*ARRAYS, driven=driven, total=t), deck=deck)
+        for t in (False, True)
     )
     # Five digits are printed of each.
     np.testing.assert_allclose(three, one, rtol=2e-4)
@@ -74,7 +75,7 @@ def test_read_abaqus_dat__rows_and_totals_are_the_same_load(tmp_path):
 
 def test_read_abaqus_dat__a_total_counts_before_the_rows(tmp_path):
     text = WRITER.dat_text(*ARRAYS, total=True)
-    text = re.sub(r"TOTAL( +\S+ +)(\S+)", lambda m: f"TOTAL{m[1]}{2 * float(m[2]):.4E}", text)
+    text = re.sub(r"TOTAL( +0\.000 +)(\S+)", lambda m: f"TOTAL{m[1]}{2 * float(m[2]):.4E}", text)
     np.testing.assert_allclose(loads(tmp_path, text), 2 * loads(tmp_path), rtol=2e-4)
 
 
@@ -97,15 +98,13 @@ def test_read_abaqus_dat__missing_rows_without_an_end_leave_a_level_out(tmp_path
 
 
 def test_read_abaqus_dat__a_file_cut_anywhere_is_refused_or_ends_earlier(tmp_path):
-    full = read(tmp_path).table.frame
-    for cut in np.linspace(0.2, 0.999, 25):
-        text = PRINTED[: int(cut * len(PRINTED))]
+    full = read(tmp_path).table.frame["p_over_E"]
+    for cut in np.linspace(0.2, 0.999, 12):
         try:
-            found = read(tmp_path, text).table.frame
-        except InputError as error:
-            assert "run.dat" in str(error)
+            found = loads(tmp_path, PRINTED[: int(cut * len(PRINTED))])
+        except InputError:
             continue
-        np.testing.assert_array_equal(found["p_over_E"], full["p_over_E"][: len(found)])
+        np.testing.assert_array_equal(found, full[: len(found)])
 
 
 def test_read_abaqus_dat__no_summary_needs_all_rows(tmp_path):
@@ -141,9 +140,16 @@ def test_read_abaqus_dat__a_long_name_on_the_next_line_is_a_name(tmp_path):
 
 
 def test_read_abaqus_dat__tables_of_all_nodes_hold_the_sets(tmp_path):
-    text = PRINTED.replace("NODES BELONGING TO NODE SET RIM", "ALL NODES").replace(
-        "NODES BELONGING TO NODE SET TOP", "ALL NODES"
-    )
+    n = N + 5  # the rim, the driven node and the first ridge
+    text = ""
+    for k, force in enumerate(RUN["force"], start=1):
+        moved, forces = np.zeros((n, 2)), np.zeros((n, 2))
+        moved[:N], forces[N, 1] = RUN["position"][k - 1] - RUN["nodes"], force
+        text += f"    INCREMENT {k:5d} SUMMARY\n"
+        for columns, values in ((("U1", "U2"), moved), (("RF1", "RF2"), forces)):
+            table = WRITER._table("X", columns, range(1, n + 1), values, total=False)
+            text += "\n".join(table).replace("NODES BELONGING TO NODE SET X", "ALL NODES") + "\n"
+    assert f"\n {N + 1:10d} " in text
     np.testing.assert_array_equal(loads(tmp_path, text), loads(tmp_path))
 
 
@@ -237,7 +243,7 @@ def test_finite__reads_what_fortran_prints(word, value):
 
 @pytest.mark.parametrize("word", ["1_0", "nan", "inf", "1e999", "0x10", "\u0661", "", "1,5", "."])
 def test_finite__refuses_what_python_alone_would_read(word):
-    with pytest.raises(InputError, match="a, line 7: .*rule: a finite number"):
+    with pytest.raises(InputError, match=r"a, line 7: .*rule: a finite number"):
         finite(Path("a"), 7, word)
 
 

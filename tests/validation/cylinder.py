@@ -78,7 +78,7 @@ def meshes() -> pd.DataFrame:
 
 
 def half_width(body: Cylinder, pressure: np.ndarray) -> float:
-    """Return where the contact ends: pressure squared falls to zero there, in Hertz's way in x^2."""
+    """Return where the contact ends: pressure squared falls to zero there, linear in x^2."""
     length = body.press.faces.length
     x = np.cumsum(length) - 0.5 * length
     inside = np.flatnonzero(pressure > 0)[-9:-2]  # the last two hold part of a contact

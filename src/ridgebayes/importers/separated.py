@@ -3,6 +3,7 @@
 import codecs
 import csv
 import io
+import itertools
 import re
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
@@ -168,6 +169,11 @@ class Separated:
     def _decimal_comma(self, wanted: list[str]) -> tuple[pd.DataFrame, str]:
         """Read cell by cell: with decimal commas if they are beyond doubt; else tell each cell."""
         places = [self.headers.index(name) for name in wanted]
+        if self._separator != "," and (frame := self._fast(wanted, ",")) is not None:
+            # No cell has a point then; it takes one whose comma cannot stand between thousands.
+            cells_of_rows = ([cells[i] for i in places] for _, cells in self._rows())
+            if any(map(_is_decimal_comma, itertools.chain.from_iterable(cells_of_rows))):
+                return frame, "comma"
         first: dict[str, tuple[int, str, str]] = {}  # line, header and cell of the first of a kind
         bad, n = [], 0
         sure = False
@@ -183,7 +189,7 @@ class Separated:
                         continue
                 elif _COMMA.fullmatch(cell):
                     first.setdefault("comma", (line, name, cell))
-                    sure = sure or not _THOUSANDS.fullmatch(cell)
+                    sure = sure or _is_decimal_comma(cell)
                     if np.isfinite(float(cell.replace(",", "."))):
                         continue
                 n += 1
@@ -210,8 +216,7 @@ class Separated:
                 f"{place}: may be a decimal comma or a thousands separator, and no cell tells "
                 "which: rule: a point for decimals"
             )
-        frame = self._fast(wanted, ",")
-        return self._slow(wanted) if frame is None else frame, "comma"
+        return self._slow(wanted), "comma"
 
     def _slow(self, wanted: list[str]) -> pd.DataFrame:
         rows = list(self._rows())
@@ -231,6 +236,10 @@ class Separated:
 
 def _floats(cells: list[str]) -> FloatArray:
     return np.array([float(c.replace(",", ".")) if c.strip() else np.nan for c in cells])
+
+
+def _is_decimal_comma(cell: str) -> bool:
+    return _COMMA.fullmatch(cell) is not None and _THOUSANDS.fullmatch(cell) is None
 
 
 def _has_words(content: bytes) -> bool:
