@@ -235,8 +235,8 @@ def number(cell: str, said: str) -> float:
 
 def _value(row: dict[str, str], words: str, said: str) -> float:
     """Return a number in SI units by the header's unit in brackets."""
-    if guess := re.search(rf"^{words}: column '([^']*)', a guess$", said, re.M):
-        words = guess.group(1)
+    if guess := re.search(rf"^{words}: column (['\"])(.*)\1, a guess$", said, re.M):
+        words = guess.group(2)
     for header, cell in row.items():
         match = re.fullmatch(rf"{re.escape(words)}(?:\s*\[([^\]]*)\])?", header)
         if match is not None:

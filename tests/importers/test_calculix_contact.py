@@ -16,8 +16,9 @@ WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_w
 RUN = WRITER.pressed()
 # Lines of a run of CalculiX 2.20: a face is printed once a point, whether pressed or not, and side
 # 2 of a plane element as the fourth of a solid.
-REAL = """
- contact stress (slave element+face,press,tang1,tang2) for all contact elements and time 0.1000000E+00
+HEAD = " contact stress (slave element+face,press,tang1,tang2) for all contact elements and time"
+REAL = f"""
+{HEAD} 0.1000000E+00
 
         16          4  1.468460E-01  0.000000E+00  0.000000E+00
         16          4  0.000000E+00  0.000000E+00  0.000000E+00
@@ -50,8 +51,7 @@ def dat_text(run, *, moved=True, pressed=True):
             out += [f" {n} {x:.6E} {y:.6E} 0." for n, (x, y) in rows]
         if not pressed:
             continue
-        out += ["", " contact stress (slave element+face,press,tang1,tang2) for all contact "]
-        out[-1] += f"elements and time {time}"
+        out += ["", f"{HEAD} {time}"]
         out.append("")
         low = np.isclose(at[:, 1], run["top"], atol=1e-9)
         for n in range(1, len(at)):
@@ -97,7 +97,7 @@ def test_read_calculix_contact__brackets_hold_the_loads_or_come_a_face_later(
 def test_read_calculix_contact__a_level_is_an_increment_of_the_run(tmp_path):
     done = read(tmp_path)
     found = done.table.frame
-    levels = 2 * RUN["force"] / 2  # half a body, over 2 R E
+    levels = RUN["force"]  # twice half a body's, over 2 R E
     for row in found.itertuples():
         k = int(np.argmin(np.abs(levels - row.p_over_E)))
         # Seven digits of a force are printed.
@@ -113,14 +113,28 @@ def test_read_calculix_contact__without_displacements_faces_are_where_they_were(
     assert found["Q"].tolist() == [4, 6, 8]
 
 
-def test_read_calculix_contact__faces_slid_over_a_groove_need_their_displacements(tmp_path):
-    run = {**RUN, "position": RUN["position"].copy()}
-    slid = np.array([0.04, 0.0])  # more than the groove: onto the next ridge
-    run["nodes"] = RUN["nodes"].copy()
-    run["position"] = run["position"] + slid
-    near = read(tmp_path, dat_text(RUN)).table.frame["Q"].max()
-    there = read(tmp_path, dat_text(run)).table.frame["Q"].max()
-    assert there == near + 2 or there == near
+def level_text(k, *faces, moved=0.0):
+    """A level with faces of the rim pressed, all nodes moved sideways."""
+    text = f" total force (fx,fy,fz) for set TOP and time {k}.0\n\n 0. {0.01 * k} 0.\n"
+    if moved:
+        rows = "".join(f" {n} {moved} 0. 0.\n" for n in range(1, 242))
+        text += f" displacements (vx,vy,vz) for set RIM and time {k}.0\n\n{rows}"
+    return text + f"{HEAD} {k}.0\n\n" + "".join(f" {n} 3 0.1 0. 0.\n" for n in faces)
+
+
+def test_read_calculix_contact__displacements_place_faces(tmp_path):
+    # Face 10 is 0.034 to 0.037 from the axis, on the first ridge; a pitch is 0.08.
+    text = level_text(1, 10) + level_text(2, 10)
+    with pytest.raises(InputError, match="no corner is reached"):
+        read(tmp_path, text)
+    found = read(tmp_path, level_text(1, 10) + level_text(2, 10, moved=0.08)).table.frame
+    rows = found[["Q", "p_over_E_lower", "p_over_E"]].to_numpy()
+    np.testing.assert_allclose(rows, [[4, 0.01, 0.02]], rtol=1e-9)  # rounding of R
+
+
+def test_read_calculix_contact__a_face_far_away_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"a face 1e\+08 from the axis"):
+        read(tmp_path, level_text(1, 10) + level_text(2, 10, moved=1e8))
 
 
 def test_read_calculix_contact__levels_that_did_not_converge_are_left_out(tmp_path):
@@ -141,21 +155,10 @@ def test_read_calculix_contact__a_level_without_contact_print_is_left_out(tmp_pa
 
 def test_read_calculix_contact__a_face_over_two_ridges_leaves_the_increment_open(tmp_path):
     run = WRITER.pressed(n_node=21, a=0.03, b=0.02)  # faces of 0.045 over grooves of 0.02
-    text = dat_text({**run, "position": run["position"].copy()}, pressed=False)
-    start = text.index("\n total force", 10)
-    head = (
-        " contact stress (slave element+face,press,tang1,tang2) for all contact elements and time "
-    )
-
-    def level(k, *faces):
-        rows = "".join(f" {n} 3 0.1 0. 0.\n" for n in faces)
-        force = f" total force (fx,fy,fz) for set TOP and time {k}.0\n\n 0. {0.01 * k} 0.\n"
-        return f"{force}{head}{k}.0\n\n{rows}"
-
     # Undeformed: face 1 from 0 to 0.045 is on the first ridge (0.01 to 0.04); face 2, to 0.09, on
-    # the second alone (0.06 to 0.09) ; face 3, to 0.135, on the second's end and the third.
-    del start
-    text = level(1, 1) + level(2, 1, 3) + level(3, 1, 2, 3) + level(4, 1, 2, 3, 4)
+    # the second alone (0.06 to 0.09); face 3, to 0.135, on the second's end and the third.
+    faces = ((1,), (1, 3), (1, 2, 3), (1, 2, 3, 4))
+    text = "".join(level_text(k, *some) for k, some in enumerate(faces, start=1))
     found = read(tmp_path, text, run=run).table.frame
     loads = 0.01 * np.arange(1, 5)
     first = found[found["Q"] == 4].iloc[0]

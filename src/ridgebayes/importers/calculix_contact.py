@@ -24,6 +24,7 @@ _HEAD = re.compile(
 _FACES = "slave element+face"
 # CalculiX makes a plane element one layer of a solid, whose first two faces are its sides.
 _SIDES = 2
+_FARTHEST = 4.0  # of R: no body is pressed so wide
 
 
 @dataclass(eq=False)
@@ -127,6 +128,12 @@ def read_calculix_contact(
     placed = [_intervals(one, sheet, float(rim.centre[0]), deck) for one in whole]
     if n := sum(not one.moved for one in whole):
         said.append(f"{n} levels without displacements of {surface}: faces where they were")
+    farthest = max((float(one[:, 1].max()) for one in placed if len(one)), default=0.0)
+    if farthest > _FARTHEST * rim.R:
+        raise InputError(
+            f"{path}: a face {farthest:.3g} from the axis, R = {rim.R:.6g}; rule: within "
+            f"{_FARTHEST:g} R"
+        )
     gap = _history(placed, body.a_over_R * rim.R, body.b_over_R * rim.R)
     load = 2 if body.symmetry == "half" else 1
     force = np.abs([one.force or 0.0 for one in whole])

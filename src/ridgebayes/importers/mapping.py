@@ -133,7 +133,8 @@ def assign(
                 continue
             uses.append(Use(header, header, how="named"))
     uses += _named(headers, uses, values, guesses=not mapping)
-    if not any(use.key == "Q" for use in uses) and not wide:
+    told = any(use.key in ("load", *LOADS, *CORNERS) for use in wide)
+    if not any(use.key == "Q" for use in uses) and not told:
         uses += _columns_per_Q(headers, uses, force_wide, where)
     _once(uses, values, where)
     return [_without_load(use, where) for use in uses]

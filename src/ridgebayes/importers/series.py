@@ -26,9 +26,11 @@ from ridgebayes.importers.record import LARGEST, Imported, provenance, read_text
 
 _LARGEST_XML = 64 * 2**20  # bytes: more would take a parser longer than a user waits
 _ROUND = 5e-6  # of R: nodes so near to the circle are on it
+_FARTHEST = 4.0  # of R: no body moves so far
 _REST = 3e-6  # of R: how well the height of a rim at rest on a ridge is known
 _INSIDE = (0.1, 0.9)  # of a ridge's width: away from its corners, where meshes sink in
-_LOWEST = 0.1  # of a ridge's nodes: where the body rests, if it rests on part of it
+_LOWEST = 0.25  # of a ridge's nodes: where the body rests, if it rests on part of it
+_LIFTED = 1e-4  # of R: nodes so far above those do not rest
 _ENCODING = re.compile(r"<\?xml[^>]*encoding\s*=\s*[\"']([^\"']*)")
 _VTK = {
     **{f"Int{n}": f"i{n // 8}" for n in (8, 16, 32, 64)},
@@ -113,6 +115,8 @@ def read_series(
     digits = float(np.finfo(moved.dtype).eps) * float(np.abs(moved).max(initial=0.0))
     points, moved = np.asarray(points, dtype=float), np.asarray(moved, dtype=float)
     nodes, R = _rim(points, body, where)
+    if not (most := float(np.abs(moved).max())) <= _FARTHEST * R:
+        raise InputError(f"{where}: {field!r} up to {most:.3g}; rule: within {_FARTHEST:g} R")
     body = replace(body, R=R)
     half = 2.0 if body.symmetry == "half" else 1.0
     scale = 2 * R * body.E if time == "p_over_E" else 1.0
@@ -161,8 +165,11 @@ def _at_rest(levels: Levels, body: Body, where: str) -> Levels:
                 f"{where}, state {k + 1}: no rim node over the first ridge, {near:.4g} to "
                 f"{far:.4g} from the axis; rule: its texture and a mesh as fine, or --top"
             )
-        # Where it does not rest it is higher. States at a transition touch by rounding only.
-        rest = float(np.quantile(position[k, over, 1], _LOWEST))
+        # Nodes at rest scatter about the top by what the mesh leaves: their median does not.
+        heights = position[k, over, 1]
+        low = float(np.quantile(heights, _LOWEST))
+        rest = float(np.median(heights[heights <= low + _LIFTED * rim.R]))
+        # States at a transition touch by rounding only: a little lower they do.
         position[k, :, 1] -= rest + _REST * rim.R
     return replace(
         levels,
@@ -253,9 +260,11 @@ def _from_hdf5(path: Path, text: str, shape: tuple[int, ...]) -> FloatArray:
     """Return a dataset of a file in the XDMF's folder, without following any link out of it."""
     import h5py
 
-    name, _, inner = text.partition(":")
+    name, _, inner = text.rpartition(":")
     keys = inner.split("/")
     try:
+        if len(keys) < 2 or keys[0] or not all(keys[1:]):
+            raise InputError(f"{path}: numbers in {text[:80]!r}; rule: FILE.h5:/PATH")
         folder = path.parent.resolve()
         target = folder / name
         if (
@@ -268,8 +277,6 @@ def _from_hdf5(path: Path, text: str, shape: tuple[int, ...]) -> FloatArray:
             raise InputError(f"{path}: numbers in {text[:80]!r}; rule: a file in the same folder")
         if not target.is_file():
             raise InputError(f"{path}: numbers in {name!r}: no such file; rule: move both together")
-        if len(keys) < 2 or keys[0] or not all(keys[1:]):
-            raise InputError(f"{path}: numbers in {text[:80]!r}; rule: FILE.h5:/PATH")
         with h5py.File(target, "r") as file:
             here = file
             for key in keys[1:]:
