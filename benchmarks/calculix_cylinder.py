@@ -40,12 +40,11 @@ from pathlib import Path
 import numpy as np
 
 from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
-from ridgebayes.contact.cylinder.mesh import DiskMesh, disk_mesh
+from ridgebayes.contact.cylinder.mesh import disk_mesh
 from ridgebayes.contact.lands import Profile
+from ridgebayes.decks.deck_text import deck_text
+from ridgebayes.decks.pressed_disk import DEPTH, PressedDisk
 
-STATIC = "1.,1.,0.002,1."  # one increment a level, cut where it does not converge
-DEPTH = 0.06  # height of the blocks that are the ridges
-STIFF = 1000.0  # Young's modulus of these blocks, whose nodes are all held
 OVERLAP = 1.6  # see above; 1.5 to 1.9 at the first two transitions of (0.022, 0.02)
 LEVELS = (0.12, 0.24, 0.36, 0.48, 0.6, 0.72, 0.84, 0.93, 0.98)  # between transitions
 MEMORY = 4 * 2**30  # bytes for the solver: where it diverges it may want all there are
@@ -67,8 +66,6 @@ class Setup:
         Angle to which the rim is fine.
     penalty : float
         Stiffness of the contact, pressure over overlap, over E/R.
-    element : str
-        CPE8 or, with reduced integration, CPE8R.
     n_ridge : int
         Ridges in the half x >= 0.
     """
@@ -80,7 +77,6 @@ class Setup:
     corner: float
     reach: float
     penalty: float
-    element: str
     n_ridge: int
 
     @property
@@ -133,83 +129,14 @@ def approach(p: float, nu: float) -> float:
     return 2.0 * p * (1.0 - nu**2) / math.pi * (2.0 * math.log(4.0 / half_width) - 1.0)
 
 
-def _rows(numbers: Iterable[int]) -> list[str]:
-    """Return numbers in lines of twelve."""
-    some = [str(int(number)) for number in numbers]
-    return [",".join(some[i : i + 12]) + "," for i in range(0, len(some), 12)]
-
-
-def write_deck(path: Path, setup: Setup, mesh: DiskMesh, levels: Iterable[float]) -> np.ndarray:
-    """Write the solver's input; return the nodes of the rim in their order, counted from 0.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    setup : Setup
-        What is computed.
-    mesh : DiskMesh
-        A quarter of the disk.
-    levels : iterable of float
-        Displacements of the mid-plane downwards, each the end of a step of its own: the contact
-        keeps a spurious overlap where one step holds several.
-    """
-    points, element = mesh.points, mesh.mesh.dofs.element_dofs
-    cells = element[:8].T  # corners, then middles, then the centre, which these elements lack
-    used = np.unique(cells)
-    number = np.zeros(len(points), dtype=int)
-    number[used] = np.arange(1, len(used) + 1)
-    lines = ["*NODE,NSET=NDISK"]
-    lines += [f"{number[i]},{points[i, 0]:.13g},{points[i, 1]:.13g},0." for i in used]
-    lines.append(f"*ELEMENT,TYPE={setup.element},ELSET=EDISK")
-    lines += [f"{i},{','.join(map(str, row))}" for i, row in enumerate(number[cells], 1)]
-    n_node, n_cell = len(used), len(cells)
-
-    lines.append("*NODE,NSET=NRID")
+def pressed(setup: Setup, levels: Iterable[float]) -> PressedDisk:
+    """Return what the solver's input holds: the mesh, the ridges, and how far to press."""
     top, bottom = setup.height, setup.height - DEPTH
-    for k, x in enumerate(setup.inner):
-        corners = ((x, bottom), (x + setup.a, bottom), (x + setup.a, top), (x, top))
-        lines += [
-            f"{n_node + 4 * k + i},{u:.13g},{v:.13g},0." for i, (u, v) in enumerate(corners, 1)
-        ]
-    lines.append("*ELEMENT,TYPE=CPE4,ELSET=ERID")
-    for k in range(setup.n_ridge):
-        lines.append(",".join(map(str, [n_cell + k + 1, *(n_node + 4 * k + 1 + np.arange(4))])))
-
-    middle = np.arctan2(points[:, 0], -points[:, 1])[mesh.rim[:, 1]]
-    pressed = set(mesh.rim[middle < 2.0 * setup.reach + 0.05, 1])
-    lines.append("*SURFACE,NAME=BODY,TYPE=ELEMENT")
-    for side in range(4):
-        some = np.flatnonzero([i in pressed for i in cells[:, 4 + side]])
-        lines += [f"{i + 1},S{side + 1}" for i in some]
-    lines.append("*SURFACE,NAME=RIDGES,TYPE=ELEMENT")
-    lines += [f"{n_cell + k + 1},S{face}" for k in range(setup.n_ridge) for face in (3, 2, 4)]
-
-    rim = np.concatenate([mesh.rim[:, :2].ravel(), mesh.rim[-1:, 2]])
-    for name, nodes in (("NTOP", mesh.mid_plane), ("NAX", mesh.axis), ("NARC", rim)):
-        lines += [f"*NSET,NSET={name}", *_rows(n for n in number[nodes] if n)]
-    mu, bulk = 0.5 / (1.0 + setup.nu), 1.0 / (3.0 * (1.0 - 2.0 * setup.nu))
-    lines += [
-        *("*MATERIAL,NAME=BODY", "*HYPERELASTIC,NEO HOOKE", f"{mu / 2:.10g},{2.0 / bulk:.10g}"),
-        *("*MATERIAL,NAME=RIDGES", "*ELASTIC", f"{STIFF},0.3"),
-        *("*SOLID SECTION,ELSET=EDISK,MATERIAL=BODY", "1."),
-        *("*SOLID SECTION,ELSET=ERID,MATERIAL=RIDGES", "1."),
-        *("*SURFACE INTERACTION,NAME=SI", "*SURFACE BEHAVIOR,PRESSURE-OVERCLOSURE=LINEAR"),
-        f"{setup.penalty:.10g}",
-        *("*CONTACT PAIR,INTERACTION=SI,TYPE=SURFACE TO SURFACE", "BODY,RIDGES"),
-        *("*BOUNDARY", "NRID,1,2", "NAX,1,1"),
-    ]
-    for i, level in enumerate(levels):
-        lines.append("*STEP,NLGEOM,INC=60")
-        if i == 0:
-            lines += ["*CONTROLS,PARAMETERS=FIELD", "0.001,0.002"]
-        lines += [
-            *("*STATIC", STATIC, "*BOUNDARY", f"NTOP,2,2,{-level:.12g}"),
-            *("*NODE PRINT,NSET=NTOP,TOTALS=ONLY,FREQUENCY=1000", "RF"),
-            *("*NODE PRINT,NSET=NARC,FREQUENCY=1000", "U", "*END STEP"),
-        ]
-    path.write_text("\n".join(lines) + "\n", encoding="ascii")
-    return rim
+    blocks = tuple(
+        np.array([[x, bottom], [x + setup.a, bottom], [x + setup.a, top], [x, top]])
+        for x in setup.inner
+    )
+    return PressedDisk(disk_mesh(setup.size), blocks, setup.nu, 0.0, np.array(list(levels)))
 
 
 def read_results(path: Path, undeformed: np.ndarray) -> tuple[list[float], list[np.ndarray]]:
@@ -251,12 +178,12 @@ def solve(setup: Setup, levels: Iterable[float], *, limit: float = 600.0) -> Run
     solver = find_solver()
     if solver is None:
         raise FileNotFoundError("no `ccx` on the path")
-    mesh = disk_mesh(setup.size)
+    levels = list(levels)
+    disk = pressed(setup, levels)
     with tempfile.TemporaryDirectory() as folder:
         deck = Path(folder) / "cylinder.inp"
-        levels = list(levels)
-        rim = write_deck(deck, setup, mesh, levels)
-        run = Run(len(mesh.points) - mesh.mesh.dofs.element_dofs.shape[1], mesh.mesh.nelements)
+        deck.write_text(deck_text(disk, "calculix", penalty=setup.penalty), encoding="ascii")
+        run = Run(int(disk.numbers.max()), len(disk.cells))
         start = time.perf_counter()
         with (Path(folder) / "log").open("wb") as log:
             process = subprocess.Popen(
@@ -283,7 +210,7 @@ def solve(setup: Setup, levels: Iterable[float], *, limit: float = 600.0) -> Run
         results = deck.with_suffix(".dat")
         if results.exists():
             # The solver writes the set's nodes in the order they were given in.
-            run.load, run.rim = read_results(results, mesh.points[rim])
+            run.load, run.rim = read_results(results, disk.mesh.points[disk.rim])
         if len(run.load) < len(levels):
             why = f"stopped after {limit:.0f} s" if process.returncode < 0 else "did not converge"
             run.ended = f"{why}; {len(run.load)} of {len(levels)} levels"
@@ -371,13 +298,12 @@ def make_setup(
     edge: float = 1.5e-3,
     corner: float = 4e-4,
     penalty: float = 1e5,
-    element: str = "CPE8R",
 ) -> Setup:
     """Choose how far the rim is fine, and how many ridges there are."""
     half_width = math.sqrt(8.0 * p_max * (1.0 - nu**2) / math.pi)
     reach = math.asin(min(half_width, 0.95)) + 0.5 * (a + b)
     n_ridge = max(2, math.ceil((half_width - b / 2) / (a + b)) + 2)
-    return Setup(a, b, nu, edge, corner, reach, penalty, element, n_ridge)
+    return Setup(a, b, nu, edge, corner, reach, penalty, n_ridge)
 
 
 def first_levels(setup: Setup, p_max: float, each: int) -> np.ndarray:
@@ -405,7 +331,6 @@ def locate(setup: Setup, p_max: float, *, each: int = 6, limit: float = 600.0) -
             "edge": max(setup.edge, min(setup.a, setup.b) / 8),
             "corner": max(setup.corner, min(setup.a, setup.b) / 8),
             "penalty": min(setup.penalty, 2e4),
-            "element": "CPE8R",
         }
     )
     levels = first_levels(rough, p_max, each)
@@ -435,7 +360,7 @@ def calculix_transitions(
     report : callable, optional
         Told what runs cost and how they ended.
     **options
-        Of `make_setup`: nu, edge, corner, penalty, element.
+        Of `make_setup`: nu, edge, corner, penalty.
 
     Returns
     -------
@@ -474,7 +399,6 @@ def main() -> None:
     parser.add_argument("--edge", type=float, default=1.5e-3, help="elements under ridges, over R")
     parser.add_argument("--corner", type=float, default=4e-4, help="elements at corners, over R")
     parser.add_argument("--penalty", type=float, default=1e5, help="contact stiffness over E/R")
-    parser.add_argument("--element", choices=["CPE8", "CPE8R"], default="CPE8R")
     parser.add_argument("--limit", type=float, default=600.0, help="seconds for each run")
     given = vars(parser.parse_args())
     if find_solver() is None:
