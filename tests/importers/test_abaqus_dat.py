@@ -80,11 +80,30 @@ def test_read_abaqus_dat__a_total_counts_before_the_rows(tmp_path):
 
 
 def test_read_abaqus_dat__rows_of_zeros_are_zeros(tmp_path):
-    run = {**RUN, "position": RUN["position"].copy()}
-    run["position"][:, -40:] = run["nodes"][-40:]  # far from the ridges
-    text = WRITER.dat_text(run["force"], run["nodes"], run["position"])
-    assert f"\n {N:10d} " not in text
-    np.testing.assert_allclose(loads(tmp_path, text), loads(tmp_path), rtol=1e-9)
+    texts = []
+    for least in (0.0, 1e-12):
+        run = {**RUN, "position": RUN["position"].copy()}
+        # Nodes about the second corner stay where they were, in the third level before contact.
+        held = np.abs(run["nodes"][:, 0] - run["corners"][1]) < 0.01
+        run["position"][1, held] = run["nodes"][held] + least
+        texts.append(WRITER.dat_text(run["force"], run["nodes"], run["position"]))
+    assert texts[0].count("\n") < texts[1].count("\n")
+    found, expected, moving = (read(tmp_path, one).table.frame for one in (*texts, PRINTED))
+    assert expected["rel_se"][0] > 1.5 * moving["rel_se"][0]  # these nodes do count
+    columns = ["p_over_E", "rel_se"]
+    np.testing.assert_allclose(found[columns], expected[columns], rtol=1e-6)  # 1e-12 of R moved
+
+
+def test_read_abaqus_dat__printed_digits_are_errors_of_the_load(tmp_path):
+    errors = []
+    for R in (1.0, 1000.0):
+        run = WRITER.pressed(R=R)
+        text = WRITER.dat_text(run["force"], run["nodes"], run["position"])
+        errors.append(read(tmp_path, text, run=run).table.frame["rel_se"][0])
+    # Of displacements of up to 34, in units of R / 1000, two decimals are printed: half of 0.01.
+    # A gap closes with the depth d at a rate of 1, p/E = 0.00155 grows by 0.3 + 24 d, d = 0.0044.
+    expected = 0.005 / 1000 * (0.3 + 24 * 0.0044) / 0.00155
+    assert np.sqrt(errors[1] ** 2 - errors[0] ** 2) == pytest.approx(expected, rel=0.2)
 
 
 def test_read_abaqus_dat__missing_rows_without_an_end_leave_a_level_out(tmp_path):

@@ -101,6 +101,9 @@ def test_read_abaqus_rpt__wide_rows_go_on_on_a_second_line(tmp_path):
         text,
     )
     np.testing.assert_array_equal(loads(tmp_path, text), loads(tmp_path))
+    # A blank line in a row is not the end of its table.
+    text = re.sub(r"(\n {13}100 [^\n]*\n)", r"\1\n", text)
+    np.testing.assert_array_equal(loads(tmp_path, text), loads(tmp_path))
 
 
 def test_read_abaqus_rpt__label_and_node_on_one_line_are_a_header(tmp_path):

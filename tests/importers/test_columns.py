@@ -190,6 +190,16 @@ def test_read_columns__source_names_file_digest_mapping_and_keeps_the_files_own(
     assert source[1].endswith("; y")
 
 
+def test_read_columns__source_stays_short_whatever_the_number_of_columns(read):
+    header = ",".join(f"load {Q}" for Q in range(4, 400, 2))
+    loads = ",".join(str(Q) for Q in range(4, 400, 2))
+    found = read(f"a_over_R,b_over_R,{header}\n.03,.01,{loads}\n", {"p_over_E": "load *"})
+    source = column(found, "source")[0]
+    assert source.endswith("p_over_E Q=4='load 4' and 197 more")
+    found = read(CONTRACT, values={"series": 1000 * "x"})
+    assert len(column(found, "source")[0]) < 400
+
+
 def test_read_columns__series_and_solver_come_from_values(read):
     found = read(CONTRACT, values={"series": "s2", "solver": "abaqus", "role": "held-out"})
     assert set(column(found, "series")) == {"s2"}
@@ -273,9 +283,10 @@ def test_read_columns__plain_loads_of_wide_tables_are_p_over_E_unless_there_is_a
 
 
 def test_read_columns__wide_tables_may_have_lower_ends(read):
-    text = "a_over_R,b_over_R,Q=4,low Q=4\n.03,.01,0.002,0.001\n"
+    text = "a_over_R,b_over_R,Q=4,Q=6,low Q=6\n.03,.01,0.002,0.008,0.007\n.02,.01,,0.009,\n"
     found = read(text, {"p_over_E_lower": "low Q=*"})
-    assert column(found, "p_over_E_lower") == [0.001]
+    assert column(found, "Q") == [4, 6, 6]
+    np.testing.assert_array_equal(found.table.column("p_over_E_lower"), [np.nan, 0.007, np.nan])
 
 
 def test_read_columns__a_word_in_a_wide_cell_is_refused(refusal):

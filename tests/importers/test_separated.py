@@ -91,6 +91,18 @@ def test_read__a_quoted_line_break_moves_the_lines_below():
     assert "line 4, column 'b' = 'x'" in text
 
 
+@pytest.mark.parametrize("word", ["true", "False"])
+def test_read__a_column_of_truth_values_is_not_ones_and_zeros(word):
+    assert f"line 2, column 'b' = {word!r}" in refusal(f"a,b,Q\n1,{word},4\n2,{word},4\n")
+
+
+@pytest.mark.parametrize("row", ["\r,0.5,4", '"",0.5,4', " \n,0.5,4"])
+def test_read__an_empty_first_cell_stays_where_it_is(row):
+    frame = read(f"a,b,Q\n{row}\n1,2,6\n").frame
+    np.testing.assert_array_equal(frame["a"], [np.nan, 1])
+    assert frame["b"].tolist() == [0.5, 2]
+
+
 @pytest.mark.parametrize("cell", ["=1+1", " =A1", '"=1,5"'])
 def test_separated__formulas_are_refused_in_any_column(cell):
     assert "line 3, column 'n' = '" in refusal(f"a,b,n\n1,2,ok=1\n1,2,{cell}\n")
@@ -127,6 +139,22 @@ def test_separated__ragged_rows_name_their_lines():
 )
 def test_separated__what_is_no_table_is_refused_in_words(content, words):
     assert words in refusal(content, numeric=())
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        (",".join(map(str, range(2001))), "2001 columns; rule: at most 2000"),
+        ("a," + 501 * "_", "rule: at most 500 characters"),
+    ],
+)
+def test_separated__absurd_headers_are_refused(header, words):
+    assert words in refusal(f"{header}\n1,2\n", numeric=())
+
+
+def test_read__a_long_cell_of_digits_is_refused_soon():
+    # Backtracking over its digits would take minutes.
+    assert "column 'a'" in refusal(f"a,b,Q\n{130_000 * '9'}x,1,4\n")
 
 
 def test_separated__a_cell_without_end_is_refused():

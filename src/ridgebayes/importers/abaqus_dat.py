@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from ridgebayes.errors import InputError
-from ridgebayes.importers.deck import Deck, read_deck
+from ridgebayes.importers.deck import check_material, read_deck, rigid_nodes
 from ridgebayes.importers.levels import Body, Levels, table_of
-from ridgebayes.importers.record import Imported, provenance, read_text
+from ridgebayes.importers.record import NUMBER, Imported, finite, provenance, read_text
 
 _SUMMARY = re.compile(r"\s*INCREMENT\s+(\d{1,9})\s+SUMMARY\s*$")
 _STEP = re.compile(r"\s*S T E P\s+(\d{1,9})\s")
@@ -24,7 +24,6 @@ _ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
 _EXTREMES = ("MAXIMUM", "MINIMUM")
 _TRAILERS = (*_EXTREMES, "AT", "TOTAL")
 # Fortran drops the E of an exponent of three digits.
-_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]?([+-]\d+)|[EeDd](\d+))?")
 
 
 @dataclass
@@ -134,7 +133,7 @@ def read_abaqus_dat(
             + "".join(f"; {line}" for line in said[:3])
         )
     position = undeformed + np.array(moved)
-    check_material(sheet, body, deck)
+    check_material(sheet, body.E, body.nu, deck)
     levels = Levels(
         np.array(force),
         undeformed,
@@ -149,94 +148,6 @@ def read_abaqus_dat(
     return table_of(
         levels, body, where=str(path), solver="abaqus", source=source, brackets=brackets
     )
-
-
-def check_material(deck: Deck, body: Body, path: Path) -> None:
-    """Refuse a body whose E or nu is not the deck's.
-
-    Parameters
-    ----------
-    deck : Deck
-        As read.
-    body : Body
-        What the user says.
-    path : pathlib.Path
-        The deck's, for messages.
-
-    Raises
-    ------
-    InputError
-        If E is off by a thousandth, or nu by 0.001.
-    """
-    if deck.E is not None and not math.isclose(deck.E, body.E, rel_tol=1e-3):
-        raise InputError(
-            f"{path}: the material has E = {deck.E:.6g}, and {body.E:g} was given; rule: --E as in "
-            "the deck"
-        )
-    if deck.nu is not None and abs(deck.nu - body.nu) > 1e-3:
-        raise InputError(
-            f"{path}: the material has nu = {deck.nu:.6g}, and {body.nu:g} was given; rule: --nu "
-            "as in the deck"
-        )
-
-
-def rigid_nodes(deck: Deck, body: list[int]) -> list[int]:
-    """List the nodes that no chain of elements joins to the body's.
-
-    Parameters
-    ----------
-    deck : Deck
-        As read.
-    body : list of int
-        Some nodes of the body.
-
-    Returns
-    -------
-    list of int
-    """
-    meets: dict[int, list[int]] = {}
-    for number, some in deck.elements.items():
-        for node in some:
-            meets.setdefault(node, []).append(number)
-    found, seen, ahead = set(body), set[int](), list(body)
-    while ahead:
-        for number in meets.get(ahead.pop(), ()):
-            if number not in seen:
-                seen.add(number)
-                new = [node for node in deck.elements[number] if node not in found]
-                found.update(new)
-                ahead += new
-    return [node for node in deck.nodes if node not in found]
-
-
-def finite(path: Path, line: int, word: str) -> float:
-    """Return a printed number.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file, for messages.
-    line : int
-        The line, for messages.
-    word : str
-        Digits with a point; an exponent may lack its E, as Fortran prints it.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    InputError
-        If it is no finite number, such as with a comma for the point.
-    """
-    match = _NUMBER.fullmatch(word) if word.isascii() else None
-    value = math.nan
-    if match is not None:
-        value = float(f"{match[1]}e{match[2] or match[3] or '0'}")
-    if not math.isfinite(value):
-        raise InputError(f"{path}, line {line}: {word[:40]!r}: rule: a finite number")
-    return value
 
 
 def _table(increment: _Increment, nodes: str, *columns: str) -> _Table | None:
@@ -360,7 +271,7 @@ def _row(path: Path, number: int, words: list[str], table: _Table) -> None:
         return
     if not (words[0].isascii() and words[0].isdigit() and len(words[0]) < 19) or table.whole:
         return  # NOTE below the header, a page's head, or what follows the table
-    if table.below and not all(_NUMBER.fullmatch(word) for word in words):
+    if table.below and not all(NUMBER.fullmatch(word) for word in words):
         return  # counts of messages at the end of the file
     if len(words) != len(table.columns) + 1:
         raise InputError(
@@ -378,7 +289,7 @@ def _row(path: Path, number: int, words: list[str], table: _Table) -> None:
 
 def _last_digit(word: str) -> float:
     """Return the unit of a number's last printed digit: 0.001 of 1.234, 1e-7 of 1.2345E-03."""
-    match = _NUMBER.fullmatch(word)
+    match = NUMBER.fullmatch(word)
     if match is None:
         return 0.0
     decimals = len(match[1].partition(".")[2])

@@ -11,10 +11,9 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.importers.abaqus_dat import check_material, finite, rigid_nodes
-from ridgebayes.importers.deck import Deck, read_deck
+from ridgebayes.importers.deck import Deck, check_material, read_deck, rigid_nodes
 from ridgebayes.importers.levels import Body, Levels, table_of
-from ridgebayes.importers.record import Imported, provenance, read_text
+from ridgebayes.importers.record import Imported, finite, provenance, read_text
 
 _TITLE = "Field Output Report"
 _FRAME = re.compile(r"\s*Frame: Increment\s+(\d{1,9}): Step Time =\s*(\S+)")
@@ -122,7 +121,7 @@ def read_abaqus_rpt(
     moved = np.array([rim.of(nodes, "U.U1", "U.U2") for _, rim, _ in kept])
     digits = 0.5 * 10.0 ** (1 - max(rim.digits for _, rim, _ in kept)) * float(np.abs(moved).max())
     if sheet is not None and deck is not None:
-        check_material(sheet, body, deck)
+        check_material(sheet, body.E, body.nu, deck)
         undeformed = sheet.coordinates(nodes, str(deck))
         rigid = sheet.coordinates(rigid_nodes(sheet, nodes), str(deck))
     else:

@@ -1,6 +1,5 @@
 """CalculiX runs: printed displacements and total forces of a ``.dat`` with its deck."""
 
-import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from ridgebayes.errors import InputError
-from ridgebayes.importers.deck import read_deck
+from ridgebayes.importers.deck import check_material, read_deck, rigid_nodes
 from ridgebayes.importers.levels import Body, Levels, table_of
-from ridgebayes.importers.record import Imported, provenance, read_text
+from ridgebayes.importers.record import Imported, finite, provenance, read_text
 
 _HEAD = re.compile(
     r" ?(total force|forces|displacements|relative contact displacement|contact stress)"
@@ -81,8 +80,7 @@ def read_calculix(
             "rule: *NODE PRINT of U on the one and of RF, TOTALS=ONLY, on the other"
         )
     moved = np.array([[one.moved[node] for node in nodes] for one in whole])
-    # Nodes of the rigid side are those of no part of the body: of the elements without the rim's.
-    rigid = sheet.coordinates(_apart(sheet.elements, nodes, sheet.nodes), str(deck))
+    rigid = sheet.coordinates(rigid_nodes(sheet, nodes), str(deck))
     taken = Levels(
         np.array([one.force for one in whole], dtype=float),
         undeformed,
@@ -91,16 +89,7 @@ def read_calculix(
         digits=float(_DIGITS * np.abs(moved).max()),
         said=(f"{path}: {len(whole)} levels with {surface} and {reaction}", *said),
     )
-    if sheet.E is not None and not math.isclose(sheet.E, body.E, rel_tol=1e-3):
-        raise InputError(
-            f"{deck}: the material has E = {sheet.E:.6g}, and {body.E:g} was given; rule: --E as "
-            "in the deck"
-        )
-    if sheet.nu is not None and abs(sheet.nu - body.nu) > 1e-3:
-        raise InputError(
-            f"{deck}: the material has nu = {sheet.nu:.6g}, and {body.nu:g} was given; rule: --nu "
-            "as in the deck"
-        )
+    check_material(sheet, body.E, body.nu, deck)
     source = provenance(
         path, "calculix", f"deck={deck.name}", f"surface={surface}", f"reaction={reaction}"
     )
@@ -113,41 +102,21 @@ def _complete(level: _Level, nodes: list[int]) -> bool:
     return level.moved.keys() >= set(nodes)
 
 
-def _apart(
-    elements: dict[int, tuple[int, ...]],
-    body: list[int],
-    nodes: dict[int, tuple[float, float]],
-) -> list[int]:
-    """Return the nodes that no chain of elements joins to the body's."""
-    parent = {node: node for node in nodes}
-
-    def root(node: int) -> int:
-        while parent[node] != node:
-            parent[node] = parent[parent[node]]
-            node = parent[node]
-        return node
-
-    for some in elements.values():
-        known = [node for node in some if node in parent]
-        for one in known[1:]:
-            parent[root(one)] = root(known[0])
-    inside = {root(node) for node in body}
-    return [node for node in nodes if root(node) not in inside]
-
-
 def _levels(path: Path, surface: str, reaction: str) -> tuple[list[_Level], list[str]]:
     """Return what was printed of the two sets, by time in the order of the file."""
     found: dict[float, _Level] = {}
     repeated, others = 0, set[str]()
     block, level = "", None
     summed: dict[float, float] = {}
-    for number, line in enumerate(read_text(path).split("\n"), start=1):
+    # A line without its end was being written when the run was stopped.
+    lines = read_text(path).split("\n")[:-1]
+    for number, line in enumerate(lines, start=1):
         head = _HEAD.match(line)
         if head is not None:
             what, _, name, time_text = head.groups()
             block, level = "", None
             name = (name or "").upper()
-            time = _number(path, number, time_text)
+            time = finite(path, number, time_text)
             if what == "displacements" and name == surface:
                 block = "moved"
             elif what in ("total force", "forces") and name == reaction:
@@ -172,7 +141,7 @@ def _levels(path: Path, surface: str, reaction: str) -> tuple[list[_Level], list
                 raise InputError(
                     f"{path}, line {number}: {line.strip()[:60]!r}; rule: node, vx, vy, vz"
                 )
-            values = [_number(path, number, word) for word in words]
+            values = [finite(path, number, word) for word in words]
             node = int(values[0])
             if node != values[0] or node in level.moved:
                 raise InputError(
@@ -182,25 +151,15 @@ def _levels(path: Path, surface: str, reaction: str) -> tuple[list[_Level], list
         elif block == "total force":
             if len(words) != 3:
                 raise InputError(f"{path}, line {number}: {line.strip()[:60]!r}; rule: fx, fy, fz")
-            level.force = [_number(path, number, word) for word in words][1]
+            level.force = [finite(path, number, word) for word in words][1]
             block = "done"
         elif block == "forces":
             if len(words) != 4:
                 raise InputError(
                     f"{path}, line {number}: {line.strip()[:60]!r}; rule: node, fx, fy, fz"
                 )
-            level.force = (level.force or 0.0) + [_number(path, number, w) for w in words][2]
+            level.force = (level.force or 0.0) + [finite(path, number, w) for w in words][2]
     said = [f"not used: {', '.join(sorted(others))}"] if others else []
     if repeated:
         said.append(f"{repeated} levels of a time printed again: the later one counts")
     return [found[time] for time in sorted(found)], said
-
-
-def _number(path: Path, line: int, word: str) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{path}, line {line}: {word!r}: rule: a finite number")
-    return value

@@ -9,12 +9,12 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.importers.abaqus_dat import check_material, finite
 from ridgebayes.importers.calculix_sta import read_sta
-from ridgebayes.importers.deck import Deck, read_deck
+from ridgebayes.importers.deck import Deck, check_material, read_deck
 from ridgebayes.importers.increments import transitions_of
-from ridgebayes.importers.levels import Body, Levels, _Rim
-from ridgebayes.importers.record import Imported, provenance, read_text
+from ridgebayes.importers.levels import Body
+from ridgebayes.importers.record import Imported, finite, provenance, read_text
+from ridgebayes.importers.rim import Rim
 from ridgebayes.table import ContactTable
 
 _HEAD = re.compile(
@@ -102,7 +102,7 @@ def read_calculix_contact(
     sheet = read_deck(deck)
     nodes = list(dict.fromkeys(sheet.nodes_of(surface, str(deck))))
     sheet.nodes_of(reaction, str(deck))
-    check_material(sheet, body, deck)
+    check_material(sheet, body.E, body.nu, deck)
     found = read_pressed(path, surface, reaction)
     said = [f"{path}: {len(found)} levels"]
     if sta is not None:
@@ -123,8 +123,7 @@ def read_calculix_contact(
             "*CONTACT PRINT of CSTR and *NODE PRINT of RF, TOTALS=ONLY"
         )
     undeformed = sheet.coordinates(nodes, str(deck))
-    empty = np.zeros((0, 2))
-    rim = _Rim.of(Levels(np.zeros(0), undeformed, empty, empty), body, str(deck))
+    rim = Rim.of(undeformed, str(deck), R=body.R, symmetry=body.symmetry)
     placed = [_intervals(one, sheet, float(rim.centre[0]), deck) for one in whole]
     if n := sum(not one.moved for one in whole):
         said.append(f"{n} levels without displacements of {surface}: faces where they were")

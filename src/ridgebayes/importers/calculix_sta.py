@@ -8,8 +8,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.importers.abaqus_dat import finite
-from ridgebayes.importers.record import read_text
+from ridgebayes.importers.record import finite, read_text
 
 # Step, increment, attempt (U where it did not converge), iterations, three times.
 _LINE = re.compile(

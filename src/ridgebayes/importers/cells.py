@@ -12,9 +12,11 @@ from ridgebayes._types import BoolArray
 from ridgebayes.errors import InputError
 
 SHOWN = 20  # cells a message lists; the rest is counted
-NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*", re.A)
+NUMBER = re.compile(r"\s*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 FINITE = "rule: a finite number, with a point for decimals, or an empty cell"
 FORMULA = "rule: values, not formulas"
+MOST_COLUMNS = 2000
+LONGEST_HEADER = 500
 _PLAIN = r"-?(?:0|[1-9]\d{0,14})(?:\.\d+)?(?:[eE][+-]?\d{1,2})?|"
 _UNNAMED = "(column {})"
 
@@ -110,7 +112,8 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        If a header stands twice, is a formula, or has control characters.
+        If a header stands twice, is a formula, is too long or has control characters, or there
+        are over 2000.
 
     Examples
     --------
@@ -118,6 +121,8 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
     ('Ridge width [mm]', '(column 2)')
     """
     headers: list[str] = []
+    if len(names) > MOST_COLUMNS:
+        raise InputError(f"{where}: {len(names)} columns; rule: at most {MOST_COLUMNS}")
     for i, name in enumerate(names, start=1):
         text = "" if name is None else " ".join(str(name).split())
         place = f"{where}, header, column {i} = {text[:60]!r}"
@@ -125,6 +130,8 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
             raise InputError(f"{place}: {FORMULA}")
         if re.search(r"[\x00-\x1f\x7f]", text):
             raise InputError(f"{place}: rule: no control characters")
+        if len(text) > LONGEST_HEADER:
+            raise InputError(f"{place}: rule: at most {LONGEST_HEADER} characters")
         if text and text in headers:
             raise InputError(f"{place}: rule: each header once")
         headers.append(text or _UNNAMED.format(i))

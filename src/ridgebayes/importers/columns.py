@@ -8,7 +8,7 @@ import numpy as np
 
 from ridgebayes.errors import InputError
 from ridgebayes.importers.cells import Source
-from ridgebayes.importers.mapping import CORNERS, assign, check_constants
+from ridgebayes.importers.mapping import CORNERS, Use, assign, check_constants
 from ridgebayes.importers.record import Imported, provenance, read_bytes
 from ridgebayes.importers.understood import UnderstoodColumns, listed
 from ridgebayes.table import ContactTable
@@ -17,6 +17,7 @@ from ridgebayes.table_columns import NAMES
 from ridgebayes.table_findings import RawTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".xlsx", ".parquet")
+_LONGEST = 300  # characters of the mapping in `source`
 _NONE: Mapping[str, str] = MappingProxyType({})
 _DISGUISED = (
     (b"\x80\x02", "a pickle"),
@@ -108,9 +109,9 @@ def read_columns(
         frame, line, said = taken.wide()
     else:
         frame, line, said = taken.long()
-    told = [str(use) for use in taken.told if use.name != use.header or use.unit is not None]
-    told += [f"{key}={value}" for key, value in values.items()]
-    origin = provenance(path, "columns", *([", ".join(told)] if told else []))
+    told = _told(taken.told, values)
+    details = [f"sheet={sheet}"] if sheet else []
+    origin = provenance(path, "columns", *details, *([told] if told else []))
     if "source" in frame:
         own = as_text(frame["source"])
         frame["source"] = (origin + "; " + own).where(own != "", origin)
@@ -122,6 +123,21 @@ def read_columns(
     del cells, taken, source  # of a million rows: 0.2 GB that validating needs
     table = ContactTable._validated(RawTable(frame, where, line))
     return Imported(table, (*said, *_kept(table)))
+
+
+def _told(uses: list[Use], values: Mapping[str, str | float]) -> str:
+    """Return the mapping on one line, of many columns for each Q the first."""
+    own = [use for use in uses if use.name != use.header or use.unit is not None]
+    first: dict[tuple[str, bool], list[Use]] = {}
+    for use in own:
+        first.setdefault((use.key, use.Q is None), []).append(use)
+    told = [
+        str(some[0]) + (f" and {len(some) - 1} more" if len(some) > 1 else "")
+        for some in first.values()
+    ]
+    text = ", ".join([*told, *(f"{key}={value}" for key, value in values.items())])
+    # It stands in every row.
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 def _source(path: Path, sheet: str | None) -> Source:

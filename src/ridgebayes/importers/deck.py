@@ -8,9 +8,10 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.importers.record import read_text
+from ridgebayes.importers.record import finite, read_text
 
 _DEEPEST = 4  # *INCLUDEs within *INCLUDEs
+_MOST_NODES = 1_000_000  # of a set
 
 
 @dataclass
@@ -86,6 +87,64 @@ def read_deck(path: Path) -> Deck:
     return deck
 
 
+def check_material(deck: Deck, E: float, nu: float, path: Path) -> None:
+    """Refuse an E or nu that is not the deck's.
+
+    Parameters
+    ----------
+    deck : Deck
+        As read.
+    E, nu : float
+        What the user says.
+    path : pathlib.Path
+        The deck's, for messages.
+
+    Raises
+    ------
+    InputError
+        If E is off by a thousandth, or nu by 0.001.
+    """
+    if deck.E is not None and not math.isclose(deck.E, E, rel_tol=1e-3):
+        raise InputError(
+            f"{path}: the material has E = {deck.E:.6g}, and {E:g} was given; rule: --E as in "
+            "the deck"
+        )
+    if deck.nu is not None and abs(deck.nu - nu) > 1e-3:
+        raise InputError(
+            f"{path}: the material has nu = {deck.nu:.6g}, and {nu:g} was given; rule: --nu "
+            "as in the deck"
+        )
+
+
+def rigid_nodes(deck: Deck, body: list[int]) -> list[int]:
+    """List the nodes that no chain of elements joins to the body's.
+
+    Parameters
+    ----------
+    deck : Deck
+        As read.
+    body : list of int
+        Some nodes of the body.
+
+    Returns
+    -------
+    list of int
+    """
+    meets: dict[int, list[int]] = {}
+    for number, some in deck.elements.items():
+        for node in some:
+            meets.setdefault(node, []).append(number)
+    found, seen, ahead = set(body), set[int](), list(body)
+    while ahead:
+        for number in meets.get(ahead.pop(), ()):
+            if number not in seen:
+                seen.add(number)
+                new = [node for node in deck.elements[number] if node not in found]
+                found.update(new)
+                ahead += new
+    return [node for node in deck.nodes if node not in found]
+
+
 def _read(path: Path, deck: Deck, depth: int) -> None:
     keyword, options, rows = "", dict[str, str](), list[tuple[int, list[str]]]()
     for number, line in enumerate(read_text(path).split("\n"), start=1):
@@ -125,7 +184,12 @@ def _block(
         for number, cells in rows:
             values = _numbers(path, number, cells[:3], at_least=3)
             name = _integer(path, number, values[0])
-            deck.nodes[name] = (values[1], values[2])
+            new = (values[1], values[2])
+            if deck.nodes.setdefault(name, new) != new:
+                raise InputError(
+                    f"{path}, line {number}: node {name} stands at two places; rule: a deck "
+                    "without parts, each node once"
+                )
         if "NSET" in options:
             some = deck.nsets.setdefault(options["NSET"].upper(), [])
             some += [int(float(cells[0])) for _, cells in rows]
@@ -141,6 +205,8 @@ def _block(
                 element, *nodes = (_integer(path, number, v) for v in _numbers(path, number, flat))
                 deck.elements[element] = tuple(nodes)
                 flat = []
+        if flat:
+            raise InputError(f"{path}, line {rows[-1][0]}: an element ends in a comma; rule: nodes")
     elif rows and (keyword == "HYPERELASTIC" or (keyword == "ELASTIC" and deck.E is None)):
         # Rubber is the body even where the ridges' metal stands before it.
         _material(path, deck, keyword, options, *rows[0])
@@ -175,9 +241,13 @@ def _nset(
         if "GENERATE" in options:
             values = [_integer(path, number, v) for v in _numbers(path, number, cells, at_least=2)]
             step = values[2] if len(values) > 2 else 1
-            if step < 1 or (values[1] - values[0]) // step > 10_000_000:
-                raise InputError(f"{path}, line {number}: GENERATE with a step of {step}")
-            some += range(values[0], values[1] + 1, step)
+            new = range(values[0], values[1] + 1, step)
+            if len(some) + len(new) > _MOST_NODES:
+                raise InputError(
+                    f"{path}, line {number}: GENERATE of {len(new)} nodes: rule: at most "
+                    f"{_MOST_NODES} in a set"
+                )
+            some += new
             continue
         for cell in cells:
             if cell.upper() in deck.nsets:
@@ -198,6 +268,8 @@ def _material(
     if not any(name.replace(" ", "-") == "NEO-HOOKE" for name in options):
         return
     c10, d1 = _numbers(path, number, cells[:2], at_least=2)
+    if not (c10 > 0 and d1 >= 0):
+        raise InputError(f"{path}, line {number}: C10 = {c10:g}, D1 = {d1:g}; rule: > 0 and >= 0")
     mu = 2 * c10
     if d1 == 0:
         deck.E, deck.nu = 3 * mu, 0.5
@@ -208,17 +280,7 @@ def _material(
 
 
 def _numbers(path: Path, line: int, cells: list[str], *, at_least: int = 1) -> list[float]:
-    found = []
-    for column, cell in enumerate(cells, start=1):
-        try:
-            value = float(cell.upper().replace("D", "E"))
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise InputError(
-                f"{path}, line {line}, value {column} = {cell!r}: rule: a finite number"
-            )
-        found.append(value)
+    found = [finite(path, line, cell, column) for column, cell in enumerate(cells, start=1)]
     if len(found) < at_least:
         raise InputError(f"{path}, line {line}: {len(found)} values; rule: at least {at_least}")
     return found

@@ -1,6 +1,7 @@
 """From increments to transitions: in which increment, or at which load, each corner was reached."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -71,7 +72,7 @@ def transitions_of(
     error = np.broadcast_to(np.asarray(gap_error, dtype=float), gap.shape)
     order, said = _rising(load)
     load, gap, error = load[order], gap[order], error[order]
-    rows = []
+    rows: list[dict[str, Any]] = []
     for j in np.argsort(Q):
         known = ~np.isnan(gap[:, j])
         touched = known & (gap[:, j] <= 0)
@@ -95,6 +96,10 @@ def transitions_of(
             row |= {"p_over_E": told[0], "p_over_E_lower": math.nan, "rel_se": told[1]}
         elif not brackets and np.isfinite(gap[before, j]).any():
             said.append(f"Q = {Q[j]}: the gap before contact is not smooth enough: bracketed")
+        if rows and row["p_over_E"] <= rows[-1]["p_over_E"]:
+            # One increment went over two corners: its load is known for the first alone.
+            said.append(f"Q = {Q[j]}: reached in the increment of Q = {rows[-1]['Q']}: left out")
+            continue
         rows.append(row)
     if not rows:
         top = f"the highest load is p/E = {load[-1]:.5g}" if load.size else "no increment is left"

@@ -17,7 +17,7 @@ _PER_Q = (*LOADS, *LOWERS, "load", "rel_se", *CORNERS)
 _QUANTITIES = (*NUMBERS, *DIMENSIONS, "load", "gap_over_R", "pressure")
 _CONSTANTS = ("R", "E", "a", "b", "offset", *NUMBERS, *TEXTS)
 _NO_CONSTANTS = ("Q", "p_over_E", "p_over_E_lower", "source")
-_WIDE = re.compile(r"(?:(.*?)[\s_]*[\s_])??Q[\s_]*=?[\s_]*(\d{1,6})")
+_WIDE = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
 # Words in place of keys, where nothing else is said.
 _GUESSES = {
@@ -243,7 +243,7 @@ def _columns_per_Q(headers: list[str], uses: list[Use], force: bool, where: str)
         match = None if header in used else _WIDE.fullmatch(split_header(header)[0])
         if match is None:
             continue
-        words = (match.group(1) or "").strip()
+        words = (match.group(1) or "").strip(" _")
         key = words if words in _PER_Q else _WIDE_GUESSES.get(_plain(words), "")
         if key:
             found.append(Use(key, header, Q=int(match.group(2)), how="named"))

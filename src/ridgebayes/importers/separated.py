@@ -60,9 +60,10 @@ class Separated:
         self._header_line = first[0]
         self.headers = clean_headers(first[1], self.where)
         self._lines: IntArray | None = None
+        self._plain = self._content  # what pandas gets
         data = np.frombuffer(self._content, dtype=np.uint8)
         if not _is_rectangular(data, self._content, self._separator, len(self.headers)):
-            self._lines = self._checked_lines()
+            self._lines, self._plain = self._checked_lines()
         self._check_formulas(data)
 
     def read(self, numeric: Collection[str]) -> Cells:
@@ -96,13 +97,25 @@ class Separated:
         next(records)
         return records
 
-    def _checked_lines(self) -> IntArray:
-        """Return each row's line; refuse rows of another length than the header."""
+    def _checked_lines(self) -> tuple[IntArray, bytes]:
+        """Return each row's line, and the records written again without blank lines between.
+
+        Raises
+        ------
+        InputError
+            If rows are of another length than the header.
+        """
         width, lines = len(self.headers), []
+        # The two parsers differ where quotes and line ends are odd; as written here they do not.
+        again = io.BytesIO()
+        text = io.TextIOWrapper(again, encoding="utf-8", newline="")
+        writer = csv.writer(text, delimiter=self._separator, lineterminator="\n")
+        writer.writerow(range(width))
         bad: list[str] = []
         n = 0
         for line, cells in self._rows():
             lines.append(line)
+            writer.writerow(cells)
             if len(cells) != width:
                 n += 1
                 if n <= SHOWN:
@@ -119,7 +132,8 @@ class Separated:
             raise InputError(
                 "\n  ".join([f"{self.where}: {n} rows of another length", *bad, *more])
             )
-        return np.array(lines, dtype=np.int64)
+        text.flush()
+        return np.array(lines, dtype=np.int64), again.getvalue()
 
     def _check_formulas(self, data: Any) -> None:
         signs = np.flatnonzero(data == ord("="))
@@ -137,15 +151,16 @@ class Separated:
         if n:
             raise refusal(self.where, bad, n)
 
-    def _fast(self, wanted: list[str], decimal: str) -> pd.DataFrame | None:
+    def _fast(self, wanted: list[str], decimal: str, *, only: bool = False) -> pd.DataFrame | None:
         """Return the rows as pandas reads them; None where a slower look is needed."""
         try:
             frame = pd.read_csv(
-                io.BytesIO(self._content),
+                io.BytesIO(self._plain),
                 sep=self._separator,
                 header=0,
                 names=list(self.headers),
                 index_col=False,
+                usecols=wanted if only else None,
                 dtype={name: (float if name in wanted else str) for name in self.headers},
                 keep_default_na=False,
                 na_values={name: [""] for name in wanted},
@@ -174,11 +189,14 @@ class Separated:
             cells_of_rows = ([cells[i] for i in places] for _, cells in self._rows())
             if any(map(_is_decimal_comma, itertools.chain.from_iterable(cells_of_rows))):
                 return frame, "comma"
+        # One column at a time shows where to look; the others are numbers with points.
+        doubtful = [name for name in wanted if self._fast([name], ".", only=True) is None] or wanted
+        places = [self.headers.index(name) for name in doubtful]
         first: dict[str, tuple[int, str, str]] = {}  # line, header and cell of the first of a kind
         bad, n = [], 0
         sure = False
         for line, cells in self._rows():
-            for name, i in zip(wanted, places, strict=True):
+            for name, i in zip(doubtful, places, strict=True):
                 cell = cells[i]
                 if not cell.strip():
                     continue
@@ -205,6 +223,12 @@ class Separated:
             raise InputError(
                 f"{place}: rule: a point for decimals, since commas separate the cells"
             )
+        for name in wanted:
+            if name not in doubtful and "point" not in first:
+                i = self.headers.index(name)
+                found = next(((n, row[i]) for n, row in self._rows() if "." in row[i]), None)
+                if found is not None:
+                    first["point"] = (found[0], name, found[1])
         if "point" in first:
             number, name, cell = first["point"]
             raise InputError(
@@ -247,7 +271,7 @@ def _has_words(content: bytes) -> bool:
 
 
 def _utf8(content: bytes, where: str) -> bytes:
-    """Return UTF-8 text without its mark and without blank lines at its end."""
+    """Return UTF-8 text without its mark, lines ended by LF, no blank ones at its end."""
     for mark, name in ((codecs.BOM_UTF16_LE, "UTF-16"), (codecs.BOM_UTF16_BE, "UTF-16")):
         if content.startswith(mark):
             raise InputError(f"{where}, line 1: begins as {name} text; rule: UTF-8")
@@ -262,7 +286,7 @@ def _utf8(content: bytes, where: str) -> bytes:
         raise InputError(
             f"{where}, line {line}: byte {content[error.start]:#04x} is not UTF-8; rule: UTF-8"
         ) from None
-    content = content.rstrip(b"\r\n")
+    content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n").rstrip(b"\n")
     if not content.strip():
         raise InputError(f"{where}: the file is empty")
     return content + b"\n"
@@ -312,7 +336,7 @@ def _separator(content: bytes, where: str) -> str:
 
 def _is_rectangular(data: Any, content: bytes, separator: str, width: int) -> bool:
     """Count the separators of every line at once; False where quotes or blanks hide the answer."""
-    if b'"' in content or content.count(b"\r") != content.count(b"\r\n"):
+    if b'"' in content:
         return False
     marks = data[(data == ord(separator)) | (data == ord("\n"))]
     if len(marks) % width:

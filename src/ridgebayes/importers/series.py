@@ -20,9 +20,9 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.importers.abaqus_dat import finite
-from ridgebayes.importers.levels import Body, Levels, _Rim, table_of
-from ridgebayes.importers.record import LARGEST, Imported, provenance, read_text
+from ridgebayes.importers.levels import Body, Levels, table_of
+from ridgebayes.importers.record import LARGEST, Imported, finite, provenance, read_text
+from ridgebayes.importers.rim import Rim
 
 _LARGEST_XML = 64 * 2**20  # bytes: more would take a parser longer than a user waits
 _ROUND = 5e-6  # of R: nodes so near to the circle are on it
@@ -154,7 +154,7 @@ def _rim(points: FloatArray, body: Body, where: str) -> tuple[np.ndarray, float]
 
 def _at_rest(levels: Levels, body: Body, where: str) -> Levels:
     """Return levels seen from the ridges: tops at y = 0, where the body rests on the first."""
-    rim = _Rim.of(levels, body, where)
+    rim = Rim.of(levels.undeformed, where, R=body.R, symmetry=body.symmetry)
     near, far = (rim.R * (body.b_over_R / 2 + part * body.a_over_R) for part in _INSIDE)
     away = np.abs(levels.position[..., 0] - rim.centre[0])
     position = levels.position.copy()

@@ -26,11 +26,11 @@ from ridgebayes.importers.cells import (
 LARGEST = 2**30  # bytes of all members, unpacked
 LARGEST_XML = 2**26  # bytes of the members that are parsed: more would take minutes
 LARGEST_RATIO = 200  # of unpacked to packed, above a megabyte
-MOST_CELLS = 10**6
+MOST_CELLS = 250_000  # some seconds
 MOST_ROWS = 2**20  # of a worksheet, by the format
-_ROW = re.compile(rb"<(?:\w+:)?row\b[^>]*?\sr=[\"']([^\"']*)[\"']")
+_ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
 # What Python takes for a part of a number, and Excel does not: "1_000", digits of other scripts.
-_ODD = re.compile(rb"<(?:\w+:)?v\b[^>]*>[^<]*?(\d_|[&\x80-\xff])")
+_ODD = re.compile(rb"<(?:\w{1,50}:)?v\b[^>]{0,200}>[^<]*?(\d_|[&\x80-\xff])")
 
 _Cell = tuple[Any, str]  # value and openpyxl's data type
 

@@ -40,11 +40,13 @@ class UnderstoodColumns:
     ) -> None:
         self.cells, self.where = cells, cells.where
         self._uses, self._values = uses, values
+        self._by_key = {(use.key, use.Q): use for use in uses}
         self._is_history = is_history
         self.told: list[Use] = []
         self._dimensional: list[Quantity] = []
         self.said: list[str] = []
         self._used: set[str] = set()
+        self._checked: set[Use] = set()
 
     def long(self) -> tuple[pd.DataFrame, Any, list[str]]:
         """Return the rows of a table with one transition each, and the columns of its own."""
@@ -79,29 +81,33 @@ class UnderstoodColumns:
         common = self._curve()
         for key in ("kind", "role", "status"):
             self._text(common, key)
-        parts = []
+        n = len(self.cells.frame)
+        parts: list[dict[str, FloatArray]] = []
         for Q in loads:
-            part = {**common, "Q": float(Q), "p_over_E": self._load(Q)}
-            self._optional(part, Q)
-            part["_row"] = np.arange(len(self.cells.frame))
-            parts.append(self._framed(part))
+            parts.append({"p_over_E": self._load(Q)})
+            self._optional(parts[-1], Q)
+        there = set(loads)
         for use in per_Q:
-            if use.Q not in loads:
+            if use.Q not in there:
                 raise InputError(
                     f"{self.where}: column {use.header!r}: no load of Q = {use.Q}; rule: one"
                 )
-        frame = pd.concat(parts, ignore_index=True)
-        frame = frame.sort_values(["_row", "Q"], kind="stable")
-        reached = frame["p_over_E"].notna()
-        if not reached.any():
+        # By row of the file, and along it by Q.
+        table = {
+            key: np.column_stack([np.broadcast_to(part.get(key, np.nan), n) for part in parts])
+            for key in dict.fromkeys(key for part in parts for key in part)
+        }
+        row, which = np.nonzero(~np.isnan(table["p_over_E"]))
+        if not row.size:
             raise InputError(f"{self.where}: no load in any column; rule: a load in some cell")
-        row = frame.loc[reached, "_row"].to_numpy()
         self._say()
         said = self._unused()
-        if n := int((~reached).sum()):
-            said.append(f"{n} empty cells: not reached")
+        if empty := n * len(loads) - row.size:
+            said.append(f"{empty} empty cells: not reached")
         line = self.cells.line
-        frame = frame[reached].drop(columns="_row").reset_index(drop=True)
+        frame = self._framed(common).iloc[row].reset_index(drop=True)
+        frame = frame.assign(Q=np.array(loads, dtype=float)[which])
+        frame = frame.assign(**{key: numbers[row, which] for key, numbers in table.items()})
         return frame, None if line is None else lambda i: line(int(row[i])), said
 
     def history(self, corners: list[Use], *, brackets: bool) -> tuple[pd.DataFrame, Any, list[str]]:
@@ -164,11 +170,7 @@ class UnderstoodColumns:
 
     def _use(self, key: str, Q: int | None) -> Use | None:
         """Return the column of a key: for each Q, or else the one for all."""
-        for wanted in (Q, None):
-            for use in self._uses:
-                if use.key == key and wanted == use.Q:
-                    return use
-        return None
+        return self._by_key.get((key, Q)) or self._by_key.get((key, None))
 
     def _quantity(self, key: str, Q: int | None = None) -> Quantity | None:
         """Return a column or constant; None where there is none."""
@@ -177,7 +179,8 @@ class UnderstoodColumns:
             return self._constant(key)
         unit, factor = column_unit(key, use.header, use.unit, self.where)
         numbers = self.cells.frame[use.header].to_numpy(dtype=float)
-        if use not in self.told:
+        if use not in self._checked:
+            self._checked.add(use)
             self.told.append(use)
             self._check(use, numbers)
             how = {"mapped": "", "named": "", "guessed": ", a guess"}[use.how]
