@@ -357,7 +357,13 @@ def test_read_columns__corners_reached_together_leave_the_inner_one(read):
     text = history(("status Q=4,status Q=6", lambda i: f"{int(i > 2)},{int(i > 2)}"))
     found = read(text)
     assert column(found, "Q") == [4]
-    assert any("same increment" in line for line in found.said)
+    assert any("Q = 6: reached in the increment of Q = 4" in line for line in found.said)
+
+
+def test_read_columns__corners_in_the_wrong_order_are_refused(refusal):
+    text = history(("status Q=6,status Q=4", lambda i: f"{int(i > 2)},{int(i > 4)}"))
+    words = refusal(text)
+    assert "Q = 6 is touched at p/E = 0.003, before Q = 4; rule: inner corners first" in words
 
 
 def test_read_columns__increments_that_failed_are_left_out(read):

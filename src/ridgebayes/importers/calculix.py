@@ -19,7 +19,7 @@ _DIGITS = 5e-7  # of a displacement: seven are printed
 
 
 @dataclass
-class _Level:
+class Level:
     """What was printed at one time."""
 
     line: int
@@ -66,7 +66,7 @@ def read_calculix(
     sheet.nodes_of(reaction, str(deck))
     nodes = list(dict.fromkeys(nodes))
     undeformed = sheet.coordinates(nodes, str(deck))
-    levels, said = _levels(path, surface.upper(), reaction.upper())
+    levels, said = read_levels(path, surface.upper(), reaction.upper())
     whole = [one for one in levels if one.force is not None and _complete(one, nodes)]
     for one in levels:
         if one.force is None or not _complete(one, nodes):
@@ -98,13 +98,13 @@ def read_calculix(
     )
 
 
-def _complete(level: _Level, nodes: list[int]) -> bool:
+def _complete(level: Level, nodes: list[int]) -> bool:
     return level.moved.keys() >= set(nodes)
 
 
-def _levels(path: Path, surface: str, reaction: str) -> tuple[list[_Level], list[str]]:
+def read_levels(path: Path, surface: str, reaction: str) -> tuple[list[Level], list[str]]:
     """Return what was printed of the two sets, by time in the order of the file."""
-    found: dict[float, _Level] = {}
+    found: dict[float, Level] = {}
     repeated, others = 0, set[str]()
     block, level = "", None
     summed: dict[float, float] = {}
@@ -130,7 +130,7 @@ def _levels(path: Path, surface: str, reaction: str) -> tuple[list[_Level], list
             )
             if level is None or again:
                 repeated += level is not None
-                level = found[time] = _Level(number)
+                level = found[time] = Level(number)
                 summed[time] = 0.0
             continue
         words = line.split()

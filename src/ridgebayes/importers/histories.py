@@ -84,17 +84,18 @@ class Histories:
         # Absurd numbers overflow where loads are extrapolated, and then are not used.
         with np.errstate(all="ignore"):
             load, gap = self.load[rows], self.gap[rows]
-            frame, said = transitions_of(load, gap, Q, brackets=brackets)
-            if not brackets and (np.diff(frame["p_over_E"]) <= 0).any():
-                # A load within an increment, beside the end of the same increment.
-                frame, said = transitions_of(load, gap, Q, brackets=True)
-                said.append("several corners reached in one increment: all as brackets")
-        again = np.flatnonzero(np.diff(frame["p_over_E"]) == 0) + 1
-        if again.size:
-            names = ", ".join(str(q) for q in frame["Q"].to_numpy()[again])
-            said.append(f"Q = {names}: reached in the same increment as the Q before: left out")
-            frame = frame.drop(index=again.tolist())
-        return frame, said
+            self._check_order(load, gap)
+            return transitions_of(load, gap, Q, brackets=brackets)
+
+    def _check_order(self, load: FloatArray, gap: FloatArray) -> None:
+        """Refuse outer corners that touch in an increment before inner ones: columns exchanged."""
+        touched = gap <= 0
+        first = np.where(touched.any(axis=0), touched.argmax(axis=0), len(load))
+        for i in np.flatnonzero(np.diff(first) < 0).tolist():
+            raise InputError(
+                f"Q = {self.Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before "
+                f"Q = {self.Q[i]}; rule: inner corners first"
+            )
 
 
 def touching(words: "pd.Series[str]") -> tuple[FloatArray, BoolArray]:

@@ -73,11 +73,12 @@ def transitions_of(
     order, said = _rising(load)
     load, gap, error = load[order], gap[order], error[order]
     rows: list[dict[str, Any]] = []
+    ahead: list[int] = []
     for j in np.argsort(Q):
         known = ~np.isnan(gap[:, j])
         touched = known & (gap[:, j] <= 0)
         if not touched.any():
-            said.append(f"Q = {Q[j]}: not reached")
+            ahead.append(int(Q[j]))
             continue
         first = int(np.argmax(touched))
         lost = load[first:][known[first:] & (gap[first:, j] > 0)]
@@ -101,6 +102,9 @@ def transitions_of(
             said.append(f"Q = {Q[j]}: reached in the increment of Q = {rows[-1]['Q']}: left out")
             continue
         rows.append(row)
+    if ahead:
+        to = f" to {ahead[-1]}" if len(ahead) > 1 else ""
+        said.append(f"Q = {ahead[0]}{to}: not reached")
     if not rows:
         top = f"the highest load is p/E = {load[-1]:.5g}" if load.size else "no increment is left"
         raise InputError(f"no corner is reached: {top}; {'; '.join(said)}")
