@@ -703,3 +703,17 @@ def test_parquet__keeps_an_index_another_program_stored(tmp_path: Path) -> None:
     sweep(1).set_index("Q").to_parquet(path)
     assert read_table(path).digest() == read_table(sweep(1)).digest()
     assert table_files.SUFFIXES == (".csv", ".parquet")
+
+
+def test_read_table__a_lone_carriage_return_shifts_no_cell(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_bytes(b"a_over_R,b_over_R,Q,p_over_E,n\n\r,0.08,0.01,4,0.004\n0.256,0.1,4,0.001,x\n")
+    with pytest.raises(InputError, match=r"a_over_R = \(empty\)"):
+        read_table(path)
+
+
+def test_read_table__truth_values_are_no_numbers(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_bytes(b"a_over_R,b_over_R,Q,p_over_E\ntrue,0.01,4,0.001\n")
+    with pytest.raises(InputError, match="a_over_R = 'true'"):
+        read_table(path)

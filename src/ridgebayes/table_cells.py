@@ -9,7 +9,9 @@ import pandas as pd
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 
 # What a person means by a number; `float` alone would also take "1_000" and non-Latin digits.
-_NUMBER = re.compile(r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|inf|infinity|nan)\s*", re.I | re.A)
+_NUMBER = re.compile(
+    r"\s*[+-]?((\d+(?:\.\d*)?|\.\d+)(e[+-]?\d+)?|inf|infinity|nan)\s*", re.I | re.A
+)
 
 
 def shortest(value: float) -> str:

@@ -3,6 +3,7 @@
 import codecs
 import csv
 import io
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,6 +19,8 @@ _PANDAS = tuple(int(part) for part in pd.__version__.split(".")[:2])
 _EXACT: dict[str, Any] = {} if _PANDAS >= (3, 1) else {"float_precision": "round_trip"}
 # Text that is a number and loses nothing by becoming one: "007" and "+1" stay text.
 _PLAIN_NUMBER = r"-?(?:0|[1-9]\d*)(?:\.\d+)?(?:[eE][+-]?\d+)?|"
+
+_TRUTH = re.compile(rb"(?:true|false)\s*[,\n]", re.IGNORECASE)
 
 
 def raw_csv(content: bytes, where: str) -> RawTable:
@@ -52,6 +55,9 @@ def raw_csv(content: bytes, where: str) -> RawTable:
     if b"\0" in content:
         raise InputError(f"{where}: NUL byte at position {content.index(0)}: not a CSV file")
     content = content.removeprefix(codecs.BOM_UTF8)
+    if content.count(b"\r") != content.count(b"\r\n"):
+        # pandas reads a row after a lone carriage return one cell off.
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not content.strip():
         raise InputError(f"{where}: the file is empty")
     records = _records(content, where)
@@ -66,6 +72,8 @@ def raw_csv(content: bytes, where: str) -> RawTable:
         frame = pd.DataFrame([row for _, row in rows], columns=header, dtype=object)
         return RawTable(_own_numbers(frame), where, [line for line, _ in rows].__getitem__)
 
+    if _TRUTH.search(content):
+        return retyped()  # which pandas would take for 1 and 0
     numbers = [name for name in header if name in NUMBERS]
     try:
         frame = pd.read_csv(

@@ -39,13 +39,13 @@ def check_curves(typed: dict[str, Any], found: Findings) -> None:
     if not len(rows):
         return
     Q, p = typed["Q"][rows], typed["p_over_E"][rows]
-    curve = row_codes(*(np.asarray(typed[name])[rows] for name in CURVE))
+    curve = row_codes(*(pd.Series(typed[name]).iloc[rows] for name in CURVE))
     order = np.lexsort((rows, Q, curve))
     now, before = order[1:], order[:-1]
     same_curve = curve[now] == curve[before]
     same_Q = same_curve & (Q[now] == Q[before])
     beside = ("p_over_E", "p_over_E_lower", "rel_se", "texture", "role")
-    content = row_codes(*(np.asarray(typed[name])[rows] for name in beside))
+    content = row_codes(*(pd.Series(typed[name]).iloc[rows] for name in beside))
     identical = same_Q & (content[now] == content[before])
 
     def tell(pairs: BoolArray, column: str, rule: str) -> None:

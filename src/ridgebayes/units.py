@@ -12,7 +12,7 @@ Dimension: TypeAlias = Literal["length", "pressure", "line load", "force"]
 _SI: dict[Dimension, str] = {"length": "m", "pressure": "Pa", "line load": "N/m", "force": "N"}
 # One number, then unit names with one-digit powers: pint's own parser would also take "2 * 3 mm",
 # and would compute "mm ** 999999".
-_NUMBER = r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)"
+_NUMBER = r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)"
 _POWER = r"[^\W\d]+(?:(?:\*\*|\^)-?[0-9])?"
 _QUANTITY = re.compile(rf"\s*{_NUMBER}\s*({_POWER}(?:\s*[*/\s]\s*{_POWER})*)\s*")
 

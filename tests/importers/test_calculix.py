@@ -158,3 +158,14 @@ def test_read_calculix__a_file_without_levels_is_refused(tmp_path, text):
 def test_read_calculix__another_encoding_is_refused(tmp_path):
     with pytest.raises(InputError, match="not UTF-8"):
         read(tmp_path, PRINTED.encode("utf-16"))
+
+
+def test_read_calculix__a_last_line_without_its_end_is_left_out(tmp_path):
+    done = read(tmp_path, PRINTED.rstrip()[:-5])
+    assert any("240 of 241 nodes: left out" in line for line in done.said)
+
+
+def test_read_calculix__nodes_far_away_are_refused(tmp_path):
+    first = re.search(r"1\s+(-?\d\.\d{6}E[+-]\d\d)", PRINTED[PRINTED.index("displacements") :])[1]
+    with pytest.raises(InputError, match=r"a surface node 1e\+30 from the axis.*within 4 R"):
+        read(tmp_path, PRINTED.replace(first, "1.000000E+30", 1))

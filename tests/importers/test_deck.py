@@ -98,6 +98,11 @@ def test_read_deck__a_deck_that_includes_itself_is_refused(tmp_path):
         (NODES + "*NSET, NSET=A, GENERATE\n1, 900000000000\n", "GENERATE"),
         ("*ELEMENT, TYPE=CPE4\n1, 2, 3\n", r"no \*NODE block"),
         ("", r"no \*NODE block"),
+        ("*NODE\n1, 0., 1.\n1, 0., 2.\n", "line 3: node 1 stands at two places"),
+        ("*NODE\n1, 1_0., 1.\n", "line 2, value 2 = '1_0.'"),
+        (NODES + "*NSET, NSET=A, GENERATE\n1, 9999999\n", "GENERATE of 9999999 nodes: rule"),
+        (NODES + "*ELEMENT, TYPE=CPE4\n1, 2, 3,\n", "an element ends in a comma"),
+        (NODES + "*MATERIAL, NAME=A\n*HYPERELASTIC, NEO HOOKE\n0., 1.\n", "C10 = 0, D1 = 1; rule"),
         ("0.1;0.2\n", r"no \*NODE block"),
     ],
 )

@@ -111,3 +111,17 @@ def test_transitions_of__corners_come_in_the_order_of_Q():
 def test_transitions_of__without_increments_says_so():
     with pytest.raises(InputError, match="no increment is left"):
         transitions_of(np.zeros(3), straight(0.37, np.zeros(3)), np.array([4]))
+
+
+def test_transitions_of__two_corners_in_one_increment_are_one_row():
+    load = np.array([0.1, 0.2])
+    gap = np.array([[0.1, 0.2], [-0.1, -0.01]])
+    rows, said = transitions_of(load, gap, np.array([4, 6]))
+    assert rows["Q"].tolist() == [4]
+    assert said == ["Q = 6: reached in the increment of Q = 4: left out"]
+
+
+def test_transitions_of__what_lies_ahead_is_said_in_one_line():
+    gap = np.array([[-0.1, 0.2, 0.4]])
+    _, said = transitions_of(np.array([0.1]), gap, np.array([4, 6, 8]))
+    assert said == ["Q = 6 to 8: not reached"]

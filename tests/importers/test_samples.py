@@ -121,8 +121,8 @@ def test_every_kind__has_a_recipe():
     assert sorted(path.name for path in kinds) == ["abaqus", "calculix", "series", "tables"]
     for path in kinds:
         named = (path / "README.md").read_text(encoding="utf-8")
-        for file in path.iterdir():
-            # Of a family of files the beginning of their names is told.
-            told = file.name in named or file.stem.split("-")[0] in named or file.stem in named
-            assert told or file.name == "README.md", file
+        others = [file.name for file in path.iterdir() if file.name != "README.md"]
+        # `name.*` stands for a family of files.
+        told = [one for one in others if one in named or f"{Path(one).stem}.*" in named]
+        assert told == others, path
     assert Path(FEA / "README.md").is_file()

@@ -16,7 +16,7 @@ from ridgebayes.table_cells import as_text
 from ridgebayes.table_columns import NAMES
 from ridgebayes.table_findings import RawTable
 
-SUFFIXES = (".csv", ".tsv", ".txt", ".xlsx", ".parquet")
+SUFFIXES = (".csv", ".tsv", ".txt", ".rpt", ".xlsx", ".parquet")
 _LONGEST = 300  # characters of the mapping in `source`
 _NONE: Mapping[str, str] = MappingProxyType({})
 _DISGUISED = (
@@ -45,8 +45,8 @@ def read_columns(
     Parameters
     ----------
     path : pathlib.Path
-        A ``.csv``, ``.tsv`` or ``.txt`` file (UTF-8; commas, semicolons or tabs), an ``.xlsx``
-        workbook, or a ``.parquet`` file. One header line.
+        A ``.csv``, ``.tsv`` or ``.txt`` file (UTF-8; commas, semicolons or tabs), a ``.rpt`` of
+        X-Y data, an ``.xlsx`` workbook, or a ``.parquet`` file. One header line.
     mapping : mapping of str to str
         What to which header: a column of the contract, or ``a``, ``b``, ``R``, ``offset``
         (lengths), ``E``, ``p``, ``p_lower`` (pressures; p is the line load over 2 R), ``line``,
@@ -172,6 +172,10 @@ def _source(path: Path, sheet: str | None) -> Source:
         return Arrow(path, content)
     from ridgebayes.importers.separated import Separated
 
+    if suffix == ".rpt":
+        from ridgebayes.importers.abaqus_rpt import read_xy
+
+        content = read_xy(path).to_csv(index=False).encode()
     return Separated(path, content)
 
 
