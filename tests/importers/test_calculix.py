@@ -166,6 +166,8 @@ def test_read_calculix__a_last_line_without_its_end_is_left_out(tmp_path):
 
 
 def test_read_calculix__nodes_far_away_are_refused(tmp_path):
-    first = re.search(r"1\s+(-?\d\.\d{6}E[+-]\d\d)", PRINTED[PRINTED.index("displacements") :])[1]
+    at = PRINTED.index("displacements")
+    row = next(line for line in PRINTED[at:].split("\n") if line.split()[:1] == ["2"])
+    far = f"{2:10d}  1.000000E+30  0.000000E+00  0.000000E+00"
     with pytest.raises(InputError, match=r"a surface node 1e\+30 from the axis.*within 4 R"):
-        read(tmp_path, PRINTED.replace(first, "1.000000E+30", 1))
+        read(tmp_path, PRINTED.replace(row, far, 1))

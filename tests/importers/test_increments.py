@@ -116,7 +116,7 @@ def test_transitions_of__without_increments_says_so():
 def test_transitions_of__two_corners_in_one_increment_are_one_row():
     load = np.array([0.1, 0.2])
     gap = np.array([[0.1, 0.2], [-0.1, -0.01]])
-    rows, said = transitions_of(load, gap, np.array([4, 6]))
+    rows, said = transitions_of(load, gap, np.array([4, 6]), brackets=True)
     assert rows["Q"].tolist() == [4]
     assert said == ["Q = 6: reached in the increment of Q = 4: left out"]
 
