@@ -8,6 +8,7 @@ import argparse
 import csv
 import io
 import re
+import runpy
 import tempfile
 import time
 import warnings
@@ -23,7 +24,11 @@ import pint
 import pyarrow.parquet
 
 from ridgebayes.errors import InputError
+from ridgebayes.importers.abaqus_dat import read_abaqus_dat
+from ridgebayes.importers.abaqus_rpt import read_abaqus_rpt
+from ridgebayes.importers.calculix import read_calculix
 from ridgebayes.importers.columns import read_columns
+from ridgebayes.importers.levels import Body
 from ridgebayes.importers.record import Imported
 
 SLOWEST = 5.0  # seconds that any file of this size may take
@@ -396,6 +401,54 @@ for _one in (
         lambda path: read_columns(path, values={"R": "8 mm", "E": "60 kPa"}),
         _as_pyarrow,
     ),
+):
+    register(_one)
+
+
+# --- runs: what they print of a rim ------------------------------------------------------------
+# A damaged digit of a displacement makes another run that is as good: it is only asked that no
+# mutant ends otherwise than in a table or in words.
+
+_WRITER = runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py")))
+_RUN = _WRITER["pressed"](n_level=12, n_node=41)
+_ARRAYS = (_RUN["force"], _RUN["nodes"], _RUN["position"])
+_BODY = Body(_RUN["a"], _RUN["b"])
+_DECK = _WRITER["deck_text"](_RUN)
+_SETS = {"surface": "RIM", "reaction": "TOP"}
+
+
+def _beside(path: Path, name: str, text: str) -> Path:
+    other = path.with_name(name)
+    other.write_text(text)
+    return other
+
+
+def _calculix(path: Path) -> Imported:
+    return read_calculix(path, _BODY, deck=_beside(path, "whole.inp", _DECK), **_SETS)
+
+
+def _calculix_deck(path: Path) -> Imported:
+    run = _beside(path, "whole.dat", _WRITER["calculix_text"](*_ARRAYS))
+    try:
+        return read_calculix(run, _BODY, deck=path, **_SETS)
+    except InputError as error:
+        # What a damaged deck does to a run may be told of the run.
+        raise InputError(str(error).replace("whole.dat", path.name)) from None
+
+
+def _abaqus_dat(path: Path) -> Imported:
+    return read_abaqus_dat(path, _BODY, deck=_beside(path, "whole.inp", _DECK), **_SETS)
+
+
+def _abaqus_rpt(path: Path) -> Imported:
+    return read_abaqus_rpt(path, _BODY, deck=_beside(path, "whole.inp", _DECK))
+
+
+for _one in (
+    Target("calculix", "run.dat", _WRITER["calculix_text"](*_ARRAYS).encode(), _calculix),
+    Target("deck", "run.inp", _DECK.encode(), _calculix_deck),
+    Target("abaqus .dat", "run.dat", _WRITER["dat_text"](*_ARRAYS).encode(), _abaqus_dat),
+    Target("abaqus .rpt", "run.rpt", _WRITER["rpt_text"](*_ARRAYS).encode(), _abaqus_rpt),
 ):
     register(_one)
 

@@ -192,7 +192,7 @@ def _block(
                 )
         if "NSET" in options:
             some = deck.nsets.setdefault(options["NSET"].upper(), [])
-            some += [int(float(cells[0])) for _, cells in rows]
+            some += [_integer(path, n, *_numbers(path, n, cells[:1])) for n, cells in rows]
     elif keyword == "NSET":
         _nset(path, deck, options, rows)
     elif keyword == "ELEMENT":
