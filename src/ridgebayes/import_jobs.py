@@ -197,13 +197,25 @@ def _run_files(given: Given, name: str) -> tuple[Path, str, str]:
     return given.deck, str(given.surface), str(given.reaction)
 
 
+def _sta(path: Path) -> Path | None:
+    """Return the status file that CalculiX writes beside its results, if it is there."""
+    beside = path.with_suffix(".sta")
+    return beside if beside.is_file() else None
+
+
 def _calculix(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":
     from ridgebayes.importers.calculix import read_calculix
 
     body = _body(given, "calculix")
     deck, surface, reaction = _run_files(given, "calculix")
     return read_calculix(
-        paths[0], body, deck=deck, surface=surface, reaction=reaction, brackets=brackets
+        paths[0],
+        body,
+        deck=deck,
+        surface=surface,
+        reaction=reaction,
+        sta=_sta(paths[0]),
+        brackets=brackets,
     )
 
 
@@ -212,7 +224,9 @@ def _calculix_contact(paths: Sequence[Path], given: Given, brackets: bool) -> "I
 
     body = _body(given, "calculix-contact")
     deck, surface, reaction = _run_files(given, "calculix-contact")
-    return read_calculix_contact(paths[0], body, deck=deck, surface=surface, reaction=reaction)
+    return read_calculix_contact(
+        paths[0], body, deck=deck, surface=surface, reaction=reaction, sta=_sta(paths[0])
+    )
 
 
 def _abaqus_dat(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":

@@ -171,3 +171,19 @@ def test_read_calculix__nodes_far_away_are_refused(tmp_path):
     far = f"{2:10d}  1.000000E+30  0.000000E+00  0.000000E+00"
     with pytest.raises(InputError, match=r"a surface node 1e\+30 from the axis.*within 4 R"):
         read(tmp_path, PRINTED.replace(row, far, 1))
+
+
+def test_read_calculix__levels_that_never_converged_are_left_out(tmp_path):
+    whole = read(tmp_path)
+    times = sorted({float(t) for t in re.findall(r"and time +(\S+)", PRINTED)})
+    rows = [
+        f"{i:5d} {1:10d} {1:5d} {5:5d} {t:.6E} 0.100000E+01 0.100000E+01"
+        for i, t in enumerate(times[:-3], start=1)
+    ]
+    rows.append(f"{len(times) - 2:5d} {1:10d} {1:4d}U {9:5d} {times[-3]:.6E} 0.1E+01 0.1E+01")
+    (tmp_path / "run.sta").write_text("\n".join(["SUMMARY OF JOB INFORMATION", *rows, ""]))
+    done = read(tmp_path, sta=tmp_path / "run.sta")
+    assert "3 levels of no converged increment: left out" in done.said
+    assert any("stopped after 1 attempts without convergence" in line for line in done.said)
+    n = len(done.table)
+    assert done.table.frame["p_over_E"].tolist() == whole.table.frame["p_over_E"].tolist()[:n]

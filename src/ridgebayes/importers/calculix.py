@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ridgebayes.errors import InputError
+from ridgebayes.importers.calculix_sta import read_sta
 from ridgebayes.importers.deck import check_material, read_deck, rigid_nodes
 from ridgebayes.importers.levels import Body, Levels, table_of
 from ridgebayes.importers.record import Imported, finite, provenance, read_text
@@ -23,6 +24,7 @@ class Level:
     """What was printed at one time."""
 
     line: int
+    time: float = 0.0
     force: float | None = None
     moved: dict[int, tuple[float, float]] = field(default_factory=dict)
 
@@ -34,6 +36,7 @@ def read_calculix(
     deck: Path,
     surface: str,
     reaction: str,
+    sta: Path | None = None,
     brackets: bool = False,
 ) -> Imported:
     """Read a CalculiX run.
@@ -49,6 +52,8 @@ def read_calculix(
         The run's ``.inp`` file: coordinates, sets, and the ridges' nodes.
     surface, reaction : str
         Node sets: the body's rim, and where the load is read.
+    sta : pathlib.Path or None, optional
+        The run's ``.sta``: levels whose increment it does not have as converged are left out.
     brackets : bool, optional
         As `ridgebayes.importers.increments.transitions_of`.
 
@@ -74,6 +79,13 @@ def read_calculix(
                 "no total force" if one.force is None else f"{len(one.moved)} of {len(nodes)} nodes"
             )
             said.append(f"line {one.line}: a level with {has}: left out")
+    if sta is not None:
+        status = read_sta(sta)
+        said.append(status.said())
+        sure = status.converged(np.array([one.time for one in whole]))
+        if n := int((~sure).sum()):
+            said.append(f"{n} levels of no converged increment: left out")
+        whole = [one for one, keep in zip(whole, sure, strict=True) if keep]
     if not whole:
         raise InputError(
             f"{path}: no level with displacements of {surface} and a total force of {reaction}; "
@@ -130,7 +142,7 @@ def read_levels(path: Path, surface: str, reaction: str) -> tuple[list[Level], l
             )
             if level is None or again:
                 repeated += level is not None
-                level = found[time] = Level(number)
+                level = found[time] = Level(number, time)
                 summed[time] = 0.0
             continue
         words = line.split()

@@ -178,6 +178,15 @@ def test_transitions__are_those_of_calculix():
     np.testing.assert_allclose(found, frame["p_over_E"], rtol=2e-3)
 
 
+def test_transitions__converge_with_the_mesh():
+    """Where a quarter of a corner has edges enough; sharp ones have no order to be seen."""
+    profile = Profile(0.06, 0.03, corner=0.015)
+    first, second, third = (reached(profile, 4.7e-3, edges=n)[0].p_over_E for n in (12, 24, 48))
+    # Discretisation: first order would halve the steps between doubled meshes; they shrink by 5.
+    assert abs(third - second) < 0.4 * abs(second - first)
+    assert abs(third / second - 1) < 1.5e-3
+
+
 def test_transitions__end_at_the_largest_load():
     (first,) = reached(WIDE, 5e-3)
     assert len(reached(WIDE, 1.001 * first.p_over_E)) == 1
