@@ -123,7 +123,7 @@ def test_table_of__a_body_that_stops_early_has_the_rest_not_reached():
     few = {"force": run["force"][:20], "position": run["position"][:20]}
     done = table(run, **few)
     assert done.table.frame["Q"].tolist() == [4, 6]
-    assert "Q = 8: not reached" in done.said
+    assert "Q = 8 to 12: not reached" in done.said
 
 
 @pytest.mark.parametrize(
