@@ -269,6 +269,56 @@ def plan(
             print(f"  {row['effect']}: {word}; {known}{cost}; {row['reason']}")
 
 
+@app.command()
+def cost(
+    source: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[TABLE|SCENE]",
+            help="Contact table, or scene file; the embedded sweep if none.",
+        ),
+    ] = None,
+    out: Out = Path("ridgebayes-cost"),
+    elements: Annotated[
+        bool, typer.Option("--elements/--no-elements", help="Run finite elements too.")
+    ] = True,
+    repeats: Annotated[int, typer.Option(min=1, help="Timed runs of what is quick.")] = 3,
+    seed: Seed = 0,
+    force: Force = False,
+) -> None:
+    """Measure what each accuracy costs in time: loads, posteriors, evidences."""
+    from ridgebayes.cost_jobs import cost_job
+    from ridgebayes.costs.measured import cheapest
+    from ridgebayes.datafiles import paper_sweep
+    from ridgebayes.generation import generate as generate_table
+    from ridgebayes.scene import Scene
+    from ridgebayes.table import read_table
+
+    texture, p_max = None, 0.02
+    if source is None:
+        table = paper_sweep()
+    elif source.suffix == ".toml":
+        wanted = Scene.from_toml(source)
+        first = wanted.textures[0]
+        texture, p_max = (first.a_over_R, first.b_over_R), wanted.highest_load(first)
+        table = generate_table(wanted, solver="half-plane")
+    else:
+        table = read_table(source)
+    found = cost_job(
+        out,
+        table,
+        texture=texture,
+        p_max=p_max,
+        elements=elements,
+        repeats=repeats,
+        seed=seed,
+        force=force,
+    )
+    for line in cheapest(found):
+        print(line)
+    print(f"{out}: {len(found)} rows; look at {out / 'cost.html'}")
+
+
 @app.command("import")
 def import_(
     file: Annotated[list[Path], typer.Argument(help="File to read; of a VTU series all of them.")],

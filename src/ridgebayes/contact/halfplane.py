@@ -137,6 +137,11 @@ def smooth_load(half_width_over_R: ArrayLike, *, nu: float = 0.5) -> FloatArray:
     return np.asarray(half_width_over_R, dtype=np.float64) ** 2 * F / (1.0 - nu**2)
 
 
+def forget_loads() -> None:
+    """Forget the loads computed so far: what is timed has to be computed."""
+    _table.cache_clear()
+
+
 @functools.lru_cache(maxsize=1024)
 def _table(gap_ratio: float, n_table: int, rel_tol: float) -> HalfPlaneLoads:
     """Tabulate F_1 ... F_n_table: the table of half the length, and a new batch above it."""
