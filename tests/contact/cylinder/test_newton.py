@@ -183,3 +183,12 @@ def test_friction__without_compressibility_matters_little():
     at_03 = load(*rubbed(10.0, None)) / load(*rubbed(0.0, None)) - 1
     # Second order in the strains: a tenth of what it is at 0.3.
     assert abs(rough / smooth - 1) < 0.1 * at_03
+
+
+def test_solve__says_that_a_stiffness_is_singular(monkeypatch):
+    def splu(*_, **__):
+        raise RuntimeError("Factor is exactly singular")
+
+    monkeypatch.setattr(newton, "splu", splu)
+    with pytest.raises(NotConvergedError, match="the stiffness is singular"):
+        solve(body().press, body().unloaded(), Control("rise", 0.01))

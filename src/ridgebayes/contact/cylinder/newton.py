@@ -253,11 +253,14 @@ class _Step:
         if damping:
             K = K + damping * sparse.eye_array(K.shape[0])
         free = press.free
-        self._factor = splu(
-            sparse.csc_array(K)[free][:, free],
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=1e-3 if press.friction else 0.0,
-        )
+        try:
+            self._factor = splu(
+                sparse.csc_array(K)[free][:, free],
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=1e-3 if press.friction else 0.0,
+            )
+        except RuntimeError:  # as SuperLU has it where a pivot is exactly zero
+            raise NotConvergedError("the stiffness is singular") from None
         self._columns: dict[int, FloatArray] = {}
         self._still = self._solved(rest)
         self._risen = self._solved(-by_rise)
