@@ -248,3 +248,12 @@ def test_model__refuses_a_row_that_the_form_reaches_without_load():
     rule = "modified: a row's load is zero by this form; rule: Q >= 4"
     with pytest.raises(InputError, match=rule):
         Model(data, Modified())
+
+
+def test_log_likelihood__of_a_few_draws_at_a_time_is_that_of_all(paper, monkeypatch):
+    model = Model(Observations.from_table(paper), Hybrid(), Noise.named("iid"))
+    theta = np.column_stack([np.linspace(1.2, 1.5, 11), np.full(11, 0.02), np.full(11, 0.05)])
+    whole = model.log_likelihood(theta)
+    monkeypatch.setattr("ridgebayes.likelihood._CACHED", 3 * len(paper.calibration.textures))
+    assert model.log_likelihood(theta).tolist() == whole.tolist()
+    assert model.log_likelihood(theta[:0]).shape == (0,)

@@ -27,6 +27,7 @@ from ridgebayes.priors import JointPrior, Prior, default_priors
 from ridgebayes.rows import Rows
 from ridgebayes.sampled import SampledOffsets
 
+_CACHED = 100_000  # textures times draws whose arrays fit in a processor's cache
 _LOG_2PI = math.log(2 * math.pi)
 
 
@@ -150,6 +151,12 @@ class Model:
         A texture whose rate is not positive has likelihood zero. Where offsets are sampled this is
         an approximation, rows taken as normal (brackets at their middles); `log_density` is exact.
         """
+        n_at_once = max(_CACHED // len(self._a), 1)
+        if theta.ndim == 2 and len(theta) > n_at_once:
+            # A few draws at a time where textures are many: arrays stay in the processor's cache,
+            # and memory does not grow with the draws.
+            parts = range(0, len(theta), n_at_once)
+            return np.concatenate([self.log_likelihood(theta[i : i + n_at_once]) for i in parts])
         with np.errstate(all="ignore"):
             value = self.likelihood.marginal(self.log_rates(theta), self._eta(theta))
         return np.where(np.isnan(value), -np.inf, value)
