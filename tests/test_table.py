@@ -712,8 +712,12 @@ def test_read_table__a_lone_carriage_return_shifts_no_cell(tmp_path):
         read_table(path)
 
 
-def test_read_table__truth_values_are_no_numbers(tmp_path):
+@pytest.mark.parametrize(
+    ("row", "cell"),
+    [(b"true,0.01,4,0.001\n", "a_over_R = 'true'"), (b"0.02,0.01,4,TRUE", "p_over_E = 'TRUE'")],
+)
+def test_read_table__truth_values_are_no_numbers(tmp_path, row, cell):
     path = tmp_path / "t.csv"
-    path.write_bytes(b"a_over_R,b_over_R,Q,p_over_E\ntrue,0.01,4,0.001\n")
-    with pytest.raises(InputError, match="a_over_R = 'true'"):
+    path.write_bytes(b"a_over_R,b_over_R,Q,p_over_E\n" + row)
+    with pytest.raises(InputError, match=cell):
         read_table(path)

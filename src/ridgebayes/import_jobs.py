@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 from ridgebayes.errors import InputError
 from ridgebayes.importers.recognise import FORMATS, recognise
@@ -182,7 +182,13 @@ def _body(given: Given, name: str) -> "Body":
     )
 
 
-def _run_files(given: Given, name: str) -> tuple[Path, str, str]:
+class _RunFiles(TypedDict):
+    deck: Path
+    surface: str
+    reaction: str
+
+
+def _run_files(given: Given, name: str) -> _RunFiles:
     missing = [
         f"--{option}"
         for option in ("deck", "surface", "reaction")
@@ -194,7 +200,7 @@ def _run_files(given: Given, name: str) -> tuple[Path, str, str]:
             f"surface and of the driven nodes ({name})"
         )
     assert given.deck is not None
-    return given.deck, str(given.surface), str(given.reaction)
+    return {"deck": given.deck, "surface": str(given.surface), "reaction": str(given.reaction)}
 
 
 def _sta(path: Path) -> Path | None:
@@ -207,36 +213,24 @@ def _calculix(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported"
     from ridgebayes.importers.calculix import read_calculix
 
     body = _body(given, "calculix")
-    deck, surface, reaction = _run_files(given, "calculix")
-    return read_calculix(
-        paths[0],
-        body,
-        deck=deck,
-        surface=surface,
-        reaction=reaction,
-        sta=_sta(paths[0]),
-        brackets=brackets,
-    )
+    files = _run_files(given, "calculix")
+    return read_calculix(paths[0], body, **files, sta=_sta(paths[0]), brackets=brackets)
 
 
 def _calculix_contact(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":
     from ridgebayes.importers.calculix_contact import read_calculix_contact
 
     body = _body(given, "calculix-contact")
-    deck, surface, reaction = _run_files(given, "calculix-contact")
-    return read_calculix_contact(
-        paths[0], body, deck=deck, surface=surface, reaction=reaction, sta=_sta(paths[0])
-    )
+    files = _run_files(given, "calculix-contact")
+    return read_calculix_contact(paths[0], body, **files, sta=_sta(paths[0]))
 
 
 def _abaqus_dat(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":
     from ridgebayes.importers.abaqus_dat import read_abaqus_dat
 
     body = _body(given, "abaqus-dat")
-    deck, surface, reaction = _run_files(given, "abaqus-dat")
-    return read_abaqus_dat(
-        paths[0], body, deck=deck, surface=surface, reaction=reaction, brackets=brackets
-    )
+    files = _run_files(given, "abaqus-dat")
+    return read_abaqus_dat(paths[0], body, **files, brackets=brackets)
 
 
 def _abaqus_rpt(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":

@@ -20,7 +20,7 @@ _EXACT: dict[str, Any] = {} if _PANDAS >= (3, 1) else {"float_precision": "round
 # Text that is a number and loses nothing by becoming one: "007" and "+1" stay text.
 _PLAIN_NUMBER = r"-?(?:0|[1-9]\d*)(?:\.\d+)?(?:[eE][+-]?\d+)?|"
 
-_TRUTH = re.compile(rb"(?:true|false)\s*[,\n]", re.IGNORECASE)
+_TRUTH = re.compile(rb"(?:true|false)\s*(?:[,\n]|\Z)", re.IGNORECASE)
 
 
 def raw_csv(content: bytes, where: str) -> RawTable:
@@ -60,15 +60,15 @@ def raw_csv(content: bytes, where: str) -> RawTable:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not content.strip():
         raise InputError(f"{where}: the file is empty")
-    records = _records(content, where)
-    header = next(records)[1]
+    cells = records(content, where)
+    header = next(cells)[1]
     # Before the rows: with another separator every row would look ragged.
     check_header(header, where)
     if not _is_rectangular(content, len(header)):
-        _refuse_ragged(records, header, where)
+        _refuse_ragged(cells, header, where)
 
     def retyped() -> RawTable:
-        rows = list(_records(content, where))[1:]
+        rows = list(records(content, where))[1:]
         frame = pd.DataFrame([row for _, row in rows], columns=header, dtype=object)
         return RawTable(_own_numbers(frame), where, [line for line, _ in rows].__getitem__)
 
@@ -92,11 +92,16 @@ def raw_csv(content: bytes, where: str) -> RawTable:
     return RawTable(_own_numbers(frame), where, retyped=retyped)
 
 
-def _records(content: bytes, where: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the line number and cells of each record that is not blank, header first."""
-    reader = csv.reader(
-        io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", newline=""), strict=True
-    )
+def records(content: bytes, where: str, separator: str = ",") -> Iterator[tuple[int, list[str]]]:
+    """Yield the line number and cells of each record that is not blank, header first.
+
+    Raises
+    ------
+    InputError
+        If a quote is not closed or stands inside a cell.
+    """
+    text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", newline="")
+    reader = csv.reader(text, delimiter=separator, strict=True)
     before = 0
     try:
         for cells in reader:

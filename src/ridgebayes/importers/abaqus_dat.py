@@ -23,7 +23,6 @@ _HEADER = re.compile(r"\s*NODE\s+FOOT-\s+(\S.*)$")
 _ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
 _EXTREMES = ("MAXIMUM", "MINIMUM")
 _TRAILERS = (*_EXTREMES, "AT", "TOTAL")
-# Fortran drops the E of an exponent of three digits.
 
 
 @dataclass

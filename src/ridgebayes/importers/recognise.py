@@ -29,7 +29,8 @@ def recognise(path: Path) -> str:
         If it cannot be read, or is none that is known.
     """
     suffix = path.suffix.lower()
-    head = read_bytes(path)[:_LOOKED_AT]
+    content = read_bytes(path)
+    head = content[:_LOOKED_AT]
     if suffix in (".vtu", ".xdmf", ".xmf"):
         return "series"
     if b"Field Output Report" in head:
@@ -39,8 +40,7 @@ def recognise(path: Path) -> str:
             return "abaqus-dat"
         if b"displacements (" in head or b"contact stress (" in head or b") for set " in head:
             # Contact stresses alone tell which faces carry; displacements tell more.
-            whole = read_bytes(path)
-            return "calculix" if b"displacements (" in whole else "calculix-contact"
+            return "calculix" if b"displacements (" in content else "calculix-contact"
     if suffix in _TABLES:
         return "table"
     raise InputError(

@@ -10,8 +10,8 @@ from ridgebayes.errors import InputError
 from ridgebayes.table import ContactTable
 
 LARGEST = 2 * 2**30  # bytes of a file: more is not read into memory
-# A number as programs print it: an exponent may lack its E, as Fortran's.
-NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]?([+-]\d+)|[EeDd](\d+))?")
+# A number as programs print it: Fortran drops the E of an exponent of three digits.
+NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]?([+-]\d+)|[EeDd](\d+))?")
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,7 @@ from ridgebayes.importers.cells import (
     lossless,
     refusal,
 )
+from ridgebayes.table_csv import records
 
 SEPARATORS = {"\t": "tab", ";": "';'", ",": "','"}
 _SNIFFED = 50  # records by which a separator is judged
@@ -56,7 +57,7 @@ class Separated:
         self.where = str(path)
         self._content = _utf8(content, self.where)
         self._separator = _separator(self._content, self.where)
-        first = next(_records(self._content, self._separator, self.where))
+        first = next(records(self._content, self.where, self._separator))
         self._header_line = first[0]
         self.headers = clean_headers(first[1], self.where)
         self._lines: IntArray | None = None
@@ -93,9 +94,9 @@ class Separated:
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         """Yield line and cells of each record below the header."""
-        records = _records(self._content, self._separator, self.where)
-        next(records)
-        return records
+        rows = records(self._content, self.where, self._separator)
+        next(rows)
+        return rows
 
     def _checked_lines(self) -> tuple[IntArray, bytes]:
         """Return each row's line, and the records written again without blank lines between.
@@ -292,20 +293,6 @@ def _utf8(content: bytes, where: str) -> bytes:
     return content + b"\n"
 
 
-def _records(content: bytes, separator: str, where: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the line number and cells of each record that is not blank, header first."""
-    text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", newline="")
-    reader = csv.reader(text, delimiter=separator, strict=True)
-    before = 0
-    try:
-        for cells in reader:
-            if len(cells) > 1 or (cells and cells[0].strip()):
-                yield before + 1, cells
-            before = reader.line_num
-    except csv.Error as error:
-        raise InputError(f"{where}, line {before + 1}: not CSV: {error}") from None
-
-
 def _separator(content: bytes, where: str) -> str:
     """Return the separator that gives the first records as many cells as the header.
 
@@ -316,8 +303,8 @@ def _separator(content: bytes, where: str) -> str:
     failed: InputError | None = None
     for separator in SEPARATORS:
         try:
-            records = _records(content, separator, where)
-            widths = [len(cells) for _, (_, cells) in zip(range(_SNIFFED), records, strict=False)]
+            found = records(content, where, separator)
+            widths = [len(cells) for _, (_, cells) in zip(range(_SNIFFED), found, strict=False)]
         except InputError as error:
             failed = error
             continue
