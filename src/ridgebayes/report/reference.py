@@ -15,9 +15,10 @@ def reference_section(reference: Comparison) -> Section:
     answer = verdict(reference)
     blocks: list[Text | Table | Picture] = [
         Text(
-            "The same comparison on loads from finite-strain finite elements, made outside this "
-            "package. None of them came from the half-plane equation, so here that equation, which "
-            "has no coefficient to fit but a scale c that should be 1, is compared as well."
+            "The same comparison on loads from finite-strain finite elements: this package's own, "
+            "with loads of CalculiX held out beside them. None of them came from the half-plane "
+            "equation, so here that equation, which has no coefficient to fit but a scale c that "
+            "should be 1, is compared as well."
         ),
         Text(f"{answer.headline} {answer.sentence}", "strong"),
         *(Text(words, "note") for words in answer.cautions),
