@@ -77,6 +77,8 @@ def row_codes(*columns: Any) -> IntArray:
     codes = np.zeros(len(columns[0]), dtype=np.int64)
     for column in columns:
         cell, distinct = pd.factorize(pd.Series(column), use_na_sentinel=False)
+        if len(distinct) == 1:  # as of most optional columns
+            continue
         # Renumbered after every column, so the product stays below n_row^2 and cannot overflow.
         codes = pd.factorize(codes * np.int64(len(distinct)) + cell)[0].astype(np.int64)
     return codes

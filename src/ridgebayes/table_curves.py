@@ -11,10 +11,12 @@ from ridgebayes.table_columns import CURVE, OK, REQUIRED, TRANSITION
 from ridgebayes.table_findings import Findings
 
 
-def check_labels(typed: dict[str, Any], found: Findings) -> None:
-    """Fill empty labels; find one label on two textures, which no result could tell apart."""
+def check_labels(typed: dict[str, Any], texture: IntArray, found: Findings) -> None:
+    """Fill empty labels; find one label on two textures, which no result could tell apart.
+
+    `texture` holds a code of (a_over_R, b_over_R) for each row.
+    """
     a, b, label = typed["a_over_R"], typed["b_over_R"], typed["texture"]
-    texture = row_codes(a, b)
     first = np.unique(texture, return_index=True)[1]
     # Python runs per distinct texture, not per row.
     names = pd.Series([texture_label(a[i], b[i]) for i in first], dtype=object).astype(str)
@@ -32,21 +34,24 @@ def check_labels(typed: dict[str, Any], found: Findings) -> None:
     found.add(clash, "texture", rule, other)
 
 
-def check_curves(typed: dict[str, Any], found: Findings) -> None:
-    """Find what stands twice in a curve, and loads that do not rise with Q."""
+def check_curves(typed: dict[str, Any], texture: IntArray, found: Findings) -> None:
+    """Find what stands twice in a curve, and loads that do not rise with Q; as `check_labels`."""
     use = (typed["kind"] == TRANSITION).to_numpy() & (typed["status"] == OK).to_numpy()
     rows = np.flatnonzero(use & found.sound(*REQUIRED, *CURVE, "kind", "status"))
     if not len(rows):
         return
     Q, p = typed["Q"][rows], typed["p_over_E"][rows]
-    curve = row_codes(*(pd.Series(typed[name]).iloc[rows] for name in CURVE))
+    others = [name for name in CURVE if name not in ("a_over_R", "b_over_R")]
+    curve = row_codes(texture[rows], *(pd.Series(typed[name]).iloc[rows] for name in others))
     order = np.lexsort((rows, Q, curve))
     now, before = order[1:], order[:-1]
     same_curve = curve[now] == curve[before]
     same_Q = same_curve & (Q[now] == Q[before])
     beside = ("p_over_E", "p_over_E_lower", "rel_se", "texture", "role")
-    content = row_codes(*(pd.Series(typed[name]).iloc[rows] for name in beside))
-    identical = same_Q & (content[now] == content[before])
+    identical = same_Q
+    if same_Q.any():
+        content = row_codes(*(pd.Series(typed[name]).iloc[rows] for name in beside))
+        identical = same_Q & (content[now] == content[before])
 
     def tell(pairs: BoolArray, column: str, rule: str) -> None:
         other: IntArray = np.zeros(found.n_row, dtype=np.int64)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import BoolArray
-from ridgebayes.table_cells import as_numbers, as_text
+from ridgebayes.table_cells import as_numbers, as_text, row_codes
 from ridgebayes.table_columns import (
     CALIBRATION,
     COLUMNS,
@@ -56,8 +56,9 @@ def checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
         if name not in NAMES:
             typed[name] = _own_column(cells[name], name, found)
     _check_cells(typed, empty, found)
-    check_labels(typed, found)
-    check_curves(typed, found)
+    textures = row_codes(typed["a_over_R"], typed["b_over_R"])
+    check_labels(typed, textures, found)
+    check_curves(typed, textures, found)
     if not found:
         typed["Q"] = typed["Q"].astype(np.int64)
     return pd.DataFrame(typed), found
@@ -77,7 +78,7 @@ def _read_number(cells: pd.DataFrame, column: Column, found: Findings) -> tuple[
 def _read_text(cells: pd.DataFrame, column: Column, found: Findings) -> tuple[Any, BoolArray]:
     """Return text, defaults filled, and where the cell was empty."""
     if column.name not in cells:
-        words = pd.Series([column.default] * len(cells), dtype=object).astype(str)
+        words = pd.Series(column.default, index=range(len(cells)), dtype=str)
         return words, np.ones(len(cells), dtype=bool)
     words = as_text(cells[column.name])
     _check_one_line(words, column.name, found)
