@@ -109,7 +109,7 @@ def test_errors__can_be_told_apart_and_caught_together():
 
 @pytest.mark.parametrize(
     ("library", "home"),
-    [("emcee", "sample"), ("arviz", "diagnostics"), ("typer", "cli"), ("rich", "progress")],
+    [("emcee", "ensemble"), ("arviz", "diagnostics"), ("typer", "cli"), ("rich", "progress")],
 )
 def test_each_heavy_library_has_one_home(library, home):
     importers = {

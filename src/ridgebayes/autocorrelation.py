@@ -9,6 +9,8 @@ from scipy import fft
 
 from ridgebayes._types import FloatArray
 
+_FEW = 64  # lags that cost less one by one than all of them by Fourier transform
+
 
 def autocorrelation_time(x: FloatArray, window: float = 5.0) -> FloatArray:
     """Return the integrated autocorrelation time in steps.
@@ -38,17 +40,27 @@ def autocorrelation_time(x: FloatArray, window: float = 5.0) -> FloatArray:
     True
     """
     n_step = len(x)
-    centred = x - x.mean(axis=0)
+    columns = (x - x.mean(axis=0)).reshape(*x.shape[:2], -1)
+    tau = [_time(np.ascontiguousarray(columns[..., i]), window) for i in range(columns.shape[-1])]
+    return np.maximum(np.array(tau).reshape(x.shape[2:]), 1 / n_step)
+
+
+def _time(x: FloatArray, window: float) -> float:
+    """Return tau of centred values (n_step, n_walker): lag by lag while lags are few."""
+    n_step, square = len(x), float(np.vdot(x, x))
+    if square == 0:
+        return np.nan
+    tau = 1.0
+    for lag in range(1, min(_FEW, n_step)):
+        if lag - 1 >= window * tau:
+            return tau
+        tau += 2 * float(np.vdot(x[lag:], x[:-lag])) / square
     length = fft.next_fast_len(2 * n_step, real=True)
-    power = np.abs(fft.rfft(centred, length, axis=0)) ** 2
-    rho = fft.irfft(power, length, axis=0)[:n_step].mean(axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        rho = rho / rho[0]
-    tau = 2 * np.cumsum(rho, axis=0) - 1
-    lag = np.arange(n_step).reshape((-1,) + (1,) * (tau.ndim - 1))
-    wide_enough = lag >= window * tau
-    first = np.where(wide_enough.any(axis=0), wide_enough.argmax(axis=0), n_step - 1)
-    return np.maximum(np.take_along_axis(tau, first[None], axis=0)[0], 1 / n_step)
+    power = np.abs(fft.rfft(x, length, axis=0)) ** 2
+    rho = fft.irfft(power, length, axis=0)[:n_step].sum(axis=1) / square
+    taus = 2 * np.cumsum(rho) - 1
+    wide_enough = np.arange(n_step) >= window * taus
+    return float(taus[np.argmax(wide_enough) if wide_enough.any() else -1])
 
 
 def effective_sample_size(x: FloatArray) -> FloatArray:

@@ -22,7 +22,6 @@ _ARRAYS = (
     "accepted",
     "coordinates",
     "last_log_density",
-    "last_placed",
     "tau",
     "weights",
     "centres",
@@ -47,8 +46,6 @@ class Walk:
         Where the walkers are, whitened coordinates z.
     last_log_density : ndarray of float, shape (n_ensemble, n_walker)
         Log density of z there.
-    last_placed : ndarray of float, shape (n_ensemble, n_walker, n_coordinate + 1)
-        Unconstrained coordinates u there, and log |du/dz|.
     tau : ndarray of float, shape (n_coordinate + 1,)
         Autocorrelation times at the last check.
     weights, centres, factors, rest : ndarray of float, first axis n_ensemble
@@ -62,7 +59,6 @@ class Walk:
     accepted: FloatArray
     coordinates: FloatArray
     last_log_density: FloatArray
-    last_placed: FloatArray
     tau: FloatArray
     weights: FloatArray
     centres: FloatArray

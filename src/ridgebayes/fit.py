@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
 from ridgebayes.priors import Prior
 from ridgebayes.randomness import seed_of
-from ridgebayes.sample import Chains, SampleSettings, Tell, sample
+from ridgebayes.sample import Chains, SampleSettings, Tell, sample, walkers_for
 from ridgebayes.table import ContactTable
 
 if TYPE_CHECKING:
@@ -265,6 +265,10 @@ def fit_model(
 
         chains = sample_power_law(model, seed=seed)
     else:
+        settings = settings or SampleSettings()
+        if settings.n_walker is None:
+            n_walker = walkers_for(len(model.data.textures), model.is_plain)
+            settings = replace(settings, n_walker=n_walker)
         chains = sample(
             model.log_density,
             fit_laplace(model),

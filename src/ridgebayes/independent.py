@@ -59,14 +59,28 @@ class IndependentNormalRows(IndependentRows):
 
     def __init__(self, rows: Rows, tail: Tail) -> None:
         super().__init__(rows, tail)
-        self.groups = RowGroups.of(rows)
+        self.groups = groups = RowGroups.of(rows)
+        # Groups by known error: of those alike in it only sums are needed, draw by draw.
+        rel_se, level = np.unique(groups.rel_se, return_inverse=True)
+        order = np.argsort(level, kind="stable")
+        self._level_variance = rel_se**2
+        self._level_n = np.bincount(level, groups.n)
+        self._level_squares = np.bincount(level, groups.sum_of_squares)
+        self._level_begins = np.searchsorted(level[order], np.arange(len(rel_se)))
+        self._n, self._mean, texture = groups.n[order], groups.mean[order], groups.texture[order]
+        is_all = np.array_equal(texture, np.arange(rows.texture.max() + 1))
+        self._texture = slice(None) if is_all else texture
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
-        groups = self.groups
-        r = groups.mean + 2 * log_rates[..., groups.texture]
-        variance = eta[..., :1] ** 2 + groups.rel_se**2
-        misfit = (groups.sum_of_squares + groups.n * r * r) / variance
-        return -0.5 * (groups.n * np.log(2 * math.pi * variance) + misfit).sum(axis=-1)
+        r = self._mean + 2 * log_rates[..., self._texture]
+        r *= r
+        if len(self._level_n) == 1:
+            squares = (r @ self._n)[..., None]
+        else:
+            squares = np.add.reduceat(self._n * r, self._level_begins, axis=-1)
+        variance = eta[..., :1] ** 2 + self._level_variance
+        misfit = (self._level_squares + squares) / variance
+        return -0.5 * (self._level_n * np.log(2 * math.pi * variance) + misfit).sum(axis=-1)
 
     def gradient(self, log_rates: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return d marginal by the log rate of each group's texture, and by sigma.

@@ -79,8 +79,10 @@ class Model:
                 )
             self.priors[name] = prior
         self._joint = JointPrior(self.priors.values())
+        self._of_noise = JointPrior(list(self.priors.values())[self.n_coefficient :])
         self._a, self._b = data.a_over_R, data.b_over_R
         self.rows = Rows.of(data, self.form)
+        self._known_variance = float(np.mean(self.rows.rel_se**2))
         self.offsets = offsets_of(self.noise, data)
         self.likelihood = self._chosen()
 
@@ -142,6 +144,8 @@ class Model:
     def log_rates(self, theta: FloatArray) -> FloatArray:
         """Return log rate of each texture, shape (..., n_texture); -inf where not positive."""
         rate = self.form.rate(theta[..., : self.n_coefficient], self._a, self._b)
+        if np.all(rate > 0):
+            return np.log(rate)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(rate > 0, np.log(rate), -np.inf)
 
@@ -251,17 +255,12 @@ class Model:
         ndarray of float, shape (..., m, m)
             Rows that are not normal are taken as such.
         """
-        return self.likelihood.products(self._eta(self._with_noise(u_noise)), columns)
+        return self.likelihood.products(self._of_noise.at_scores(u_noise), columns)
 
     def error_variance(self, u_noise: FloatArray) -> FloatArray:
         """Return the mean variance of independent normal rows, shape (...), from (..., n_noise)."""
-        sigma = self._eta(self._with_noise(u_noise))[..., 0]
-        return sigma**2 + float(np.mean(self.rows.rel_se**2))
-
-    def _with_noise(self, u_noise: FloatArray) -> FloatArray:
-        u = np.zeros((*u_noise.shape[:-1], self.n_parameter))
-        u[..., self.n_coefficient :] = u_noise
-        return self.to_theta(u)
+        sigma = self._of_noise.at_scores(u_noise)[..., 0]
+        return sigma**2 + self._known_variance
 
     def information(self, u: FloatArray) -> FloatArray:
         """Return the rows' Fisher information of the coefficients for an error variance of 1.

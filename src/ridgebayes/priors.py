@@ -208,8 +208,10 @@ class HalfNormal(Prior):
         (sd,) = fields
         u = np.asarray(u, dtype=float)
         # The smaller of P(X <= x) = erf(x / sd sqrt 2) and its complement, so that none cancels.
-        tail = special.ndtr(-np.abs(u))
-        z = math.sqrt(2) * np.where(u < 0, special.erfinv(tail), special.erfcinv(tail))
+        tail, low = special.ndtr(-np.abs(u)), u < 0
+        if low.all():
+            return sd * (math.sqrt(2) * special.erfinv(tail))
+        z = math.sqrt(2) * np.where(low, special.erfinv(tail), special.erfcinv(tail))
         if np.any(far := u > 35):  # where even the tail underflows, its logarithm does not
             log_half_tail = special.log_ndtr(-np.where(far, u, 0)) - math.log(2)
             z = np.where(far, -special.ndtri_exp(log_half_tail), z)

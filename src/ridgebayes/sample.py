@@ -1,11 +1,8 @@
-"""Sampling with emcee: independent ensembles, whitened coordinates, and the rule that stops them.
-
-This is the only module that imports emcee.
-"""
+"""Sampling with emcee: independent ensembles, whitened coordinates, the rule that stops them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +15,13 @@ from ridgebayes.laplace import Laplace
 from ridgebayes.moves import Independence
 from ridgebayes.randomness import stream
 
+if TYPE_CHECKING:
+    from ridgebayes.ensemble import Ensemble
+
 Tell = Callable[[str], None]
+N_WALKER = 128
+_MANY, _FEW = 512, 32  # walkers: four times the draws per CPU second of 32; a tenth of the work
+_CHEAP, _DEAR = 100, 2_000  # textures of plain rows
 
 
 @dataclass(frozen=True)
@@ -29,8 +32,10 @@ class SampleSettings:
     ----------
     n_ensemble : int
         Independently started ensembles; at least four, so that they can disagree.
-    n_walker : int
-        Walkers of each; raised to four per coordinate where that is more.
+    n_walker : int or None
+        Walkers of each; raised to four per coordinate where that is more. None takes many where a
+        density of many points costs little more than one of few, and few where textures are many:
+        see `walkers_for`.
     n_burn : int
         Steps thrown away.
     n_step_max : int
@@ -42,7 +47,7 @@ class SampleSettings:
     """
 
     n_ensemble: int = 4
-    n_walker: int = 128
+    n_walker: int | None = None
     n_burn: int = 60
     n_step_max: int = 20_000
     n_tau: float = 50.0
@@ -51,8 +56,23 @@ class SampleSettings:
     def __post_init__(self) -> None:
         if self.n_ensemble < 4:
             raise InputError(f"n_ensemble: {self.n_ensemble} given; rule: at least 4")
-        if self.n_walker < 4 or self.n_walker % 2:
+        if self.n_walker is not None and (self.n_walker < 4 or self.n_walker % 2):
             raise InputError(f"n_walker: {self.n_walker} given; rule: even and at least 4")
+
+
+def walkers_for(n_texture: int, is_plain: bool) -> int:
+    """Return how many walkers suit a density.
+
+    Parameters
+    ----------
+    n_texture : int
+        Textures with rows.
+    is_plain : bool
+        Whether rows are exact with independent normal errors.
+    """
+    if n_texture > _DEAR:
+        return _FEW
+    return _MANY if is_plain and n_texture <= _CHEAP else N_WALKER
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +142,7 @@ def sample(
     Notes
     -----
     *Accuracy.* Moves: an independence move from a mixture of Student t, fitted by each ensemble on
-    its own (80 %), and differential evolution (20 %). emcee's `DESnookerMove` is not used:
+    its own (90 %), and differential evolution (10 %). emcee's `DESnookerMove` is not used:
     in 3.1.6 its draws are too narrow.
 
     References
@@ -130,20 +150,21 @@ def sample(
     Foreman-Mackey et al. (2013), doi:10.1086/670067; ter Braak & Vrugt (2008),
     doi:10.1007/s11222-008-9104-9, for differential evolution.
     """
+    from ridgebayes.ensemble import Ensemble  # emcee takes a while to import
+
     settings = settings or SampleSettings()
     n_coordinate = len(laplace.mode)
-    n_walker = max(settings.n_walker, 4 * n_coordinate)
+    n_walker = max(settings.n_walker or N_WALKER, 4 * n_coordinate)
 
-    def placed(z: FloatArray) -> FloatArray:
-        """Return log density in z, u and log |du/dz|, shape (n, n_coordinate + 2), in columns."""
+    def in_z(z: FloatArray) -> FloatArray:
         u, log_jacobian = laplace.unwhiten(z)
-        return np.column_stack([log_density(u) + log_jacobian, u, log_jacobian])
+        return log_density(u) + log_jacobian
 
     walk = checkpoint.load() if checkpoint is not None else None
     if walk is None:
-        walk = _burnt_in(placed, n_walker, n_coordinate, laplace.n_curved, seed, settings)
+        walk = _burnt_in(in_z, n_walker, n_coordinate, laplace.n_curved, seed, settings)
     samplers = [
-        _sampler(placed, n_walker, n_coordinate, Independence(*proposal))
+        Ensemble(in_z, n_walker, n_coordinate, Independence(*proposal))
         for proposal in zip(walk.weights, walk.centres, walk.factors, walk.rest, strict=True)
     ]
     while True:
@@ -157,27 +178,15 @@ def sample(
         if not missing or walk.n_step >= settings.n_step_max:
             break
         target = min(max(int(1.05 * walk.n_step) + 20, 100), settings.n_step_max)
-        walk = _walked_on(walk, samplers, target - walk.n_step, tau)
+        walk = _walked_on(walk, samplers, laplace, target - walk.n_step, tau)
         if checkpoint is not None:
             checkpoint.save(walk)
     acceptance = walk.accepted / (walk.n_step * n_walker)
     return Chains(walk.u, walk.log_density, acceptance, tau, tuple(missing))
 
 
-def _sampler(
-    placed: Callable[[FloatArray], FloatArray],
-    n_walker: int,
-    n_coordinate: int,
-    proposal: Independence,
-) -> Any:
-    import emcee
-
-    moves = [(emcee.moves.MHMove(proposal), 0.8), (emcee.moves.DEMove(), 0.2)]
-    return emcee.EnsembleSampler(n_walker, n_coordinate, placed, vectorize=True, moves=moves)
-
-
 def _burnt_in(
-    placed: Callable[[FloatArray], FloatArray],
+    in_z: Callable[[FloatArray], FloatArray],
     n_walker: int,
     n_coordinate: int,
     n_curved: int,
@@ -185,20 +194,16 @@ def _burnt_in(
     settings: SampleSettings,
 ) -> Walk:
     """Fit each ensemble's own proposal, start its walkers from it, and burn them in."""
-    import emcee
-
-    def in_z(z: FloatArray) -> FloatArray:
-        return placed(z)[:, 0]
+    from ridgebayes.ensemble import Ensemble, state_at
 
     states, proposals = [], []
     for i in range(settings.n_ensemble):
         rng = stream(seed, f"ensemble {i}")
         rest = n_coordinate - n_curved
         proposal, draws = adapted(in_z, n_curved, rest, rng, n_round=4, n=1_000)
-        start = emcee.State(_start(draws, rng, n_walker))
-        # emcee takes the state of a RandomState; such an object it would silently ignore.
-        start.random_state = np.random.RandomState(rng.integers(2**32)).get_state()
-        sampler = _sampler(placed, n_walker, n_coordinate, proposal)
+        z = _start(draws, rng, n_walker)
+        start = state_at(z, np.random.RandomState(rng.integers(2**32)).get_state())
+        sampler = Ensemble(in_z, n_walker, n_coordinate, proposal)
         states.append(sampler.run_mcmc(start, settings.n_burn))
         proposals.append(proposal)
     return Walk(
@@ -207,7 +212,6 @@ def _burnt_in(
         accepted=np.zeros(settings.n_ensemble),
         coordinates=np.stack([state.coords for state in states]),
         last_log_density=np.stack([state.log_prob for state in states]),
-        last_placed=np.stack([state.blobs for state in states]),
         tau=np.full(n_coordinate + 1, np.inf),
         **{
             name: np.stack([getattr(proposal, name) for proposal in proposals])
@@ -217,22 +221,18 @@ def _burnt_in(
     )
 
 
-def _walked_on(walk: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray) -> Walk:
+def _walked_on(
+    walk: Walk, samplers: "Sequence[Ensemble]", laplace: Laplace, n_step: int, tau: FloatArray
+) -> Walk:
     """Let every ensemble take `n_step` more steps from where it is."""
-    import emcee
+    from ridgebayes.ensemble import state_at
 
     ends = []
     for i, sampler in enumerate(samplers):
         sampler.reset()
-        here = emcee.State(
-            walk.coordinates[i],
-            log_prob=walk.last_log_density[i],
-            blobs=walk.last_placed[i],
-            random_state=walk.random_states[i],
-        )
+        here = state_at(walk.coordinates[i], walk.random_states[i], walk.last_log_density[i])
         ends.append(sampler.run_mcmc(here, n_step))
-    placed = np.stack([sampler.get_blobs() for sampler in samplers])
-    u, log_jacobian = placed[..., :-1], placed[..., -1]
+    u, log_jacobian = laplace.unwhiten(np.stack([sampler.get_chain() for sampler in samplers]))
     log_density = np.stack([sampler.get_log_prob() for sampler in samplers]) - log_jacobian
     accepted = np.array([sampler.backend.accepted.sum() for sampler in samplers])
     return Walk(
@@ -241,7 +241,6 @@ def _walked_on(walk: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray
         accepted=walk.accepted + accepted,
         coordinates=np.stack([end.coords for end in ends]),
         last_log_density=np.stack([end.log_prob for end in ends]),
-        last_placed=np.stack([end.blobs for end in ends]),
         tau=tau,
         weights=walk.weights,
         centres=walk.centres,

@@ -64,7 +64,7 @@ def raw_csv(content: bytes, where: str) -> RawTable:
     header = next(cells)[1]
     # Before the rows: with another separator every row would look ragged.
     check_header(header, where)
-    if not _is_rectangular(content, len(header)):
+    if not is_rectangular(np.frombuffer(content, dtype=np.uint8), ",", len(header)):
         _refuse_ragged(cells, header, where)
 
     def retyped() -> RawTable:
@@ -112,16 +112,27 @@ def records(content: bytes, where: str, separator: str = ",") -> Iterator[tuple[
         raise InputError(f"{where}, line {before + 1}: not CSV: {error}") from None
 
 
-def _is_rectangular(content: bytes, width: int) -> bool:
-    """Count the commas of every line at once; False where quotes or blank lines hide the answer."""
-    if b'"' in content or content.count(b"\r") != content.count(b"\r\n"):
+def is_rectangular(data: np.ndarray, separator: str, width: int) -> bool:
+    """Count the separators of every line at once; False where quotes or blanks hide the answer.
+
+    Parameters
+    ----------
+    data : ndarray of uint8
+        A file's bytes, lines ended by newlines, with or without carriage returns before them.
+    separator : str
+        One character.
+    width : int
+        Cells that a line should have.
+    """
+    if np.any(data == ord('"')):
         return False
-    data = np.frombuffer(content if content.endswith(b"\n") else content + b"\n", dtype=np.uint8)
-    marks = data[(data == ord(",")) | (data == ord("\n"))]
+    if len(data) and data[-1] != ord("\n"):
+        data = np.append(data, np.uint8(ord("\n")))
+    marks = data[(data == ord(separator)) | (data == ord("\n"))]
     if len(marks) % width:
         return False
     lines = marks.reshape(-1, width)
-    return bool(np.all(lines[:, :-1] == ord(",")) and np.all(lines[:, -1] == ord("\n")))
+    return bool(np.all(lines[:, :-1] == ord(separator)) and np.all(lines[:, -1] == ord("\n")))
 
 
 def _refuse_ragged(records: Iterator[tuple[int, list[str]]], header: list[str], where: str) -> None:

@@ -62,7 +62,7 @@ def test_savage_dickey__refuses_other_forms(fits):
 
 def test_savage_dickey__given_an_error_model_is_the_ratio_of_evidences(paper):
     data, noise = Observations.from_table(paper), Noise.named("texture")
-    fit, hybrid = importance_fit(Model(data, Hybrid(), noise), seed=1)
+    fit, hybrid = importance_fit(Model(data, Hybrid(), noise), seed=1, n_draw=20_480)
     _, modified = importance_fit(Model(data, Modified(), noise), seed=2)
     found = savage_dickey(fit)
     assert found.ok

@@ -24,7 +24,7 @@ from ridgebayes.importers.cells import (
     lossless,
     refusal,
 )
-from ridgebayes.table_csv import records
+from ridgebayes.table_csv import is_rectangular, records
 
 SEPARATORS = {"\t": "tab", ";": "';'", ",": "','"}
 _SNIFFED = 50  # records by which a separator is judged
@@ -63,7 +63,7 @@ class Separated:
         self._lines: IntArray | None = None
         self._plain = self._content  # what pandas gets
         data = np.frombuffer(self._content, dtype=np.uint8)
-        if not _is_rectangular(data, self._content, self._separator, len(self.headers)):
+        if not is_rectangular(data, self._separator, len(self.headers)):
             self._lines, self._plain = self._checked_lines()
         self._check_formulas(data)
 
@@ -319,14 +319,3 @@ def _separator(content: bytes, where: str) -> str:
     raise InputError(
         f"{where}, line 1: one column only; rule: columns separated by commas, semicolons or tabs"
     )
-
-
-def _is_rectangular(data: Any, content: bytes, separator: str, width: int) -> bool:
-    """Count the separators of every line at once; False where quotes or blanks hide the answer."""
-    if b'"' in content:
-        return False
-    marks = data[(data == ord(separator)) | (data == ord("\n"))]
-    if len(marks) % width:
-        return False
-    lines = marks.reshape(-1, width)
-    return bool(np.all(lines[:, :-1] == ord(separator)) and np.all(lines[:, -1] == ord("\n")))
