@@ -30,6 +30,7 @@ def bands_table(
     nu: float | None = None,
     forms: Sequence[str] | None = None,
     prob: float = 0.9,
+    compressed: bool = False,
 ) -> pd.DataFrame:
     """Return bands on Q for each form and their average, texture by texture and load by load.
 
@@ -47,12 +48,15 @@ def bands_table(
         Names of fitted forms or ``average``; all and ``average`` if not given.
     prob : float, optional
         Probability inside the band.
+    compressed : bool, optional
+        Whether weighted nodes stand for posteriors, see `predict_q`.
 
     Returns
     -------
     pandas.DataFrame
-        Columns form, noise, kind_of_band (curve, simulation), a_over_R, b_over_R, nu, p_over_E,
-        q_mean, q_median, q_lower, q_upper, prob, extrapolation, p_q_ge_4, p_q_ge_6, ... up to the
+        Its ``attrs["error"]`` holds the largest error of a probability, NaN where draws were
+        averaged. Columns form, noise, kind_of_band (curve, simulation), a_over_R, b_over_R, nu,
+        p_over_E, q_mean, q_median, q_lower, q_upper, prob, extrapolation, p_q_ge_4, ... up to the
         first n that is nowhere more probable than 1e-6.
 
     Raises
@@ -69,16 +73,19 @@ def bands_table(
     own = _own_nu(comparison) if nu is None else {}
     poisson = np.array([[own.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
     p = (default_loads(comparison) if loads is None else np.asarray(loads, dtype=float))[None]
-    blocks = []
+    blocks, errors = [], []
     for kind in KINDS:
         parts = {
-            name: predict_q(fit, a, b, p, nu=poisson, kind=kind)
+            name: predict_q(fit, a, b, p, nu=poisson, kind=kind, compressed=compressed)
             for name, fit in comparison.fits.items()
             if _is_needed(name, forms)
         }
         for name, q in _with_average(comparison, parts, forms):
             blocks.append(_band_rows(name, comparison.noise.name, kind, a, b, poisson, p, q, prob))
-    return _trimmed(pd.concat(blocks, ignore_index=True))
+            errors.append(q.error)
+    bands = _trimmed(pd.concat(blocks, ignore_index=True))
+    bands.attrs["error"] = float(np.max(errors))
+    return bands
 
 
 def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:

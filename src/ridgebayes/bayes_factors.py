@@ -32,6 +32,7 @@ EVIDENCE_COLUMNS = [
     "model_probability",
     "status",
 ]
+_MANY = 2_000  # textures, of which a density takes milliseconds
 BAYES_FACTOR_COLUMNS = [
     "form_a",
     "form_b",
@@ -44,13 +45,15 @@ BAYES_FACTOR_COLUMNS = [
 ]
 
 
-def evidences(fit: Fit) -> list[LogEvidence]:
+def evidences(fit: Fit, *, n_bridge: int | None = None) -> list[LogEvidence]:
     """Return the log evidence of a fit by every method that applies, bridge first.
 
     Parameters
     ----------
     fit : Fit
         Posterior with its full chains.
+    n_bridge : int, optional
+        Most draws that the bridge takes; as many as an error of 0.002 needs if not given.
 
     Returns
     -------
@@ -61,13 +64,14 @@ def evidences(fit: Fit) -> list[LogEvidence]:
     if drawn_exactly(fit.model):
         return [power_law_evidence(fit.model)]
     model, laplace = fit.model, fit_laplace(fit.model)
+    is_cheap = model.is_plain and len(model.data.textures) <= _MANY
     found = [
         bridge_evidence(
             model.log_density,
             fit.chains,
             laplace,
             rng=stream(fit.seed, "bridge"),
-            draws_max=100_000 if model.is_plain else 20_000,  # an error of 0.002 will do
+            draws_max=n_bridge or (100_000 if is_cheap else 20_000),  # an error of 0.002 will do
         )
     ]
     if isinstance(model.form, PowerLaw) and model.is_plain:

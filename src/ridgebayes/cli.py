@@ -21,7 +21,6 @@ from ridgebayes.errors import ComputationError, InputError
 if TYPE_CHECKING:
     from ridgebayes._types import FloatArray
     from ridgebayes.comparison import Comparison
-    from ridgebayes.scene import Scene
 
 app = typer.Typer(
     help="How many ridges does a soft body touch, how sure is that, and which contact model "
@@ -43,6 +42,13 @@ Force = Annotated[bool, typer.Option("--force", help="Replace an existing output
 Resume = Annotated[
     bool, typer.Option("--resume", help="Go on with what a killed run left; the end is the same.")
 ]
+AccuracyName = Annotated[
+    str, typer.Option("--accuracy", help="quick, standard or reference: errors against time.")
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(help="tcp://HOST:PORT of a running Dask cluster, whose workers compute."),
+]
 Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same numbers.")]
 Table = Annotated[Path, typer.Argument(help="Contact table, .csv or .parquet.")]
 DEFAULT_OUT = Path("ridgebayes-out")
@@ -62,6 +68,12 @@ def run(
     force: Force = False,
     seed: Seed = 0,
     resume: Resume = False,
+    accuracy: AccuracyName = "standard",
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Processes for error models and folds; all processors if none."),
+    ] = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Do the main job: calibrate, weigh the evidence, predict, report."""
     from ridgebayes.jobs import run_job
@@ -74,6 +86,9 @@ def run(
         seed=seed,
         force=force,
         resume=resume,
+        accuracy=accuracy,
+        workers=workers,
+        scheduler=scheduler,
     )
     _finish(done, out, f"read {out / 'report.html'}")
 
@@ -97,11 +112,16 @@ def generate(
         Path | None,
         typer.Option(help="Folder to make, for what finite elements find: XDMF, CSV, figures."),
     ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; the table does not depend on it.")
+    ] = None,
+    scheduler: Scheduler = None,
     force: Force = False,
+    resume: Resume = False,
 ) -> None:
     """Compute transition loads of textures and write them as a table."""
-    from ridgebayes.generation import generate as generate_table
     from ridgebayes.scene import Scene
+    from ridgebayes.sweep_jobs import sweep_job
 
     _refuse_existing(out, force)
     if scene is not None and texture:
@@ -113,15 +133,25 @@ def generate(
     else:
         wanted = Scene.paper()
     if fields is None:
-        table = generate_table(wanted, solver=solver, rel_tol=tol)
+        table, left_out = sweep_job(
+            out,
+            wanted,
+            solver=solver,
+            rel_tol=tol,
+            workers=workers,
+            scheduler=scheduler,
+            resume=resume,
+            force=force,
+        )
     else:
-        from ridgebayes.field_files import generate_fields
+        from ridgebayes.sweep_jobs import fields_job
 
-        table = generate_fields(wanted, fields, solver=solver, rel_tol=tol, force=force)
-    table.write(out)
+        if workers is not None or scheduler is not None or resume:
+            raise InputError("--fields: with --workers, --scheduler or --resume; rule: without")
+        table, left_out = fields_job(out, wanted, fields, solver=solver, rel_tol=tol, force=force)
     failed = len(table.left_out)
     print(f"{out}: {len(table)} rows, {len(table.textures)} textures, {failed} not ok")
-    for line in _left_out(wanted) if solver == "auto" else ():
+    for line in left_out:
         print(line)
     if failed:
         raise ComputationError(f"{failed} rows are not ok, see column status of {out}")
@@ -136,11 +166,21 @@ def fit(
     force: Force = False,
     seed: Seed = 0,
     resume: Resume = False,
+    accuracy: AccuracyName = "standard",
 ) -> None:
     """Sample the posterior of one form."""
     from ridgebayes.jobs import fit_job
 
-    done = fit_job(out, table, form, noise=noise, seed=seed, force=force, resume=resume)
+    done = fit_job(
+        out,
+        table,
+        form,
+        noise=noise,
+        seed=seed,
+        force=force,
+        resume=resume,
+        accuracy=accuracy,
+    )
     for result in done.fits.values():
         print(result)
     _finish(done, out)
@@ -154,11 +194,20 @@ def compare(
     out: Out = DEFAULT_OUT,
     force: Force = False,
     seed: Seed = 0,
+    accuracy: AccuracyName = "standard",
 ) -> None:
     """Compare forms: evidences, Bayes factors, model probabilities, leave-one-out, stacking."""
     from ridgebayes.jobs import compare_job
 
-    done = compare_job(out, table, forms=_names(forms), noise=noise, seed=seed, force=force)
+    done = compare_job(
+        out,
+        table,
+        forms=_names(forms),
+        noise=noise,
+        seed=seed,
+        force=force,
+        accuracy=accuracy,
+    )
     print(done.bayes_factors.to_string(index=False))
     _finish(done, out)
 
@@ -183,10 +232,21 @@ def predict(
     _refuse_existing(out, force)
     textures, loads = [_texture(text) for text in texture], _loads(p_over_e)
     bands = bands_table(
-        read_run(folder), textures=textures, loads=loads, nu=nu, forms=[form], prob=prob
+        read_run(folder),
+        textures=textures,
+        loads=loads,
+        nu=nu,
+        forms=[form],
+        prob=prob,
+        compressed=True,
     )
     write_csv(bands, out)
-    print(f"{out}: {len(bands)} rows, {int(bands['extrapolation'].sum())} of them extrapolation")
+    error = bands.attrs["error"]
+    known = "under 0.005 (draws)" if error != error else f"up to {error:.1g}"
+    print(
+        f"{out}: {len(bands)} rows, {int(bands['extrapolation'].sum())} of them extrapolation; "
+        f"errors of probabilities {known}"
+    )
 
 
 @app.command()
@@ -201,7 +261,11 @@ def coverage(
     ] = "",
     seed: Seed = 0,
     force: Force = False,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes; numbers do not depend on it.")] = 2,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Processes, 2 if not given; numbers do not depend on it."),
+    ] = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Leave each texture out in turn and count how often bands contain its loads."""
     from ridgebayes.jobs import coverage_job
@@ -213,7 +277,8 @@ def coverage(
         noises=_names(noise, "--noise"),
         seed=seed,
         force=force,
-        jobs=jobs,
+        workers=2 if workers is None and scheduler is None else workers,
+        scheduler=scheduler,
     )
     shown = found[found["prob"] == 0.9]
     columns = ["form", "noise", "n", "covered", "share", "share_se", "mean_width"]
@@ -459,7 +524,7 @@ def main() -> None:
     except OSError as error:
         _stop(f"{error.filename or 'output'}: {error.strerror or error}", 1)
     except _Interrupted:
-        _stop("interrupted; run and fit go on with --resume", 130)
+        _stop("interrupted; run, fit and generate go on with --resume", 130)
 
 
 class _Interrupted(BaseException):
@@ -505,20 +570,6 @@ def _names(text: str, option: str = "--forms") -> list[str]:
     if not all(names):
         raise InputError(f"{option} {text!r}: an empty name; rule: names with commas between them")
     return names
-
-
-def _left_out(scene: "Scene") -> list[str]:
-    """Say what exceeds a scene's accuracy and is not simulated."""
-    from ridgebayes.effects import plan as plan_scene
-
-    if scene.relative is None:
-        return []
-    return [
-        f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}: {effect.name} left out, "
-        f"about {effect.estimate:.1e} of a load; {scene.relative:g} was asked for"
-        for one in plan_scene(scene)
-        for effect in one.left_out
-    ]
 
 
 def _texture(text: str) -> tuple[float, float]:

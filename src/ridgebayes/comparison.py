@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from ridgebayes._types import FloatArray, Rng
+from ridgebayes.accuracies import STANDARD, Accuracy
 from ridgebayes.bayes_factors import (
     EVIDENCE_COLUMNS,
     bayes_factor_table,
@@ -22,10 +23,13 @@ from ridgebayes.error_models import (
 )
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
-from ridgebayes.fit import Fit, as_noise, calibrate, refuse_circular
+from ridgebayes.fit import Fit, as_noise, calibrate, drawn_exactly, refuse_circular
 from ridgebayes.forms import Classic, Form, Hybrid, Modified, PowerLaw
+from ridgebayes.importance import importance_fit
+from ridgebayes.likelihood import Model
 from ridgebayes.loads import LoadDistribution, mix_loads
 from ridgebayes.noise import Noise
+from ridgebayes.observations import Observations
 from ridgebayes.predict import mix_q, predict_load, predict_q
 from ridgebayes.qdistribution import QDistribution
 from ridgebayes.randomness import seed_of, stream
@@ -69,6 +73,8 @@ class Comparison:
     coverage : pandas.DataFrame
         How often the best form's bands hold textures left out, see `ridgebayes.coverage`; empty
         where it was not asked for.
+    accuracy : str
+        Name of the accuracy that was asked for, see `ridgebayes.accuracies`.
     """
 
     table: ContactTable
@@ -81,6 +87,7 @@ class Comparison:
     failures: dict[str, str] = field(default_factory=dict)
     left_out: pd.DataFrame = field(default_factory=pd.DataFrame)
     coverage: pd.DataFrame = field(default_factory=pd.DataFrame)
+    accuracy: str = STANDARD.name
 
     def __repr__(self) -> str:
         parts = [f"{name} {share:.3g}" for name, share in self.probabilities.items()]
@@ -165,6 +172,7 @@ def compare(
     stage: Stage = untimed,
     checkpoints: Path | None = None,
     executor: Executor | None = None,
+    accuracy: Accuracy = STANDARD,
 ) -> Comparison:
     """Fit several forms to one table and compare them.
 
@@ -188,6 +196,8 @@ def compare(
         Folder in which the chains are kept as they grow, see `calibrate`.
     executor : concurrent.futures.Executor, optional
         Weighs the error models where `noise` is None.
+    accuracy : Accuracy, optional
+        How far errors of draws and evidences are pressed down; `settings` overrides its walks.
 
     Returns
     -------
@@ -222,7 +232,12 @@ def compare(
     if noise is None:
         with stage("error models"):
             elsewhere = weigh_error_models(
-                table, forms, seed=seed, executor=executor, progress=progress
+                table,
+                forms,
+                seed=seed,
+                executor=executor,
+                progress=progress,
+                laplace_only=not accuracy.walks,
             )
             noise = chosen_error_model(elsewhere)
     error_model = as_noise(noise)
@@ -234,21 +249,28 @@ def compare(
             own_seed = int(stream(seed, form.name).integers(2**63))
             say = None if progress is None else _labelled(progress, form.name)
             try:
-                fit = calibrate(
-                    table,
-                    form,
-                    noise=error_model,
-                    rng=own_seed,
-                    settings=settings,
-                    progress=say,
-                    checkpoint=checkpoints and checkpoints / chain_file(form.name),
+                drawn = None
+                if not accuracy.walks:
+                    drawn = _drawn(table, form, error_model, own_seed, accuracy.n_draw)
+                fit = (
+                    drawn[0]
+                    if drawn
+                    else calibrate(
+                        table,
+                        form,
+                        noise=error_model,
+                        rng=own_seed,
+                        settings=settings or accuracy.settings,
+                        progress=say,
+                        checkpoint=checkpoints and checkpoints / chain_file(form.name),
+                    )
                 )
             except ComputationError as error:
                 failures[form.name] = str(error)
                 continue
             fits[form.name] = fit
         with stage(f"evidence {form.name}"):
-            found[form.name] = evidences(fit)
+            found[form.name] = [drawn[1]] if drawn else evidences(fit, n_bridge=accuracy.n_bridge)
     if not fits:
         raise ComputationError("no form could be fitted: " + "; ".join(failures.values()))
     evidence = evidence_table(found, error_model)
@@ -265,7 +287,28 @@ def compare(
         own = evidence[evidence["used"] & (evidence["noise"] == error_model.name)]
         values = dict(zip(own["form"], own["log_evidence"].astype(float), strict=True))
         sensitivity = prior_sensitivity(fits, log_evidence=values)
-    return Comparison(table, error_model, fits, evidence, factors, loo, sensitivity, failures)
+    return Comparison(
+        table,
+        error_model,
+        fits,
+        evidence,
+        factors,
+        loo,
+        sensitivity,
+        failures,
+        accuracy=accuracy.name,
+    )
+
+
+def _drawn(
+    table: ContactTable, form: Form, noise: Noise, seed: int, n_draw: int
+) -> tuple[Fit, LogEvidence] | None:
+    """Draw without a walk; None where the draws' weights are not to be trusted."""
+    model = Model(Observations.from_table(table), form, noise)
+    if drawn_exactly(model):
+        return None
+    found = importance_fit(model, seed=seed, n_draw=n_draw, n_round=2, n_per_round=500)
+    return found if found[0].converged and found[1].ok else None
 
 
 def _with_others(evidence: pd.DataFrame, weighed: pd.DataFrame, noise: Noise) -> pd.DataFrame:

@@ -13,6 +13,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.adaptation import adapted, weighted
 from ridgebayes.diagnostics import K_MAX, pareto_k, shortcomings, summarise
+from ridgebayes.errors import InputError
 from ridgebayes.evidence.record import LogEvidence
 from ridgebayes.fit import Fit
 from ridgebayes.laplace import fit_laplace
@@ -54,6 +55,8 @@ def importance_fit(
 
     Raises
     ------
+    InputError
+        If `n_draw` is not a multiple of 128.
     ComputationError
         If the posterior has no interior mode.
 
@@ -68,6 +71,8 @@ def importance_fit(
     Cappe et al. (2008), doi:10.1007/s11222-008-9059-x, for the adaptation; Vehtari et al. (2024),
     Journal of Machine Learning Research 25(72), for the shape of the weights.
     """
+    if n_draw < 128 or n_draw % 128:
+        raise InputError(f"n_draw: {n_draw} given; rule: a multiple of 128")
     laplace = fit_laplace(model)
 
     def in_z(z: FloatArray) -> FloatArray:

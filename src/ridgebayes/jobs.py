@@ -3,13 +3,13 @@
 import json
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from ridgebayes.accuracies import STANDARD, Accuracy
 from ridgebayes.bands import bands_table, loads_table
 from ridgebayes.comparison import DEFAULT_FORMS, Comparison, compare
 from ridgebayes.coverage import coverage
@@ -34,7 +34,7 @@ from ridgebayes.runfolder import (
 )
 from ridgebayes.sample import SampleSettings
 from ridgebayes.table import ContactTable, read_table
-from ridgebayes.workers import n_cpu, workers
+from ridgebayes.workers import executor_for, n_cpu
 
 EMBEDDED = "embedded sweep"
 EMBEDDED_FE = "finite-element reference rows"
@@ -51,6 +51,9 @@ def run_job(
     force: bool = False,
     settings: SampleSettings | None = None,
     resume: bool = False,
+    accuracy: str = STANDARD.name,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Comparison:
     """Do the main job: calibrate, weigh the evidence, predict, report.
 
@@ -73,6 +76,12 @@ def run_job(
         Lengths and thresholds of sampling.
     resume : bool, optional
         Whether to go on with the chains that a killed run left; the end is the same.
+    accuracy : str, optional
+        Name of one of `ridgebayes.accuracies`. A quick run takes the error model with the highest
+        evidence by Laplace's approximation, leaves no textures out and compares no finite elements.
+    workers, scheduler : optional
+        As for `ridgebayes.workers.executor_for`: what weighs error models and refits folds; all
+        processors of this machine if neither is given. The numbers do not depend on them.
 
     Returns
     -------
@@ -85,20 +94,25 @@ def run_job(
     InputError
         If an argument or the table breaks a rule; nothing is written then.
     """
+    wanted = Accuracy.named(accuracy)
     chosen, error_model, data = _checked(table, forms, noise)
-    with_reference = table is None
-    n_stage = 2 * len(chosen) + 7 + (2 * len(FORMS) + 4 if with_reference else 0)
+    with_reference = table is None and wanted.extras
+    n_stage = (
+        2 * len(chosen) + 5 + 2 * wanted.extras + (2 * len(FORMS) + 4 if with_reference else 0)
+    )
     n_stage += 0 if error_model else 1 + with_reference
     reference = None
+    n_worker = n_cpu() if workers is None and scheduler is None else workers
     with (
         new_folder(folder, force=force, resume=resume) as partial,
         Progress(n_stage) as progress,
-        workers(n_cpu()) as executor,
+        executor_for(n_worker, scheduler) as executor,
     ):
         comparison = _compared(
-            data, chosen, error_model, seed, settings, progress, partial, executor
+            data, chosen, error_model, seed, settings, progress, partial, wanted, executor
         )
-        comparison = _with_left_out(comparison, chosen, seed, progress, executor)
+        if wanted.extras:
+            comparison = _with_left_out(comparison, chosen, seed, progress, executor)
         write_comparison(comparison, partial)
         _bands(comparison, partial, progress)
         if with_reference:
@@ -106,14 +120,19 @@ def run_job(
             everything, below = [form_named(name) for name in FORMS], partial / REFERENCE
             below.mkdir(exist_ok=True)
             reference = _compared(
-                rows, everything, error_model, seed, settings, progress, below, executor
+                rows, everything, error_model, seed, settings, progress, below, wanted, executor
             )
             write_comparison(reference, below)
             _bands(reference, below, progress)
             _about(below, reference, "run", seed, {}, [])
         with progress.stage("figures and report"):
             write_pages(comparison, partial, reference)
-        options = {"table": str(table) if table else None, "forms": list(forms), "noise": noise}
+        options = {
+            "table": str(table) if table else None,
+            "forms": list(forms),
+            "noise": noise,
+            "accuracy": accuracy,
+        }
         _about(partial, comparison, "run", seed, options, progress.stages, reference)
     if reference is not None and not reference.complete:
         return replace(comparison, failures=comparison.failures | _prefixed(reference))
@@ -130,16 +149,23 @@ def compare_job(
     force: bool = False,
     settings: SampleSettings | None = None,
     resume: bool = False,
+    accuracy: str = STANDARD.name,
 ) -> Comparison:
     """Compare forms on a table: posteriors, evidences, Bayes factors, scores; see `run_job`."""
+    wanted = Accuracy.named(accuracy)
     chosen, error_model, data = _checked(table, forms, noise)
     with (
         new_folder(folder, force=force, resume=resume) as partial,
         Progress(2 * len(chosen) + 3) as progress,
     ):
-        comparison = _compared(data, chosen, error_model, seed, settings, progress, partial)
+        comparison = _compared(data, chosen, error_model, seed, settings, progress, partial, wanted)
         write_comparison(comparison, partial)
-        options = {"table": str(table), "forms": list(forms), "noise": noise}
+        options = {
+            "table": str(table),
+            "forms": list(forms),
+            "noise": noise,
+            "accuracy": accuracy,
+        }
         _about(partial, comparison, "compare", seed, options, progress.stages)
     return comparison
 
@@ -154,13 +180,15 @@ def fit_job(
     force: bool = False,
     settings: SampleSettings | None = None,
     resume: bool = False,
+    accuracy: str = STANDARD.name,
 ) -> Comparison:
     """Fit one form to a table: its posterior and evidence; see `run_job`."""
+    wanted = Accuracy.named(accuracy)
     chosen, error_model, data = _checked(table, [form], noise)
     with new_folder(folder, force=force, resume=resume) as partial, Progress(5) as progress:
-        comparison = _compared(data, chosen, error_model, seed, settings, progress, partial)
+        comparison = _compared(data, chosen, error_model, seed, settings, progress, partial, wanted)
         write_fits(comparison, partial)
-        options = {"table": str(table), "form": form, "noise": noise}
+        options = {"table": str(table), "form": form, "noise": noise, "accuracy": accuracy}
         _about(partial, comparison, "fit", seed, options, progress.stages)
     return comparison
 
@@ -173,7 +201,8 @@ def coverage_job(
     noises: Sequence[str] = (),
     seed: int = 0,
     force: bool = False,
-    jobs: int = 1,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> pd.DataFrame:
     """Count how often bands contain transitions of textures left out, form by form.
 
@@ -189,8 +218,8 @@ def coverage_job(
         Seed.
     force : bool, optional
         Whether an existing folder of this command may be replaced.
-    jobs : int, optional
-        Processes; the numbers do not depend on it.
+    workers, scheduler : optional
+        As for `ridgebayes.workers.executor_for`; the numbers do not depend on them.
 
     Returns
     -------
@@ -209,7 +238,7 @@ def coverage_job(
     with (
         new_folder(folder, force=force, about=COVERAGE_JSON) as partial,
         Progress(len(chosen) * len(models) + 1) as progress,
-        workers(jobs) if jobs > 1 else nullcontext() as executor,
+        executor_for(workers, scheduler) as executor,
     ):
         found = coverage(data, chosen, models, rng=seed, executor=executor, progress=progress.stage)
         write_csv(found, partial / "coverage.csv")
@@ -223,7 +252,7 @@ def coverage_job(
             "command": "coverage",
             "versions": versions(),
             "seed": seed,
-            "options": options | {"noise": list(noises), "jobs": jobs},
+            "options": options | {"noise": list(noises), "workers": workers},
             "table": data.where,
             "table_digest": data.digest(),
             "stages": progress.stages,
@@ -275,6 +304,7 @@ def _compared(
     settings: SampleSettings | None,
     progress: Progress,
     folder: Path,
+    accuracy: Accuracy,
     executor: Executor | None = None,
 ) -> Comparison:
     return compare(
@@ -287,6 +317,7 @@ def _compared(
         stage=progress.stage,
         checkpoints=folder,
         executor=executor,
+        accuracy=accuracy,
     )
 
 
@@ -295,7 +326,7 @@ def _with_left_out(
     forms: Sequence[Form],
     seed: int,
     progress: Progress,
-    executor: Executor,
+    executor: Executor | None,
 ) -> Comparison:
     """Add scores on textures and steps left out, and the coverage of the best form's bands."""
     table, noise = comparison.table, comparison.noise
@@ -313,7 +344,7 @@ def _with_left_out(
 
 def _bands(comparison: Comparison, folder: Path, progress: Progress) -> None:
     with progress.stage("bands"):
-        write_csv(bands_table(comparison), folder / "bands.csv")
+        write_csv(bands_table(comparison, compressed=True), folder / "bands.csv")
         write_csv(loads_table(comparison), folder / "loads.csv")
 
 

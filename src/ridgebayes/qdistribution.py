@@ -23,6 +23,8 @@ class QDistribution:
         Largest calibrated count.
     kind : str
         ``simulation`` or ``curve``.
+    error : float, optional
+        Largest error of a probability as weighted nodes tell it; NaN where draws were averaged.
 
     Examples
     --------
@@ -35,6 +37,7 @@ class QDistribution:
     texture_outside: BoolArray
     q_calibrated_max: int
     kind: str
+    error: float = np.nan
 
     def __repr__(self) -> str:
         return f"QDistribution({self.kind}, shape {self.survival.shape[:-1]}, Q <= {self.q[-1]})"

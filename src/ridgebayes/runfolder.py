@@ -176,6 +176,7 @@ def write_run_json(
         "table_digest": comparison.table.digest(),
         "forms": [*comparison.fits, *comparison.failures],
         "noise": comparison.noise.name,
+        "accuracy": comparison.accuracy,
         "stages": list(stages),
         "verdicts": verdicts(comparison),
     }
@@ -239,6 +240,7 @@ def read_run(folder: Path) -> Comparison:
         failures,
         _read_csv(folder / LEFT_OUT, LEFT_OUT_COLUMNS, optional=True),
         _read_csv(folder / COVERAGE, COVERAGE_COLUMNS, optional=True),
+        about["accuracy"],
     )
 
 
@@ -248,14 +250,15 @@ def _read_about(folder: Path) -> dict[str, Any]:
         raise InputError(f"{folder}: no {RUN_JSON} in it; rule: a folder written by ridgebayes")
     try:
         about = json.loads(path.read_text(encoding="utf-8"))
-        named = [about["forms"], about["table"], about["noise"], about["verdicts"]["failures"]]
+        named = [about["forms"], about["table"], about["noise"], about["accuracy"]]
+        named.append(about["verdicts"]["failures"])
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: damaged, not JSON ({error}); run again") from None
     except KeyError as error:
         raise InputError(f"{path}: damaged, key {error} is missing; run again") from None
     except TypeError:
         raise InputError(f"{path}: damaged, not what ridgebayes writes; run again") from None
-    if not all(map(isinstance, named, (list, str, str, dict))):
+    if not all(map(isinstance, named, (list, str, str, str, dict))):
         raise InputError(f"{path}: damaged, not what ridgebayes writes; run again")
     return about
 

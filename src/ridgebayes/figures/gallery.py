@@ -130,7 +130,9 @@ def _predictions(comparison: Comparison, form: str) -> Iterator[Plate]:
         own = rows[(rows["a_over_R"] == a) & (rows["b_over_R"] == b)]["p_over_E"]
         top = float(own.max() if len(own) else rows["p_over_E"].max())
         shown = (np.linspace(0.0, np.sqrt(_BEYOND * top), _N_LOAD) ** 2)[1:]
-        parts.append(bands_table(comparison, textures=[(a, b)], forms=[form], loads=shown))
+        parts.append(
+            bands_table(comparison, textures=[(a, b)], forms=[form], loads=shown, compressed=True)
+        )
     bands = pd.concat(parts, ignore_index=True)
     yield Plate("bands", bands_figure(bands, rows, form, n_texture=len(comparison.table.textures)))
     loads = held_out_loads(comparison)
