@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ridgebayes.fit import calibrate
 from ridgebayes.forms import Hybrid, Modified
 from ridgebayes.importance import importance_fit
 from ridgebayes.likelihood import Model
@@ -77,12 +76,19 @@ def test_nodes__are_refused_where_offsets_are_sampled(paper):
     np.testing.assert_array_equal(q.survival, predict_q(fit, 0.022, 0.02, LOADS).survival)
 
 
-def test_nodes__of_a_calibrated_place_keep_its_offset(paper):
-    fit = calibrate(paper, Hybrid(), noise="step", rng=1)
-    nodes, draws = (
-        predict_q(fit, 0.022, 0.02, LOADS, compressed=way).survival for way in (True, False)
-    )
-    n = min(nodes.shape[1], draws.shape[1])
-    # Monte Carlo of 2,560 draws: five standard errors.
-    room = 5 * np.sqrt(draws[:, :n] * (1 - draws[:, :n]) / 2_560) + 2e-3
-    assert np.all(np.abs(nodes[:, :n] - draws[:, :n]) <= room)
+def test_nodes__leave_shared_offsets_to_draws(paper):
+    model = Model(Observations.from_table(paper), Hybrid(), Noise.named("step"))
+    fit, _ = importance_fit(model, seed=1, n_draw=256, n_round=2, n_per_round=500)
+    assert np.isnan(predict_q(fit, 0.022, 0.02, LOADS, compressed=True).error)
+
+
+@pytest.mark.parametrize("name", ["classic", "modified"])
+def test_nodes__serve_each_form_of_few_coefficients(fits, name):
+    for kind in ("simulation", "curve"):
+        nodes = predict_q(fits[name], 0.022, 0.02, LOADS, kind=kind, compressed=True)
+        draws = predict_q(fits[name], 0.022, 0.02, LOADS, kind=kind)
+        n = min(nodes.survival.shape[1], draws.survival.shape[1])
+        assert nodes.error < 1e-3
+        # Monte Carlo of 10,240 draws of a walk, which are worth some 7,000: five standard errors.
+        room = 5 * np.sqrt(draws.survival[:, :n] * (1 - draws.survival[:, :n]) / 7_000) + 2e-3
+        assert np.all(np.abs(nodes.survival[:, :n] - draws.survival[:, :n]) <= room)

@@ -69,7 +69,7 @@ class Accuracy:
         return SampleSettings(n_tau=self.n_tau)
 
 
-QUICK = Accuracy("quick", 0.1, 0.1, 1e-4, walks=False, n_edge=10, extras=False)
+QUICK = Accuracy("quick", 0.1, 0.1, 1e-4, walks=False, n_draw=256, n_edge=10, extras=False)
 STANDARD = Accuracy("standard", 0.02, 0.01, 1e-8)
 REFERENCE = Accuracy("reference", 0.01, 0.003, 1e-10, n_tau=200.0, n_bridge=400_000, n_edge=48)
 ACCURACIES = {one.name: one for one in (QUICK, STANDARD, REFERENCE)}

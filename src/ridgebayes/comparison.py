@@ -231,9 +231,11 @@ def compare(
     seed, elsewhere = seed_of(rng), pd.DataFrame(columns=EVIDENCE_COLUMNS)
     if noise is None:
         with stage("error models"):
+            weighed = [n for n in Noise.every() if accuracy.walks or n.tail == "normal"]
             elsewhere = weigh_error_models(
                 table,
                 forms,
+                weighed,
                 seed=seed,
                 executor=executor,
                 progress=progress,

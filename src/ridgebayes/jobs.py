@@ -77,8 +77,9 @@ def run_job(
     resume : bool, optional
         Whether to go on with the chains that a killed run left; the end is the same.
     accuracy : str, optional
-        Name of one of `ridgebayes.accuracies`. A quick run takes the error model with the highest
-        evidence by Laplace's approximation, leaves no textures out and compares no finite elements.
+        Name of one of `ridgebayes.accuracies`. A quick run takes the normal error model with the
+        highest evidence by Laplace's approximation, leaves no textures out, compares no finite
+        elements and draws the five figures that hold the answer.
     workers, scheduler : optional
         As for `ridgebayes.workers.executor_for`: what weighs error models and refits folds; all
         processors of this machine if neither is given. The numbers do not depend on them.
@@ -102,7 +103,8 @@ def run_job(
     )
     n_stage += 0 if error_model else 1 + with_reference
     reference = None
-    n_worker = n_cpu() if workers is None and scheduler is None else workers
+    own = n_cpu() if wanted.extras else 1  # starting processes takes longer than a quick run waits
+    n_worker = own if workers is None and scheduler is None else workers
     with (
         new_folder(folder, force=force, resume=resume) as partial,
         Progress(n_stage) as progress,

@@ -20,7 +20,7 @@ from ridgebayes.randomness import stream
 Counts = IntArray | FloatArray
 _FEW = 4  # coordinates that a thousand nodes fill
 _N_NODE, _N_MANY = 1_024, 4_096
-_N_CURVE = 16_384  # where a density costs next to nothing
+_N_CURVE = 16_384
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,19 +62,17 @@ class PosteriorLoads:
 
     @classmethod
     def nodes(cls, fit: Fit, kind: str) -> "PosteriorLoads | None":
-        """Return the nodes that stand for a fit, if any can; without offsets for curves."""
+        """Return the nodes that stand for a fit of rows without shared offsets, if any can.
+
+        With offsets a density costs so much that nodes would gain nothing over draws.
+        """
+        if fit.model.offsets is not None:
+            return None
         n = _N_NODE if fit.model.n_coordinate <= _FEW else _N_MANY
-        if kind == "curve":
-            n = _N_CURVE if fit.model.is_plain else _N_MANY
-        found = nodes_of(fit, n)
+        found = nodes_of(fit, _N_CURVE if kind == "curve" else n)
         if found is None:
             return None
-        offsets = None
-        if kind != "curve" and fit.model.offsets is not None:
-            if fit not in _nodes_given:
-                _nodes_given[fit] = fit.model.offsets_given(found.u)
-            offsets = _nodes_given[fit]
-        return cls(fit, found.theta, offsets, found.weight, found.even)
+        return cls(fit, found.theta, None, found.weight, found.even)
 
     def average(self, values: FloatArray) -> FloatArray:
         """Return the mean over draws of values (n_draw, ...), shape (n_answer, ...).
@@ -132,6 +130,5 @@ class PosteriorLoads:
         return form, prior.value_at(ndtri(self.even))[:, None]
 
 
-_nodes_given: "WeakKeyDictionary[Fit, OffsetsGiven | None]" = WeakKeyDictionary()
 # Stride and offsets of a fit's draws, as long as there is the fit: they must not refer to it.
 _prepared: "WeakKeyDictionary[Fit, tuple[int, OffsetsGiven | None]]" = WeakKeyDictionary()

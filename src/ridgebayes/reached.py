@@ -93,6 +93,9 @@ class OfNodes:
         between = np.flatnonzero((y >= low) & (y <= high))
         if not len(between):
             return result
+        if not is_curve and len(between) <= _N_KNOT // 2 and self._known is None:
+            result[between] = self._answer(self._halves(y[between], mean, scale))
+            return result
         # Smooth in log p: a table loses 1e-5. Counts of one texture mostly share theirs.
         shift = np.nan
         if self._known is not None:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from ridgebayes.accuracies import QUICK
 from ridgebayes.accuracy import has_slopes, percent_errors, slopes_table
 from ridgebayes.atomic import replacing
 from ridgebayes.bands import AVERAGE, bands_table
@@ -78,7 +79,8 @@ def gallery(comparison: Comparison) -> dict[str, Plate]:
         ``bands``; ``held-out`` where rows were; ``percent-error``, ``slopes``,
         ``smooth-cylinder``; ``coverage`` where it was counted; ``posterior-checks`` and
         ``prior-bands`` of the best form; ``corner-<form>`` and ``traces-<form>`` of each fit.
-        Kept as long as the comparison is.
+        Of a quick comparison only ``evidence``, ``bands``, ``held-out``, ``percent-error`` and the
+        best form's corner. Kept as long as the comparison is.
     """
     if comparison not in _drawn:
         _drawn[comparison] = {plate.name: plate for plate in _plates(comparison)}
@@ -86,26 +88,30 @@ def gallery(comparison: Comparison) -> dict[str, Plate]:
 
 
 def _plates(comparison: Comparison) -> Iterator[Plate]:
-    best = best_form(comparison)
+    best, is_quick = best_form(comparison), comparison.accuracy == QUICK.name
+    shown = best or next(iter(comparison.fits))
     with styled():
         if best is not None and len(comparison.fits) > 1:
             factors = factors_by_method(comparison, best)
             if len(factors):
                 yield Plate("evidence", forest_figure(factors, best))
             factors = sensitivity_factors(comparison, best)
-            if len(factors):
+            if len(factors) and not is_quick:
                 yield Plate("prior-sensitivity", sensitivity_figure(factors, best))
-        yield from _predictions(comparison, best or next(iter(comparison.fits)))
+        yield from _predictions(comparison, shown)
         errors = percent_errors(comparison)
         if len(errors):
             yield Plate("percent-error", percent_error_figure(errors))
+        if is_quick:
+            yield Plate(f"corner-{shown}", corner_figure(comparison.fits[shown]))
+            return
         if has_slopes(comparison):
             slopes = slopes_table(comparison)
             yield Plate("slopes", slope_figure(slopes[slopes["form"] != "classic"]))
         yield Plate("smooth-cylinder", smooth_figure(smooth_cylinder()))
         if len(comparison.coverage):
             yield Plate("coverage", plot_coverage(comparison.coverage))
-        yield from _checks(comparison.fits[best or next(iter(comparison.fits))])
+        yield from _checks(comparison.fits[shown])
         for name in ranked(comparison):
             yield Plate(f"corner-{name}", corner_figure(comparison.fits[name]))
             yield Plate(f"traces-{name}", trace_figure(comparison.fits[name]))
