@@ -555,6 +555,7 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
 
     monkeypatch.setattr("ridgebayes.jobs.run_job", run_job)
     words = ("--table", "t.csv", "--forms", "classic,hybrid", "--noise", "iid", "--seed", "7")
+    words += ("--workers", "3", "--scheduler", "tcp://host:1")
     said = command("run", *words, "--force", "--resume", "-o", "out")
     assert asked == {
         "folder": Path("out"),
@@ -564,6 +565,9 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
         "seed": 7,
         "force": True,
         "resume": True,
+        "accuracy": "standard",
+        "workers": 3,
+        "scheduler": "tcp://host:1",
     }
     assert said.code == 1  # those fits were short
     assert f"read {Path('out/report.html')}" in said.out

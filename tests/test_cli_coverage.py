@@ -56,7 +56,17 @@ def test_coverage__computes_and_writes_everything(command, monkeypatch):
     quick = {"n_round": 2, "n_per_round": 300, "n_draw": 256}
     monkeypatch.setattr("ridgebayes.coverage.EFFORT", quick)
     said = command(
-        "table.csv", "-o", "out", "--forms", "modified", "--noise", "iid", "--jobs", 1, "--seed", 3
+        "table.csv",
+        "-o",
+        "out",
+        "--forms",
+        "modified",
+        "--noise",
+        "iid",
+        "--workers",
+        1,
+        "--seed",
+        3,
     )
     assert (said.code, said.err.count("\n")) == (0, 2)
     assert re.search(r"^modified, iid: [0-9.]+ s$", said.err, re.MULTILINE)
@@ -72,14 +82,14 @@ def test_coverage__computes_and_writes_everything(command, monkeypatch):
         "table": "table.csv",
         "forms": ["modified"],
         "noise": ["iid"],
-        "jobs": 1,
+        "workers": 1,
     }
     assert {"python", "ridgebayes", "numpy"} <= set(about["versions"])
     assert "Bands of 90 %:" in said.out
 
 
 def test_coverage__takes_the_embedded_sweep_four_forms_and_all_error_models(command, canned):
-    assert command("--jobs", 1).code == 0
+    assert command("--workers", 1).code == 0
     assert len(canned["data"].calibration) == 41
     names = {form.name for form in canned["forms"]}
     assert names == {"classic", "modified", "hybrid", "power-law"}
@@ -95,7 +105,7 @@ def test_coverage__shares_out_among_two_processes_by_itself(command, canned):
 
 
 def test_coverage__replaces_its_own_folders_only_and_only_when_told(command, canned):
-    words = ("table.csv", "-o", "out", "--noise", "iid", "--jobs", 1)
+    words = ("table.csv", "-o", "out", "--noise", "iid", "--workers", 1)
     assert command(*words).code == 0
     before = Path("out/coverage.json").read_bytes()
     refused = command(*words)
@@ -113,7 +123,7 @@ def test_coverage__replaces_its_own_folders_only_and_only_when_told(command, can
 
 def test_coverage__that_failed_somewhere_is_written_and_says_so(command, canned):
     canned["failure"] = {"n_failed": 1, "failed": "a0.022_b0.02: no interior mode"}
-    said = command("table.csv", "-o", "out", "--forms", "hybrid", "--noise", "iid", "--jobs", 1)
+    said = command("table.csv", "-o", "out", "--forms", "hybrid", "--noise", "iid", "--workers", 1)
     assert said.code == 1
     assert "ridgebayes: hybrid, iid: a0.022_b0.02: no interior mode" in said.err
     assert {path.name for path in Path("out").iterdir()} == FILES
@@ -128,8 +138,8 @@ def test_coverage__that_failed_somewhere_is_written_and_says_so(command, canned)
         (("--forms", "hybrid,cubic"), "cubic"),
         (("--forms", "half-plane"), "circular"),
         (("nowhere.csv",), "nowhere.csv"),
-        (("one.csv", "--jobs", "1"), "rule: rows of at least two"),
-        (("--jobs", "0"), "--jobs"),
+        (("one.csv", "--workers", "1"), "rule: rows of at least two"),
+        (("--workers", "0"), "--workers"),
     ],
 )
 def test_coverage__refuses_bad_input_and_writes_nothing(command, words, expected):

@@ -1,4 +1,4 @@
-"""Folds leave out what they say, whoever computes them; errors of sums over folds."""
+"""Folds leave out what they say; errors of sums over folds."""
 
 import pickle
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.folds import Fold, clustered_se, folds_of, in_order, row_loads
+from ridgebayes.folds import Fold, clustered_se, folds_of, row_loads
 from ridgebayes.forms import Hybrid, Modified
 from ridgebayes.importance import importance_fit
 from ridgebayes.likelihood import Model
@@ -89,34 +89,3 @@ def test_clustered_se__is_of_whole_folds():
     # Folds that differ in size alone do not stray.
     assert clustered_se(np.array([1.5, 4.5]), np.array([1.0, 3.0])) == pytest.approx(0, abs=1e-12)
     assert np.isnan(clustered_se(total[:1], n[:1]))
-
-
-class Later:
-    """An executor that computes nothing until asked, and then in its own order."""
-
-    def __init__(self):
-        self.done, self.cancelled = [], 0
-
-    def submit(self, function, task):
-        outer = self
-
-        class Promise:
-            def result(self):
-                outer.done.append(task)
-                return function(task)
-
-            def cancel(self):
-                outer.cancelled += 1
-
-        return Promise()
-
-
-def test_in_order__yields_by_task_and_drops_what_is_not_wanted():
-    executor = Later()
-    assert list(in_order(abs, [-1, -2], executor)) == list(in_order(abs, [-1, -2], None)) == [1, 2]
-    stopped = in_order(abs, [-1, -2, -3], executor)
-    next(stopped)
-    executor.cancelled = 0
-    stopped.close()
-    assert executor.cancelled == 3
-    assert executor.done == [-1, -2, -1]

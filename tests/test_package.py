@@ -109,7 +109,13 @@ def test_errors__can_be_told_apart_and_caught_together():
 
 @pytest.mark.parametrize(
     ("library", "home"),
-    [("emcee", "ensemble"), ("arviz", "diagnostics"), ("typer", "cli"), ("rich", "progress")],
+    [
+        ("emcee", "ensemble"),
+        ("arviz", "diagnostics"),
+        ("typer", "cli"),
+        ("rich", "progress"),
+        ("distributed", "cluster"),
+    ],
 )
 def test_each_heavy_library_has_one_home(library, home):
     importers = {

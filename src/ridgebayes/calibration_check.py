@@ -8,10 +8,10 @@ each parameter's own marginal as it should be.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 import numpy as np
 import pandas as pd
@@ -24,6 +24,7 @@ from ridgebayes.importance import importance_fit
 from ridgebayes.likelihood import Model
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
+from ridgebayes.ordered import in_order
 from ridgebayes.priors import Prior
 from ridgebayes.randomness import seed_of, stream
 from ridgebayes.sample import SampleSettings, Tell
@@ -37,7 +38,6 @@ MOST_FAILED = 0.05  # share of failed fits beyond which ranks of the others prov
 # A change of tau by 10 % instead of 1 % ends a walk at its 50 autocorrelation times: enough for a
 # rank among some hundred draws, and a fifth of the time.
 SBC_SETTINGS = SampleSettings(tau_change=0.1)
-_T = TypeVar("_T")
 _GAP = 5.0  # autocorrelation times between the steps that draws are taken from
 
 
@@ -300,7 +300,8 @@ def sbc(
     ranks: list[dict[str, object]] = []
     failures: list[dict[str, object]] = []
     numbers = range(first, first + n_replicate)
-    for i, (own, reason) in zip(numbers, mapped(run, numbers, executor), strict=True):
+    found = in_order(run, numbers, executor, name=lambda i: f"replicate {i}")
+    for i, (own, reason) in zip(numbers, found, strict=True):
         ranks += own
         if reason:
             failures.append({"replicate": i, "reason": reason})
@@ -350,10 +351,3 @@ def independent_draws(fit: Fit, n: int, rng: np.random.Generator) -> FloatArray:
 def exact_places(data: Observations) -> Observations:
     """Return rows that can be simulated: exact, without counts of 2. Their loads mean nothing."""
     return simulated(data, np.where(data.Q >= 4, 0.0, np.nan))
-
-
-def mapped(
-    run: Callable[[int], _T], numbers: Iterable[int], executor: Executor | None
-) -> Iterator[_T]:
-    """Yield what `run` makes of each number, in order."""
-    return map(run, numbers) if executor is None else executor.map(run, numbers)

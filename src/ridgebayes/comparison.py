@@ -75,6 +75,9 @@ class Comparison:
         where it was not asked for.
     accuracy : str
         Name of the accuracy that was asked for, see `ridgebayes.accuracies`.
+    cost : pandas.DataFrame
+        What a few ways to the best form cost, see `ridgebayes.costs.short`; empty where that was
+        not measured.
     """
 
     table: ContactTable
@@ -88,6 +91,7 @@ class Comparison:
     left_out: pd.DataFrame = field(default_factory=pd.DataFrame)
     coverage: pd.DataFrame = field(default_factory=pd.DataFrame)
     accuracy: str = STANDARD.name
+    cost: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     def __repr__(self) -> str:
         parts = [f"{name} {share:.3g}" for name, share in self.probabilities.items()]

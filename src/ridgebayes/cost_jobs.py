@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 from markupsafe import escape
 
+from ridgebayes.costs.bands import band_settings
 from ridgebayes.costs.loads import load_settings
 from ridgebayes.costs.measured import COST_COLUMNS, Setting, cheapest, measure, pareto
 from ridgebayes.costs.posteriors import evidence_settings, posterior_settings
@@ -32,7 +33,7 @@ def cost_job(
     seed: int = 0,
     force: bool = False,
 ) -> pd.DataFrame:
-    """Measure what loads, posteriors and evidences cost.
+    """Measure what loads, posteriors, evidences and bands cost.
 
     Parameters
     ----------
@@ -60,13 +61,15 @@ def cost_job(
         textures = table.calibration.textures
         texture = textures[len(textures) // 2]
     rows: list[dict[str, float | int | str]] = []
-    with new_folder(folder, force=force, about=COST_CSV) as partial, Progress(4) as progress:
+    with new_folder(folder, force=force, about=COST_CSV) as partial, Progress(5) as progress:
         with progress.stage("loads"):
             _run(load_settings(table, texture, p_max, elements=elements), rows, repeats)
         with progress.stage("posteriors"):
             _run(posterior_settings(table, Hybrid(), seed=seed), rows, repeats)
         with progress.stage("evidences"):
             _run(evidence_settings(table, Hybrid(), seed=seed), rows, repeats)
+        with progress.stage("bands"):
+            _run(band_settings(table, Hybrid(), texture, seed=seed), rows, repeats)
         frame = pd.DataFrame(rows, columns=list(COST_COLUMNS))
         frame["pareto"] = pareto(frame)
         with progress.stage("figures"):
@@ -99,7 +102,8 @@ def _page(
         f"<p>Table {escape(table.where)}, {len(table.calibration)} rows; loads of a/R = "
         f"{texture[0]:g}, b/R = {texture[1]:g}; {escape(machine)}, one process. CPU seconds are "
         "medians of repeated runs. Errors of loads are relative, of posteriors over the posterior "
-        "sd, of evidences in ln Z; the line joins the settings that no other beats in both.</p>",
+        "sd, of evidences in ln Z, of bands in probability; the line joins the settings that no "
+        "other beats in both.</p>",
         "<ul>",
         *(f"<li>{escape(text)}</li>" for text in cheapest(frame)),
         "</ul>",

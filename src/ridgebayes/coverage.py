@@ -12,10 +12,11 @@ from ridgebayes._types import BoolArray, FloatArray, Rng
 from ridgebayes.comparison import DEFAULT_FORMS
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.fit import Fit, as_noise, refuse_circular
-from ridgebayes.folds import Fold, clustered_se, folds_of, in_order, row_loads
+from ridgebayes.folds import Fold, clustered_se, folds_of, row_loads
 from ridgebayes.forms import Form
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
+from ridgebayes.ordered import in_order
 from ridgebayes.randomness import seed_of
 from ridgebayes.table import ContactTable
 
@@ -100,7 +101,9 @@ def coverage(
         for noise in (Noise.every() if noises is None else noises)
     ]
     tasks = [_Task(fold, tuple(probs)) for _, _, folds in groups for fold in folds]
-    found: Iterator[_Found | str] = in_order(_predicted, tasks, executor)
+    found: Iterator[_Found | str] = in_order(
+        _predicted, tasks, executor, name=lambda task: task.fold.full_name
+    )
     frames = []
     for form, noise, folds in groups:
         with nullcontext() if progress is None else progress(f"{form.name}, {noise.name}"):

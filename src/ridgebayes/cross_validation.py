@@ -14,11 +14,12 @@ from ridgebayes.diagnostics import stacking_weights
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
 from ridgebayes.fit import Fit, as_noise, refuse_circular
-from ridgebayes.folds import Fold, clustered_se, folds_of, in_order, row_loads
+from ridgebayes.folds import Fold, clustered_se, folds_of, row_loads
 from ridgebayes.forms import Form
 from ridgebayes.likelihood import Model
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
+from ridgebayes.ordered import in_order
 from ridgebayes.randomness import seed_of, stream
 from ridgebayes.table import ContactTable
 
@@ -171,7 +172,7 @@ def cross_validate(
         nothing = np.zeros(len(data), dtype=bool)
         whole = Fold("all rows", data, nothing, form, error_model, own, effort or {})
     tasks = folds if whole is None else [*folds, whole]
-    found = list(in_order(_scored, tasks, executor))
+    found = list(in_order(_scored, tasks, executor, name=lambda fold: fold.full_name))
     total = None if whole is None else found.pop()
     rows = table.calibration.frame[["a_over_R", "b_over_R", "Q", "p_over_E"]]
     rows = rows.assign(fold="", log_score=np.nan, crps=np.nan, pit=np.nan)[ROW_COLUMNS]

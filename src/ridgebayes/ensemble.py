@@ -12,9 +12,14 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.moves import Independence
 
-# Nearly all steps are the fitted proposal's; differential evolution carries the walkers where the
-# fit is wrong.
-_INDEPENDENCE, _DIFFERENTIAL = 0.9, 0.1
+# In the mixture nearly all steps are the fitted proposal's; differential evolution carries the
+# walkers where the fit is wrong. The others are there to be measured against it.
+MOVES = {
+    "mixture": (0.9, 0.1, 0.0),
+    "independence": (1.0, 0.0, 0.0),
+    "differential evolution": (0.0, 1.0, 0.0),
+    "stretch": (0.0, 0.0, 1.0),
+}
 
 
 class Ensemble(emcee.EnsembleSampler):
@@ -31,6 +36,8 @@ class Ensemble(emcee.EnsembleSampler):
         Walkers and dimensions.
     proposal : Independence
         Fitted proposal.
+    moves : str, optional
+        One of `MOVES`, which holds the shares of the three kinds.
     """
 
     def __init__(
@@ -39,12 +46,11 @@ class Ensemble(emcee.EnsembleSampler):
         n_walker: int,
         n_coordinate: int,
         proposal: Independence,
+        moves: str = "mixture",
     ) -> None:
-        moves = [
-            (emcee.moves.MHMove(proposal), _INDEPENDENCE),
-            (emcee.moves.DEMove(), _DIFFERENTIAL),
-        ]
-        super().__init__(n_walker, n_coordinate, log_density, vectorize=True, moves=moves)
+        kinds = (emcee.moves.MHMove(proposal), emcee.moves.DEMove(), emcee.moves.StretchMove())
+        shares = [one for one in zip(kinds, MOVES[moves], strict=True) if one[1] > 0]
+        super().__init__(n_walker, n_coordinate, log_density, vectorize=True, moves=shares)
 
     def compute_log_prob(self, coords: FloatArray) -> tuple[FloatArray, None]:
         """Return the log densities at `coords`, shape (n,), and no blobs."""

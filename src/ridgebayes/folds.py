@@ -1,9 +1,7 @@
-"""Rows left out in turn: what a fold leaves out, its posterior given the rest, and who runs it."""
+"""Rows left out in turn: what a fold leaves out, and its posterior given the rest."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -21,8 +19,6 @@ from ridgebayes.predict import predict_load
 from ridgebayes.randomness import stream
 
 LEAVES = ("texture", "step", "row")
-_T = TypeVar("_T")
-_Task = TypeVar("_Task")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +50,11 @@ class Fold:
     noise: Noise
     seed: int
     effort: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def full_name(self) -> str:
+        """Name with form and error model, for errors."""
+        return f"{self.form.name}, {self.noise.name}, fold {self.name}"
 
     def refit(self) -> tuple[Fit, LogEvidence]:
         """Return the posterior given the rows that stay.
@@ -156,22 +157,6 @@ def clustered_se(total: FloatArray, n: FloatArray) -> float:
         return np.nan
     astray = total - n * (total.sum() / n.sum())
     return float(np.sqrt(len(total) / (len(total) - 1) * (astray**2).sum()))
-
-
-def in_order(
-    function: Callable[[_Task], _T], tasks: Sequence[_Task], executor: Executor | None
-) -> Iterator[_T]:
-    """Yield what a function makes of each task, in their order, wherever they are computed."""
-    if executor is None:
-        yield from map(function, tasks)
-        return
-    futures = [executor.submit(function, task) for task in tasks]
-    try:
-        for future in futures:
-            yield future.result()
-    finally:
-        for future in futures:
-            future.cancel()
 
 
 def _codes(data: Observations, leave: str) -> tuple[IntArray, list[str]]:

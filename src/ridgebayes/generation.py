@@ -1,32 +1,22 @@
-"""Scenes to contact tables: which solver, which transitions, what it said of each."""
+"""Scenes to contact tables: textures one by one or shared out, now or before, in one table."""
 
-import importlib.metadata
+import functools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, TypeAlias
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
-import pandas as pd
-
-from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.contact import halfplane, hertz
-from ridgebayes.contact.lands import Profile
-from ridgebayes.contact.pressed import load_factor
-from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.effects import FINITE_ELEMENT_ERROR, Plan, given_profile, plan
+from ridgebayes.contact import halfplane
+from ridgebayes.curves import Curve, frame_of
+from ridgebayes.effects import Plan, given_profile, plan
 from ridgebayes.errors import InputError
+from ridgebayes.journal import Journal
+from ridgebayes.ordered import in_order
 from ridgebayes.scene import Scene, Texture
 from ridgebayes.table import ContactTable
-
-if TYPE_CHECKING:
-    from ridgebayes.contact.cylinder.cylinder import Cylinder, Reached
+from ridgebayes.texture_loads import Pressed, curves_of, friction_refused, given_names, versions
 
 SOLVERS = ("auto", "hertz", "half-plane", "cylinder-fe")
-# A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
-_MAX_TRANSITIONS = 65_536
-
-# Q, loads and status of one texture's transitions up to p/E.
-_Curve: TypeAlias = tuple[IntArray, FloatArray, tuple[str, ...]]
 
 
 def generate(
@@ -34,7 +24,10 @@ def generate(
     *,
     solver: str = "auto",
     rel_tol: float | None = None,
-    pressed: "_Pressed | None" = None,
+    pressed: "Pressed | None" = None,
+    executor: Executor | None = None,
+    journal: Journal | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> ContactTable:
     """Compute the transition loads of a scene's textures, up to its load.
 
@@ -51,7 +44,16 @@ def generate(
         Wanted relative error of each load; None is the scene's, and 1e-8 if that is looser.
     pressed : callable, optional
         Is given each texture that finite elements simulate: the cylinder, and its transitions with
-        the states there, such as `ridgebayes.field_files.FieldFiles` writes to files.
+        the states there, such as `ridgebayes.field_files.FieldFiles` writes to files. In this
+        process only: not with an executor or a journal.
+    executor : concurrent.futures.Executor, optional
+        What textures are computed on, such as `ridgebayes.workers.workers` gives; one after
+        another if not given. The result is the same.
+    journal : Journal, optional
+        Where each texture is kept when it is done. What is there already, of the same texture,
+        options and version, is not computed again.
+    progress : callable, optional
+        Called with a line of text whenever a texture is done.
 
     Returns
     -------
@@ -66,7 +68,10 @@ def generate(
     ------
     InputError
         If the solver is unknown, the scene asks for what the solver cannot simulate, or a texture
-        has no transition, or over 65,536, under the load. All findings in one message.
+        has no transition, or over 65,536, under the load. All findings in one message. If workers
+        have another version of this package.
+    ComputationError
+        If workers die, so that a texture cannot be computed.
 
     Notes
     -----
@@ -90,253 +95,132 @@ def generate(
     """
     if solver not in SOLVERS:
         raise InputError(f"solver = {solver!r}: must be one of {', '.join(SOLVERS)}")
-    plans = _plans(scene, solver)
-    problems = _not_simulated(scene, plans, solver)
-    if problems:
-        raise InputError("\n".join(f"scene: {problem}" for problem in problems))
+    if pressed is not None and (executor is not None or journal is not None):
+        raise InputError("pressed: given with executor or journal; rule: neither")
     if rel_tol is None:
         rel_tol = min(halfplane.DEFAULT_REL_TOL, scene.relative or halfplane.DEFAULT_REL_TOL)
-    frames = []
-    for number, one in enumerate(plans, start=1):
-        texture = one.texture
-        where = f"scene: textures[{number}] = ({texture.a_over_R!r}, {texture.b_over_R!r})"
-        try:
-            frames += list(_curves(one, scene, solver, rel_tol, pressed))
-        except InputError as error:
-            problems.append(f"{where}: {error}")
+    refused = _not_by_hertz(scene) if solver == "hertz" else []
+    if refused:
+        raise InputError("\n".join(f"scene: {problem}" for problem in refused))
+    curves: list[Curve] = []
+    problems: list[str] = []
+    for found in _all_found(_tasks(scene, solver, rel_tol), pressed, executor, journal, progress):
+        if isinstance(found, str):
+            problems.append(found)
+        else:
+            curves += found
     if problems:
         raise InputError("\n".join(problems))
-    frame = pd.concat(frames, ignore_index=True)
-    columns = [name for name in _COLUMNS if name not in _IF_ANY or frame[name].any()]
-    return ContactTable.from_frame(frame[columns], where=str(frame["source"].iloc[0]))
+    return ContactTable.from_frame(frame_of(curves), where=curves[0].source)
 
 
-def _plans(scene: Scene, solver: str) -> list[Plan]:
-    """Plan what there is to decide: nothing where every effect given is simulated anyway."""
-    plain = not any(_given(texture) for texture in scene.textures) and not scene.friction
-    if plain and (scene.relative is None or solver != "auto"):
-        return [Plan(texture, (), given_profile(texture)) for texture in scene.textures]
-    return plan(scene)
+@dataclass(frozen=True)
+class _Task:
+    """All that decides the curves of one texture; small enough to be sent to a process."""
 
+    number: int
+    scene: Scene  # of this texture alone
+    planned: bool
+    solver: str
+    rel_tol: float
+    version: str
 
-def _curves(
-    one: Plan, scene: Scene, solver: str, rel_tol: float, pressed: "_Pressed | None"
-) -> Iterator[pd.DataFrame]:
-    """Yield the curves of a texture: one, or several offsets."""
-    texture = one.texture
-    p_max = scene.highest_load(texture)
-    profile = one.profile if solver == "auto" else given_profile(texture)
-    if profile is None and one.needs_finite_elements:
-        profile = given_profile(texture)
-    smooth = solver == "hertz" or profile is None
-    by_elements = _by_elements(one, solver)
-    names = ["ridges", *_given(texture)]
-    if solver == "auto":
-        names = [name for name in names if name in one.simulated or not one.effects]
-    if by_elements:
-        names += ["finite body and large deformation"] + ["friction"] * (scene.friction > 0)
-    offsets = [0.0]
-    if profile is not None and profile.offset:
-        offsets = list(UNIFORM) if texture.offset == "uniform" else [profile.offset]
-    for offset in offsets:
-        if smooth or profile is None:
-            found = _many(texture, scene, p_max, _hertz, rel_tol)
-            yield _frame(found, texture, scene, offset, "hertz", "effects=none")
-            continue
-        effects = "effects=" + "+".join(names).replace(" ", "-")
-        here = replace(profile, offset=offset)
-        if by_elements:
-            for found, edges, body, reached in _elements(here, scene, p_max):
-                yield _frame(found, texture, scene, offset, "cylinder-fe", effects, edges)
-                if pressed is not None:
-                    pressed(texture, body, reached)
-            continue
-        if here == Profile(here.a, here.b):
-            found = _many(texture, scene, p_max, _half_plane, rel_tol)
-        else:
-            found = _events(here, scene, p_max, rel_tol)
-        how = f"{effects} rel_tol={rel_tol:g}"
-        yield _frame(found, texture, scene, offset, "half-plane", how)
+    @property
+    def texture(self) -> Texture:
+        return self.scene.textures[0]
 
+    @property
+    def where(self) -> str:
+        a, b = self.texture.a_over_R, self.texture.b_over_R
+        return f"scene: textures[{self.number}] = ({a!r}, {b!r})"
 
-def _frame(
-    found: _Curve,
-    texture: Texture,
-    scene: Scene,
-    offset: float,
-    solver: str,
-    how: str,
-    edges: int = 0,
-) -> pd.DataFrame:
-    Q, p_over_E, status = found
-    return pd.DataFrame(
-        {
-            "a_over_R": texture.a_over_R,
-            "b_over_R": texture.b_over_R,
-            "Q": Q,
-            "p_over_E": p_over_E,
-            "rel_se": _ELEMENTS_SE.get(edges, 0.0),
-            "nu": scene.nu,
-            "offset_over_R": offset * (texture.a_over_R + texture.b_over_R),
-            "role": texture.role,
-            "solver": solver,
-            "status": list(status),
-            "source": f"ridgebayes {importlib.metadata.version('ridgebayes')} {solver} {how}",
-            "edges": edges,
+    def given(self) -> dict[str, Any]:
+        """Return the same for a journal: not its number, which may change."""
+        return {
+            "versions": versions(),
+            "scene": self.scene.model_dump(mode="json"),
+            "planned": self.planned,
+            "solver": self.solver,
+            "rel_tol": self.rel_tol,
         }
-    )
 
 
-UNIFORM = tuple((2 * i + 1) / 32 for i in range(8))  # offsets that stand for any, and their mirrors
-
-
-def _given(texture: Texture) -> list[str]:
-    given = {
-        "offset": texture.offset != 0.0,
-        "groove floor": texture.groove_depth_over_R is not None,
-        "corner radius": texture.corner_radius_over_R != 0.0,
-    }
-    return [name for name, on in given.items() if on]
-
-
-_COLUMNS = [
-    "a_over_R",
-    "b_over_R",
-    "Q",
-    "p_over_E",
-    "rel_se",
-    "nu",
-    "offset_over_R",
-    "role",
-    "solver",
-    "status",
-    "source",
-    "edges",
-]
-
-
-_IF_ANY = ("rel_se", "offset_over_R", "edges")
-# Edges a ridge of the mesh, and the relative error of its loads: docs/validation/cylinder.md. Where
-# the fine one's rim cannot pass a corner a coarser one can: what slides is less than its edge.
-_ELEMENTS_SE = {24: 1e-3, 10: 4e-3}
-
-
-def _by_elements(one: Plan, solver: str) -> bool:
-    return solver == "cylinder-fe" or (solver == "auto" and one.needs_finite_elements)
-
-
-def _not_simulated(scene: Scene, plans: Sequence[Plan], solver: str) -> list[str]:
-    """List what the scene asks for beyond these solvers."""
-    problems = []
-    for number, one in enumerate(plans, start=1):
-        friction = next((effect for effect in one.effects if effect.name == "friction"), None)
-        wanted = max(scene.relative or 0.0, FINITE_ELEMENT_ERROR if solver == "auto" else 0.0)
-        if (
-            friction is not None
-            and not _by_elements(one, solver)
-            and not friction.estimate <= wanted
-        ):
-            problems.append(
-                f"friction = {scene.friction!r}: changes loads by up to {friction.estimate:.2g}, "
-                f"and is not simulated by {solver!r}; rule: at most the wanted accuracy, "
-                f"{scene.relative or 0.0:g}, or 'cylinder-fe'"
-            )
-            break
-        if solver == "hertz":
-            problems += [
-                f"textures[{number}]: {name}: is not simulated by 'hertz'"
-                for name in _given(one.texture)
-            ]
-    return problems
-
-
-def _many(texture: Texture, scene: Scene, p_max: float, solve: "_Solver", rel_tol: float) -> _Curve:
-    """Return the transitions of one texture up to the load, by a solver of the first n of them."""
-    pitch = texture.a_over_R + texture.b_over_R
-    n_transitions, loads = 8, np.zeros(0)
-    while not (loads.size and loads[-1] > p_max):
-        if n_transitions > _MAX_TRANSITIONS:
-            raise InputError(f"over {_MAX_TRANSITIONS} transitions under p/E = {p_max!r}")
-        p_over_E, status = solve(texture, scene.nu, n_transitions, rel_tol)
-        loads = _filled(p_over_E, pitch, scene.nu)
-        n_transitions *= 2
-    k = np.arange(1, loads.size + 1)
-    keep = loads <= p_max
-    if not keep.any():
-        raise InputError(f"no transition under p/E = {p_max!r}: the first is at {loads[0]:.4g}")
-    kept = tuple(text for text, under in zip(status, keep, strict=True) if under)
-    return 2 + 2 * k[keep], p_over_E[keep], kept
-
-
-def _events(profile: Profile, scene: Scene, p_max: float, rel_tol: float) -> _Curve:
-    """Return the transitions of any profile up to the load: a table holds those from Q = 4 on."""
-    factor = load_factor(scene.nu)
-    found = reaching_loads(profile, W_max=factor * p_max, n_max=_MAX_TRANSITIONS, rel_tol=rel_tol)
-    keep = found.Q >= 4
-    if not keep.any():
-        raise InputError(f"no transition to 4 edges or more under p/E = {p_max!r}")
-    status = tuple(text for text, kept in zip(found.status, keep, strict=True) if kept)
-    return found.Q[keep], found.W[keep] / factor, status
-
-
-def _elements(
-    profile: Profile, scene: Scene, p_max: float
-) -> "Iterator[tuple[_Curve, int, Cylinder, list[Reached]]]":
-    """Yield the transitions by finite elements, mesh by mesh; what was found, and why no more."""
-    from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness, transition_curve
-
-    last = 3  # a table holds transitions from Q = 4 on
-    for edges in _ELEMENTS_SE:
-        fineness = Fineness(edges)
-        body = Cylinder(
-            profile, p_max=p_max, nu=scene.nu, friction=scene.friction, fineness=fineness
+def _tasks(scene: Scene, solver: str, rel_tol: float) -> list[_Task]:
+    # There is nothing to plan where every effect given is simulated anyway.
+    plain = not any(given_names(texture) for texture in scene.textures) and not scene.friction
+    planned = not (plain and (scene.relative is None or solver != "auto"))
+    return [
+        _Task(
+            number,
+            scene.model_copy(update={"textures": (texture,)}),
+            planned,
+            solver,
+            rel_tol,
+            versions()["ridgebayes"],
         )
-        reached: list[Reached] = []
-        Q, p_over_E, status = transition_curve(body, p_max, seen=reached.append)
-        done = all(text == "ok" for text in status)
-        keep = last < Q
-        if not done and edges != min(_ELEMENTS_SE):
-            keep &= ~np.isnan(p_over_E)
-        kept = tuple(text for text, on in zip(status, keep, strict=True) if on)
-        if keep.any():
-            yield (Q[keep], p_over_E[keep], kept), edges, body, [r for r in reached if last < r.Q]
-            last = int(Q[keep][-1])
-        if done:
-            break
-    if last == 3:
-        raise InputError(f"no transition to 4 edges or more under p/E = {p_max!r}")
+        for number, texture in enumerate(scene.textures, start=1)
+    ]
 
 
-def _filled(p_over_E: FloatArray, pitch_over_R: float, nu: float) -> FloatArray:
-    """Estimate missing loads, to know which rows without one belong under the scene's load.
+def _all_found(
+    tasks: Sequence[_Task],
+    pressed: "Pressed | None",
+    executor: Executor | None,
+    journal: Journal | None,
+    progress: Callable[[str], None] | None,
+) -> Iterator[list[Curve] | str]:
+    """Yield what is found of each task, in order: from the journal, or computed and put there."""
+    kept = {} if journal is None else _kept(tasks, journal)
+    n_done = len(kept)
 
-    They grow nearly as k^2 from the last that was computed; without any, grooves are too narrow
-    to matter and the smooth body's half-width is k pitches.
-    """
-    k = np.arange(1, p_over_E.size + 1)
-    known = np.flatnonzero(~np.isnan(p_over_E))
-    if known.size:
-        estimate = p_over_E[known[-1]] * (k / k[known[-1]]) ** 2
+    def done(task: _Task, found: list[Curve] | str) -> None:
+        nonlocal n_done
+        n_done += 1
+        if journal is not None and not isinstance(found, str):
+            journal.keep(task.given(), [curve.plain() for curve in found])
+        if progress is not None:
+            progress(f"{n_done} of {len(tasks)} textures")
+
+    solve = _solved if pressed is None else functools.partial(_solved, pressed=pressed)
+    others = [task for task in tasks if task.number not in kept]
+    computed = in_order(solve, others, executor, name=lambda task: task.where, done=done)
+    for task in tasks:
+        yield kept[task.number] if task.number in kept else next(computed)
+
+
+def _kept(tasks: Sequence[_Task], journal: Journal) -> dict[int, list[Curve]]:
+    """Return the curves that are in the journal, by the texture's number."""
+    found = {task.number: journal.find(task.given()) for task in tasks if journal.exists()}
+    return {
+        number: [Curve.from_plain(values) for values in curves]
+        for number, curves in found.items()
+        if curves is not None
+    }
+
+
+def _solved(task: _Task, *, pressed: "Pressed | None" = None) -> list[Curve] | str:
+    """Return the curves of a texture, or why it has none."""
+    here = versions()["ridgebayes"]
+    if task.version != here:
+        raise InputError(
+            f"a worker has ridgebayes {here}, this process {task.version}; rule: the same on all"
+        )
+    if task.planned:
+        (one,) = plan(task.scene)
     else:
-        estimate = hertz.load_of_half_width(k * pitch_over_R, nu=nu)
-    return np.where(np.isnan(p_over_E), estimate, p_over_E)
+        one = Plan(task.texture, (), given_profile(task.texture))
+    refused = friction_refused(task.scene, one, task.solver)
+    if refused:
+        raise InputError(f"scene: {refused}")
+    try:
+        return list(curves_of(one, task.scene, task.solver, task.rel_tol, pressed))
+    except InputError as error:
+        return f"{task.where}: {error}"
 
 
-def _half_plane(
-    texture: Texture, nu: float, n_transitions: int, rel_tol: float
-) -> tuple[FloatArray, tuple[str, ...]]:
-    a, b = texture.a_over_R, texture.b_over_R
-    loads = halfplane.transition_loads(a, b, n_transitions, rel_tol=rel_tol)
-    return loads.p_over_E(a + b, nu=nu), loads.status
-
-
-def _hertz(
-    texture: Texture, nu: float, n_transitions: int, rel_tol: float
-) -> tuple[FloatArray, tuple[str, ...]]:
-    Q = 2 + 2 * np.arange(1, n_transitions + 1)
-    loads = hertz.transition_load(Q, texture.a_over_R, texture.b_over_R, nu=nu)
-    return loads, ("ok",) * n_transitions
-
-
-_Solver: TypeAlias = Callable[[Texture, float, int, float], tuple[FloatArray, tuple[str, ...]]]
-_Pressed: TypeAlias = "Callable[[Texture, Cylinder, Sequence[Reached]], None]"
+def _not_by_hertz(scene: Scene) -> list[str]:
+    return [
+        f"textures[{number}]: {name}: is not simulated by 'hertz'"
+        for number, texture in enumerate(scene.textures, start=1)
+        for name in given_names(texture)
+    ]

@@ -115,6 +115,10 @@ def run_job(
         )
         if wanted.extras:
             comparison = _with_left_out(comparison, chosen, seed, progress, executor)
+        with progress.stage("what accuracy costs"):
+            from ridgebayes.costs.short import short_costs
+
+            comparison = replace(comparison, cost=short_costs(comparison, progress.stages))
         write_comparison(comparison, partial)
         _bands(comparison, partial, progress)
         if with_reference:

@@ -16,7 +16,7 @@ from scipy import stats
 from scipy.special import softmax
 
 from ridgebayes._types import Rng
-from ridgebayes.calibration_check import FAILURE_COLUMNS, exact_places, mapped
+from ridgebayes.calibration_check import FAILURE_COLUMNS, exact_places
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence.record import LogEvidence
 from ridgebayes.fit import as_noise
@@ -25,6 +25,7 @@ from ridgebayes.importance import importance_fit
 from ridgebayes.likelihood import Model
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
+from ridgebayes.ordered import in_order
 from ridgebayes.priors import Prior
 from ridgebayes.randomness import seed_of, stream
 from ridgebayes.simulate import is_possible, simulate_log_loads, simulated
@@ -255,7 +256,8 @@ def model_sbc(
     run = _Replication(places, tuple(forms), error_model, priors or {}, weigh, seed_of(rng))
     rows: list[dict[str, object]] = []
     failures: list[dict[str, object]] = []
-    for i, (own, reason) in enumerate(mapped(run, range(n_replicate), executor)):
+    found = in_order(run, range(n_replicate), executor, name=lambda i: f"replicate {i}")
+    for i, (own, reason) in enumerate(found):
         rows += own
         if reason:
             failures.append({"replicate": i, "reason": reason})

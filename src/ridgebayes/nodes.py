@@ -81,11 +81,12 @@ def nodes_of(fit: Fit, n: int = 2_048) -> Nodes | None:
     """
     kept = _known.setdefault(fit, {})
     if n not in kept:
-        kept[n] = _made(fit, n)
+        kept[n] = made_nodes(fit, n)
     return kept[n]
 
 
-def _made(fit: Fit, n: int) -> Nodes | None:
+def made_nodes(fit: Fit, n: int) -> Nodes | None:
+    """Return what `nodes_of` keeps, made anew."""
     model = fit.model
     d = model.n_coordinate
     if model.is_latent or d > _MOST_COORDINATES:

@@ -16,6 +16,7 @@ import pandas as pd
 from ridgebayes.atomic import replacing
 from ridgebayes.bayes_factors import BAYES_FACTOR_COLUMNS, EVIDENCE_COLUMNS
 from ridgebayes.comparison import Comparison
+from ridgebayes.costs.short import SHORT_COLUMNS
 from ridgebayes.coverage import COVERAGE_COLUMNS
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.fit import Fit
@@ -27,7 +28,7 @@ from ridgebayes.table import read_table
 
 RUN_JSON = "run.json"
 REFERENCE = "reference-fe"
-LEFT_OUT, COVERAGE = "left_out.csv", "coverage.csv"
+LEFT_OUT, COVERAGE, COST = "left_out.csv", "coverage.csv", "costs.csv"
 CHAINS = "chains-*.h5"
 _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray", "matplotlib")
 
@@ -134,13 +135,17 @@ def write_fits(comparison: Comparison, folder: Path) -> None:
 def write_comparison(comparison: Comparison, folder: Path) -> None:
     """Write what `write_fits` does, and the Bayes factors, scores and prior sensitivity.
 
-    Left-out scores and coverage are written where there are any.
+    Left-out scores, coverage and costs are written where there are any.
     """
     write_fits(comparison, folder)
     write_csv(comparison.bayes_factors, folder / "bayes_factors.csv")
     write_csv(comparison.loo, folder / "loo.csv")
     write_csv(comparison.prior_sensitivity, folder / "prior_sensitivity.csv")
-    for frame, name in ((comparison.left_out, LEFT_OUT), (comparison.coverage, COVERAGE)):
+    for frame, name in (
+        (comparison.left_out, LEFT_OUT),
+        (comparison.coverage, COVERAGE),
+        (comparison.cost, COST),
+    ):
         if len(frame):
             write_csv(frame, folder / name)
 
@@ -241,6 +246,7 @@ def read_run(folder: Path) -> Comparison:
         _read_csv(folder / LEFT_OUT, LEFT_OUT_COLUMNS, optional=True),
         _read_csv(folder / COVERAGE, COVERAGE_COLUMNS, optional=True),
         about["accuracy"],
+        _read_csv(folder / COST, SHORT_COLUMNS, optional=True),
     )
 
 

@@ -44,6 +44,8 @@ class SampleSettings:
         Steps must pass this many autocorrelation times.
     tau_change : float
         Relative change of each autocorrelation time since the last check that counts as settled.
+    moves : str
+        ``mixture``; or ``independence``, ``differential evolution``, ``stretch`` alone, to compare.
     """
 
     n_ensemble: int = 4
@@ -52,10 +54,16 @@ class SampleSettings:
     n_step_max: int = 20_000
     n_tau: float = 50.0
     tau_change: float = 0.01
+    moves: str = "mixture"
 
     def __post_init__(self) -> None:
         if self.n_ensemble < 4:
             raise InputError(f"n_ensemble: {self.n_ensemble} given; rule: at least 4")
+        if self.moves not in ("mixture", "independence", "differential evolution", "stretch"):
+            raise InputError(
+                f"moves: {self.moves!r} given; rule: mixture, independence, differential evolution "
+                "or stretch"
+            )
         if self.n_walker is not None and (self.n_walker < 4 or self.n_walker % 2):
             raise InputError(f"n_walker: {self.n_walker} given; rule: even and at least 4")
 
@@ -164,7 +172,7 @@ def sample(
     if walk is None:
         walk = _burnt_in(in_z, n_walker, n_coordinate, laplace.n_curved, seed, settings)
     samplers = [
-        Ensemble(in_z, n_walker, n_coordinate, Independence(*proposal))
+        Ensemble(in_z, n_walker, n_coordinate, Independence(*proposal), settings.moves)
         for proposal in zip(walk.weights, walk.centres, walk.factors, walk.rest, strict=True)
     ]
     while True:
@@ -203,7 +211,7 @@ def _burnt_in(
         proposal, draws = adapted(in_z, n_curved, rest, rng, n_round=4, n=1_000)
         z = _start(draws, rng, n_walker)
         start = state_at(z, np.random.RandomState(rng.integers(2**32)).get_state())
-        sampler = Ensemble(in_z, n_walker, n_coordinate, proposal)
+        sampler = Ensemble(in_z, n_walker, n_coordinate, proposal, settings.moves)
         states.append(sampler.run_mcmc(start, settings.n_burn))
         proposals.append(proposal)
     return Walk(

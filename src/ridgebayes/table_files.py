@@ -50,6 +50,23 @@ def read_raw(path: Path) -> RawTable:
     return _parquet(content, str(path)) if suffix == ".parquet" else raw_csv(content, str(path))
 
 
+def check_name(path: Path) -> None:
+    """Refuse a name that no table can be written under, before there is one.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        File to write later.
+
+    Raises
+    ------
+    InputError
+        If the suffix is unknown, or pyarrow is missing for Parquet.
+    """
+    if _suffix(path) == ".parquet":
+        _pyarrow(str(path))
+
+
 def write_frame(frame: pd.DataFrame, path: Path) -> None:
     """Write a frame as CSV or Parquet, whole or not at all.
 

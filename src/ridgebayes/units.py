@@ -16,6 +16,8 @@ _NUMBER = r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)"
 _POWER = r"[^\W\d]+(?:(?:\*\*|\^)-?[0-9])?"
 _QUANTITY = re.compile(rf"\s*{_NUMBER}\s*({_POWER}(?:\s*[*/\s]\s*{_POWER})*)\s*")
 
+_SHOWN = 200  # characters of a text that messages show
+
 
 def to_si(text: str, dimension: Dimension) -> Fraction:
     """Convert a quantity such as ``"0.25 mm"`` to its SI unit, exactly.
@@ -46,17 +48,21 @@ def to_si(text: str, dimension: Dimension) -> Fraction:
     Fraction(1200, 1)
     """
     match = _QUANTITY.fullmatch(text)
+    shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
     rule = f"must be a number and a unit of {dimension}, such as '2.5 {_SI[dimension]}'"
     if match is None:
-        raise InputError(f"{text!r}: {rule}")
+        raise InputError(f"{shown!r}: {rule}")
     number, unit = match.groups()
     try:
         factor = _registry().Quantity(1, unit).to(_SI[dimension]).magnitude
     # pint lets out exceptions of many kinds on what is no unit of the kind (its own, tokenize's,
     # AttributeError, TypeError ...); some cannot be formatted with fractions, so none is shown.
     except Exception:
-        raise InputError(f"{text!r}: {rule}") from None
-    return Fraction(number) * Fraction(factor)
+        raise InputError(f"{shown!r}: {rule}") from None
+    try:
+        return Fraction(number) * Fraction(factor)
+    except ValueError:  # Python makes no integers of some thousand digits
+        raise InputError(f"{shown!r}: {rule}") from None
 
 
 @functools.cache

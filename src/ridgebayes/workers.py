@@ -1,13 +1,12 @@
-"""Worker processes that share out independent computations and never outlive their parent."""
+"""Who computes: this process, worker processes beside it, or the workers of a cluster."""
 
-import multiprocessing
 import os
-import signal
-import threading
-import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+
+from ridgebayes.errors import InputError
+from ridgebayes.worker_pool import WorkerPool
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -18,7 +17,7 @@ def n_cpu() -> int:
 
 
 @contextmanager
-def workers(n: int) -> Iterator[ProcessPoolExecutor]:
+def workers(n: int) -> Iterator[WorkerPool]:
     """Start n worker processes with one BLAS thread each, and stop them at the end.
 
     Parameters
@@ -28,19 +27,19 @@ def workers(n: int) -> Iterator[ProcessPoolExecutor]:
 
     Yields
     ------
-    concurrent.futures.ProcessPoolExecutor
-        An executor; what is not begun when the block is left is dropped.
+    WorkerPool
+        An executor; what is not begun when the block is left is dropped, and if it is left by an
+        error also what is under way. Workers never outlive their parent.
     """
     before = {name: os.environ.get(name) for name in _THREADS}
     # Read by the BLAS when a worker loads it: threads of several workers fight for the processors.
     os.environ.update(dict.fromkeys(_THREADS, "1"))
-    pool = ProcessPoolExecutor(
-        n, multiprocessing.get_context("spawn"), initializer=_follow, initargs=(os.getpid(),)
-    )
+    pool = WorkerPool(n)
     try:
         yield pool
+        pool.shutdown(cancel_futures=True)
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        pool.stop()
         for name, value in before.items():
             if value is None:
                 os.environ.pop(name, None)
@@ -48,13 +47,42 @@ def workers(n: int) -> Iterator[ProcessPoolExecutor]:
                 os.environ[name] = value
 
 
-def _follow(parent: int) -> None:
-    """Leave Ctrl-C to the parent, and end when the parent does, however it ended."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def executor_for(
+    n_worker: int | None = None, scheduler: str | None = None
+) -> AbstractContextManager[Executor | None]:
+    """Give what computes tasks, as two options of a command name it.
 
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
-        os._exit(1)
+    Parameters
+    ----------
+    n_worker : int, optional
+        Processes on this machine.
+    scheduler : str, optional
+        Address of a Dask scheduler, such as ``tcp://10.0.0.1:8786``.
 
-    threading.Thread(target=watch, daemon=True).start()
+    Returns
+    -------
+    context manager
+        Of an executor, or of None where this process computes by itself: neither given, or one
+        process.
+
+    Raises
+    ------
+    InputError
+        If both are given, there would be no process, distributed is not installed, or no
+        scheduler answers.
+
+    Examples
+    --------
+    >>> with executor_for(1) as executor:
+    ...     print(executor)
+    None
+    """
+    if scheduler is not None:
+        if n_worker is not None:
+            raise InputError("--workers and --scheduler: both given; rule: one of them")
+        from ridgebayes.cluster import cluster
+
+        return cluster(scheduler)
+    if n_worker is not None and n_worker < 1:
+        raise InputError(f"--workers {n_worker}: rule: at least 1")
+    return nullcontext() if n_worker in (None, 1) else workers(n_worker)

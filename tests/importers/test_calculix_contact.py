@@ -132,6 +132,33 @@ def test_read_calculix_contact__displacements_place_faces(tmp_path):
     np.testing.assert_allclose(rows, [[4, 0.01, 0.02]], rtol=1e-9)  # rounding of R
 
 
+def test_read_calculix_contact__a_level_without_some_displacements_is_left_out(tmp_path):
+    text = dat_text(RUN)
+    at = [m.start() for m in re.finditer(r"\n 6 ", text)][3]
+    done = read(tmp_path, text[: at + 1] + text[text.index("\n", at + 1) + 1 :])
+    line = text[: text.index("time  4.0000000E-02")].count("\n") + 1
+    assert f"line {line}: a level with displacements of 240 of 241 nodes: left out" in done.said
+    assert any("33 increments to p/E" in one for one in done.said)
+    none = re.sub(r"(displacements .* 4.0000000E-02\n\n)( \d+ \S+ \S+ 0\.\n)+", r"\1", text)
+    assert any("displacements of 0 of 241" in one for one in read(tmp_path, none).said)
+
+
+def test_read_calculix_contact__a_pressed_face_beyond_the_set_is_refused(tmp_path):
+    text = "".join(
+        level_text(k, 10, 240, moved=0.01).replace(" 241 0.01 0. 0.\n", "") for k in (1, 2)
+    )
+    deck = WRITER.deck_text(RUN).replace("1,241,1", "1,240,1")
+    with pytest.raises(InputError, match=r"run\.dat, line 1: .* node 241 of it was not printed"):
+        read(tmp_path, text, deck=deck)
+
+
+def test_read_calculix_contact__levels_printed_again_are_counted(tmp_path):
+    text = dat_text(RUN)
+    assert (
+        "34 levels of a time printed again: the later one counts" in read(tmp_path, 2 * text).said
+    )
+
+
 def test_read_calculix_contact__a_face_far_away_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"a face 1e\+08 from the axis"):
         read(tmp_path, level_text(1, 10) + level_text(2, 10, moved=1e8))
@@ -216,3 +243,15 @@ def test_read_pressed__a_time_printed_again_counts_as_last(tmp_path):
     (tmp_path / "run.dat").write_text(REAL + again)
     (level,) = read_pressed(tmp_path / "run.dat", reaction="NTOP")
     assert level.faces == {(104, 4)}
+
+
+@pytest.mark.parametrize("row", [" 7 0. -0.1 0.", " 8.5 0. -0.1 0."])
+def test_read_pressed__forces_of_each_node_stand_once(tmp_path, row):
+    head = " forces (fx,fy,fz) for set NTOP and time  0.1000000E+00"
+    good = f"{head}\n\n 7 0. -0.1 0.\n 8 0. -0.2 0.\n"
+    (tmp_path / "run.dat").write_text(good)
+    (level,) = read_pressed(tmp_path / "run.dat", reaction="NTOP")
+    assert level.force == pytest.approx(-0.3)
+    (tmp_path / "run.dat").write_text(f"{good}{row}\n")
+    with pytest.raises(InputError, match=r"line 5: node .* rule: a whole number, once a level"):
+        read_pressed(tmp_path / "run.dat", reaction="NTOP")

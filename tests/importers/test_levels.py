@@ -141,3 +141,31 @@ def test_table_of__a_body_that_stops_early_has_the_rest_not_reached():
 def test_body__values_out_of_range_are_named(changes, named):
     with pytest.raises(InputError, match=rf"^{named}: rule"):
         Body(**{"a_over_R": 0.05, "b_over_R": 0.03, **changes})
+
+
+def test_table_of__nodes_beyond_the_axis_of_a_half_mesh_are_said_to_be_left_out():
+    run = WRITER.pressed()
+    assert not any("beyond the axis" in line for line in table(run).said)
+    mirror = np.array([-1.0, 1.0])
+    more = {
+        "nodes": np.vstack([run["nodes"], mirror * run["nodes"][1:4]]),
+        "position": np.hstack([run["position"], mirror * run["position"][:, 1:4]]),
+    }
+    done = table({**run, **more}, Body(run["a"], run["b"]))
+    assert "3 surface nodes beyond the axis of a half mesh: left out" in done.said
+    np.testing.assert_allclose(
+        done.table.column("p_over_E"), table(run).table.column("p_over_E"), rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "scale", "message"),
+    [
+        ("undeformed", 1e200, r"coordinates within 1e\+100"),
+        ("force", 1e308, r"run: force .*; rule: p/E at most"),
+    ],
+)
+def test_table_of__numbers_beyond_what_can_be_computed_with_are_refused(name, scale, message):
+    run = WRITER.pressed()
+    with pytest.raises(InputError, match=message):
+        table(run, **{name: scale * getattr(levels(run), name)})

@@ -167,6 +167,7 @@ def test_read_series__appended_data_are_read(tmp_path):
         (2, None, r"2 \.vtu with no loads"),
         (2, [0.1], r"2 \.vtu with 1 loads"),
         (2, [0.1, np.nan], "loads .* rule: finite numbers"),
+        (2, [0.1, -0.2], r"1\.vtu: loads of -0\.2; rule: finite numbers, 0 to"),
     ],
 )
 def test_read_series__one_state_and_missing_loads_are_refused(tmp_path, paths, loads, message):
@@ -200,7 +201,10 @@ ARRAY = r'(Name="displacement"[^>]*>)[^<]*'
         (lambda t: t.replace("vtkZLib", "vtkLZMA"), "rule: vtkZLibDataCompressor"),
         (lambda t: re.sub(r'NumberOfPoints="\d+"', 'NumberOfPoints="999999999"', t), "at most"),
         (lambda t: re.sub(r'NumberOfPoints="\d+"', 'NumberOfPoints="-1"', t), "whole number"),
-        (lambda t: t.replace('"displacement"', '"u"'), "no point data 'displacement'; there are u"),
+        (
+            lambda t: t.replace('"displacement"', '"u"'),
+            "no point data 'displacement'; there are 'u'",
+        ),
         (lambda t: t.replace("Float64", "String"), "type 'String'"),
         (lambda t: t.replace('format="binary"', 'format="raw"'), "rule: ascii, binary or appended"),
         (lambda t: t.replace("<Piece", "<P").replace("</Piece", "</P"), "0 pieces"),

@@ -118,7 +118,8 @@ def load_function(
 
     def pieces(low: float, high: float) -> list[tuple[float, FloatArray, float]]:
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        coefficients = at_nodes @ np.stack([solved(middle + half * t) for t in nodes])
+        values = np.stack([solved(middle + half * t) for t in nodes])
+        coefficients = np.asarray(at_nodes @ values, dtype=np.float64)
         error = max(
             float(np.abs(chebyshev.chebval(t, coefficients) - solved(middle + half * t)).max())
             for t in _CHECKED

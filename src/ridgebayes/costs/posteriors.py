@@ -9,6 +9,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.costs.measured import Setting
 from ridgebayes.evidence import bridge_evidence, quadrature_evidence
 from ridgebayes.evidence.nested import nested_evidence
+from ridgebayes.evidence.thermodynamic import thermodynamic_evidence
 from ridgebayes.fit import Fit, calibrate
 from ridgebayes.forms import Form
 from ridgebayes.importance import importance_fit
@@ -19,8 +20,17 @@ from ridgebayes.observations import Observations
 from ridgebayes.sample import SampleSettings
 from ridgebayes.table import ContactTable
 
-_LONG = 163_840  # draws of each proposal of the reference
+_LONG = 65_536  # draws of each proposal of the reference
 _TAIL = 0.05
+_WALKS = (  # moves, walkers, autocorrelation times
+    ("stretch", 32, 50.0),
+    ("differential evolution", 32, 50.0),
+    ("independence", 128, 50.0),
+    ("mixture", 32, 50.0),
+    ("mixture", 128, 50.0),
+    ("mixture", 128, 400.0),
+    ("mixture", 512, 50.0),
+)
 
 
 def posterior_settings(table: ContactTable, form: Form, *, seed: int = 0) -> list[Setting]:
@@ -50,9 +60,12 @@ def posterior_settings(table: ContactTable, form: Form, *, seed: int = 0) -> lis
     def walked(settings: SampleSettings) -> FloatArray:
         return _all_draws(calibrate(table, form, rng=seed, settings=settings))
 
-    def off(draws: Callable[[], FloatArray]) -> Callable[[], dict[str, float]]:
+    def off(
+        draws: Callable[[], FloatArray | tuple[FloatArray, FloatArray]],
+    ) -> Callable[[], dict[str, float]]:
         def error() -> dict[str, float]:
-            found = _moments(draws())
+            drawn = draws()
+            found = _moments(*drawn) if isinstance(drawn, tuple) else _moments(drawn)
             return {
                 name: float(np.abs((found[name] - best[name]) / best["sd"]).max()) for name in best
             }
@@ -63,6 +76,18 @@ def posterior_settings(table: ContactTable, form: Form, *, seed: int = 0) -> lis
         found = fit_laplace(model)
         z = np.random.default_rng(seed).standard_normal((20_000, found.mode.size))
         return model.to_theta(found.unwhiten(z)[0])
+
+    def grid(n: int) -> tuple[FloatArray, FloatArray]:
+        """Gauss-Hermite nodes about the mode, weighted by density over normal."""
+        found = fit_laplace(model)
+        nodes, weights = np.polynomial.hermite_e.hermegauss(n)
+        d = found.mode.size
+        z = np.stack(np.meshgrid(*[nodes] * d, indexing="ij"), axis=-1).reshape(-1, d)
+        log_weight = np.sum(np.meshgrid(*[np.log(weights)] * d, indexing="ij"), axis=0).reshape(-1)
+        u, log_jacobian = found.unwhiten(z)
+        log_weight = log_weight + model.log_density(u) + log_jacobian + 0.5 * (z * z).sum(axis=1)
+        weight = np.exp(log_weight - log_weight.max())
+        return model.to_theta(u), weight / weight.sum()
 
     settings = [Setting("posterior", "Laplace", "normal at the mode", off(laplace), reference)]
     for n in (128, 640, 2_560, 10_240):
@@ -75,18 +100,23 @@ def posterior_settings(table: ContactTable, form: Form, *, seed: int = 0) -> lis
                 reference,
             )
         )
-    for walkers in (32, 128):
-        for n_tau in (50.0, 400.0):
-            length = SampleSettings(n_walker=walkers, n_tau=n_tau, tau_change=0.1)
-            settings.append(
-                Setting(
-                    "posterior",
-                    f"emcee, 4 x {walkers} walkers",
-                    f"{n_tau:g} autocorrelation times",
-                    off(partial(walked, length)),
-                    reference,
-                )
+    settings += [
+        Setting(
+            "posterior", "quadrature", f"{n} nodes a parameter", off(partial(grid, n)), reference
+        )
+        for n in (4, 8, 16)
+    ]
+    for moves, walkers, n_tau in _WALKS:
+        length = SampleSettings(n_walker=walkers, n_tau=n_tau, tau_change=0.1, moves=moves)
+        settings.append(
+            Setting(
+                "posterior",
+                f"emcee, {moves}, 4 x {walkers} walkers",
+                f"{n_tau:g} autocorrelation times",
+                off(partial(walked, length)),
+                reference,
             )
+        )
     return settings
 
 
@@ -111,6 +141,9 @@ def evidence_settings(table: ContactTable, form: Form, *, seed: int = 0) -> list
 
     def sampled(n: int) -> float:
         return importance_fit(model, seed=seed, n_draw=n)[1].value
+
+    def thermodynamic(n: int) -> float:
+        return thermodynamic_evidence(model, n_temperature=n, seed=seed).value
 
     def nested(n: int) -> float:
         return nested_evidence(model, rng=np.random.default_rng(seed), n_live=n).value
@@ -153,6 +186,16 @@ def evidence_settings(table: ContactTable, form: Form, *, seed: int = 0) -> list
     settings += [
         Setting(
             "evidence",
+            "thermodynamic integration",
+            f"{n} temperatures",
+            off(partial(thermodynamic, n)),
+            reference,
+        )
+        for n in (8, 32, 128)
+    ]
+    settings += [
+        Setting(
+            "evidence",
             "dynesty",
             f"{n} live points",
             off(partial(nested, n)),
@@ -169,9 +212,18 @@ def _all_draws(fit: Fit) -> FloatArray:
     return fit.model.to_theta(u.reshape(-1, u.shape[-1]))
 
 
-def _moments(theta: FloatArray) -> dict[str, FloatArray]:
+def _moments(theta: FloatArray, weight: FloatArray | None = None) -> dict[str, FloatArray]:
+    if weight is None:
+        tail = np.quantile(theta, _TAIL, axis=0)
+        return {"mean": theta.mean(axis=0), "sd": theta.std(axis=0), "5 % quantile": tail}
+    mean = weight @ theta
+    order = np.argsort(theta, axis=0)
+    quantiles = [
+        np.interp(_TAIL, np.cumsum(weight[i]) - 0.5 * weight[i], column[i])
+        for i, column in zip(order.T, theta.T, strict=True)
+    ]
     return {
-        "mean": theta.mean(axis=0),
-        "sd": theta.std(axis=0),
-        "5 % quantile": np.quantile(theta, _TAIL, axis=0),
+        "mean": mean,
+        "sd": np.sqrt(weight @ (theta - mean) ** 2),
+        "5 % quantile": np.array(quantiles),
     }

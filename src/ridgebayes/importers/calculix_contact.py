@@ -2,7 +2,7 @@
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.importers.calculix_sta import read_sta
 from ridgebayes.importers.deck import Deck, check_material, read_deck
 from ridgebayes.importers.increments import transitions_of
-from ridgebayes.importers.levels import Body
+from ridgebayes.importers.levels import Body, loads_of
 from ridgebayes.importers.record import Imported, finite, provenance, read_text
 from ridgebayes.importers.rim import Rim
 from ridgebayes.table import ContactTable
@@ -42,15 +42,18 @@ class Pressed:
         its points; None if contact stress was not printed.
     force : float or None
         Vertical force on the driven set.
-    moved : dict of int to float
-        Horizontal displacement of the surface's nodes.
+    moved : dict of int to float, or None
+        Horizontal displacement of the surface's nodes; None if it was not printed.
+    again : bool
+        Whether the time had been printed before.
     """
 
     time: float
     line: int
     faces: set[tuple[int, int]] | None = None
     force: float | None = None
-    moved: dict[int, float] = field(default_factory=dict)
+    moved: dict[int, float] | None = None
+    again: bool = False
 
 
 def read_calculix_contact(
@@ -105,6 +108,8 @@ def read_calculix_contact(
     check_material(sheet, body.E, body.nu, deck)
     found = read_pressed(path, surface, reaction)
     said = [f"{path}: {len(found)} levels"]
+    if n := sum(one.again for one in found):
+        said.append(f"{n} levels of a time printed again: the later one counts")
     if sta is not None:
         status = read_sta(sta)
         sure = status.converged(np.array([one.time for one in found]))
@@ -112,20 +117,21 @@ def read_calculix_contact(
         if n := int((~sure).sum()):
             said.append(f"{n} levels that did not converge: left out")
         found = [one for one, kept in zip(found, sure, strict=True) if kept]
-    whole = [one for one in found if one.faces is not None and one.force is not None]
-    for one in found:
-        if one.faces is None or one.force is None:
-            what = "no total force" if one.force is None else "no contact stress"
+    lacks = [_lacks(one, nodes) for one in found]
+    whole = [one for one, what in zip(found, lacks, strict=True) if not what]
+    for one, what in zip(found, lacks, strict=True):
+        if what:
             said.append(f"line {one.line}: a level with {what}: left out")
     if not whole:
         raise InputError(
-            f"{path}: no level with contact stress and a total force of {reaction}; rule: "
-            "*CONTACT PRINT of CSTR and *NODE PRINT of RF, TOTALS=ONLY"
+            f"{path}: no level with contact stress and a total force of {reaction}, and "
+            f"displacements of {surface} whole or not printed; rule: *CONTACT PRINT of CSTR and "
+            "*NODE PRINT of RF, TOTALS=ONLY"
         )
     undeformed = sheet.coordinates(nodes, str(deck))
     rim = Rim.of(undeformed, str(deck), R=body.R, symmetry=body.symmetry)
-    placed = [_intervals(one, sheet, float(rim.centre[0]), deck) for one in whole]
-    if n := sum(not one.moved for one in whole):
+    placed = [_intervals(one, sheet, float(rim.centre[0]), path, deck) for one in whole]
+    if n := sum(one.moved is None for one in whole):
         said.append(f"{n} levels without displacements of {surface}: faces where they were")
     farthest = max((float(one[:, 1].max()) for one in placed if len(one)), default=0.0)
     if farthest > _FARTHEST * rim.R:
@@ -135,8 +141,7 @@ def read_calculix_contact(
         )
     gap = _history(placed, body.a_over_R * rim.R, body.b_over_R * rim.R)
     load = 2 if body.symmetry == "half" else 1
-    force = np.abs([one.force or 0.0 for one in whole])
-    p_over_E = force * load / body.thickness / (2 * rim.R * body.E)
+    p_over_E = loads_of(np.array([one.force or 0.0 for one in whole]), body, rim.R, str(path))
     try:
         frame, odd = transitions_of(p_over_E, gap, 4 + 2 * np.arange(gap.shape[1]), brackets=True)
     except InputError as error:
@@ -181,7 +186,7 @@ def read_pressed(path: Path, surface: str = "", reaction: str = "") -> list[Pres
         If a line cannot be understood, with its number.
     """
     found: dict[float, Pressed] = {}
-    block, level = "", Pressed(0.0, 0)
+    block, level, seen = "", Pressed(0.0, 0), set[int]()
     lines = read_text(path).split("\n")
     lines.pop()  # nothing, or a last line without an end: half of one
     for number, line in enumerate(lines, start=1):
@@ -189,25 +194,70 @@ def read_pressed(path: Path, surface: str = "", reaction: str = "") -> list[Pres
         if not words:
             continue
         if words[0][0].isalpha():
+            # CalculiX prints headings between blank lines: another line of letters among rows is
+            # damage, and rows after it would be lost.
+            if block and _HEAD.match(line) is None and _is_among(lines, number):
+                raise InputError(
+                    f"{path}, line {number}: {line.strip()[:60]!r} among rows of {block}; rule: "
+                    "rows, a blank line, a heading"
+                )
             block, level = _head(path, number, line, found, level, surface, reaction)
+            seen = set()
         elif block == "contact stress":
             values = _values(path, number, words, "element, face, press, tang1, tang2")
+            side = int(values[1]) - _SIDES
+            whole = values[0] == int(values[0]) and values[1] == int(values[1])
+            if not whole or (values[2] > 0 and side < 1):
+                raise InputError(
+                    f"{path}, line {number}: face {words[1]} of {words[0]}; rule: a side of a "
+                    "plane element"
+                )
             if values[2] > 0 and level.faces is not None:
-                side = int(values[1]) - _SIDES
-                if side < 1 or values[0] != int(values[0]):
-                    raise InputError(
-                        f"{path}, line {number}: face {words[1]} of {words[0]}; rule: a side of a "
-                        "plane element"
-                    )
                 level.faces.add((int(values[0]), side))
         elif block == "displacements":
             values = _values(path, number, words, "node, vx, vy, vz")
-            level.moved[int(values[0])] = values[1]
+            if level.moved is not None:
+                level.moved[_once(path, number, words[0], values[0], seen)] = values[1]
         elif block == "total force":
+            if level.force is not None:
+                raise InputError(
+                    f"{path}, line {number}: {line.strip()[:60]!r}; rule: one total force a level"
+                )
             level.force = _values(path, number, words, "fx, fy, fz")[1]
         elif block == "forces":
-            level.force = (level.force or 0.0) + _values(path, number, words, "node, fx, fy, fz")[2]
+            values = _values(path, number, words, "node, fx, fy, fz")
+            _once(path, number, words[0], values[0], seen)
+            level.force = (level.force or 0.0) + values[2]
     return [found[time] for time in sorted(found)]
+
+
+def _is_among(lines: list[str], number: int) -> bool:
+    """Return whether a line, counted from 1, has other than blank lines beside it."""
+    return any(
+        one.strip() for one in (*lines[number - 2 : number - 1], *lines[number : number + 1])
+    )
+
+
+def _once(path: Path, number: int, word: str, value: float, seen: set[int]) -> int:
+    """Return a node's number, which is whole and has not stood in the block before."""
+    node = int(value)
+    if node != value or node in seen:
+        raise InputError(
+            f"{path}, line {number}: node {word[:40]!r}; rule: a whole number, once a level"
+        )
+    seen.add(node)
+    return node
+
+
+def _lacks(level: Pressed, nodes: list[int]) -> str:
+    """Return what a level has not, in words; nothing if it is whole."""
+    if level.force is None:
+        return "no total force"
+    if level.faces is None:
+        return "no contact stress"
+    if level.moved is not None and (n := sum(node in level.moved for node in nodes)) < len(nodes):
+        return f"displacements of {n} of {len(nodes)} nodes"
+    return ""
 
 
 def _head(
@@ -237,11 +287,13 @@ def _head(
     level = found.setdefault(time, Pressed(time, number))
     if (what == "contact stress" and level.faces is not None) or (
         what != "contact stress"
-        and (level.moved if what == "displacements" else level.force is not None)
+        and (level.moved is not None if what == "displacements" else level.force is not None)
     ):
-        level = found[time] = Pressed(time, number)
+        level = found[time] = Pressed(time, number, again=True)
     if what == "contact stress":
         level.faces = set()
+    elif what == "displacements":
+        level.moved = {}
     return what, level
 
 
@@ -251,7 +303,7 @@ def _values(path: Path, number: int, words: list[str], columns: str) -> list[flo
     return [finite(path, number, word) for word in words]
 
 
-def _intervals(level: Pressed, sheet: Deck, axis: float, deck: Path) -> FloatArray:
+def _intervals(level: Pressed, sheet: Deck, axis: float, path: Path, deck: Path) -> FloatArray:
     """Return from where to where pressed faces are, outwards from the axis, shape (n_face, 2)."""
     found = []
     for element, side in sorted(level.faces or ()):
@@ -259,7 +311,14 @@ def _intervals(level: Pressed, sheet: Deck, axis: float, deck: Path) -> FloatArr
         if side > len(corners):
             raise InputError(f"{deck}: element {element} has no side {side}")
         ends = [corners[side - 1], corners[side % len(corners)]]
-        x = [sheet.nodes[node][0] + level.moved.get(node, 0.0) - axis for node in ends]
+        moved = [0.0 if level.moved is None else level.moved.get(node) for node in ends]
+        if None in moved:
+            raise InputError(
+                f"{path}, line {level.line}: side {side} of element {element} is pressed, and node "
+                f"{ends[moved.index(None)]} of it was not printed; rule: a surface with the nodes "
+                "of all pressed faces"
+            )
+        x = [sheet.nodes[node][0] + (u or 0.0) - axis for node, u in zip(ends, moved, strict=True)]
         sign = 1.0 if sum(x) >= 0 else -1.0
         found.append(sorted(sign * one for one in x))
     return np.array(found, dtype=float).reshape(-1, 2)

@@ -9,7 +9,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.importers.increments import transitions_of
-from ridgebayes.importers.record import Imported
+from ridgebayes.importers.record import HUGE, Imported
 from ridgebayes.importers.rim import Rim
 from ridgebayes.table import ContactTable
 
@@ -122,7 +122,7 @@ def table_of(
     """
     rim = Rim.of(levels.undeformed, where, R=body.R, symmetry=body.symmetry)
     load = 2 if body.symmetry == "half" else 1
-    p_over_E = np.abs(levels.force) * load / body.thickness / (2 * rim.R * body.E)
+    p_over_E = loads_of(levels.force, body, rim.R, where)
     corners, how = _corners(levels, body, rim, where)
     corner = body.corner_over_R * rim.R
     gaps = np.array([rim.gaps(one, corners, corner) for one in levels.position]) / rim.R
@@ -144,9 +144,13 @@ def table_of(
     frame.insert(0, "a_over_R", body.a_over_R)
     frame.insert(1, "b_over_R", body.b_over_R)
     frame = frame.assign(nu=body.nu, solver=solver, source=source)
+    # A few nodes on the other side of a half mesh's axis are no second side: see Rim.of.
+    n = len(levels.undeformed) - len(rim.sides[0][0]) if body.symmetry == "half" else 0
+    across = [f"{n} surface nodes beyond the axis of a half mesh: left out"] if n else []
     n_bracket = int(frame["p_over_E_lower"].notna().sum())
     said = [
         *levels.said,
+        *across,
         f"surface: {len(levels.undeformed)} nodes on a circle of R = {rim.R:.6g}",
         f"texture: a/R = {body.a_over_R:g}, b/R = {body.b_over_R:g}, nu = {body.nu:g}; {how}",
         f"load: force {'times 2 ' if load == 2 else ''}over 2 R E, E = {body.E:g}, "
@@ -156,6 +160,25 @@ def table_of(
         f"{n_bracket} as brackets",
     ]
     return Imported(ContactTable.from_frame(frame, where=where), tuple(said))
+
+
+def loads_of(force: FloatArray, body: Body, R: float, where: str) -> FloatArray:
+    """Return p/E of forces, whatever their sign.
+
+    Raises
+    ------
+    InputError
+        If one is beyond what can be computed with.
+    """
+    load = 2 if body.symmetry == "half" else 1
+    with np.errstate(over="ignore"):
+        p_over_E = np.abs(force) * load / body.thickness / (2 * R * body.E)
+    if (bad := p_over_E > HUGE).any():  # of forces that are not numbers: increments are left out
+        raise InputError(
+            f"{where}: force {force[bad][0]:.6g}, p/E = {p_over_E[bad][0]:.6g}; rule: p/E at most "
+            f"{HUGE:g}"
+        )
+    return np.asarray(p_over_E)
 
 
 def _corners(levels: Levels, body: Body, rim: Rim, where: str) -> tuple[FloatArray, str]:

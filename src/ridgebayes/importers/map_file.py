@@ -6,7 +6,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ridgebayes.errors import InputError
-from ridgebayes.importers.record import read_text
+from ridgebayes.importers.record import read_text, words_of
+
+_SHOWN = 80  # characters of a key or a value that messages show
 
 
 def parse_map(texts: Iterable[str]) -> dict[str, str]:
@@ -57,14 +59,27 @@ def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
         content = tomllib.loads(read_text(path))
     # A thousand brackets in each other: RecursionError.
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise InputError(f"{path}: not TOML: {str(error)[:200]}") from None
+        raise InputError(f"{path}: not TOML: {words_of(error, 200)}") from None
     tables: dict[str, dict[str, str]] = {"columns": {}, "values": {}}
     for name, entries in content.items():
         if name not in tables or not isinstance(entries, dict):
-            raise InputError(f"{path}: {name}: rule: tables [columns] and [values]")
+            raise InputError(f"{path}: {name[:_SHOWN]}: rule: tables [columns] and [values]")
         for key, value in entries.items():
             number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not (isinstance(value, str) or (number and name == "values")):
-                raise InputError(f"{path}: [{name}] {key} = {value!r}: rule: text in quotes")
-            tables[name][key] = str(value)
+            text = value if isinstance(value, str) else _text(value)
+            if not (isinstance(value, str) or (number and text and name == "values")):
+                raise InputError(
+                    f"{path}: [{name}] {key[:_SHOWN]} = {text[:_SHOWN] or 'what is too long'}: "
+                    "rule: text in quotes"
+                )
+            tables[name][key] = text
     return tables["columns"], tables["values"]
+
+
+def _text(value: object) -> str:
+    """Return a value of TOML other than text as Python writes it, or nothing if it cannot."""
+    try:
+        return repr(value)
+    # An integer of thousands of digits, or thousands of tables in each other.
+    except (ValueError, RecursionError):
+        return ""

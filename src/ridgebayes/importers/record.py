@@ -10,6 +10,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.table import ContactTable
 
 LARGEST = 2 * 2**30  # bytes of a file: more is not read into memory
+HUGE = 1e100  # of lengths and loads: no body's are so great, and products of a few are floats yet
 # A number as programs print it: Fortran drops the E of an exponent of three digits.
 NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]?([+-]\d+)|[EeDd](\d+))?")
 
@@ -79,6 +80,12 @@ def read_text(path: Path) -> str:
             f"{path}, line {line}: byte {content[error.start]:#04x} is not UTF-8; rule: UTF-8"
         ) from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def words_of(error: Exception, most: int = 120) -> str:
+    """Return what an error says as one line, cut off at a length, that ends in no blank."""
+    text = getattr(error, "strerror", None) or str(error)
+    return " ".join(text.split())[:most].strip()
 
 
 def provenance(path: Path, importer: str, *details: str) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
+from ridgebayes.importers.record import HUGE
 
 _ROUND = 2e-3  # of R: how far surface nodes may lie off a circle
 _LEAST_NODES = 5
@@ -50,6 +51,8 @@ class Rim:
         at = undeformed
         if len(at) < _LEAST_NODES:
             raise InputError(f"{where}: {len(at)} surface nodes; rule: at least {_LEAST_NODES}")
+        if not (np.abs(at) <= HUGE).all():
+            raise InputError(f"{where}: surface nodes; rule: coordinates within {HUGE:g}")
         matrix = np.column_stack([2 * at, np.ones(len(at))])
         (x, y, c), *_ = np.linalg.lstsq(matrix, (at**2).sum(axis=1), rcond=None)
         centre = np.array([x, y])

@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Literal
+from typing import Any, Literal
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -21,10 +21,21 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.importers.levels import Body, Levels, table_of
-from ridgebayes.importers.record import LARGEST, Imported, finite, provenance, read_text
+from ridgebayes.importers.record import (
+    HUGE,
+    LARGEST,
+    Imported,
+    finite,
+    provenance,
+    read_text,
+    words_of,
+)
 from ridgebayes.importers.rim import Rim
 
 _LARGEST_XML = 64 * 2**20  # bytes: more would take a parser longer than a user waits
+_LARGEST_CHUNK = 64 * 2**20  # bytes of an HDF5 chunk: a whole one is unpacked for a part of it
+_SHOWN = 80  # characters of a word in a file that messages show
+_MOST_NAMES = 10  # of fields that messages show
 _ROUND = 5e-6  # of R: nodes so near to the circle are on it
 _FARTHEST = 4.0  # of R: no body moves so far
 _REST = 3e-6  # of R: how well the height of a rim at rest on a ridge is known
@@ -38,22 +49,33 @@ _VTK = {
     "Float32": "f4",
     "Float64": "f8",
 }
+_ORDERS = {"LittleEndian": "<", "BigEndian": ">"}
+_HEADERS = ("UInt32", "UInt64")
 
 
 @dataclass
 class _Budget:
-    """What is left of the bytes that a file's numbers may take."""
+    """What is left of the bytes that a series' numbers may take."""
 
-    where: str
     left: int = LARGEST
 
-    def take(self, shape: Sequence[int]) -> None:
+    def take(self, path: Path, shape: Sequence[int]) -> None:
         self.left -= 8 * math.prod(shape)
         if self.left < 0:
             raise InputError(
-                f"{self.where}: {' x '.join(map(str, shape))} numbers; rule: at most {LARGEST} "
-                "bytes in all"
+                f"{path}: {' x '.join(map(str, shape))} numbers; rule: at most {LARGEST} bytes in "
+                "all"
             )
+
+
+@dataclass
+class _Series:
+    """What stands in the files: displacements, shape (n_state, n_point, 2), and where each did."""
+
+    points: FloatArray
+    moved: FloatArray
+    loads: FloatArray
+    places: list[str]
 
 
 def read_series(
@@ -105,28 +127,30 @@ def read_series(
     if suffixes == {".xdmf"} and len(paths) == 1:
         if loads is not None:
             raise InputError(f"{where}: loads of a series; rule: its times")
-        points, moved, times = _xdmf(paths[0], field)
+        series = _xdmf(paths[0], field)
     elif suffixes == {".vtu"}:
-        points, moved, times = _vtus(paths, field, loads)
+        series = _vtus(paths, field, loads)
     else:
         raise InputError(f"{where}: rule: one .xdmf, or several .vtu")
-    if not (np.isfinite(points).all() and np.isfinite(moved).all()):
-        raise InputError(f"{where}: points or {field!r} are not all finite; rule: finite numbers")
-    digits = float(np.finfo(moved.dtype).eps) * float(np.abs(moved).max(initial=0.0))
-    points, moved = np.asarray(points, dtype=float), np.asarray(moved, dtype=float)
+    points, moved = (np.asarray(one, dtype=float) for one in (series.points, series.moved))
     nodes, R = _rim(points, body, where)
-    if not (most := float(np.abs(moved).max())) <= _FARTHEST * R:
-        raise InputError(f"{where}: {field!r} up to {most:.3g}; rule: within {_FARTHEST:g} R")
+    most = np.abs(moved).max(axis=(1, 2))
+    if not most.max() <= _FARTHEST * R:
+        raise InputError(
+            f"{series.places[most.argmax()]}: {field!r} up to {most.max():.3g}; rule: within "
+            f"{_FARTHEST:g} R"
+        )
+    digits = float(np.finfo(series.moved.dtype).eps * most.max())
     body = replace(body, R=R)
     half = 2.0 if body.symmetry == "half" else 1.0
     scale = 2 * R * body.E if time == "p_over_E" else 1.0
     levels = Levels(
-        times * scale * body.thickness / half,
+        series.loads * (scale * body.thickness / half),
         points[nodes, :2],
         points[nodes, :2] + moved[:, nodes, :2],
         np.zeros((0, 2)),
         digits=digits,
-        said=(f"{where}: {len(times)} states, {len(nodes)} of {len(points)} nodes are the rim",),
+        said=(f"{where}: {len(moved)} states, {len(nodes)} of {len(points)} nodes are the rim",),
     )
     if body.top is None:
         levels = _at_rest(levels, body, where)
@@ -137,10 +161,16 @@ def read_series(
 
 def _rim(points: FloatArray, body: Body, where: str) -> tuple[np.ndarray, float]:
     """Return the nodes of the lower rim, and R."""
+    if not len(points) or points.shape[1] not in (2, 3):
+        raise InputError(f"{where}: points of shape {points.shape}; rule: (n, 2 or 3), n above 0")
+    if not (most := float(np.abs(points).max())) <= HUGE:
+        raise InputError(f"{where}: a point {most:.3g} away; rule: coordinates within {HUGE:g}")
     if points.shape[1] == 3 and np.ptp(points[:, 2]) > 0:
         raise InputError(f"{where}: z from {points[:, 2].min():g}; rule: a plane mesh")
     lowest = points[np.argmin(points[:, 1])]
     R = body.R if body.R is not None else float(np.abs(points[:, 0] - lowest[0]).max())
+    if not R >= 1 / HUGE:
+        raise InputError(f"{where}: points within {R:.3g}; rule: a disk, or --R")
     centre = lowest[:2] + np.array([0.0, R])
     away = np.hypot(*(points[:, :2] - centre).T)
     if not away.max() <= R * (1 + _ROUND):
@@ -179,8 +209,8 @@ def _at_rest(levels: Levels, body: Body, where: str) -> Levels:
     )
 
 
-def _xdmf(path: Path, field: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return points, displacements (n_state, n_point, dim), and times."""
+def _xdmf(path: Path, field: str) -> _Series:
+    """Read an XDMF file, and the HDF5 file that it names."""
     root = _xml(path)
     series = [
         grid
@@ -193,51 +223,79 @@ def _xdmf(path: Path, field: str) -> tuple[FloatArray, FloatArray, FloatArray]:
     shapes = list(root.iter("Geometry"))
     if not shapes or not grids:
         raise InputError(f"{path}: no geometry or no states; rule: XDMF of a mesh over time")
-    if len({ET.tostring(one) for one in shapes}) > 1:
+    shape, *others = ((one.attrib, item.attrib, item.text) for one, item in _items(path, shapes))
+    if any(one != shape for one in others):
         raise InputError(f"{path}: {len(shapes)} geometries; rule: one, undeformed")
-    shape = shapes[0]
-    kind = shape.get("GeometryType", shape.get("Type", "XYZ"))
+    kind = shapes[0].get("GeometryType", shapes[0].get("Type", "XYZ"))
     if kind not in ("XY", "XYZ"):
-        raise InputError(f"{path}: geometry {kind!r}; rule: XY or XYZ")
-    budget = _Budget(str(path))
-    points = _item(path, shape, budget)
+        raise InputError(f"{path}: geometry {_short(kind)}; rule: XY or XYZ")
+    budget = _Budget()
+    points = _finite(str(path), "points", _numbers(path, shapes[0], budget))
     if points.ndim != 2 or points.shape[1] != len(kind):
         raise InputError(f"{path}: points of shape {points.shape}; rule: (n, {len(kind)})")
-    moved, times = [], []
+    moved, times, places = [], [], []
     for number, grid in enumerate(grids, start=1):
-        here = f"state {number}"
-        clock = grid.find("Time")
-        if clock is None or not clock.get("Value"):
-            raise InputError(f"{path}, {here}: no <Time Value=...>")
-        times.append(_number(path, here, clock.get("Value", "")))
-        data = {one.get("Name"): one for one in grid.findall("Attribute")}
-        if field not in data or data[field].get("Center") != "Node":
-            names = ", ".join(sorted(str(name) for name in data)) or "none"
-            raise InputError(f"{path}, {here}: no point data {field!r}; the fields are {names}")
-        moved.append(_checked(f"{path}, {here}", field, _item(path, data[field], budget), points))
-    return points, np.array(moved), np.array(times)
+        here = f"{path}, state {number}"
+        clocks = grid.findall("Time")
+        if not clocks or not clocks[0].get("Value"):
+            raise InputError(f"{here}: no <Time Value=...>")
+        if len(clocks) > 1:
+            raise InputError(f"{here}: {len(clocks)} times; rule: one")
+        times.append(_number(path, here, clocks[0].get("Value", "")))
+        given = grid.findall("Attribute")
+        data = [one for one in given if one.get("Center") == "Node"]
+        one = _named(here, field, data, "the fields are", given)
+        moved.append(_checked(here, field, _numbers(path, one, budget), points))
+        places.append(here)
+    return _Series(points, np.array(moved), np.array(times), places)
 
 
-def _item(path: Path, parent: ET.Element, budget: _Budget) -> FloatArray:
+def _named(
+    here: str, field: str, data: list[ET.Element], are: str, given: list[ET.Element]
+) -> ET.Element:
+    """Return the one array of point data with a name."""
+    found = [one for one in data if one.get("Name") == field]
+    if not found:
+        names = ", ".join(sorted({_short(one.get("Name")) for one in given})[:_MOST_NAMES])
+        raise InputError(f"{here}: no point data {field!r}; {are} {names or 'none'}")
+    if len(found) > 1:
+        raise InputError(f"{here}: {len(found)} point data {field!r}; rule: one of a name")
+    return found[0]
+
+
+def _items(path: Path, parents: Sequence[ET.Element]) -> list[tuple[ET.Element, ET.Element]]:
+    """Return elements, each with its one DataItem."""
+    found = []
+    for parent in parents:
+        items = list(parent)
+        if (
+            len(items) != 1
+            or items[0].tag != "DataItem"
+            or len(items[0])
+            or items[0].get("ItemType", "Uniform") != "Uniform"
+        ):
+            raise InputError(f"{path}: <{parent.tag}>; rule: one plain <DataItem>")
+        found.append((parent, items[0]))
+    return found
+
+
+def _numbers(path: Path, parent: ET.Element, budget: _Budget) -> FloatArray:
     """Return the numbers of an element's one DataItem."""
-    items = list(parent)
-    if (
-        len(items) != 1
-        or items[0].tag != "DataItem"
-        or items[0].get("ItemType", "Uniform") != ("Uniform")
-    ):
-        raise InputError(f"{path}: <{parent.tag}>; rule: one plain <DataItem>")
-    item, text = items[0], (items[0].text or "").strip()
+    ((_, item),) = _items(path, [parent])
+    text = (item.text or "").strip()
     words = (item.get("Dimensions") or "").split()
-    if not words or not all(re.fullmatch("[0-9]{1,15}", word) for word in words):
-        raise InputError(f"{path}: Dimensions {item.get('Dimensions')!r}; rule: whole numbers")
+    if len(words) not in (1, 2) or not all(re.fullmatch("[0-9]{1,15}", word) for word in words):
+        raise InputError(
+            f"{path}: Dimensions {_short(item.get('Dimensions'))}; rule: whole numbers, of points "
+            "and components"
+        )
     shape = tuple(int(word) for word in words)
-    budget.take(shape)
+    budget.take(path, shape)
     if item.get("Format") == "XML":
         return _from_text(path, text, item.get("Precision", "4")).reshape(_fits(path, text, shape))
     if item.get("Format") == "HDF":
         return _from_hdf5(path, text, shape)
-    raise InputError(f"{path}: Format {item.get('Format')!r}; rule: XML or HDF")
+    raise InputError(f"{path}: Format {_short(item.get('Format'))}; rule: XML or HDF")
 
 
 def _fits(path: Path, text: str, shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -252,8 +310,9 @@ def _from_text(path: Path, text: str, precision: str) -> FloatArray:
             raise ValueError("not in digits of ASCII")
         numbers = np.array(text.split(), dtype=np.float64)
     except ValueError as error:
-        raise InputError(f"{path}: {str(error)[:80]}; rule: numbers between blanks") from None
-    return numbers.astype(np.float32) if precision == "4" else numbers
+        raise InputError(f"{path}: {words_of(error)}; rule: numbers between blanks") from None
+    with np.errstate(over="ignore"):  # to infinity, which is refused where it belongs
+        return numbers.astype(np.float32) if precision == "4" else numbers
 
 
 def _from_hdf5(path: Path, text: str, shape: tuple[int, ...]) -> FloatArray:
@@ -262,9 +321,10 @@ def _from_hdf5(path: Path, text: str, shape: tuple[int, ...]) -> FloatArray:
 
     name, _, inner = text.rpartition(":")
     keys = inner.split("/")
+    shown = _short(inner)
     try:
         if len(keys) < 2 or keys[0] or not all(keys[1:]):
-            raise InputError(f"{path}: numbers in {text[:80]!r}; rule: FILE.h5:/PATH")
+            raise InputError(f"{path}: numbers in {_short(text)}; rule: FILE.h5:/PATH")
         folder = path.parent.resolve()
         target = folder / name
         if (
@@ -274,16 +334,18 @@ def _from_hdf5(path: Path, text: str, shape: tuple[int, ...]) -> FloatArray:
             or ".." in (*PurePosixPath(name).parts, *PureWindowsPath(name).parts)
             or not target.resolve().is_relative_to(folder)
         ):
-            raise InputError(f"{path}: numbers in {text[:80]!r}; rule: a file in the same folder")
+            raise InputError(f"{path}: numbers in {_short(text)}; rule: a file in the same folder")
         if not target.is_file():
-            raise InputError(f"{path}: numbers in {name!r}: no such file; rule: move both together")
+            raise InputError(
+                f"{path}: numbers in {_short(name)}: no such file; rule: move both together"
+            )
         with h5py.File(target, "r") as file:
             here = file
             for key in keys[1:]:
                 if not isinstance(here, h5py.Group) or key not in here:
-                    raise InputError(f"{target}: no {inner!r}")
+                    raise InputError(f"{target}: no {shown}")
                 if not isinstance(here.get(key, getlink=True), h5py.HardLink):
-                    raise InputError(f"{target}: {inner!r} is a link; rule: a dataset")
+                    raise InputError(f"{target}: {shown} is a link; rule: a dataset")
                 here = here[key]
             if (
                 not isinstance(here, h5py.Dataset)
@@ -292,31 +354,52 @@ def _from_hdf5(path: Path, text: str, shape: tuple[int, ...]) -> FloatArray:
                 or here.dtype.kind not in "fiu"
                 or here.dtype.itemsize > 8
             ):
-                raise InputError(f"{target}: {inner!r}: rule: a dataset of numbers, in this file")
+                raise InputError(f"{target}: {shown}: rule: a dataset of numbers, in this file")
             if here.shape != shape:
-                raise InputError(
-                    f"{target}: {inner!r} is {here.shape}; rule: {shape}, as in {path}"
-                )
+                raise InputError(f"{target}: {shown} is {here.shape}; rule: {shape}, as in {path}")
+            _check_stored(here, f"{target}: {shown}")
             return _floating(here[()])
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
+    # TypeError: a type of HDF5 that NumPy has not.
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path.parent / name}: cannot be read: {str(error)[:120]}") from None
+        raise InputError(
+            f"{path}: numbers in {_short(text)}: cannot be read: {words_of(error)}"
+        ) from None
 
 
-def _vtus(
-    paths: Sequence[Path], field: str, loads: Sequence[float] | None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return points, displacements (n_state, n_point, dim), and loads of VTU files."""
+def _check_stored(data: Any, where: str) -> None:
+    """Refuse a dataset of which parts are not there, or one that costs more than its numbers.
+
+    HDF5 makes zeros of what was never written, and unpacks chunks whole.
+    """
+    import h5py
+
+    layout = data.id.get_create_plist().get_layout()
+    if layout == h5py.h5d.CHUNKED:
+        size = data.dtype.itemsize * math.prod(data.chunks)
+        if size > max(data.dtype.itemsize * data.size, _LARGEST_CHUNK):
+            raise InputError(f"{where}: a chunk of {size} bytes; rule: at most {_LARGEST_CHUNK}")
+        there = data.id.get_num_chunks()
+        pieces = math.prod(-(-n // max(m, 1)) for n, m in zip(data.shape, data.chunks, strict=True))
+    else:  # a compact one stands in its own header
+        there, pieces = int(layout == h5py.h5d.COMPACT or data.id.get_offset() is not None), 1
+    if data.size and there < pieces:
+        raise InputError(f"{where}: {there} of {pieces} pieces are stored; rule: all of them")
+
+
+def _vtus(paths: Sequence[Path], field: str, loads: Sequence[float] | None) -> _Series:
+    """Read VTU files, each a state."""
     if len(paths) < 2 or loads is None or len(loads) != len(paths):
         given = "no" if loads is None else f"{len(loads)}"
         raise InputError(
             f"{paths[0]}: {len(paths)} .vtu with {given} loads; rule: several, each one state, and "
             "a load for each; or an .xdmf series"
         )
-    if not all(math.isfinite(load) for load in loads):
-        raise InputError(f"{paths[0]}: loads {list(loads)}; rule: finite numbers")
-    budget = _Budget(str(paths[0]))
+    for path, load in zip(paths, loads, strict=True):
+        if not 0 <= load <= HUGE:
+            raise InputError(f"{path}: loads of {load:g}; rule: finite numbers, 0 to {HUGE:g}")
+    budget = _Budget()
     points, moved = None, []
     for path in paths:
         root = _xml(path)
@@ -324,42 +407,46 @@ def _vtus(
         if root.tag != "VTKFile" or len(pieces) != 1:
             raise InputError(f"{path}: {len(pieces)} pieces; rule: an unstructured grid of one")
         n = _whole(path, pieces[0].get("NumberOfPoints"))
-        at = pieces[0].find("Points/DataArray")
-        data = {one.get("Name"): one for one in pieces[0].findall("PointData/DataArray")}
-        if at is None or field not in data:
-            names = ", ".join(sorted(str(name) for name in data)) or "none"
-            raise InputError(f"{path}: no points, or no point data {field!r}; there are {names}")
-        here = _array(path, root, at, n, budget)
+        at = pieces[0].findall("Points/DataArray")
+        if len(at) != 1:
+            raise InputError(f"{path}: {len(at) or 'no'} points; rule: one array of them")
+        data = pieces[0].findall("PointData/DataArray")
+        item = _named(str(path), field, data, "there are", data)
+        here = _finite(str(path), "points", _array(path, root, at[0], n, budget))
         if points is not None and not np.array_equal(here, points):
             raise InputError(f"{path}: points are not those of {paths[0]}; rule: one mesh")
         points = here
-        moved.append(_checked(str(path), field, _array(path, root, data[field], n, budget), points))
+        moved.append(_checked(str(path), field, _array(path, root, item, n, budget), points))
     assert points is not None
-    return points, np.array(moved), np.array(loads, dtype=float)
+    places = [str(path) for path in paths]
+    return _Series(points, np.array(moved), np.array(loads, dtype=float), places)
 
 
 def _array(path: Path, root: ET.Element, item: ET.Element, n: int, budget: _Budget) -> FloatArray:
     """Return a DataArray, shape (n, components)."""
     components = _whole(path, item.get("NumberOfComponents", "1"))
     shape = (n, components)
-    budget.take(shape)
-    if item.get("type") not in _VTK:
-        raise InputError(f"{path}: type {item.get('type')!r}; rule: one of {', '.join(_VTK)}")
-    order = {"LittleEndian": "<", "BigEndian": ">"}.get(root.get("byte_order", "LittleEndian"), "<")
-    dtype = np.dtype(order + _VTK[str(item.get("type"))])
+    budget.take(path, shape)
+    kind = _one_of(path, "type", item.get("type"), tuple(_VTK))
+    order = _one_of(path, "byte_order", root.get("byte_order", "LittleEndian"), tuple(_ORDERS))
+    header = _one_of(path, "header_type", root.get("header_type", "UInt32"), _HEADERS)
+    dtype = np.dtype(_ORDERS[order] + _VTK[kind])
+    head = np.dtype(_ORDERS[order] + _VTK[header])
     text = (item.text or "").strip()
     if item.get("format") == "ascii":
         numbers = _from_text(path, text, "4" if dtype.itemsize == 4 else "8")
         return numbers.reshape(_fits(path, text, shape))
     if item.get("format") == "appended":
-        data = root.find("AppendedData")
-        if data is None or data.get("encoding") != "base64":
-            raise InputError(f"{path}: appended data; rule: encoding base64")
-        text = (data.text or "").strip().removeprefix("_")[_whole(path, item.get("offset")) :]
+        data = root.findall("AppendedData")
+        text = (data[0].text or "").strip() if data else ""
+        if len(data) != 1 or data[0].get("encoding") != "base64" or not text.startswith("_"):
+            raise InputError(f"{path}: appended data; rule: one of encoding base64, after a _")
+        text = text[1 + _whole(path, item.get("offset")) :]
     elif item.get("format") != "binary":
-        raise InputError(f"{path}: format {item.get('format')!r}; rule: ascii, binary or appended")
+        raise InputError(
+            f"{path}: format {_short(item.get('format'))}; rule: ascii, binary or appended"
+        )
     size = math.prod(shape) * dtype.itemsize
-    head = np.dtype(order + _VTK.get(root.get("header_type", "UInt32"), "u4"))
     compressor = root.get("compressor")
     try:
         if compressor is None:
@@ -367,11 +454,16 @@ def _array(path: Path, root: ET.Element, item: ET.Element, n: int, budget: _Budg
         elif compressor == "vtkZLibDataCompressor":
             content = _unzipped(path, text, head, size)
         else:
-            raise InputError(f"{path}: compressor {compressor!r}; rule: vtkZLibDataCompressor")
+            raise InputError(
+                f"{path}: compressor {_short(compressor)}; rule: vtkZLibDataCompressor"
+            )
     except (binascii.Error, zlib.error, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path}: data cannot be unpacked: {str(error)[:80]}") from None
+        raise InputError(
+            f"{path}: data cannot be unpacked: {words_of(error)}; rule: base64, and what its "
+            "header says"
+        ) from None
     return _floating(np.frombuffer(content, dtype=dtype).reshape(shape))
 
 
@@ -379,6 +471,8 @@ def _stated(path: Path, text: str, head: np.dtype, size: int) -> bytes:
     """Return bytes after a header that states how many they are."""
     n = 4 * math.ceil((head.itemsize + size) / 3)
     content = base64.b64decode(text[:n], validate=True)
+    if len(content) < head.itemsize:
+        raise ValueError(f"{len(content)} bytes of a header of {head.itemsize}")
     stated = int(np.frombuffer(content[: head.itemsize], dtype=head)[0])
     if stated != size or len(content) < head.itemsize + size:
         raise InputError(f"{path}: {stated} bytes of data; rule: {size}, as the mesh has it")
@@ -393,6 +487,8 @@ def _unzipped(path: Path, text: str, head: np.dtype, size: int) -> bytes:
 
     def numbers(n: int) -> list[int]:
         some = base64.b64decode(text[: encoded(n * head.itemsize)], validate=True)
+        if len(some) < n * head.itemsize:
+            raise ValueError(f"{len(some)} bytes of a header of {n} numbers")
         return [int(one) for one in np.frombuffer(some[: n * head.itemsize], dtype=head)]
 
     n_block, block, last = numbers(3)
@@ -405,11 +501,14 @@ def _unzipped(path: Path, text: str, head: np.dtype, size: int) -> bytes:
     parts, at = [], 0
     for i, one in enumerate(packed):
         most = last if last and i == n_block - 1 else block
-        part = zlib.decompressobj().decompress(content[at : at + one], most + 1)
+        unpack = zlib.decompressobj()
+        part = unpack.decompress(content[at : at + one], most + 1)
         if len(part) != most:
             raise InputError(
                 f"{path}: a block of {len(part)} bytes or more; rule: {most}, as stated"
             )
+        if not unpack.eof:  # else its checksum was not seen
+            raise InputError(f"{path}: a block of data is cut short; rule: whole ones")
         parts.append(part)
         at += one
     return b"".join(parts)
@@ -426,7 +525,7 @@ def _xml(path: Path) -> ET.Element:
             raise InputError(f"{path}, line {line}: {word}; rule: XML without it")
     said = _ENCODING.match(text)
     if said is not None and said[1].upper() not in ("UTF-8", "UTF8", "ASCII", "US-ASCII"):
-        raise InputError(f"{path}, line 1: encoding {said[1]!r}; rule: UTF-8")
+        raise InputError(f"{path}, line 1: encoding {_short(said[1])}; rule: UTF-8")
     try:
         return ET.fromstring(text)
     except ET.ParseError as error:
@@ -434,12 +533,18 @@ def _xml(path: Path) -> ET.Element:
 
 
 def _checked(where: str, field: str, values: FloatArray, points: FloatArray) -> FloatArray:
-    """Return displacements if they are two or three a point."""
+    """Return displacements if they are finite, and two or three a point."""
     if values.ndim != 2 or len(values) != len(points) or values.shape[1] not in (2, 3):
         raise InputError(
             f"{where}: {field!r} of shape {values.shape}; rule: ({len(points)}, 2 or 3)"
         )
-    return values[:, :2]
+    return _finite(where, repr(field), values)[:, :2]
+
+
+def _finite(where: str, what: str, values: FloatArray) -> FloatArray:
+    if not np.isfinite(values).all():
+        raise InputError(f"{where}: {what} are not all finite; rule: finite numbers")
+    return values
 
 
 def _floating(values: np.ndarray) -> FloatArray:
@@ -450,12 +555,26 @@ def _floating(values: np.ndarray) -> FloatArray:
 
 def _number(path: Path, here: str, word: str) -> float:
     try:
-        return finite(path, 0, word)
+        time = finite(path, 0, word)
     except InputError:
-        raise InputError(f"{path}, {here}: time {word[:40]!r}; rule: a finite number") from None
+        raise InputError(f"{here}: time {word[:40]!r}; rule: a finite number") from None
+    if not 0 <= time <= HUGE:
+        raise InputError(f"{here}: time {word[:40]!r}; rule: a load, from 0 to {HUGE:g}")
+    return time
 
 
 def _whole(path: Path, word: str | None) -> int:
     if word is None or not re.fullmatch("[0-9]{1,15}", word):
-        raise InputError(f"{path}: {word!r}; rule: a whole number")
+        raise InputError(f"{path}: {_short(word)}; rule: a whole number")
     return int(word)
+
+
+def _one_of(path: Path, name: str, word: str | None, words: Sequence[str]) -> str:
+    if word is None or word not in words:
+        raise InputError(f"{path}: {name} {_short(word)}; rule: one of {', '.join(words)}")
+    return word
+
+
+def _short(word: str | None) -> str:
+    """Return a word of a file as messages show it: in quotes, and no more than its beginning."""
+    return repr(word if word is None else word[:_SHOWN])

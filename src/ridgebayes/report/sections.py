@@ -9,6 +9,7 @@ from ridgebayes.report.checks import (
     coverage_section,
     power_scaling_section,
 )
+from ridgebayes.report.costs import cost_section
 from ridgebayes.report.error_models import error_models_section
 from ridgebayes.report.evidence import evidence_section, prior_section
 from ridgebayes.report.posterior import (
@@ -71,6 +72,7 @@ def _sections(comparison: Comparison, reference: Comparison | None) -> Iterator[
     yield score_section(comparison)
     yield checks_section(comparison)
     yield convergence_section(comparison)
+    yield cost_section(comparison)
     yield corner_section(comparison)
     yield trace_section(comparison)
     yield reading_section(comparison)
