@@ -70,7 +70,7 @@ def refused(command):
 @pytest.fixture
 def quick(monkeypatch):
     """Make sampling short: enough where convergence does not matter."""
-    monkeypatch.setattr("ridgebayes.sample.SampleSettings", lambda: QUICK)
+    monkeypatch.setattr("ridgebayes.accuracies.Accuracy.settings", property(lambda self: QUICK))
 
 
 @pytest.fixture(scope="module")
@@ -611,11 +611,17 @@ def test_predict__is_the_table_of_the_library(command, run):
         nu=0.4,
         forms=["classic"],
         prob=0.5,
+        compressed=True,
     )
     # Bit for bit: floats are written in full.
     assert Path("b.csv").read_text() == expected.to_csv(index=False, lineterminator="\n")
     n_outside = int(expected["extrapolation"].sum())
-    assert said.out == f"b.csv: 20 rows, {n_outside} of them extrapolation\n"
+    error = expected.attrs["error"]
+    assert 0 < error < 1e-3
+    assert said.out == (
+        f"b.csv: 20 rows, {n_outside} of them extrapolation; errors of probabilities up to "
+        f"{error:.1g}\n"
+    )
     assert 0 < n_outside <= 20
 
 

@@ -72,9 +72,9 @@ class Environments:
         command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
         ended = subprocess.run([*command, *requirements], capture_output=True, text=True)
         if ended.returncode:
-            said = [line for line in ended.stderr.splitlines() if line.strip()]
-            reason = next((line for line in said if line.startswith("ERROR")), "pip gave no reason")
-            raise NoEnvironmentError(f"not installed: {reason}")
+            said = [line for line in ended.stderr.splitlines() if line.startswith("ERROR")]
+            # The last is what it comes to; those before list what was looked at.
+            raise NoEnvironmentError(f"not installed: {said[-1] if said else 'pip gave no reason'}")
 
 
 def one_thread() -> dict[str, str]:

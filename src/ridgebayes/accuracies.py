@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from ridgebayes.errors import InputError
 from ridgebayes.sample import SampleSettings
+from ridgebayes.texture_loads import STANDARD_MESHES
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,8 @@ class Accuracy:
     name : str
         ``quick``, ``standard`` or ``reference``.
     moment_error : float
-        Promised error of a posterior mean, sd or quantile, in posterior sds.
+        Promised error of a posterior mean, sd, 5 or 95 % quantile, in posterior sds: three standard
+        errors of a quantile of the draws.
     evidence_error : float
         Promised error of a log evidence.
     load_error : float
@@ -33,8 +35,9 @@ class Accuracy:
         Autocorrelation times that a walk takes at least.
     n_bridge : int or None
         Draws of the evidence's bridge; None for as many as 0.002 takes.
-    n_edge : int or None
-        Edges of finite elements a ridge; None for 24, and 10 where these cannot pass a corner.
+    meshes : tuple of int
+        Edges of finite elements a ridge, finest first: where one cannot pass a corner, the next
+        goes on.
     extras : bool
         Whether a run also leaves textures out, counts coverage and compares finite-element rows.
     """
@@ -47,7 +50,7 @@ class Accuracy:
     n_draw: int = 1_024
     n_tau: float = 50.0
     n_bridge: int | None = None
-    n_edge: int | None = None
+    meshes: tuple[int, ...] = STANDARD_MESHES
     extras: bool = True
 
     @classmethod
@@ -69,7 +72,9 @@ class Accuracy:
         return SampleSettings(n_tau=self.n_tau)
 
 
-QUICK = Accuracy("quick", 0.1, 0.1, 1e-4, walks=False, n_draw=256, n_edge=10, extras=False)
+QUICK = Accuracy("quick", 0.2, 0.1, 1e-4, walks=False, n_draw=256, meshes=(10,), extras=False)
 STANDARD = Accuracy("standard", 0.02, 0.01, 1e-8)
-REFERENCE = Accuracy("reference", 0.01, 0.003, 1e-10, n_tau=200.0, n_bridge=400_000, n_edge=48)
+REFERENCE = Accuracy(
+    "reference", 0.01, 0.003, 1e-10, n_tau=200.0, n_bridge=400_000, meshes=(48, 24, 10)
+)
 ACCURACIES = {one.name: one for one in (QUICK, STANDARD, REFERENCE)}

@@ -106,8 +106,9 @@ def generate(
     nu: Annotated[float, typer.Option(help="Poisson's ratio, with --texture.")] = 0.5,
     solver: Annotated[str, typer.Option(help="auto, hertz, half-plane or cylinder-fe.")] = "auto",
     tol: Annotated[
-        float | None, typer.Option(help="Relative tolerance of each load; 1e-8 if not given.")
+        float | None, typer.Option(help="Relative tolerance of each load; of the accuracy if none.")
     ] = None,
+    accuracy: AccuracyName = "standard",
     fields: Annotated[
         Path | None,
         typer.Option(help="Folder to make, for what finite elements find: XDMF, CSV, figures."),
@@ -138,6 +139,7 @@ def generate(
             wanted,
             solver=solver,
             rel_tol=tol,
+            accuracy=accuracy,
             workers=workers,
             scheduler=scheduler,
             resume=resume,
@@ -148,7 +150,9 @@ def generate(
 
         if workers is not None or scheduler is not None or resume:
             raise InputError("--fields: with --workers, --scheduler or --resume; rule: without")
-        table, left_out = fields_job(out, wanted, fields, solver=solver, rel_tol=tol, force=force)
+        table, left_out = fields_job(
+            out, wanted, fields, solver=solver, rel_tol=tol, accuracy=accuracy, force=force
+        )
     failed = len(table.left_out)
     print(f"{out}: {len(table)} rows, {len(table.textures)} textures, {failed} not ok")
     for line in left_out:

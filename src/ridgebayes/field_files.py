@@ -28,13 +28,14 @@ def generate_fields(
     *,
     solver: str = "auto",
     rel_tol: float | None = None,
+    accuracy: str = "standard",
     force: bool = False,
 ) -> "ContactTable":
     """Generate as `ridgebayes.generate` does, and keep what finite elements found.
 
     Parameters
     ----------
-    scene, solver, rel_tol
+    scene, solver, rel_tol, accuracy
         As there.
     folder : Path
         Folder to make. Of each texture and offset that finite elements simulate, states at its
@@ -55,7 +56,7 @@ def generate_fields(
     """
     with new_folder(folder, force=force, about=LOADS_CSV) as partial:
         files = FieldFiles(partial)
-        table = generate(scene, solver=solver, rel_tol=rel_tol, pressed=files)
+        table = generate(scene, solver=solver, rel_tol=rel_tol, accuracy=accuracy, pressed=files)
         if not files.n_seen:
             raise InputError(
                 f"--fields {folder}: no texture is simulated by finite elements; rule: --solver "

@@ -6,7 +6,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
 
-from ridgebayes.contact import halfplane
 from ridgebayes.curves import Curve, frame_of
 from ridgebayes.effects import Plan, given_profile, plan
 from ridgebayes.errors import InputError
@@ -24,6 +23,7 @@ def generate(
     *,
     solver: str = "auto",
     rel_tol: float | None = None,
+    accuracy: str = "standard",
     pressed: "Pressed | None" = None,
     executor: Executor | None = None,
     journal: Journal | None = None,
@@ -41,7 +41,10 @@ def generate(
         smooth closed form in ridge units; ``"cylinder-fe"`` all that the scene gives on the whole
         cylinder, neo-Hookean at finite strain, by finite elements.
     rel_tol : float or None, scalar, dimensionless
-        Wanted relative error of each load; None is the scene's, and 1e-8 if that is looser.
+        Wanted relative error of each load; None is that of `accuracy`, or the scene's if tighter.
+    accuracy : str, optional
+        ``quick`` (1e-4, and the coarse mesh of finite elements), ``standard`` (1e-8) or
+        ``reference`` (1e-10, and a mesh twice as fine), see `ridgebayes.accuracies`.
     pressed : callable, optional
         Is given each texture that finite elements simulate: the cylinder, and its transitions with
         the states there, such as `ridgebayes.field_files.FieldFiles` writes to files. In this
@@ -95,16 +98,21 @@ def generate(
     """
     if solver not in SOLVERS:
         raise InputError(f"solver = {solver!r}: must be one of {', '.join(SOLVERS)}")
+    from ridgebayes.accuracies import Accuracy  # which knows of samplers
+
+    wanted = Accuracy.named(accuracy)
     if pressed is not None and (executor is not None or journal is not None):
         raise InputError("pressed: given with executor or journal; rule: neither")
     if rel_tol is None:
-        rel_tol = min(halfplane.DEFAULT_REL_TOL, scene.relative or halfplane.DEFAULT_REL_TOL)
+        rel_tol = min(wanted.load_error, scene.relative or wanted.load_error)
     refused = _not_by_hertz(scene) if solver == "hertz" else []
     if refused:
         raise InputError("\n".join(f"scene: {problem}" for problem in refused))
     curves: list[Curve] = []
     problems: list[str] = []
-    for found in _all_found(_tasks(scene, solver, rel_tol), pressed, executor, journal, progress):
+    for found in _all_found(
+        _tasks(scene, solver, rel_tol, wanted.meshes), pressed, executor, journal, progress
+    ):
         if isinstance(found, str):
             problems.append(found)
         else:
@@ -123,6 +131,7 @@ class _Task:
     planned: bool
     solver: str
     rel_tol: float
+    meshes: tuple[int, ...]
     version: str
 
     @property
@@ -142,10 +151,11 @@ class _Task:
             "planned": self.planned,
             "solver": self.solver,
             "rel_tol": self.rel_tol,
+            "meshes": list(self.meshes),
         }
 
 
-def _tasks(scene: Scene, solver: str, rel_tol: float) -> list[_Task]:
+def _tasks(scene: Scene, solver: str, rel_tol: float, meshes: tuple[int, ...]) -> list[_Task]:
     # There is nothing to plan where every effect given is simulated anyway.
     plain = not any(given_names(texture) for texture in scene.textures) and not scene.friction
     planned = not (plain and (scene.relative is None or solver != "auto"))
@@ -156,6 +166,7 @@ def _tasks(scene: Scene, solver: str, rel_tol: float) -> list[_Task]:
             planned,
             solver,
             rel_tol,
+            meshes,
             versions()["ridgebayes"],
         )
         for number, texture in enumerate(scene.textures, start=1)
@@ -213,7 +224,8 @@ def _solved(task: _Task, *, pressed: "Pressed | None" = None) -> list[Curve] | s
     if refused:
         raise InputError(f"scene: {refused}")
     try:
-        return list(curves_of(one, task.scene, task.solver, task.rel_tol, pressed))
+        curves = curves_of(one, task.scene, task.solver, task.rel_tol, pressed, task.meshes)
+        return list(curves)
     except InputError as error:
         return f"{task.where}: {error}"
 

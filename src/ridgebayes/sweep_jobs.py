@@ -27,6 +27,7 @@ def sweep_job(
     *,
     solver: str = "auto",
     rel_tol: float | None = None,
+    accuracy: str = "standard",
     workers: int | None = None,
     scheduler: str | None = None,
     resume: bool = False,
@@ -38,7 +39,7 @@ def sweep_job(
     ----------
     out : Path
         The table. Until it is written, finished textures lie in ``.<name>.journal`` beside it.
-    scene, solver, rel_tol
+    scene, solver, rel_tol, accuracy
         As for `ridgebayes.generate`.
     workers, scheduler : optional
         As for `ridgebayes.workers.executor_for`.
@@ -77,6 +78,7 @@ def sweep_job(
                 scene,
                 solver=solver,
                 rel_tol=rel_tol,
+                accuracy=accuracy,
                 executor=executor,
                 journal=journal,
                 progress=tell,
@@ -98,13 +100,16 @@ def fields_job(
     *,
     solver: str = "auto",
     rel_tol: float | None = None,
+    accuracy: str = "standard",
     force: bool = False,
 ) -> tuple[ContactTable, list[str]]:
     """Write loads as `sweep_job` does, in this process, and fields into a folder."""
     check_name(out)
     from ridgebayes.field_files import generate_fields
 
-    table = generate_fields(scene, folder, solver=solver, rel_tol=rel_tol, force=force)
+    table = generate_fields(
+        scene, folder, solver=solver, rel_tol=rel_tol, accuracy=accuracy, force=force
+    )
     table.write(out)
     return table, _left_out(scene, solver, None)
 

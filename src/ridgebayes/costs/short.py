@@ -93,8 +93,8 @@ def _second_looks(comparison: Comparison, fit: Fit) -> Iterator[tuple[str, str, 
     """Yield Laplace's approximation and a few importance draws."""
     mean, sd = fit.summary["mean"].to_numpy(), fit.summary["sd"].to_numpy()
     own = comparison.own_evidence
-    own = own[(own["form"] == fit.form.name) & own["used"]]["log_evidence"]
-    value = float(own.iloc[0]) if len(own) else np.nan
+    used = own[(own["form"] == fit.form.name) & own["used"]]["log_evidence"].to_numpy(float)
+    value = float(used[0]) if len(used) else np.nan
 
     def laplace() -> tuple[float, float]:
         found = fit_laplace(fit.model)
