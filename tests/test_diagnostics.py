@@ -12,6 +12,8 @@ from ridgebayes.diagnostics import (
     arviz_object,
     import_arviz,
     leave_one_out,
+    pareto_k,
+    pareto_smoothed,
     rank_r_hat,
     shortcomings,
     stacking_weights,
@@ -262,3 +264,18 @@ def test_stacking_weights__do_not_mind_very_small_densities():
     np.testing.assert_allclose(
         stacking_weights(pointwise), stacking_weights(shifted), rtol=1e-9
     )  # algebra: only differences count
+
+
+@pytest.mark.parametrize("shape", [0.2, 0.5, 0.9])
+def test_pareto_k__is_the_shape_of_the_weights_own_tail(shape):
+    rng = np.random.default_rng(4)
+    # Weights U^-k have a tail of shape k; their inverses have none.
+    log_weights = -shape * np.log(rng.random(40_000))
+    smoothed, k = pareto_smoothed(log_weights)
+    assert k == pytest.approx(shape, abs=0.15)  # Monte Carlo of the tail's 600 weights
+    assert pareto_k(-log_weights) < 0
+    # What is below the tail is left as it was, up to a constant.
+    body = log_weights < np.quantile(log_weights, 0.9)
+    apart = smoothed[body] - log_weights[body]
+    assert np.ptp(apart) < 1e-9  # rounding
+    assert np.exp(smoothed).sum() == pytest.approx(1)

@@ -7,7 +7,7 @@ import pytest
 from ridgebayes.autocorrelation import effective_sample_size
 from ridgebayes.diagnostics import shortcomings, summarise
 from ridgebayes.errors import InputError
-from ridgebayes.sample import SampleSettings, sample
+from ridgebayes.sample import SampleSettings, sample, walkers_for
 
 NAMES = ("x", "y", "z")
 SHORT = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
@@ -207,3 +207,17 @@ def test_sample_settings__refuse_too_few_ensembles_and_odd_walkers():
     for bad in (2, 33):
         with pytest.raises(InputError, match=f"n_walker: {bad} given; rule: even and at least 4"):
             SampleSettings(n_walker=bad)
+
+
+def test_sample__starts_more_walkers_than_a_round_of_adaptation_has_draws(affine):
+    settings = replace(SHORT, n_walker=1_024)
+    chains = sample(normal, affine(MEAN, FACTOR), seed=1, names=NAMES, settings=settings)
+    assert chains.u.shape[2] == 1_024
+
+
+@pytest.mark.parametrize(
+    ("n_texture", "is_plain", "expected"),
+    [(9, True, 512), (9, False, 128), (500, True, 128), (5_000, True, 32), (5_000, False, 32)],
+)
+def test_walkers_for__takes_many_where_densities_are_cheap(n_texture, is_plain, expected):
+    assert walkers_for(n_texture, is_plain) == expected

@@ -21,6 +21,7 @@ from ridgebayes.autocorrelation import effective_sample_size
 
 R_HAT_MAX = 1.01
 ESS_MIN = 400.0
+_R_HAT_DRAWS = 25_600  # of each ensemble: disagreement shows in them as in a million
 K_MAX = 0.7  # Pareto shape of weights above which their mean is not to be trusted
 
 
@@ -109,13 +110,16 @@ def rank_r_hat(draws: FloatArray) -> FloatArray:
     Parameters
     ----------
     draws : ndarray of float, shape (n_ensemble, n_step, n_walker, n_parameter)
-        Parameters; each ensemble is one chain, its walkers laid side by side within each step.
+        Parameters; each ensemble is one chain, its walkers laid side by side within each step. Of
+        long chains every n-th step is taken, to 25,600 draws of each.
 
     Returns
     -------
     ndarray of float, shape (n_parameter,)
         R-hat; 1 where the ensembles agree.
     """
+    n_step, n_walker = draws.shape[1:3]
+    draws = draws[:, :: -(-n_step * n_walker // _R_HAT_DRAWS)]
     n_ensemble, n_step, n_walker, n_parameter = draws.shape
     chains = draws.reshape(n_ensemble, n_step * n_walker, n_parameter)
     dataset = xr.Dataset({"x": (("chain", "draw", "parameter"), chains)})
@@ -244,9 +248,9 @@ def pareto_smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
         if arviz.__version__.startswith("0."):
             smoothed, k = arviz.psislw(log_weights)
         else:
+            # The 1.x line takes log-likelihoods: what it weighs by is minus its argument.
             array_stats: Any = import_module("arviz_stats.base").array_stats
-
-            smoothed, k = array_stats.psislw(log_weights)
+            smoothed, k = array_stats.psislw(-np.asarray(log_weights))
     return np.asarray(smoothed), float(k)
 
 

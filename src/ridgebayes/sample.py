@@ -208,7 +208,8 @@ def _burnt_in(
     for i in range(settings.n_ensemble):
         rng = stream(seed, f"ensemble {i}")
         rest = n_coordinate - n_curved
-        proposal, draws = adapted(in_z, n_curved, rest, rng, n_round=4, n=1_000)
+        n = max(1_000, 3 * n_walker // 2)  # walkers start from different ones of them
+        proposal, draws = adapted(in_z, n_curved, rest, rng, n_round=4, n=n)
         z = _start(draws, rng, n_walker)
         start = state_at(z, np.random.RandomState(rng.integers(2**32)).get_state())
         sampler = Ensemble(in_z, n_walker, n_coordinate, proposal, settings.moves)
