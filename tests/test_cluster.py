@@ -118,7 +118,7 @@ def test_executor__passes_values_and_errors_and_counts_workers(address):
 def test_version_of_workers__is_asked_for(address):
     from ridgebayes import generation
 
-    task = generation._tasks(SCENE, "auto", 1e-8)[0]
+    task = generation._tasks(SCENE, "auto", 1e-8, (24, 10))[0]
     old = replace(task, version="0.0.9")
     with (
         executor_for(None, address) as executor,

@@ -185,7 +185,7 @@ def test_one_form__has_all_the_probability_and_no_factor(paper, fits):
 
 def fake_evidences(**told):
     """Stand in for the methods: form name to a list of (method, value, se, status)."""
-    return lambda fit: [LogEvidence(*entry) for entry in told[fit.form.name]]
+    return lambda fit, n_bridge: [LogEvidence(*entry) for entry in told[fit.form.name]]
 
 
 def test_evidence__a_failed_bridge_gives_way_to_the_next_method(paper, fits):

@@ -35,6 +35,7 @@ COLUMNS = {
     "p_over_E_upper,prob,extrapolation,p_over_E_observed",
     "prior_sensitivity.csv": "prior,factor,form,log_evidence",
 }
+STANDARD = {"noise": "iid", "accuracy": "standard"}
 COMPARED = {
     "table.csv",
     "summary.csv",
@@ -123,7 +124,9 @@ def runs(tmp_path_factory, table):
 
 def test_run__writes_the_files_of_the_contract_and_no_others(runs):
     folder, _, _, _ = runs
-    expected = COMPARED | posteriors(*FORMS) | {"bands.csv", "loads.csv", "report.html"}
+    expected = (
+        COMPARED | posteriors(*FORMS) | {"bands.csv", "loads.csv", "costs.csv", "report.html"}
+    )
     assert names(folder / "first") == expected | {"left_out.csv", "coverage.csv"}
     assert {path.name for path in folder.iterdir()} == {"first", "again", "other"}
 
@@ -148,7 +151,11 @@ def test_run__the_table_as_used_stands_in_the_folder(runs, table):
 def test_run__the_same_seed_gives_the_same_bytes(runs):
     folder, _, _, _ = runs
     files = sorted(path.name for path in (folder / "first").glob("*.csv"))
-    assert len(files) == 10
+    assert len(files) == 11
+    files.remove("costs.csv")  # seconds, which no two runs share
+    costs = [pd.read_csv(folder / name / "costs.csv") for name in ("first", "again")]
+    for column in ("task", "method", "error"):
+        assert costs[0][column].tolist() == costs[1][column].tolist()
     for name in files:
         assert (folder / "first" / name).read_bytes() == (folder / "again" / name).read_bytes()
 
@@ -194,7 +201,7 @@ def test_run__says_how_it_was_made(runs, table):
     content = about(runs[0] / "first")
     assert content["command"] == "run"
     assert content["seed"] == 5
-    assert content["options"] == {"table": str(table), "forms": FORMS, "noise": "iid"}
+    assert content["options"] == {"table": str(table), "forms": FORMS} | STANDARD
     assert content["table"] == str(table)
     assert content["verdicts"]["complete"] is False
     assert set(content["verdicts"]["missing"]) == set(FORMS)
@@ -208,6 +215,7 @@ def test_run__says_how_it_was_made(runs, table):
         "prior sensitivity",
         "textures and steps left out",
         "coverage of the bands",
+        "what accuracy costs",
         "bands",
         "figures and report",
     ]
@@ -236,8 +244,8 @@ def test_run__asks_for_pages_once_before_the_folder_has_its_name(runs):
 
 
 def test_run__announces_as_many_stages_as_come(runs):
-    assert [progress.n_stage for progress in runs[3]] == [11, 11, 11]
-    assert [len(progress.stages) for progress in runs[3]] == [11, 11, 11]
+    assert [progress.n_stage for progress in runs[3]] == [12, 12, 12]
+    assert [len(progress.stages) for progress in runs[3]] == [12, 12, 12]
 
 
 @pytest.fixture
@@ -349,7 +357,7 @@ def test_default__the_table_is_the_embedded_sweep(default, paper):
     folder, _, _ = default
     content = about(folder)
     assert content["table"] == EMBEDDED == "embedded sweep"
-    assert content["options"] == {"table": None, "forms": ["modified"], "noise": "iid"}
+    assert content["options"] == {"table": None, "forms": ["modified"]} | STANDARD
     assert read_run(folder).table.digest() == paper.digest()
 
 
@@ -380,7 +388,7 @@ def test_compare__writes_the_comparison_without_bands_and_pages(tmp_path, table,
     assert no_pages.asked == []
     content = about(tmp_path / "out")
     assert (content["command"], content["seed"]) == ("compare", 3)
-    assert content["options"] == {"table": str(table), "forms": ["modified"], "noise": "iid"}
+    assert content["options"] == {"table": str(table), "forms": ["modified"]} | STANDARD
     assert list(done.fits) == ["modified"]
     assert len(content["stages"]) == 5
 
@@ -404,7 +412,7 @@ def test_fit__writes_one_posterior_with_its_evidence(tmp_path, table):
     assert names(tmp_path / "out") == expected | posteriors("power-law")
     content = about(tmp_path / "out")
     assert content["command"] == "fit"
-    assert content["options"] == {"table": str(table), "form": "power-law", "noise": "iid"}
+    assert content["options"] == {"table": str(table), "form": "power-law"} | STANDARD
     assert read_run(tmp_path / "out").probabilities == {"power-law": 1.0}
     assert list(done.fits) == ["power-law"]
 

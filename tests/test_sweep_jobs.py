@@ -140,7 +140,7 @@ def test_sweep__refusals_are_those_of_one_process(tmp_path):
 
 
 def test_sweep__workers_of_another_version_are_refused(monkeypatch):
-    task = generation._tasks(SCENE, "auto", 1e-6)[0]
+    task = generation._tasks(SCENE, "auto", 1e-6, (24, 10))[0]
     monkeypatch.setattr(generation, "versions", lambda: {"ridgebayes": "0.0.9"})
     with pytest.raises(InputError, match=r"a worker has ridgebayes 0\.0\.9, this process \d.*same"):
         generation._solved(task)
@@ -394,6 +394,7 @@ def test_generate__its_options_reach_the_sweep(command, monkeypatch):
     monkeypatch.setattr("ridgebayes.sweep_jobs.sweep_job", sweep_job)
     SCENE.to_toml("my.toml")
     words = ("--solver", "half-plane", "--tol", "1e-6", "--workers", "3", "--resume", "--force")
+    words += ("--accuracy", "quick")
     said = command("generate", "my.toml", *words, "-o", "t.csv")
     assert (said.code, said.err) == (1, "ridgebayes: enough\n")
     assert asked == {
@@ -401,6 +402,7 @@ def test_generate__its_options_reach_the_sweep(command, monkeypatch):
         "scene": SCENE,
         "solver": "half-plane",
         "rel_tol": 1e-6,
+        "accuracy": "quick",
         "workers": 3,
         "scheduler": None,
         "resume": True,

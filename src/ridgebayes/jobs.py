@@ -99,7 +99,7 @@ def run_job(
     chosen, error_model, data = _checked(table, forms, noise)
     with_reference = table is None and wanted.extras
     n_stage = (
-        2 * len(chosen) + 5 + 2 * wanted.extras + (2 * len(FORMS) + 4 if with_reference else 0)
+        2 * len(chosen) + 6 + 2 * wanted.extras + (2 * len(FORMS) + 4 if with_reference else 0)
     )
     n_stage += 0 if error_model else 1 + with_reference
     reference = None

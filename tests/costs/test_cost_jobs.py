@@ -20,7 +20,7 @@ def costs(tmp_path_factory):
 
 def test_cost_job__writes_a_table_a_page_and_figures(costs):
     folder, frame = costs
-    tasks = ["loads", "small-strain-loads", "100th-transition", "posterior", "evidence"]
+    tasks = ["loads", "small-strain-loads", "100th-transition", "posterior", "evidence", "bands"]
     figures = {f"cost-{task}.{kind}" for task in tasks for kind in ("png", "svg")}
     assert {path.name for path in folder.iterdir()} == {"cost.csv", "cost.html"} | figures
     written = pd.read_csv(folder / "cost.csv")

@@ -91,7 +91,7 @@ def measure(one: Setting, *, repeats: int = 3) -> list[dict[str, float | int | s
             peak = tracemalloc.get_traced_memory()[1] / 2**20 if walls[0] <= _SLOW else np.nan
         finally:
             tracemalloc.stop()
-    except Exception as failed:  # noqa: BLE001: a method that fails is a row, not the end
+    except Exception as failed:  # a method that fails is a row, not the end
         row = dict.fromkeys(COST_COLUMNS, np.nan)
         text = {"quantity": "", "reference": one.reference, "status": f"failed: {failed}"}
         return [row | known | text | {"repeats": len(walls)}]

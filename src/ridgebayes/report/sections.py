@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from ridgebayes.accuracies import QUICK
 from ridgebayes.comparison import Comparison
 from ridgebayes.report.blocks import Section
 from ridgebayes.report.checks import (
@@ -74,6 +75,7 @@ def _sections(comparison: Comparison, reference: Comparison | None) -> Iterator[
     yield convergence_section(comparison)
     yield cost_section(comparison)
     yield corner_section(comparison)
-    yield trace_section(comparison)
+    if comparison.accuracy != QUICK.name:  # which walks nowhere
+        yield trace_section(comparison)
     yield reading_section(comparison)
     yield versions_section()
