@@ -354,6 +354,10 @@ def cost(
     repeats: Annotated[int, typer.Option(min=1, help="Timed runs of what is quick.")] = 3,
     seed: Seed = 0,
     force: Force = False,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes, which disturb each other's seconds.")
+    ] = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Measure what each accuracy costs in time: loads, posteriors, evidences."""
     from ridgebayes.cost_jobs import cost_job
@@ -382,6 +386,8 @@ def cost(
         repeats=repeats,
         seed=seed,
         force=force,
+        workers=workers,
+        scheduler=scheduler,
     )
     for line in cheapest(found):
         print(line)

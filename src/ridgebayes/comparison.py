@@ -34,8 +34,8 @@ from ridgebayes.predict import mix_q, predict_load, predict_q
 from ridgebayes.qdistribution import QDistribution
 from ridgebayes.randomness import seed_of, stream
 from ridgebayes.sample import SampleSettings, Tell
-from ridgebayes.scores import loo_table
-from ridgebayes.sensitivity import prior_sensitivity
+from ridgebayes.scores import LOO_COLUMNS, loo_table
+from ridgebayes.sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
 from ridgebayes.table import ContactTable
 
 DEFAULT_FORMS: tuple[Form, ...] = (Classic(), PowerLaw(), Modified(), Hybrid())
@@ -177,6 +177,7 @@ def compare(
     checkpoints: Path | None = None,
     executor: Executor | None = None,
     accuracy: Accuracy = STANDARD,
+    scores: bool = True,
 ) -> Comparison:
     """Fit several forms to one table and compare them.
 
@@ -202,6 +203,9 @@ def compare(
         Weighs the error models where `noise` is None.
     accuracy : Accuracy, optional
         How far errors of draws and evidences are pressed down; `settings` overrides its walks.
+    scores : bool, optional
+        Whether to add leave-one-out scores and prior sensitivity, which take far longer than the
+        rest where textures are very many.
 
     Returns
     -------
@@ -287,12 +291,15 @@ def compare(
         summed = summed_bayes_factors(evidence)
         if len(summed):
             factors = pd.concat([factors, summed], ignore_index=True)
-    with stage("leave-one-out"):
-        loo = loo_table(fits)
-    with stage("prior sensitivity"):
-        own = evidence[evidence["used"] & (evidence["noise"] == error_model.name)]
-        values = dict(zip(own["form"], own["log_evidence"].astype(float), strict=True))
-        sensitivity = prior_sensitivity(fits, log_evidence=values)
+    loo = pd.DataFrame(columns=LOO_COLUMNS)
+    sensitivity = pd.DataFrame(columns=SENSITIVITY_COLUMNS)
+    if scores:
+        with stage("leave-one-out"):
+            loo = loo_table(fits)
+        with stage("prior sensitivity"):
+            own = evidence[evidence["used"] & (evidence["noise"] == error_model.name)]
+            values = dict(zip(own["form"], own["log_evidence"].astype(float), strict=True))
+            sensitivity = prior_sensitivity(fits, log_evidence=values)
     return Comparison(
         table,
         error_model,

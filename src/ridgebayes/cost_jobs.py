@@ -2,7 +2,9 @@
 
 import platform
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import pandas as pd
 from markupsafe import escape
@@ -15,11 +17,27 @@ from ridgebayes.errors import InputError
 from ridgebayes.figures.costs import plot_cost
 from ridgebayes.figures.style import save
 from ridgebayes.forms import Hybrid
+from ridgebayes.ordered import in_order
 from ridgebayes.progress import Progress
 from ridgebayes.runfolder import new_folder, write_csv, write_text
 from ridgebayes.table import ContactTable
+from ridgebayes.workers import executor_for
 
 COST_CSV = "cost.csv"
+_Row: TypeAlias = dict[str, float | int | str]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What one worker measures."""
+
+    name: str
+    table: ContactTable
+    texture: tuple[float, float]
+    p_max: float
+    elements: bool
+    repeats: int
+    seed: int
 
 
 def cost_job(
@@ -32,6 +50,8 @@ def cost_job(
     repeats: int = 3,
     seed: int = 0,
     force: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> pd.DataFrame:
     """Measure what loads, posteriors, evidences and bands cost.
 
@@ -49,6 +69,9 @@ def cost_job(
         Whether finite elements run: a minute, and the best reference.
     repeats, seed, force
         Timed runs of each quick setting, seed of all draws, whether a folder may be replaced.
+    workers, scheduler : optional
+        As for `ridgebayes.workers.executor_for`: who measures loads, posteriors, evidences, bands.
+        What is measured side by side takes longer than alone.
 
     Returns
     -------
@@ -60,16 +83,20 @@ def cost_job(
     if texture is None:
         textures = table.calibration.textures
         texture = textures[len(textures) // 2]
-    rows: list[dict[str, float | int | str]] = []
-    with new_folder(folder, force=force, about=COST_CSV) as partial, Progress(5) as progress:
-        with progress.stage("loads"):
-            _run(load_settings(table, texture, p_max, elements=elements), rows, repeats)
-        with progress.stage("posteriors"):
-            _run(posterior_settings(table, Hybrid(), seed=seed), rows, repeats)
-        with progress.stage("evidences"):
-            _run(evidence_settings(table, Hybrid(), seed=seed), rows, repeats)
-        with progress.stage("bands"):
-            _run(band_settings(table, Hybrid(), texture, seed=seed), rows, repeats)
+    parts = [
+        _Part(name, table, texture, p_max, elements, repeats, seed)
+        for name in ("loads", "posteriors", "evidences", "bands")
+    ]
+    rows: list[_Row] = []
+    with (
+        new_folder(folder, force=force, about=COST_CSV) as partial,
+        Progress(len(parts) + 1) as progress,
+        executor_for(workers, scheduler) as executor,
+    ):
+        found = in_order(_measured, parts, executor, name=lambda part: part.name)
+        for part in parts:
+            with progress.stage(part.name):
+                rows += next(found)
         frame = pd.DataFrame(rows, columns=list(COST_COLUMNS))
         frame["pareto"] = pareto(frame)
         with progress.stage("figures"):
@@ -81,11 +108,18 @@ def cost_job(
     return frame
 
 
-def _run(
-    settings: Sequence[Setting], rows: list[dict[str, float | int | str]], repeats: int
-) -> None:
-    for one in settings:
-        rows += measure(one, repeats=repeats)
+def _measured(part: _Part) -> list[_Row]:
+    """Measure one part; elsewhere too, since a part holds all that it takes."""
+    settings: list[Setting]
+    if part.name == "loads":
+        settings = load_settings(part.table, part.texture, part.p_max, elements=part.elements)
+    elif part.name == "posteriors":
+        settings = posterior_settings(part.table, Hybrid(), seed=part.seed)
+    elif part.name == "evidences":
+        settings = evidence_settings(part.table, Hybrid(), seed=part.seed)
+    else:
+        settings = band_settings(part.table, Hybrid(), part.texture, seed=part.seed)
+    return [row for one in settings for row in measure(one, repeats=part.repeats)]
 
 
 def _page(

@@ -191,8 +191,10 @@ def fit_job(
     """Fit one form to a table: its posterior and evidence; see `run_job`."""
     wanted = Accuracy.named(accuracy)
     chosen, error_model, data = _checked(table, [form], noise)
-    with new_folder(folder, force=force, resume=resume) as partial, Progress(5) as progress:
-        comparison = _compared(data, chosen, error_model, seed, settings, progress, partial, wanted)
+    with new_folder(folder, force=force, resume=resume) as partial, Progress(3) as progress:
+        comparison = _compared(
+            data, chosen, error_model, seed, settings, progress, partial, wanted, scores=False
+        )
         write_fits(comparison, partial)
         options = {"table": str(table), "form": form, "noise": noise, "accuracy": accuracy}
         _about(partial, comparison, "fit", seed, options, progress.stages)
@@ -312,6 +314,7 @@ def _compared(
     folder: Path,
     accuracy: Accuracy,
     executor: Executor | None = None,
+    scores: bool = True,
 ) -> Comparison:
     return compare(
         table,
@@ -324,6 +327,7 @@ def _compared(
         checkpoints=folder,
         executor=executor,
         accuracy=accuracy,
+        scores=scores,
     )
 
 

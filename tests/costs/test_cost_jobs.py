@@ -15,7 +15,7 @@ from ridgebayes.errors import InputError
 @pytest.fixture(scope="module")
 def costs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("costs") / "out"
-    return folder, cost_job(folder, rb.paper_sweep(), elements=False, repeats=1)
+    return folder, cost_job(folder, rb.paper_sweep(), elements=False, repeats=1, workers=2)
 
 
 def test_cost_job__writes_a_table_a_page_and_figures(costs):
