@@ -43,7 +43,8 @@ def plot_cost(frame: pd.DataFrame, task: str) -> Figure:
                 one["cpu_s"],
                 one["error"].clip(lower=_LEAST),
                 xerr=one["cpu_s_spread"],
-                fmt=markers[i % len(markers)],
+                # Another marker when colours come round again: no two methods look alike.
+                fmt=markers[(i + i // len(colours)) % len(markers)],
                 color=colours[i % len(colours)],
                 markersize=5,
                 linewidth=0.8,
