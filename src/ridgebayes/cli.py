@@ -359,7 +359,7 @@ def cost(
     ] = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Measure what each accuracy costs in time: loads, posteriors, evidences."""
+    """Measure what each accuracy costs in time: loads, posteriors, evidences, bands."""
     from ridgebayes.cost_jobs import cost_job
     from ridgebayes.costs.measured import cheapest
     from ridgebayes.datafiles import paper_sweep

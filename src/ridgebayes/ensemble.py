@@ -10,16 +10,7 @@ import emcee
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.moves import Independence
-
-# In the mixture nearly all steps are the fitted proposal's; differential evolution carries the
-# walkers where the fit is wrong. The others are there to be measured against it.
-MOVES = {
-    "mixture": (0.9, 0.1, 0.0),
-    "independence": (1.0, 0.0, 0.0),
-    "differential evolution": (0.0, 1.0, 0.0),
-    "stretch": (0.0, 0.0, 1.0),
-}
+from ridgebayes.moves import MOVES, Independence
 
 
 class Ensemble(emcee.EnsembleSampler):
@@ -37,7 +28,7 @@ class Ensemble(emcee.EnsembleSampler):
     proposal : Independence
         Fitted proposal.
     moves : str, optional
-        One of `MOVES`, which holds the shares of the three kinds.
+        One of `ridgebayes.moves.MOVES`, which holds the shares of the three kinds.
     """
 
     def __init__(

@@ -15,6 +15,14 @@ from scipy.special import gammaln
 
 from ridgebayes._types import FloatArray
 
+# In the mixture nearly all steps are the fitted proposal's; differential evolution carries the
+# walkers where the fit is wrong. The others are there to be measured against it.
+MOVES = {  # independence, differential evolution, stretch
+    "mixture": (0.9, 0.1, 0.0),
+    "independence": (1.0, 0.0, 0.0),
+    "differential evolution": (0.0, 1.0, 0.0),
+    "stretch": (0.0, 0.0, 1.0),
+}
 _DF = 8.0  # small enough for the proposal's tails to cover the posterior's
 _SCALE = 1.05
 _PRIOR_WEIGHT = 20.0  # draws' worth of the common covariance in that of each component

@@ -16,7 +16,7 @@ import pandas as pd
 from ridgebayes.atomic import replacing
 from ridgebayes.bayes_factors import BAYES_FACTOR_COLUMNS, EVIDENCE_COLUMNS
 from ridgebayes.comparison import Comparison
-from ridgebayes.costs.short import SHORT_COLUMNS
+from ridgebayes.costs.measured import SHORT_COLUMNS
 from ridgebayes.coverage import COVERAGE_COLUMNS
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.fit import Fit

@@ -12,7 +12,7 @@ from ridgebayes.autocorrelation import autocorrelation_time
 from ridgebayes.checkpoint import Checkpoint, Walk
 from ridgebayes.errors import InputError
 from ridgebayes.laplace import Laplace
-from ridgebayes.moves import Independence
+from ridgebayes.moves import MOVES, Independence
 from ridgebayes.randomness import stream
 
 if TYPE_CHECKING:
@@ -59,11 +59,8 @@ class SampleSettings:
     def __post_init__(self) -> None:
         if self.n_ensemble < 4:
             raise InputError(f"n_ensemble: {self.n_ensemble} given; rule: at least 4")
-        if self.moves not in ("mixture", "independence", "differential evolution", "stretch"):
-            raise InputError(
-                f"moves: {self.moves!r} given; rule: mixture, independence, differential evolution "
-                "or stretch"
-            )
+        if self.moves not in MOVES:
+            raise InputError(f"moves: {self.moves!r} given; rule: {', '.join(MOVES)}")
         if self.n_walker is not None and (self.n_walker < 4 or self.n_walker % 2):
             raise InputError(f"n_walker: {self.n_walker} given; rule: even and at least 4")
 

@@ -9,7 +9,7 @@ from scipy import special
 
 from ridgebayes._types import FloatArray
 from ridgebayes.costs.measured import Setting
-from ridgebayes.fit import Fit
+from ridgebayes.costs.posteriors import all_draws
 from ridgebayes.forms import Form
 from ridgebayes.importance import importance_fit
 from ridgebayes.likelihood import Model
@@ -49,7 +49,7 @@ def band_settings(
     model = Model(Observations.from_table(table), form, Noise.named("iid"))
     k = model.n_coefficient
     exact = importance_fit(model, seed=seed + 1, n_draw=_LONG)[0]
-    known, reference = _draws(exact), f"{4 * _LONG} importance draws"
+    known, reference = all_draws(exact), f"{4 * _LONG} importance draws"
     some = known[:: len(known) // _PLACED]
     # Loads where probabilities change: three standard deviations about each transition.
     places = np.linspace(-3.0, 3.0, _N_LOAD)
@@ -97,8 +97,3 @@ def band_settings(
         Setting("bands", "nodes", f"{n} nodes", off(partial(nodes, n)), reference)
         for n in (256, 1_024, 4_096)
     ]
-
-
-def _draws(fit: Fit) -> FloatArray:
-    u = fit.chains.u
-    return fit.model.to_theta(u.reshape(-1, u.shape[-1]))

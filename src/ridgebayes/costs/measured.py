@@ -22,6 +22,7 @@ COST_COLUMNS = (
     "repeats",
     "status",
 )
+SHORT_COLUMNS = ("task", "method", "error", "cpu_s")  # of the version in a run's report
 LEVELS = (0.1, 0.01, 0.001)
 _SLOW = 2.0  # seconds: what takes longer is not repeated
 _QUICK, _MANY = 0.01, 25  # seconds under which so many runs are timed, after one that is not

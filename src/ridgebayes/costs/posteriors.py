@@ -51,14 +51,14 @@ def posterior_settings(table: ContactTable, form: Form, *, seed: int = 0) -> lis
         Errors are over the posterior sd.
     """
     model = Model(Observations.from_table(table), form, Noise.named("iid"))
-    best = _moments(_all_draws(importance_fit(model, seed=seed + 1, n_draw=_LONG)[0]))
+    best = _moments(all_draws(importance_fit(model, seed=seed + 1, n_draw=_LONG)[0]))
     reference = f"importance sampling, {4 * _LONG} draws"
 
     def sampled(n: int) -> FloatArray:
-        return _all_draws(importance_fit(model, seed=seed, n_draw=n)[0])
+        return all_draws(importance_fit(model, seed=seed, n_draw=n)[0])
 
     def walked(settings: SampleSettings) -> FloatArray:
-        return _all_draws(calibrate(table, form, rng=seed, settings=settings))
+        return all_draws(calibrate(table, form, rng=seed, settings=settings))
 
     def off(
         draws: Callable[[], FloatArray | tuple[FloatArray, FloatArray]],
@@ -206,7 +206,7 @@ def evidence_settings(table: ContactTable, form: Form, *, seed: int = 0) -> list
     return settings
 
 
-def _all_draws(fit: Fit) -> FloatArray:
+def all_draws(fit: Fit) -> FloatArray:
     """Return every draw, where a fit's own are thinned."""
     u = fit.chains.u
     return fit.model.to_theta(u.reshape(-1, u.shape[-1]))

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.comparison import Comparison
+from ridgebayes.costs.measured import SHORT_COLUMNS
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.fit import Fit, drawn_exactly
 from ridgebayes.generation import generate
@@ -16,7 +17,6 @@ from ridgebayes.laplace import fit_laplace
 from ridgebayes.ranking import best_form
 from ridgebayes.scene import Scene
 
-SHORT_COLUMNS = ("task", "method", "error", "cpu_s")
 _FEW, _ROUNDS = 128, {"n_round": 2, "n_per_round": 500}
 _MOST_COORDINATES = 40  # beyond, a second look takes minutes
 _T = TypeVar("_T")
