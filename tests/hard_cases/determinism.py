@@ -1,0 +1,1 @@
+"""Hard cases of repeating: the same numbers from other runs, processes and Pythons."""

@@ -1,0 +1,1 @@
+"""Hard cases of prediction: far from the data, and very many points."""

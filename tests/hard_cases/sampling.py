@@ -1,0 +1,1 @@
+"""Hard cases of sampling: walks that look done and are not."""

@@ -1,0 +1,29 @@
+"""Every case of the table holds, and its page says so."""
+
+import pytest
+
+from tests.hard_cases.page import PAGE, statements
+from tests.hard_cases.table import every_case
+
+CASES = every_case()
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.area}-{case.test_id}")
+def test_hard_case(case, tmp_path):
+    seen, _ = case.run(tmp_path)
+
+    assert seen
+    assert "\n" not in seen
+
+
+def test_table__names_each_case_once_and_has_eighty_or_more():
+    assert len({case.name for case in CASES}) == len({case.test_id for case in CASES}) == len(CASES)
+    assert len(CASES) >= 80
+
+
+def test_page__states_todays_cases():
+    text = PAGE.read_text(encoding="utf-8")
+
+    assert all(line in text for case in CASES for line in statements(case)), (
+        "docs/hard-cases.md is of other cases; python -m tests.hard_cases.page writes it"
+    )
