@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -17,7 +18,7 @@ from ridgebayes.evidence import (
 )
 from ridgebayes.fit import Fit, drawn_exactly
 from ridgebayes.forms import PowerLaw
-from ridgebayes.laplace import fit_laplace
+from ridgebayes.laplace import fit_laplace, several_modes
 from ridgebayes.noise import Noise
 from ridgebayes.randomness import stream
 
@@ -59,7 +60,8 @@ def evidences(fit: Fit, *, n_bridge: int | None = None) -> list[LogEvidence]:
     -------
     list of LogEvidence
         bridge, quadrature where there are at most four parameters or the form is the power law,
-        laplace. A power law of very many textures has its exact evidence alone.
+        laplace. A power law of very many textures has its exact evidence alone. Of a posterior of
+        several modes each is of one of them, and its status says so.
     """
     if drawn_exactly(fit.model):
         return [power_law_evidence(fit.model)]
@@ -78,7 +80,10 @@ def evidences(fit: Fit, *, n_bridge: int | None = None) -> list[LogEvidence]:
         found.append(power_law_evidence(model))
     elif model.is_plain:
         found.append(quadrature_evidence(model.log_density, laplace))
-    return [*found, laplace_evidence(laplace)]
+    found.append(laplace_evidence(laplace))
+    if modes := several_modes(model, laplace):
+        found = [replace(evidence, status=modes[0]) for evidence in found]
+    return found
 
 
 def evidence_table(found: Mapping[str, list[LogEvidence]], noise: Noise) -> pd.DataFrame:

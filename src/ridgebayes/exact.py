@@ -6,7 +6,8 @@ sigma every log K is normal and independent of the others, and sigma's own densi
 
 import numpy as np
 
-from ridgebayes.evidence.conjugate import conditional_log_k, log_evidence_given_sigma
+from ridgebayes.evidence.conjugate import conditional_log_k, log_evidence_given_sigma, rounding
+from ridgebayes.laplace import no_mode
 from ridgebayes.likelihood import Model
 from ridgebayes.randomness import stream
 from ridgebayes.sample import Chains
@@ -29,16 +30,25 @@ def sample_power_law(model: Model, *, seed: int) -> Chains:
     Chains
         Independent draws laid out as chains: acceptance 1, autocorrelation time 1.
 
+    Raises
+    ------
+    ComputationError
+        If the form reproduces all rows to rounding.
+
     Notes
     -----
+    *Validity.* Rows with misfit beyond rounding, or with known errors.
     *Accuracy.* sigma by inversion of its distribution function on a grid of 0.001 in log sigma;
     log K exactly.
     *Cost.* O(draws x textures).
     """
-    log_sigma = np.arange(-20.0, 5.0, 0.05)
+    log_sigma = np.concatenate([np.arange(-60.0, -20.0, 0.25), np.arange(-20.0, 20.0, 0.05)])
     coarse = _sigma_log_density(model, log_sigma)
+    if np.exp(log_sigma[np.argmax(coarse)]) < rounding(model):
+        raise no_mode(model)
     near = log_sigma[coarse > coarse.max() - 40]
-    log_sigma = np.arange(near[0] - 0.05, near[-1] + 0.05, 0.001)
+    beyond = 0.05 if near[0] > -20 else 0.25
+    log_sigma = np.arange(near[0] - beyond, near[-1] + beyond, 0.001)
     density = np.exp((fine := _sigma_log_density(model, log_sigma)) - fine.max())
     cdf = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
 

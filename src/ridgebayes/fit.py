@@ -14,8 +14,8 @@ from ridgebayes._types import FloatArray, Rng
 from ridgebayes.checkpoint import Checkpoint
 from ridgebayes.diagnostics import shortcomings, summarise
 from ridgebayes.errors import InputError
-from ridgebayes.forms import Form, PowerLaw
-from ridgebayes.laplace import fit_laplace
+from ridgebayes.forms import FORMS, Form, PowerLaw
+from ridgebayes.laplace import fit_laplace, several_modes
 from ridgebayes.likelihood import Model
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
@@ -269,15 +269,17 @@ def fit_model(
         if settings.n_walker is None:
             n_walker = walkers_for(len(model.data.textures), model.is_plain)
             settings = replace(settings, n_walker=n_walker)
+        laplace = fit_laplace(model)
         chains = sample(
             model.log_density,
-            fit_laplace(model),
+            laplace,
             seed=seed,
             names=model.coordinate_names,
             settings=settings,
             progress=progress,
             checkpoint=checkpoint,
         )
+        chains = replace(chains, missing=chains.missing + several_modes(model, laplace))
     summary = summarise(model.to_theta(chains.u), model.parameter_names)
     return Fit(model, chains, summary, chains.missing + shortcomings(summary), seed)
 
@@ -297,7 +299,8 @@ def _checkpoint(
     fingerprint = {
         "package version": __version__,
         "table": table.calibration.digest(),
-        "form": model.form.name,
+        # A form of the user's own may hold numbers of its own.
+        "form": model.form.name if type(model.form) in FORMS.values() else repr(model.form),
         "error model": model.noise.name,
         "priors": priors_to_json(model.priors),
         "seed": str(seed),

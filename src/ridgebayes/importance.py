@@ -7,6 +7,7 @@ the tail of its weights.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ridgebayes.diagnostics import K_MAX, pareto_k, shortcomings, summarise
 from ridgebayes.errors import InputError
 from ridgebayes.evidence.record import LogEvidence
 from ridgebayes.fit import Fit
-from ridgebayes.laplace import fit_laplace
+from ridgebayes.laplace import fit_laplace, several_modes
 from ridgebayes.likelihood import Model
 from ridgebayes.randomness import stream
 from ridgebayes.sample import Chains
@@ -74,6 +75,7 @@ def importance_fit(
     if n_draw < 128 or n_draw % 128:
         raise InputError(f"n_draw: {n_draw} given; rule: a multiple of 128")
     laplace = fit_laplace(model)
+    modes = several_modes(model, laplace)
 
     def in_z(z: FloatArray) -> FloatArray:
         u, log_jacobian = laplace.unwhiten(z)
@@ -98,11 +100,12 @@ def importance_fit(
         np.stack(log_density).reshape(draws.shape[:-1]),
         np.array([1 / (1 + n_draw * variance) for variance in variances]),
         np.ones(model.n_coordinate + 1),
-        _heavy(shapes),
+        _heavy(shapes) + modes,
     )
     summary = summarise(model.to_theta(chains.u), model.parameter_names)
     fit = Fit(model, chains, summary, chains.missing + shortcomings(summary), seed)
-    return fit, _evidence(np.array(log_means), np.array(variances), shapes)
+    evidence = _evidence(np.array(log_means), np.array(variances), shapes)
+    return fit, replace(evidence, status=modes[0]) if modes else evidence
 
 
 def _heavy(shapes: list[float]) -> tuple[str, ...]:

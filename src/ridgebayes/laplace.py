@@ -15,13 +15,20 @@ from scipy import linalg, optimize
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.conditional import Conditional
-from ridgebayes.errors import ComputationError
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.forms import FORMS
 from ridgebayes.funnel import Funnel, FunnelAbout
 from ridgebayes.likelihood import Model
 
 _RUNAWAY = 25.0  # prior sds from the prior's centre at which a search has run away
 _FLAT = 1e-3  # slope per prior sd at which a search may end: it costs an evidence 1e-6 at most
 _FEW = 4  # coefficients; of more, a proposal's mixture knows too little in its many dimensions
+_N_START = 256  # points tried where the prior's centre has no density
+_CONFLICT = 4.0  # prior sds from the prior's centre at which a mode contradicts the prior
+_N_SEARCH = 4  # starts in search of other modes, and as many mirrored
+_APART = 5.0  # posterior sds between two modes that are not the same
+_NEGLIGIBLE = -14.0  # ln of the share of the mass below which a mode does not count
+_DIFFERENCE = 1e-4  # prior sds, of the differences that a form's gradient is held to
 _STEP = 0.02  # of numerical derivatives by an error model's parameters, in prior sds
 
 
@@ -139,8 +146,11 @@ def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
 
     Raises
     ------
+    InputError
+        If the form's gradient is not the slope of its rate.
     ComputationError
-        If there is no interior mode: the search runs away, or the curvature is not definite.
+        If there is no interior mode: the search runs away, or the curvature is not definite; if no
+        point near the prior has positive density.
 
     Notes
     -----
@@ -153,13 +163,114 @@ def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
     zero, where the approximation is undefined; the search says so instead of returning a point on
     the way.
     """
-    return _fit_plain(model, tol) if model.is_plain else _fit_conditional(model)
+    start = _start(model)
+    _check_gradient(model, start)
+    return _fit_plain(model, tol, start) if model.is_plain else _fit_conditional(model, start)
 
 
-def _fit_conditional(model: Model) -> Laplace:
+def several_modes(model: Model, laplace: Laplace) -> tuple[str, ...]:
+    """Search from elsewhere in the prior for modes that an approximation knows nothing of.
+
+    Parameters
+    ----------
+    model : Model
+        Posterior.
+    laplace : Laplace
+        Its approximation at one mode.
+
+    Returns
+    -------
+    tuple of str
+        One sentence if there is a mode of at least 1e-6 of the mass; empty if there is none.
+
+    Notes
+    -----
+    The rate of each form of this package rises or falls with each coefficient: two modes there are
+    only where prior and rows contradict each other (coefficients near the prior and errors wide, or
+    coefficients near the rows). If the mode lies within four prior sds, no search is made for them.
+
+    *Validity.* A mode that none of the searches ends at is not found.
+    """
+    contradicted = bool(np.abs(laplace.mode[: model.n_parameter]).max() > _CONFLICT)
+    if type(model.form) in FORMS.values() and not contradicted:
+        return ()
+    k = model.n_coefficient
+    starts = np.random.default_rng(0).standard_normal((_N_SEARCH, k))
+    for start in np.concatenate([np.zeros((1, k)), starts, -starts]):
+        u = np.append(start, np.zeros(model.n_parameter - k))
+        if not np.isfinite(model.marginal_log_density(u)):
+            continue
+        if contradicted and np.isfinite(rates := model.log_rates(model.to_theta(u))).all():
+            # Errors as wide as the rows' distance from the start keep the search near it.
+            theta = model.to_theta(u)
+            residual = model.rows.centre[0] + 2 * rates[model.data.texture]
+            theta[k] = np.sqrt(np.mean(residual**2))
+            u = model.to_unconstrained(theta)
+        try:
+            other = _fit_plain(model, 1e-2, u) if model.is_plain else _fit_conditional(model, u)
+        except ComputationError:
+            continue
+        apart = float(np.linalg.norm(laplace.whiten(other.mode)[0][: model.n_parameter]))
+        # Towards the other mode, too: seen from a narrow mode a wide one's centre may be far.
+        apart = min(apart, float(np.linalg.norm(other.whiten(laplace.mode)[0][: len(u)])))
+        ahead = other.log_evidence - laplace.log_evidence
+        if apart > _APART and ahead > _NEGLIGIBLE:
+            values = zip(model.parameter_names, model.to_theta(other.mode), strict=True)
+            place = ", ".join(f"{name} = {value:.6g}" for name, value in values)
+            return (
+                f"several modes: one that no draw comes near, at {place}, has a ln evidence of "
+                f"{ahead:+.1f} relative to this one; give priors that leave one mode, or "
+                "coefficients of which there is one value only",
+            )
+    return ()
+
+
+def _start(model: Model) -> FloatArray:
+    """Return the prior's centre, or where no load reaches a ridge there, a point near it."""
+    centre = np.zeros(model.n_parameter)
+    if np.isfinite(model.marginal_log_density(centre)):
+        return centre
+    points = np.random.default_rng(0).standard_normal((_N_START, model.n_parameter))
+    for width in (1, 2, 4, 8, 16):
+        values = model.marginal_log_density(width * points)
+        if np.isfinite(values).any():
+            return np.asarray(width * points[np.argmax(values)])
+    raise ComputationError(
+        f"{model.form.name}: no point of positive density within some prior sds; rule: priors "
+        "under which the rate of every texture can be positive"
+    )
+
+
+def _check_gradient(model: Model, u: FloatArray) -> None:
+    """Raise InputError if a form's gradient is not the difference of its rates along a line."""
+    k, theta = model.n_coefficient, model.to_theta(u)
+    step = np.zeros(model.n_parameter)
+    size = np.abs(model.to_theta(u + _DIFFERENCE) - theta)[:k]
+    # A vague prior's step may be far wider than the coefficient itself.
+    size = np.where(theta[:k] == 0, size, np.minimum(size, _DIFFERENCE * np.abs(theta[:k])))
+    step[:k] = size * np.cos(np.arange(k))  # no coefficient, and no pair alike, is left out
+    ahead, behind = theta + step, theta - step
+    with np.errstate(all="ignore"):
+        change = model.log_rates(ahead) - model.log_rates(behind)
+        gradient = model.form.log_rate_gradient(theta[:k], model.data.a_over_R, model.data.b_over_R)
+        claimed = gradient @ (ahead - behind)[:k]
+        off = np.abs(claimed - change)
+        size = np.abs(change).max() + np.abs(claimed).max()
+    # Where a rate vanishes beside the point there is nothing to compare.
+    worst = int(np.argmax(off))
+    if np.isfinite(change).all() and not off[worst] <= 1e-3 * size + 1e-12:
+        a, b = model.data.textures[worst]
+        raise InputError(
+            f"{model.form.name}: log_rate_gradient gives a change of {claimed[worst]:.6g} of the "
+            f"log rate of texture a/R = {a!r}, b/R = {b!r} where the rate itself changes by "
+            f"{change[worst]:.6g}; rule: the derivative of log rate"
+        )
+
+
+def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
     """Search the error model's parameters, each with the coefficients at their mean given them."""
     k, n_noise = model.n_coefficient, model.n_parameter - model.n_coefficient
-    reference, noise = np.zeros(k), np.zeros(n_noise)
+    reference, noise = start[:k], np.zeros(n_noise)
     for _ in range(3):  # linearised about the prior's centre, then about where that led
         frame = Conditional.of(model, reference)
 
@@ -177,7 +288,7 @@ def _fit_conditional(model: Model) -> Laplace:
             options={"gtol": _FLAT},
         ).x
         if not np.all(np.abs(noise) < _RUNAWAY):
-            raise _no_mode(model)
+            raise no_mode(model)
         reference = frame.place(np.zeros(k), noise)[0]
     precision = _hessian(negative, noise)
     values, vectors = linalg.eigh(precision)
@@ -210,8 +321,7 @@ def _hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> Flo
     return 0.5 * (np.array(rows) + np.array(rows).T)
 
 
-def _fit_plain(model: Model, tol: float) -> Laplace:
-    u = np.zeros(model.n_parameter)
+def _fit_plain(model: Model, tol: float, u: FloatArray) -> Laplace:
     for _ in range(2):  # directions of the funnel at the prior's centre, then at the mode
         funnel = Funnel.of(model, u)
         u = _search(model, funnel, u)
@@ -222,13 +332,14 @@ def _fit_plain(model: Model, tol: float) -> Laplace:
         root = np.full_like(precision, np.nan)
     # How far the mode still is, in posterior sds: the search's own flag gives up on rounding.
     if not np.linalg.norm(_solve_lower(root, _gradient(model, funnel, u))) < tol:
-        raise _no_mode(model)
+        raise no_mode(model)
     covariance = linalg.cho_solve((root, True), np.eye(len(u)))
     factor = linalg.cholesky(covariance, lower=True)
     return Laplace(u, factor, float(model.log_density(u)), funnel.about(u), 1)
 
 
-def _no_mode(model: Model) -> ComputationError:
+def no_mode(model: Model) -> ComputationError:
+    """Return what is raised where the posterior of sigma runs to zero."""
     return ComputationError(
         f"{model.form.name}: the posterior has no interior mode: the form reproduces all rows, or "
         "nearly, and sigma has no lower bound; add rows, or leave the form out"
@@ -236,24 +347,32 @@ def _no_mode(model: Model) -> ComputationError:
 
 
 def _search(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
-    """Return the minimiser of minus the log density in w, as far as the search gets."""
+    """Return the minimiser of minus the log density in w, as far as the search gets.
+
+    Raises
+    ------
+    ComputationError
+        If sigma runs away to where a slope or curvature is not finite.
+    """
+
+    def finite(values: FloatArray) -> FloatArray:
+        if not np.isfinite(values).all():
+            raise no_mode(model)
+        return values
 
     def negative(u: FloatArray) -> float:
         scales = funnel.log_scales(u[model.n_coefficient :])
         value = -float(model.log_density(u)) - float(scales.sum())
         return value if math.isfinite(value) else 1e300
 
-    try:
-        return optimize.minimize(
-            negative,
-            start,
-            jac=lambda u: _gradient(model, funnel, u),
-            hess=lambda u: _curvature(model, funnel, u),
-            method="trust-exact",
-            options={"gtol": 1e-6, "maxiter": 500},
-        ).x
-    except ValueError:  # a curvature that is not finite: sigma has run away
-        return np.full_like(start, np.nan)
+    return optimize.minimize(
+        negative,
+        start,
+        jac=lambda u: finite(_gradient(model, funnel, u)),
+        hess=lambda u: finite(_curvature(model, funnel, u)),
+        method="trust-exact",
+        options={"gtol": 1e-6, "maxiter": 500},
+    ).x
 
 
 def _gradient(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:
@@ -273,10 +392,12 @@ def _curvature(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:
         probe = np.zeros(n)
         probe[i] = 1e-5
         up, down = _gradient(model, funnel, u + probe), _gradient(model, funnel, u - probe)
-        rough = abs(up[i] - down[i]) / 2e-5
+        with np.errstate(all="ignore"):
+            rough = abs(up[i] - down[i]) / 2e-5
         probe[i] = 1e-2 / math.sqrt(max(rough, 1e-4)) if math.isfinite(rough) else 1e-5
         up, down = _gradient(model, funnel, u + probe), _gradient(model, funnel, u - probe)
-        hessian[i] = (up - down) / (2 * probe[i])
+        with np.errstate(all="ignore"):
+            hessian[i] = (up - down) / (2 * probe[i])
     return 0.5 * (hessian + hessian.T)
 
 

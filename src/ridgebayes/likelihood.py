@@ -16,7 +16,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.forms import Form
 from ridgebayes.independent import IndependentNormalRows, IndependentRows
 from ridgebayes.integrated import IntegratedOffsets, IntegratedSmoothOffsets
@@ -28,6 +28,7 @@ from ridgebayes.rows import Rows
 from ridgebayes.sampled import SampledOffsets
 
 _CACHED = 100_000  # textures times draws whose arrays fit in a processor's cache
+_HUGE = 1e100  # coefficients beyond which a rate may overflow
 _LOG_2PI = math.log(2 * math.pi)
 
 
@@ -43,13 +44,15 @@ class Model:
     noise : Noise, optional
         Error model.
     priors : mapping of str to Prior, optional
-        Replacements for some of the default priors, by parameter name.
+        Replacements for some of the default priors, by parameter name; the priors of coefficients
+        that have no default.
 
     Raises
     ------
     InputError
         If a prior is given for a parameter that the model does not have, or has another support
-        than the default; if the form cannot compute a row's count.
+        than the default; if a coefficient has no default and none is given; if the form cannot
+        compute a row's count.
     ComputationError
         If the error model cannot serve that many places.
 
@@ -70,7 +73,7 @@ class Model:
         self.data = data
         self.form = form.bind(data.textures, data.labels)
         self.noise = noise or Noise()
-        self.priors = default_priors(self.form, self.noise)
+        self.priors = default_priors(self.form, self.noise, priors)
         for name, prior in (priors or {}).items():
             if name not in self.priors or prior.positive != self.priors[name].positive:
                 raise InputError(
@@ -142,12 +145,39 @@ class Model:
         return self._joint.log_pdf(theta)
 
     def log_rates(self, theta: FloatArray) -> FloatArray:
-        """Return log rate of each texture, shape (..., n_texture); -inf where not positive."""
-        rate = self.form.rate(theta[..., : self.n_coefficient], self._a, self._b)
-        if np.all(rate > 0):
-            return np.log(rate)
+        """Return log rate of each texture, shape (..., n_texture); -inf where not positive.
+
+        Raises
+        ------
+        ComputationError
+            If the form returns a rate that is NaN or infinite at finite coefficients.
+        """
+        coefficients = theta[..., : self.n_coefficient]
+        rate = self.form.rate(coefficients, self._a, self._b)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(rate > 0, np.log(rate), -np.inf)
+            value = np.log(rate)
+        if np.isfinite(value).all():
+            return value
+        self._refuse_undefined(coefficients, rate)
+        return np.where(rate > 0, value, -np.inf)
+
+    def _refuse_undefined(self, coefficients: FloatArray, rate: FloatArray) -> None:
+        """Raise ComputationError where a form has no rate at coefficients that a float can hold.
+
+        Taken as likelihood zero, it would cut off part of a posterior without a word.
+        """
+        near = np.asarray((np.abs(coefficients) < _HUGE).all(axis=-1))
+        undefined = (np.isnan(rate) | np.isposinf(rate)) & near[..., None]
+        if undefined.any():
+            *draw, j = np.argwhere(undefined)[0]
+            at = zip(self.form.parameter_names, coefficients[tuple(draw)].tolist(), strict=True)
+            a, b = self.data.textures[j]
+            raise ComputationError(
+                f"{self.form.name}: rate = {float(rate[(*draw, j)])} given at "
+                f"{', '.join(f'{name} = {value!r}' for name, value in at)} for texture "
+                f"a/R = {a!r}, b/R = {b!r}; rule: a finite number, <= 0 where no load reaches "
+                "a further ridge"
+            )
 
     def log_likelihood(self, theta: FloatArray) -> FloatArray:
         """Return the log-likelihood of all rows, shape ``theta.shape[:-1]``.

@@ -10,7 +10,7 @@ too, and nothing is cut off: tails are computed from log probabilities, not from
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, astuple, dataclass, replace
 from typing import Any, ClassVar
 
@@ -343,7 +343,9 @@ class JointPrior:
         return np.stack([prior.rvs(rng, size) for prior in self._priors], axis=-1)
 
 
-def default_priors(form: Form, noise: Noise | None = None) -> dict[str, Prior]:
+def default_priors(
+    form: Form, noise: Noise | None = None, given: Mapping[str, Prior] | None = None
+) -> dict[str, Prior]:
     """Return the default prior of each parameter of a form and an error model.
 
     Parameters
@@ -352,11 +354,18 @@ def default_priors(form: Form, noise: Noise | None = None) -> dict[str, Prior]:
         A form; PowerLaw bound to its textures.
     noise : Noise, optional
         Error model; independent normal errors if not given.
+    given : mapping of str to Prior, optional
+        Priors of coefficients that have no default: those of forms not of this package.
 
     Returns
     -------
     dict of str to Prior
         Coefficients, then the error model's parameters, sigma first.
+
+    Raises
+    ------
+    InputError
+        If a coefficient has no default and none is given.
 
     Examples
     --------
@@ -377,7 +386,14 @@ def default_priors(form: Form, noise: Noise | None = None) -> dict[str, Prior]:
             "c1": LogNormal(HERTZ, 0.1),
             "c2": Normal(0.0, 0.05),
         }
-        priors = {name: known[name] for name in form.parameter_names}
+        own = {name: prior for name, prior in (given or {}).items() if name not in _NOISE}
+        lost = [name for name in form.parameter_names if name not in known | own]
+        if lost:
+            raise InputError(
+                f"{form.name}: no prior of {', '.join(map(repr, lost))} given; rule: coefficients "
+                f"other than {', '.join(known)} have no default, pass priors={{name: prior}}"
+            )
+        priors = {name: (own | known)[name] for name in form.parameter_names}
     return priors | {name: _NOISE[name] for name in (noise or Noise()).parameter_names}
 
 

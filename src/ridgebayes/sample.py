@@ -59,6 +59,12 @@ class SampleSettings:
     def __post_init__(self) -> None:
         if self.n_ensemble < 4:
             raise InputError(f"n_ensemble: {self.n_ensemble} given; rule: at least 4")
+        for name in ("n_burn", "n_step_max"):
+            if not getattr(self, name) >= 1:
+                raise InputError(f"{name}: {getattr(self, name)} given; rule: at least 1")
+        for name in ("n_tau", "tau_change"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise InputError(f"{name}: {getattr(self, name)} given; rule: finite and > 0")
         if self.moves not in MOVES:
             raise InputError(f"moves: {self.moves!r} given; rule: {', '.join(MOVES)}")
         if self.n_walker is not None and (self.n_walker < 4 or self.n_walker % 2):

@@ -55,12 +55,24 @@ def test_quadrature_evidence__of_a_normal_is_exact(n, affine):
     found = quadrature_evidence(lambda u: 3.25 + np.atleast_1d(truth.logpdf(u)), laplace)
     assert found.ok
     assert found.value == pytest.approx(3.25, abs=1e-7)  # discretisation: better than tol
+    assert 1e-12 <= found.se < 1e-6
 
 
 def test_quadrature_evidence__of_heavy_tails_widens_its_box(affine):
     # Logistic: its tails fall off as exp(-|u|), 24 and more beyond the first box of 6.
     truth = stats.logistic(1.0, 1.0)
     found = quadrature_evidence(lambda u: truth.logpdf(u[:, 0]), affine([0.0], [[1.0]]))
+    assert found.value == pytest.approx(0, abs=1e-6)  # discretisation: tol
+
+
+@pytest.mark.parametrize("wide", [0, 1])
+def test_quadrature_evidence__of_heavy_tails_along_one_axis_widens_that_one(wide, affine):
+    heavy, light = stats.logistic(1.0, 1.0), stats.norm(0.5, 1.0)
+
+    def log_density(u):
+        return heavy.logpdf(u[:, wide]) + light.logpdf(u[:, 1 - wide])
+
+    found = quadrature_evidence(log_density, affine([0.0, 0.0], np.eye(2)))
     assert found.value == pytest.approx(0, abs=1e-6)  # discretisation: tol
 
 

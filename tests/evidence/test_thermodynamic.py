@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 
 from ridgebayes.evidence.thermodynamic import thermodynamic_evidence
@@ -23,3 +24,14 @@ def test_thermodynamic__has_the_error_of_its_draws(fits):
     spread = max(one.value for one in values) - min(one.value for one in values)
     # Monte Carlo: the range of six is 2.5 sds, and seven would be one in 10,000.
     assert 0.3 * values[0].se < spread < 7 * values[0].se
+
+
+def test_thermodynamic__error_of_the_draws_is_their_spread_where_the_rule_errs_by_less(fits):
+    found = [
+        thermodynamic_evidence(fits["modified"].model, n_temperature=64, n_draw=100, seed=seed)
+        for seed in range(8)
+    ]
+    spread = np.std([one.value for one in found], ddof=1)
+    claimed = np.mean([one.se for one in found])
+    # Monte Carlo: the spread of eight is known to 27 %; the limits are four of that, and a fifth.
+    assert 0.2 * claimed < spread < 2.1 * claimed

@@ -1,1 +1,526 @@
 """Hard cases of the likelihood and its posterior: tables that say too little, or too much."""
+
+import functools
+import math
+
+import numpy as np
+import pandas as pd
+from scipy.special import logsumexp
+
+import ridgebayes as rb
+from ridgebayes.evidence import bridge_evidence, power_law_evidence, quadrature_evidence
+from ridgebayes.laplace import fit_laplace
+from ridgebayes.likelihood import Model
+from ridgebayes.observations import Observations
+from tests.hard_cases.case import hard_case, refused
+
+THREE = ((0.012, 0.03), (0.022, 0.02), (0.032, 0.01))
+FIFTY = tuple((0.01 + 0.0005 * i, 0.03) for i in range(50))
+Q = (4, 6, 8, 10)
+LOG_2PI = math.log(2 * math.pi)
+
+
+def made(form, theta, *, textures=THREE, Q=Q, error=0.0, seed=0, **columns):
+    """Return rows of a form with normal errors of the log loads."""
+    normal = np.random.default_rng(seed).standard_normal((len(textures), len(Q)))
+    rows = [
+        {"a_over_R": a, "b_over_R": b, "Q": q, "p_over_E": p * math.exp(error * z), **columns}
+        for (a, b), errors in zip(textures, normal, strict=True)
+        for q, p, z in zip(Q, form.load(np.array(Q), a, b, theta), errors, strict=True)
+    ]
+    return pd.DataFrame(rows)
+
+
+def model_of(frame, form=None, **priors):
+    """Return the posterior of rows with independent errors."""
+    data = Observations.from_table(rb.read_table(frame))
+    return Model(data, form or rb.Modified(), None, priors or None)
+
+
+def by_quadrature(model, **options):
+    """Return the package's log evidence by quadrature, which must have settled."""
+    found = quadrature_evidence(model.log_density, fit_laplace(model), **options)
+    assert found.ok, found.status
+    return found.value
+
+
+def modified_residuals(frame, dtype=float):
+    """Return log load + 2 log c of Modified but for c: -2 log(h L) added, row by row."""
+    pitch = (frame["a_over_R"] + frame["b_over_R"]).to_numpy(dtype)
+    pairs = frame["Q"].to_numpy(dtype) / 2 - 1
+    return np.log(frame["p_over_E"].to_numpy(dtype)) - 2 * np.log(pairs * pitch)
+
+
+def summed_over_grid(frame, log_c, log_sigma, *, log_sd=0.1, sigma_sd=0.05):
+    """Return log evidence, and means and sds of c and sigma, of Modified by a plain sum.
+
+    The priors are log-normal(1.382, log_sd) and half-normal(sigma_sd); nothing is taken from the
+    package, and the axes are those given.
+    """
+    r = modified_residuals(frame)
+    known = frame["rel_se"].to_numpy(float) if "rel_se" in frame else np.zeros(len(frame))
+    sigma = np.exp(log_sigma)
+    total = np.zeros((len(log_c), len(sigma)))
+    for residual, rel_se in zip(r, known, strict=True):
+        variance = sigma**2 + rel_se**2
+        off = (residual + 2 * log_c)[:, None]
+        total += -0.5 * (off * off / variance + np.log(variance) + LOG_2PI)
+    x = (log_c - math.log(1.382)) / log_sd
+    total += (-0.5 * x * x - math.log(log_sd) - 0.5 * LOG_2PI)[:, None]
+    s = sigma / sigma_sd
+    total += -0.5 * s * s - math.log(sigma_sd) + 0.5 * math.log(2 / math.pi) + log_sigma
+    log_z = float(logsumexp(total))
+    weight = np.exp(total - log_z)
+    cell = (log_c[1] - log_c[0]) * (log_sigma[1] - log_sigma[0])
+    moments = []
+    for values, share in ((np.exp(log_c), weight.sum(axis=1)), (sigma, weight.sum(axis=0))):
+        mean = share @ values
+        moments += [float(mean), float(np.sqrt(share @ (values - mean) ** 2))]
+    return log_z + math.log(cell), moments
+
+
+def assert_draws(fit, expected, tolerance=0.05):
+    """Hold means and sds of a converged fit to moments, within a share of the true sd."""
+    assert fit.converged, fit.missing
+    for row, (mean, sd) in zip(fit.summary.itertuples(), expected, strict=True):
+        assert abs(row.mean - mean) < tolerance * sd, (row.parameter, row.mean, mean)
+        assert abs(row.sd - sd) < tolerance * sd, (row.parameter, row.sd, sd)
+
+
+def log_upper_tail(x, depth=400):
+    """Return log P(normal > x) for x >= 5 by Laplace's continued fraction, in long doubles."""
+    x = np.longdouble(x)
+    fraction = x
+    for k in range(depth, 0, -1):
+        fraction = x + k / fraction
+    return -x * x / 2 - np.log(2 * np.longdouble(math.pi)) / 2 - np.log(fraction)
+
+
+@hard_case(
+    "Misfit of 1e-12 and 1e-9: 50 textures, a K for each",
+    why="The error scale lies eleven orders of magnitude below its prior; a grid of sigma with a "
+    "fixed lower end puts all draws on that end and calls them converged.",
+    expected="mean of sigma by the closed form of its posterior, sqrt(S/2) G((m-1)/2)/G(m/2), to "
+    "five Monte Carlo standard errors and 1e-2 of rounding of the loads",
+)
+def tiny_misfit():
+    seen = []
+    for error in (1e-12, 1e-9):
+        frame = made(rb.Modified(), [1.4], textures=FIFTY, error=error)
+        fit = rb.calibrate(rb.read_table(frame), rb.PowerLaw(), rng=1)
+        r = modified_residuals(frame, np.longdouble).reshape(50, 4)
+        S = float(((r - r.mean(axis=1, keepdims=True)) ** 2).sum())
+        m = r.size - 50 - 1
+        truth = math.sqrt(S / 2) * math.exp(math.lgamma((m - 1) / 2) - math.lgamma(m / 2))
+        row = fit.summary.iloc[-1]
+        assert fit.converged
+        assert abs(row["mean"] / truth - 1) < 1e-2 + 5 * row["mcse_mean"] / truth
+        seen.append(f"sigma {row['mean']:.2g} for {truth:.2g}")
+    return ", ".join(seen)
+
+
+@hard_case(
+    "Rows without any misfit, errors not known",
+    why="The likelihood has a pole at sigma = 0: what a search or a walk returns is where it "
+    "happened to stop, and an evidence is that of rounding errors.",
+    expected="refused in words by walk and by exact draws; no evidence by quadrature",
+)
+def perfect_rows():
+    few, many = (made(rb.Modified(), [1.4], textures=some) for some in (THREE, FIFTY))
+    words = "no interior mode", "add rows, or leave the form out"
+    for form, frame in ((rb.Modified(), few), (rb.Hybrid(), few), (rb.PowerLaw(), many)):
+        table = rb.read_table(frame)
+        said = refused(functools.partial(rb.calibrate, table, form), rb.ComputationError, *words)
+    for frame in (few, pd.concat([few[:1].assign(series=str(i)) for i in range(4)])):
+        found = power_law_evidence(model_of(frame, rb.PowerLaw()))
+        assert not found.ok
+        assert math.isnan(found.value)
+    return f"{said}; quadrature: {found.status}"
+
+
+@hard_case(
+    "Rows without any misfit, errors known to be 1 %",
+    why="Now the posterior is proper, but sigma piles up at 0, the bound of its prior.",
+    expected="log evidence and moments by a plain sum over 1,000 x 1,000 points: 1e-5; draws to "
+    "5 % of an sd (Monte Carlo)",
+)
+def perfect_rows_of_known_error():
+    frame = made(rb.Modified(), [1.4], rel_se=0.01)
+    log_c = math.log(1.4) + np.linspace(-0.06, 0.06, 1000)
+    truth, m = summed_over_grid(frame, log_c, np.linspace(-20, -1, 1000))
+    value = by_quadrature(model_of(frame))
+    assert abs(value - truth) < 1e-5
+    assert_draws(rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1), [m[:2], m[2:]])
+    return f"ln Z {value:.5f} for {truth:.5f}; sigma {m[2]:.5f} with its mass at 0"
+
+
+@hard_case(
+    "One row",
+    why="One load cannot tell an error from a coefficient. Towards sigma = 0 the posterior is a "
+    "ridge that leaves every box of points, and with it 1e-3 of ln Z.",
+    expected="log evidence with log c integrated in closed form, sigma by a sum over 20,000 "
+    "points: 1e-2 by the bridge; quadrature meets it to 1e-6 or says that it does not; draws have "
+    "the moments of that mixture of normals to 5 % of an sd (Monte Carlo)",
+)
+def one_row():
+    frame = made(rb.Modified(), [1.4], error=0.01)[:1]
+    # With log c = log 1.382 + 0.1 u the residual r is normal, and so is log c given r and sigma.
+    r = float(modified_residuals(frame)[0]) + 2 * math.log(1.382)
+    log_sigma = np.linspace(-25, 0, 20_000)
+    sigma = np.exp(log_sigma)
+    variance = 0.04 + sigma**2
+    log_weight = -0.5 * (r * r / variance + np.log(variance) + LOG_2PI)
+    log_weight += log_sigma - 0.5 * (sigma / 0.05) ** 2 + 0.5 * math.log(2 / math.pi / 0.05**2)
+    truth = float(logsumexp(log_weight)) + math.log(log_sigma[1] - log_sigma[0])
+    weight = np.exp(log_weight - logsumexp(log_weight))
+    centre, spread = math.log(1.382) - 0.02 * r / variance, 0.01 * sigma**2 / variance
+    c = weight @ np.exp(centre + spread / 2)
+    c_sd = math.sqrt(weight @ np.exp(2 * centre + 2 * spread) - c * c)
+    s = weight @ sigma
+    s_sd = math.sqrt(weight @ (sigma - s) ** 2)
+    fit = rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1)
+    assert_draws(fit, [(c, c_sd), (s, s_sd)])
+    laplace = fit_laplace(fit.model)
+    quadrature = quadrature_evidence(fit.model.log_density, laplace)
+    assert not quadrature.ok or abs(quadrature.value - truth) < 1e-6
+    draws = np.random.default_rng(1)
+    bridge = bridge_evidence(fit.model.log_density, fit.chains, laplace, rng=draws)
+    assert bridge.ok
+    assert abs(bridge.value - truth) < 1e-2
+    seen = f"c = {c:.3f} ± {c_sd:.3f}, sigma = {s:.3f} ± {s_sd:.3f}"
+    return f"ln Z {bridge.value:.2f} for {truth:.2f}; quadrature: {quadrature.status}; {seen}"
+
+
+@hard_case(
+    "One texture: c1 and c2 cannot be told apart",
+    why="The rows fix c1/L + c2/A alone; across it the posterior is flat but for the prior, and a "
+    "covariance that is inverted with a cut-off loses that direction.",
+    expected="moments by integrating the prior along the flat direction (a sum over 4e6 points): "
+    "draws to 5 % of an sd (Monte Carlo)",
+)
+def flat_direction():
+    a, b = THREE[0]
+    frame = made(rb.Modified(), [1.4], textures=THREE[:1], error=0.02)
+    # Residuals are of the log rate; given sigma only their mean and scatter count.
+    z = np.log(frame["p_over_E"].to_numpy()) - 2 * np.log(np.array(Q) / 2 - 1)
+    u = np.linspace(-5, 5, 200)
+    c1, c2 = 1.382 * np.exp(0.1 * u), 0.05 * u
+    log_sigma = np.linspace(-9, -1, 100)
+    rate = c1[:, None] / (a + b) + c2 / a
+    off = z.mean() + 2 * np.log(np.where(rate > 0, rate, np.nan))
+    squares = ((z - z.mean()) ** 2).sum() + len(z) * off * off
+    prior = -0.5 * (u[:, None] ** 2 + u**2)
+    weight = np.empty((200, 200, 100))
+    for k, s in enumerate(np.exp(log_sigma)):
+        own = -0.5 * (s / 0.05) ** 2 + (1 - len(z)) * math.log(s)
+        weight[..., k] = prior + own - 0.5 * squares / s**2
+    weight = np.exp(np.nan_to_num(weight - np.nanmax(weight), nan=-np.inf))
+    weight /= weight.sum()
+    truth = []
+    for axis, values in enumerate((c1, c2, np.exp(log_sigma))):
+        share = weight.sum(axis=tuple({0, 1, 2} - {axis}))
+        mean = share @ values
+        truth.append((mean, math.sqrt(share @ (values - mean) ** 2)))
+    settings = rb.SampleSettings(n_walker=128)
+    fit = rb.calibrate(rb.read_table(frame), rb.Hybrid(), rng=1, settings=settings)
+    assert_draws(fit, truth)
+    correlation = np.corrcoef(fit.draws[:, 0] / (a + b), fit.draws[:, 1] / a)[0, 1]
+    assert correlation < -0.98
+    return "; ".join(
+        f"{row.parameter} = {row.mean:.3f} ± {row.sd:.3f} for {mean:.3f} ± {sd:.3f}"
+        for row, (mean, sd) in zip(fit.summary.itertuples(), truth, strict=True)
+    )
+
+
+@hard_case(
+    "A row that stands twice",
+    why="Counted twice it makes posteriors too narrow; dropped in silence it hides that somebody "
+    "repeated an experiment.",
+    expected="in one curve refused, with both rows named; as another series twice the "
+    "log-likelihood (rounding, 1e-13)",
+)
+def duplicated_rows():
+    frame = made(rb.Modified(), [1.4], error=0.03)
+    try:
+        rb.read_table(pd.concat([frame, frame[:1]]))
+        raise AssertionError("a row that stands twice is accepted")
+    except rb.InputError as error:
+        said = str(error).splitlines()[1].strip()
+    assert "row 13" in said
+    assert "row 1 is the same" in said
+    twice = pd.concat([frame.assign(series="first"), frame.assign(series="second")])
+    theta = np.array([[1.4, 0.03], [1.1, 1e-3], [2.0, 0.5]])
+    once, both = (model_of(rows).log_likelihood(theta) for rows in (frame, twice))
+    np.testing.assert_allclose(both, 2 * once, rtol=1e-13)
+    return f"{said}; another series counts"
+
+
+@hard_case(
+    "Repeats of one load that differ by factors of 10",
+    why="sigma lies 40 prior sds out, where a prior's tail underflows and quantiles saturate.",
+    expected="log evidence by a plain sum over 1,000 x 1,000 points: 1e-5; draws to 5 % of an sd",
+)
+def repeats_that_disagree():
+    one = made(rb.Modified(), [1.4], textures=THREE[:1], Q=(4,))
+    parts = [
+        one.assign(p_over_E=one["p_over_E"] * 10.0**k, series=str(k)) for k in (-2, -1, 0, 1, 2)
+    ]
+    frame = pd.concat(parts)
+    log_c = math.log(1.4) + np.linspace(-0.8, 0.8, 1000)
+    truth, m = summed_over_grid(frame, log_c, np.linspace(-3, 1, 1000))
+    value = by_quadrature(model_of(frame))
+    assert abs(value - truth) < 1e-5
+    assert_draws(rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1), [m[:2], m[2:]])
+    return f"ln Z {value:.5f} for {truth:.5f}; sigma = {m[2]:.3f} ± {m[3]:.3f}, prior sd 0.05"
+
+
+@hard_case(
+    "Brackets of no width, without a lower end, and disjoint ones of one transition",
+    why="A width of 0 gives log 0, a lower end of 0 gives -inf - -inf, and two brackets that share "
+    "no load have probability 0 if they are intersected instead of taken as two errors.",
+    expected="no width: the density of an exact row; no lower end: log of the normal distribution "
+    "function; disjoint: the product of both, by erfc (rounding, 1e-12)",
+)
+def strange_brackets():
+    exact = made(rb.Modified(), [1.4], textures=THREE[:1], Q=(4,))
+    load = exact["p_over_E"]
+    theta = np.array([1.3, 0.05])
+    density = model_of(exact).log_likelihood(theta)
+    closed = model_of(exact.assign(p_over_E_lower=load)).log_likelihood(theta)
+    assert abs(closed - density) < 1e-12
+    z = float(modified_residuals(exact)[0] + 2 * math.log(1.3)) / 0.05
+    half = float(model_of(exact.assign(p_over_E_lower=0.0)).log_likelihood(theta))
+    truth = math.log(0.5 * math.erfc(-z / math.sqrt(2)))
+    assert abs(half - truth) < 1e-12 * max(1, abs(truth))
+    two = [(0.8, 0.9), (1.2, 1.3)]
+    ends = pd.concat(
+        exact.assign(p_over_E_lower=load * low, p_over_E=load * high, series=str(low))
+        for low, high in two
+    )
+    value = float(model_of(ends).log_likelihood(theta))
+    both = 0.0
+    for low, high in two:
+        x, y = ((z + math.log(end) / 0.05) / math.sqrt(2) for end in (low, high))
+        x, y = (x, y) if x > 0 else (-y, -x)  # of the upper tail nothing cancels
+        both += math.log(0.5 * (math.erfc(x) - math.erfc(y)))
+    assert abs(value - both) < 1e-12 * abs(both)
+    return f"density {density:.6f} twice; no lower end {half:.6f}; disjoint {value:.6f}"
+
+
+@hard_case(
+    "Brackets 40 and 4,000 sds from the form",
+    why="Both distribution functions round to 0 or 1 there, and their difference to 0.",
+    expected="log of the difference by Laplace's continued fraction in long doubles: 1e-14 of it",
+)
+def far_brackets():
+    exact = made(rb.Modified(), [1.0], textures=THREE[:1], Q=(4,))
+    worst, seen = 0.0, []
+    for sds, sigma in ((40.0, 0.02), (4000.0, 2e-4)):
+        low, high = math.exp(sds * sigma), math.exp((sds + 1) * sigma)
+        load = exact["p_over_E"]
+        frame = exact.assign(p_over_E=load * high, p_over_E_lower=load * low)
+        value = float(model_of(frame).log_likelihood(np.array([1.0, sigma])))
+        shape = 2 * np.log(np.longdouble(THREE[0][0] + THREE[0][1]))
+        near, far = (
+            log_upper_tail((np.log(np.longdouble(frame[end].iloc[0])) - shape) / sigma)
+            for end in ("p_over_E_lower", "p_over_E")
+        )
+        truth = near + np.log(-np.expm1(far - near))
+        # The ends themselves are rounded: 1e-16 of a log load of 6, in units of sigma.
+        allowed = 1e-14 * abs(float(truth)) + sds * 4e-15 / sigma
+        worst = max(worst, abs(value - float(truth)) / allowed)
+        seen.append(f"{value:.6f}")
+    assert worst < 1
+    return " and ".join(seen)
+
+
+@hard_case(
+    "Prior 20 sds from the rows",
+    why="A unit-cube prior ends at 8.2 sds; a search that is bounded to some sds stops on the way.",
+    expected="log evidence by a plain sum over 1,500 x 1,000 points: 1e-4; draws to 5 % of an sd",
+)
+def prior_twenty_sds_away():
+    frame = made(rb.Modified(), [1.382 * math.exp(2)], error=0.03)
+    log_c = np.linspace(1.5, 2.5, 1500)
+    truth, m = summed_over_grid(frame, log_c, np.linspace(-6, 0, 1000), sigma_sd=0.03)
+    sigma = rb.HalfNormal(0.03)
+    value = by_quadrature(model_of(frame, sigma=sigma))
+    assert abs(value - truth) < 1e-4
+    fit = rb.calibrate(rb.read_table(frame), rb.Modified(), priors={"sigma": sigma}, rng=1)
+    assert_draws(fit, [m[:2], m[2:]])
+    return f"ln Z {value:.4f} for {truth:.4f}; c = {m[0]:.3f} ± {m[1]:.3f}, prior 1.382 ± 0.138"
+
+
+@hard_case(
+    "Prior 20 sds from the rows, and sigma free to side with it",
+    why="Two modes: c near the rows with small errors, or c on the way to the prior with large "
+    "ones (here with 99.9 % of the mass). Ensembles that all start at the first agree with each "
+    "other.",
+    expected="not converged, the other mode and its odds named to 0.2 of the sum over 1,500 x "
+    "1,000 points; no evidence is called ok",
+)
+def prior_and_rows_of_two_modes():
+    from ridgebayes.bayes_factors import evidences
+
+    frame = made(rb.Modified(), [1.382 * math.exp(2)], error=0.03)
+    log_sigma = np.linspace(-6, 1, 1000)
+    total, (mean, *_) = summed_over_grid(frame, np.linspace(0, 2.5, 1500), log_sigma, sigma_sd=0.06)
+    near = summed_over_grid(
+        frame, np.linspace(2.2, 2.5, 1500), log_sigma[log_sigma < -2.3], sigma_sd=0.06
+    )[0]
+    odds = total - near + math.log1p(-math.exp(near - total))
+    assert mean < 6
+    priors = {"sigma": rb.HalfNormal(0.06)}
+    settings = rb.SampleSettings(n_walker=32)
+    fit = rb.calibrate(rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=settings)
+    assert not fit.converged
+    said = next(line for line in fit.missing if line.startswith("several modes"))
+    told = float(said.split("ln evidence of ")[1].split()[0])
+    assert abs(told - odds) < 0.2
+    assert not any(evidence.ok for evidence in evidences(fit))
+    return f"{said} (by the sum {odds:+.1f})"
+
+
+@hard_case(
+    "A prior of c2 whose centre has a negative rate",
+    why="A search that starts at the prior's centre starts at density zero: no slope, NaN "
+    "curvature. And a texture without a rate must not turn a log into NaN.",
+    expected="log evidence by a plain sum over 160 x 400 x 160 points: 2e-3",
+)
+def negative_rate_at_the_centre():
+    frame = made(rb.Hybrid(), [1.4, 0.0], error=0.03)
+    model = model_of(frame, rb.Hybrid(), c2=rb.Normal(-0.5, 0.1))
+    centre = np.zeros(3)
+    assert np.isneginf(model.log_density(centre))
+    laplace = fit_laplace(model)
+    value = quadrature_evidence(model.log_density, laplace, tol=1e-3).value
+    u1 = np.linspace(-4, 4, 160)
+    c1, c2 = 1.382 * np.exp(0.1 * u1), np.linspace(-0.3, 0.06, 400)
+    log_sigma = np.linspace(-5.5, -1, 160)
+    prior = -0.5 * u1[:, None] ** 2 - 0.5 * ((c2 + 0.5) / 0.1) ** 2 - LOG_2PI - math.log(0.1)
+    squares, n = np.zeros((160, 400)), len(frame)
+    for (a, b), rows in frame.groupby(["a_over_R", "b_over_R"]):
+        rate = c1[:, None] / (a + b) + c2 / a
+        log_rate = np.log(np.where(rate > 0, rate, np.nan))
+        for q, p in zip(rows["Q"], rows["p_over_E"], strict=True):
+            squares += (math.log(p) - 2 * math.log(q / 2 - 1) + 2 * log_rate) ** 2
+    slices = []
+    for s in np.exp(log_sigma):
+        own = -0.5 * (s / 0.05) ** 2 - math.log(0.05) + 0.5 * math.log(2 / math.pi) + math.log(s)
+        value_at = prior + own - 0.5 * squares / s**2 - n * (math.log(s) + 0.5 * LOG_2PI)
+        slices.append(logsumexp(np.nan_to_num(value_at, nan=-np.inf)))
+    cell = (u1[1] - u1[0]) * (c2[1] - c2[0]) * (log_sigma[1] - log_sigma[0])
+    truth = float(logsumexp(slices)) + math.log(cell)
+    assert abs(value - truth) < 2e-3
+    return f"density zero at the centre; ln Z {value:.3f} for {truth:.3f}"
+
+
+@functools.cache
+def a_million():
+    n = 1_000_000
+    rng = np.random.default_rng(5)
+    texture = rng.integers(0, 3, n)
+    widths = np.array(THREE)[texture]
+    Qs = rng.choice(Q, n)
+    load = ((Qs / 2 - 1) * widths.sum(axis=1) / 1.4) ** 2 * np.exp(0.03 * rng.standard_normal(n))
+    columns = {"a_over_R": widths[:, 0], "b_over_R": widths[:, 1], "Q": Qs, "p_over_E": load}
+    return pd.DataFrame({**columns, "series": np.arange(n).astype(str)})
+
+
+@hard_case(
+    "A million rows",
+    why="Sums of squares by a difference of large numbers lose half the digits; a row-by-row "
+    "likelihood makes a walk of minutes.",
+    expected="log-likelihood by math.fsum over the rows: 1e-12 of it; a call holds less than 1 MB",
+)
+def a_million_rows():
+    import tracemalloc
+
+    frame = a_million()
+    model = model_of(frame)
+    theta = np.array([[1.4, 0.03], [1.3, 0.1]])
+    tracemalloc.start()
+    values = model.log_likelihood(theta)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e6
+    r = modified_residuals(frame)
+    for (c, sigma), value in zip(theta, values, strict=True):
+        squares = math.fsum(((r + 2 * math.log(c)) / sigma) ** 2)
+        truth = -0.5 * squares - len(r) * (math.log(sigma) + 0.5 * LOG_2PI)
+        assert abs(value / truth - 1) < 1e-12
+    return f"{values[0]:.3f} and {values[1]:.3f}"
+
+
+@hard_case(
+    "Log-likelihoods of -1e12",
+    why="A float keeps 1e-4 of such a number; two of them still decide which coefficient is right.",
+    expected="values by long doubles to 1e-14 of them, their difference to 1e-3",
+)
+def very_low_likelihoods():
+    frame = made(rb.Modified(), [1.4], error=0.03)
+    theta = np.array([[1.9, 1.2e-6], [1.9 * (1 + 1e-9), 1.2e-6]])
+    values = model_of(frame).log_likelihood(theta)
+    r = modified_residuals(frame, np.longdouble)
+    c, sigma = theta.astype(np.longdouble).T
+    off = (r + 2 * np.log(c)[:, None]) / sigma[:, None]
+    truth = (-0.5 * off * off - np.log(sigma)[:, None] - 0.5 * np.longdouble(LOG_2PI)).sum(axis=1)
+    assert -2e12 < values[0] < -1e12
+    np.testing.assert_allclose(values, truth.astype(float), rtol=1e-14)
+    change = float(truth[1] - truth[0])
+    assert abs((values[1] - values[0]) - change) < 1e-3 * abs(change)
+    return f"{values[0]:.4e}; a step of 1e-9 in c changes it by {change:.1f}"
+
+
+@hard_case(
+    "Loads of 1e-302, 1e-12 and 10 in one table",
+    why="Squares and products of loads underflow; only their logarithms are of one size.",
+    expected="with priors of K at the same places ln Z is that of ordinary loads (1e-9)",
+)
+def loads_of_all_sizes():
+    values, smallest = [], []
+    ordinary = made(rb.Modified(), [1.4], error=0.03)
+    for exponents in ((-299, -9, 3), (0, 0, 0)):
+        size = np.repeat(10.0 ** np.array(exponents), len(Q))
+        frame = ordinary.assign(p_over_E=ordinary["p_over_E"] * size)
+        medians = [
+            2 * 1.382 / (a + b) * 10.0 ** (-k / 2)
+            for (a, b), k in zip(THREE, exponents, strict=True)
+        ]
+        names = model_of(frame, rb.PowerLaw()).parameter_names
+        pairs = zip(names[:3], medians, strict=True)
+        model = model_of(frame, rb.PowerLaw(), **{n: rb.LogNormal(K, 0.3) for n, K in pairs})
+        assert np.isfinite(model.log_density(np.zeros(4)))
+        values.append(power_law_evidence(model).value)
+        smallest.append(frame["p_over_E"].min())
+    assert abs(values[0] - values[1]) < 1e-9
+    assert smallest[0] < 1e-300
+    return f"loads from {smallest[0]:.1e} on; ln Z {values[0]:.9f} both"
+
+
+@hard_case(
+    "Known errors of 100,000 % and of 1e-13 %",
+    why="Rows that say nothing must leave the prior as it is; rows known to rounding must not "
+    "divide by zero where sigma is 0.",
+    expected="1e3: ln Z by the normal density at variance 1e6 (1e-4), draws the prior's to 5 %; "
+    "1e-15 at sigma = 1e-300: the long double sum (1e-9 of it)",
+)
+def known_errors_of_any_size():
+    frame = made(rb.Modified(), [1.4], error=0.03)
+    vague = frame.assign(rel_se=1e3)
+    value = by_quadrature(model_of(vague))
+    truth = -len(frame) * (math.log(1e3) + 0.5 * LOG_2PI)
+    assert abs(value - truth) < 1e-4
+    fit = rb.calibrate(rb.read_table(vague), rb.Modified(), rng=1)
+    mean = 1.382 * math.exp(0.005)
+    half = 0.05 * math.sqrt(2 / math.pi)
+    expected = [
+        (mean, mean * math.sqrt(math.expm1(0.01))),
+        (half, 0.05 * math.sqrt(1 - 2 / math.pi)),
+    ]
+    assert_draws(fit, expected)
+    sharp = model_of(frame.assign(rel_se=1e-15)).log_likelihood(np.array([1.4, 1e-300]))
+    off = (modified_residuals(frame, np.longdouble) + 2 * np.log(np.longdouble(1.4))) / 1e-15
+    exact = float((-0.5 * off * off).sum()) - len(frame) * (math.log(1e-15) + 0.5 * LOG_2PI)
+    assert abs(float(sharp) / exact - 1) < 1e-9
+    return f"ln Z {value:.4f} for {truth:.4f}; at 1e-15 a log-likelihood of {float(sharp):.4e}"

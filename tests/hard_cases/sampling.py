@@ -1,1 +1,325 @@
 """Hard cases of sampling: walks that look done and are not."""
+
+import functools
+import math
+import re
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+import ridgebayes as rb
+from ridgebayes.evidence import quadrature_evidence
+from ridgebayes.laplace import Laplace, fit_laplace
+from ridgebayes.sample import sample
+from tests.hard_cases.case import hard_case, refused
+from tests.hard_cases.likelihood import THREE, made, model_of
+
+FEW = rb.SampleSettings(n_walker=64)
+ROWS = functools.partial(made, rb.Modified(), [1.4], error=0.03)
+
+
+@dataclass(frozen=True)
+class Own(rb.Modified):
+    """A form of the user's own: Modified, until something is wrong with it."""
+
+    name: ClassVar[str] = "own"
+    broken: str = ""
+    above: float = 1.41
+
+    def rate(self, theta, a_over_R, b_over_R):
+        rate = super().rate(theta, a_over_R, b_over_R)
+        beyond = rate > self.above
+        if self.broken == "raises" and beyond.any():
+            raise ValueError(f"own table ends at {self.above}")
+        value = {"nan": math.nan, "inf": math.inf}.get(self.broken)
+        return rate if value is None else np.where(beyond, value, rate)
+
+    def log_rate_gradient(self, theta, a_over_R, b_over_R):
+        gradient = super().log_rate_gradient(theta, a_over_R, b_over_R)
+        return {"no slope": 0.0, "wrong slope": 0.5}.get(self.broken, 1.0) * gradient
+
+
+@dataclass(frozen=True)
+class Renamed(Own):
+    """The same with a coefficient that has no default prior."""
+
+    name: ClassVar[str] = "renamed"
+
+    @property
+    def parameter_names(self):
+        return ("alpha",)
+
+
+@dataclass(frozen=True)
+class Scaled(rb.Hybrid):
+    """Hybrid with both coefficients in units of their own."""
+
+    name: ClassVar[str] = "scaled"
+    units: ClassVar[tuple[float, float]] = (1e12, 1e-12)
+
+    @property
+    def parameter_names(self):
+        return ("large", "small")
+
+    def rate(self, theta, a_over_R, b_over_R):
+        return super().rate(theta / np.array(self.units), a_over_R, b_over_R)
+
+    def log_rate_gradient(self, theta, a_over_R, b_over_R):
+        units = np.array(self.units)
+        return rb.Hybrid().log_rate_gradient(theta / units, a_over_R, b_over_R) / units
+
+
+def shortened(said):
+    """Return a message with five digits of each number: the others differ between machines."""
+    return re.sub(r"(\d\.\d{4})\d+", r"\1", said)
+
+
+def calibrated(form, **options):
+    """Return the fit of three textures."""
+    return rb.calibrate(rb.read_table(ROWS()), form, rng=1, **{"settings": FEW, **options})
+
+
+class Given:
+    """Whitened coordinates u = factor z."""
+
+    def __init__(self, factor):
+        self.factor = np.asarray(factor, float)
+        self.mode = np.zeros(len(self.factor))
+        self.n_curved = len(self.mode)
+        self.log_volume = float(np.linalg.slogdet(self.factor)[1])
+
+    def unwhiten(self, z):
+        return z @ self.factor.T, np.zeros(z.shape[:-1])
+
+    def whiten(self, u):
+        return u @ np.linalg.inv(self.factor).T, np.zeros(u.shape[:-1])
+
+
+def walked(log_density, factor, settings=FEW):
+    """Return the chains of a density of two coordinates."""
+    names = tuple("xy"[: len(factor)])
+    laplace: Laplace = Given(factor)
+    return sample(log_density, laplace, seed=1, names=names, settings=settings)
+
+
+@hard_case(
+    "A rate that is NaN or infinite above some coefficient",
+    why="Taken for likelihood zero it cuts the posterior there: a walk converges to the rest, and "
+    "nobody ever hears of it.",
+    expected="refused, naming form, value, coefficient and texture: at the mode, and five sds out",
+)
+def undefined_rates():
+    said = [
+        refused(
+            functools.partial(calibrated, Own(broken, above)),
+            rb.ComputationError,
+            f"own: rate = {broken} given at c = 1.",
+            "a/R = 0.012",
+            "rule: a finite number",
+        )
+        for broken, above in (("nan", 1.41), ("inf", 1.41), ("nan", 1.45), ("inf", 1.45))
+    ]
+    return shortened(said[0])
+
+
+@hard_case(
+    "An exception within a form of the user's own",
+    why="A search that takes every ValueError for its own blames the data.",
+    expected="the user's exception as it is",
+)
+def exception_in_a_form():
+    return refused(lambda: calibrated(Own("raises", 1.39)), ValueError, "own table ends at 1.39")
+
+
+@hard_case(
+    "A form whose gradient is zero, or half of what it should be",
+    why="A search ends where a wrong slope vanishes, and a test of convergence by the same slope "
+    "agrees with it.",
+    expected="refused, with the change of log rate that the gradient claims and the true one",
+)
+def wrong_gradients():
+    said = [
+        refused(functools.partial(calibrated, Own(broken)), rb.InputError, "log_rate_gradient")
+        for broken in ("no slope", "wrong slope")
+    ]
+    return shortened(said[1])
+
+
+@hard_case(
+    "A coefficient of the user's own, without a prior",
+    why="A look-up of defaults ends in KeyError, and a form of one's own cannot be used at all.",
+    expected="refused, naming the coefficient and what to pass; with the prior: the draws of "
+    "Modified, the same to 5 % of an sd (Monte Carlo)",
+)
+def own_coefficient():
+    said = refused(lambda: calibrated(Renamed()), rb.InputError, "renamed", "'alpha'", "priors=")
+    own = calibrated(Renamed(), priors={"alpha": rb.LogNormal(1.382, 0.1)}).summary
+    known = calibrated(rb.Modified()).summary
+    off = np.abs(own["mean"] - known["mean"]) / known["sd"]
+    assert off.max() < 0.05
+    return said
+
+
+@hard_case(
+    "Walks too short to say anything",
+    why="Of one step there is no autocorrelation; of none a mean is 0/0; without burn-in emcee "
+    "returns no state; a threshold of NaN is never met and runs 20,000 steps.",
+    expected="no step, no burn-in, thresholds that are not positive numbers: refused; 1 to 5 "
+    "steps: not converged, and what lacks is named",
+)
+def too_short():
+    wrong = ("n_step_max", 0), ("n_step_max", -5), ("n_burn", 0), ("n_burn", -1)
+    wrong += ("n_tau", math.nan), ("n_tau", -1.0), ("tau_change", math.inf), ("tau_change", 0.0)
+    for name, value in wrong:
+        make = functools.partial(rb.SampleSettings, **{name: value})
+        refused(make, rb.InputError, f"{name}: {value} given; rule:")
+    for n in (1, 2, 5):
+        fit = calibrated(rb.Modified(), settings=rb.SampleSettings(n_walker=8, n_step_max=n))
+        assert not fit.converged
+        assert any("steps are not 50 tau" in line for line in fit.missing)
+        assert np.isfinite(fit.draws).all()
+    return f"{len(wrong)} settings refused; 5 steps: {len(fit.missing)} things are missing"
+
+
+@hard_case(
+    "Walkers stuck in two wells 40 sds apart",
+    why="Within each ensemble all is well: only a comparison of ensembles, or of their walkers, "
+    "shows that nobody crosses.",
+    expected="not called converged: R-hat or autocorrelation time is told",
+)
+def stuck_apart():
+    def wells(u):
+        x, y = u[..., 0], u[..., 1]
+        return np.logaddexp(-0.5 * (x - 20) ** 2, -0.5 * (x + 20) ** 2) - 0.5 * y * y
+
+    from ridgebayes.diagnostics import shortcomings, summarise
+
+    settings = rb.SampleSettings(n_walker=8, n_step_max=1_500, moves="stretch")
+    chains = walked(wells, np.diag([20.0, 1.0]), settings)
+    missing = chains.missing + shortcomings(summarise(chains.u, ("x", "y")))
+    assert any(line.startswith("x: ") for line in missing)
+    shares = (chains.u[..., 0] > 0).mean(axis=(1, 2))
+    assert shares.std() > 0.01
+    return f"{len(missing)} things are missing, among them tau or R-hat of x"
+
+
+@hard_case(
+    "Correlation 0.999999",
+    why="In the coordinates themselves every proposal misses a ridge a thousandth as wide as long.",
+    expected="sds 1, correlation 0.999999 and the sd across 1e-3 to 3 % (Monte Carlo), though "
+    "the walk is whitened by a covariance of 0.999",
+)
+def strongly_correlated():
+    rho = 0.999999
+    inverse = np.linalg.inv([[1, rho], [rho, 1]])
+    chains = walked(
+        lambda u: -0.5 * np.einsum("...i,ij,...j->...", u, inverse, u),
+        np.linalg.cholesky([[1, 0.999], [0.999, 1]]),
+        FEW,
+    )
+    assert not chains.missing
+    x, y = chains.u.reshape(-1, 2).T
+    across = (x - y).std() / math.sqrt(2)
+    truth = math.sqrt(1 - rho)
+    assert abs(x.std() - 1) < 0.03
+    assert abs(y.std() - 1) < 0.03
+    assert abs(across / truth - 1) < 0.03
+    return f"across {across:.1e} for {truth:.1e}"
+
+
+@hard_case(
+    "Heavy tails and a hard edge",
+    why="A normal proposal hardly ever visits a Student tail; a wall at the mode cuts off half of "
+    "what is proposed, and an average of both sides ends up beyond it.",
+    expected="Student t with 3 degrees of freedom: its quartiles ± 0.7649 to 0.02; half-normal: "
+    "mean 0.7979 and sd 0.6028 to 0.02, nothing below 0 (Monte Carlo)",
+)
+def tails_and_edges():
+    def density(u):
+        t, half = u[..., 0], u[..., 1]
+        return -2 * np.log1p(t * t / 3) + np.where(half >= 0, -0.5 * half * half, -np.inf)
+
+    chains = walked(density, np.eye(2))
+    assert not chains.missing
+    t, half = chains.u.reshape(-1, 2).T
+    quartiles = np.quantile(t, [0.25, 0.75])
+    np.testing.assert_allclose(quartiles, [-0.7649, 0.7649], atol=0.02)
+    assert half.min() >= 0
+    assert abs(half.mean() - 0.7979) < 0.02
+    assert abs(half.std() - 0.6028) < 0.02
+    return "quartiles, mean and sd within 0.02; no draw beyond the edge"
+
+
+@hard_case(
+    "Coefficients of 1e12 and 1e-12 in one posterior",
+    why="A covariance with entries of 1e24 and 1e-24 is singular to every solver; a step that "
+    "suits one coefficient is nothing or everything to the other.",
+    expected="in units of their own the draws and ln Z of Hybrid: 5 % of an sd (Monte Carlo), and "
+    "1e-8 plus the units' logarithms, which cancel",
+)
+def scales_far_apart():
+    large, small = Scaled.units
+    priors = {"large": rb.LogNormal(1.382 * large, 0.1), "small": rb.Normal(0.0, 0.05 * small)}
+    scaled, plain = calibrated(Scaled(), priors=priors), calibrated(rb.Hybrid())
+    assert scaled.converged
+    for i, unit in enumerate((large, small, 1.0)):
+        one, other = scaled.summary.iloc[i], plain.summary.iloc[i]
+        assert abs(one["mean"] / unit - other["mean"]) < 0.05 * other["sd"]
+        assert abs(one["sd"] / unit - other["sd"]) < 0.05 * other["sd"]
+    values = [
+        quadrature_evidence(fit.model.log_density, fit_laplace(fit.model)).value
+        for fit in (scaled, plain)
+    ]
+    assert abs(values[0] - values[1]) < 1e-8
+    return f"ln Z {values[0]:.6f} and {values[1]:.6f}"
+
+
+@hard_case(
+    "A chain file taken up again with anything else changed",
+    why="emcee appends to whatever chain is there: half the draws are then of another posterior.",
+    expected="another seed, row, prior, error model, walk or number within the form: refused, the "
+    "change named; nothing changed: the same draws to the bit",
+)
+def resumed_with_something_else(folder):
+    settings = rb.SampleSettings(n_walker=32, n_burn=20, n_step_max=40)
+    same = {"rng": 1, "settings": settings, "checkpoint": folder / "chains.h5"}
+    table, own = rb.read_table(ROWS()), Own("", 2.0)
+    first = rb.calibrate(table, own, **same)
+    again = rb.calibrate(table, own, **same)
+    np.testing.assert_array_equal(first.chains.u, again.chains.u)
+    frame = ROWS()
+    frame.loc[3, "p_over_E"] *= 1 + 1e-15
+    prior = {"priors": {"c": rb.LogNormal(1.382, 0.11)}}
+    others = {
+        "seed": (table, own, {"rng": 2}),
+        "table": (rb.read_table(frame), own, {}),
+        "form": (table, replace(own, above=3.0), {}),
+        "priors": (table, own, prior),
+        "settings": (table, own, {"settings": replace(settings, n_walker=64)}),
+        "error model": (table, own, {"noise": "iid:student"}),
+    }
+    for name, (rows, form, changed) in others.items():
+        resume = functools.partial(rb.calibrate, rows, form, **{**same, **changed})
+        refused(resume, rb.InputError, "cannot resume", f"{name} was")
+    return f"refused: another {', '.join(others)}"
+
+
+@hard_case(
+    "Fifty repeats of one texture",
+    why="Replicates of one texture in many series look like many rows and fix one number alone.",
+    expected="Modified: sd of c as of all rows, sigma / (2 sqrt n) to 10 %; a power law of 1 K",
+)
+def replicates_of_one_texture():
+    frames = [ROWS(textures=THREE[:1], seed=i, series=str(i)) for i in range(50)]
+    from pandas import concat
+
+    frame = concat(frames)
+    fit = rb.calibrate(rb.read_table(frame), rb.PowerLaw(), rng=1, settings=FEW)
+    row = fit.summary.iloc[0]
+    expected = 0.03 / (2 * math.sqrt(len(frame)))
+    assert fit.converged
+    assert len(fit.summary) == 2
+    assert abs(row["sd"] / row["mean"] / expected - 1) < 0.1
+    assert model_of(frame).is_plain
+    return f"relative sd {row['sd'] / row['mean']:.5f} for {expected:.5f}"

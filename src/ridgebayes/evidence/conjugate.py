@@ -32,7 +32,9 @@ def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:
     Returns
     -------
     LogEvidence
-        Method ``quadrature``: sigma is all that is left to integrate numerically.
+        Method ``quadrature``: sigma is all that is left to integrate numerically. The status is not
+        ok, and the value NaN, where the form reproduces all rows to rounding: sigma then has the
+        density of their rounding errors, if any.
 
     Raises
     ------
@@ -51,11 +53,18 @@ def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:
         sigma = np.exp(log_sigma)
         values = log_evidence_given_sigma(model, sigma) + log_sigma
         values = values + model.priors["sigma"].log_pdf(sigma)
+        if sigma[np.argmax(values)] < rounding(model):
+            return LogEvidence("quadrature", math.nan, math.nan, "no misfit beyond rounding")
         value = float(logsumexp(values)) + math.log(step)
         if abs(value - before) < tol:
             return LogEvidence("quadrature", value, max(abs(value - before), 1e-12))
         step, before = step / 2, value
     return LogEvidence("quadrature", math.nan, math.nan, f"not settled to {tol:g}")
+
+
+def rounding(model: Model) -> float:
+    """Return the error scale below which misfit of the log loads is that of their last digits."""
+    return float(4 * np.finfo(float).eps * max(1.0, np.abs(model.data.log_load).max()))
 
 
 def log_evidence_given_sigma(model: Model, sigma: FloatArray) -> FloatArray:

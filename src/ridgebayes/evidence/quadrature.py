@@ -17,6 +17,7 @@ from ridgebayes.laplace import Laplace
 
 _OUTSIDE = -24.0  # log density relative to the peak that may be cut off at a face of the box
 _HALF_WIDTH_MAX = 200.0  # with known errors sigma may go to 0, and log sigma has a long tail
+_BEYOND = 4.0  # sds by which the box is widened to see that nothing is left outside
 _CHUNK = 100_000
 
 
@@ -70,7 +71,18 @@ def quadrature_evidence(
             return _failed(f"the log evidence still changes by more than {tol:g}")
         value = _sum(in_z, axes) + n_parameter * math.log(step)
         if abs(value - before) < tol:
-            return LogEvidence("quadrature", value, max(abs(value - before), 1e-12))
+            # A ridge narrower than the box's own points may have slipped through a face: what is
+            # beyond has to be negligible at a step that is known to be fine enough.
+            wider = [(low - _BEYOND, high + _BEYOND) for low, high in box]
+            axes = [np.arange(low, high + step, 2 * step) for low, high in wider]
+            if math.prod(map(len, axes)) > points_max:
+                return _failed(f"the log evidence still changes by more than {tol:g}")
+            beyond = _sum(in_z, axes) + n_parameter * math.log(2 * step) - before
+            if abs(beyond) < tol:
+                return LogEvidence("quadrature", value, max(abs(value - before), 1e-12))
+            if max(high for _, high in wider) > _HALF_WIDTH_MAX:
+                return _failed(f"the density does not fall off within {_HALF_WIDTH_MAX:g} sds")
+            box, value = wider, math.nan
         step, before = step / 2, value
 
 

@@ -21,7 +21,10 @@ from ridgebayes.fit import Fit
 from ridgebayes.forms import Modified
 from ridgebayes.priors import default_priors
 
-_STEPS = 48  # grid points per integrated coordinate
+_STEPS = 48  # grid points per integrated coordinate, sixteen sds wide
+_FAR = 200  # posterior sds of c2 beyond which its value 0 is not reached
+_WIDENED = 20  # times that the grid of sigma may be widened
+_NEGLIGIBLE = 30.0  # log density relative to the peak at which that grid may end
 _N_DRAW = 128  # draws of each ensemble that the error model's parameters are taken from
 
 
@@ -37,8 +40,8 @@ def savage_dickey(fit: Fit) -> LogEvidence:
     -------
     LogEvidence
         Method ``savage-dickey``; the value is a log Bayes factor, not an evidence. The status is
-        not ok where offsets are sampled beside the parameters, or where hardly any draw of the
-        error model's parameters would suit c2 = 0.
+        not ok where offsets are sampled beside the parameters, where hardly any draw of the other
+        parameters would suit c2 = 0, or where that lies more than 200 posterior sds out.
 
     Raises
     ------
@@ -74,7 +77,10 @@ def savage_dickey(fit: Fit) -> LogEvidence:
     covariance = np.cov(flat.T)
     beta = -covariance[0, 1] / covariance[1, 1]
     w = u[..., 0] + beta * u[..., 1]
-    density = np.array([_log_density_at_zero(fit, value, beta) for value in _nodes(w)])
+    if _far(flat[:, 1], _zero(fit)):
+        return _too_far()
+    sigma = _sigma_grid(fit, float(np.median(w)), beta)
+    density = np.array([_log_density_at_zero(fit, value, beta, sigma) for value in _nodes(w)])
     # log p(c2 = 0 | w) is a smooth function of w: interpolate it to all draws.
     log_conditional = np.interp(w, _nodes(w), density)
     shifted = np.exp(log_conditional - log_conditional.max())
@@ -83,7 +89,29 @@ def savage_dickey(fit: Fit) -> LogEvidence:
     se = relative / math.sqrt(float(effective_sample_size(shifted))) if relative else 0.0
     # Prior and posterior density are both of the coordinate of c2: its Jacobian cancels.
     log_prior = -0.5 * _zero(fit) ** 2 - 0.5 * math.log(2 * math.pi)
-    return LogEvidence("savage-dickey", log_prior - log_posterior, max(se, 1e-12))
+    status = _status(log_conditional.ravel()) if relative else "ok"
+    return LogEvidence("savage-dickey", log_prior - log_posterior, max(se, 1e-12), status)
+
+
+def _far(draws: FloatArray, zero: float) -> bool:
+    return bool(abs(zero - draws.mean()) > _FAR * draws.std())
+
+
+def _too_far() -> LogEvidence:
+    reason = f"c2 = 0 lies more than {_FAR} posterior sds out"
+    return LogEvidence("savage-dickey", math.nan, math.nan, reason)
+
+
+def _status(log_density: FloatArray) -> str:
+    """Say whether draws come near what suits c2 = 0.
+
+    Without c2 the errors may be wider, and the other parameters lie elsewhere: draws of which
+    hardly any comes near say nothing of the density there.
+    """
+    heavy = pareto_k(log_density)
+    if heavy <= K_MAX:
+        return "ok"
+    return f"densities at c2 = 0: Pareto k {heavy:.2f}, above {K_MAX}"
 
 
 def _given_error_model(fit: Fit) -> LogEvidence:
@@ -95,6 +123,8 @@ def _given_error_model(fit: Fit) -> LogEvidence:
     covariance = np.cov(flat[:, :2].T)
     beta = -covariance[0, 1] / covariance[1, 1]
     zero = _zero(fit)
+    if _far(flat[:, 1], zero):
+        return _too_far()
     c2 = np.append(_grid(flat[:, 1], include=zero), zero)
     points = np.repeat(flat[:, None], len(c2), axis=1)
     points[..., 1] = c2
@@ -106,9 +136,7 @@ def _given_error_model(fit: Fit) -> LogEvidence:
     by_ensemble = shifted.reshape(len(u), -1, 1)
     se = shifted.std() / shifted.mean() / math.sqrt(float(effective_sample_size(by_ensemble)))
     log_prior = -0.5 * zero**2 - 0.5 * math.log(2 * math.pi)
-    # Without c2 the error model may be another: draws of which hardly any comes near say nothing.
-    heavy = pareto_k(log_density)
-    status = "ok" if heavy <= K_MAX else f"densities at c2 = 0: Pareto k {heavy:.2f}, above {K_MAX}"
+    status = _status(log_density)
     return LogEvidence("savage-dickey", log_prior - log_posterior, max(se, 1e-12), status)
 
 
@@ -116,11 +144,11 @@ def _nodes(w: FloatArray) -> FloatArray:
     return np.linspace(w.min(), w.max(), 201)
 
 
-def _log_density_at_zero(fit: Fit, w: float, beta: float) -> float:
+def _log_density_at_zero(fit: Fit, w: float, beta: float, sigma: FloatArray) -> float:
     """Return log p(c2 = 0 | w), sigma integrated out."""
     flat = fit.chains.u.reshape(-1, 3)
     zero = _zero(fit)
-    c2, sigma = _grid(flat[:, 1], include=zero), _grid(flat[:, 2], include=None)
+    c2 = _grid(flat[:, 1], include=zero)
     c2_mesh, sigma_mesh = np.meshgrid(c2, sigma, indexing="ij")
     points = np.stack([w - beta * c2_mesh, c2_mesh, sigma_mesh], axis=-1)
     values = fit.model.log_density(points)
@@ -128,6 +156,19 @@ def _log_density_at_zero(fit: Fit, w: float, beta: float) -> float:
     at_zero[:, 0], at_zero[:, 1], at_zero[:, 2] = w - beta * zero, zero, sigma
     numerator = logsumexp(fit.model.log_density(at_zero))
     return float(numerator - logsumexp(values) - math.log(c2[1] - c2[0]))
+
+
+def _sigma_grid(fit: Fit, w: float, beta: float) -> FloatArray:
+    """Equal steps over what sigma may be in the posterior, and at c2 = 0, where it is larger."""
+    sigma, zero = _grid(fit.chains.u.reshape(-1, 3)[:, 2], include=None), _zero(fit)
+    step = sigma[1] - sigma[0]
+    for _ in range(_WIDENED):
+        points = np.stack([np.full_like(sigma, w - beta * zero), np.full_like(sigma, zero), sigma])
+        density = fit.model.log_density(points.T)
+        if density[-1] < density.max() - _NEGLIGIBLE:
+            break
+        sigma = np.append(sigma, sigma[-1] + step * np.arange(1, _STEPS))
+    return sigma
 
 
 def _zero(fit: Fit) -> float:
@@ -139,6 +180,9 @@ def _zero(fit: Fit) -> float:
 def _grid(draws: FloatArray, include: float | None) -> FloatArray:
     """Equal steps over eight sds about the mean, and out to a value that has to be inside."""
     low, high = draws.mean() - 8 * draws.std(), draws.mean() + 8 * draws.std()
+    n_step = _STEPS
     if include is not None:
         low, high = min(low, include - draws.std()), max(high, include + draws.std())
-    return np.linspace(low, high, _STEPS)
+        # Steps stay a third of an sd, however far out the value lies.
+        n_step = max(math.ceil((high - low) / (16 * draws.std()) * _STEPS), _STEPS)
+    return np.linspace(low, high, n_step)

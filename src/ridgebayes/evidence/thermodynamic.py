@@ -17,6 +17,8 @@ from ridgebayes.moves import Independence
 from ridgebayes.randomness import stream
 
 _POWER = 5
+_RULE_MAX = 0.5  # error of the rule above which a log evidence says nothing
+_N_EFFECTIVE_MIN = 25  # draws of a temperature, of whose mean fewer say nothing
 _ROUNDS = 3  # of fitting the proposal to the next temperature, from that of the one before
 
 
@@ -39,7 +41,10 @@ def thermodynamic_evidence(
     Returns
     -------
     LogEvidence
-        Method ``thermodynamic``; the standard error is of the draws alone, not of the rule.
+        Method ``thermodynamic``; the standard error is of the draws, and of the rule as far as the
+        mean's curvature between neighbouring temperatures tells it. The status is not ok where the
+        rule's part is above 0.5, or a temperature has hardly any effective draw: a likelihood so
+        sharp that the temperatures step over it.
 
     References
     ----------
@@ -51,6 +56,7 @@ def thermodynamic_evidence(
     proposal = Independence.standard(k)
     width = 1 / n_temperature
     value, variance = 0.0, 0.0
+    means, n_effective = np.empty(n_temperature), np.empty(n_temperature)
     for i in range(n_temperature):
         t = (i + 0.5) * width
         beta = t**_POWER
@@ -69,6 +75,16 @@ def thermodynamic_evidence(
         log_likelihood = model.log_likelihood(model.to_theta(draws.z[finite]))
         mean = float(share @ log_likelihood)
         slope = _POWER * t ** (_POWER - 1) * width
+        means[i], n_effective[i] = slope * mean, 1 / float(share @ share)
         value += slope * mean
         variance += slope**2 * float((share**2) @ (log_likelihood - mean) ** 2)
-    return LogEvidence("thermodynamic", value, math.sqrt(variance))
+    # Of a parabola through three neighbours the midpoint rule misses 1/24 of the second difference.
+    rule = float(np.abs(np.diff(means, 2)).sum()) / 24 if n_temperature > 2 else math.inf
+    status = "ok"
+    if not rule <= _RULE_MAX:
+        status = f"{n_temperature} temperatures are too few: the rule may err by {rule:.2g}"
+    elif n_effective.min() < _N_EFFECTIVE_MIN:
+        status = (
+            f"a temperature has {n_effective.min():.0f} effective draws, below {_N_EFFECTIVE_MIN}"
+        )
+    return LogEvidence("thermodynamic", value, math.sqrt(variance + rule**2), status)
