@@ -1,6 +1,7 @@
 """Offsets integrated out, against dense covariances built from the definition of each structure."""
 
 import math
+import pickle
 from fractions import Fraction
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy import stats
 from ridgebayes.forms import Modified
 from ridgebayes.integrated import IntegratedOffsets, IntegratedSmoothOffsets
 from ridgebayes.noise import Noise
+from ridgebayes.observations import Observations
 from ridgebayes.offsets import offsets_of
 from ridgebayes.rows import Rows
 
@@ -88,6 +90,58 @@ def test_marginal__is_scipys_normal_with_the_dense_covariance(structure, observe
         oracle = stats.multivariate_normal(np.zeros(len(data)), matrix)
         expected = oracle.logpdf(residual(data, log_rates[at]))
         assert found[at] == pytest.approx(expected, rel=1e-10)  # rounding: condition 1e3 or so
+
+
+def test_marginal__of_many_coefficients_beside_one_error_model_is_that_of_each(observed):
+    rng = np.random.default_rng(3)
+    data, structure = table(observed, rng), "step-smooth"
+    log_rates = np.log(1.38) + 0.05 * rng.standard_normal((3, 5, 4))
+    eta = eta_of(structure) * np.exp(0.5 * rng.standard_normal((3, 1, 4)))
+    likelihood, everywhere = likelihood_of(structure, data), np.broadcast_to(eta, (3, 5, 4))
+    each = [
+        [likelihood.marginal(r, e) for r in some]
+        for some, e in zip(log_rates, eta[:, 0], strict=True)
+    ]
+    found = likelihood.marginal(log_rates, everywhere)
+    np.testing.assert_allclose(found, each, rtol=1e-12)  # rounding
+    # And not where the error models differ after all.
+    apart = everywhere.copy()
+    apart[1, 2, 0] *= 2
+    assert likelihood.marginal(log_rates, apart)[1, 2] == pytest.approx(
+        likelihood.marginal(log_rates[1, 2], apart[1, 2]), rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_likelihood__travels_light_and_gives_the_same_bits_elsewhere(structure, observed):
+    rng = np.random.default_rng(4)
+    data = table(observed, rng)
+    log_rates = np.log(1.38) + 0.05 * rng.standard_normal((500, 4))
+    eta = eta_of(structure) * np.exp(0.5 * rng.standard_normal((500, len(eta_of(structure)))))
+    likelihood = likelihood_of(structure, data)
+    fresh = len(pickle.dumps(likelihood))
+
+    def answers(one):
+        given = one.given(log_rates, eta, NOTHING)
+        mean, variance = given.at((0.02, 0.03), np.array([4, 8, 30]))
+        return one.marginal(log_rates, eta), one.products(eta, np.ones((25, 2))), mean, variance
+
+    here = answers(likelihood)
+    message = pickle.dumps(likelihood)
+    assert len(message) < fresh + 2000  # not the factors of five hundred draws
+    for one, other in zip(here, answers(pickle.loads(message)), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_design__has_the_same_strides_here_and_elsewhere(paper):
+    # Sums depend on strides in their last digit, and the paper's rows are gathered by an index.
+    data = Observations.from_table(paper)
+    likelihood = likelihood_of("step-smooth", data)
+    log_rates, eta = np.full((3, len(data.textures)), 0.3), np.tile(eta_of("step-smooth"), (3, 1))
+    here = likelihood.pointwise(log_rates, eta, NOTHING)
+    elsewhere = pickle.loads(pickle.dumps(likelihood))
+    assert likelihood._design.codes.strides == elsewhere._design.codes.strides
+    np.testing.assert_array_equal(here, elsewhere.pointwise(log_rates, eta, NOTHING))
 
 
 SCALES = st.floats(-3, 0).map(lambda x: 10.0**x)
@@ -179,6 +233,26 @@ def test_given__offsets_are_those_of_dense_gaussian_conditioning(structure, obse
             assert mean[0, i] == pytest.approx(cross @ inverse @ left, rel=1e-7, abs=1e-9)
             expected = prior - cross @ inverse @ cross
             assert variance[0, i] == pytest.approx(expected, rel=1e-7, abs=1e-10)
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_products__of_any_columns_one_after_the_other_are_those_of_dense_algebra(
+    structure, observed
+):
+    rng = np.random.default_rng(9)
+    data = table(observed, rng)
+    likelihood = likelihood_of(structure, data)
+    eta = np.stack([eta_of(structure), eta_of(structure, sigma=0.05, tau_step=0.01)])
+    for _ in range(2):
+        # Alike within a texture, as derivatives by coefficients are.
+        columns = rng.standard_normal((4, 2))[data.texture]
+        for draws in (eta, eta[::-1]):
+            found = likelihood.products(draws, columns)
+            for each, value in zip(found, draws, strict=True):
+                Sigma = dense(structure, value, data.texture, data.Q, data.rel_se)
+                expected = columns.T @ np.linalg.solve(Sigma, columns)
+                # Rounding: condition 1e8 at most, by the nugget.
+                np.testing.assert_allclose(each, expected, rtol=1e-7)
 
 
 def test_marginal__does_not_mind_the_order_of_rows(observed):

@@ -16,7 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import ComputationError, InputError, OutputError
 
 if TYPE_CHECKING:
     from ridgebayes._types import FloatArray
@@ -76,6 +76,10 @@ def run(
     scheduler: Scheduler = None,
 ) -> None:
     """Do the main job: calibrate, weigh the evidence, predict, report."""
+    from ridgebayes.worker_pool import start_server
+
+    if scheduler is None and workers != 1:
+        start_server()
     from ridgebayes.jobs import run_job
 
     done = run_job(
@@ -529,10 +533,11 @@ def main() -> None:
         app()
     except InputError as error:
         _stop(error, 2)
-    except ComputationError as error:
+    except (ComputationError, OutputError) as error:
         _stop(error, 1)
     except OSError as error:
-        _stop(f"{error.filename or 'output'}: {error.strerror or error}", 1)
+        why = " ".join(str(error.strerror or error).split())
+        _stop(f"{error.filename or 'output'}: {why}", 1)
     except _Interrupted:
         _stop("interrupted; run, fit and generate go on with --resume", 130)
 
@@ -573,6 +578,10 @@ def _refuse_existing(path: Path, force: bool) -> None:
         raise InputError(f"{path}: folder {path.parent} does not exist; rule: an existing folder")
     if path.exists() and not force:
         raise InputError(f"{path}: exists; rule: another -o, or --force to replace it")
+    if not os.access(path.absolute().parent, os.W_OK):  # told before the work, not after it
+        raise InputError(
+            f"{path}: folder {path.parent} cannot be written to; rule: one that can be"
+        )
 
 
 def _names(text: str, option: str = "--forms") -> list[str]:

@@ -1,5 +1,6 @@
 """Which form does the evidence support: Bayes factors, model probabilities, predictive scores."""
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager
@@ -30,6 +31,7 @@ from ridgebayes.likelihood import Model
 from ridgebayes.loads import LoadDistribution, mix_loads
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
+from ridgebayes.ordered import begun, in_order
 from ridgebayes.predict import mix_q, predict_load, predict_q
 from ridgebayes.qdistribution import QDistribution
 from ridgebayes.randomness import seed_of, stream
@@ -39,7 +41,7 @@ from ridgebayes.sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
 from ridgebayes.table import ContactTable
 
 DEFAULT_FORMS: tuple[Form, ...] = (Classic(), PowerLaw(), Modified(), Hybrid())
-Stage = Callable[[str], AbstractContextManager[None]]
+Stage = Callable[[str], AbstractContextManager[Callable[[float], None]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +162,9 @@ class Comparison:
 
 
 @contextmanager
-def untimed(name: str) -> Iterator[None]:
+def untimed(name: str) -> Iterator[Callable[[float], None]]:
     """Do nothing around a stage; the jobs behind the commands pass a stopwatch instead."""
-    yield
+    yield lambda seconds: None
 
 
 def compare(
@@ -200,7 +202,8 @@ def compare(
     checkpoints : Path, optional
         Folder in which the chains are kept as they grow, see `calibrate`.
     executor : concurrent.futures.Executor, optional
-        Weighs the error models where `noise` is None.
+        Weighs the error models where `noise` is None; where `accuracy` takes no walks it draws from
+        the posteriors instead.
     accuracy : Accuracy, optional
         How far errors of draws and evidences are pressed down; `settings` overrides its walks.
     scores : bool, optional
@@ -245,7 +248,8 @@ def compare(
                 forms,
                 weighed,
                 seed=seed,
-                executor=executor,
+                # First looks are done before workers have started.
+                executor=executor if accuracy.walks else None,
                 progress=progress,
                 laplace_only=not accuracy.walks,
             )
@@ -254,17 +258,27 @@ def compare(
     fits: dict[str, Fit] = {}
     failures: dict[str, str] = {}
     found: dict[str, list[LogEvidence]] = {}
+    seeds = {form.name: int(stream(seed, form.name).integers(2**63)) for form in forms}
+    without_walk = in_order(
+        _drawn,
+        [(table, form, error_model, seeds[form.name], accuracy.n_draw) for form in forms],
+        executor,
+        name=lambda task: f"posterior of {task[1].name}",
+    )
     for form in forms:
-        with stage(f"calibrate {form.name}"):
-            own_seed = int(stream(seed, form.name).integers(2**63))
+        with stage(f"calibrate {form.name}") as add_cpu:
+            own_seed = seeds[form.name]
             say = None if progress is None else _labelled(progress, form.name)
+            outcome = None
+            if not accuracy.walks:
+                outcome, seconds = next(without_walk)
+                add_cpu(seconds if executor else 0.0)
             try:
-                drawn = None
-                if not accuracy.walks:
-                    drawn = _drawn(table, form, error_model, own_seed, accuracy.n_draw)
+                if isinstance(outcome, ComputationError):
+                    raise outcome
                 fit = (
-                    drawn[0]
-                    if drawn
+                    outcome[0]
+                    if outcome
                     else calibrate(
                         table,
                         form,
@@ -280,14 +294,24 @@ def compare(
                 continue
             fits[form.name] = fit
         with stage(f"evidence {form.name}"):
-            found[form.name] = [drawn[1]] if drawn else evidences(fit, n_bridge=accuracy.n_bridge)
+            if isinstance(outcome, tuple):
+                found[form.name] = [outcome[1]]
+            else:
+                found[form.name] = evidences(fit, n_bridge=accuracy.n_bridge)
     if not fits:
         raise ComputationError("no form could be fitted: " + "; ".join(failures.values()))
     evidence = evidence_table(found, error_model)
     if len(elsewhere):
         evidence = _with_others(evidence, elsewhere, error_model)
+    # Walks leave so much that sending it costs more than it gains.
+    beside = None if accuracy.walks else executor
+    own = evidence[evidence["used"] & (evidence["noise"] == error_model.name)]
+    values = dict(zip(own["form"], own["log_evidence"].astype(float), strict=True))
+    if scores:
+        left_one_out = begun(beside, loo_table, fits)
+        sensitive = begun(beside, prior_sensitivity, fits, log_evidence=values)
     with stage("savage-dickey and Bayes factors"):
-        factors = bayes_factor_table(evidence, fits, error_model)
+        factors = begun(beside, bayes_factor_table, evidence, fits, error_model)()
         summed = summed_bayes_factors(evidence)
         if len(summed):
             factors = pd.concat([factors, summed], ignore_index=True)
@@ -295,11 +319,9 @@ def compare(
     sensitivity = pd.DataFrame(columns=SENSITIVITY_COLUMNS)
     if scores:
         with stage("leave-one-out"):
-            loo = loo_table(fits)
+            loo = left_one_out()
         with stage("prior sensitivity"):
-            own = evidence[evidence["used"] & (evidence["noise"] == error_model.name)]
-            values = dict(zip(own["form"], own["log_evidence"].astype(float), strict=True))
-            sensitivity = prior_sensitivity(fits, log_evidence=values)
+            sensitivity = sensitive()
     return Comparison(
         table,
         error_model,
@@ -314,14 +336,25 @@ def compare(
 
 
 def _drawn(
-    table: ContactTable, form: Form, noise: Noise, seed: int, n_draw: int
-) -> tuple[Fit, LogEvidence] | None:
-    """Draw without a walk; None where the draws' weights are not to be trusted."""
-    model = Model(Observations.from_table(table), form, noise)
-    if drawn_exactly(model):
-        return None
-    found = importance_fit(model, seed=seed, n_draw=n_draw, n_round=2, n_per_round=500)
-    return found if found[0].converged and found[1].ok else None
+    task: tuple[ContactTable, Form, Noise, int, int],
+) -> tuple[tuple[Fit, LogEvidence] | ComputationError | None, float]:
+    """Draw without a walk, and say how many CPU seconds it took.
+
+    None where the draws' weights are not to be trusted; an error is one form's, not the others'.
+    """
+    table, form, noise, seed, n_draw = task
+    began = time.process_time()
+    found = None
+    try:
+        model = Model(Observations.from_table(table), form, noise)
+        if not drawn_exactly(model):
+            fit, evidence = importance_fit(
+                model, seed=seed, n_draw=n_draw, n_round=2, n_per_round=500
+            )
+            found = (fit, evidence) if fit.converged and evidence.ok else None
+    except ComputationError as error:
+        return error, time.process_time() - began
+    return found, time.process_time() - began
 
 
 def _with_others(evidence: pd.DataFrame, weighed: pd.DataFrame, noise: Noise) -> pd.DataFrame:

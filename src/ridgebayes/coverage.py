@@ -38,7 +38,7 @@ COVERAGE_COLUMNS = [
     "n_failed",
     "failed",
 ]
-Stage = Callable[[str], AbstractContextManager[None]]
+Stage = Callable[[str], AbstractContextManager[object]]
 
 
 def coverage(

@@ -19,6 +19,7 @@ from ridgebayes.shared_scores import (
 )
 
 _LOG_2PI = math.log(2 * math.pi)
+_WORKED_OUT = ("_last", "_means", "_last_whole")
 _LARGEST_KEPT = 2**24  # bytes of factors that are kept for the next call
 _CHUNK = 2_000_000  # numbers held at a time where draws x levels x rows are needed
 
@@ -44,6 +45,10 @@ class IntegratedOffsets:
         self._last: tuple[object, Root, FloatArray] | None = None
         # And products are asked for of the same columns again and again.
         self._means: tuple[FloatArray, FloatArray] | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        """Leave behind what can be worked out again: factors may be a hundred times the rest."""
+        return vars(self) | {name: None for name in vars(self) if name in _WORKED_OUT}
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         """Return the log-likelihood, shape (...), from (..., n_texture) and (..., n_noise)."""
@@ -143,9 +148,16 @@ class IntegratedSmoothOffsets(IntegratedOffsets):
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         """Return the log-likelihood; a group is normal by its mean, and by its scatter about it."""
-        groups, variance = self._groups, self._variance(eta)
-        factor = self._whole_factor(eta)
-        half = solve_lower(factor, self._residual(log_rates)[..., None])[..., 0]
+        groups, residual = self._groups, self._residual(log_rates)
+        if eta.ndim > 2 and np.array_equal(eta, np.broadcast_to(eta[..., :1, :], eta.shape)):
+            # Many coefficients beside one error model, axis by axis: one factor serves them all.
+            eta, factor = eta[..., :1, :], self._whole_factor(eta[..., 0, :])
+            half = np.swapaxes(solve_lower(factor, np.swapaxes(residual, -1, -2)), -1, -2)
+            factor = factor[..., None, :, :]
+        else:
+            factor = self._whole_factor(eta)
+            half = solve_lower(factor, residual[..., None])[..., 0]
+        variance = self._variance(eta)
         misfit = half**2 + 2 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)) + _LOG_2PI
         scatter = groups.sum_of_squares / variance + np.log(groups.n)
         scatter = scatter + (groups.n - 1) * (np.log(variance) + _LOG_2PI)

@@ -1,10 +1,13 @@
 """The jobs behind the commands: each reads, computes, and fills one run folder."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import AbstractContextManager
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pandas as pd
@@ -20,6 +23,7 @@ from ridgebayes.forms import FORMS, Form, form_named
 from ridgebayes.left_out import left_out_scores
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
+from ridgebayes.ordered import begun
 from ridgebayes.progress import Progress
 from ridgebayes.runfolder import (
     REFERENCE,
@@ -39,6 +43,7 @@ from ridgebayes.workers import executor_for, n_cpu
 EMBEDDED = "embedded sweep"
 EMBEDDED_FE = "finite-element reference rows"
 COVERAGE_JSON = "coverage.json"
+_LARGEST_SENT = 2**26  # bytes of draws; beyond, sending a comparison to workers costs memory
 
 
 def run_job(
@@ -103,43 +108,50 @@ def run_job(
     )
     n_stage += 0 if error_model else 1 + with_reference
     reference = None
-    own = n_cpu() if wanted.extras else 1  # starting processes takes longer than a quick run waits
-    n_worker = own if workers is None and scheduler is None else workers
+    n_worker = n_cpu() if workers is None and scheduler is None else workers
     with (
-        new_folder(folder, force=force, resume=resume) as partial,
+        new_folder(folder, force=force, resume=resume) as unfinished,
         Progress(n_stage) as progress,
         executor_for(n_worker, scheduler) as executor,
     ):
         comparison = _compared(
-            data, chosen, error_model, seed, settings, progress, partial, wanted, executor
+            data, chosen, error_model, seed, settings, progress, unfinished, wanted, executor
         )
         if wanted.extras:
             comparison = _with_left_out(comparison, chosen, seed, progress, executor)
-        with progress.stage("what accuracy costs"):
+        beside = None if scheduler else executor  # a cluster's fonts may be others
+        if sum(fit.chains.u.nbytes for fit in comparison.fits.values()) > _LARGEST_SENT:
+            beside = None
+        with progress.stage("what accuracy costs"):  # with nothing going on beside it
             from ridgebayes.costs.short import short_costs
 
-            comparison = replace(comparison, cost=short_costs(comparison, progress.stages))
-        write_comparison(comparison, partial)
-        _bands(comparison, partial, progress)
+            cost = begun(beside, short_costs, comparison, progress.stages)
+            comparison = replace(comparison, cost=cost())
+        tables = begun(beside, _predictions, comparison)
+        begin_figures(comparison, beside)
+        write_comparison(comparison, unfinished)
+        _write_predictions(tables, unfinished, progress)
         if with_reference:
             rows = replace(reference_fe(), where=EMBEDDED_FE)
-            everything, below = [form_named(name) for name in FORMS], partial / REFERENCE
+            everything, below = [form_named(name) for name in FORMS], unfinished / REFERENCE
             below.mkdir(exist_ok=True)
             reference = _compared(
                 rows, everything, error_model, seed, settings, progress, below, wanted, executor
             )
+            tables = begun(beside, _predictions, reference)
+            begin_figures(reference, beside)
             write_comparison(reference, below)
-            _bands(reference, below, progress)
+            _write_predictions(tables, below, progress)
             _about(below, reference, "run", seed, {}, [])
         with progress.stage("figures and report"):
-            write_pages(comparison, partial, reference)
+            write_pages(comparison, unfinished, reference)
         options = {
             "table": str(table) if table else None,
             "forms": list(forms),
             "noise": noise,
             "accuracy": accuracy,
         }
-        _about(partial, comparison, "run", seed, options, progress.stages, reference)
+        _about(unfinished, comparison, "run", seed, options, progress.stages, reference)
     if reference is not None and not reference.complete:
         return replace(comparison, failures=comparison.failures | _prefixed(reference))
     return comparison
@@ -161,18 +173,20 @@ def compare_job(
     wanted = Accuracy.named(accuracy)
     chosen, error_model, data = _checked(table, forms, noise)
     with (
-        new_folder(folder, force=force, resume=resume) as partial,
+        new_folder(folder, force=force, resume=resume) as unfinished,
         Progress(2 * len(chosen) + 3) as progress,
     ):
-        comparison = _compared(data, chosen, error_model, seed, settings, progress, partial, wanted)
-        write_comparison(comparison, partial)
+        comparison = _compared(
+            data, chosen, error_model, seed, settings, progress, unfinished, wanted
+        )
+        write_comparison(comparison, unfinished)
         options = {
             "table": str(table),
             "forms": list(forms),
             "noise": noise,
             "accuracy": accuracy,
         }
-        _about(partial, comparison, "compare", seed, options, progress.stages)
+        _about(unfinished, comparison, "compare", seed, options, progress.stages)
     return comparison
 
 
@@ -191,13 +205,13 @@ def fit_job(
     """Fit one form to a table: its posterior and evidence; see `run_job`."""
     wanted = Accuracy.named(accuracy)
     chosen, error_model, data = _checked(table, [form], noise)
-    with new_folder(folder, force=force, resume=resume) as partial, Progress(3) as progress:
+    with new_folder(folder, force=force, resume=resume) as unfinished, Progress(3) as progress:
         comparison = _compared(
-            data, chosen, error_model, seed, settings, progress, partial, wanted, scores=False
+            data, chosen, error_model, seed, settings, progress, unfinished, wanted, scores=False
         )
-        write_fits(comparison, partial)
+        write_fits(comparison, unfinished)
         options = {"table": str(table), "form": form, "noise": noise, "accuracy": accuracy}
-        _about(partial, comparison, "fit", seed, options, progress.stages)
+        _about(unfinished, comparison, "fit", seed, options, progress.stages)
     return comparison
 
 
@@ -244,17 +258,17 @@ def coverage_job(
         raise InputError(f"noise: {', '.join(noises)} given; rule: each once")
     models = [Noise.named(name) for name in noises] or list(Noise.every())
     with (
-        new_folder(folder, force=force, about=COVERAGE_JSON) as partial,
+        new_folder(folder, force=force, about=COVERAGE_JSON) as unfinished,
         Progress(len(chosen) * len(models) + 1) as progress,
         executor_for(workers, scheduler) as executor,
     ):
         found = coverage(data, chosen, models, rng=seed, executor=executor, progress=progress.stage)
-        write_csv(found, partial / "coverage.csv")
+        write_csv(found, unfinished / "coverage.csv")
         with progress.stage("figure"):
             from ridgebayes.figures.coverage import plot_coverage
             from ridgebayes.figures.style import save
 
-            save(plot_coverage(found), partial / "coverage")
+            save(plot_coverage(found), unfinished / "coverage")
         options = {"table": str(table) if table else None, "forms": list(forms)}
         content = {
             "command": "coverage",
@@ -265,7 +279,7 @@ def coverage_job(
             "table_digest": data.digest(),
             "stages": progress.stages,
         }
-        write_text(json.dumps(content, indent=2) + "\n", partial / COVERAGE_JSON)
+        write_text(json.dumps(content, indent=2) + "\n", unfinished / COVERAGE_JSON)
     return found
 
 
@@ -276,18 +290,24 @@ def report_job(folder: Path) -> None:
     write_pages(comparison, folder, reference)
 
 
+def begin_figures(comparison: Comparison, executor: Executor | None) -> None:
+    """Have workers, if there are any, begin to draw what `write_pages` will ask for."""
+    if executor is not None:
+        from ridgebayes.figures import begin_gallery
+
+        begin_gallery(comparison, executor)
+
+
 def write_pages(comparison: Comparison, folder: Path, reference: Comparison | None) -> None:
     """Write figures, report.html and report.md into a folder."""
     from ridgebayes.figures import save_figures
-    from ridgebayes.report import write_report
+    from ridgebayes.report import write_reports
 
     save_figures(comparison, folder / "figures")
     if reference is not None and (folder / REFERENCE).is_dir():
         save_figures(reference, folder / REFERENCE / "figures")
-        for name in ("report.html", "report.md"):
-            write_report(reference, folder / REFERENCE / name)
-    for name in ("report.html", "report.md"):
-        write_report(comparison, folder / name, reference=reference)
+        write_reports(reference, folder / REFERENCE)
+    write_reports(comparison, folder, reference=reference)
 
 
 def _checked(
@@ -316,6 +336,14 @@ def _compared(
     executor: Executor | None = None,
     scores: bool = True,
 ) -> Comparison:
+    drawing = Thread(target=import_module, args=("ridgebayes.figures",), daemon=True)
+
+    def stage(name: str) -> AbstractContextManager[Callable[[float], None]]:
+        # From here on this process waits for workers now and then: time for what figures import.
+        if executor is not None and name.startswith("calibrate") and drawing.ident is None:
+            drawing.start()
+        return progress.stage(name)
+
     return compare(
         table,
         forms,
@@ -323,7 +351,7 @@ def _compared(
         rng=seed,
         settings=settings,
         progress=progress.detail,
-        stage=progress.stage,
+        stage=stage,
         checkpoints=folder,
         executor=executor,
         accuracy=accuracy,
@@ -352,10 +380,18 @@ def _with_left_out(
     return replace(comparison, left_out=scores, coverage=shares)
 
 
-def _bands(comparison: Comparison, folder: Path, progress: Progress) -> None:
+def _predictions(comparison: Comparison) -> dict[str, pd.DataFrame]:
+    """Return both tables: what rows tell of shared offsets is then worked out once."""
+    bands = bands_table(comparison, compressed=True)
+    return {"bands.csv": bands, "loads.csv": loads_table(comparison)}
+
+
+def _write_predictions(
+    tables: Callable[[], dict[str, pd.DataFrame]], folder: Path, progress: Progress
+) -> None:
     with progress.stage("bands"):
-        write_csv(bands_table(comparison, compressed=True), folder / "bands.csv")
-        write_csv(loads_table(comparison), folder / "loads.csv")
+        for name, table in tables().items():
+            write_csv(table, folder / name)
 
 
 def _about(

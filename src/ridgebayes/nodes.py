@@ -13,7 +13,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import special
-from scipy.stats import qmc
 
 from ridgebayes._types import FloatArray
 from ridgebayes.diagnostics import K_MAX, pareto_k
@@ -115,6 +114,8 @@ def made_nodes(fit: Fit, n: int) -> Nodes | None:
 def _sobol(d: int, n: int, rng: np.random.Generator) -> FloatArray:
     """Return n scrambled points of the unit cube, none on its faces."""
     # SciPy calls the source of randomness `seed` before 1.15 and `rng` after.
+    from scipy.stats import qmc  # a third of a second that not every command spends
+
     name = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"
     points = qmc.Sobol(d, **{name: rng}).random_base2(round(math.log2(n)))
     return np.clip(points, 1e-12, 1 - 1e-12)

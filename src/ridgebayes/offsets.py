@@ -220,7 +220,7 @@ class OffsetsGiven:
         """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
         loading, variance = self.offsets.loading(self.eta, texture, Q, self.root)
         if self.spread is not None:
-            variance = variance + self.spread.variance(loading)
+            variance = variance + self.spread.variance_again(loading)
         return np.einsum("dl,dlq->dq", self.mean, loading), variance
 
 

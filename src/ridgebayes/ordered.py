@@ -4,11 +4,13 @@ import itertools
 import queue
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from typing import TypeVar
+from functools import partial
+from typing import ParamSpec, TypeVar
 
 from ridgebayes.errors import ComputationError
 from ridgebayes.worker_pool import WorkerLostError
 
+_P = ParamSpec("_P")
 _T = TypeVar("_T")
 _Task = TypeVar("_Task")
 # Tasks under way for each worker: one at work, the others at hand when that is done.
@@ -87,6 +89,36 @@ def in_order(
     finally:
         for future in under_way:
             future.cancel()
+
+
+def begun(
+    executor: Executor | None, function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs
+) -> Callable[[], _T]:
+    """Have a worker begin a call, and return what waits for its result.
+
+    Parameters
+    ----------
+    executor : concurrent.futures.Executor or None
+        What computes; None is this process, when the result is asked for.
+    function : callable
+        With its arguments picklable if there is an executor.
+    *args, **kwargs
+        Its arguments.
+
+    Returns
+    -------
+    callable
+        Without arguments; returns the result, or raises what the call raised.
+
+    Examples
+    --------
+    >>> power = begun(None, pow, 2, 10)
+    >>> power()
+    1024
+    """
+    if executor is None:
+        return partial(function, *args, **kwargs)
+    return executor.submit(function, *args, **kwargs).result
 
 
 def _room(executor: Executor) -> int:

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -62,19 +62,22 @@ class Progress:
             self._bar.stop()
             self._bar = None
 
-    def stage(self, name: str) -> AbstractContextManager[None]:
-        """Return a context manager around one stage; its times go to `stages`."""
+    def stage(self, name: str) -> AbstractContextManager[Callable[[float], None]]:
+        """Return a context manager around one stage; its times go to `stages`.
+
+        It gives a function that adds the CPU seconds of workers to the stage's own.
+        """
         return self._timed(name)
 
     @contextmanager
-    def _timed(self, name: str) -> Iterator[None]:
+    def _timed(self, name: str) -> Iterator[Callable[[float], None]]:
         if self._bar is not None:
             self._bar.update(self._task, description=name)
-        wall, cpu = time.perf_counter(), time.process_time()
+        wall, cpu, elsewhere = time.perf_counter(), time.process_time(), [0.0]
         try:
-            yield
+            yield elsewhere.append
         finally:
-            wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+            wall, cpu = time.perf_counter() - wall, time.process_time() - cpu + sum(elsewhere)
             self.stages.append({"name": name, "wall_s": wall, "cpu_s": cpu})
             if self._bar is not None:
                 self._bar.advance(self._task)

@@ -13,6 +13,7 @@ in which no large numbers cancel. M has the size of the offsets, not of the rows
 import math
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -21,6 +22,7 @@ from scipy.linalg import lapack
 from ridgebayes._types import FloatArray, IntArray
 
 _SMALL = 16  # unknowns: of fewer, a batch is solved faster than system by system
+_INVERTED = 64  # levels up to which ten products with an inverse are quicker than ten solves
 
 
 class Design:
@@ -36,6 +38,9 @@ class Design:
 
     def __init__(self, codes: IntArray, n_level: int) -> None:
         n_factor, n_row = codes.shape
+        # What is gathered by an index has the index's strides, and sums depend on strides in their
+        # last digit: the same strides here and in a worker that got a pickled copy.
+        codes = codes.copy()
         self.codes, self.n_level, self.diagonal = codes, n_level, n_factor == 1
         rows, ones = np.tile(np.arange(n_row), n_factor), np.ones(n_factor * n_row)
         shape = (n_level, n_row)
@@ -109,6 +114,17 @@ class ScoresGiven:
         """Return the variance of scores' combinations (..., n_level, n), shape (..., n)."""
         return (self.half(loading) ** 2).sum(axis=-2)
 
+    @cached_property
+    def inverse(self) -> FloatArray:
+        """R^-1 of the factor M = R R', shape (..., n_level, n_level)."""
+        return _inverse(self.root)
+
+    def variance_again(self, loading: FloatArray) -> FloatArray:
+        """Return what `variance` does; quicker where it is asked for again and again."""
+        if self._diagonal or self.root.shape[-1] > _INVERTED:
+            return self.variance(loading)
+        return ((self.inverse @ loading) ** 2).sum(axis=-2)
+
     def half(self, right: FloatArray) -> FloatArray:
         """Return R^-1 x of the factor M = R R', shape (..., n_level, n)."""
         return right / self.root[..., None] if self._diagonal else solve_lower(self.root, right)
@@ -173,8 +189,15 @@ class FullRoot:
         """Return (Z L)', shape (..., n_level, n_row)."""
         return self._upper[..., design.codes[0]]
 
+    @cached_property
+    def inverse(self) -> FloatArray:
+        """L^-1, shape (..., n_level, n_level)."""
+        return _inverse(self._factor)
+
     def solve(self, right: FloatArray) -> FloatArray:
-        """Return L^-1 x, from (..., n_level, m)."""
+        """Return L^-1 x, from (..., n_level, m); asked for again and again of the same L."""
+        if self._factor.shape[-1] <= _INVERTED:
+            return self.inverse @ right
         return solve_lower(self._factor, right)
 
 
@@ -298,6 +321,10 @@ def solve_lower(factor: FloatArray, right: FloatArray, *, transposed: bool = Fal
         # LAPACK takes columns first: a lower factor in rows is an upper one, transposed.
         out[i], _ = lapack.dtrtrs(left[i].T, each, lower=0, trans=int(not transposed))
     return out.reshape(*batch, n, m)
+
+
+def _inverse(factor: FloatArray) -> FloatArray:
+    return solve_lower(factor, np.broadcast_to(np.eye(factor.shape[-1]), factor.shape))
 
 
 def _substituted(factor: FloatArray, right: FloatArray, transposed: bool) -> FloatArray:

@@ -11,18 +11,24 @@ import pickle
 import queue
 import signal
 import threading
-import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing import resource_tracker
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 from ridgebayes.errors import ComputationError
 
 _T = TypeVar("_T")
+# A server that has imported everything forks workers in milliseconds; without one (Windows) each
+# worker imports for itself.
+_HAS_SERVER = "forkserver" in multiprocessing.get_all_start_methods()
+_PRELOADED = ["ridgebayes.jobs", "ridgebayes.figures", "arviz", "corner"]
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_starting = threading.Lock()
 TRIES = 3  # a task that has killed as many workers would kill the next
 
 
@@ -53,6 +59,7 @@ class WorkerPool(Executor):
         self._workers: set[_Worker] = set()
         self._lock = threading.Lock()
         self._closed = self._stopped = False
+        start_server()
 
     def submit(
         self, function: Callable[..., _T], /, *args: object, **kwargs: object
@@ -149,6 +156,17 @@ class WorkerPool(Executor):
         return worker.end()
 
 
+def start_server() -> None:
+    """Start, once, the process that imports what workers need and forks them.
+
+    It imports while this process goes on with its own work: the earlier, the less is waited for.
+    """
+    if _HAS_SERVER:
+        with _one_thread_each():
+            forkserver.set_forkserver_preload(_PRELOADED)
+            forkserver.ensure_running()
+
+
 @dataclass(frozen=True, eq=False)
 class _Task:
     future: "Future[Any]"
@@ -161,15 +179,17 @@ class _Worker:
     """One process and the pipe to it."""
 
     def __init__(self) -> None:
-        context = multiprocessing.get_context("spawn")
+        get = multiprocessing.get_context
+        context = get("forkserver") if _HAS_SERVER else get("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_work, args=(os.getpid(), theirs), daemon=True)
+        self._process = context.Process(target=_work, args=(theirs,), daemon=True)
         # Ctrl-C reaches the whole group of processes: held back until the worker ignores it. The
         # tracker is started before, because that start ends with the signal let through.
         resource_tracker.ensure_running()
         before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         try:
-            self._process.start()
+            with _one_thread_each():
+                self._process.start()
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
             theirs.close()
@@ -191,11 +211,27 @@ class _Worker:
         return code
 
 
-def _work(parent: int, pipe: Connection) -> None:
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Have processes started here load a BLAS of one thread: several would fight for processors."""
+    with _starting:
+        before = {name: os.environ.get(name) for name in _THREADS}
+        os.environ.update(dict.fromkeys(_THREADS, "1"))
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value
+
+
+def _work(pipe: Connection) -> None:
     """Compute what comes through the pipe until it is closed: all that a worker does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-    threading.Thread(target=_follow, args=(parent,), daemon=True).start()
+    threading.Thread(target=_follow, daemon=True).start()
     while True:
         try:
             message = pipe.recv_bytes()
@@ -222,10 +258,11 @@ def _answer(message: bytes) -> bytes:
         return content
 
 
-def _follow(parent: int) -> None:
-    """End this process when its parent does, however that ended."""
-    while os.getppid() == parent:
-        time.sleep(0.5)
+def _follow() -> None:
+    """End this process when the one that asked for it does, however that ended."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # only the process that asked has none
+    parent.join()
     os._exit(1)
 
 

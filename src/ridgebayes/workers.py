@@ -8,8 +8,6 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from ridgebayes.errors import InputError
 from ridgebayes.worker_pool import WorkerPool
 
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
 
 def n_cpu() -> int:
     """Return how many processors this process may use."""
@@ -31,20 +29,12 @@ def workers(n: int) -> Iterator[WorkerPool]:
         An executor; what is not begun when the block is left is dropped, and if it is left by an
         error also what is under way. Workers never outlive their parent.
     """
-    before = {name: os.environ.get(name) for name in _THREADS}
-    # Read by the BLAS when a worker loads it: threads of several workers fight for the processors.
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
     pool = WorkerPool(n)
     try:
         yield pool
         pool.shutdown(cancel_futures=True)
     finally:
         pool.stop()
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
 
 
 def executor_for(

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from ridgebayes.accuracy import percent_errors, slopes_table
 from ridgebayes.errors import InputError
-from ridgebayes.figures import gallery, save_figures
+from ridgebayes.figures import begin_gallery, gallery, save_figures
 from ridgebayes.figures.bands import bands_figure
 from ridgebayes.figures.evidence import forest_figure
 from ridgebayes.figures.forms import percent_error_figure, slope_figure
@@ -18,6 +18,7 @@ from ridgebayes.figures.gallery import _drawn
 from ridgebayes.figures.posterior import corner_figure
 from ridgebayes.figures.style import COLOURS, MARKERS, as_bytes, lay_out, plain, styled, symbol
 from ridgebayes.ranking import factors_by_method
+from ridgebayes.workers import workers
 
 FORMS = ("classic", "power-law", "modified", "hybrid")
 NAMES = (
@@ -232,6 +233,18 @@ def test_gallery_is_drawn_once_and_forgotten_with_its_comparison(single):
     size = len(_drawn)
     del copy
     assert len(_drawn) == size - 1
+
+
+def test_gallery_of_workers_is_the_same_to_the_last_byte(single):
+    here, elsewhere = replace(single), replace(single)
+    with workers(2) as pool:
+        begin_gallery(elsewhere, pool)
+        drawn = gallery(elsewhere)
+    own = gallery(here)
+    assert list(drawn) == list(own)
+    for name in ("bands", "held-out", "corner-modified"):
+        assert drawn[name].png == own[name].png
+        assert drawn[name].svg == own[name].svg
 
 
 def test_save_figures_writes_png_and_svg_and_nothing_else(single, tmp_path):

@@ -4,6 +4,6 @@ The only package that imports matplotlib and corner, and never pyplot's state: f
 on any thread and without a display. Equal records give equal bytes.
 """
 
-from ridgebayes.figures.gallery import Plate, gallery, save_figures
+from ridgebayes.figures.gallery import Plate, begin_gallery, gallery, save_figures
 
-__all__ = ["Plate", "gallery", "save_figures"]
+__all__ = ["Plate", "begin_gallery", "gallery", "save_figures"]

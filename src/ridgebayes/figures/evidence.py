@@ -3,7 +3,16 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ridgebayes.figures.style import COLOURS, MARKERS, MINUS, QUIET, WIDTH, new_figure, title_of
+from ridgebayes.figures.style import (
+    COLOURS,
+    MARKERS,
+    MINUS,
+    QUIET,
+    WIDTH,
+    new_figure,
+    plain,
+    title_of,
+)
 
 _METHODS = {"bridge": "o", "quadrature": "s", "laplace": "^", "savage-dickey": "D", "dynesty": "v"}
 _PRIORS = {"c": "$c$ and $c_1$", "c2": "$c_2$", "K": "$K$", "sigma": r"$\sigma$"}
@@ -104,7 +113,7 @@ def sensitivity_figure(factors: pd.DataFrame, best: str) -> Figure:
         axes.axvline(1, color=QUIET, linewidth=1, linestyle=":")
         axes.set_xscale("log")
         axes.set_yscale("symlog", linthresh=5, linscale=1.5)
-        axes.set_title(f"prior of {_PRIORS.get(prior, prior)}")
+        axes.set_title(f"prior of {_PRIORS.get(prior) or plain(prior)}")
         axes.set_xlabel("scale, times default")
     low, high = factors["ln_bf"].min(), factors["ln_bf"].max()
     ticks = [t for t in (-100, -50, -20, -10, -5, -3, -1, 1, 3, 5, 10, 20) if low <= t <= high]

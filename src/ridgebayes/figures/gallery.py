@@ -1,9 +1,10 @@
 """All figures of a comparison, under stable names."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 
 from ridgebayes.accuracies import QUICK
 from ridgebayes.accuracy import has_slopes, percent_errors, slopes_table
-from ridgebayes.atomic import replacing
+from ridgebayes.atomic import cannot_write, replacing
 from ridgebayes.bands import AVERAGE, bands_table
 from ridgebayes.comparison import Comparison
 from ridgebayes.errors import InputError
@@ -26,6 +27,7 @@ from ridgebayes.figures.predictive_checks import plot_posterior_checks, plot_pri
 from ridgebayes.figures.style import as_bytes, styled
 from ridgebayes.fit import Fit
 from ridgebayes.held_out import held_out_loads
+from ridgebayes.ordered import begun
 from ridgebayes.predictive_checks import posterior_checks, prior_bands
 from ridgebayes.ranking import best_form, factors_by_method, ranked, sensitivity_factors
 from ridgebayes.smooth import smooth_cylinder
@@ -57,14 +59,25 @@ class Plate:
         return as_bytes(self.figure, "svg")
 
 
+@dataclass(frozen=True)
+class Print:
+    """A figure that a worker drew: its name and its files' content."""
+
+    name: str
+    png: bytes
+    svg: bytes
+
+
 _N_LOAD = 300  # of one panel's band: steps as sharp as a pixel
 _BEYOND = 1.6  # how far beyond a texture's own highest load its panel goes
 
 # A run draws each figure for its folder and again for its reports: the second time is for free.
-_drawn: "WeakKeyDictionary[Comparison, dict[str, Plate]]" = WeakKeyDictionary()
+_drawn: "WeakKeyDictionary[Comparison, dict[str, Plate | Print]]" = WeakKeyDictionary()
+
+_under_way: "WeakKeyDictionary[Comparison, list[Callable[[], list[Print]]]]" = WeakKeyDictionary()
 
 
-def gallery(comparison: Comparison) -> dict[str, Plate]:
+def gallery(comparison: Comparison) -> dict[str, Plate | Print]:
     """Draw every figure that applies to a comparison.
 
     Parameters
@@ -80,53 +93,108 @@ def gallery(comparison: Comparison) -> dict[str, Plate]:
         ``smooth-cylinder``; ``coverage`` where it was counted; ``posterior-checks`` and
         ``prior-bands`` of the best form; ``corner-<form>`` and ``traces-<form>`` of each fit.
         Of a quick comparison only ``evidence``, ``bands``, ``held-out``, ``percent-error`` and the
-        best form's corner. Kept as long as the comparison is.
+        best form's corner. Kept as long as the comparison is; figures that workers drew, see
+        `begin_gallery`, are there as their files' content alone.
     """
+    if comparison in _under_way:
+        prints = {one.name: one for result in _under_way.pop(comparison) for one in result()}
+        _drawn[comparison] = {n: prints[n] for n in _recipes(comparison) if n in prints}
     if comparison not in _drawn:
-        _drawn[comparison] = {plate.name: plate for plate in _plates(comparison)}
+        with styled():
+            figures = {name: recipe() for name, recipe in _recipes(comparison).items()}
+        _drawn[comparison] = {n: Plate(n, figure) for n, figure in figures.items() if figure}
     return _drawn[comparison]
 
 
-def _plates(comparison: Comparison) -> Iterator[Plate]:
+def begin_gallery(comparison: Comparison, executor: Executor) -> None:
+    """Have workers begin to draw a comparison's figures; `gallery` waits for them.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        What to draw.
+    executor : concurrent.futures.Executor
+        Processes with the same libraries and fonts as this one: those of this machine.
+    """
+    # What rows tell of shared offsets is worked out once for those that predict.
+    tasks = [["bands", "held-out"]]
+    tasks += [[name] for name in _recipes(comparison) if name not in tasks[0]]
+    _under_way[comparison] = [begun(executor, _prints, comparison, names) for names in tasks]
+
+
+def _prints(comparison: Comparison, names: Sequence[str]) -> list[Print]:
+    recipes, found = _recipes(comparison), []
+    for name in names:
+        with styled():
+            figure = recipes[name]()
+        if figure is not None:
+            found.append(Print(name, as_bytes(figure, "png"), as_bytes(figure, "svg")))
+    return found
+
+
+def _recipes(comparison: Comparison) -> dict[str, Callable[[], Figure | None]]:
+    """Return how to draw each figure that may apply; None comes of those that do not after all."""
     best, is_quick = best_form(comparison), comparison.accuracy == QUICK.name
     shown = best or next(iter(comparison.fits))
-    with styled():
-        if best is not None and len(comparison.fits) > 1:
-            factors = factors_by_method(comparison, best)
-            if len(factors):
-                yield Plate("evidence", forest_figure(factors, best))
-            factors = sensitivity_factors(comparison, best)
-            if len(factors) and not is_quick:
-                yield Plate("prior-sensitivity", sensitivity_figure(factors, best))
-        yield from _predictions(comparison, shown)
-        errors = percent_errors(comparison)
-        if len(errors):
-            yield Plate("percent-error", percent_error_figure(errors))
-        if is_quick:
-            yield Plate(f"corner-{shown}", corner_figure(comparison.fits[shown]))
-            return
-        if has_slopes(comparison):
-            slopes = slopes_table(comparison)
-            yield Plate("slopes", slope_figure(slopes[slopes["form"] != "classic"]))
-        yield Plate("smooth-cylinder", smooth_figure(smooth_cylinder()))
-        if len(comparison.coverage):
-            yield Plate("coverage", plot_coverage(comparison.coverage))
-        yield from _checks(comparison.fits[shown])
-        for name in ranked(comparison):
-            yield Plate(f"corner-{name}", corner_figure(comparison.fits[name]))
-            yield Plate(f"traces-{name}", trace_figure(comparison.fits[name]))
+    found: dict[str, Callable[[], Figure | None]] = {}
+    if best is not None and len(comparison.fits) > 1:
+        found["evidence"] = partial(_evidence, comparison, best)
+        if not is_quick:
+            found["prior-sensitivity"] = partial(_sensitivity, comparison, best)
+    found["bands"] = partial(_bands, comparison, shown)
+    found["held-out"] = partial(_held_out, comparison)
+    found["percent-error"] = partial(_percent_error, comparison)
+    if is_quick:
+        return found | {f"corner-{shown}": partial(corner_figure, comparison.fits[shown])}
+    found["slopes"] = partial(_slopes, comparison)
+    found["smooth-cylinder"] = lambda: smooth_figure(smooth_cylinder())
+    found["coverage"] = partial(_coverage, comparison)
+    found["posterior-checks"] = partial(_posterior_checks, comparison.fits[shown])
+    found["prior-bands"] = partial(_prior_bands, comparison.fits[shown])
+    for name in ranked(comparison):
+        found[f"corner-{name}"] = partial(corner_figure, comparison.fits[name])
+        found[f"traces-{name}"] = partial(trace_figure, comparison.fits[name])
+    return found
 
 
-def _checks(fit: Fit) -> Iterator[Plate]:
-    data = fit.model.data
-    if data.is_exact.any():
-        yield Plate("posterior-checks", plot_posterior_checks(posterior_checks(fit, rng=fit.seed)))
+def _evidence(comparison: Comparison, best: str) -> Figure | None:
+    factors = factors_by_method(comparison, best)
+    return forest_figure(factors, best) if len(factors) else None
+
+
+def _sensitivity(comparison: Comparison, best: str) -> Figure | None:
+    factors = sensitivity_factors(comparison, best)
+    return sensitivity_figure(factors, best) if len(factors) else None
+
+
+def _percent_error(comparison: Comparison) -> Figure | None:
+    errors = percent_errors(comparison)
+    return percent_error_figure(errors) if len(errors) else None
+
+
+def _slopes(comparison: Comparison) -> Figure | None:
+    if not has_slopes(comparison):
+        return None
+    slopes = slopes_table(comparison)
+    return slope_figure(slopes[slopes["form"] != "classic"])
+
+
+def _coverage(comparison: Comparison) -> Figure | None:
+    return plot_coverage(comparison.coverage) if len(comparison.coverage) else None
+
+
+def _posterior_checks(fit: Fit) -> Figure | None:
+    if not fit.model.data.is_exact.any():
+        return None
+    return plot_posterior_checks(posterior_checks(fit, rng=fit.seed))
+
+
+def _prior_bands(fit: Fit) -> Figure | None:
     bands = prior_bands(fit.model, rng=fit.seed)
-    if len(bands):
-        yield Plate("prior-bands", plot_prior_bands(bands, data, fit.form.name))
+    return plot_prior_bands(bands, fit.model.data, fit.form.name) if len(bands) else None
 
 
-def _predictions(comparison: Comparison, form: str) -> Iterator[Plate]:
+def _bands(comparison: Comparison, form: str) -> Figure:
     frame = comparison.table.frame
     rows = frame[(frame["status"] == "ok") & (frame["kind"] == "transition")]
     # One figure holds so many panels: textures beyond are in the run folder's bands.csv.
@@ -140,15 +208,17 @@ def _predictions(comparison: Comparison, form: str) -> Iterator[Plate]:
             bands_table(comparison, textures=[(a, b)], forms=[form], loads=shown, compressed=True)
         )
     bands = pd.concat(parts, ignore_index=True)
-    yield Plate("bands", bands_figure(bands, rows, form, n_texture=len(comparison.table.textures)))
+    return bands_figure(bands, rows, form, n_texture=len(comparison.table.textures))
+
+
+def _held_out(comparison: Comparison) -> Figure | None:
     loads = held_out_loads(comparison)
     if len(loads):
         # A texture that the power law has no K for is a draw from its prior: a bar across the page.
         loads = loads[~loads["prior_alone"]]
         if len(comparison.fits) == 1:
             loads = loads[loads["form"] != AVERAGE]
-    if len(loads):
-        yield Plate("held-out", held_out_figure(loads))
+    return held_out_figure(loads) if len(loads) else None
 
 
 def save_figures(comparison: Comparison, folder: str | os.PathLike[str]) -> tuple[str, ...]:
@@ -169,20 +239,24 @@ def save_figures(comparison: Comparison, folder: str | os.PathLike[str]) -> tupl
     Raises
     ------
     InputError
-        If the folder cannot be written to.
+        If the folder cannot be made where it is to be.
+    OutputError
+        If it cannot be written to, such as on a full disk.
     """
     target = Path(folder)
     written = []
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for plate in gallery(comparison).values():
-            for name, content in (
-                (f"{plate.name}.png", plate.png),
-                (f"{plate.name}.svg", plate.svg),
-            ):
-                with replacing(target / name) as partial:
-                    partial.write_bytes(content)
-                written.append(name)
-    except OSError as error:
+    except (FileExistsError, NotADirectoryError) as error:
         raise InputError(f"{target}: cannot write figures ({error.strerror})") from None
+    except OSError as error:
+        raise cannot_write(target, error) from None
+    for plate in gallery(comparison).values():
+        for name, content in (
+            (f"{plate.name}.png", plate.png),
+            (f"{plate.name}.svg", plate.svg),
+        ):
+            with replacing(target / name) as file:
+                file.write_bytes(content)
+            written.append(name)
     return tuple(written)

@@ -3,6 +3,7 @@
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,10 @@ from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.font_manager import findfont, get_font
 
 from ridgebayes.atomic import replacing
+from ridgebayes.table_findings import visible
 
 # Okabe and Ito's palette: told apart with every common kind of colour blindness.
 COLOURS = {
@@ -93,7 +96,20 @@ def plain(text: str, most: int = 24) -> str:
     a\$b\$
     """
     kept = text if len(text) <= most else text[: most - 1] + "…"
-    return " ".join(kept.split()).replace("$", r"\$")
+    lost = "\N{REPLACEMENT CHARACTER}"
+    shown = "".join(c if c.isascii() or _has_glyph(c) else lost for c in kept)
+    return " ".join(visible(shown).split()).replace("$", r"\$")
+
+
+@cache
+def _has_glyph(character: str) -> bool:
+    """Return whether the font of all figures can draw a character; matplotlib would warn."""
+    return bool(_font().get_char_index(ord(character))) and visible(character) == character
+
+
+@cache
+def _font() -> Any:
+    return get_font(findfont("DejaVu Sans"))  # matplotlib brings it along
 
 
 def symbol(parameter: str) -> str:

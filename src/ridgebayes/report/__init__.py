@@ -17,11 +17,12 @@ from ridgebayes.figures import gallery
 from ridgebayes.report.blocks import Picture
 from ridgebayes.report.sections import contents
 from ridgebayes.report.verdict import verdict
+from ridgebayes.table_findings import visible
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["render_report", "write_report"]
+__all__ = ["render_report", "write_report", "write_reports"]
 
 _TEMPLATES = {".html": "report.html.jinja", ".md": "report.md.jinja"}
 
@@ -47,7 +48,9 @@ def write_report(
     Raises
     ------
     InputError
-        If the suffix is another, or the file cannot be written.
+        If the suffix is another, or the folder does not exist.
+    OutputError
+        If the file cannot be written, such as on a full disk.
 
     Notes
     -----
@@ -67,12 +70,26 @@ def write_report(
     suffix = target.suffix.lower()
     if suffix not in _TEMPLATES:
         raise InputError(f"{target}: suffix {target.suffix!r}; rule: a report ends in .html or .md")
-    content = render_report(comparison, suffix, reference=reference)
-    try:
-        with replacing(target) as partial:
-            partial.write_text(content, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written ({error.strerror})") from None
+    _write(target, render_report(comparison, suffix, reference=reference))
+
+
+def write_reports(
+    comparison: Comparison, folder: Path, *, reference: Comparison | None = None
+) -> None:
+    """Write report.html and report.md into a folder; see `write_report`.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        What to report.
+    folder : Path
+        Where to.
+    reference : Comparison, optional
+        Second comparison.
+    """
+    filled = _filled(comparison, reference)
+    for suffix in _TEMPLATES:
+        _write(folder / f"report{suffix}", _rendered(suffix, filled))
 
 
 def render_report(
@@ -94,10 +111,23 @@ def render_report(
     str
         The whole file.
     """
-    template = _environment(suffix).get_template(_TEMPLATES[suffix])
-    return template.render(
-        verdict=verdict(comparison, reference), sections=contents(comparison, reference)
-    )
+    return _rendered(suffix, _filled(comparison, reference))
+
+
+def _filled(comparison: Comparison, reference: Comparison | None) -> dict[str, object]:
+    return {
+        "verdict": verdict(comparison, reference),
+        "sections": contents(comparison, reference),
+    }
+
+
+def _rendered(suffix: str, filled: dict[str, object]) -> str:
+    return _environment(suffix).get_template(_TEMPLATES[suffix]).render(filled)
+
+
+def _write(path: Path, content: str) -> None:
+    with replacing(path) as partial:
+        partial.write_text(content, encoding="utf-8", newline="\n")
 
 
 def _environment(suffix: str) -> "Environment":
@@ -127,8 +157,8 @@ def _data_uri(picture: Picture) -> str:
 
 
 def _tied(value: object) -> object:
-    """Keep a number and its per cent sign on one line."""
-    return value.replace(" %", "\N{NO-BREAK SPACE}%") if type(value) is str else value
+    """Keep a number and its per cent sign on one line, and show characters that hide."""
+    return visible(value).replace(" %", "\N{NO-BREAK SPACE}%") if type(value) is str else value
 
 
 def _badge(words: str) -> str:
@@ -148,6 +178,7 @@ def escaped_markdown(value: object) -> str:
     >>> print(escaped_markdown("<script> a|b *c*"))
     &lt;script&gt; a\|b \*c\*
     """
-    text = " ".join(str(value).split()).replace("&", "&amp;")
+    text = visible(" ".join(str(value).split())).replace("&", "&amp;")
     text = text.replace("<", "&lt;").replace(">", "&gt;")
-    return re.sub(r"([\\`*\[\]|])", r"\\\1", text)
+    # Within a word an underscore means nothing.
+    return re.sub(r"([\\`*\[\]|~$]|(?<![^\W_])_|_(?![^\W_]))", r"\\\1", text)
