@@ -3,7 +3,8 @@
 An independent solution, by a solver that shares nothing with the package but its mesh: a
 neo-Hookean quarter disk (radius 1, E = 1, plane strain) whose flat mid-plane is driven down onto
 frictionless rigid ridges with sharp corners. It prints the loads at which the rim meets the next
-ridge, and the CPU seconds and memory they cost, beside those of the package's own finite elements.
+ridge, and the CPU seconds and memory they cost, beside those of the package's own finite elements
+and of its half-plane, with errors against the reference rows where these have the texture.
 Needs `ccx`, the solver of CalculiX 2.20 or later, on the path.
 
 What is compared: p is the line load over 2R, so p/E is the reaction of the quarter's mid-plane. A
@@ -38,10 +39,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
 from ridgebayes.contact.cylinder.mesh import disk_mesh
+from ridgebayes.contact.halfplane import forget_loads, transition_loads
 from ridgebayes.contact.lands import Profile
+from ridgebayes.datafiles import CALCULIX_FE, data_path
 from ridgebayes.decks.deck_text import deck_text
 from ridgebayes.decks.pressed_disk import DEPTH, PressedDisk
 
@@ -410,17 +414,50 @@ def main() -> None:
     before = time.process_time()
     own = own_transitions(given["a"], given["b"], given["p_max"], given["nu"])
     ours = time.process_time() - before
-    print(f"{'Q':>3} {'CalculiX':>13} {'here':>13} {'here less CalculiX':>19}")
-    for Q, p in found:
-        if Q in own:
-            print(f"{Q:3d} {p:13.6e} {own[Q]:13.6e} {own[Q] / p - 1:19.2%}")
-        else:
-            print(f"{Q:3d} {p:13.6e}")
+    plane, quick = half_plane_transitions(given["a"], given["b"], given["p_max"], given["nu"])
+    columns = {"CalculiX": dict(found), "cylinder here": own, "half-plane": plane}
+    best = reference_rows(given["a"], given["b"], given["nu"])
+    if not best:
+        print("no reference rows of this texture: errors are against the cylinder here")
+    print(f"{'Q':>3}" + "".join(f"{name:>15} {'error':>8}" for name in columns))
+    for Q, p in sorted((best or own).items()):
+        cells = [
+            f"{loads[Q]:15.6e} {loads[Q] / p - 1:8.2%}" if Q in loads else " " * 24
+            for loads in columns.values()
+        ]
+        print(f"{Q:3d}" + "".join(cells))
     print(
-        f"CPU seconds: CalculiX {theirs:.1f}, here {ours:.1f} to p/E = {max(own.values()):.5f}, "
-        f"ratio {theirs / ours:.1f}"
+        f"CPU seconds: CalculiX {theirs:.1f}, cylinder here {ours:.1f} (ratio "
+        f"{theirs / ours:.1f}), half-plane {quick:.6f} (ratio {theirs / quick:,.0f})"
     )
     print("CalculiX's are those of both its runs: the first tells the second where to look.")
+
+
+def reference_rows(a: float, b: float, nu: float) -> dict[int, float]:
+    """Return the loads by Q of the finest neo-Hookean rows of a texture, where there are any."""
+    rows = pd.read_csv(data_path(CALCULIX_FE))
+    rows = rows[(rows["a_over_R"] == a) & (rows["b_over_R"] == b) & (rows["nu"] == nu)]
+    return dict(zip(rows["Q"].tolist(), rows["p_over_E"].tolist(), strict=True))
+
+
+def half_plane_transitions(
+    a: float, b: float, p_max: float, nu: float
+) -> tuple[dict[int, float], float]:
+    """Return the half-plane's loads by Q, and CPU seconds of one solution with nothing kept."""
+    n = 1
+    while half_plane_loads(a, b, nu, n)[-1] <= p_max:
+        n += 1
+    began = time.process_time()
+    for _ in range(50):
+        forget_loads()
+        loads = half_plane_loads(a, b, nu, n)
+    seconds = (time.process_time() - began) / 50
+    return {2 * k + 4: p for k, p in enumerate(loads.tolist()) if p <= p_max}, seconds
+
+
+def half_plane_loads(a: float, b: float, nu: float, n: int) -> np.ndarray:
+    """Return p/E of the first n transitions."""
+    return transition_loads(a, b, n).F * (a + b) ** 2 / (1 - nu**2)
 
 
 def own_transitions(a: float, b: float, p_max: float, nu: float) -> dict[int, float]:
