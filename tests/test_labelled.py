@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -123,11 +125,11 @@ def test_write_netcdf__leaves_nothing_behind_when_it_fails(fits, tmp_path, monke
     path = tmp_path / "posterior.nc"
     path.write_text("old")
 
-    def broken(self, target, **options):
-        target.write_text("half")
+    def broken(partial, content):
+        partial.write_text("half")
         raise OSError("disk full")
 
-    monkeypatch.setattr(xr.DataTree, "to_netcdf", broken)
+    monkeypatch.setattr(Path, "write_bytes", broken)
     with pytest.raises(OSError, match="disk full"):
         write_netcdf(fits["modified"], path)
     assert path.read_text() == "old"

@@ -468,7 +468,7 @@ def test_read_run__a_broken_json_is_refused(run, content):
     ("key", "value", "message"),
     [
         ("noise", "student", "noise 'student': not an error model"),
-        ("forms", ["classic", "quadratic"], "posterior-quadratic.nc: no such file"),
+        ("forms", ["classic", "quadratic"], "form 'quadratic'; rule: one of classic"),
     ],
 )
 def test_read_run__a_name_that_this_version_does_not_know_is_told(run, key, value, message):

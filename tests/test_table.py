@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ridgebayes import table_files
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, OutputError
 from ridgebayes.table import ContactTable, read_table
 from ridgebayes.table_cells import as_numbers, as_text, row_codes
 from ridgebayes.table_columns import NAMES, REQUIRED
@@ -575,7 +575,7 @@ def test_write__that_fails_leaves_the_old_file_and_no_part(tmp_path: Path, monke
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(pd.DataFrame, "to_csv", disk_full)
-    with pytest.raises(InputError, match=r"t\.csv: cannot be written: No space left on device"):
+    with pytest.raises(OutputError, match=r"t\.csv: cannot be written: No space left on device"):
         table.write(path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]

@@ -2,8 +2,10 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from ridgebayes.errors import InputError, OutputError, RidgebayesError
 
 
 @contextmanager
@@ -21,6 +23,18 @@ def replacing(path: Path) -> Iterator[Path]:
         ``.<name>.<process>.partial`` in the same folder, so that two processes never write the
         same; gone again if the block raises.
 
+    Raises
+    ------
+    InputError
+        If there is no such folder.
+    OutputError
+        If the file cannot be written for another reason, such as a full disk.
+
+    Notes
+    -----
+    HDF5 does not outlive a disk that fills up under an open file: it ends the process. Such files
+    are made in memory, and written here.
+
     Examples
     --------
     >>> import tempfile
@@ -34,5 +48,38 @@ def replacing(path: Path) -> Iterator[Path]:
     try:
         yield partial
         partial.replace(path)
+    except RidgebayesError:
+        raise
+    except OSError as error:
+        raise cannot_write(path, error) from None
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):  # a folder that is gone, or can only be read by now
+            partial.unlink(missing_ok=True)
+
+
+def cannot_write(path: Path, error: OSError) -> RidgebayesError:
+    """Return the error of a file that the system would not have written.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    error : OSError
+        Why.
+
+    Returns
+    -------
+    InputError or OutputError
+        The first where there is no such folder: the name is wrong.
+
+    Examples
+    --------
+    >>> print(cannot_write(Path("a.csv"), OSError(28, "No space left on device")))
+    a.csv: cannot be written: No space left on device; rule: room in a folder that can be written to
+    """
+    why = " ".join((error.strerror or str(error)).split())
+    if isinstance(error, FileNotFoundError | NotADirectoryError) or not path.parent.is_dir():
+        return InputError(f"{path}: cannot be written: {why}; rule: a file in an existing folder")
+    return OutputError(
+        f"{path}: cannot be written: {why}; rule: room in a folder that can be written to"
+    )

@@ -4,6 +4,8 @@ What is kept is all a walk needs to go on bit for bit: the steps so far, where e
 the state of each ensemble's random stream. Files are HDF5, written whole or not at all.
 """
 
+import hashlib
+import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,6 +17,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.atomic import replacing
 from ridgebayes.errors import InputError
+from ridgebayes.reading import words_of
 
 _ARRAYS = (
     "u",
@@ -28,6 +31,7 @@ _ARRAYS = (
     "factors",
     "rest",
 )
+_RANDOM = ("random_keys", "random_rest")
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +95,18 @@ class Checkpoint:
         """Write a walk in place of the one before it."""
         import h5py
 
-        with replacing(self.path) as partial, h5py.File(partial, "w") as file:
-            file.attrs["fingerprint"] = json.dumps(dict(self.fingerprint))
-            for name in _ARRAYS:
-                file[name] = getattr(walk, name)
-            file["random_keys"] = np.stack([state[1] for state in walk.random_states])
-            file["random_rest"] = np.array([state[2:] for state in walk.random_states], float)
+        arrays = {name: getattr(walk, name) for name in _ARRAYS}
+        arrays["random_keys"] = np.stack([state[1] for state in walk.random_states])
+        arrays["random_rest"] = np.array([state[2:] for state in walk.random_states], float)
+        fingerprint = json.dumps(dict(self.fingerprint))
+        content = io.BytesIO()  # a full disk ends HDF5 on a file
+        with h5py.File(content, "w") as file:
+            file.attrs["fingerprint"] = fingerprint
+            file.attrs["sha256"] = _digest(fingerprint, arrays)
+            for name, values in arrays.items():
+                file[name] = values
+        with replacing(self.path) as partial:
+            partial.write_bytes(content.getbuffer())
 
     def load(self) -> Walk | None:
         """Return the walk kept, or None if there is none.
@@ -111,12 +121,19 @@ class Checkpoint:
         if not self.path.is_file():
             return None
         try:
-            with h5py.File(self.path, "r") as file:
-                before = json.loads(file.attrs["fingerprint"])
-                arrays = {name: file[name][()] for name in _ARRAYS}
-                keys, rest = file["random_keys"][()], file["random_rest"][()]
-        except (OSError, KeyError, ValueError) as error:
-            raise InputError(f"{self.path}: not a readable chain file ({error})") from None
+            with h5py.File(io.BytesIO(self.path.read_bytes()), "r") as file:
+                fingerprint, digest = file.attrs["fingerprint"], file.attrs["sha256"]
+                arrays = {name: file[name][()] for name in (*_ARRAYS, *_RANDOM)}
+            if digest != _digest(fingerprint, arrays):
+                raise ValueError("its numbers are not those that were written")
+            before = json.loads(fingerprint)
+        # Damage turns up as errors of many kinds.
+        except Exception as error:
+            raise InputError(
+                f"{self.path}: not a readable chain file ({words_of(error)}); rule: remove it, and "
+                "--resume makes it anew"
+            ) from None
+        keys, rest = (arrays.pop(name) for name in _RANDOM)
         changed = [
             f"{name} was {before.get(name)!r} and is {value!r}"
             for name, value in self.fingerprint.items()
@@ -132,3 +149,13 @@ class Checkpoint:
             for key, (pos, has_gauss, cached) in zip(keys, rest, strict=True)
         )
         return Walk(**arrays, random_states=states)
+
+
+def _digest(fingerprint: str, arrays: Mapping[str, Any]) -> str:
+    """Return what tells that a walk came back as it went: HDF5 does not look for flipped bits."""
+    found = hashlib.sha256(fingerprint.encode())
+    for name, values in arrays.items():
+        kind = np.asarray(values)
+        found.update(f"{name} {kind.dtype.str} {kind.shape}".encode())
+        found.update(np.ascontiguousarray(kind).data)
+    return found.hexdigest()

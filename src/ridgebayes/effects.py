@@ -19,6 +19,7 @@ from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.pressed import Pressed, load_factor, pressed
 from ridgebayes.contact.reaching import nearest_gap
+from ridgebayes.errors import InputError
 from ridgebayes.scene import Scene, Texture
 
 PLAN_COLUMNS = [
@@ -131,6 +132,12 @@ def plan(scene: Scene) -> list[Plan]:
     list of Plan
         One per texture, in the scene's order.
 
+    Raises
+    ------
+    InputError
+        If the contact of a texture cannot be solved for even roughly, as with grooves under a
+        millionth of a ridge.
+
     Notes
     -----
     *Accuracy.* What is neglected changes loads by no more than the accuracy wanted, and estimates
@@ -178,6 +185,13 @@ def given_profile(texture: Texture) -> Profile:
     )
 
 
+def _too_narrow(texture: Texture, status: str) -> InputError:
+    return InputError(
+        f"textures: a/R = {texture.a_over_R!r}, b/R = {texture.b_over_R!r}: {status}; "
+        "rule: one the half-plane's equation can be solved for, or no accuracy and no effect given"
+    )
+
+
 def _planned(scene: Scene, texture: Texture) -> Plan:
     base = _Base.of(scene, texture)
     effects = list(_effects(base))
@@ -213,6 +227,8 @@ class _Base:
         loads = halfplane.transition_loads(a, b, n, rel_tol=1e-6)
         W = load_factor(0) * loads.F * (a + b) ** 2
         W = W[np.isfinite(W)]
+        if not W.size:
+            raise _too_narrow(texture, loads.status[0])
         W = W[: max(int(np.searchsorted(W, W_max, side="right")), 1)]
         # Of very many ridges those looked at stand for all: what is beyond is smoother still.
         top = min(max(W_max, float(W[-1])), 1.2 * float(W[-1]) + sharp.pitch**2)
@@ -235,6 +251,8 @@ class _Base:
             round_ones = replace(self.sharp, corner=self.given.corner)
             found = pressed(round_ones, self.last.W, rel_tol=_ROUGH)
         solutions = [one for one in (self.last, found) if one.status == "ok"]
+        if not solutions:
+            raise _too_narrow(self.texture, found.status)
         deepest = max(
             one.penetration(groove) for one in solutions for groove in range(-1, len(one.lands))
         )

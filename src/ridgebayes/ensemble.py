@@ -42,6 +42,7 @@ class Ensemble(emcee.EnsembleSampler):
         kinds = (emcee.moves.MHMove(proposal), emcee.moves.DEMove(), emcee.moves.StretchMove())
         shares = [one for one in zip(kinds, MOVES[moves], strict=True) if one[1] > 0]
         super().__init__(n_walker, n_coordinate, log_density, vectorize=True, moves=shares)
+        self.log_prob_fn = log_density  # emcee's own wrapper prints a traceback on Ctrl-C
 
     def compute_log_prob(self, coords: FloatArray) -> tuple[FloatArray, None]:
         """Return the log densities at `coords`, shape (n,), and no blobs."""

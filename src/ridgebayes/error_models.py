@@ -9,6 +9,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -29,6 +30,7 @@ from ridgebayes.laplace import fit_laplace
 from ridgebayes.likelihood import Model
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
+from ridgebayes.ordered import in_order
 from ridgebayes.randomness import stream
 from ridgebayes.sample import Tell
 from ridgebayes.table import ContactTable
@@ -82,6 +84,8 @@ def weigh_error_models(
     ------
     InputError
         If no row can be fitted, or a form may not be fitted to these rows.
+    ComputationError
+        If workers die, so that an evidence cannot be found; it is named.
     """
     for form in forms:
         refuse_circular(table, form)
@@ -91,12 +95,10 @@ def weigh_error_models(
     tell = progress or (lambda text: None)
 
     def look(method: Callable[..., LogEvidence], chosen: Sequence[int]) -> list[LogEvidence]:
-        columns = [(data, *pairs[i], seeds[i]) for i in chosen]
-        if not columns:
-            return []
-        tell(f"{len(columns)} evidences")
-        jobs = zip(*columns, strict=True)
-        return list(map(method, *jobs) if executor is None else executor.map(method, *jobs))
+        if chosen:
+            tell(f"{len(chosen)} evidences")
+        tasks = [_Weighing(method, data, *pairs[i], seeds[i]) for i in chosen]
+        return list(in_order(_weighed, tasks, executor, name=lambda task: task.name))
 
     found = look(_first_look, range(len(pairs)))
     means = mean_evidence(_frame(forms, pairs, found)).set_index("noise")["log_mean_evidence"]
@@ -128,6 +130,25 @@ def _frame(
         for (form, noise), e in zip(pairs, found, strict=True)
     ]
     return pd.DataFrame(rows, columns=EVIDENCE_COLUMNS)
+
+
+@dataclass(frozen=True, eq=False)
+class _Weighing:
+    """One evidence to be found; holds all that a process of its own needs."""
+
+    method: Callable[[Observations, Form, Noise, int], LogEvidence]
+    data: Observations
+    form: Form
+    noise: Noise
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return f"evidence of {self.form.name}, {self.noise.name}"
+
+
+def _weighed(task: _Weighing) -> LogEvidence:
+    return task.method(task.data, task.form, task.noise, task.seed)
 
 
 def _first_look(data: Observations, form: Form, noise: Noise, seed: int) -> LogEvidence:

@@ -11,3 +11,10 @@ class InputError(RidgebayesError, ValueError):
 
 class ComputationError(RidgebayesError, RuntimeError):
     """The input was fine, the computation failed or did not converge. Commands exit 1."""
+
+
+class OutputError(RidgebayesError, OSError):
+    """What was computed cannot be written: a full disk, a folder that is gone. Commands exit 1.
+
+    No `ComputationError`: where one form that fails leaves the others, a full disk ends all.
+    """

@@ -10,8 +10,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from ridgebayes.atomic import replacing
-from ridgebayes.errors import InputError
+from ridgebayes.atomic import cannot_write, replacing
 
 
 class Journal:
@@ -90,16 +89,18 @@ class Journal:
         Raises
         ------
         InputError
-            If the folder cannot be written to.
+            If there is no folder to make the journal's in.
+        OutputError
+            If it cannot be written, such as on a full disk.
         """
         content = {"given": given, "found": found, "sha256": _digest(found)}
         path = self._path(given)
         try:
             self.folder.mkdir(exist_ok=True)
-            with replacing(path) as partial:
-                partial.write_text(json.dumps(content) + "\n", encoding="utf-8", newline="\n")
         except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+            raise cannot_write(path, error) from None
+        with replacing(path) as partial:
+            partial.write_text(json.dumps(content) + "\n", encoding="utf-8", newline="\n")
         self.n_kept += 1
 
     def remove(self) -> None:

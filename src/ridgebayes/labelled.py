@@ -1,5 +1,6 @@
 """A fit as labelled datasets, and as a NetCDF file that both arviz lines open."""
 
+import io
 import json
 import os
 from pathlib import Path
@@ -13,11 +14,25 @@ from ridgebayes.atomic import replacing
 from ridgebayes.errors import InputError
 from ridgebayes.fit import Fit, priors_from_json, priors_to_json
 from ridgebayes.forms import form_named
+from ridgebayes.hdf5_files import check_tree
 from ridgebayes.likelihood import Model
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
+from ridgebayes.reading import read_bytes, words_of
 from ridgebayes.sample import Chains
 
+_SUMMARY = [
+    "parameter",
+    "mean",
+    "sd",
+    "eti_lower",
+    "eti_upper",
+    "prob",
+    "ess_bulk",
+    "ess_tail",
+    "r_hat",
+    "mcse_mean",
+]
 LARGEST_LOG_LIKELIHOOD = 30_000_000  # numbers; beyond it the group is left out and LOO says so
 
 
@@ -113,8 +128,9 @@ def write_netcdf(fit: Fit, path: str | os.PathLike[str]) -> None:
         for name, group in groups.items()
     }
     encoding = {f"/{name}": pack for name, pack in packed.items()}
+    content = tree.to_netcdf(engine="h5netcdf", encoding=encoding)
     with replacing(Path(path)) as partial:
-        tree.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
+        partial.write_bytes(content)
 
 
 def read_netcdf(path: str | os.PathLike[str]) -> Fit:
@@ -123,17 +139,36 @@ def read_netcdf(path: str | os.PathLike[str]) -> Fit:
     Raises
     ------
     InputError
-        If the file is missing, not NetCDF, or not written by this package.
+        If the file is missing, not NetCDF, damaged, or not written by this package; if anything in
+        it leads out of it, or would take more memory than a posterior does.
     """
+    import h5py
+
     if not Path(path).is_file():
         raise InputError(f"{path}: no such file; rule: a posterior written by ridgebayes")
+    content = read_bytes(Path(path))
     try:
-        with xr.open_datatree(path, engine="h5netcdf") as tree:
+        with h5py.File(io.BytesIO(content), "r") as file:
+            check_tree(file, str(path))
+        with xr.open_datatree(io.BytesIO(content), engine="h5netcdf", decode_cf=False) as tree:
             tree.load()
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{path}: not a readable NetCDF file ({error})") from None
+    except InputError:
+        raise
+    # Damage turns up as errors of many kinds, in this and in what is made of the file below.
+    except Exception as error:
+        raise InputError(f"{path}: not a readable NetCDF file ({words_of(error)})") from None
     if "ridgebayes_version" not in tree.attrs:
         raise InputError(f"{path}: no ridgebayes_version attribute; rule: written by ridgebayes")
+    try:
+        return _fit_of(tree)
+    except Exception as error:
+        raise InputError(
+            f"{path}: damaged, not what ridgebayes writes ({words_of(error)}); run again"
+        ) from None
+
+
+def _fit_of(tree: xr.DataTree) -> Fit:
+    """Return the fit in a file; an error of any kind if there is none."""
     constant, observed = tree["constant_data"], tree["observed_data"]
     data = Observations(
         textures=tuple(
@@ -167,10 +202,28 @@ def read_netcdf(path: str | os.PathLike[str]) -> Fit:
         stats["tau"].to_numpy(),
         tuple(json.loads(tree.attrs["stopping_rule_missing"])),
     )
-    return Fit(
-        model,
-        chains,
-        pd.DataFrame(json.loads(tree.attrs["summary"])),
-        tuple(json.loads(tree.attrs["missing"])),
-        int(tree.attrs["seed"]),
-    )
+    summary = pd.DataFrame(json.loads(tree.attrs["summary"]))
+    missing = tuple(json.loads(tree.attrs["missing"]))
+    _check_shapes(data, chains)
+    if list(summary) != _SUMMARY or tuple(summary["parameter"]) != model.parameter_names:
+        raise ValueError("summary of other parameters")
+    summary = summary.astype(dict.fromkeys(_SUMMARY[1:], float))
+    if not all(isinstance(one, str) for one in (*missing, *chains.missing)):
+        raise ValueError("missing is not text")
+    return Fit(model, chains, summary, missing, int(tree.attrs["seed"]))
+
+
+def _check_shapes(data: Observations, chains: Chains) -> None:
+    """Raise ValueError if rows or draws are not of one length, or not numbers."""
+    n, n_texture = len(data.Q), len(data.textures)
+    rows = (data.texture, data.log_load, data.rel_se, data.log_lower, data.is_count)
+    if not n or any(one.shape != (n,) for one in rows) or len(data.labels) != n_texture:
+        raise ValueError("rows of different numbers")
+    if data.texture.min() < 0 or data.texture.max() >= n_texture:
+        raise ValueError("a row of no texture")
+    widths = np.array([data.a_over_R, data.b_over_R])
+    finite = (widths, data.log_load, data.rel_se, chains.u, chains.log_density, chains.acceptance)
+    if not chains.u.size or not all(np.isfinite(one).all() for one in finite):
+        raise ValueError("numbers that are not finite")
+    if not (widths > 0).all():
+        raise ValueError("a width that is not above 0")

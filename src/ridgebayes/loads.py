@@ -8,8 +8,11 @@ from scipy.special import ndtri
 
 from ridgebayes._types import BoolArray, FloatArray, Rng
 from ridgebayes.errors import InputError
-from ridgebayes.qdistribution import seeded
+from ridgebayes.qdistribution import seeded, shares
 from ridgebayes.tails import NormalTail, StudentTail, Tail
+
+_LARGEST_PROB = 1 - 1e-12
+_LARGEST_LOG = 800.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +32,10 @@ class LoadDistribution:
     df : ndarray of float, shape (n_draw,), optional
         Degrees of freedom of each draw's Student errors, infinite for normal ones; all are normal
         if not given.
+
+    Notes
+    -----
+    *Validity.* Where `extrapolation` says so, texture or count lie beyond what was calibrated.
     """
 
     log_mean: FloatArray
@@ -43,9 +50,15 @@ class LoadDistribution:
             object.__setattr__(self, "sd", spread)
 
     def cdf(self, p_over_E: float | FloatArray) -> FloatArray:
-        """Return P(load <= p_over_E), broadcast against the distributions' shape."""
+        """Return P(load <= p_over_E), broadcast against the distributions' shape.
+
+        No load is at or below 0. InputError if a load is NaN.
+        """
+        p = np.asarray(p_over_E, dtype=float)
+        if np.any(np.isnan(p)):
+            raise InputError(f"p_over_E: {p_over_E!r} given; rule: numbers")
         with np.errstate(divide="ignore"):
-            y = np.log(np.asarray(p_over_E, dtype=float))
+            y = np.log(np.maximum(p, 0))
         return self._cdf(np.broadcast_to(y, self.log_mean.shape[1:]))
 
     def mean(self) -> FloatArray:
@@ -57,25 +70,35 @@ class LoadDistribution:
         return self._average(means)
 
     def quantile(self, prob: float) -> FloatArray:
-        """Return the load under which a share `prob` lies, shape (...).
+        """Return the load under which a share `prob` lies, shape (...); infinite beyond floats.
 
         Raises
         ------
         InputError
-            If `prob` is not between 0 and 1.
+            If `prob` is not between 0 and 1, or nearer to 1 than 1e-12, where sums over draws can
+            no longer tell quantiles apart.
         """
-        if not 0 < prob < 1:
-            raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1")
+        if not 0 < prob <= _LARGEST_PROB:
+            raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1, at most 1 - 1e-12")
         if not self.sd.any():
             return np.exp(_weighted_quantile(self.log_mean, self.weight, prob))
-        return np.exp(self._solve(prob))
+        with np.errstate(over="ignore"):
+            return np.exp(self._solve(prob))
 
     def median(self) -> FloatArray:
         """Return the median load p/E, shape (...)."""
         return self.quantile(0.5)
 
     def interval(self, prob: float = 0.9) -> tuple[FloatArray, FloatArray]:
-        """Return the equal-tailed interval of the load, both of shape (...)."""
+        """Return the equal-tailed interval of the load, both of shape (...).
+
+        Raises
+        ------
+        InputError
+            If `prob` is outside 0 to 1, or nearer to 1 than 2e-12.
+        """
+        if not 0 <= prob <= 2 * _LARGEST_PROB - 1:
+            raise InputError(f"prob: {prob!r} given; rule: 0 <= prob < 1, at most 1 - 2e-12")
         return self.quantile(0.5 - prob / 2), self.quantile(0.5 + prob / 2)
 
     def rvs(self, rng: Rng, size: int = 1) -> FloatArray:
@@ -119,28 +142,49 @@ class LoadDistribution:
         value[student] = function(StudentTail(), z[student], df)
         return value
 
+    def _extreme_quantiles(self, prob: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the lowest and the highest standardised quantile of any draw's error."""
+        if self.df is None:
+            z = ndtri(prob)
+            return z, z
+        with np.errstate(invalid="ignore"):
+            ends = [
+                NormalTail().quantile(prob, None)
+                if np.isinf(df)
+                else StudentTail().quantile(prob, df)
+                for df in (self.df.min(), self.df.max())
+            ]
+        return np.minimum(*ends), np.maximum(*ends)
+
     def _solve(self, prob: float) -> FloatArray:
         """Newton's method on the distribution function, kept inside a shrinking bracket."""
         sd = self.sd
         # Infinite loads, of draws that reach no further ridge, have a share but no place.
         finite = np.isfinite(self.log_mean)
         mean = np.where(finite, self.log_mean, 0.0)
-        # Far enough for a t of one degree of freedom at a probability of 1e-6, and for a normal.
-        reach = 9.0 if self.df is None else 3e5
-        low = np.where(finite, mean - reach * sd, np.inf).min(axis=0)
-        high = np.where(finite, mean + reach * sd, -np.inf).max(axis=0)
         share = np.maximum(self._average(finite.astype(float)), 1e-300)
+        # The finite part's quantile lies between the lowest and the highest of its draws' own.
+        reached = prob / share < 1 - 5e-13
+        z_low, z_high = self._extreme_quantiles(np.minimum(prob / share, _LARGEST_PROB))
+        low = np.where(finite, mean + z_low * sd, np.inf).min(axis=0)
+        high = np.where(finite, mean + z_high * sd, -np.inf).max(axis=0)
+        low, high = np.where(reached, low, 0.0), np.where(reached, high, 0.0)
+        # Beyond e^800 there are no floats: such loads are 0 or infinite.
+        low, high = (np.clip(end, -_LARGEST_LOG, _LARGEST_LOG) for end in (low, high))
+        low, high = low - 1e-9 * (1 + np.abs(low)), high + 1e-9 * (1 + np.abs(high))
         centre = self._average(mean) / share
         variance = self._average(np.where(finite, (mean - centre) ** 2 + sd**2, 0.0)) / share
         y = np.clip(centre + ndtri(prob) * np.sqrt(variance), low, high)
-        reached = self._cdf(np.where(share > 1e-9, high, 0.0)) >= prob
         for _ in range(100):
-            excess = self._cdf(y) - prob
+            found = self._cdf(y)
+            excess = found - prob
             low, high = np.where(excess < 0, y, low), np.where(excess >= 0, y, high)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 z = (y - self.log_mean) / sd
                 density = np.where(sd > 0, self._standard_density(z) / sd, 0.0)
-                newton = y - excess / self._average(density)
+                # In its lower tail a distribution function is nearly exponential.
+                step = found * np.log(found / prob) if prob < 0.5 else excess
+                newton = y - step / self._average(density)
             inside = (newton > low) & (newton < high)
             new = np.where(inside, newton, 0.5 * (low + high))
             settled = np.abs(new - y)[reached].max(initial=0.0) < 1e-10
@@ -164,8 +208,13 @@ def mix_loads(parts: Sequence[LoadDistribution], weights: Sequence[float]) -> Lo
     -------
     LoadDistribution
         Flagged as extrapolation wherever a part with weight above 1 % is.
+
+    Raises
+    ------
+    InputError
+        If a weight is negative or not finite, or none is above 0.
     """
-    share = np.asarray(weights, dtype=float) / np.sum(weights)
+    share = shares(weights)
     kept = [(part, weight) for part, weight in zip(parts, share, strict=True) if weight > 1e-9]
     heavy = [part for part, weight in kept if weight > 0.01]
     return LoadDistribution(

@@ -15,10 +15,10 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fit import Fit
 from ridgebayes.forms import PowerLaw, Texture, reduced_load
-from ridgebayes.forms.base import loads, widths
+from ridgebayes.forms.base import even_counts, loads, widths
 from ridgebayes.loads import LoadDistribution
 from ridgebayes.posterior_loads import PosteriorLoads
-from ridgebayes.qdistribution import QDistribution
+from ridgebayes.qdistribution import QDistribution, shares
 from ridgebayes.reached import OfDraws, OfNodes
 
 KINDS = ("curve", "simulation")
@@ -96,7 +96,7 @@ def predict_q(
         _survival(fit, texture, flat_p[here], flat_nu[here], kind, compressed)
         for texture, here in groups
     ]
-    n_step = max(ladder.shape[-1] for ladder, _ in ladders)
+    n_step = max((ladder.shape[-1] for ladder, _ in ladders), default=1)
     survival, outside = np.zeros((p.size, n_step)), np.zeros(p.size, dtype=bool)
     errors = [0.0]
     for (texture, here), (ladder, error) in zip(groups, ladders, strict=True):
@@ -157,9 +157,7 @@ def predict_load(
     True
     """
     _check_kind(kind)
-    a, b, q = np.broadcast_arrays(*widths(a_over_R, b_over_R), np.asarray(Q))
-    if not np.all((q >= 4) & (np.mod(q, 2) == 0)):
-        raise InputError(f"Q: {Q!r} given; rule: even and at least 4")
+    a, b, q = np.broadcast_arrays(*widths(a_over_R, b_over_R), even_counts(Q, least=4))
     part = PosteriorLoads.of(fit, N_LOAD_DRAWS)
     mean, sd = np.empty((len(part.theta), q.size)), np.zeros((len(part.theta), q.size))
     outside = np.zeros(q.size, dtype=bool)
@@ -187,8 +185,13 @@ def mix_q(parts: Sequence[QDistribution], weights: Sequence[float]) -> QDistribu
     -------
     QDistribution
         Flagged as extrapolation wherever a part with weight above 1 % is.
+
+    Raises
+    ------
+    InputError
+        If a weight is negative or not finite, or none is above 0.
     """
-    share = np.asarray(weights, dtype=float) / np.sum(weights)
+    share = shares(weights)
     n_step = max(part.survival.shape[-1] for part in parts)
     survival = np.zeros((*parts[0].survival.shape[:-1], n_step))
     for part, weight in zip(parts, share, strict=True):
@@ -254,6 +257,8 @@ def _widest(texture: Texture) -> int:
 
 def _by_texture(a: FloatArray, b: FloatArray) -> list[tuple[Texture, IntArray]]:
     """Return each distinct texture with the flat indices of its places, by first appearance."""
+    if a.size == 0:
+        return []
     pairs = np.stack([a.ravel(), b.ravel()])
     _, first, codes = np.unique(pairs, axis=1, return_index=True, return_inverse=True)
     order = np.argsort(codes.reshape(-1), kind="stable")

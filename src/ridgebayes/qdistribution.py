@@ -1,5 +1,7 @@
 """`QDistribution`: the distribution of the even count Q at each of many textures and loads."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +27,11 @@ class QDistribution:
         ``simulation`` or ``curve``.
     error : float, optional
         Largest error of a probability as weighted nodes tell it; NaN where draws were averaged.
+
+    Notes
+    -----
+    *Validity.* Where `extrapolation` says so, texture or count lie beyond what was calibrated. The
+    probability of counts beyond the last of `q` is under 1e-6 and set to 0.
 
     Examples
     --------
@@ -58,12 +65,14 @@ class QDistribution:
         """P(Q <= q) for each of `q`, shape (..., n_step)."""
         return 1 - self.survival + self.pmf
 
-    def at_least(self, n: int) -> FloatArray:
-        """Return P(Q >= n), shape (...)."""
-        step = max(-(-(n - 2) // 2), 0)
-        if step >= self.survival.shape[-1]:
+    def at_least(self, n: float) -> FloatArray:
+        """Return P(Q >= n), shape (...); InputError if `n` is NaN."""
+        if math.isnan(n):
+            raise InputError(f"n: {n!r} given; rule: a number")
+        step = max((n - 2) / 2, 0)
+        if step > self.survival.shape[-1] - 1:
             return np.zeros(self.survival.shape[:-1])
-        return self.survival[..., step]
+        return self.survival[..., math.ceil(step)]
 
     def mean(self) -> FloatArray:
         """Return the mean of Q, shape (...)."""
@@ -80,7 +89,7 @@ class QDistribution:
         if not 0 <= prob <= 1:
             raise InputError(f"prob: {prob!r} given; rule: 0 <= prob <= 1")
         # A rounding error of the sum must not push the quantile a step up.
-        reached = self.cdf >= prob - 1e-12
+        reached = self.cdf >= prob * (1 - 1e-12)
         return self.q[np.argmax(reached, axis=-1)]
 
     def median(self) -> IntArray:
@@ -94,7 +103,14 @@ class QDistribution:
         -------
         lower, upper : ndarray of int, shape (...)
             Even counts.
+
+        Raises
+        ------
+        InputError
+            If `prob` is outside 0 to 1.
         """
+        if not 0 <= prob <= 1:
+            raise InputError(f"prob: {prob!r} given; rule: 0 <= prob <= 1")
         return self.quantile(0.5 - prob / 2), self.quantile(0.5 + prob / 2)
 
     def extrapolation(self, prob: float = 0.9) -> BoolArray:
@@ -122,6 +138,14 @@ class QDistribution:
             u = generator.random(self.survival.shape[:-1])
             draws[i] = 2 * np.sum(u[..., None] < self.survival, axis=-1)
         return draws
+
+
+def shares(weights: Sequence[float]) -> FloatArray:
+    """Return weights that sum to 1, or raise InputError where that cannot be."""
+    values = np.asarray(weights, dtype=float)
+    if not (np.all(values >= 0) and 0 < values.sum() < math.inf):
+        raise InputError(f"weights: {weights!r} given; rule: finite, not negative, one above 0")
+    return values / values.sum()
 
 
 def seeded(rng: Rng) -> np.random.Generator:

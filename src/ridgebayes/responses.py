@@ -10,6 +10,7 @@ from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.pressed import Pressed, load_factor, many_pressed
 from ridgebayes.effects import given_profile, plan, texture_label
 from ridgebayes.errors import InputError
+from ridgebayes.forms.base import LARGEST_LOAD
 from ridgebayes.scene import Scene, Texture
 
 RESPONSE_COLUMNS = [
@@ -32,6 +33,7 @@ FORCE_COLUMNS = [
     "share",
     "mean_pressure_over_E",
     "penetration_over_R",
+    "status",
 ]
 
 
@@ -57,13 +59,19 @@ def contact_at_loads(
         Columns texture, p_over_E, Q (ridges in contact), contact_fraction (length in contact
         between its outermost ends), half_width_over_R (half of that distance), approach_over_R
         (relative to the surface at a distance R), penetration_over_R (deepest, into any groove),
-        status.
+        status: other than ``"ok"`` it says what failed, and numbers of that row are not to be used.
 
     Raises
     ------
     InputError
-        If a load is not finite and positive, the solver is unknown, or a texture's offset is
-        ``"uniform"``: see `ridgebayes.contact.sliding.sliding_counts`.
+        If a load is not finite, positive and at most 1e300, the solver is unknown, a texture's
+        offset is ``"uniform"``, see `ridgebayes.contact.sliding.sliding_counts`, or its contact
+        cannot be solved for even roughly.
+
+    Notes
+    -----
+    *Validity.* Small strain and no friction: within 1 % of finite strain up to p/E = 0.015, of
+    moderate grooves. Of contacts of very many ridges nothing is computed, as `status` says.
 
     Examples
     --------
@@ -104,13 +112,25 @@ def ridge_forces(
     pandas.DataFrame
         Columns texture, p_over_E, land (``ridge`` or ``floor``), ridge (its number, or that of
         the ridge to the left of a floor), left_over_R, right_over_R (ends of contact), share (of
-        the load), mean_pressure_over_E, penetration_over_R (into the groove to the right). Of a
-        body that sits symmetrically the right half; its mirror image has the same.
+        the load), mean_pressure_over_E, penetration_over_R (into the groove to the right), status.
+        Of a body that sits symmetrically the right half; its mirror image has the same. A load of
+        which nothing was computed has one row, whose status says why.
+
+    Raises
+    ------
+    InputError
+        As `contact_at_loads`.
+
+    Notes
+    -----
+    *Validity.* As `contact_at_loads`.
     """
     rows = []
     for label, load, found in _solved(scene, p_over_E, solver, rel_tol):
         intervals, profile = found.pressing.intervals, found.profile
         grooves = _penetrations(found)
+        if not found.lands:
+            rows.append([label, load, "", -1, *[math.nan] * 5, found.status])
         for i, (land, force) in enumerate(
             zip(found.lands, found.pressing.forces.tolist(), strict=True)
         ):
@@ -130,6 +150,7 @@ def ridge_forces(
                     share,
                     2 * load * share / width,
                     grooves.get(number, math.nan),
+                    found.status,
                 ]
             )
     return pd.DataFrame(rows, columns=FORCE_COLUMNS)
@@ -139,9 +160,11 @@ def _solved(
     scene: Scene, p_over_E: ArrayLike, solver: str, rel_tol: float
 ) -> list[tuple[str, float, Pressed]]:
     loads = np.atleast_1d(np.asarray(p_over_E, dtype=np.float64))
-    if not np.all((loads > 0) & np.isfinite(loads)):
-        bad = loads[~((loads > 0) & np.isfinite(loads))][0]
-        raise InputError(f"p_over_E = {bad}; rule: finite and > 0")
+    within = (loads > 0) & (loads <= LARGEST_LOAD)
+    if not np.all(within):
+        raise InputError(
+            f"p_over_E = {loads[~within][0]}; rule: finite and > 0, at most {LARGEST_LOAD:g}"
+        )
     if solver not in ("auto", "half-plane"):
         raise InputError(f"solver = {solver!r}; rule: auto or half-plane")
     found = []

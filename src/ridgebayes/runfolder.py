@@ -1,5 +1,6 @@
 """The folder of one run: what is in it, how it is written whole or not at all, and read back."""
 
+import io
 import json
 import os
 import platform
@@ -18,18 +19,24 @@ from ridgebayes.bayes_factors import BAYES_FACTOR_COLUMNS, EVIDENCE_COLUMNS
 from ridgebayes.comparison import Comparison
 from ridgebayes.costs.measured import SHORT_COLUMNS
 from ridgebayes.coverage import COVERAGE_COLUMNS
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import InputError, OutputError, RidgebayesError
 from ridgebayes.fit import Fit
+from ridgebayes.forms import FORMS
 from ridgebayes.left_out import LEFT_OUT_COLUMNS
+from ridgebayes.locks import only_one
 from ridgebayes.noise import Noise
+from ridgebayes.reading import LARGEST_TEXT, read_bytes, words_of
 from ridgebayes.scores import LOO_COLUMNS
 from ridgebayes.sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.table import read_table
+from ridgebayes.table_findings import clipped
 
 RUN_JSON = "run.json"
 REFERENCE = "reference-fe"
 LEFT_OUT, COVERAGE, COST = "left_out.csv", "coverage.csv", "costs.csv"
 CHAINS = "chains-*.h5"
+_FORM = ("form", "form_a", "form_b")  # columns of forms of the run
+_TEXT = (*_FORM, "noise", "method", "status", "reading", "prior", "leave", "failed", "task")
 _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray", "matplotlib")
 
 
@@ -58,7 +65,10 @@ def new_folder(
     Raises
     ------
     InputError
-        If `path` exists and is not to be, or may not be, replaced; if it cannot be created.
+        If `path` exists and is not to be, or may not be, replaced; if it cannot be created; if
+        another process is making it.
+    OutputError
+        If it cannot be written to on the way, such as on a full disk, or is gone.
 
     Notes
     -----
@@ -66,6 +76,19 @@ def new_folder(
     partial folder, whose files are whole, for `resume`.
     """
     path = path.absolute()
+    _refuse_occupied(path, force, about)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"{path}: cannot be created (Not a directory)") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be created ({error.strerror})") from None
+    with only_one(path):
+        _refuse_occupied(path, force, about)  # another process may have made it by now
+        yield from _made(path, resume)
+
+
+def _refuse_occupied(path: Path, force: bool, about: str) -> None:
     if os.path.lexists(path):  # a link that leads nowhere is in the way as well
         if not force:
             raise InputError(f"{path}: exists; rule: another -o, or --force to replace it")
@@ -73,6 +96,10 @@ def new_folder(
             raise InputError(
                 f"{path}: not a run folder (no {about} in it); rule: --force replaces only those"
             )
+
+
+def _made(path: Path, resume: bool) -> Iterator[Path]:
+    """Give the partial folder, and then its name to it: what `new_folder` does under its lock."""
     partial = path.with_name(f".{path.name}.partial")
     try:
         resumed = resume and partial.is_dir()
@@ -85,30 +112,46 @@ def new_folder(
         raise InputError(f"{path}: cannot be created ({error.strerror})") from None
     try:
         yield partial
-    except InputError:
-        if not resumed:
-            shutil.rmtree(partial)
-        raise
-    except ComputationError:
-        if not any(partial.iterdir()):
+        _name(partial, path)
+    except (RidgebayesError, OSError) as error:
+        if not partial.is_dir():
+            raise OutputError(
+                f"{path}: its folder {partial} is gone; rule: leave it alone until the end"
+            ) from None
+        if isinstance(error, InputError):
+            if not resumed:
+                shutil.rmtree(partial, ignore_errors=True)
+        elif not any(partial.iterdir()):
             partial.rmdir()
+        elif isinstance(error, OutputError):
+            raise OutputError(f"{error}; what is finished is kept in {partial}") from None
         raise
+
+
+def _name(partial: Path, path: Path) -> None:
+    """Give a folder that is done its final name, in place of one that has it."""
     for chains in partial.rglob(CHAINS):
         chains.unlink()
+    old = path.with_name(f".{path.name}.old")
     if path.exists():
-        old = path.with_name(f".{path.name}.old")
         shutil.rmtree(old, ignore_errors=True)
         path.rename(old)
+    try:
         partial.rename(path)
-        shutil.rmtree(old)
-    else:
-        partial.rename(path)
+    except OSError:
+        if old.is_dir():
+            old.rename(path)
+        raise
+    shutil.rmtree(old, ignore_errors=True)  # also one that a killed process left
 
 
 def _keep_only_chains(folder: Path) -> None:
     """Remove what an earlier run finished: all but the chains is made again, and the same."""
-    for path in folder.rglob("*"):
-        if path.is_file() and not path.match(CHAINS):
+    for path in sorted(folder.rglob("*"), reverse=True):  # what is in a folder before it
+        if path.is_dir() and not path.is_symlink():
+            if not any(path.iterdir()):
+                path.rmdir()
+        elif not path.match(CHAINS):
             path.unlink()
 
 
@@ -226,9 +269,9 @@ def read_run(folder: Path) -> Comparison:
         If it is not a run folder, or a file in it is missing or damaged.
     """
     about = _read_about(folder)
-    failures = about["verdicts"]["failures"]
+    failures, forms = about["verdicts"]["failures"], about["forms"]
     fits = {}
-    for name in about["forms"]:
+    for name in forms:
         if name not in failures:
             path = folder / f"posterior-{name}.nc"
             fits[name] = Fit.from_netcdf(path)
@@ -238,15 +281,15 @@ def read_run(folder: Path) -> Comparison:
         replace(read_table(folder / "table.csv"), where=about["table"]),
         Noise.named(about["noise"]),
         fits,
-        _read_csv(folder / "evidence.csv", EVIDENCE_COLUMNS),
-        _read_csv(folder / "bayes_factors.csv", BAYES_FACTOR_COLUMNS, optional=True),
-        _read_csv(folder / "loo.csv", LOO_COLUMNS, optional=True),
-        _read_csv(folder / "prior_sensitivity.csv", SENSITIVITY_COLUMNS, optional=True),
+        _read_csv(folder / "evidence.csv", EVIDENCE_COLUMNS, forms),
+        _read_csv(folder / "bayes_factors.csv", BAYES_FACTOR_COLUMNS, forms, optional=True),
+        _read_csv(folder / "loo.csv", LOO_COLUMNS, forms, optional=True),
+        _read_csv(folder / "prior_sensitivity.csv", SENSITIVITY_COLUMNS, forms, optional=True),
         failures,
-        _read_csv(folder / LEFT_OUT, LEFT_OUT_COLUMNS, optional=True),
-        _read_csv(folder / COVERAGE, COVERAGE_COLUMNS, optional=True),
+        _read_csv(folder / LEFT_OUT, LEFT_OUT_COLUMNS, forms, optional=True),
+        _read_csv(folder / COVERAGE, COVERAGE_COLUMNS, forms, optional=True),
         about["accuracy"],
-        _read_csv(folder / COST, SHORT_COLUMNS, optional=True),
+        _read_csv(folder / COST, SHORT_COLUMNS, forms, optional=True),
     )
 
 
@@ -254,32 +297,56 @@ def _read_about(folder: Path) -> dict[str, Any]:
     path = folder / RUN_JSON
     if not path.is_file():
         raise InputError(f"{folder}: no {RUN_JSON} in it; rule: a folder written by ridgebayes")
+    content = read_bytes(path, LARGEST_TEXT)
     try:
-        about = json.loads(path.read_text(encoding="utf-8"))
+        about = json.loads(content.decode("utf-8"))
         named = [about["forms"], about["table"], about["noise"], about["accuracy"]]
         named.append(about["verdicts"]["failures"])
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: damaged, not JSON ({error}); run again") from None
+    # Thousands of brackets in each other: RecursionError.
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: damaged, not JSON ({words_of(error)}); run again") from None
     except KeyError as error:
         raise InputError(f"{path}: damaged, key {error} is missing; run again") from None
     except TypeError:
         raise InputError(f"{path}: damaged, not what ridgebayes writes; run again") from None
-    if not all(map(isinstance, named, (list, str, str, str, dict))):
+    failures = about["verdicts"]["failures"]
+    if not all(map(isinstance, named, (list, str, str, str, dict))) or not all(
+        isinstance(one, str) for one in (*about["forms"], *failures, *failures.values())
+    ):
         raise InputError(f"{path}: damaged, not what ridgebayes writes; run again")
+    for name in about["forms"]:  # part of a file's name below, which must not lead elsewhere
+        if name not in FORMS:
+            raise InputError(f"{path}: form {clipped(name)}; rule: one of {', '.join(FORMS)}")
     return about
 
 
-def _read_csv(path: Path, columns: Sequence[str], *, optional: bool = False) -> pd.DataFrame:
-    if optional and not path.is_file():
-        return pd.DataFrame(columns=list(columns))
+def _read_csv(
+    path: Path, columns: Sequence[str], forms: Sequence[str], *, optional: bool = False
+) -> pd.DataFrame:
+    """Read a frame that was written here: its columns, of their kinds, on forms of the run."""
+    if not path.is_file():
+        if optional:
+            return pd.DataFrame(columns=list(columns))
+        raise InputError(f"{path}: missing or damaged (no such file); run again")
     try:
-        frame = pd.read_csv(path, dtype={"failed": "str"})
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: missing or damaged ({error}); run again") from None
-    if list(frame.columns) != list(columns) or frame[columns[0]].isna().any():
+        frame = pd.read_csv(io.BytesIO(read_bytes(path)), dtype=dict.fromkeys(_TEXT, "str"))
+    except (ValueError, OverflowError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: missing or damaged ({words_of(error)}); run again") from None
+    if list(frame.columns) != list(columns):
         raise InputError(f"{path}: damaged; rule: columns {', '.join(columns)}; run again")
     if "failed" in frame:  # no failure is an empty text, not a missing one
         frame["failed"] = frame["failed"].fillna("")
+    for name in columns:
+        cells = frame[name]
+        if name in _TEXT:
+            bad = cells.isna() if name not in _FORM else ~cells.isin(forms)
+            if bad.any():
+                shown = clipped(str(cells[bad].iloc[0]))
+                raise InputError(f"{path}: damaged, {name} {shown}; run again")
+        elif len(frame) and cells.dtype.kind not in ("b" if name == "used" else "iuf"):
+            raise InputError(f"{path}: damaged, {name} is not all numbers; run again")
     return frame
 
 

@@ -16,6 +16,9 @@ from pydantic import (
 )
 
 from ridgebayes.errors import InputError
+from ridgebayes.forms.base import LARGEST_WIDTH, LEAST_WIDTH
+
+_LONGEST = 200  # characters of a value in messages
 
 
 def _offset(raw: object) -> float | str:
@@ -54,7 +57,7 @@ class Texture(_Record):
     Attributes
     ----------
     a_over_R, b_over_R : float, scalar, dimensionless
-        Ridge and groove width.
+        Ridge and groove width, 1e-50 to 1e50.
     groove_depth_over_R : float or None, scalar, dimensionless
         None is a groove too deep to be touched.
     corner_radius_over_R : float, scalar, dimensionless
@@ -76,7 +79,12 @@ class Texture(_Record):
     max_p_over_E: Positive | None = None
 
     @model_validator(mode="after")
-    def _corners_fit(self) -> "Texture":
+    def _shape_fits(self) -> "Texture":
+        for name, width in (("a_over_R", self.a_over_R), ("b_over_R", self.b_over_R)):
+            if not LEAST_WIDTH <= width <= LARGEST_WIDTH:
+                raise ValueError(
+                    f"{name} = {width!r}: must be from {LEAST_WIDTH:g} to {LARGEST_WIDTH:g}"
+                )
         corner, depth = self.corner_radius_over_R, self.groove_depth_over_R
         if corner > 0.5 * self.a_over_R:
             raise ValueError(
@@ -264,8 +272,18 @@ def findings(error: ValidationError, where: str) -> list[str]:
             rule = "unknown key"
         elif found["type"] == "missing":
             rule = "missing; rule: it must be given"
-        shown = "" if found["type"] == "missing" else f" = {found['input']!r}"
+        shown = "" if found["type"] == "missing" else f" = {_shown(found['input'])}"
         # A rule between several keys names them itself.
         about = f"{key}{shown}: " if key else ""
         lines.append(f"{where}: {about}{rule[:1].lower()}{rule[1:]}")
     return lines
+
+
+def _shown(value: object) -> str:
+    """Return a value of a file as messages show it."""
+    try:
+        text = repr(value)
+    # Thousands of tables in each other, or an integer of thousands of digits.
+    except (RecursionError, ValueError):
+        return "what is too deep or too long"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."

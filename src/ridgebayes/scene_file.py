@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationErr
 
 from ridgebayes._types import Json
 from ridgebayes.errors import InputError
+from ridgebayes.reading import LARGEST_TEXT, read_bytes, words_of
 from ridgebayes.scene import (
     NotNegative,
     Offset,
@@ -135,11 +136,15 @@ def read_scene_file(path: Path) -> Json:
     Without units a missing radius is 1. Without any load, p/E goes to the 0.02 of the study.
     """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        path.stat()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file in UTF-8: {error}") from None
+    content = read_bytes(path, LARGEST_TEXT)
+    try:
+        data = tomllib.loads(content.decode("utf-8"))
+    # A thousand brackets in each other: RecursionError.
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not a TOML file in UTF-8: {words_of(error)}") from None
     single = isinstance(data.get("texture"), dict)
     try:
         scene = _SceneFile(**{**data, "texture": [data["texture"]]} if single else data)

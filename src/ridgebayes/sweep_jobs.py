@@ -4,13 +4,14 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 from ridgebayes import generation
 from ridgebayes.effects import Plan, plan
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.journal import Journal
+from ridgebayes.locks import only_one
 from ridgebayes.ordered import in_order
 from ridgebayes.progress import Progress
 from ridgebayes.scene import Scene
@@ -59,18 +60,38 @@ def sweep_job(
     ------
     InputError
         As `ridgebayes.generate` and `executor_for` do, or if there is a journal and it is neither
-        to be resumed nor dropped. Nothing is left behind then, but with `resume` what is finished.
+        to be resumed nor dropped, or if another process writes the same table. Nothing is left
+        behind then, but with `resume` what is finished.
     ComputationError
         If workers die. What is finished stays in the journal.
+    OutputError
+        If the disk is full. What is finished stays in the journal.
     """
     check_name(out)
+    with only_one(out):
+        return _swept(
+            out, scene, solver, rel_tol, accuracy, executor_for(workers, scheduler), resume, force
+        )
+
+
+def _swept(
+    out: Path,
+    scene: Scene,
+    solver: str,
+    rel_tol: float | None,
+    accuracy: str,
+    who: AbstractContextManager[Executor | None],
+    resume: bool,
+    force: bool,
+) -> tuple[ContactTable, list[str]]:
+    """Do what `sweep_job` does, with the lock held."""
     journal = journal_of(out)
     if journal.exists() and not resume and not force:
         raise InputError(
             f"{journal.folder}: an earlier sweep left it; rule: --resume to go on, or --force to "
             "begin anew"
         )
-    with executor_for(workers, scheduler) as executor:
+    with who as executor:
         if not resume:
             journal.remove()
         with _kept(journal, len(scene.textures), resume), _told() as tell:
@@ -86,7 +107,7 @@ def sweep_job(
         left_out = _left_out(scene, solver, executor)
     try:
         table.write(out)
-    except InputError:  # a full disk, after all that work
+    except RidgebayesError:  # a full disk, after all that work
         _say_kept(journal, len(scene.textures))
         raise
     journal.remove()
@@ -107,10 +128,11 @@ def fields_job(
     check_name(out)
     from ridgebayes.field_files import generate_fields
 
-    table = generate_fields(
-        scene, folder, solver=solver, rel_tol=rel_tol, accuracy=accuracy, force=force
-    )
-    table.write(out)
+    with only_one(out):
+        table = generate_fields(
+            scene, folder, solver=solver, rel_tol=rel_tol, accuracy=accuracy, force=force
+        )
+        table.write(out)
     return table, _left_out(scene, solver, None)
 
 

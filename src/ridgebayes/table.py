@@ -146,7 +146,9 @@ class ContactTable:
         Raises
         ------
         InputError
-            If the suffix is unknown, the folder cannot be written to, or pyarrow is missing.
+            If the suffix is unknown, the folder does not exist, or pyarrow is missing.
+        OutputError
+            If the file cannot be written, such as on a full disk.
         """
         frame = self._frame
         silent = [

@@ -28,6 +28,7 @@ class Column:
 TRANSITION, COUNT = "transition", "count"
 CALIBRATION, HELD_OUT = "calibration", "held-out"
 OK = "ok"
+_MOST_NAMED, _LONGEST = 50, 80  # columns that messages list, and characters of each
 LARGEST_Q = 2**53  # beyond it a Q read as a float is no longer a definite integer
 
 COLUMNS = (
@@ -119,18 +120,23 @@ def check_header(names: Sequence[Any], where: str) -> None:
     ridgebayes.errors.InputError: fea.csv, header: missing column p_over_E;
     the columns are 'a_over_R', 'b_over_R', 'Q', 'p'
     """
-    there = ", ".join(repr(name) for name in names) or "none"
+    there = ", ".join(repr(name)[:_LONGEST] for name in names[:_MOST_NAMED]) or "none"
+    if len(names) > _MOST_NAMED:
+        there += f" and {len(names) - _MOST_NAMED} more"
+    before: set[str] = set()
     for i, name in enumerate(names, start=1):
+        shown = repr(name)[:_LONGEST]
         if not isinstance(name, str) or not name:
             raise InputError(
-                f"{where}, header: column {i} = {name!r}: must have a name, as text; "
+                f"{where}, header: column {i} = {shown}: must have a name, as text; "
                 f"the columns are {there}"
             )
-        if name in names[: i - 1]:
+        if name in before:
             raise InputError(
-                f"{where}, header: column {i} = {name!r}: each column must stand once; "
+                f"{where}, header: column {i} = {shown}: each column must stand once; "
                 f"the columns are {there}"
             )
+        before.add(name)
     if missing := [name for name in REQUIRED if name not in names]:
         columns = "column" if len(missing) == 1 else "columns"
         hint = " (columns are separated by commas)" if ";" in there or "\\t" in there else ""

@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,13 @@ import pandas as pd
 
 from ridgebayes.atomic import replacing
 from ridgebayes.errors import InputError
+from ridgebayes.reading import read_bytes, words_of
 from ridgebayes.table_columns import NAMES
 from ridgebayes.table_csv import raw_csv
 from ridgebayes.table_findings import RawTable
 
 SUFFIXES = (".csv", ".parquet")
+MOST_CELLS = 10**8  # of Parquet: a small file of repeated values may hold any number of rows
 
 
 def read_raw(path: Path) -> RawTable:
@@ -39,14 +42,10 @@ def read_raw(path: Path) -> RawTable:
         missing or refuses the file.
     """
     suffix = _suffix(path)
-    try:
+    with suppress(OSError):  # which is told of below
         if path.is_dir():
             raise InputError(f"{path}: is a folder, not a table file")
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    content = read_bytes(path)
     return _parquet(content, str(path)) if suffix == ".parquet" else raw_csv(content, str(path))
 
 
@@ -80,19 +79,18 @@ def write_frame(frame: pd.DataFrame, path: Path) -> None:
     Raises
     ------
     InputError
-        If the suffix is unknown, the folder cannot be written to, or pyarrow is missing.
+        If the suffix is unknown, the folder does not exist, or pyarrow is missing.
+    OutputError
+        If the file cannot be written, such as on a full disk.
     """
     suffix = _suffix(path)
     if suffix == ".parquet":
         _pyarrow(str(path))
-    try:
-        with replacing(path) as part:
-            if suffix == ".csv":
-                frame.to_csv(part, index=False, lineterminator="\n", encoding="utf-8")
-            else:
-                frame.to_parquet(part, index=False, engine="pyarrow")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    with replacing(path) as part:
+        if suffix == ".csv":
+            frame.to_csv(part, index=False, lineterminator="\n", encoding="utf-8")
+        else:
+            frame.to_parquet(part, index=False, engine="pyarrow")
 
 
 def frame_digest(frame: pd.DataFrame) -> str:
@@ -145,11 +143,21 @@ def _pyarrow(where: str) -> Any:
 def _parquet(content: bytes, where: str) -> RawTable:
     pyarrow = _pyarrow(where)
     try:
-        table = pyarrow.parquet.read_table(io.BytesIO(content))
-    except (pyarrow.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"{where}: not a readable Parquet file: {reason}") from None
-    frame = table.to_pandas()
+        file = pyarrow.parquet.ParquetFile(io.BytesIO(content))
+        width = max(len(file.schema_arrow), 1)
+        # Of each group: the total that a file states may be wrong.
+        groups = range(file.metadata.num_row_groups)
+        n_row = sum(file.metadata.row_group(i).num_rows for i in groups)
+        if n_row * width > MOST_CELLS:
+            raise InputError(
+                f"{where}: {n_row} rows of {width} columns; rule: at most {MOST_CELLS} cells"
+            )
+        frame = file.read().to_pandas()
+    except InputError:
+        raise
+    # pyarrow and pandas let out exceptions of many kinds on what is no Parquet file of a table.
+    except Exception as error:
+        raise InputError(f"{where}: not a readable Parquet file: {words_of(error)}") from None
     # A named index is a column that another program set apart (pandas keeps 4, 6, 8 as a range
     # outside the columns); one without a name only counts rows.
     named = [name for name in frame.index.names if name is not None]

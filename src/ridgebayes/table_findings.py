@@ -1,5 +1,6 @@
 """Where a cell came from, which cells break a rule, and the one message that lists them all."""
 
+import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,7 @@ import pandas as pd
 
 from ridgebayes._types import BoolArray, IntArray
 
+_UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # controls, such as those of writing right to left
 SHOWN = 20  # a message a person can still read; the rest is counted
 
 
@@ -47,6 +49,21 @@ def clipped(text: str) -> str:
     '0.01;0.02' 'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...'
     """
     return repr(text if len(text) <= 60 else f"{text[:57]}...")
+
+
+def visible(text: str) -> str:
+    r"""Return text with characters that do not show, or turn what follows, as their codes.
+
+    Examples
+    --------
+    >>> print(visible("a\u202eb"), visible("naïve 字"))
+    a\u202eb naïve 字
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(
+        ascii(c)[1:-1] if unicodedata.category(c) in _UNSEEN and c != "\n" else c for c in text
+    )
 
 
 class Findings:

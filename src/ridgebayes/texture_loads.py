@@ -193,11 +193,12 @@ def _events(profile: Profile, scene: Scene, p_max: float, rel_tol: float) -> _Ro
     """Return the transitions of any profile up to the load: a table holds those from Q = 4 on."""
     factor = load_factor(scene.nu)
     found = reaching_loads(profile, W_max=factor * p_max, n_max=_MAX_TRANSITIONS, rel_tol=rel_tol)
-    keep = found.Q >= 4
+    failed = np.array([text != "ok" for text in found.status], dtype=bool)
+    keep = (found.Q >= 4) | failed
     if not keep.any():
         raise InputError(f"no transition to 4 edges or more under p/E = {p_max!r}")
     status = tuple(text for text, kept in zip(found.status, keep, strict=True) if kept)
-    return found.Q[keep], found.W[keep] / factor, status
+    return np.maximum(found.Q, 4)[keep], found.W[keep] / factor, status
 
 
 def _elements(

@@ -1,1 +1,405 @@
 """Hard cases of prediction: far from the data, and very many points."""
+
+import functools
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+from scipy.special import ndtr
+
+import ridgebayes as rb
+from ridgebayes.accuracies import QUICK
+from ridgebayes.bands import bands_table
+from ridgebayes.forms import Form
+from ridgebayes.importance import importance_fit
+from ridgebayes.likelihood import Model
+from ridgebayes.loads import mix_loads
+from ridgebayes.noise import Noise
+from ridgebayes.observations import Observations
+from ridgebayes.predict import mix_q, predict_q
+from ridgebayes.priors import default_priors
+from ridgebayes.sample import Chains
+from tests.hard_cases.case import hard_case, refused
+
+FAR = ((1e-6, 1.0), (1.0, 1e-6), (0.012, 0.09), (0.09, 0.01))
+NEAR = ((0.022, 0.02), (0.025, 0.015))
+
+
+@functools.cache
+def fitted(name: str, noise: str = "iid") -> rb.Fit:
+    forms = {form.name: form for form in (rb.Classic(), rb.Modified(), rb.Hybrid(), rb.PowerLaw())}
+    return rb.calibrate(rb.paper_sweep(), forms[name], noise=noise, rng=1)
+
+
+@functools.cache
+def weighed() -> rb.Comparison:
+    return rb.compare(
+        rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], rng=1, scores=False, accuracy=QUICK
+    )
+
+
+def single_draw(form: Form, noise: str, theta: list[float]) -> rb.Fit:
+    """A fit to the paper's sweep whose posterior is a single point, without sampling."""
+    data = Observations.from_table(rb.paper_sweep())
+    model = Model(data, form, Noise.named(noise))
+    u = model.to_unconstrained(np.array(theta)).reshape(1, 1, 1, -1)
+    chains = Chains(u, model.log_density(u), np.ones(1), np.ones(u.shape[-1] + 1), ())
+    return rb.Fit(model, chains, pd.DataFrame(), (), 1)
+
+
+def sum_of_normals(log_load, sd, p):
+    """P(load <= p), averaged over draws one by one, from their log loads (n_draw,)."""
+    return float(np.mean(ndtr((math.log(p) - log_load) / sd)))
+
+
+@hard_case(
+    "textures far outside the calibrated range",
+    why="A form answers for any texture: a band of 2 % at a groove a million times the ridge is "
+    "the same colour as one between two calibrated textures.",
+    expected="flagged by predict, predict_load, every row of bands and the page of the report; "
+    "textures and counts inside are not",
+)
+def textures_far_outside(folder):
+    for name in ("classic", "modified", "hybrid"):
+        for texture in FAR:
+            assert bool(fitted(name).predict(*texture, 0.005).extrapolation())
+            assert bool(fitted(name).predict_load(*texture, 6).extrapolation)
+        for texture in NEAR:
+            assert not fitted(name).predict(*texture, [0.001, 0.009]).extrapolation().any()
+            assert not fitted(name).predict_load(*texture, [4, 6, 8]).extrapolation.any()
+    assert bool(fitted("hybrid").predict(0.022, 0.02, 0.2).extrapolation())  # by Q alone
+    assert bool(fitted("hybrid").predict_load(0.022, 0.02, 100).extrapolation)
+    bands = bands_table(
+        weighed(), textures=[FAR[0], FAR[2], NEAR[0]], loads=np.array([0.0005, 0.005])
+    )
+    flagged = bands.groupby(["form", "a_over_R"])["extrapolation"].agg(["all", "any"])
+    for (form, a), row in flagged.iterrows():
+        assert bool(row["all"]) == bool(row["any"]) == (a != NEAR[0][0]), (form, a)
+    rb.write_report(weighed(), folder / "report.html")
+    assert "extrapolat" in (folder / "report.html").read_text(encoding="utf-8").lower()
+    n_flagged = int(bands["extrapolation"].sum())
+    return f"{len(FAR)} textures flagged by 3 forms, {n_flagged} rows of bands; 2 others are not"
+
+
+@hard_case(
+    "load zero, 5e-324 and 1e-300",
+    why="The logarithm of the load is -inf, and inf times 0 is NaN in an average.",
+    expected="Q = 2 with probability 1 (exact) by every form and both kinds; no load is at or "
+    "below 0",
+)
+def load_of_zero():
+    for name in ("classic", "modified", "hybrid", "power-law"):
+        for kind in ("simulation", "curve"):
+            q = fitted(name).predict(0.022, 0.02, [0.0, 5e-324, 1e-300, 0.009], kind=kind)
+            assert q.pmf[:3, 0].tolist() == [1.0, 1.0, 1.0]
+            assert q.mean()[:3].tolist() == [2.0, 2.0, 2.0]
+            assert q.at_least(4)[3] > 0.5
+        load = fitted(name).predict_load(0.022, 0.02, 4)
+        assert [float(load.cdf(p)) for p in (-1.0, 0.0, 1e-300)] == [0.0, 0.0, 0.0]
+    refused(lambda: load.cdf(math.nan), rb.InputError, "p_over_E: nan")
+    return "probability 1 of Q = 2 by 4 forms"
+
+
+@hard_case(
+    "loads so large that counts pass 20,000 and 2^52",
+    why="A ladder of probabilities up to the count in question fills the memory; floats stop "
+    "telling counts apart.",
+    expected="refused, naming the limit; loads of counts up to 2^53 are answered: that of 10^15 "
+    "edges within 5 standard errors of its closed form, beyond refused",
+)
+def loads_beyond_counts():
+    fit = fitted("modified")
+    words = refused(lambda: fit.predict(0.022, 0.02, 1e30), rb.InputError, "counts above 20000")
+    refused(lambda: fit.predict(0.022, 0.02, 1.7e308), rb.InputError, "p_over_E: 1.7e+308")
+    refused(lambda: fit.predict(0.022, 0.02, math.inf), rb.InputError, "p_over_E: inf")
+    for bad in (2**53 + 2.0, 1e300, math.inf, math.nan, 5, 2):
+        refused(lambda q=bad: fit.predict_load(0.022, 0.02, q), rb.InputError, "Q:", "at least 4")
+    median = float(fit.predict_load(0.022, 0.02, 10**15).median())
+    c = fit.summary["mean"].iloc[0]
+    expected = ((10**15 / 2 - 1) * 0.042 / c) ** 2
+    se = fit.summary["sd"].iloc[0] / c * 2
+    assert abs(math.log(median / expected)) < 5 * se
+    return f"10^15 edges at p/E of {median:.2e}; {words}"
+
+
+@hard_case(
+    "10^6 loads: 250 textures times 4000",
+    why="Draws times textures times loads are 10^10 numbers of 8 bytes.",
+    expected="answered in under 1 GB of peak memory, whole process; each probability within its "
+    "own error and 0.01 of 10,240 draws at 50 places",
+)
+def a_million_loads():
+    work = """
+import json, resource, sys, numpy as np, ridgebayes as rb
+from ridgebayes.predict import predict_q
+fit = rb.calibrate(rb.paper_sweep(), rb.Modified(), rng=1)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+share, pitch = np.linspace(0.3, 0.7, 250), np.linspace(0.03, 0.06, 250)
+a, b = (share * pitch)[:, None], ((1 - share) * pitch)[:, None]
+p = np.linspace(1e-4, 0.012, 4000)[None]
+q = predict_q(fit, a, b, p, compressed=True)
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+few = np.s_[::50, ::400]
+some = predict_q(fit, a[::50], b[::50], p[:, ::400])
+gap = max(abs(q.at_least(n)[few] - some.at_least(n)).max() for n in range(4, 12, 2))
+sums = float(abs(q.pmf.sum(axis=-1) - 1).max())
+unit = 1 if sys.platform == "darwin" else 1024
+print(json.dumps([q.survival.shape[:-1], peak * unit, q.error, float(gap), sums]))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", work], check=True, capture_output=True, text=True, timeout=300
+    )
+    shape, peak, error, gap, sums = json.loads(done.stdout)
+    assert shape == [250, 4000]
+    assert peak < 1e9
+    assert sums < 1e-12
+    assert gap < error + 0.01
+    return "10^6 distributions in under 1 GB, errors as promised"
+
+
+@hard_case(
+    "half of the posterior's draws have no positive rate at a new texture",
+    why="A negative rate squares to a load that looks right; an infinite load turns averages and "
+    "quantiles into NaN.",
+    expected="P(Q >= 4) is the average over draws one by one, 0 for those (rounding); quantiles "
+    "beyond the share that gets there are infinite, those below solve the distribution to 1e-8",
+)
+def rates_below_zero():
+    a, b = 1e-5, 0.05
+    rng = np.random.default_rng(3)
+    everything = np.array([(a, b) for a in (0.012, 0.022, 0.032) for b in (0.01, 0.02, 0.03)])
+    A, B, Q = (x.ravel() for x in np.broadcast_arrays(*everything.T[:, :, None], [[4, 6, 8]]))
+    p = rb.Hybrid().load(Q, A, B, [1.38, -0.006]) * np.exp(0.02 * rng.standard_normal(len(Q)))
+    table = rb.read_table(pd.DataFrame({"a_over_R": A, "b_over_R": B, "Q": Q, "p_over_E": p}))
+    fit = rb.calibrate(table, rb.Hybrid(), priors={"c2": rb.Normal(0.0, 0.05)}, rng=1)
+    c1, c2, sigma = fit.draws.T
+    rate = c1 / (a + b) + c2 / a
+    lost = float(np.mean(rate <= 0))
+    assert 0.02 < lost < 0.98
+    log_load = np.where(rate > 0, -2 * np.log(np.where(rate > 0, rate, 1.0)), np.inf)
+    q = fit.predict(a, b, [1e-7, 1e-5, 1e-3])
+    expected = [sum_of_normals(log_load, sigma, p) for p in (1e-7, 1e-5, 1e-3)]
+    np.testing.assert_allclose(q.at_least(4), expected, rtol=1e-10)
+    load = fit.predict_load(a, b, 4)
+    never = 1 - float(load.cdf(1e300))
+    assert never == pytest.approx(lost, abs=0.03)  # every fourth draw
+    assert load.quantile(1 - never / 2) == math.inf
+    for prob in (0.01, 0.5 * (1 - never), 0.99 * (1 - never)):
+        assert float(load.cdf(load.quantile(prob))) == pytest.approx(prob, rel=1e-7)
+    assert bool(load.extrapolation)
+    return f"{lost:.0%} of the draws never reach a further ridge; P(Q >= 4) tends to {1 - lost:.2f}"
+
+
+@hard_case(
+    "a power law asked for a texture it has no K for",
+    why="The nearest texture's K, or the mean of all, would look like an answer.",
+    expected="the form refuses; a fit answers from the prior of K, flagged: median and 90 % "
+    "interval of the load within 4 Monte Carlo standard errors of the prior's closed form",
+)
+def power_law_without_a_k():
+    fit, texture = fitted("power-law"), (0.02, 0.017)
+    words = refused(
+        lambda: fit.form.load(4, *texture, fit.draws[0, :9]), rb.InputError, "no K for texture"
+    )
+    load = fit.predict_load(*texture, 8, kind="curve")
+    assert bool(load.extrapolation)
+    assert bool(fit.predict(*texture, 0.005).extrapolation())
+    form = rb.PowerLaw().bind((texture,))
+    prior = default_priors(form)[form.parameter_names[0]]
+    n = len(load.weight)
+    for prob in (0.05, 0.5, 0.95):
+        expected = 2 * math.log(6) - 2 * (
+            math.log(prior.median) + prior.log_sd * stats.norm.ppf(1 - prob)
+        )
+        density = stats.norm.pdf(stats.norm.ppf(prob)) / (2 * prior.log_sd)
+        se = math.sqrt(prob * (1 - prob) / n) / density
+        assert abs(math.log(load.quantile(prob)) - expected) < 4 * se
+    return f"from the prior, flagged; the form {words}"
+
+
+@hard_case(
+    "one posterior draw, its loads hit exactly and missed by an ulp",
+    why="A prediction from loads and one from counts are two ways of rounding; a single draw "
+    "leaves no average to hide behind.",
+    expected="kind curve: P(Q >= n) is 1 at the load of n and 0 one ulp below (exact); kind "
+    "simulation: 1/2 at the load, and the normal's quantiles of ln p (1e-9)",
+)
+def one_draw():
+    fit = single_draw(rb.Hybrid(), "iid", [1.337, 0.018, 0.03])
+    theta = fit.draws[0]
+    Q = np.arange(4, 40, 2)
+    loads = fit.form.load(Q, 0.022, 0.02, theta[:2])
+    for p, wanted in ((loads, 1.0), (np.nextafter(loads, 0), 0.0)):
+        q = fit.predict(0.022, 0.02, p, kind="curve")
+        found = [float(q.at_least(n)[i]) for i, n in enumerate(Q)]
+        assert found == [wanted] * len(Q)
+        assert q.median().tolist() == fit.form.count(p, 0.022, 0.02, theta[:2]).tolist()
+    q = fit.predict(0.022, 0.02, loads)
+    half = [float(q.at_least(n)[i]) for i, n in enumerate(Q)]
+    np.testing.assert_allclose(half, 0.5, atol=1e-12)
+    load = fit.predict_load(0.022, 0.02, Q)
+    for prob in (1e-9, 0.05, 0.5, 0.95, 1 - 1e-9):
+        expected = loads * math.exp(theta[2] * stats.norm.ppf(prob))
+        np.testing.assert_allclose(load.quantile(prob), expected, rtol=1e-8)
+    curve = fit.predict_load(0.022, 0.02, Q, kind="curve")
+    np.testing.assert_allclose(curve.quantile(0.3), loads, rtol=1e-14)
+    return f"{len(Q)} loads exact; quantiles from 1e-9 to 1 - 1e-9 as of a log-normal"
+
+
+@hard_case(
+    "a posterior so narrow that its loads differ in the ninth digit",
+    why="A quantile found by steps of a fixed size, or a bracket of a fixed width, is wider than "
+    "the distribution.",
+    expected="interval of the load within 1e-9 of the closed form of one draw with an error of "
+    "1e-9; a step of Q from P = 0 to 1 within 1e-7 of the load",
+)
+def a_posterior_too_narrow():
+    fit = single_draw(rb.Modified(), "iid", [1.38, 1e-9])
+    load = fit.predict_load(0.022, 0.02, 8)
+    at = float(fit.form.load(8, 0.022, 0.02, fit.draws[0, :1]))
+    lower, upper = load.interval(0.9)
+    assert lower / at - 1 == pytest.approx(-1.645e-9, abs=2e-10)
+    assert upper / at - 1 == pytest.approx(1.645e-9, abs=2e-10)
+    q = fit.predict(0.022, 0.02, at * np.array([1 - 1e-7, 1.0, 1 + 1e-7]))
+    np.testing.assert_allclose(q.at_least(8), [0, 0.5, 1], atol=1e-6)
+    return f"interval from {lower / at - 1:+.1e} to {upper / at - 1:+.1e} of the load"
+
+
+@hard_case(
+    "probabilities of a few rows' skewed posterior by nodes and by draws",
+    why="Nodes stand for a posterior by a shape fitted to it; of a skewed one weights get uneven, "
+    "and an error told too small is worse than none.",
+    expected="either refused (draws used instead) or within the error told, plus four Monte Carlo "
+    "standard errors of 131,072 importance draws",
+)
+def nodes_of_a_skewed_posterior():
+    frame = rb.paper_sweep().frame
+    few = rb.read_table(frame[(frame["a_over_R"] == 0.022) & (frame["b_over_R"] == 0.02)].head(3))
+    fit = rb.calibrate(few, rb.Hybrid(), rng=1)
+    skew = float(stats.skew(fit.draws[:, 2]))
+    loads = np.geomspace(5e-4, 0.02, 40)
+    q = predict_q(fit, 0.032, 0.01, loads, compressed=True)
+    model = Model(Observations.from_table(few), rb.Hybrid())
+    reference, _ = importance_fit(model, seed=5, n_draw=131_072)
+    theta = reference.model.to_theta(reference.chains.u.reshape(-1, 3))
+    worst = 0.0
+    for n in (4, 6, 8):
+        log_load = np.log(rb.Hybrid().load(n, 0.032, 0.01, theta[:, :2]))
+        each = ndtr((np.log(loads)[:, None] - log_load) / theta[:, 2])
+        expected, se = each.mean(axis=1), each.std(axis=1) / math.sqrt(len(theta))
+        told = 0.005 if math.isnan(q.error) else q.error  # draws promise 0.005
+        assert np.all(np.abs(q.at_least(n) - expected) <= told + 4 * se)
+        worst = max(worst, np.abs(q.at_least(n) - expected).max())
+    assert skew > 1
+    return f"skewness of sigma {skew:.0f}: errors within what is told"
+
+
+@hard_case(
+    "an error model with shared offsets, far outside",
+    why="Offsets known of calibrated textures must not be handed to a new one, nor be forgotten "
+    "as if a new one had none.",
+    expected="texture offsets: P(Q >= n) with variance sigma^2 + tau^2, draw by draw (1e-10); "
+    "step-smooth: far out sd sqrt(sigma^2 + 2 tau^2), as its derivation has it (1e-6), and "
+    "at a calibrated texture a tenth of that",
+)
+def offsets_far_outside():
+    fit = fitted("modified", "texture")
+    load = fit.predict_load(0.012, 0.2, 6)
+    stride = len(fit.draws) // len(load.weight)
+    c, sigma, tau = fit.draws[::stride].T
+    log_load = 2 * np.log(2 * 0.212 / c)
+    for p in (0.05, 0.095, 0.2):
+        expected = sum_of_normals(log_load, np.hypot(sigma, tau), p)
+        assert float(load.cdf(p)) == pytest.approx(expected, rel=1e-10)
+    tau = 0.03
+    smooth = single_draw(rb.Modified(), "step-smooth", [1.38, 0.003, tau, 1.0, 0.03])
+    known = float(smooth.predict_load(0.022, 0.02, 6).sd[0])
+    new = float(smooth.predict_load(1e-3, 1.0, 6).sd[0])
+    assert known < 0.15 * tau
+    assert new == pytest.approx(math.sqrt(0.003**2 + 2 * tau**2), rel=1e-6)
+    assert smooth.predict_load(1e-3, 1.0, 6).extrapolation
+    return f"step-smooth: sd of ln p {known:.4f} at a calibrated texture, {new:.4f} far out"
+
+
+@hard_case(
+    "intervals of 0, 1, -0.1, 1.1 and NaN, and quantiles of 1e-300 and 1 - 1e-16",
+    why="An interval of -0.1 came out with its ends crossed; a quantile of 1e-300 as that of "
+    "1e-19, the width of a bracket; one of 1 - 1e-16 as infinite.",
+    expected="0 is the median twice, 1 all of Q; refused with the value given: others, and of "
+    "loads 1 and what is nearer to 1 than 1e-12; the quantile of 1e-300 solves the sum of normals",
+)
+def intervals_at_their_ends():
+    fit = fitted("hybrid")
+    q, load = fit.predict(0.022, 0.02, [0.002, 0.009]), fit.predict_load(0.022, 0.02, 8)
+    assert [end.tolist() for end in q.interval(0)] == [q.median().tolist()] * 2
+    assert [float(end) for end in load.interval(0)] == [float(load.median())] * 2
+    assert q.interval(1)[0].tolist() == [2, 2]
+    assert np.all(q.at_least(int(q.interval(1)[1].max()) + 2) < 1e-6)
+    for bad in (-0.1, 1.1, math.nan, math.inf):
+        for ask in (q.interval, q.quantile, q.extrapolation, load.interval, load.quantile):
+            refused(lambda f=ask, x=bad: f(x), rb.InputError, f"prob: {bad}")
+    for bad in (1, 1 - 1e-16, 1 - 1e-13):
+        refused(lambda x=bad: load.quantile(x), rb.InputError, f"prob: {bad}")
+    refused(lambda: load.interval(1), rb.InputError, "prob: 1 given")
+    refused(lambda: q.at_least(math.nan), rb.InputError, "n: nan")
+    assert q.at_least(4.5).tolist() == q.at_least(6).tolist()
+    assert q.at_least(math.inf).tolist() == [0.0, 0.0]
+    stride = len(fit.draws) // len(load.weight)
+    c1, c2, sigma = fit.draws[::stride].T
+    log_load = 2 * np.log(3 / (c1 / 0.042 + c2 / 0.022))
+    x = math.log(load.quantile(1e-300))
+    found = stats.norm.logcdf((x - log_load) / sigma)
+    log_mean = found.max() + math.log(np.exp(found - found.max()).mean())
+    assert log_mean == pytest.approx(-300 * math.log(10), abs=1e-4)
+    return f"refused as given; log10 P at the quantile of 1e-300: {log_mean / math.log(10):.4f}"
+
+
+@hard_case(
+    "no loads at all, and weights that are none",
+    why="A table of no rows and an average of no weight divide zero by zero.",
+    expected="an empty distribution of the shape asked for; weights that are zero, negative or "
+    "NaN are refused",
+)
+def nothing_asked():
+    fit = fitted("hybrid")
+    q, load = fit.predict(0.022, 0.02, []), fit.predict_load(0.022, 0.02, np.zeros((3, 0)) + 4)
+    assert q.median().shape == q.mean().shape == (0,)
+    assert load.median().shape == (3, 0)
+    one, two = fit.predict(0.022, 0.02, 0.009), fit.predict_load(0.022, 0.02, 4)
+    for bad in ([0, 0], [1, -1], [1, math.nan], [1, math.inf]):
+        refused(lambda w=bad: mix_q([one, one], w), rb.InputError, "weights:")
+        refused(lambda w=bad: mix_loads([two, two], w), rb.InputError, "weights:")
+    return "empty as asked; 4 pairs of weights refused"
+
+
+@hard_case(
+    "distributions of 2000 counts, and of one",
+    why="Sums of thousands of differences of probabilities drift from 1, and quantiles at the "
+    "edges of steps go one too far.",
+    expected="probabilities sum to 1 (1e-12), are none below 0, and quantiles are those of a "
+    "search by hand through the cumulated sum of probabilities",
+)
+def distributions_of_many_counts():
+    probs = (0.0, 1e-15, 1e-9, 0.05, 0.5, 0.95, 1 - 1e-9, 1.0)
+    n_step = 0
+    for name, p in (("modified", [0.0, 1e-4, 0.02, 1.0, 1e3]), ("power-law", [1e3])):
+        q = fitted(name).predict(0.022, 0.02, p)
+        pmf = q.pmf
+        np.testing.assert_allclose(pmf.sum(axis=-1), 1, atol=1e-12)
+        assert np.all(pmf >= 0)
+        for prob in probs:
+            total = np.cumsum(pmf, axis=-1)
+            by_hand = []
+            for row in total:
+                reached = [int(n) for n, x in zip(q.q, row, strict=True) if x >= prob * (1 - 2e-12)]
+                by_hand.append(reached[0] if reached else int(q.q[-1]))
+            if 1e-12 < prob < 1 - 1e-8:
+                assert q.quantile(prob).tolist() == by_hand
+        assert np.all(np.diff([q.quantile(prob) for prob in probs], axis=0) >= 0)
+        n_step = max(n_step, len(q.q))
+    return f"up to {n_step:,} counts; sums and quantiles as by hand"

@@ -21,6 +21,7 @@ from ridgebayes.errors import InputError
 DEFAULT_REL_TOL = 1e-8
 # 7,000 unknowns are 400 MB and some seconds; beyond, a row says that it was not computed.
 MAX_UNKNOWNS = 7000
+_LARGEST_RATIO = 1e100
 _FIRST_BATCH = 4
 _MAX_SOLVES = 5
 
@@ -53,8 +54,8 @@ def transition_loads(
     Raises
     ------
     InputError
-        If a width is not finite and positive, n_transitions is under 1, or rel_tol is not in
-        (0, 0.1].
+        If a width is not finite and positive, the groove is over 1e100 times as wide as the
+        ridge, n_transitions is no integer of at least 1, or rel_tol is not in (0, 0.1].
 
     Notes
     -----
@@ -86,8 +87,13 @@ def transition_loads(
     for name, width in (("ridge_width", ridge_width), ("groove_width", groove_width)):
         if not (math.isfinite(width) and width > 0.0):
             raise InputError(f"{name} = {width!r}: must be finite and > 0")
-    if n_transitions < 1:
-        raise InputError(f"n_transitions = {n_transitions!r}: must be at least 1")
+    if not groove_width / ridge_width <= _LARGEST_RATIO:
+        raise InputError(
+            f"groove_width / ridge_width = {groove_width / ridge_width!r}: must be at most "
+            f"{_LARGEST_RATIO:g}"
+        )
+    if not (n_transitions >= 1 and n_transitions % 1 == 0):
+        raise InputError(f"n_transitions = {n_transitions!r}: must be an integer of at least 1")
     if not 0.0 < rel_tol <= 0.1:
         raise InputError(f"rel_tol = {rel_tol!r}: must be in (0, 0.1]")
     n_table = _FIRST_BATCH
@@ -202,7 +208,9 @@ def _solve_batch(gap_ratio: float, n_known: int, n_last: int, rel_tol: float) ->
             break
         n_check = math.ceil(1.4 * n_check)
     known = 0 if best is None else best.F.size
-    reason = f"{n_coefficients} coefficients a strip are over the cap of {MAX_UNKNOWNS} unknowns"
+    reason = (
+        f"{n_coefficients:.6g} coefficients a strip are over the cap of {MAX_UNKNOWNS} unknowns"
+    )
     beyond = HalfPlaneLoads.not_computed(n_last - max(known, n_known), reason)
     return beyond if best is None else best.part(slice(n_known, known)).joined(beyond)
 

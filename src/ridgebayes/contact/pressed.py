@@ -149,6 +149,11 @@ def pressed(
         profile = replace(profile, corner=0.0)
     m = n_coefficients or coefficients_for(profile, rel_tol)
     hertz = math.sqrt(2 * W)
+    if ridges is None and (first := hertz / profile.pitch) * m > 2 * _MAX_UNKNOWNS:
+        # What Hertz's contact covers alone is too much: not even listed, there may be millions.
+        return _nothing(
+            profile, m, f"not computed: some {first * m:.2g} unknowns; cap {_MAX_UNKNOWNS}"
+        )
     within = [
         land
         for land in profile.lands(1.3 * hertz + 3 * profile.pitch)
@@ -179,12 +184,17 @@ def pressed(
         status = "ok"
         break
     if found is None:
-        nothing = Intervals(np.empty(0), np.empty(0), profile.mirrored)
-        empty = Pressing(nothing, np.empty((0, m)), math.nan, np.empty(0), m)
-        return Pressed(profile, (), empty, status)
+        return _nothing(profile, m, status)
     if status == "ok":
         status = _checked(found, W, rel_tol)
     return Pressed(profile, tuple(lands), found, status)
+
+
+def _nothing(profile: Profile, m: int, status: str) -> Pressed:
+    """Return a record without a solution, which says why there is none."""
+    nothing = Intervals(np.empty(0), np.empty(0), profile.mirrored)
+    empty = Pressing(nothing, np.empty((0, m)), math.nan, np.empty(0), m)
+    return Pressed(profile, (), empty, status)
 
 
 def coefficients_for(profile: Profile, rel_tol: float) -> int:

@@ -14,6 +14,8 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.lands import Land, Profile
 from ridgebayes.contact.pressed import Pressed, pressed
 
+_TINY = np.array([1e-10, 1e-9, 1e-8, 1e-7, 1e-6])
+
 
 @dataclass(frozen=True, eq=False)
 class Reached:
@@ -63,11 +65,14 @@ def reaching_loads(
     loads: list[float] = []
     counts: list[int] = []
     status: list[str] = []
-    tiny = 1e-10 * min(W_max, profile.pitch**2)
-    now = pressed(profile, tiny, rel_tol=rel_tol)
+    # As small as can be solved for: round corners bear so little on a spot near rounding's size.
+    for tiny in _TINY * min(W_max, profile.pitch**2):
+        now = pressed(profile, float(tiny), rel_tol=rel_tol)
+        if now.status == "ok":
+            break
     first = [land.ridge for land in now.lands if land.ridge is not None] or [0, -1][:1]
     low, high = min(first), max(first)
-    start = tiny
+    start = float(tiny)
     while len(loads) < n_max:
         # To the right, and where the profile is no mirror image also to the left.
         events = [_reach(profile, range(low, high + 1), high + 1, start, W_max, rel_tol)]
@@ -81,7 +86,7 @@ def reaching_loads(
         # A contact that begins at this very load is all rounding.
         W *= 1 + max(0.1 * rel_tol, 1e-9)
         step = 2 if profile.mirrored else 1
-        counts.append((solution.Q if solution is not None else 0) + step)
+        counts.append((solution if solution is not None else now).Q + step)
         status.append(why)
         start = W
         if why != "ok":
@@ -131,7 +136,8 @@ class _FailedError(Exception):
 def nearest_gap(found: Pressed, land: Land) -> float:
     """Return the smallest gap between the body's surface and a land that it does not touch."""
     low, high = land.flat
-    inner, towards = (low, -1.0) if abs(low) < abs(high) else (high, 1.0)
+    # Not by the flat's ends: corners of half a ridge leave none.
+    inner, towards = (low, -1.0) if abs(land.start) < abs(land.stop) else (high, 1.0)
     if land.corner == 0.0:
         return float(found.pressing.surface(np.array([inner]))[0] + land.depth)
 

@@ -12,6 +12,9 @@ from ridgebayes.errors import InputError
 
 Texture = tuple[float, float]
 REFERENCE = 0.75  # 1 - nu^2 at nu = 0.5, the Poisson's ratio of the printed coefficients
+# Within these a load of any countable Q, and of none but the first, is a float of full precision.
+LEAST_WIDTH, LARGEST_WIDTH = 1e-50, 1e50
+LARGEST_COEFFICIENT, LARGEST_LOAD, LARGEST_COUNT = 1e60, 1e300, 2**53
 
 
 def reduced_load(p_over_E: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
@@ -115,13 +118,20 @@ class Form(ABC):
         Returns
         -------
         ndarray of float, shape theta.shape[:-1] + broadcast shape, dimensionless
-            p/E; NaN where the rate is not positive (no load reaches any further ridge).
+            p/E; NaN where the rate is not positive (no load reaches any further ridge), infinite
+            where it is so small that the load is beyond the floats.
 
         Raises
         ------
         InputError
-            If a count is odd or below 2, a width is not positive and finite, or the form has no
-            printed coefficients and `theta` is not given.
+            If a count is odd, below 2 or above 2^53, a width is outside 1e-50 to 1e50, a
+            coefficient is not finite or beyond 1e60, or the form has no printed coefficients and
+            `theta` is not given.
+
+        Notes
+        -----
+        *Validity.* Small strain; `nu` from 0 to 0.5; textures like those that `theta` was fitted
+        to. No form knows where its calibration ends: `Fit.predict` does, and flags it.
 
         Examples
         --------
@@ -139,8 +149,9 @@ class Form(ABC):
         self, Q: FloatArray, a: FloatArray, b: FloatArray, rate: FloatArray, nu: ArrayLike
     ) -> FloatArray:
         """Return the load where `Q` may have the axes of the draws already."""
-        s = self.shape(Q, a, b) / np.where(rate > 0, rate, np.nan)
-        return s * s / reduced_load(1.0, nu)
+        with np.errstate(over="ignore"):
+            s = self.shape(Q, a, b) / np.where(rate > 0, rate, np.nan)
+            return s * s / reduced_load(1.0, nu)
 
     def continuous_count(
         self,
@@ -166,12 +177,17 @@ class Form(ABC):
         Returns
         -------
         ndarray of float, shape theta.shape[:-1] + broadcast shape, dimensionless
-            Q'; the Classic form's starts below 2, as its equation does.
+            Q'; the Classic form's starts below 2, as its equation does. NaN where the rate is not
+            positive.
 
         Raises
         ------
         InputError
-            If a load is negative or not finite, or a width not positive and finite.
+            If a load is negative or above 1e300, or a width or a coefficient as for `load`.
+
+        Notes
+        -----
+        *Validity.* As `load`.
 
         Examples
         --------
@@ -223,12 +239,12 @@ class Form(ABC):
         >>> int(form.count(form.load(1_000_000, 0.012, 0.03), 0.012, 0.03))
         1000000
         """
-        h = self.continuous_count(p_over_E, a_over_R, b_over_R, theta, nu) / 2 - 1
-        if np.any(np.isnan(h)):
+        guess = self.continuous_count(p_over_E, a_over_R, b_over_R, theta, nu)
+        if np.any(np.isnan(guess)):
             raise InputError("theta: rate <= 0; rule: the rate of every texture must be positive")
-        if np.any(h > 2**52):
+        if np.any(guess > 2**52):
             raise InputError(f"p_over_E: {p_over_E!r} given; rule: counts up to 2^52")
-        pairs, p = np.maximum(np.floor(h), 0), np.asarray(p_over_E, dtype=float)
+        pairs, p = np.maximum(np.floor(guess / 2 - 1), 0), np.asarray(p_over_E, dtype=float)
         a, b = aligned(p, nu, *widths(a_over_R, b_over_R))
         rate = self.rate(self._theta(theta), a, b)
         for _ in range(2):  # one rounding error either way, and once more to see it settled
@@ -241,6 +257,8 @@ class Form(ABC):
         self, theta: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike
     ) -> FloatArray:
         """Return d log(p/E) / d theta of a texture; the same for every Q.
+
+        NaN where the rate is not positive, as the load.
 
         Parameters
         ----------
@@ -260,7 +278,10 @@ class Form(ABC):
         >>> Modified().log_load_gradient([2.0], 0.02, 0.03).tolist()
         [-1.0]
         """
-        return -2 * self.log_rate_gradient(self._theta(theta), *widths(a_over_R, b_over_R))
+        values, (a, b) = self._theta(theta), widths(a_over_R, b_over_R)
+        rate = self.rate(values, a, b)[..., None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(rate > 0, -2 * self.log_rate_gradient(values, a, b), np.nan)
 
     def _theta(self, theta: ArrayLike | None) -> FloatArray:
         if theta is None:
@@ -273,31 +294,42 @@ class Form(ABC):
                 f"{self.name}: theta has {values.shape[-1]} coefficients on its last axis; "
                 f"rule: {len(self.parameter_names)} ({', '.join(self.parameter_names)})"
             )
+        beyond = ~(np.abs(values) <= LARGEST_COEFFICIENT)
+        if np.any(beyond):
+            raise InputError(
+                f"{self.name}: theta holds {values[beyond][0]!s}; "
+                f"rule: finite, -{LARGEST_COEFFICIENT:g} to {LARGEST_COEFFICIENT:g}"
+            )
         return values
 
 
-def even_counts(Q: ArrayLike) -> FloatArray:
-    """Return `Q` as floats, or raise InputError naming a count that is odd or below 2."""
+def even_counts(Q: ArrayLike, least: int = 2) -> FloatArray:
+    """Return `Q` as floats, or raise InputError naming them if one is odd or out of range."""
     counts = np.asarray(Q, dtype=float)
-    if not np.all((counts >= 2) & (np.mod(counts, 2) == 0)):
-        raise InputError(f"Q: {Q!r} given; rule: even and at least 2")
+    if not (np.all((counts >= least) & (counts <= LARGEST_COUNT)) and np.all(counts % 2 == 0)):
+        raise InputError(f"Q: {Q!r} given; rule: even and at least {least}, at most 2^53")
     return counts
 
 
 def widths(a_over_R: ArrayLike, b_over_R: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return both widths as floats, or raise InputError naming one that is not positive."""
+    """Return both widths as floats, or raise InputError naming one that is out of range."""
     a, b = np.asarray(a_over_R, dtype=float), np.asarray(b_over_R, dtype=float)
     for name, width in (("a_over_R", a), ("b_over_R", b)):
-        if not np.all(np.isfinite(width) & (width > 0)):
-            raise InputError(f"{name}: {width.tolist()!r} given; rule: finite and > 0")
+        if not np.all((width >= LEAST_WIDTH) & (width <= LARGEST_WIDTH)):
+            raise InputError(
+                f"{name}: {width.tolist()!r} given; rule: finite and > 0, "
+                f"{LEAST_WIDTH:g} to {LARGEST_WIDTH:g}"
+            )
     return a, b
 
 
 def loads(p_over_E: ArrayLike) -> FloatArray:
     """Return loads as floats, or raise InputError naming them if one is negative or not finite."""
     p = np.asarray(p_over_E, dtype=float)
-    if not np.all(np.isfinite(p) & (p >= 0)):
-        raise InputError(f"p_over_E: {p_over_E!r} given; rule: finite and >= 0")
+    if not np.all((p >= 0) & (p <= LARGEST_LOAD)):
+        raise InputError(
+            f"p_over_E: {p_over_E!r} given; rule: finite and >= 0, at most {LARGEST_LOAD:g}"
+        )
     return p
 
 

@@ -1,5 +1,6 @@
 """The half-plane equation as a contact form: first principles, one coefficient that should be 1."""
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -18,7 +19,8 @@ class HalfPlane(OneCoefficient):
 
     Between transitions Q' is linear in s. The `slope` is that of many ridges, where every texture
     tends to smooth Hertz. Counts beyond `n_transition_max` pairs are refused: each needs its own
-    ridge in the solver.
+    ridge in the solver. So are grooves too narrow for the solver to reach its tolerance, from
+    about b = a/100,000 on.
     """
 
     name: ClassVar[str] = "half-plane"
@@ -42,8 +44,8 @@ class HalfPlane(OneCoefficient):
             if not here.any():
                 continue
             # First guess: rungs as far apart as smooth Hertz's, 0.72 L.
-            top = int(np.max(value[here]) / (0.72 * (texture[0] + texture[1]))) + 3
-            ladder = self._ladder(texture, top)
+            rungs = float(np.max(value[here])) / (0.72 * (texture[0] + texture[1]))
+            ladder = self._ladder(texture, math.ceil(rungs) + 3)
             while ladder[-1] < np.max(value[here]):
                 ladder = self._ladder(texture, len(ladder) + 3)
             pairs[here] = np.interp(value[here], ladder, np.arange(len(ladder)))
@@ -62,7 +64,7 @@ class HalfPlane(OneCoefficient):
 
         if n_transition > self.n_transition_max:
             raise InputError(
-                f"half-plane: {n_transition} pairs asked of a/R = {texture[0]}, "
+                f"half-plane: {n_transition:.4g} pairs asked of a/R = {texture[0]}, "
                 f"b/R = {texture[1]}; "
                 f"rule: at most {self.n_transition_max}"
             )

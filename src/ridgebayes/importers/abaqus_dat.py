@@ -10,7 +10,8 @@ import numpy as np
 from ridgebayes.errors import InputError
 from ridgebayes.importers.deck import check_material, read_deck, rigid_nodes
 from ridgebayes.importers.levels import Body, Levels, table_of
-from ridgebayes.importers.record import NUMBER, Imported, finite, provenance, read_text
+from ridgebayes.importers.record import NUMBER, Imported, finite, provenance
+from ridgebayes.reading import read_text
 
 _SUMMARY = re.compile(r"\s*INCREMENT\s+(\d{1,9})\s+SUMMARY\s*$")
 _STEP = re.compile(r"\s*S T E P\s+(\d{1,9})\s")

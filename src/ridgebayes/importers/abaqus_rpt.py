@@ -13,7 +13,8 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.importers.deck import Deck, check_material, read_deck, rigid_nodes
 from ridgebayes.importers.levels import Body, Levels, table_of
-from ridgebayes.importers.record import Imported, finite, provenance, read_text
+from ridgebayes.importers.record import Imported, finite, provenance
+from ridgebayes.reading import read_text
 
 _TITLE = "Field Output Report"
 _FRAME = re.compile(r"\s*Frame: Increment\s+(\d{1,9}): Step Time =\s*(\S+)")

@@ -10,7 +10,8 @@ from ridgebayes.errors import InputError
 from ridgebayes.importers.calculix_sta import read_sta
 from ridgebayes.importers.deck import check_material, read_deck, rigid_nodes
 from ridgebayes.importers.levels import Body, Levels, table_of
-from ridgebayes.importers.record import Imported, finite, provenance, read_text
+from ridgebayes.importers.record import Imported, finite, provenance
+from ridgebayes.reading import read_text
 
 _HEAD = re.compile(
     r" ?(total force|forces|displacements|relative contact displacement|contact stress)"

@@ -13,8 +13,9 @@ from ridgebayes.importers.calculix_sta import read_sta
 from ridgebayes.importers.deck import Deck, check_material, read_deck
 from ridgebayes.importers.increments import transitions_of
 from ridgebayes.importers.levels import Body, loads_of
-from ridgebayes.importers.record import Imported, finite, provenance, read_text
+from ridgebayes.importers.record import Imported, finite, provenance
 from ridgebayes.importers.rim import Rim
+from ridgebayes.reading import read_text
 from ridgebayes.table import ContactTable
 
 _HEAD = re.compile(

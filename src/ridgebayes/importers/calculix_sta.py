@@ -8,7 +8,8 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.importers.record import finite, read_text
+from ridgebayes.importers.record import finite
+from ridgebayes.reading import read_text
 
 # Step, increment, attempt (U where it did not converge), iterations, three times.
 _LINE = re.compile(

@@ -9,8 +9,9 @@ import numpy as np
 from ridgebayes.errors import InputError
 from ridgebayes.importers.cells import Source
 from ridgebayes.importers.mapping import CORNERS, Use, assign, check_constants
-from ridgebayes.importers.record import Imported, provenance, read_bytes
+from ridgebayes.importers.record import Imported, provenance
 from ridgebayes.importers.understood import UnderstoodColumns, listed
+from ridgebayes.reading import read_bytes
 from ridgebayes.table import ContactTable
 from ridgebayes.table_cells import as_text
 from ridgebayes.table_columns import NAMES

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ridgebayes.errors import InputError
-from ridgebayes.importers.record import read_text, words_of
+from ridgebayes.reading import LARGEST_TEXT, read_text, words_of
 
 _SHOWN = 80  # characters of a key or a value that messages show
 
@@ -56,7 +56,7 @@ def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
         If it is not TOML, or has other keys, or others than text in columns.
     """
     try:
-        content = tomllib.loads(read_text(path))
+        content = tomllib.loads(read_text(path, LARGEST_TEXT))
     # A thousand brackets in each other: RecursionError.
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
         raise InputError(f"{path}: not TOML: {words_of(error, 200)}") from None

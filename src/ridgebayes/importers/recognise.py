@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ridgebayes.errors import InputError
-from ridgebayes.importers.record import read_bytes
+from ridgebayes.reading import read_bytes
 
 FORMATS = ("table", "calculix", "calculix-contact", "abaqus-dat", "abaqus-rpt", "series")
 _TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".parquet", ".rpt")

@@ -13,27 +13,20 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any, Literal
+from typing import Literal
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
+from ridgebayes.hdf5_files import check_inside, check_stored
 from ridgebayes.importers.levels import Body, Levels, table_of
-from ridgebayes.importers.record import (
-    HUGE,
-    LARGEST,
-    Imported,
-    finite,
-    provenance,
-    read_text,
-    words_of,
-)
+from ridgebayes.importers.record import HUGE, Imported, finite, provenance
 from ridgebayes.importers.rim import Rim
+from ridgebayes.reading import LARGEST, read_text, words_of
 
 _LARGEST_XML = 64 * 2**20  # bytes: more would take a parser longer than a user waits
-_LARGEST_CHUNK = 64 * 2**20  # bytes of an HDF5 chunk: a whole one is unpacked for a part of it
 _SHOWN = 80  # characters of a word in a file that messages show
 _MOST_NAMES = 10  # of fields that messages show
 _ROUND = 5e-6  # of R: nodes so near to the circle are on it
@@ -347,17 +340,10 @@ def _from_hdf5(path: Path, text: str, shape: tuple[int, ...]) -> FloatArray:
                 if not isinstance(here.get(key, getlink=True), h5py.HardLink):
                     raise InputError(f"{target}: {shown} is a link; rule: a dataset")
                 here = here[key]
-            if (
-                not isinstance(here, h5py.Dataset)
-                or here.is_virtual
-                or here.external
-                or here.dtype.kind not in "fiu"
-                or here.dtype.itemsize > 8
-            ):
-                raise InputError(f"{target}: {shown}: rule: a dataset of numbers, in this file")
+            check_inside(here, f"{target}: {shown}")
             if here.shape != shape:
                 raise InputError(f"{target}: {shown} is {here.shape}; rule: {shape}, as in {path}")
-            _check_stored(here, f"{target}: {shown}")
+            check_stored(here, f"{target}: {shown}")
             return _floating(here[()])
     # TypeError: a type of HDF5 that NumPy has not.
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
@@ -366,26 +352,6 @@ def _from_hdf5(path: Path, text: str, shape: tuple[int, ...]) -> FloatArray:
         raise InputError(
             f"{path}: numbers in {_short(text)}: cannot be read: {words_of(error)}"
         ) from None
-
-
-def _check_stored(data: Any, where: str) -> None:
-    """Refuse a dataset of which parts are not there, or one that costs more than its numbers.
-
-    HDF5 makes zeros of what was never written, and unpacks chunks whole.
-    """
-    import h5py
-
-    layout = data.id.get_create_plist().get_layout()
-    if layout == h5py.h5d.CHUNKED:
-        size = data.dtype.itemsize * math.prod(data.chunks)
-        if size > max(data.dtype.itemsize * data.size, _LARGEST_CHUNK):
-            raise InputError(f"{where}: a chunk of {size} bytes; rule: at most {_LARGEST_CHUNK}")
-        there = data.id.get_num_chunks()
-        pieces = math.prod(-(-n // max(m, 1)) for n, m in zip(data.shape, data.chunks, strict=True))
-    else:  # a compact one stands in its own header
-        there, pieces = int(layout == h5py.h5d.COMPACT or data.id.get_offset() is not None), 1
-    if data.size and there < pieces:
-        raise InputError(f"{where}: {there} of {pieces} pieces are stored; rule: all of them")
 
 
 def _vtus(paths: Sequence[Path], field: str, loads: Sequence[float] | None) -> _Series:

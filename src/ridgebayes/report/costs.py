@@ -37,7 +37,7 @@ def cost_section(comparison: Comparison) -> Section:
             row["task"],
             row["method"],
             number(row["error"], 2),
-            _ERRORS[row["task"]],
+            _ERRORS.get(row["task"], ""),
             "not taken" if np.isnan(row["cpu_s"]) else number(row["cpu_s"], 2),
         ]
         for row in costs.to_dict("records")

@@ -1,5 +1,6 @@
 """A pressed cylinder for other programs: VTU and XDMF files, and a table of its contact."""
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -40,8 +41,10 @@ def write_fields(cylinder: Cylinder, states: Sequence[State], path: Path) -> Non
     Raises
     ------
     InputError
-        If the suffix is unknown, there is no state, or several for ``.vtu``, or the file cannot be
-        written.
+        If the suffix is unknown, there is no state, or several for ``.vtu``, or the folder does
+        not exist.
+    OutputError
+        If a file cannot be written, such as on a full disk.
     """
     if path.suffix not in SUFFIXES:
         raise InputError(f"{path}: unknown suffix; rule: {' or '.join(SUFFIXES)}")
@@ -49,13 +52,10 @@ def write_fields(cylinder: Cylinder, states: Sequence[State], path: Path) -> Non
         raise InputError(f"{path}: no state to write")
     if path.suffix == ".vtu" and len(states) > 1:
         raise InputError(f"{path}: {len(states)} states; rule: one in .vtu, several in .xdmf")
-    try:
-        if path.suffix == ".vtu":
-            _write_vtu(cylinder, states[0], path)
-        else:
-            _write_xdmf(cylinder, states, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    if path.suffix == ".vtu":
+        _write_vtu(cylinder, states[0], path)
+    else:
+        _write_xdmf(cylinder, states, path)
 
 
 def nodal_fields(cylinder: Cylinder, state: State) -> dict[str, FloatArray]:
@@ -140,16 +140,17 @@ def _write_xdmf(cylinder: Cylinder, states: Sequence[State], path: Path) -> None
     import h5py
     from meshio.xdmf import TimeSeriesWriter
 
-    side = path.with_suffix(".h5")
+    side, content = path.with_suffix(".h5"), io.BytesIO()  # a full disk ends HDF5 on a file
     with replacing(path) as partial, replacing(side) as numbers:
         writer = TimeSeriesWriter(partial)
         # Entered as a context it would open a file in the current folder, named as the partial one.
-        writer.h5_filename, writer.h5_file = side.name, h5py.File(numbers, "w")
+        writer.h5_filename, writer.h5_file = side.name, h5py.File(content, "w")
         with writer.h5_file:
             writer.write_points_cells(*_mesh(cylinder.press.solid))
             for state in states:
                 writer.write_data(cylinder.p_over_E(state), nodal_fields(cylinder, state))
             writer.__exit__()
+        numbers.write_bytes(content.getbuffer())
 
 
 def _mesh(solid: Solid) -> tuple[FloatArray, list[tuple[str, np.ndarray]]]:
