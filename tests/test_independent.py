@@ -15,13 +15,13 @@ SIGMA = np.array([0.03, 0.2])
 NOTHING = np.empty((2, 0))
 
 
-@pytest.fixture
-def data(observed):
+@pytest.fixture(params=[(0.0, 0.02, 0.05), (0.0, 0.02), (0.02,)], ids=len)
+def data(observed, request):
     rng = np.random.default_rng(1)
     texture = np.array([0, 0, 1, 1, 1, 2, 2, 2, 2])
     Q = np.array([4, 6, 4, 4, 8, 6, 6, 10, 12])
     load = 2 * np.log((Q / 2 - 1) * 0.042 / 1.38) + 0.05 * rng.standard_normal(9)
-    return observed(texture, Q, load, rel_se=rng.choice([0.0, 0.02, 0.05], 9))
+    return observed(texture, Q, load, rel_se=rng.choice(request.param, 9))
 
 
 def residuals(data):
@@ -97,6 +97,15 @@ def test_gradient__is_the_central_difference(data):
         # Discretisation: h^2 over the square of a scale of 0.03; rounding: 1e-15 x 1e3 / h.
         np.testing.assert_allclose(by_rate[:, mine].sum(axis=-1), expected, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(by_sigma, slope(0.0, 1.0), rtol=1e-6)  # the same
+
+
+def test_products__are_those_with_the_rows_variances(data):
+    columns = np.random.default_rng(4).standard_normal((9, 3))
+    _, scale = residuals(data)
+    for likelihood, eta, _ in both(data)[:2]:
+        found = likelihood.products(eta, columns)
+        expected = [columns.T @ np.diag(each**-2) @ columns for each in scale]
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-9)  # rounding of sums
 
 
 def test_marginal__of_many_replicates_stays_with_a_few_groups(observed):

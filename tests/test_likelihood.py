@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
 from ridgebayes.likelihood import Model
 from ridgebayes.noise import Noise
@@ -194,6 +194,73 @@ def test_log_likelihood__is_zero_probability_where_no_load_reaches_a_ridge():
     assert np.isneginf(rows).sum() == (model.data.texture == 0).sum()
 
 
+@pytest.mark.parametrize("noise", Noise.every(), ids=lambda noise: noise.name)
+def test_log_density__of_each_error_model_is_zero_probability_without_a_rate(noise):
+    data = observations(made_up(np.random.default_rng(18)))
+    model = Model(data, Hybrid(), noise)
+    u = np.zeros((2, model.n_coordinate))
+    u[:, :2] = model.to_unconstrained(
+        np.append([1.382, -0.5], model.to_theta(np.zeros(model.n_parameter))[2:])
+    )[:2]
+    u[1, 1] = 0.0  # of the first K is negative for the texture with A = 0.012
+    assert np.isneginf(model.log_density(u)).tolist() == [True, False]
+    assert np.isneginf(model.marginal_log_density(u)).tolist() == [True, False]
+    rows = model.pointwise_log_likelihood(u)
+    assert np.isneginf(rows[0, data.texture == 0]).all()
+    assert not np.isnan(rows).any()
+    assert np.isfinite(rows[1]).all()
+
+
+@pytest.mark.parametrize("undefined", [np.nan, np.inf])
+def test_log_likelihood__refuses_a_form_that_has_no_rate_at_ordinary_coefficients(undefined):
+    class Broken(Modified):
+        def rate(self, theta, a_over_R, b_over_R):
+            rate = super().rate(theta, a_over_R, b_over_R)
+            return np.where((rate > 1.5) & (np.asarray(a_over_R) > 0.03), undefined, rate)
+
+    model = Model(observations(made_up(np.random.default_rng(29))), Broken())
+    theta = np.array([[1.4, 0.03], [1.6, 0.03], [1.7, 0.03]])
+    rule = (
+        rf"rate = {undefined} given at c = 1.6 for texture a/R = 0.032, b/R = 0.01; rule: a finite"
+    )
+    with pytest.raises(ComputationError, match=rule):
+        model.log_likelihood(theta)
+    with pytest.raises(ComputationError, match=rule):
+        model.log_likelihood(theta[1])
+    assert np.isfinite(model.log_likelihood(theta[0]))
+    # At coefficients so large that a rate may overflow it is no fault of the form.
+    assert np.isneginf(model.log_likelihood(np.array([1e120, 0.03])))
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_information__is_the_sum_of_squared_slopes_of_log_loads(form):
+    rng = np.random.default_rng(26)
+    frame = made_up(rng, rel_se=True)
+    model = Model(observations(frame), form)
+    k, h = model.n_coefficient, 1e-5
+    u = model.to_unconstrained(draws_of(model, rng, 1)[0])
+
+    def log_loads(u):
+        theta = model.to_theta(u)[:k]
+        rows = frame[["Q", "a_over_R", "b_over_R"]].itertuples(index=False)
+        return np.array([np.log(model.form.load(*row, theta)) for row in rows])
+
+    steps = h * np.eye(len(u))[:k]
+    slopes = np.array([(log_loads(u + step) - log_loads(u - step)) / (2 * h) for step in steps])
+    # Discretisation: h^2; rounding: eps over h.
+    np.testing.assert_allclose(model.information(u), slopes @ slopes.T, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("noise", ["iid", "texture+step", "iid:student"])
+def test_error_variance__is_sigmas_and_the_mean_of_the_known_ones(noise):
+    frame = made_up(np.random.default_rng(27), rel_se=True)
+    model = Model(observations(frame), Hybrid(), Noise.named(noise))
+    u = np.random.default_rng(28).standard_normal((5, model.n_parameter - 2))
+    sigma = stats.halfnorm(scale=0.05).ppf(stats.norm.cdf(u[:, 0]))
+    expected = sigma**2 + np.mean(frame["rel_se"] ** 2)
+    np.testing.assert_allclose(model.error_variance(u), expected, rtol=1e-12)  # quantiles
+
+
 @pytest.mark.parametrize("place", range(3))
 @pytest.mark.parametrize("far", [-1e4, -800.0, -40.0, 40.0, 800.0, 1e4])
 def test_log_density__is_very_low_and_not_nan_far_out(place, far):
@@ -257,3 +324,7 @@ def test_log_likelihood__of_a_few_draws_at_a_time_is_that_of_all(paper, monkeypa
     monkeypatch.setattr("ridgebayes.likelihood._CACHED", 3 * len(paper.calibration.textures))
     assert model.log_likelihood(theta).tolist() == whole.tolist()
     assert model.log_likelihood(theta[:0]).shape == (0,)
+    # One at a time where textures are more than fit.
+    monkeypatch.setattr("ridgebayes.likelihood._CACHED", 1)
+    # Rounding: a product of a vector, not of a matrix, sums in another order.
+    np.testing.assert_allclose(model.log_likelihood(theta), whole, rtol=1e-14)

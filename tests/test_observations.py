@@ -86,6 +86,16 @@ def test_from_table__refuses_bodies_that_are_not_centred():
     rule = r"mine.csv, row 2 and 1 more rows: offset_over_R = 0.001; rule: .*centred bodies"
     with pytest.raises(InputError, match=rule):
         observations(frame)
+    one = frame.assign(offset_over_R=[0.0, 0.001, 0.0, 0.0, 0.0, 0.0])
+    with pytest.raises(InputError, match=r"mine.csv, row 2: offset_over_R = 0.001; rule: "):
+        observations(one)
+
+
+def test_from_table__does_not_mind_where_bodies_are_that_are_not_fitted():
+    frame = frame_of().assign(role="calibration", status="ok", offset_over_R=0.0)
+    frame.loc[1, ["role", "offset_over_R"]] = ["held-out", 0.001]
+    frame.loc[2, ["status", "offset_over_R"]] = ["not converged", 0.002]
+    assert len(observations(frame)) == 4
 
 
 def test_take__keeps_rows_and_the_textures_that_they_have():

@@ -79,6 +79,28 @@ def test_offsets__have_a_level_for_each_thing_that_is_shared(structure, n_level,
     assert np.unique(offsets.codes).tolist() == list(range(n_level))
 
 
+@pytest.mark.parametrize(("structure", "n_level"), [("step", 3), ("step-smooth", 3)])
+def test_offsets__of_a_count_of_two_have_no_level_at_two(structure, n_level, observed):
+    # Two at this load says that 4 was not reached; 4 and 6 say something of 6 and 8.
+    data = observed([0] * 3, [2, 4, 6], -8.0, is_count=True)
+    assert offsets_of(Noise(structure), data).n_level == n_level
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("lead", [(), (2, 3)])
+def test_loading__of_any_axes_of_draws_is_that_of_each(structure, lead, data):
+    offsets, one = offsets_of(Noise(structure), data), eta_of(structure)
+    eta, at = np.broadcast_to(one, (*lead, len(one))), np.array([4, 14])
+    loading, rest = offsets.loading(eta, (0.02, 0.02), at, offsets.root(eta))
+    assert loading.shape == (*lead, offsets.n_level, 2)
+    assert rest.shape == (*lead, 2)
+    expected = offsets.loading(one[None], (0.02, 0.02), at, offsets.root(one[None]))
+    for i in np.ndindex(lead):
+        # Rounding: systems solved together or alone.
+        np.testing.assert_allclose(loading[i], expected[0][0], rtol=1e-7, atol=1e-12)
+        np.testing.assert_allclose(rest[i], expected[1][0], rtol=1e-7, atol=1e-12)
+
+
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_codes_next__of_a_count_are_those_of_the_next_step(structure, observed):
     seen = observed([0, 1, 0, 1], [4, 6, 6, 4], -8.0, is_count=[True, True, False, False])

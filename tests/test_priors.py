@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from scipy import integrate, special, stats
 
 from ridgebayes.errors import InputError
 from ridgebayes.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
@@ -38,8 +38,38 @@ def test_log_pdf__integrates_to_one(prior, oracle):
 
 @pytest.mark.parametrize("prior", [LogNormal(1.0, 0.1), HalfNormal(0.05), Gamma(2.0, 0.1)])
 def test_log_pdf__is_minus_infinity_off_the_support(prior):
-    assert np.all(prior.log_pdf(np.array([-1.0, 0.0])) == -np.inf)
+    assert np.all(prior.log_pdf(np.array([-1.0, -0.3, 0.0])) == -np.inf)
     assert prior.positive
+
+
+def test_log_pdf__of_a_normal_is_on_the_whole_line():
+    assert np.isfinite(Normal(0.0, 1.0).log_pdf(np.array([-1.0, 0.0, 1.0]))).all()
+    assert not Normal.positive
+
+
+@pytest.mark.parametrize(("prior", "oracle"), PRIORS)
+def test_value_at__of_one_score_is_that_among_others(prior, oracle):
+    u = np.array([-45.0, -36.0, -20.0, -3.0, -0.1, 0.0, 0.1, 3.0, 20.0, 34.0, 36.0, 45.0])
+    together = prior.value_at(u)
+    np.testing.assert_allclose([prior.value_at(one) for one in u], together, rtol=1e-14)
+    np.testing.assert_allclose(prior.value_at(u[:5]), together[:5], rtol=1e-14)
+    np.testing.assert_allclose(prior.value_at(u[5:]), together[5:], rtol=1e-14)
+
+
+def test_half_normal__upper_tail_has_the_normals_probability_where_that_underflows():
+    u = np.array([30.0, 34.9, 35.1, 37.0, 40.0, 200.0])
+    z = HalfNormal(0.05).value_at(u) / 0.05
+    # Rounding: of the inverse, squared.
+    np.testing.assert_allclose(np.log(2) + stats.norm.logsf(z), stats.norm.logsf(u), rtol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [2.0, 3.5])
+def test_gamma__lower_tail_has_the_normals_probability_where_that_underflows(shape):
+    u = np.array([-36.0, -36.9, -37.1, -38.0, -41.0])
+    z = 0.1 * Gamma(shape, 0.1).value_at(u)
+    # P = z^shape / Gamma(shape + 1) to rounding, z being far below it.
+    log_cdf = shape * np.log(z) - special.gammaln(shape + 1)
+    np.testing.assert_allclose(log_cdf, stats.norm.logcdf(u), rtol=1e-12)
 
 
 @pytest.mark.parametrize(("prior", "oracle"), PRIORS)

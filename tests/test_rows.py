@@ -74,6 +74,40 @@ def test_log_likelihood__of_a_bracket_without_width_is_the_exact_rows(tail, orac
 
 
 @pytest.mark.parametrize(("tail", "oracle"), TAILS)
+def test_log_likelihood__with_offsets_of_rows_of_each_kind_is_that_of_their_loads(
+    tail, oracle, observed
+):
+    load, offset, later = -6.2, np.array([0.07, -0.05, 0.03]), np.array([0.07, -0.05, 0.04])
+    data = observed(
+        [0, 1, 1],
+        [4, 6, 6],
+        load,
+        rel_se=[0.02, 0.0, 0.0],
+        log_lower=[np.nan, load - 0.3, np.nan],
+        is_count=[False, False, True],
+    )
+    found = log_likelihood(data, tail, sigma=0.3, offset=offset, offset_next=later)
+    at = 2 * log_shape([4, 6, 6]) - 0.6 + offset
+    scale = np.hypot(0.3, 0.02)
+    exact = oracle.logpdf((load - at[0]) / scale) - np.log(scale)
+    ends = (load - np.array([0, 0.3]) - at[1]) / 0.3
+    bracket = np.log(np.diff(oracle.cdf(ends[::-1])))[0]
+    beyond = 2 * log_shape(8) - 0.6 + later[2]
+    count = np.log(oracle.cdf((load - at[2]) / 0.3) - oracle.cdf((load - beyond) / 0.3))
+    np.testing.assert_allclose(found, [exact, bracket, count], rtol=1e-11)  # rounding
+
+
+@pytest.mark.parametrize(("tail", "oracle"), TAILS)
+def test_log_likelihood__of_a_count_that_offsets_turn_round_is_no_probability(
+    tail, oracle, observed
+):
+    # The load of 8 lies below that of 6: 6 and not 8 cannot be seen at any load.
+    data = observed([0], 6, 2 * log_shape(6) - 0.6, is_count=True)
+    found = log_likelihood(data, tail, sigma=0.3, offset=1.0, offset_next=np.array([-1.0]))
+    assert np.isneginf(found).all()
+
+
+@pytest.mark.parametrize(("tail", "oracle"), TAILS)
 def test_log_likelihood__of_a_bracket_from_zero_is_one_sided(tail, oracle, observed):
     z = np.array([-9.0, -1.0, 0.0, 2.0])
     load = 2 * log_shape(6) - 0.6 + 0.05 * z
@@ -183,6 +217,24 @@ def test_centre__is_the_middle_and_a_uniform_errors_variance(observed):
     beyond = load - 2 * log_shape(4)  # of a count of 2: not yet the load of 4
     np.testing.assert_allclose(middle, [0, -0.1, -0.5, -0.5, beyond + 0.5], atol=1e-13)
     np.testing.assert_allclose(variance, np.array([0, 0.04, 1, 1, 1]) / 12, atol=1e-13)
+
+
+def test_normal_variance__has_the_rows_information_and_the_variance_of_their_widths(observed):
+    load, sigma, df = 2 * log_shape(6), np.array([0.03, 0.2]), np.array([1.5, 9.0])
+    data = observed([0] * 3, 6, load, rel_se=[0.0, 0.02, 0.3], log_lower=[np.nan, np.nan, load - 1])
+    rows, width = Rows.of(data, Modified()), np.array([0, 0, 1 / 12])
+    own = sigma[:, None] ** 2 + np.array([0.0, 0.02, 0.3]) ** 2
+    found = rows.normal_variance(sigma[:, None], NormalTail())
+    np.testing.assert_allclose(found, own + width, rtol=1e-14)  # algebra
+    found = rows.normal_variance(np.column_stack([sigma, df]), StudentTail())
+    for i, t in enumerate(map(stats.t, df)):
+
+        def slope_squared(x, t=t, h=1e-4):
+            return t.pdf(x) * ((t.logpdf(x + h) - t.logpdf(x - h)) / (2 * h)) ** 2
+
+        information = integrate.quad(slope_squared, -np.inf, np.inf)[0]
+        # Discretisation: h^2, and the quadrature's own tolerance.
+        np.testing.assert_allclose(found[i], own[i] / information + width, rtol=1e-6)
 
 
 def test_row_groups__collapse_ten_thousand_replicates_into_cells(observed):

@@ -5,8 +5,9 @@ import pytest
 
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.halfplane import smooth_load, transition_loads
+from ridgebayes.contact.intervals import Intervals, press
 from ridgebayes.contact.logkernel import log_ellipse
-from ridgebayes.contact.strips import StripSolution, solve_strips
+from ridgebayes.contact.strips import StripSolution, _smallest_pressure, solve_strips
 from ridgebayes.errors import InputError
 
 # Loads of an independent solution of the same equation, nu = 0.5, rounded to 1e-10.
@@ -141,6 +142,52 @@ def test_error_falls_as_the_ellipse_says():
     assert slope == pytest.approx(-2.0 * log_ellipse(gap_ratio), rel=0.2)
 
 
+def test_coefficient_tails_and_pressures_are_those_of_collocation_at_the_same_loads():
+    """Against `intervals.press`: no symmetry used within a strip, no Galerkin, a given load."""
+    a, b, m = 1.0, 0.1, 10
+    found = solve_strips(2 * b / a, 3, m)
+    for k in (1, 2, 3):
+        left = np.arange(k) * (a + b) + 0.5 * b
+        load = 4 / math.pi * found.F[k - 1] * (a + b) ** 2
+        pressing = press(Intervals(left, left + a, True), np.zeros((k, 1)), load, m + 20)
+        q, mean = pressing.coefficients, pressing.coefficients[:, 0].mean()
+        tail = np.abs(q[:, m - 2 : m]).max() / mean
+        # Discretisation: ten coefficients; the error is of the next two.
+        assert found.tail[k - 1] == pytest.approx(tail, rel=1e-3)
+        lowest = (
+            pressing.pressure_at_points().min(),
+            *(ends.min() / 0.5 for ends in pressing.singular),
+        )
+        assert found.smallest_pressure[k - 1] == pytest.approx(0.5 * min(lowest) / mean, abs=1e-3)
+
+
+def test_smallest_pressure_is_that_of_any_place_on_any_strip_in_contact():
+    m = 8
+    series = np.zeros((3, m, 3))
+    series[:, 0] = 1.0
+    series[0, 2, 0] = 0.8  # 1 + 0.8 T_2: lowest in the middle
+    series[0, 1, 1] = 0.3  # lowest at the left end
+    series[1, 1, 1] = -0.2  # and at the right end, less so
+    series[2, 1, :2] = 5.0  # not yet in contact
+    series[2, 3, 2] = 0.5  # T_3 is -1 at s = 1/2 and -1
+    in_contact = np.array([[True, True, True], [False, True, True], [False, False, True]])
+    found = _smallest_pressure(series, in_contact)
+    np.testing.assert_allclose(found, [0.2, 0.7, 0.5], rtol=1e-14)  # algebra: sums of cosines
+    # Between its points: a place where no extremum of a T_n is asked for.
+    wave = np.zeros((1, m, 1))
+    wave[0, :3, 0] = 1.0, 0.35, 0.5
+    dense = np.polynomial.chebyshev.chebval(np.linspace(-1, 1, 10_001), wave[0, :, 0]).min()
+    # Discretisation: 17 points; curvature 4 x 0.5 times the square of half a step of pi/16.
+    assert 0 <= _smallest_pressure(wave, np.ones((1, 1), bool))[0] - dense < (math.pi / 32) ** 2
+
+
+def test_rounding_is_magnified_as_grooves_close():
+    wide, narrow = (solve_strips(gap, 4, m).amplification for gap, m in ((2e-2, 50), (2e-3, 158)))
+    assert np.all(wide > 1.0)
+    # The surface beside a strip falls as the root of the distance: a tenth of it, root 10 times.
+    np.testing.assert_allclose(narrow / wide, math.sqrt(10.0), rtol=0.02)
+
+
 @pytest.mark.parametrize("a_over_b", [0.01, 0.1, 1.0, 10.0, 100.0, 1000.0])
 def test_default_tolerance_is_kept(a_over_b):
     usual = transition_loads(a_over_b, 1.0, 4)
@@ -177,6 +224,9 @@ def test_poissons_ratio_enters_through_the_plane_modulus():
     loads = transition_loads(1.0, 1.0, 3)
     ratio = loads.p_over_E(0.02, nu=0.5) / loads.p_over_E(0.02, nu=0.0)
     np.testing.assert_allclose(ratio, 4.0 / 3.0, rtol=1e-15)  # algebra
+    np.testing.assert_array_equal(loads.p_over_E(0.02), loads.p_over_E(0.02, nu=0.5))
+    with pytest.raises(TypeError):  # by name alone
+        loads.p_over_E(0.02, 0.3)
 
 
 def test_cached_arrays_cannot_be_written():

@@ -45,5 +45,21 @@ def test_first_touch_of_a_smooth_body_is_half_a_groove_wide():
     np.testing.assert_allclose(hertz.half_width(load), 0.015, rtol=ROUNDING)
 
 
+@pytest.mark.parametrize(
+    ("function", "arguments"),
+    [
+        (hertz.half_width, (0.01,)),
+        (hertz.contact_length, (0.01,)),
+        (hertz.load_of_half_width, (0.1,)),
+        (hertz.ridge_units, (0.01, 0.02, 0.03)),
+        (hertz.transition_load, (6, 0.02, 0.03)),
+    ],
+)
+def test_poissons_ratio_is_a_half_where_it_is_not_given_and_is_given_by_name(function, arguments):
+    assert function(*arguments) == function(*arguments, nu=0.5)
+    with pytest.raises(TypeError):
+        function(*arguments, 0.5)
+
+
 def test_arrays_broadcast():
     assert hertz.transition_load(np.arange(4, 10, 2)[:, None], [0.01, 0.02], 0.03).shape == (3, 2)

@@ -190,6 +190,30 @@ def test_press__a_mirrored_half_is_the_whole():
     assert not whole.intervals.straddles
 
 
+@pytest.mark.parametrize("straddles", [False, True])
+def test_recession__with_kinks_in_a_mirrored_half_is_that_of_the_whole(straddles):
+    """And the surface lies on the rigid one, at its kinks too, on either side."""
+    ends = [(-0.05, 0.05), (0.06, 0.1), (0.12, 0.15)] if straddles else [(0.01, 0.05), (0.06, 0.1)]
+    mirror = [(-right, -left) for left, right in ends[::-1] if left > 0]
+    half, whole = intervals_of(*ends, mirrored=True), intervals_of(*mirror, *ends)
+    kinks = np.array([0.03, 0.08, 0.14])
+
+    def depth(x):
+        return 100 * sum(np.maximum(np.abs(x) - kink, 0.0) ** 2 for kink in kinks)
+
+    def height(intervals):
+        return chebyshev_coefficients(depth(chebyshev_points(intervals, 2048)))
+
+    found = press(half, height(half), 8e-3, 16)
+    expected = press(whole, height(whole), 8e-3, 32)
+    x = np.concatenate([np.linspace(-0.16, 0.16, 65), [0.4, -0.7], kinks, -kinks])
+    # Discretisation: of 16 coefficients, which neighbours' surfaces take.
+    np.testing.assert_allclose(found.recession(x), expected.recession(x), rtol=0, atol=1e-8)
+    touched = np.any([(low <= abs(x)) & (abs(x) <= high) for low, high in ends], axis=0)
+    # Discretisation: beyond the 2048th order a kink's series has 1e-8, beyond the 96th 4e-7.
+    np.testing.assert_allclose(found.surface(x)[touched], -depth(x)[touched], rtol=0, atol=4e-8)
+
+
 def test_press__its_error_falls_exponentially_in_the_coefficients():
     alpha, beta, W = 0.02, 0.12, 0.02
     exact, _ = two_strips(alpha, beta, W)

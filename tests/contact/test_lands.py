@@ -39,6 +39,10 @@ def test_profile__a_value_that_breaks_its_rule_is_named(name, value):
 
 def test_profile__the_ends_of_each_rule_are_kept():
     assert Profile(A, B, depth=math.inf, corner=0.5 * A, offset=-0.5).pitch == A + B
+    # As deep as round corners are: their parabola falls by half the radius.
+    assert Profile(A, B, depth=0.25 * A, corner=0.5 * A).depth == 0.25 * A
+    with pytest.raises(InputError, match=r"^depth = .*; rule: at least half the corners' radius"):
+        Profile(A, B, depth=0.2499 * A, corner=0.5 * A)
 
 
 @pytest.mark.parametrize("offset", [-0.5, -0.3, 0.0, 0.2, 0.5])
@@ -79,10 +83,11 @@ def test_profile__is_mirrored_over_the_middle_of_a_land_only():
     assert found == [True, False, True, False, True]
 
 
-@pytest.mark.parametrize("offset", [-0.31, 0.17, 0.4])
+@pytest.mark.parametrize("offset", [-0.49, -0.31, 0.17, 0.4, 0.49])
 @pytest.mark.parametrize("depth", [math.inf, 1e-3])
-def test_lands__are_all_within_reach_in_order(offset, depth):
-    profile, reach = Profile(A, B, depth=depth, offset=offset), 0.2
+@pytest.mark.parametrize("reach", [0.2, 5 * (A + B), A + B])
+def test_lands__are_all_within_reach_in_order(offset, depth, reach):
+    profile = Profile(A, B, depth=depth, offset=offset)
     lands = profile.lands(reach)
     starts = [land.start for land in lands]
     assert starts == sorted(starts)

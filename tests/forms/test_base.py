@@ -1,3 +1,5 @@
+from dataclasses import FrozenInstanceError
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,6 +9,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.forms import (
     FORMS,
     Classic,
+    Form,
     HalfPlane,
     Hybrid,
     Modified,
@@ -150,6 +153,12 @@ def test_load__is_nan_where_the_rate_is_not_positive():
     assert np.isnan(Hybrid().continuous_count(0.01, 0.02, 0.03, theta)).tolist() == [True, False]
 
 
+@pytest.mark.parametrize("rate", [0.0, -0.5])
+def test_load_and_count__are_nan_at_no_rate_and_at_one_hardly_negative(rate):
+    assert np.isnan(Modified().load(4, 0.02, 0.03, [rate]))
+    assert np.isnan(Modified().continuous_count(0.01, 0.02, 0.03, [rate]))
+
+
 def test_count__refuses_a_rate_that_is_not_positive():
     with pytest.raises(InputError, match=r"theta: rate <= 0; rule: .* must be positive"):
         Hybrid().count(0.01, 0.02, 0.03, [1.0, -1.0])
@@ -160,11 +169,27 @@ def test_count__refuses_counts_that_floats_cannot_tell_apart():
         Modified().count(1e30, 1e-4, 1e-4)
 
 
+def test_count__is_exact_up_to_two_to_the_52_and_refused_beyond():
+    form = PowerLaw().bind(((0.01, 0.02),))
+    # With K = 1 count Q is reached at (Q - 2)^2: powers of two, without rounding.
+    largest = 2**52 - 2.0
+    assert form.count(largest**2, 0.01, 0.02, [1.0]) == 2**52
+    with pytest.raises(InputError, match=r"rule: counts up to 2\^52"):
+        form.count((largest + 1) ** 2, 0.01, 0.02, [1.0])
+
+
+@settings(max_examples=300)
+@given(name=kind, a=width, b=width, c=coefficient, nu=poisson, Q=st.integers(2, 2**51 - 4))
+def test_count__is_that_of_the_load_as_far_as_counts_go(name, a, b, c, nu, Q):
+    form, theta = form_and_theta(name, a, b, c)
+    assert form.count(form.load(2 * Q, a, b, theta, nu), a, b, theta, nu) == 2 * Q
+
+
 def test_count__is_two_at_no_load():
     assert Classic().count(0.0, 0.01, 0.09) == 2
 
 
-@pytest.mark.parametrize("Q", [5, 0, -2, np.nan])
+@pytest.mark.parametrize("Q", [5, 0, -2, np.nan, 2**53 + 2])
 def test_load__refuses_odd_and_small_counts(Q):
     with pytest.raises(InputError, match=rf"Q: {Q} given; rule: even and at least 2"):
         Hybrid().load(Q, 0.01, 0.01)
@@ -184,6 +209,10 @@ def test_continuous_count__refuses_loads_that_are_negative_or_not_finite(bad):
         Hybrid().continuous_count(bad, 0.01, 0.01)
 
 
+def test_reduced_load__is_the_load_itself_where_nothing_is_said_of_poissons_ratio():
+    assert reduced_load([0.03, 0.01]).tolist() == [0.03, 0.01]  # exact: times and over 0.75
+
+
 @pytest.mark.parametrize("bad", [-0.1, 0.51, np.nan])
 def test_reduced_load__refuses_poissons_ratios_that_no_such_body_has(bad):
     with pytest.raises(InputError, match=rf"nu: {bad} given; rule: 0 <= nu <= 0.5"):
@@ -199,6 +228,24 @@ def test_load__refuses_a_wrong_number_of_coefficients():
 def test_bind__leaves_forms_without_own_coefficients_per_texture_alone():
     form = Hybrid()
     assert form.bind(((0.01, 0.02),), ("one",)) is form
+
+
+METHODS = ("parameter_names", "shape", "pairs", "rate", "log_rate_gradient", "slope")
+
+
+@pytest.mark.parametrize("lost", METHODS)
+def test_form__without_one_of_its_parts_cannot_be_made(lost):
+    parts = {name: getattr(Modified, name) for name in METHODS if name != lost}
+    with pytest.raises(TypeError, match=f"abstract .*{lost}"):
+        type("Unfinished", (Form,), {"name": "unfinished", **parts})()
+
+
+@pytest.mark.parametrize("form", [Classic(), Modified(), Hybrid(), HalfPlane(), PowerLaw()])
+def test_form__is_equal_to_another_of_its_kind_and_cannot_be_changed(form):
+    assert form == type(form)()
+    assert hash(form) == hash(type(form)())
+    with pytest.raises(FrozenInstanceError):
+        form.name = "another"
 
 
 def test_form_named__finds_every_form_and_names_them_for_a_wrong_name():

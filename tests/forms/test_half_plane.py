@@ -70,11 +70,29 @@ def test_continuous_count__mixes_textures_and_draws_without_a_rate():
 
 
 def test_continuous_count__reaches_rungs_beyond_the_first_guess():
-    # Wide ridges with narrow grooves, a high load: the ladder has to be long enough.
-    Q = 2 + 2 * np.array([1, 7, 30])
-    for texture in ((0.3, 0.3), (0.01, 0.5)):
+    # Wide ridges with narrow grooves, a high load: the ladder has to be long enough. Of very
+    # narrow ridges the rungs stand closer than smooth Hertz's, and the first guess is too short.
+    Q = 2 + 2 * np.array([1, 7, 30, 100])
+    for texture in ((0.3, 0.3), (0.01, 0.5), (1e-4, 5.0)):
         count = FORM.continuous_count(FORM.load(Q, *texture), *texture)
         np.testing.assert_allclose(count, Q, rtol=1e-12)  # algebra: root and interpolation
+
+
+def test_load_and_count__of_textures_that_share_a_width_are_those_of_each_alone():
+    a, b = np.meshgrid([0.012, 0.032], [0.01, 0.03])
+    loads = FORM.load(8, a, b)
+    assert loads.tolist() == [
+        [float(FORM.load(8, *texture)) for texture in zip(*row, strict=True)]
+        for row in zip(a.tolist(), b.tolist(), strict=True)
+    ]
+    np.testing.assert_allclose(FORM.continuous_count(loads, a, b), 8, rtol=1e-14)  # algebra
+
+
+def test_pairs__passes_over_what_has_no_value_and_goes_on():
+    a, b = np.array([[0.012, 0.032], [0.01, 0.01]])
+    shape = np.array([np.nan, FORM.shape(6, 0.032, 0.01)])
+    assert np.isnan(FORM.pairs(shape, a, b)[0])
+    assert FORM.pairs(shape, a, b)[1] == pytest.approx(2, rel=1e-14)  # algebra
 
 
 def test_slope__is_that_of_the_smooth_cylinder():
@@ -86,6 +104,14 @@ def test_load__refuses_more_pairs_than_the_solver_is_for():
     rule = r"501 pairs asked of a/R = 0.02, b/R = 0.015; rule: at most 500"
     with pytest.raises(InputError, match=rule):
         FORM.load(2 + 2 * 501, 0.02, 0.015)
+
+
+def test_load__is_there_up_to_the_last_pair_that_the_solver_is_for(monkeypatch):
+    expected = FORM.load(8, 0.02, 0.015)
+    monkeypatch.setattr(HalfPlane, "n_transition_max", 3)
+    assert FORM.load(8, 0.02, 0.015) == expected
+    with pytest.raises(InputError, match=r"4 pairs asked of .* rule: at most 3"):
+        FORM.load(10, 0.02, 0.015)
 
 
 def test_load__refuses_what_the_solver_could_not_compute(monkeypatch):
