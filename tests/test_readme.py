@@ -90,7 +90,7 @@ def test_option_names__exist():
 
 def test_files_named__exist():
     named = re.findall(r"[`(]((?:docs|data|benchmarks|notebooks)/[\w./-]*)[`)]", TEXT)
-    assert len(named) == 11
+    assert len(named) == 13
     for name in named:
         assert (ROOT / name).exists(), name
 
