@@ -68,7 +68,8 @@ def predict_q(
     Notes
     -----
     *Validity.* Extrapolation beyond the calibrated range of a/pitch and of Q is flagged in the
-    result, not refused.
+    result, not refused. Of pitch and load it is not: by the half-plane's scale law only a/pitch and
+    Q count, as far as strains are small.
     Under Student errors no further count than that of a body in contact over its whole width is
     given a probability.
     *Accuracy.* Monte Carlo error of a probability under 0.005 (10,240 draws of independent rows;

@@ -104,11 +104,15 @@ def narrow_grooves_are_hertz_and_a_little():
     why="The coefficients needed grow as sqrt(a/b). A solver that takes as many as it can afford "
     "returns a number with errors of any size.",
     expected="at 10^5 and a tolerance of 1e-2 Hertz's load within it; at 10^7 no number but a "
-    "status that names the coefficients and the cap, and a refusal by the half-plane form",
+    "status that names the coefficients and the cap, and refusals by the form and a scene's plan",
 )
 def grooves_nearly_closed():
     loads = half_plane_loads(1e5, 1, 1e-2)
     np.testing.assert_allclose(loads.F, math.pi / 8, rtol=1e-2)
+    narrow = rb.Scene.of([(0.02, 1e-10)])
+    refused(lambda: rb.contact_at_loads(narrow, [0.01]), rb.InputError, "b/R = 1e-10")
+    status = rb.contact_at_loads(narrow, [0.01], solver="half-plane")["status"]
+    assert status.str.startswith("not computed").all()
     far = transition_loads(1e7, 1.0, 8)
     assert np.isnan(far.F).all()
     assert {text.split(":")[0] for text in far.status} == {"not computed"}
@@ -527,7 +531,7 @@ def sliding_over_ties():
     why="A corner far below rounding divides by its radius. A round one bears so little on a spot "
     "that the smallest load, from which events are sought, could not be solved for: the answer "
     "was 'no transition' to a load that brings 8 edges. Corners of half a ridge leave no flat, "
-    "and gaps were sought on its far side: loads 0.3 % too high.",
+    "and gaps were sought on its far side: loads 0.8 % too high.",
     expected="below 1e-8 of a ridge the sharp loads (1e-8); a quarter and half of a ridge: every "
     "load lower than of sharp corners, and at 1e-6 below and above it the count of the contact "
     "there; a larger corner is refused",
