@@ -115,10 +115,10 @@ def test_predict_q__of_a_scalar_is_a_scalar(fits):
 def test_predict_q__flags_what_was_not_calibrated(fits):
     fit = fits["hybrid"]
     # Calibrated: a/pitch from 0.286 to 0.762, Q up to its largest.
-    assert not predict_q(fit, 0.012, 0.03, 1e-3).texture_outside
-    assert not predict_q(fit, 0.22, 0.2, 1e-3).texture_outside  # ratio, not size
-    assert predict_q(fit, 0.012, 0.09, 1e-3).texture_outside
-    assert predict_q(fit, 0.04, 0.01, 1e-3).texture_outside
+    assert not predict_q(fit, 0.012, 0.03, 1e-3).outside
+    assert not predict_q(fit, 0.22, 0.2, 1e-3).outside  # ratio, not size
+    assert predict_q(fit, 0.012, 0.09, 1e-3).outside
+    assert predict_q(fit, 0.04, 0.01, 1e-3).outside
     highest = int(fit.model.data.Q.max())
     load = float(fit.form.load(highest + 4, A, B, fit.draws.mean(axis=0)[:-1]))
     assert predict_q(fit, A, B, [1e-3, load]).extrapolation().tolist() == [False, True]
@@ -130,7 +130,7 @@ def test_predict_q__power_law_draws_a_new_textures_K_from_its_prior(fits):
     assert texture_extrapolates(fit, (a, b))
     assert not texture_extrapolates(fit, (0.012, 0.03))
     q = predict_q(fit, a, b, LOADS, kind="curve")
-    assert q.texture_outside.all()
+    assert q.outside.all()
     # K is log-normal, median 2 x 1.382/L, log-sd 0.3: Q >= 6 where K sqrt(p) >= 4.
     exact = stats.norm.cdf((np.log(2 * 1.382 / (a + b) * np.sqrt(LOADS) / 4)) / 0.3)
     se = np.sqrt(exact * (1 - exact) / len(fit.draws))
@@ -213,8 +213,9 @@ def test_mix_q__is_the_weighted_average_of_probabilities(fits):
 def test_mix_q__flags_what_a_part_that_counts_flags(fits):
     new = (0.02, 0.025)  # inside the ratios, but without a K
     parts = [predict_q(fits[name], *new, LOADS) for name in ("hybrid", "power-law")]
-    assert mix_q(parts, [0.9, 0.1]).texture_outside.all()
-    assert not mix_q(parts, [0.999, 0.001]).texture_outside.any()
+    assert mix_q(parts, [0.9, 0.1]).outside.all()
+    # The last load alone is above every calibrated one.
+    assert mix_q(parts, [0.999, 0.001]).outside.tolist() == [*[False] * 24, True]
 
 
 @pytest.mark.parametrize("predict", [predict_q, predict_load])

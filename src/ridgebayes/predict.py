@@ -7,6 +7,7 @@ mean over draws of P(load(n) <= p | draw), which is a distribution function unde
 of; others widen the distribution by what is not known of theirs.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -67,9 +68,9 @@ def predict_q(
 
     Notes
     -----
-    *Validity.* Extrapolation beyond the calibrated range of a/pitch and of Q is flagged in the
-    result, not refused. Of pitch and load it is not: by the half-plane's scale law only a/pitch and
-    Q count, as far as strains are small.
+    *Validity.* Extrapolation beyond the calibrated range of a/pitch, of Q, and above the highest
+    calibrated load is flagged in the result, not refused. Of pitch it is not: by the half-plane's
+    scale law only a/pitch and Q count, as far as strains are small.
     Under Student errors no further count than that of a body in contact over its whole width is
     given a probability.
     *Accuracy.* Monte Carlo error of a probability under 0.005 (10,240 draws of independent rows;
@@ -98,11 +99,13 @@ def predict_q(
         for texture, here in groups
     ]
     n_step = max((ladder.shape[-1] for ladder, _ in ladders), default=1)
-    survival, outside = np.zeros((p.size, n_step)), np.zeros(p.size, dtype=bool)
-    errors = [0.0]
+    survival, errors = np.zeros((p.size, n_step)), [0.0]
+    # The scale law of the half-plane makes pitches alike, not loads: strains grow with these.
+    highest = math.exp(fit.model.data.log_load.max()) * (1 + 1e-12)
+    outside = reduced_load(flat_p, flat_nu) > highest
     for (texture, here), (ladder, error) in zip(groups, ladders, strict=True):
         survival[here, : ladder.shape[1]] = ladder
-        outside[here] = texture_extrapolates(fit, texture)
+        outside[here] |= texture_extrapolates(fit, texture)
         errors.append(error)
     return QDistribution(
         survival.reshape(*p.shape, n_step),
@@ -198,7 +201,7 @@ def mix_q(parts: Sequence[QDistribution], weights: Sequence[float]) -> QDistribu
     for part, weight in zip(parts, share, strict=True):
         survival[..., : part.survival.shape[-1]] += weight * part.survival
     heavy = [part for part, weight in zip(parts, share, strict=True) if weight > 0.01]
-    outside = np.any([part.texture_outside for part in heavy], axis=0)
+    outside = np.any([part.outside for part in heavy], axis=0)
     q_max = min(part.q_calibrated_max for part in heavy)
     error = float(np.dot(share, [part.error for part in parts]))
     return QDistribution(survival, outside, q_max, parts[0].kind, error)

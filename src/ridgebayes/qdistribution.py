@@ -19,8 +19,8 @@ class QDistribution:
     ----------
     survival : ndarray of float, shape (..., n_step), dimensionless
         P(Q >= 2), P(Q >= 4), ...; the first is 1, and they never rise.
-    texture_outside : ndarray of bool, shape (...)
-        Whether the texture lies outside what was calibrated.
+    outside : ndarray of bool, shape (...)
+        Whether the texture or the load lies outside what was calibrated.
     q_calibrated_max : int
         Largest calibrated count.
     kind : str
@@ -30,8 +30,8 @@ class QDistribution:
 
     Notes
     -----
-    *Validity.* Where `extrapolation` says so, texture or count lie beyond what was calibrated. The
-    probability of counts beyond the last of `q` is under 1e-6 and set to 0.
+    *Validity.* Where `extrapolation` says so, texture, load or count lie beyond what was
+    calibrated. The probability of counts beyond the last of `q` is under 1e-6 and set to 0.
 
     Examples
     --------
@@ -41,7 +41,7 @@ class QDistribution:
     """
 
     survival: FloatArray
-    texture_outside: BoolArray
+    outside: BoolArray
     q_calibrated_max: int
     kind: str
     error: float = np.nan
@@ -114,8 +114,8 @@ class QDistribution:
         return self.quantile(0.5 - prob / 2), self.quantile(0.5 + prob / 2)
 
     def extrapolation(self, prob: float = 0.9) -> BoolArray:
-        """Return where the texture, or the upper end of the interval, was not calibrated."""
-        return self.texture_outside | (self.interval(prob)[1] > self.q_calibrated_max)
+        """Return where texture, load or the upper end of the interval were not calibrated."""
+        return self.outside | (self.interval(prob)[1] > self.q_calibrated_max)
 
     def rvs(self, rng: Rng, size: int = 1) -> IntArray:
         """Draw counts, shape (size, ...).

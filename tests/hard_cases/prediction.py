@@ -73,6 +73,8 @@ def textures_far_outside(folder):
             assert not fitted(name).predict(*texture, [0.001, 0.009]).extrapolation().any()
             assert not fitted(name).predict_load(*texture, [4, 6, 8]).extrapolation.any()
     assert bool(fitted("hybrid").predict(0.022, 0.02, 0.2).extrapolation())  # by Q alone
+    coarse = fitted("hybrid").predict(0.22, 0.2, [0.001, 0.3]).extrapolation()
+    assert coarse.tolist() == [False, True]  # by the load alone: Q is 4
     assert bool(fitted("hybrid").predict_load(0.022, 0.02, 100).extrapolation)
     bands = bands_table(
         weighed(), textures=[FAR[0], FAR[2], NEAR[0]], loads=np.array([0.0005, 0.005])
