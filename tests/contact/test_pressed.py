@@ -10,8 +10,9 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 from scipy import integrate, linalg
 
+from ridgebayes.contact import hertz
 from ridgebayes.contact.lands import Profile
-from ridgebayes.contact.pressed import many_pressed, pressed
+from ridgebayes.contact.pressed import load_factor, many_pressed, pressed
 
 A, B = 0.012, 0.03
 SHAPES = [
@@ -475,3 +476,11 @@ def test_pressed__cannot_be_written(field):
     found = pressed(Profile(A, B), 1e-3)
     with pytest.raises(dataclasses.FrozenInstanceError):
         setattr(found, field, None)
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
+def test_load_factor__makes_the_loads_whose_hertzian_contact_is_as_wide(nu):
+    # Here a smooth contact has the half-width root of 2 W, Hertz's is c times the root of p/E.
+    p_over_E = np.geomspace(1e-6, 0.02, 5)
+    wide = np.sqrt(2 * load_factor(nu) * p_over_E)
+    np.testing.assert_allclose(wide, hertz.half_width(p_over_E, nu=nu), rtol=1e-14)  # algebra

@@ -26,7 +26,7 @@ def test_thermodynamic__has_the_error_of_its_draws(fits):
     assert 0.3 * values[0].se < spread < 7 * values[0].se
 
 
-def test_thermodynamic__error_of_the_draws_is_their_spread_where_the_rule_errs_by_less(fits):
+def test_thermodynamic__claims_the_error_that_seeds_spread_by(fits):
     found = [
         thermodynamic_evidence(fits["modified"].model, n_temperature=64, n_draw=100, seed=seed)
         for seed in range(8)

@@ -1,0 +1,127 @@
+"""Writes docs/mutation.md from what the runs found and from the reasons given for survivors.
+
+``python -m tests.mutation.page`` from the repository's root. Reasons stand in
+`docs/mutation/survivors.csv`; a survivor without one ends it.
+"""
+
+import csv
+import html
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from scipy import stats
+
+from tests.mutation.results import ROOT, Result, read, totals
+
+PAGE = ROOT / "docs" / "mutation.md"
+REASONS = ROOT / "docs" / "mutation" / "survivors.csv"
+CORE = {
+    "forms": ("forms.",),
+    "likelihood": (
+        *("likelihood", "rows", "independent", "integrated", "observations", "noise", "priors"),
+        *("offsets", "laplace"),
+    ),
+    "evidence": ("evidence.",),
+    "half-plane": ("contact.",),
+}
+NEEDLESS = ("no difference", "speed only", "form of a record")
+
+
+def reasons() -> dict[tuple[str, str, int], tuple[str, str]]:
+    """Return kind and reason of each survivor."""
+    with REASONS.open(encoding="utf-8", newline="") as file:
+        return {
+            (row["module"], row["operator"], int(row["occurrence"])): (row["kind"], row["reason"])
+            for row in csv.DictReader(file)
+        }
+
+
+def noticed(results: Sequence[Result]) -> int:
+    """Return how many mutants a test noticed, by a failure or by not ending."""
+    return sum(result.outcome != "survived" for result in results)
+
+
+def share(results: Sequence[Result]) -> str:
+    """Return the share of mutants noticed."""
+    return f"{100 * noticed(results) / len(results):.1f} %"
+
+
+def interval(results: Sequence[Result]) -> str:
+    """Return the exact 95 % interval of the share among all mutants of a sampled module."""
+    found = stats.binomtest(noticed(results), len(results)).proportion_ci(0.95, "exact")
+    return f"{100 * found.low:.0f} to {100 * found.high:.0f} %"
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table in Markdown."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
+
+
+def by_module(results: Sequence[Result]) -> str:
+    """Return the table of modules, with a line for each part of the core."""
+    rows, size = [], totals()
+    for part, names in CORE.items():
+        of_part = [r for r in results if r.module.startswith(names)]
+        modules = list(dict.fromkeys(r.module for r in of_part))
+        for module in modules:
+            rows.append(row_of(f"`{module}`", [r for r in of_part if r.module == module], size))
+        rows.append(row_of(f"**{part}**", of_part, size))
+    rows.append(row_of("**all**", results, size))
+    return table(("module", "mutants", "tried", "killed", "timed out", "survived", "noticed"), rows)
+
+
+def row_of(name: str, results: Sequence[Result], size: dict[str, int]) -> list[object]:
+    """Return a line of the table of modules."""
+    count = Counter(result.outcome for result in results)
+    modules = {result.module for result in results}
+    everything = sum(size[module] for module in modules)
+    noted = share(results)
+    if len(modules) == 1 and everything > len(results):
+        noted += f" ({interval(results)})"
+    counts = (count["killed"], count["timed out"], count["survived"])
+    return [name, everything, len(results), *counts, noted]
+
+
+def code(text: str) -> str:
+    """Return text as code within a table."""
+    return f"<code>{html.escape(text, quote=False).replace('|', '&#124;')}</code>"
+
+
+def survivors(results: Sequence[Result]) -> tuple[str, str, str]:
+    """Return the share without needless changes, and the tables of kinds and of survivors.
+
+    Raises
+    ------
+    KeyError
+        If a survivor has no reason.
+    """
+    known, lines, kinds = reasons(), [], Counter()
+    for result in results:
+        if result.outcome == "survived":
+            kind, reason = known[result.mutant]
+            kinds[kind] += 1
+            where = f"`{result.module}` {result.line}"
+            lines.append((where, code(result.change), kind, reason))
+    needless = sum(kinds[kind] for kind in NEEDLESS)
+    rest = len(results) - needless
+    return (
+        f"Of the {len(results)} mutants {needless} survivors change no result, whatever the test "
+        f"({', '.join(NEEDLESS)}): of the {rest} others {100 * noticed(results) / rest:.1f} % are "
+        "noticed.",
+        table(("kind", "survivors"), kinds.most_common()),
+        table(("where", "change", "kind", "reason"), lines),
+    )
+
+
+def text() -> str:
+    """Return the page."""
+    results = read()
+    head = REASONS.with_name("head.md").read_text(encoding="utf-8")
+    others, kinds, lines = survivors(results)
+    parts = [head.strip(), "## Score", by_module(results), others, "## What survives", kinds, lines]
+    return "\n\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(text(), encoding="utf-8")
