@@ -70,8 +70,9 @@ def reaching_loads(
         now = pressed(profile, float(tiny), rel_tol=rel_tol)
         if now.status == "ok":
             break
-    first = [land.ridge for land in now.lands if land.ridge is not None] or [0, -1][:1]
-    low, high = min(first), max(first)
+    first = [land.ridge for land in now.lands if land.ridge is not None]
+    # Where a floor alone is touched the ridges beside it, -1 and 0, are yet to be reached.
+    low, high = (min(first), max(first)) if first else (0, -1)
     start = float(tiny)
     while len(loads) < n_max:
         # To the right, and where the profile is no mirror image also to the left.
