@@ -163,8 +163,15 @@ def test_extrapolation_looks_different(comparison):
     panels = {axes.get_title(): axes for axes in gallery(comparison)["bands"].figure.axes}
     held_out = next(axes for title, axes in panels.items() if "held out" in title)
     inside = next(axes for title, axes in panels.items() if "0.022$" in title or "0.022," in title)
-    assert any(patch.get_hatch() and len(patch.get_paths()) for patch in held_out.collections)
-    assert not any(patch.get_hatch() and len(patch.get_paths()) for patch in inside.collections)
+
+    def hatched_from(axes):
+        hatched = [patch for patch in axes.collections if patch.get_hatch()]
+        paths = [path for patch in hatched for path in patch.get_paths()]
+        return min(path.vertices[:, 0].min() for path in paths)
+
+    rows = comparison.table.calibration.frame
+    assert hatched_from(held_out) < rows["p_over_E"].min()  # all of it
+    assert hatched_from(inside) > rows["p_over_E"].max()  # what lies above every calibrated load
 
 
 def test_bands_say_how_many_textures_are_left_out(comparison):

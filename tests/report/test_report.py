@@ -172,7 +172,7 @@ def test_labels_are_escaped_and_shown(odd):
     assert "<script>alert('$x$')</script> & | *" in page.text
     assert "my <b>solver</b>" in page.text
     assert "<script>" not in text
-    assert "&lt;script&gt;alert('$x$')&lt;/script&gt; &amp; \\| \\*" in text
+    assert "&lt;script&gt;alert('\\$x\\$')&lt;/script&gt; &amp; \\| \\*" in text
 
 
 def test_file_name_is_shown_without_its_folder(odd):
