@@ -7,7 +7,7 @@ from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import laplace_evidence
 from ridgebayes.forms import Hybrid, Modified
 from ridgebayes.funnel import Funnel
-from ridgebayes.laplace import Laplace, fit_laplace
+from ridgebayes.laplace import Laplace, fit_laplace, several_modes
 from ridgebayes.likelihood import Model
 from ridgebayes.noise import Noise
 from ridgebayes.observations import Observations
@@ -221,3 +221,35 @@ def test_fit_laplace__refuses_data_without_misfit():
     rule = r"hybrid: the posterior has no interior mode.* sigma has no lower bound"
     with pytest.raises(ComputationError, match=rule):
         fit_laplace(Model(data, Hybrid()))
+
+
+class Even(Modified):
+    """Modified with the square of c2/0.05 for c: rows cannot tell c2 from -c2."""
+
+    name = "even"
+
+    @property
+    def parameter_names(self):
+        return ("c2",)
+
+    def rate(self, theta, a_over_R, b_over_R):
+        return (super().rate(theta, a_over_R, b_over_R) / 0.05) ** 2
+
+    def log_rate_gradient(self, theta, a_over_R, b_over_R):
+        with np.errstate(divide="ignore"):
+            return 2 * super().log_rate_gradient(theta, a_over_R, b_over_R)
+
+
+def test_several_modes__of_plain_rows_finds_the_mirror_image(observed):
+    texture, Q = np.repeat([0, 1], 3), np.tile([4, 6, 8], 2)
+    own = np.array([0.05, 0.02, 0.04, -0.08, -0.02, -0.06])
+    model = Model(observed(texture, Q, 2 * np.log((Q / 2 - 1) * 0.042 / 1.4) + own), Even())
+    assert model.is_plain
+    laplace = fit_laplace(model)
+    (said,) = several_modes(model, laplace)
+    c2, sigma = model.to_theta(laplace.mode)
+    assert "a ln evidence of +0.0 " in said.replace("-0.0", "+0.0")
+    place = dict(part.split(" = ") for part in said.split(" at ")[1].split(", has ")[0].split(", "))
+    # Tolerance: searches end within a hundredth of a posterior sd, which is a few per cent.
+    assert float(place["c2"]) == pytest.approx(-c2, rel=1e-3)
+    assert float(place["sigma"]) == pytest.approx(sigma, rel=1e-2)

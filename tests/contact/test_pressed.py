@@ -12,7 +12,7 @@ from scipy import integrate, linalg
 
 from ridgebayes.contact import hertz
 from ridgebayes.contact.lands import Profile
-from ridgebayes.contact.pressed import load_factor, many_pressed, pressed
+from ridgebayes.contact.pressed import _checked, load_factor, many_pressed, pressed
 
 A, B = 0.012, 0.03
 SHAPES = [
@@ -484,3 +484,18 @@ def test_load_factor__makes_the_loads_whose_hertzian_contact_is_as_wide(nu):
     p_over_E = np.geomspace(1e-6, 0.02, 5)
     wide = np.sqrt(2 * load_factor(nu) * p_over_E)
     np.testing.assert_allclose(wide, hertz.half_width(p_over_E, nu=nu), rtol=1e-14)  # algebra
+
+
+@pytest.mark.parametrize(("share", "is_refused"), [(0.5, False), (2.0, True)])
+@pytest.mark.parametrize("rel_tol", [1e-8, 1e-6])
+def test_pressed__tension_beyond_a_tenth_of_the_roots_tolerance_is_refused(
+    rel_tol, share, is_refused
+):
+    """q sqrt(1 - s^2) = 1 - (1 + t) T_2 is lowest at the ends: -t of the mean."""
+    tension = share * 0.1 * math.sqrt(rel_tol)
+    found = pressed(Profile(A, B, offset=0.5), 1e-4, ridges=range(1)).pressing
+    series = np.zeros_like(found.coefficients)
+    series[0, 0] = found.coefficients[0, 0]
+    series[0, 2] = -(1 + tension) * series[0, 0]
+    status = _checked(dataclasses.replace(found, coefficients=series), found.load, rel_tol)
+    assert status == (f"tension: {-tension:.1e} of the mean pressure" if is_refused else "ok")

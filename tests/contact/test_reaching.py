@@ -72,6 +72,35 @@ def test_reaching_loads__the_first_pair_beside_a_ridge_has_a_closed_load(a, b):
         assert found.W[0] == pytest.approx(W, rel=1e-8)  # tolerance
 
 
+@pytest.mark.parametrize(("offset", "depth"), [(0.0, 1e-5), (0.0, 5e-5), (0.1, 5e-5), (-0.1, 5e-5)])
+def test_reaching_loads__ridges_beside_a_floor_that_is_touched_alone_are_events(offset, depth):
+    """Up to the ridges the contact on the floor is Hertz's, whose gap has a closed form."""
+    x = 0.5 * B - abs(offset) * (A + B)  # the nearest corner
+
+    def gap(w):
+        root = math.sqrt(x * x - w * w)
+        return 0.5 * (x * root - w * w * math.log((x + root) / w)) - depth
+
+    w = optimize.brentq(gap, 1e-6 * x, x * (1 - 1e-12), xtol=1e-16)
+    profile = Profile(A, B, depth=depth, offset=offset)
+    assert pressed(profile, 0.4 * w**2).Q == 0
+    found = reaching_loads(profile, W_max=0.505 * w**2)
+    assert found.status == ("ok",)
+    assert np.array_equal(found.Q, [2 if offset == 0.0 else 1])
+    assert found.W[0] == pytest.approx(0.5 * w**2, rel=1e-8)  # tolerance
+
+
+@pytest.mark.parametrize("rel_tol", [1e-3, 1e-4])
+def test_reaching_loads__the_root_adds_nothing_to_the_error_of_the_contact(rel_tol):
+    # Sharp corners: the contact itself has no end to be found, and errs by far less than rel_tol.
+    a, b = 0.04, 0.01
+    W = covered_loads(a, b, 4)
+    found = reaching_loads(Profile(a, b), W_max=1.01 * W[-1], rel_tol=rel_tol)
+    assert found.status == ("ok",) * 4
+    # Tolerance: the root is asked for to a thousandth of what the contact is; twice that.
+    assert np.all(np.abs(found.W / W - 1) < 2e-3 * rel_tol)
+
+
 @pytest.mark.parametrize("offset", [0.1, 0.44])
 @pytest.mark.parametrize("corner", [0.0, 1e-3])
 def test_reaching_loads__of_mirrored_offsets_are_the_same(offset, corner):

@@ -23,6 +23,17 @@ def test_sliding_counts__are_means_and_spreads_of_separate_solutions():
         assert sd[i] == pytest.approx(np.std(counts), abs=1e-12)
 
 
+@pytest.mark.parametrize("W", [[1e-6], [1e-6, 1.2e-4]])
+def test_sliding_counts__where_a_floor_alone_is_touched_are_those_of_separate_solutions(W):
+    shallow = Profile(0.012, 0.03, depth=5e-5)
+    mean, _ = sliding_counts(shallow, W, n_offset=4)
+    for load, found in zip(W, mean.tolist(), strict=True):
+        places = [Profile(0.012, 0.03, depth=5e-5, offset=(i + 0.5) / 8) for i in range(4)]
+        counts = [pressed(place, load).Q for place in places]
+        assert 0 in counts or load > W[0]
+        assert found == pytest.approx(np.mean(counts), abs=1e-12)  # algebra
+
+
 def test_sliding_counts__of_fine_ridges_are_the_contact_over_the_pitch():
     # Many ridges: a contact of width 2 w touches (2 w + a) over the pitch of them on average. It is
     # wider than Hertz's by its edge constant, a fraction of a pitch on either side.

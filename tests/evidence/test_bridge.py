@@ -1,3 +1,5 @@
+import importlib
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -136,3 +138,50 @@ def test_bridge_evidence__says_so_where_halves_share_no_place(affine):
     chains = independent(skewed, draws)
     rng = np.random.default_rng(1)
     assert not bridge_evidence(skewed, chains, affine(np.zeros(2), np.eye(2)), rng=rng).ok
+
+
+@pytest.mark.parametrize("n_ensemble", [2, 4])
+def test_bridge_evidence__needs_no_more_than_two_ensembles(n_ensemble, affine):
+    chains = independent(skewed, skewed_draws(3, (n_ensemble, 200, 16, 2)))
+    found = bridge_evidence(
+        skewed, chains, affine(np.zeros(2), np.eye(2)), rng=np.random.default_rng(3)
+    )
+    assert found.ok
+    assert abs(found.value - 2.5) < 4 * found.se  # Monte Carlo
+
+
+@pytest.mark.parametrize(("draws_max", "asked"), [(100_000, 6400), (3200, 6400), (1600, 3200)])
+def test_bridge_evidence__uses_so_many_draws_of_each_half_and_no_more(draws_max, asked, affine):
+    points = []
+
+    def counted(u):
+        points.append(len(u))
+        return skewed(u)
+
+    bridge_evidence(
+        counted,
+        independent(skewed, skewed_draws(1)),
+        affine(np.zeros(2), np.eye(2)),
+        rng=np.random.default_rng(1),
+        draws_max=draws_max,
+    )
+    assert sum(points) == asked  # as many of the proposal as of the posterior, of both halves
+
+
+@pytest.mark.parametrize(("apart", "is_ok"), [(4.9, True), (5.1, False)])
+def test_bridge_evidence__doubts_halves_over_five_standard_errors_apart(
+    apart, is_ok, affine, monkeypatch
+):
+    # Standard errors of 0.3 and 0.4: that of the difference is 0.5.
+    halves = iter([(1.0, 0.3), (1.0 + 0.5 * apart, 0.4)])
+    module = importlib.import_module("ridgebayes.evidence.bridge")
+    monkeypatch.setattr(module, "_bridge", lambda *_: next(halves))
+    found = bridge_evidence(
+        skewed,
+        independent(skewed, skewed_draws(1)),
+        affine(np.zeros(2), np.eye(2)),
+        rng=np.random.default_rng(1),
+    )
+    assert found.value == pytest.approx(1.0 + 0.25 * apart, rel=1e-14)  # algebra: their mean
+    assert found.se == pytest.approx(0.25, rel=1e-14)
+    assert found.status == ("ok" if is_ok else f"halves of the ensembles disagree by {apart} se")

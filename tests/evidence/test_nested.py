@@ -6,7 +6,7 @@ from scipy import stats
 
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.evidence.nested import nested_evidence
+from ridgebayes.evidence.nested import _Latent, nested_evidence
 from ridgebayes.forms import Hybrid, Modified
 from ridgebayes.importance import importance_fit
 from ridgebayes.laplace import fit_laplace
@@ -89,6 +89,36 @@ def test_nested_evidence__of_student_errors_with_offsets_is_that_in_whitened_coo
     assert importance.ok
     se = np.hypot(found.se, importance.se)
     assert found.value == pytest.approx(importance.value, abs=3 * se)  # Monte Carlo
+
+
+@pytest.mark.parametrize("tail", ["normal", "student"])
+def test_latent__likelihood_is_that_of_rows_moved_by_the_sum_of_their_offsets(tail, observed):
+    is_count = np.array([False, False, True, True, False, True])
+    load = narrow(observed)[1].log_load
+    rows = observed(TEXTURE, Q, load, rel_se=0.05, is_count=is_count)
+    model = sharing(rows, "texture+step", tail)
+    assert model.is_latent
+    c, sigma, tau_texture, tau_step, df = 1.41, 0.07, 0.3, 0.2, 3.5
+    scores = np.array([0.4, -1.1, 0.9, -0.3, 1.7, 0.6])  # of two textures; of Q = 4, 6, 8, 10
+    assert model.n_coordinate == model.n_parameter + len(scores)
+    theta = [c, sigma, tau_texture, tau_step, *([df] if tail == "student" else [])]
+    found = _Latent(model).log_likelihood(np.array([*theta, *scores]))
+
+    error = stats.t(df) if tail == "student" else stats.norm()
+    scale = np.hypot(sigma, 0.05)
+
+    def misfit(texture, Q, load):
+        offset = tau_texture * scores[texture] + tau_step * scores[2 + Q // 2 - 2]
+        return (load - 2 * np.log((Q / 2 - 1) * 0.042 / c) - offset) / scale
+
+    expected = 0.0
+    for texture, number, x, counted in zip(TEXTURE, Q, load, is_count, strict=True):
+        if counted:  # Q is reached at this load, and Q + 2 is not
+            high, low = misfit(texture, number, x), misfit(texture, number + 2, x)
+            expected += np.log(error.cdf(high) - error.cdf(min(low, high)))
+        else:
+            expected += error.logpdf(misfit(texture, number, x)) - np.log(scale)
+    assert found == pytest.approx(expected, rel=1e-9)  # rounding, of differences of probabilities
 
 
 def test_nested_evidence__of_counts_with_offsets_is_the_mean_likelihood_of_prior_draws(observed):

@@ -83,6 +83,44 @@ def test_quadrature_evidence__says_so_where_the_tails_do_not_fall_off(affine):
     assert "does not fall off within 200 sds" in found.status
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_quadrature_evidence__says_so_where_one_tail_does_not_fall_off(side, affine):
+    def log_density(u):
+        x = side * u[:, 0]
+        return np.where(x > 0, -0.01 * x, -0.5 * x**2)
+
+    found = quadrature_evidence(log_density, affine([0.0], [[1.0]]))
+    assert np.isnan(found.value)
+    assert "does not fall off within 200 sds" in found.status
+
+
+def test_quadrature_evidence__finds_a_ridge_that_slips_through_the_faces_of_its_first_box(affine):
+    # Along the ridge 6 is three sds, and no point of a face lies on it: the box looks wide enough.
+    along, across = stats.norm(0, 2), stats.norm(0, 0.16)
+
+    def log_density(u):
+        return along.logpdf(u[:, 0]) + across.logpdf(u[:, 1] - 0.5 * u[:, 0])
+
+    found = quadrature_evidence(log_density, affine([0.0, 0.0], np.eye(2)), tol=1e-3)
+    assert found.ok
+    # Discretisation: tol; what three sds leave out is 2.7e-3.
+    assert found.value == pytest.approx(0, abs=1e-3)
+
+
+def test_quadrature_evidence__widens_a_box_that_a_tail_leaves_by_a_corner(affine):
+    along, across = stats.logistic(0, 0.8), stats.norm(0, 0.18)
+
+    def log_density(u):
+        return along.logpdf((u[:, 0] + u[:, 1]) / 2**0.5) + across.logpdf(
+            (u[:, 0] - u[:, 1]) / 2**0.5
+        )
+
+    # Seen at once, or found on the way with a far finer grid.
+    found = quadrature_evidence(log_density, affine([0.0, 0.0], np.eye(2)), points_max=200_000)
+    assert found.ok
+    assert found.value == pytest.approx(0, abs=1e-6)  # discretisation: tol
+
+
 def test_quadrature_evidence__refuses_more_than_four_parameters(fits, laplaces):
     found = quadrature_evidence(fits["power-law"].model.log_density, laplaces["power-law"])
     assert (found.value, found.se) == (pytest.approx(np.nan, nan_ok=True),) * 2

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence, savage_dickey
+from ridgebayes.evidence.savage_dickey import _sigma_grid, _zero
 from ridgebayes.fit import calibrate
 from ridgebayes.forms import Hybrid, Modified
 from ridgebayes.importance import importance_fit
@@ -79,3 +81,26 @@ def test_savage_dickey__says_where_no_draw_suits_the_nested_form(paper, noise):
     found = savage_dickey(fit)
     assert not found.ok
     assert "Pareto k" in found.status
+
+
+@pytest.mark.parametrize("error", [0.004, 0.02])
+def test_sigma_grid__reaches_what_sigma_is_without_c2(error, observed):
+    # Rows of c2 = 0.03, which lies many sds from 0: without it sigma is far above its posterior.
+    texture, Q = np.repeat(np.arange(4), 5), np.tile([4, 6, 8, 10, 12], 4)
+    rates = Model(observed(texture, Q, 0.0), Hybrid()).log_rates(np.array([1.4, 0.03, 0.1]))
+    own = error * np.random.default_rng(1).standard_normal(20)
+    load = 2 * np.log(Q / 2 - 1) - 2 * rates[texture] + own
+    model = Model(observed(texture, Q, load), Hybrid())
+    fit, _ = importance_fit(model, seed=1, n_draw=128, n_round=2, n_per_round=200)
+    u = fit.chains.u.reshape(-1, 3)
+    zero = _zero(fit)
+    covariance = np.cov(u.T)
+    beta = -covariance[0, 1] / covariance[1, 1]
+    w = float(np.median(u[:, 0] + beta * u[:, 1]))
+    grid = _sigma_grid(fit, w, beta)
+    # Where the density at c2 = 0 lies, on a grid that takes no notice of the posterior's sigma.
+    sigma = np.linspace(-8, 8, 20_001)
+    points = np.stack([np.full_like(sigma, w - beta * zero), np.full_like(sigma, zero), sigma])
+    density = model.log_density(points.T)
+    outside = (sigma < grid[0]) | (sigma > grid[-1])
+    assert logsumexp(density[outside]) - logsumexp(density) < -20

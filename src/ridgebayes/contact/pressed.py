@@ -256,7 +256,7 @@ class _State:
                     self._ends[land] = self._within(land, low, high)
         if not self._ends:
             # The nearest corners: as wide as a body's slope there takes the load.
-            tops = [land for land in self._lands if land.ridge is not None]
+            tops = [land for land in self._lands if land.ridge is not None] or self._lands
             near = min(tops, key=lambda land: min(abs(land.start), abs(land.stop)))
             self._ends[near] = self._first(near, W)
 

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from ridgebayes._types import FloatArray
 from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.pressed import pressed
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.errors import ComputationError, InputError
 
@@ -63,7 +64,14 @@ def sliding_counts(
         if not all(status == "ok" for status in found.status):
             raise ComputationError(f"offset {here.offset:g}: {found.status[-1]}")
         reached = np.searchsorted(found.W, loads.ravel(), side="right")
-        # Each event is one ridge more than the one below the centre's nearest corner.
-        counts[i] = np.concatenate([[1], found.Q])[reached]
+        # Each event is one ridge more; below the first a floor may be touched, and no ridge.
+        if found.Q.size:
+            lowest = int(found.Q[0]) - 1
+        else:
+            at_least = pressed(here, float(loads.min()), rel_tol=rel_tol)
+            if at_least.status != "ok":
+                raise ComputationError(f"offset {here.offset:g}: {at_least.status}")
+            lowest = at_least.Q
+        counts[i] = np.concatenate([[lowest], found.Q])[reached]
     shape = loads.shape
     return counts.mean(axis=0).reshape(shape), counts.std(axis=0).reshape(shape)
