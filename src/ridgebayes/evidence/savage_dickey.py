@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
 from ridgebayes.autocorrelation import effective_sample_size
-from ridgebayes.diagnostics import K_MAX, pareto_k
+from ridgebayes.diagnostics import pareto_k
 from ridgebayes.errors import InputError
 from ridgebayes.evidence.record import LogEvidence
 from ridgebayes.fit import Fit
@@ -22,6 +22,7 @@ from ridgebayes.forms import Modified
 from ridgebayes.priors import default_priors
 
 _STEPS = 48  # grid points per integrated coordinate, sixteen sds wide
+_STEADY = 0.5  # Pareto shape from which on averages have no variance: their error means nothing
 _FAR = 200  # posterior sds of c2 beyond which its value 0 is not reached
 _WIDENED = 20  # times that the grid of sigma may be widened
 _NEGLIGIBLE = 30.0  # log density relative to the peak at which that grid may end
@@ -109,9 +110,9 @@ def _status(log_density: FloatArray) -> str:
     hardly any comes near say nothing of the density there.
     """
     heavy = pareto_k(log_density)
-    if heavy <= K_MAX:
+    if heavy <= _STEADY:
         return "ok"
-    return f"densities at c2 = 0: Pareto k {heavy:.2f}, above {K_MAX}"
+    return f"densities at c2 = 0: Pareto k {heavy:.2f}, above {_STEADY}"
 
 
 def _given_error_model(fit: Fit) -> LogEvidence:
