@@ -21,7 +21,7 @@ HEAD = """# Hard cases
 Inputs chosen to break a calibration package, each either answered rightly or refused in words.
 *Expected* is asserted by `tests/hard_cases/`; *seen* is what the run of {date} gave (Python
 {python}, NumPy {numpy}). This page is written by `python -m tests.hard_cases.page`,
-which ends at the first case that fails.
+which ends at the first case that fails; the whole takes some five minutes.
 
 {counts}
 """
