@@ -93,20 +93,29 @@ class Checkpoint:
 
     def save(self, walk: Walk) -> None:
         """Write a walk in place of the one before it."""
+        content = self._content(walk)
+        with replacing(self.path) as partial:
+            partial.write_bytes(content)
+
+    def _content(self, walk: Walk) -> bytes:
+        """Return the file, made in memory: a full disk ends HDF5 on a file.
+
+        A function of its own: a closed HDF5 object that an error's traceback keeps to the
+        interpreter's end may crash it there (h5py 3.16 under Python 3.12).
+        """
         import h5py
 
         arrays = {name: getattr(walk, name) for name in _ARRAYS}
         arrays["random_keys"] = np.stack([state[1] for state in walk.random_states])
         arrays["random_rest"] = np.array([state[2:] for state in walk.random_states], float)
         fingerprint = json.dumps(dict(self.fingerprint))
-        content = io.BytesIO()  # a full disk ends HDF5 on a file
+        content = io.BytesIO()
         with h5py.File(content, "w") as file:
             file.attrs["fingerprint"] = fingerprint
             file.attrs["sha256"] = _digest(fingerprint, arrays)
             for name, values in arrays.items():
                 file[name] = values
-        with replacing(self.path) as partial:
-            partial.write_bytes(content.getbuffer())
+        return content.getvalue()
 
     def load(self) -> Walk | None:
         """Return the walk kept, or None if there is none.

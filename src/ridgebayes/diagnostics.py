@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from scipy.special import ndtri
+from scipy.special import logsumexp, ndtri
 
 from ridgebayes._types import FloatArray
 from ridgebayes.autocorrelation import effective_sample_size
@@ -252,7 +252,13 @@ def pareto_smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
         else:
             # The 1.x line takes log-likelihoods: what it weighs by is minus its argument.
             array_stats: Any = import_module("arviz_stats.base").array_stats
-            smoothed, k = array_stats.psislw(-np.asarray(log_weights))
+            try:
+                smoothed, k = array_stats.psislw(-np.asarray(log_weights))
+            except ValueError as error:
+                if "tail values are the same" not in str(error):
+                    raise
+                # What the 0.x line says of weights without a tail.
+                smoothed, k = log_weights - logsumexp(log_weights), np.inf
     return np.asarray(smoothed), float(k)
 
 

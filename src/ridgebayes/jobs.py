@@ -336,7 +336,8 @@ def _compared(
     executor: Executor | None = None,
     scores: bool = True,
 ) -> Comparison:
-    drawing = Thread(target=import_module, args=("ridgebayes.figures",), daemon=True)
+    # No daemon: an import that is cut off when the interpreter ends crashes it.
+    drawing = Thread(target=import_module, args=("ridgebayes.figures",))
 
     def stage(name: str) -> AbstractContextManager[Callable[[float], None]]:
         # From here on this process waits for workers now and then: time for what figures import.
