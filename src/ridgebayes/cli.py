@@ -16,7 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from ridgebayes.errors import ComputationError, InputError, OutputError
+from ridgebayes.errors import ComputationError, InputError
 
 if TYPE_CHECKING:
     from ridgebayes._types import FloatArray
@@ -533,7 +533,7 @@ def main() -> None:
         app()
     except InputError as error:
         _stop(error, 2)
-    except (ComputationError, OutputError) as error:
+    except ComputationError as error:
         _stop(error, 1)
     except OSError as error:
         why = " ".join(str(error.strerror or error).split())

@@ -19,6 +19,18 @@ from scipy.special import logsumexp, ndtri
 from ridgebayes._types import FloatArray
 from ridgebayes.autocorrelation import effective_sample_size
 
+SUMMARY_COLUMNS = [
+    "parameter",
+    "mean",
+    "sd",
+    "eti_lower",
+    "eti_upper",
+    "prob",
+    "ess_bulk",
+    "ess_tail",
+    "r_hat",
+    "mcse_mean",
+]
 R_HAT_MAX = 1.01
 ESS_MIN = 400.0
 _R_HAT_DRAWS = 25_600  # of each ensemble: disagreement shows in them as in a million
@@ -101,7 +113,7 @@ def summarise(draws: FloatArray, names: tuple[str, ...], *, prob: float = 0.9) -
                 "mcse_mean": sd / float(np.sqrt(effective_sample_size(x))),
             }
         )
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=SUMMARY_COLUMNS)
 
 
 def rank_r_hat(draws: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ import xarray as xr
 
 from ridgebayes._types import FloatArray
 from ridgebayes.atomic import replacing
+from ridgebayes.diagnostics import SUMMARY_COLUMNS
 from ridgebayes.errors import InputError
 from ridgebayes.fit import Fit, priors_from_json, priors_to_json
 from ridgebayes.forms import form_named
@@ -21,18 +22,6 @@ from ridgebayes.observations import Observations
 from ridgebayes.reading import read_bytes, words_of
 from ridgebayes.sample import Chains
 
-_SUMMARY = [
-    "parameter",
-    "mean",
-    "sd",
-    "eti_lower",
-    "eti_upper",
-    "prob",
-    "ess_bulk",
-    "ess_tail",
-    "r_hat",
-    "mcse_mean",
-]
 LARGEST_LOG_LIKELIHOOD = 30_000_000  # numbers; beyond it the group is left out and LOO says so
 
 
@@ -205,9 +194,9 @@ def _fit_of(tree: xr.DataTree) -> Fit:
     summary = pd.DataFrame(json.loads(tree.attrs["summary"]))
     missing = tuple(json.loads(tree.attrs["missing"]))
     _check_shapes(data, chains)
-    if list(summary) != _SUMMARY or tuple(summary["parameter"]) != model.parameter_names:
+    if list(summary) != SUMMARY_COLUMNS or tuple(summary["parameter"]) != model.parameter_names:
         raise ValueError("summary of other parameters")
-    summary = summary.astype(dict.fromkeys(_SUMMARY[1:], float))
+    summary = summary.astype(dict.fromkeys(SUMMARY_COLUMNS[1:], float))
     if not all(isinstance(one, str) for one in (*missing, *chains.missing)):
         raise ValueError("missing is not text")
     return Fit(model, chains, summary, missing, int(tree.attrs["seed"]))

@@ -330,7 +330,7 @@ def disk_full(folder):
 
 
 @hard_case(
-    "Disk full at the last write of predict, import, export-deck, plan and report",
+    "Disk full at the last write of predict, import, export-deck and plan",
     why="A table cut off in the middle is a valid CSV file of fewer rows.",
     expected="exit 1, one message; the old file as it was, no part of a new one",
 )
