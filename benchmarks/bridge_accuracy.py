@@ -18,8 +18,8 @@ import numpy as np
 
 import ridgebayes as rb
 from ridgebayes.evidence import bridge_evidence, power_law_evidence, quadrature_evidence
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.randomness import stream
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.runtime.randomness import stream
 
 WANTED = "wanted: rms of difference / quoted se from 0.7 to 1.4, largest difference under 0.01"
 

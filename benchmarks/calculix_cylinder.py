@@ -44,10 +44,10 @@ import pandas as pd
 from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
 from ridgebayes.contact.cylinder.mesh import disk_mesh
 from ridgebayes.contact.halfplane import forget_loads, transition_loads
-from ridgebayes.contact.lands import Profile
-from ridgebayes.datafiles import CALCULIX_FE, data_path
-from ridgebayes.decks.deck_text import deck_text
-from ridgebayes.decks.pressed_disk import DEPTH, PressedDisk
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.fea.deck_text import deck_text
+from ridgebayes.fea.pressed_disk import DEPTH, PressedDisk
+from ridgebayes.table.datafiles import CALCULIX_FE, data_path
 
 OVERLAP = 1.6  # see above; 1.5 to 1.9 at the first two transitions of (0.022, 0.02)
 LEVELS = (0.12, 0.24, 0.36, 0.48, 0.6, 0.72, 0.84, 0.93, 0.98)  # between transitions

@@ -20,12 +20,12 @@ import pandas as pd
 import ridgebayes as rb
 from ridgebayes.contact.halfplane import forget_loads, transition_loads
 from ridgebayes.contact.many_textures import load_function
-from ridgebayes.figures.style import new_figure, save, styled
-from ridgebayes.importance import importance_fit
-from ridgebayes.likelihood import Model
-from ridgebayes.observations import Observations
-from ridgebayes.predict import predict_q
-from ridgebayes.sample import SampleSettings
+from ridgebayes.drawing.style import new_figure, save, styled
+from ridgebayes.inference.emcee_sampling import SampleSettings
+from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
+from ridgebayes.predict.predict import predict_q
 
 REPEATS = 3
 LONG = 5.0  # seconds: what takes longer runs once

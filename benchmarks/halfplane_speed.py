@@ -11,8 +11,8 @@ import time
 from collections.abc import Callable
 
 from ridgebayes.contact.halfplane import _table, transition_loads
-from ridgebayes.generation import generate
-from ridgebayes.scene import Scene
+from ridgebayes.scene.scene import Scene
+from ridgebayes.simulate.generation import generate
 
 
 def best_of(repeats: int, work: Callable[[], object]) -> float:

@@ -15,7 +15,7 @@ import time
 import numpy as np
 
 import ridgebayes as rb
-from ridgebayes.likelihood import Model, Observations
+from ridgebayes.model.model import Model, Observations
 
 ROWS = (50, 1_000, 10_000, 100_000, 1_000_000)
 N_DRAW, REPEATS, CALLS = 64, 15, 200

@@ -27,8 +27,8 @@ import emcee
 import numpy as np
 
 import ridgebayes as rb
-from ridgebayes.autocorrelation import effective_sample_size
-from ridgebayes.fit import Fit
+from ridgebayes.inference.autocorrelation import effective_sample_size
+from ridgebayes.results import Fit
 
 ROUNDS = 3
 N_WALKER, N_BURN, N_STEP = 32, 300, 5_000

@@ -27,10 +27,10 @@ import numpy as np
 import psutil  # comes with distributed
 
 import ridgebayes as rb
-from ridgebayes.generation import generate
-from ridgebayes.ordered import in_order
-from ridgebayes.scene import Scene
-from ridgebayes.workers import executor_for, workers
+from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.workers import executor_for, workers
+from ridgebayes.scene.scene import Scene
+from ridgebayes.simulate.generation import generate
 
 N_NOTHING, N_SCENE = 3_000, 400
 

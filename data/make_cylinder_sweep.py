@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from ridgebayes.generation import generate
-from ridgebayes.scene import Scene
-from ridgebayes.table import ContactTable
+from ridgebayes.scene.scene import Scene
+from ridgebayes.simulate.generation import generate
+from ridgebayes.table.table import ContactTable
 
 if __name__ == "__main__":
     paper, curves = Scene.paper(), []

@@ -2,7 +2,7 @@
 
 Numbers are those of the run in `fea/calculix`, but for `fea/series`, which the package's own finite
 elements make (seconds). Abaqus wrote none of them: its layouts are written here from that run by
-`tests/importers/abaqus_writer.py`, and say so.
+`tests/fea/abaqus_writer.py`, and say so.
 """
 
 import runpy
@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ridgebayes.field_files import generate_fields
-from ridgebayes.importers.calculix import read_levels
-from ridgebayes.importers.deck import read_deck
-from ridgebayes.scene import Scene
-from ridgebayes.table import read_table
+from ridgebayes.commands.fields import generate_fields
+from ridgebayes.fea.calculix import read_levels
+from ridgebayes.fea.deck import read_deck
+from ridgebayes.scene.scene import Scene
+from ridgebayes.table.table import read_table
 
 FEA = Path(__file__).parent / "fea"
-WRITER = Path(__file__).parents[1] / "tests" / "importers" / "abaqus_writer.py"
+WRITER = Path(__file__).parents[1] / "tests" / "fea" / "abaqus_writer.py"
 EACH = 2  # levels of which one is kept in reports, which repeat the rim's nodes
 
 

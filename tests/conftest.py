@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
-from ridgebayes import cli
-from ridgebayes.datafiles import CALCULIX_FE, data_path
-from ridgebayes.forms import FORMS, form_named
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model
-from ridgebayes.observations import Observations
+from ridgebayes.commands import cli
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.forms import FORMS, form_named
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
+from ridgebayes.table.datafiles import CALCULIX_FE, data_path
 
 # No clock in a test; and a test that fails today has to fail tomorrow.
 hypothesis.settings.register_profile("steady", deadline=None, derandomize=True, database=None)

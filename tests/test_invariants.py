@@ -8,20 +8,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ridgebayes.comparison.bayes_factors import summed_bayes_factors
 from ridgebayes.contact.halfplane import transition_loads
-from ridgebayes.error_models import summed_bayes_factors
 from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model
-from ridgebayes.loads import LoadDistribution, mix_loads
-from ridgebayes.noise import Noise
-from ridgebayes.observations import Observations
-from ridgebayes.predict import mix_q
-from ridgebayes.priors import LogNormal
-from ridgebayes.qdistribution import QDistribution
-from ridgebayes.rows import Rows
-from ridgebayes.table import read_table
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.priors import LogNormal
+from ridgebayes.model.rows import Rows
+from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
+from ridgebayes.predict.predict import mix_q
+from ridgebayes.predict.q_distribution import QDistribution
+from ridgebayes.table.table import read_table
 
 TEXTURES = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02), (0.018, 0.045))
 FORMS = (Classic(), Modified(), Hybrid(), HalfPlane(), PowerLaw().bind(TEXTURES))

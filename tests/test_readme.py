@@ -9,12 +9,12 @@ import pytest
 from typer.testing import CliRunner
 
 import ridgebayes as rb
-from ridgebayes.cli import app
+from ridgebayes.commands.cli import app
 from ridgebayes.evidence import power_law_evidence, quadrature_evidence
-from ridgebayes.forms import FORMS, form_named
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model
-from ridgebayes.observations import Observations
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.forms import FORMS, form_named
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")

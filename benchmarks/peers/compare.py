@@ -28,14 +28,14 @@ from target import FORMS, Target
 from with_ridgebayes import MODELS
 
 import ridgebayes as rb
-from ridgebayes.diagnostics import import_arviz
+from ridgebayes.drawing.style import as_bytes
 from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.figures.style import as_bytes
-from ridgebayes.importance import importance_fit
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model
-from ridgebayes.noise import Noise
-from ridgebayes.observations import Observations
+from ridgebayes.inference.diagnostics import import_arviz
+from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
 
 HERE = Path(__file__).resolve().parent
 COLUMNS = (

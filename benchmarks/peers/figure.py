@@ -5,7 +5,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ridgebayes.figures.style import COLOURS, WIDTH, new_figure, styled
+from ridgebayes.drawing.style import COLOURS, WIDTH, new_figure, styled
 
 LOOKS = {
     "hybrid": ("Hybrid", COLOURS["hybrid"], "D"),

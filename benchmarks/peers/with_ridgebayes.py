@@ -10,9 +10,9 @@ from harness import Task
 
 import ridgebayes as rb
 from ridgebayes.evidence import LogEvidence, bridge_evidence
-from ridgebayes.fit import Fit
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.randomness import stream
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.results import Fit
+from ridgebayes.runtime.randomness import stream
 
 MODELS = {
     "hybrid": (rb.Hybrid(), "iid"),
@@ -22,7 +22,7 @@ MODELS = {
 
 
 def bridge(fit: Fit) -> LogEvidence:
-    """Return the evidence as `ridgebayes.bayes_factors.evidences` does."""
+    """Return the evidence as `ridgebayes.comparison.bayes_factors.evidences` does."""
     model = fit.model
     return bridge_evidence(
         model.log_density,

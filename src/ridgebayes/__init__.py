@@ -15,38 +15,37 @@ Names load on first use: `import ridgebayes` itself costs next to nothing.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
-
 _HOME = {
+    "__version__": "_types",
     "ComputationError": "errors",
     "InputError": "errors",
     "RidgebayesError": "errors",
-    "Scene": "scene",
-    "generate": "generation",
-    "contact_at_loads": "responses",
-    "ridge_forces": "responses",
-    "ContactTable": "table",
-    "read_table": "table",
-    "paper_sweep": "datafiles",
-    "reference_fe": "datafiles",
-    "Classic": "forms",
-    "HalfPlane": "forms",
-    "Hybrid": "forms",
-    "Modified": "forms",
-    "PowerLaw": "forms",
-    "HalfNormal": "priors",
-    "LogNormal": "priors",
-    "Normal": "priors",
-    "Fit": "fit",
-    "calibrate": "fit",
-    "SampleSettings": "sample",
-    "QDistribution": "qdistribution",
-    "LoadDistribution": "loads",
-    "Comparison": "comparison",
-    "compare": "comparison",
+    "Scene": "scene.scene",
+    "generate": "simulate.generation",
+    "contact_at_loads": "simulate.responses",
+    "ridge_forces": "simulate.responses",
+    "ContactTable": "table.table",
+    "read_table": "table.table",
+    "paper_sweep": "table.datafiles",
+    "reference_fe": "table.datafiles",
+    "Classic": "model.forms",
+    "HalfPlane": "model.forms",
+    "Hybrid": "model.forms",
+    "Modified": "model.forms",
+    "PowerLaw": "model.forms",
+    "HalfNormal": "model.priors",
+    "LogNormal": "model.priors",
+    "Normal": "model.priors",
+    "Fit": "results",
+    "calibrate": "results",
+    "SampleSettings": "inference.emcee_sampling",
+    "QDistribution": "predict.q_distribution",
+    "LoadDistribution": "predict.load_distribution",
+    "Comparison": "comparison.comparison",
+    "compare": "comparison.comparison",
     "write_report": "report",
 }
-__all__ = ["__version__", *_HOME]
+__all__ = list(_HOME)
 
 
 def __getattr__(name: str) -> Any:
@@ -62,17 +61,18 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from ridgebayes.comparison import Comparison, compare
-    from ridgebayes.datafiles import paper_sweep, reference_fe
+    from ridgebayes._types import __version__
+    from ridgebayes.comparison.comparison import Comparison, compare
     from ridgebayes.errors import ComputationError, InputError, RidgebayesError
-    from ridgebayes.fit import Fit, calibrate
-    from ridgebayes.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
-    from ridgebayes.generation import generate
-    from ridgebayes.loads import LoadDistribution
-    from ridgebayes.priors import HalfNormal, LogNormal, Normal
-    from ridgebayes.qdistribution import QDistribution
+    from ridgebayes.inference.emcee_sampling import SampleSettings
+    from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
+    from ridgebayes.model.priors import HalfNormal, LogNormal, Normal
+    from ridgebayes.predict.load_distribution import LoadDistribution
+    from ridgebayes.predict.q_distribution import QDistribution
     from ridgebayes.report import write_report
-    from ridgebayes.responses import contact_at_loads, ridge_forces
-    from ridgebayes.sample import SampleSettings
-    from ridgebayes.scene import Scene
-    from ridgebayes.table import ContactTable, read_table
+    from ridgebayes.results import Fit, calibrate
+    from ridgebayes.scene.scene import Scene
+    from ridgebayes.simulate.generation import generate
+    from ridgebayes.simulate.responses import contact_at_loads, ridge_forces
+    from ridgebayes.table.datafiles import paper_sweep, reference_fe
+    from ridgebayes.table.table import ContactTable, read_table

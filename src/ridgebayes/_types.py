@@ -1,9 +1,11 @@
-"""Array aliases for signatures; shapes and units are told in the docstrings."""
+"""Array aliases for signatures, and the version: what every room may know."""
 
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+__version__ = "0.1.0"
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]

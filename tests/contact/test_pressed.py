@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy import integrate, linalg
 
 from ridgebayes.contact import hertz
-from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.pressed import _checked, load_factor, many_pressed, pressed
+from ridgebayes.contact.rigid_profile import Profile
 
 A, B = 0.012, 0.03
 SHAPES = [

@@ -7,9 +7,9 @@ import pytest
 from scipy import optimize
 
 from ridgebayes.contact.halfplane import transition_loads
-from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.pressed import pressed
 from ridgebayes.contact.reaching import nearest_gap, reaching_loads
+from ridgebayes.contact.rigid_profile import Profile
 
 A, B = 0.012, 0.03
 W_MAX = 1.1e-2

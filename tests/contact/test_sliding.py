@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.pressed import pressed
+from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.contact.sliding import sliding_counts
 from ridgebayes.errors import InputError
 

@@ -7,12 +7,12 @@ from scipy import stats
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.evidence.nested import _Latent, nested_evidence
-from ridgebayes.forms import Hybrid, Modified
-from ridgebayes.importance import importance_fit
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model
-from ridgebayes.noise import Noise
-from ridgebayes.priors import HalfNormal, LogNormal
+from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.forms import Hybrid, Modified
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.priors import HalfNormal, LogNormal
 
 TEXTURE = np.array([0, 0, 0, 1, 1, 1])
 Q = np.array([4, 6, 8, 4, 6, 8])

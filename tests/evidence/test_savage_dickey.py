@@ -5,15 +5,15 @@ from scipy.special import logsumexp
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence, savage_dickey
 from ridgebayes.evidence.savage_dickey import _sigma_grid, _zero
-from ridgebayes.fit import calibrate
-from ridgebayes.forms import Hybrid, Modified
-from ridgebayes.importance import importance_fit
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model
-from ridgebayes.noise import Noise
-from ridgebayes.observations import Observations
-from ridgebayes.priors import LogNormal, Normal
-from ridgebayes.sample import SampleSettings
+from ridgebayes.inference.emcee_sampling import SampleSettings
+from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.forms import Hybrid, Modified
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.priors import LogNormal, Normal
+from ridgebayes.results import calibrate
 
 
 def test_savage_dickey__of_the_sweep_is_the_reference_value(fits):

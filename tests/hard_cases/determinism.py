@@ -19,14 +19,14 @@ from pathlib import Path
 import numpy as np
 
 import ridgebayes as rb
+from ridgebayes.commands.jobs import run_job
 from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.forms import form_named
-from ridgebayes.generation import generate
-from ridgebayes.jobs import run_job
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model
-from ridgebayes.observations import Observations
-from ridgebayes.workers import workers
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.forms import form_named
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
+from ridgebayes.runtime.workers import workers
+from ridgebayes.simulate.generation import generate
 from tests.hard_cases.case import hard_case
 from tests.hard_cases.machine import ROOT, run_contents
 
@@ -40,10 +40,11 @@ PIPELINE = """
 import sys
 from pathlib import Path
 import ridgebayes as rb
-from ridgebayes import comparison, jobs
-from ridgebayes.bands import bands_table
-from ridgebayes.runfolder import write_csv
-from ridgebayes.sensitivity import prior_sensitivity
+from ridgebayes.comparison import comparison
+from ridgebayes.commands import jobs
+from ridgebayes.comparison.bands import bands_table
+from ridgebayes.commands.run_folder import write_csv
+from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
 comparison.prior_sensitivity = lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known)
 textures = [(0.012, 0.03), (0.022, 0.02), (0.032, 0.01)]
 rb.generate(rb.Scene.of(textures, p_over_E=0.01)).write("t.csv")

@@ -10,17 +10,16 @@ import pandas as pd
 from scipy.special import logsumexp
 
 import ridgebayes as rb
-from ridgebayes.bayes_factors import evidence_table, evidences
+from ridgebayes.checks.power_scaling import power_scaling
 from ridgebayes.evidence import (
     LogEvidence,
     bridge_evidence,
     power_law_evidence,
     savage_dickey,
 )
-from ridgebayes.evidence.thermodynamic import thermodynamic_evidence
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.noise import Noise
-from ridgebayes.power_scaling import power_scaling
+from ridgebayes.evidence.tables import evidence_table, evidences
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.noise import Noise
 from tests.hard_cases.case import hard_case, refused
 from tests.hard_cases.likelihood import (
     LOG_2PI,
@@ -30,6 +29,7 @@ from tests.hard_cases.likelihood import (
     modified_residuals,
     summed_over_grid,
 )
+from tests.validation.thermodynamic import thermodynamic_evidence
 
 FEW = rb.SampleSettings(n_walker=64)
 

@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 
 import ridgebayes as rb
-from ridgebayes import error_models
-from ridgebayes.checkpoint import Checkpoint
+from ridgebayes.commands.run_folder import read_run
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.runfolder import read_run
-from ridgebayes.workers import workers
+from ridgebayes.evidence import error_models
+from ridgebayes.inference.checkpoint import Checkpoint
+from ridgebayes.runtime.workers import workers
 from tests.hard_cases.case import hard_case, refused
 from tests.hard_cases.machine import (
     contents,
@@ -34,9 +34,11 @@ JOB = """
 import dataclasses
 from pathlib import Path
 import ridgebayes as rb
-from ridgebayes import cli, comparison, jobs
+from ridgebayes.commands import cli
+from ridgebayes.comparison import comparison
+from ridgebayes.commands import jobs
 from ridgebayes.errors import ComputationError
-from ridgebayes.sensitivity import prior_sensitivity
+from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
 comparison.prior_sensitivity = lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known)
 def job(**options):
     jobs.compare_job(
@@ -103,7 +105,7 @@ def put(files: dict[str, bytes], folder: Path) -> Path:
 KILL = "os.kill(os.getpid(), signal.SIGKILL)"
 KILLS = {
     "after the first chain's second check": f"""
-from ridgebayes.checkpoint import Checkpoint
+from ridgebayes.inference.checkpoint import Checkpoint
 save, saved = Checkpoint.save, []
 def saving(self, walk):
     save(self, walk)
@@ -124,7 +126,7 @@ def writing(path, content):
 Path.write_bytes = writing
 """,
     "when the posteriors are written": f"""
-from ridgebayes import runfolder
+from ridgebayes.commands import run_folder as runfolder
 runfolder.summary_table = lambda fits: {KILL}
 """,
     "with the old run set aside and the new one not yet named": f"""
@@ -229,13 +231,17 @@ def stopped_sweep(folder):
 def interrupted(folder):
     here = place(folder, "weighing")
     words = ("run", "--table", "few.csv", "--forms", "modified", "--workers", "2", "-o", "out")
-    begun = "from ridgebayes import error_models, jobs\nfrom pathlib import Path\n" + (
-        "look = error_models.in_order\n"
-        "def looking(*given, **known):\n"
-        "    for found in look(*given, **known):\n"
-        "        Path('begun').touch()\n"
-        "        yield found\n"
-        "error_models.in_order = looking\n"
+    begun = (
+        "from ridgebayes.evidence import error_models\nfrom ridgebayes.commands import jobs\n"
+        "from pathlib import Path\n"
+        + (
+            "look = error_models.in_order\n"
+            "def looking(*given, **known):\n"
+            "    for found in look(*given, **known):\n"
+            "        Path('begun').touch()\n"
+            "        yield found\n"
+            "error_models.in_order = looking\n"
+        )
     )
     program = started(here, *words, before=begun).until((here / "begun").exists)
     program.send(signal.SIGINT).end().refused(130, "interrupted", "--resume")
@@ -311,7 +317,7 @@ def disk_full(folder):
     here = folder / "sweep"
     here.mkdir()
     full = LIMIT.format(size=100_000) + (
-        "from ridgebayes.journal import Journal\n"
+        "from ridgebayes.runtime.journal import Journal\n"
         "keep = Journal.keep\n"
         "def keeping(journal, given, found):\n"
         "    if journal.n_kept == 3:\n"
@@ -366,9 +372,13 @@ def read_only_folder(folder):
     closed = folder / "closed"
     closed.mkdir()
     bands = ("--texture", "0.02,0.02", "--p-over-E", "0.001:0.01:5")
-    works = "from ridgebayes import comparison, generation\n" + (
-        "def worked(*given, **known):\n    raise SystemExit(99)\n"
-        "comparison.calibrate = generation.generate = worked\n"
+    works = (
+        "from ridgebayes.comparison import comparison\n"
+        "from ridgebayes.simulate import generation\n"
+        + (
+            "def worked(*given, **known):\n    raise SystemExit(99)\n"
+            "comparison.calibrate = generation.generate = worked\n"
+        )
     )
     commands = [
         ("run", "--table", "few.csv", "-o", "closed/out"),
@@ -395,7 +405,7 @@ def folder_removed(folder):
     here = place(folder)
     gone = """
 import shutil
-from ridgebayes.checkpoint import Checkpoint
+from ridgebayes.inference.checkpoint import Checkpoint
 save = Checkpoint.save
 def saving(self, walk):
     shutil.rmtree(self.path.parent)

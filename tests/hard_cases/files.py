@@ -23,12 +23,12 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
+from ridgebayes.commands.jobs import compare_job, report_job, run_job
+from ridgebayes.commands.run_folder import read_run
 from ridgebayes.errors import InputError
-from ridgebayes.fit import Fit
-from ridgebayes.import_jobs import Given, import_files
-from ridgebayes.jobs import compare_job, report_job, run_job
+from ridgebayes.fea.read import Given, import_files
 from ridgebayes.report import render_report
-from ridgebayes.runfolder import read_run
+from ridgebayes.results import Fit
 from tests.hard_cases.case import hard_case, refused
 
 SOURCE = Path(__file__).parents[2] / "src" / "ridgebayes"
@@ -374,8 +374,8 @@ def hostile_markdown():
     "script; so are the corner and the traces of a form with one coefficient a texture",
 )
 def hostile_figures(folder):
-    from ridgebayes.figures.posterior import corner_figure, trace_figure
-    from ridgebayes.figures.style import as_bytes, plain, symbol
+    from ridgebayes.drawing.style import as_bytes, plain, symbol
+    from ridgebayes.report.figures.posterior import corner_figure, trace_figure
 
     *_, figures = hostile_run()
     path = folder / "posterior-power-law.nc"

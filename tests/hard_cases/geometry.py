@@ -11,16 +11,16 @@ import pytest
 import ridgebayes as rb
 from ridgebayes.contact import hertz
 from ridgebayes.contact.halfplane import transition_loads
-from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.loadtable import HalfPlaneLoads
 from ridgebayes.contact.pressed import load_factor
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.contact.sliding import sliding_counts
-from ridgebayes.forms import reduced_load
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model
-from ridgebayes.observations import Observations
-from ridgebayes.priors import LogNormal
-from ridgebayes.scene import Texture
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.priors import LogNormal
+from ridgebayes.scene.scene import Texture
 from tests.hard_cases.case import hard_case, refused
 
 PRINTED = (rb.Classic(), rb.Modified(), rb.Hybrid())

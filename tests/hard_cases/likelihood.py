@@ -9,9 +9,9 @@ from scipy.special import logsumexp
 
 import ridgebayes as rb
 from ridgebayes.evidence import bridge_evidence, power_law_evidence, quadrature_evidence
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model
-from ridgebayes.observations import Observations
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
 from tests.hard_cases.case import hard_case, refused
 
 THREE = ((0.012, 0.03), (0.022, 0.02), (0.032, 0.01))
@@ -360,7 +360,7 @@ def prior_twenty_sds_away():
     "1,000 points; no evidence is called ok",
 )
 def prior_and_rows_of_two_modes():
-    from ridgebayes.bayes_factors import evidences
+    from ridgebayes.evidence.tables import evidences
 
     frame = made(rb.Modified(), [1.382 * math.exp(2)], error=0.03)
     log_sigma = np.linspace(-6, 1, 1000)

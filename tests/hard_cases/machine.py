@@ -253,9 +253,6 @@ def _session(leader: int) -> list[str]:
 
 def _main() -> None:
     """Fork a child for each request; say its number, and later how it ended."""
-    import ridgebayes.figures
-    import ridgebayes.jobs
-    import ridgebayes.report  # noqa: F401
 
     for line in sys.stdin:
         request = json.loads(line)
@@ -268,7 +265,7 @@ def _main() -> None:
 
 
 def _child(request: dict[str, object]) -> None:
-    from ridgebayes import cli
+    from ridgebayes.commands import cli
 
     os.setsid()
     os.chdir(request["folder"])

@@ -13,17 +13,17 @@ from scipy import stats
 from scipy.special import ndtr
 
 import ridgebayes as rb
-from ridgebayes.accuracies import QUICK
-from ridgebayes.bands import bands_table
-from ridgebayes.forms import Form
-from ridgebayes.importance import importance_fit
-from ridgebayes.likelihood import Model
-from ridgebayes.loads import mix_loads
-from ridgebayes.noise import Noise
-from ridgebayes.observations import Observations
-from ridgebayes.predict import mix_q, predict_q
-from ridgebayes.priors import default_priors
-from ridgebayes.sample import Chains
+from ridgebayes.comparison.bands import bands_table
+from ridgebayes.inference.emcee_sampling import Chains
+from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.presets import QUICK
+from ridgebayes.model.forms import Form
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.priors import default_priors
+from ridgebayes.predict.load_distribution import mix_loads
+from ridgebayes.predict.predict import mix_q, predict_q
 from tests.hard_cases.case import hard_case, refused
 
 FAR = ((1e-6, 1.0), (1.0, 1e-6), (0.012, 0.09), (0.09, 0.01))
@@ -138,7 +138,7 @@ def loads_beyond_counts():
 def a_million_loads():
     work = """
 import json, resource, sys, numpy as np, ridgebayes as rb
-from ridgebayes.predict import predict_q
+from ridgebayes.predict.predict import predict_q
 fit = rb.calibrate(rb.paper_sweep(), rb.Modified(), rng=1)
 share, pitch = np.linspace(0.3, 0.7, 250), np.linspace(0.03, 0.06, 250)
 a, b = (share * pitch)[:, None], ((1 - share) * pitch)[:, None]

@@ -10,8 +10,8 @@ import numpy as np
 
 import ridgebayes as rb
 from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.laplace import Laplace, fit_laplace
-from ridgebayes.sample import sample
+from ridgebayes.inference.emcee_sampling import sample
+from ridgebayes.inference.laplace import Laplace, fit_laplace
 from tests.hard_cases.case import hard_case, refused
 from tests.hard_cases.likelihood import THREE, made, model_of
 
@@ -193,7 +193,7 @@ def stuck_apart():
         x, y = u[..., 0], u[..., 1]
         return np.logaddexp(-0.5 * (x - 20) ** 2, -0.5 * (x + 20) ** 2) - 0.5 * y * y
 
-    from ridgebayes.diagnostics import shortcomings, summarise
+    from ridgebayes.inference.diagnostics import shortcomings, summarise
 
     settings = rb.SampleSettings(n_walker=8, n_step_max=1_500, moves="stretch")
     chains = walked(wells, np.diag([20.0, 1.0]), settings)

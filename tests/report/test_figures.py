@@ -8,17 +8,17 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from ridgebayes.accuracy import percent_errors, slopes_table
+from ridgebayes.checks.load_errors import percent_errors, slopes_table
+from ridgebayes.comparison.ranking import factors_by_method
+from ridgebayes.drawing.style import COLOURS, MARKERS, as_bytes, lay_out, plain, styled, symbol
 from ridgebayes.errors import InputError
-from ridgebayes.figures import begin_gallery, gallery, save_figures
-from ridgebayes.figures.bands import bands_figure
-from ridgebayes.figures.evidence import forest_figure
-from ridgebayes.figures.forms import percent_error_figure, slope_figure
-from ridgebayes.figures.gallery import _drawn
-from ridgebayes.figures.posterior import corner_figure
-from ridgebayes.figures.style import COLOURS, MARKERS, as_bytes, lay_out, plain, styled, symbol
-from ridgebayes.ranking import factors_by_method
-from ridgebayes.workers import workers
+from ridgebayes.report.figures import begin_gallery, gallery, save_figures
+from ridgebayes.report.figures.bands import bands_figure
+from ridgebayes.report.figures.evidence import forest_figure
+from ridgebayes.report.figures.forms import percent_error_figure, slope_figure
+from ridgebayes.report.figures.gallery import _drawn
+from ridgebayes.report.figures.posterior import corner_figure
+from ridgebayes.runtime.workers import workers
 
 FORMS = ("classic", "power-law", "modified", "hybrid")
 NAMES = (
@@ -208,7 +208,7 @@ def test_slope_figure_shows_every_power_law_texture(comparison):
 
 def test_corner_of_many_parameters_shows_some_and_says_so(comparison):
     fit = comparison.fits["power-law"]
-    import ridgebayes.figures.posterior as posterior
+    import ridgebayes.report.figures.posterior as posterior
 
     most = posterior.MOST_PARAMETERS
     try:

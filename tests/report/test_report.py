@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.coverage import COVERAGE_COLUMNS
+from ridgebayes.checks.coverage import COVERAGE_COLUMNS
+from ridgebayes.checks.left_out import LEFT_OUT_COLUMNS
 from ridgebayes.errors import InputError
-from ridgebayes.figures import gallery
-from ridgebayes.labelled import read_netcdf
-from ridgebayes.left_out import LEFT_OUT_COLUMNS
+from ridgebayes.inference.netcdf import read_netcdf
 from ridgebayes.report import render_report, write_report
+from ridgebayes.report.figures import gallery
 from ridgebayes.report.numbers import decimals, interval, number, probability, with_error
 from ridgebayes.report.verdict import verdict
 

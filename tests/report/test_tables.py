@@ -7,12 +7,16 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.accuracy import PAPER_TEXTURES, percent_errors, shown_textures, slopes_table
-from ridgebayes.contact.hertz import load_of_half_width
-from ridgebayes.errors import InputError
-from ridgebayes.held_out import held_out_loads
-from ridgebayes.least_squares import fit_by_least_squares, power_law_r_squared
-from ridgebayes.ranking import (
+from ridgebayes.checks.held_out import held_out_loads
+from ridgebayes.checks.least_squares import fit_by_least_squares, power_law_r_squared
+from ridgebayes.checks.load_errors import (
+    PAPER_TEXTURES,
+    percent_errors,
+    shown_textures,
+    slopes_table,
+)
+from ridgebayes.checks.smooth import r_squared, smooth_cylinder
+from ridgebayes.comparison.ranking import (
     best_form,
     factors_by_method,
     problems,
@@ -20,7 +24,8 @@ from ridgebayes.ranking import (
     runner_up,
     sensitivity_factors,
 )
-from ridgebayes.smooth import r_squared, smooth_cylinder
+from ridgebayes.contact.hertz import load_of_half_width
+from ridgebayes.errors import InputError
 
 
 def test_least_squares_finds_the_reference_coefficients(paper):

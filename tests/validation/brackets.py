@@ -19,10 +19,10 @@ import numpy as np
 import pandas as pd
 
 import ridgebayes as rb
-from ridgebayes.importance import importance_fit
-from ridgebayes.likelihood import Model
-from ridgebayes.noise import Noise
-from ridgebayes.observations import Observations
+from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
 
 OUT = Path("docs/validation/brackets.csv")
 INCREMENTS = (0.01, 0.05, 0.20)

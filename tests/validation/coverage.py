@@ -10,13 +10,13 @@ import pandas as pd
 from scipy.stats import qmc
 
 from ridgebayes import Hybrid, paper_sweep
+from ridgebayes.checks.coverage import coverage_of
 from ridgebayes.contact.halfplane import transition_loads
-from ridgebayes.coverage import coverage_of
-from ridgebayes.importance import importance_fit
-from ridgebayes.likelihood import Model
-from ridgebayes.noise import Noise
-from ridgebayes.observations import Observations
-from ridgebayes.table import ContactTable
+from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.table.table import ContactTable
 
 Q_MAX = 18  # the highest calibrated count
 

@@ -25,11 +25,11 @@ from matplotlib.figure import Figure
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
-from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.pressed import load_factor
 from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.figures.cylinder import plot_deformed, plot_departure
-from ridgebayes.figures.style import COLOURS, WIDTH, as_bytes, new_figure, styled
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.drawing.style import COLOURS, WIDTH, as_bytes, new_figure, styled
+from ridgebayes.report.figures.cylinder import plot_deformed, plot_departure
 
 OUT = Path("docs/validation")
 A, B = 0.022, 0.02

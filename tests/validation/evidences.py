@@ -20,17 +20,17 @@ import numpy as np
 import pandas as pd
 
 import ridgebayes as rb
-from ridgebayes.bayes_factors import evidences
 from ridgebayes.errors import RidgebayesError
 from ridgebayes.evidence import LogEvidence, quadrature_evidence
 from ridgebayes.evidence.nested import nested_evidence
-from ridgebayes.forms import form_named
-from ridgebayes.importance import importance_fit
-from ridgebayes.laplace import fit_laplace
-from ridgebayes.likelihood import Model
-from ridgebayes.noise import Noise
-from ridgebayes.observations import Observations
-from ridgebayes.randomness import stream
+from ridgebayes.evidence.tables import evidences
+from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.forms import form_named
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.runtime.randomness import stream
 
 OUT = Path("docs/validation/evidences.csv")
 COLUMNS = ["form", "noise", "method", "log_evidence", "log_evidence_se", "cpu_s", "status"]

@@ -32,9 +32,10 @@ TEXTURES = ((0.012, 0.03), (0.022, 0.02), (0.032, 0.01))
 PROGRAM = """
 import dataclasses
 import sys
-from ridgebayes import accuracies, cli
-from ridgebayes.checkpoint import Checkpoint
-accuracies.ACCURACIES["quick"] = dataclasses.replace(accuracies.QUICK, walks=True, n_tau=20.0)
+from ridgebayes.inference import presets as accuracies
+from ridgebayes.commands import cli
+from ridgebayes.inference.checkpoint import Checkpoint
+accuracies.PRESETS["quick"] = dataclasses.replace(accuracies.QUICK, walks=True, n_tau=20.0)
 load = Checkpoint.load
 def loading(checkpoint):
     walk = load(checkpoint)

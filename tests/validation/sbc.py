@@ -20,12 +20,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 import ridgebayes as rb
-from ridgebayes.calibration_check import SBC, sbc
-from ridgebayes.figures.style import as_bytes
-from ridgebayes.figures.uniformity import plot_uniformity
-from ridgebayes.forms import FORMS, form_named
-from ridgebayes.noise import Noise
-from ridgebayes.observations import Observations
+from ridgebayes.drawing.style import as_bytes
+from ridgebayes.model.forms import FORMS, form_named
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from tests.validation.calibration_check import SBC, sbc
+from tests.validation.uniformity_figure import plot_uniformity
 
 _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "matplotlib")
 _BATCH = 50

@@ -20,7 +20,7 @@ from ridgebayes.contact.intervals import (
     chebyshev_points,
     press,
 )
-from ridgebayes.contact.lands import Land, Profile
+from ridgebayes.contact.rigid_profile import Land, Profile
 from ridgebayes.errors import InputError
 
 _MAX_ITERATIONS = 80

@@ -11,8 +11,8 @@ import numpy as np
 from scipy import optimize
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.contact.lands import Land, Profile
 from ridgebayes.contact.pressed import Pressed, pressed
+from ridgebayes.contact.rigid_profile import Land, Profile
 
 _TINY = np.array([1e-10, 1e-9, 1e-8, 1e-7, 1e-6])
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ridgebayes._types import FloatArray
-from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.pressed import pressed
 from ridgebayes.contact.reaching import reaching_loads
+from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import ComputationError, InputError
 
 

@@ -13,11 +13,11 @@ The densities are of the log loads, so evidences of one table compare across all
 """
 
 from ridgebayes.evidence.bridge import bridge_evidence
-from ridgebayes.evidence.conjugate import power_law_evidence
 from ridgebayes.evidence.nested import nested_evidence
 from ridgebayes.evidence.quadrature import quadrature_evidence
-from ridgebayes.evidence.record import LogEvidence, laplace_evidence
 from ridgebayes.evidence.savage_dickey import savage_dickey
+from ridgebayes.inference.log_evidence import LogEvidence, laplace_evidence
+from ridgebayes.inference.power_law_exact import power_law_evidence
 
 __all__ = [
     "LogEvidence",

@@ -13,10 +13,10 @@ import numpy as np
 from scipy.special import expit
 
 from ridgebayes._types import FloatArray
-from ridgebayes.autocorrelation import effective_sample_size
-from ridgebayes.evidence.record import LogEvidence
-from ridgebayes.laplace import Laplace
-from ridgebayes.sample import Chains
+from ridgebayes.inference.autocorrelation import effective_sample_size
+from ridgebayes.inference.emcee_sampling import Chains
+from ridgebayes.inference.laplace import Laplace
+from ridgebayes.inference.log_evidence import LogEvidence
 
 _BATCH = 1_024  # points whose densities are asked for at a time
 

@@ -15,9 +15,9 @@ from scipy.special import ndtri
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.record import LogEvidence
-from ridgebayes.likelihood import Model
-from ridgebayes.offsets import Offsets
+from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.model.model import Model
+from ridgebayes.model.shared_offsets import Offsets
 
 _REMAINING = 0.05  # log evidence that the live points may still hold when sampling ends
 _WALKED = 6  # coordinates from which on random walks are cheaper than draws within ellipsoids

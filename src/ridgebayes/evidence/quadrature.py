@@ -12,8 +12,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
-from ridgebayes.evidence.record import LogEvidence
-from ridgebayes.laplace import Laplace
+from ridgebayes.inference.laplace import Laplace
+from ridgebayes.inference.log_evidence import LogEvidence
 
 _OUTSIDE = -24.0  # log density relative to the peak that may be cut off at a face of the box
 _HALF_WIDTH_MAX = 200.0  # with known errors sigma may go to 0, and log sigma has a long tail

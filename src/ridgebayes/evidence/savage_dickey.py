@@ -13,13 +13,13 @@ import numpy as np
 from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
-from ridgebayes.autocorrelation import effective_sample_size
-from ridgebayes.diagnostics import pareto_k
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.record import LogEvidence
-from ridgebayes.fit import Fit
-from ridgebayes.forms import Modified
-from ridgebayes.priors import default_priors
+from ridgebayes.inference.autocorrelation import effective_sample_size
+from ridgebayes.inference.diagnostics import pareto_k
+from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.model.forms import Modified
+from ridgebayes.model.priors import default_priors
 
 _STEPS = 48  # grid points per integrated coordinate, sixteen sds wide
 _STEADY = 0.5  # Pareto shape from which on averages have no variance: their error means nothing
@@ -29,12 +29,12 @@ _NEGLIGIBLE = 30.0  # log density relative to the peak at which that grid may en
 _N_DRAW = 128  # draws of each ensemble that the error model's parameters are taken from
 
 
-def savage_dickey(fit: Fit) -> LogEvidence:
+def savage_dickey(fit: Posterior) -> LogEvidence:
     """Return ln BF of Hybrid over Modified, the log of prior over posterior density at c2 = 0.
 
     Parameters
     ----------
-    fit : Fit
+    fit : Posterior
         Posterior of the Hybrid form.
 
     Returns
@@ -115,7 +115,7 @@ def _status(log_density: FloatArray) -> str:
     return f"densities at c2 = 0: Pareto k {heavy:.2f}, above {_STEADY}"
 
 
-def _given_error_model(fit: Fit) -> LogEvidence:
+def _given_error_model(fit: Posterior) -> LogEvidence:
     """Average p(c2 = 0 | w, the error model's parameters) over draws."""
     u = fit.kept_chains.u
     stride = max(u[..., 0].size // _N_DRAW // u.shape[0], 1)
@@ -145,7 +145,7 @@ def _nodes(w: FloatArray) -> FloatArray:
     return np.linspace(w.min(), w.max(), 201)
 
 
-def _log_density_at_zero(fit: Fit, w: float, beta: float, sigma: FloatArray) -> float:
+def _log_density_at_zero(fit: Posterior, w: float, beta: float, sigma: FloatArray) -> float:
     """Return log p(c2 = 0 | w), sigma integrated out."""
     flat = fit.chains.u.reshape(-1, 3)
     zero = _zero(fit)
@@ -159,7 +159,7 @@ def _log_density_at_zero(fit: Fit, w: float, beta: float, sigma: FloatArray) -> 
     return float(numerator - logsumexp(values) - math.log(c2[1] - c2[0]))
 
 
-def _sigma_grid(fit: Fit, w: float, beta: float) -> FloatArray:
+def _sigma_grid(fit: Posterior, w: float, beta: float) -> FloatArray:
     """Equal steps over what sigma may be in the posterior, and at c2 = 0, where it is larger."""
     sigma, zero = _grid(fit.chains.u.reshape(-1, 3)[:, 2], include=None), _zero(fit)
     step = sigma[1] - sigma[0]
@@ -172,7 +172,7 @@ def _sigma_grid(fit: Fit, w: float, beta: float) -> FloatArray:
     return sigma
 
 
-def _zero(fit: Fit) -> float:
+def _zero(fit: Posterior) -> float:
     """Return the coordinate of c2 = 0."""
     prior = fit.model.priors["c2"]
     return float(prior.score(0.0, *astuple(prior)))

@@ -10,14 +10,14 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ridgebayes.atomic import replacing
-from ridgebayes.comparison import Comparison
+from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.errors import InputError
-from ridgebayes.figures import gallery
 from ridgebayes.report.blocks import Picture
+from ridgebayes.report.figures import gallery
 from ridgebayes.report.sections import contents
 from ridgebayes.report.verdict import verdict
-from ridgebayes.table_findings import visible
+from ridgebayes.runtime.atomic import replacing
+from ridgebayes.runtime.text import visible
 
 if TYPE_CHECKING:
     from jinja2 import Environment

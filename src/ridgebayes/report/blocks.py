@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ridgebayes.comparison import Comparison
+from ridgebayes.comparison.comparison import Comparison
 
 
 @dataclass(frozen=True)

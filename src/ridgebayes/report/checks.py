@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from ridgebayes.comparison import Comparison
-from ridgebayes.fit import Fit
-from ridgebayes.power_scaling import THRESHOLD, power_scaling
-from ridgebayes.predictive_checks import posterior_checks
-from ridgebayes.ranking import best_form
+from ridgebayes.checks.power_scaling import THRESHOLD, power_scaling
+from ridgebayes.checks.predictive_checks import posterior_checks
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import best_form
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.names import form_name, parameter_name
 from ridgebayes.report.numbers import decimals, number, percent
+from ridgebayes.results import Fit
 
 
 def coverage_section(comparison: Comparison) -> Section:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ridgebayes.accuracies import Accuracy
-from ridgebayes.comparison import Comparison
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.inference.presets import Preset
 from ridgebayes.report.blocks import Section, Table, Text, table
 from ridgebayes.report.numbers import number
 
@@ -16,7 +16,7 @@ _ERRORS = {
 
 def cost_section(comparison: Comparison) -> Section:
     """Return what was promised, and what a few ways to the answer cost on the run's machine."""
-    costs, wanted = comparison.cost, Accuracy.named(comparison.accuracy)
+    costs, wanted = comparison.cost, Preset.named(comparison.accuracy)
     if not len(costs):
         return Section("What accuracy costs in time", "cost", ())
     words = (

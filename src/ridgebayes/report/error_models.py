@@ -2,9 +2,10 @@
 
 import pandas as pd
 
-from ridgebayes.comparison import Comparison
-from ridgebayes.error_models import SUMMED, mean_evidence
-from ridgebayes.ranking import ranked
+from ridgebayes.comparison.bayes_factors import SUMMED
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import ranked
+from ridgebayes.evidence.error_models import mean_evidence
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.names import form_name, noise_name, said
 from ridgebayes.report.numbers import ABSENT, decimals, probability, with_error

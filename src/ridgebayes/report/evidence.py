@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ridgebayes.comparison import Comparison
-from ridgebayes.ranking import best_form, ranked, sensitivity_factors
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import best_form, ranked, sensitivity_factors
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.names import form_name, parameter_name, said
 from ridgebayes.report.numbers import ABSENT, decimals, number, probability, with_error

@@ -3,15 +3,15 @@
 
 import numpy as np
 
-from ridgebayes.comparison import Comparison
+from ridgebayes.checks.least_squares import LeastSquares, fit_by_least_squares
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import ranked
 from ridgebayes.errors import InputError
-from ridgebayes.figures.posterior import MOST_PARAMETERS
-from ridgebayes.fit import Fit
-from ridgebayes.least_squares import LeastSquares, fit_by_least_squares
-from ridgebayes.ranking import ranked
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
+from ridgebayes.report.figures.posterior import MOST_PARAMETERS
 from ridgebayes.report.names import form_name, parameter_name
 from ridgebayes.report.numbers import ABSENT, decimals, interval, percent, with_error
+from ridgebayes.results import Fit
 
 MOST_ROWS = 40  # of one table; the run folder's CSV files hold them all
 

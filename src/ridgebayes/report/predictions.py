@@ -1,15 +1,15 @@
 # ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
 """Sections on predictions: bands, held-out rows, percent errors, K, the smooth cylinder."""
 
-from ridgebayes.accuracy import has_slopes, percent_errors, shown_textures
-from ridgebayes.bands import AVERAGE
-from ridgebayes.comparison import Comparison
-from ridgebayes.held_out import held_out_loads
-from ridgebayes.ranking import best_form, ranked
+from ridgebayes.checks.held_out import held_out_loads
+from ridgebayes.checks.load_errors import has_slopes, percent_errors, shown_textures
+from ridgebayes.checks.smooth import FIG_3_TEXTURE, smooth_cylinder
+from ridgebayes.comparison.bands import AVERAGE
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import best_form, ranked
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.names import form_name
 from ridgebayes.report.numbers import ABSENT, count, decimals, number, percent
-from ridgebayes.smooth import FIG_3_TEXTURE, smooth_cylinder
 
 MOST_ROWS = 30
 

@@ -1,8 +1,8 @@
 # ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
 """The section on the finite-element rows, where the first-principles form stands trial as well."""
 
-from ridgebayes.comparison import Comparison
-from ridgebayes.ranking import problems
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import problems
 from ridgebayes.report.blocks import Picture, Section, Table, Text
 from ridgebayes.report.evidence import pairs_table, ranking_table
 from ridgebayes.report.numbers import decimals, with_error

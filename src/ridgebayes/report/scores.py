@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ridgebayes.comparison import Comparison
-from ridgebayes.ranking import best_form
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import best_form
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.names import form_name
 from ridgebayes.report.numbers import ABSENT, decimals, number, with_error

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from ridgebayes.accuracies import QUICK
-from ridgebayes.comparison import Comparison
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.inference.presets import QUICK
 from ridgebayes.report.blocks import Section
 from ridgebayes.report.checks import (
     checks_section,

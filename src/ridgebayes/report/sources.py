@@ -5,8 +5,8 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from ridgebayes.claims import VERDICTS, paper_claims
-from ridgebayes.comparison import Comparison
+from ridgebayes.checks.study import VERDICTS, paper_claims
+from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.report.blocks import Section, Table, Text, table
 from ridgebayes.report.numbers import count, number
 

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from ridgebayes.comparison import Comparison
-from ridgebayes.error_models import mean_evidence
-from ridgebayes.held_out import held_out_loads
-from ridgebayes.ranking import best_form, problems, runner_up, sensitivity_factors
+from ridgebayes.checks.held_out import held_out_loads
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import best_form, problems, runner_up, sensitivity_factors
+from ridgebayes.evidence.error_models import mean_evidence
 from ridgebayes.report.names import form_name, noise_name, said
 from ridgebayes.report.numbers import count, decimals, percent, probability, with_error
 

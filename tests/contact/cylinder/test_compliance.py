@@ -3,9 +3,9 @@ import pytest
 
 from ridgebayes.contact import halfplane
 from ridgebayes.contact.cylinder.compliance import rim_compliance, small_strain_transitions
-from ridgebayes.datafiles import data_path
 from ridgebayes.errors import InputError
-from ridgebayes.table import read_table
+from ridgebayes.table.datafiles import data_path
+from ridgebayes.table.table import read_table
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,11 @@ from ridgebayes.contact import hertz
 from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness, transition_curve
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
 from ridgebayes.contact.halfplane import transition_loads
-from ridgebayes.contact.lands import Profile
 from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.datafiles import CALCULIX_FE, data_path
+from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
-from ridgebayes.table import read_table
+from ridgebayes.table.datafiles import CALCULIX_FE, data_path
+from ridgebayes.table.table import read_table
 
 COARSE = Fineness(edges=8)
 A, B = 0.0032, 0.001  # so little that a disk is a half-plane to the discretisation

@@ -13,7 +13,7 @@ from ridgebayes.contact.cylinder.faces import (
     proximal_corner,
     ridge_faces,
 )
-from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.rigid_profile import Profile
 
 FINE = Resolution(corner=0.001, arc=6, most=0.004, edge=0.002)
 A, B = 0.05, 0.03

@@ -10,7 +10,7 @@ from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
 from ridgebayes.contact.cylinder.fields import nodal_fields, surface_table, write_fields
 from ridgebayes.contact.cylinder.newton import Control, solve
 from ridgebayes.contact.cylinder.touching import State
-from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 
 PROFILES = {

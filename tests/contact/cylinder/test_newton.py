@@ -9,7 +9,7 @@ from ridgebayes.contact.cylinder import newton
 from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
 from ridgebayes.contact.cylinder.faces import Corner, proximal_corner
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
-from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.rigid_profile import Profile
 
 COARSE = Fineness(edges=8)
 AB = (0.06, 0.03)

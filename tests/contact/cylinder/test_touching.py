@@ -8,7 +8,7 @@ import pytest
 from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
 from ridgebayes.contact.cylinder.faces import Corner, plate
 from ridgebayes.contact.cylinder.touching import State
-from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.rigid_profile import Profile
 
 COARSE = Fineness(edges=8)
 STEP = 1e-6

@@ -28,7 +28,7 @@ from ridgebayes.contact.cylinder.mesh import disk_mesh
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
 from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.contact.cylinder.touching import Press, State
-from ridgebayes.contact.lands import Profile
+from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 
 # Of an edge: the segment at a sharp corner, where the body's edge cannot follow the turn. Shorter

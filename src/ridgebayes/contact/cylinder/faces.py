@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.contact.lands import Land, Profile
+from ridgebayes.contact.rigid_profile import Land, Profile
 
 _GAUSS = 3  # points between kinks, where the gap is smooth
 _GROWTH = 0.25  # of segments, with distance from the nearest corner

@@ -11,12 +11,12 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefQuad
 
 from ridgebayes._types import FloatArray
-from ridgebayes.atomic import replacing
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.material import jacobian
 from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.contact.cylinder.touching import State
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.atomic import replacing
 
 SUFFIXES = (".vtu", ".xdmf")
 _ORDER = 5  # of the solid's quadrature

@@ -1,0 +1,130 @@
+"""How far each form's loads are from the table's, and each form's slope K, texture by texture."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.model.forms import PowerLaw
+
+PAPER_TEXTURES: tuple[Texture, ...] = ((0.032, 0.01), (0.012, 0.03), (0.012, 0.09))
+
+
+def shown_textures(comparison: Comparison, n_most: int = 3) -> tuple[Texture, ...]:
+    """Return the textures whose percent errors are worth a panel.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        With its table.
+    n_most : int, optional
+        How many at most.
+
+    Returns
+    -------
+    tuple of (float, float)
+        All if there are no more; those of the study's Figs 5 and 6 that the table has; if it has
+        none, those of the narrowest and the widest grooves for their ridges, and one held out.
+    """
+    ok = comparison.table.frame
+    ok = ok[(ok["status"] == "ok") & (ok["kind"] == "transition")]
+    present = list(dict.fromkeys(zip(ok["a_over_R"], ok["b_over_R"], strict=True)))
+    if len(present) <= n_most:
+        return tuple(present)
+    of_paper = [texture for texture in PAPER_TEXTURES if texture in present]
+    if of_paper:
+        return tuple(of_paper)
+    ordered = sorted(present, key=lambda texture: texture[1] / texture[0])
+    held_out = [t for t in comparison.table.held_out.textures if t in present]
+    return tuple(dict.fromkeys([*ordered[:1], *ordered[-1:], *held_out]))[:n_most]
+
+
+def percent_errors(
+    comparison: Comparison, textures: Sequence[Texture] | None = None
+) -> pd.DataFrame:
+    """Return 100 (p_form/p_data - 1) of each form at each transition of some textures.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Fits and their table.
+    textures : sequence of (float, float), optional
+        `shown_textures` if not given.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns form, coefficients (calibrated: posterior means; printed: those of the study),
+        a_over_R, b_over_R, Q, role, p_over_E, percent. Positive: the form asks for too much load.
+        The power law has no row where a texture has no K.
+    """
+    wanted = shown_textures(comparison) if textures is None else textures
+    frame = comparison.table.frame
+    frame = frame[(frame["status"] == "ok") & (frame["kind"] == "transition")]
+    blocks = []
+    for a, b in wanted:
+        rows = frame[(frame["a_over_R"] == a) & (frame["b_over_R"] == b)].sort_values("Q")
+        q, p, nu = (rows[name].to_numpy() for name in ("Q", "p_over_E", "nu"))
+        for name, fit in comparison.fits.items():
+            if isinstance(fit.form, PowerLaw) and (a, b) not in fit.form.textures:
+                continue
+            means = fit.summary["mean"].to_numpy()[: fit.model.n_coefficient]
+            # A file gives back 15 digits: equal figures need fewer.
+            sets = {"calibrated": np.array([float(f"{mean:.12g}") for mean in means])}
+            if fit.form.printed is not None:
+                sets["printed"] = np.array(fit.form.printed)
+            for coefficients, theta in sets.items():
+                ratio = fit.form.load(q, a, b, theta, nu) / p
+                blocks.append(
+                    pd.DataFrame(
+                        {
+                            "form": name,
+                            "coefficients": coefficients,
+                            "a_over_R": a,
+                            "b_over_R": b,
+                            "Q": q,
+                            "role": rows["role"].to_numpy(),
+                            "p_over_E": p,
+                            "percent": 100 * (ratio - 1),
+                        }
+                    )
+                )
+    columns = ["form", "coefficients", "a_over_R", "b_over_R", "Q", "role", "p_over_E", "percent"]
+    return pd.concat(blocks, ignore_index=True) if blocks else pd.DataFrame(columns=columns)
+
+
+def has_slopes(comparison: Comparison) -> bool:
+    """Return whether K was fitted to several textures, so that there is a trend to look at."""
+    power_law = comparison.fits.get("power-law")
+    return power_law is not None and len(power_law.model.data.textures) > 1
+
+
+def slopes_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
+    """Return K = dQ'/ds of each calibrated texture by each closed form.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Fits.
+    prob : float, optional
+        Probability inside the equal-tailed interval.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns form, a_over_R, b_over_R, pitch, K, K_lower, K_upper, prob. The half-plane form has
+        no one slope and no row.
+    """
+    rows = []
+    for name, fit in comparison.fits.items():
+        if name == "half-plane":
+            continue
+        theta = fit.draws[:, : fit.model.n_coefficient]
+        for a, b in fit.model.data.textures:
+            slope = fit.form.slope(a, b, theta)
+            lower, upper = np.quantile(slope, [0.5 - prob / 2, 0.5 + prob / 2])
+            rows.append((name, a, b, a + b, float(slope.mean()), lower, upper, prob))
+    columns = ["form", "a_over_R", "b_over_R", "pitch", "K", "K_lower", "K_upper", "prob"]
+    return pd.DataFrame(rows, columns=columns)

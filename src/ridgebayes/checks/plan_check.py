@@ -1,0 +1,202 @@
+"""Are the estimates behind a plan honest? Scenes all over the space, each neglect put to test."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.stats import qmc
+
+from ridgebayes._types import FloatArray, Rng
+from ridgebayes.contact import halfplane, hertz
+from ridgebayes.contact.pressed import load_factor
+from ridgebayes.contact.reaching import reaching_loads
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.errors import InputError
+from ridgebayes.runtime.randomness import seed_of
+from ridgebayes.scene.effects import Plan, given_profile, plan
+from ridgebayes.scene.scene import Scene, Texture
+
+CHECK_COLUMNS = [
+    "scene",
+    "a_over_R",
+    "b_over_R",
+    "depth_over_R",
+    "corner_over_R",
+    "offset",
+    "nu",
+    "p_over_E",
+    "relative",
+    "effect",
+    "number",
+    "estimate",
+    "simulated",
+    "true_change",
+    "honest",
+]
+TOO_LARGE = 10.0  # times the truth: an estimate that is more says nothing
+# Of what is under a hundredth of the wanted accuracy the exact size does not matter.
+_NEGLIGIBLE = 0.01
+_TOLERANCE = 1e-6
+_FIELDS = {"groove floor": "depth", "corner radius": "corner", "offset": "offset"}
+
+
+def spread_scenes(n: int = 32, *, rng: Rng = 0) -> list[Scene]:
+    """Return scenes of one texture each, spread by a Sobol sequence.
+
+    Parameters
+    ----------
+    n : int, optional
+        How many; a power of two is spread most evenly.
+    rng : int or numpy.random.Generator, optional
+        Seed of the sequence's scrambling.
+
+    Returns
+    -------
+    list of Scene
+        Ridges of 0.003 to 0.05 R, grooves 0.1 to 5 times as wide, a floor at 0.01 to 0.3 of the
+        groove's width, corners of 0.001 to 0.4 of the ridge's width (twice the floor's depth at
+        most), an offset of 0.0003 to 0.5 pitches, loads that reach 1 to 6 pitches, accuracies of
+        0.3 to 10 %.
+    """
+    if n < 1:
+        raise InputError(f"n: {n} given; rule: at least 1")
+    sequence = qmc.Sobol(8, rng=np.random.default_rng(seed_of(rng)))
+    points = sequence.random_base2(math.ceil(math.log2(n)))[:n]
+    low = np.array([0.003, 0.1, 0.01, 0.001, 0.0003, 0.0, 1.2, 0.003])
+    high = np.array([0.05, 5.0, 0.3, 0.4, 0.5, 0.5, 6.0, 0.1])
+    logarithmic = np.array([True, True, True, True, True, False, False, True])
+    with np.errstate(divide="ignore"):
+        values = np.where(
+            logarithmic,
+            np.exp(np.log(low) + points * (np.log(high) - np.log(np.maximum(low, 1e-300)))),
+            low + points * (high - low),
+        )
+    return [_scene(*row) for row in values.tolist()]
+
+
+def _scene(
+    a: float,
+    groove: float,
+    depth: float,
+    corner: float,
+    offset: float,
+    nu: float,
+    pitches: float,
+    relative: float,
+) -> Scene:
+    b = groove * a
+    texture = Texture(
+        a_over_R=a,
+        b_over_R=b,
+        groove_depth_over_R=depth * b,
+        corner_radius_over_R=min(corner * a, 2 * depth * b),
+        offset=offset,
+    )
+    reach = min(pitches * (a + b), 0.3)
+    load = float(hertz.load_of_half_width(reach, nu=nu))
+    first = halfplane.transition_loads(a, b, 1).p_over_E(a + b, nu=nu)[0]
+    return Scene(
+        textures=(texture,), nu=nu, p_over_E=max(load, 1.05 * float(first)), relative=relative
+    )
+
+
+def check_plans(
+    scenes: list[Scene], *, progress: Callable[[str], None] | None = None
+) -> pd.DataFrame:
+    """Switch each effect of each scene over, and compare the true change with its estimate.
+
+    Parameters
+    ----------
+    scenes : list of Scene
+        Of one texture each.
+    progress : callable, optional
+        Called with a line of text for each scene.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `CHECK_COLUMNS`, a row for each scene and effect. `true_change` is the largest
+        relative change of a transition load when the effect alone is switched over, all else as
+        planned; NaN where a solution failed. `honest`: what is neglected changes loads by no more
+        than the accuracy wanted, and no estimate is over ten times the true change, unless both
+        are under a hundredth of that accuracy.
+    """
+    rows = []
+    for number, scene in enumerate(scenes, start=1):
+        one = plan(scene)[0]
+        if progress is not None:
+            progress(f"scene {number} of {len(scenes)}")
+        rows += _rows(number, scene, one)
+    return pd.DataFrame(rows, columns=CHECK_COLUMNS)
+
+
+def _rows(number: int, scene: Scene, one: Plan) -> list[dict[str, Any]]:
+    texture = one.texture
+    given = given_profile(texture)
+    planned = one.profile or Profile(texture.a_over_R, texture.b_over_R)
+    W_max = load_factor(scene.nu) * scene.highest_load(texture)
+    base = _loads(planned, 1.3 * W_max)
+    rows: list[dict[str, Any]] = []
+    for effect in one.effects:
+        if effect.name == "ridges":
+            true = effect.estimate  # it is the difference of two solutions, nothing is estimated
+        elif effect.name in _FIELDS:
+            field = _FIELDS[effect.name]
+            without = Profile(texture.a_over_R, texture.b_over_R)
+            source = without if effect.simulated else given
+            other = replace(planned, **{field: getattr(source, field)})
+            true = _change(base, _loads(other, 1.3 * W_max), W_max)
+        else:
+            continue
+        row: dict[str, Any] = {
+            "scene": number,
+            "a_over_R": texture.a_over_R,
+            "b_over_R": texture.b_over_R,
+            "depth_over_R": texture.groove_depth_over_R,
+            "corner_over_R": texture.corner_radius_over_R,
+            "offset": texture.offset,
+            "nu": scene.nu,
+            "p_over_E": scene.p_over_E,
+            "relative": scene.relative,
+            "effect": effect.name,
+            "number": effect.number,
+            "estimate": effect.estimate,
+            "simulated": effect.simulated,
+            "true_change": true,
+        }
+        rows.append(row | {"honest": _honest(effect.estimate, true, scene, effect.simulated)})
+    return rows
+
+
+def _honest(estimate: float, true: float, scene: Scene, simulated: bool) -> bool:
+    wanted = scene.relative or _TOLERANCE
+    if math.isnan(true) or (not simulated and not true <= wanted):
+        return False
+    floor = _NEGLIGIBLE * wanted
+    return not estimate > TOO_LARGE * max(true, floor)
+
+
+def _loads(profile: Profile, W_max: float) -> dict[int, float]:
+    """Return the load from which on at least Q ridges are touched, by Q."""
+    found = reaching_loads(profile, W_max=W_max, rel_tol=_TOLERANCE)
+    if not all(status == "ok" for status in found.status):
+        return {}
+    loads: dict[int, float] = {}
+    for Q, W in zip(found.Q.tolist(), found.W.tolist(), strict=True):
+        for count in range(3, Q + 1):
+            loads.setdefault(count, W)
+    return loads
+
+
+def _change(base: dict[int, float], other: dict[int, float], W_max: float) -> float:
+    """Return the largest relative change of a load that the scene asks for, at counts of both."""
+    shared = [
+        Q for Q in base if Q in other and Q >= 4 and Q % 2 == 0 and min(base[Q], other[Q]) <= W_max
+    ]
+    if not shared:
+        return math.nan
+    changes: FloatArray = np.array([other[Q] / base[Q] - 1 for Q in shared])
+    return float(np.abs(changes).max())

@@ -1,0 +1,237 @@
+"""Would the fitted model make rows like these? Replicated data against the observed ones.
+
+Residuals are of log loads from the form's own curve. What is looked at are the ways in which
+residuals of contact loads are known to go wrong: a far row, a drift with the count, textures or
+steps that are off as a whole, neighbours along a curve that err alike.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray, IntArray, Rng
+from ridgebayes.errors import InputError
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.replicated import form_log_loads, prior_draws, simulate_log_loads
+from ridgebayes.runtime.randomness import seed_of, stream
+
+QUANTITIES = {
+    "largest residual": "largest absolute residual",
+    "trend": "slope of residuals over $\\log h$",
+    "texture spread": "sd of the textures' mean residuals",
+    "step spread": "sd of the steps' mean residuals",
+    "lag-1 correlation": "correlation of neighbours along $Q$",
+}
+CHECK_COLUMNS = ["quantity", "observed", "lower", "upper", "prob", "p_value", "two_sided"]
+BAND_COLUMNS = ["texture", "a_over_R", "b_over_R", "Q", "lower", "median", "upper", "prob"]
+
+
+@dataclass(frozen=True, eq=False)
+class PredictiveChecks:
+    """Test quantities of observed and replicated rows, draw by draw.
+
+    Parameters
+    ----------
+    form, noise : str
+        Names of the form and the error model.
+    names : tuple of str
+        The quantities, of `QUANTITIES`.
+    observed, replicated : ndarray of float, shape (n_draw, n_quantity)
+        Values at each posterior draw; both depend on it, since residuals do.
+    n_left_out : int
+        Rows without a residual: brackets and counts.
+    """
+
+    form: str
+    noise: str
+    names: tuple[str, ...]
+    observed: FloatArray
+    replicated: FloatArray
+    n_left_out: int
+
+    @property
+    def p_values(self) -> dict[str, float]:
+        """Probability that a replicate's quantity is above the observed one, ties by halves."""
+        above = (self.replicated > self.observed) + 0.5 * (self.replicated == self.observed)
+        return dict(zip(self.names, above.mean(axis=0).tolist(), strict=True))
+
+    def table(self, prob: float = 0.9) -> pd.DataFrame:
+        """Return the checks as a table.
+
+        Parameters
+        ----------
+        prob : float, optional
+            Probability of the equal-tailed interval of replicates.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns quantity, observed (mean over the draws), lower, upper (of replicates), prob,
+            p_value, two_sided: twice the smaller of p_value and its complement.
+        """
+        if not 0 < prob < 1:
+            raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1")
+        ends = np.quantile(self.replicated, [0.5 - prob / 2, 0.5 + prob / 2], axis=0)
+        rows = [
+            {
+                "quantity": name,
+                "observed": float(self.observed[:, i].mean()),
+                "lower": float(ends[0, i]),
+                "upper": float(ends[1, i]),
+                "prob": prob,
+                "p_value": p,
+                "two_sided": 2 * min(p, 1 - p),
+            }
+            for i, (name, p) in enumerate(self.p_values.items())
+        ]
+        return pd.DataFrame(rows, columns=CHECK_COLUMNS)
+
+
+def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> PredictiveChecks:
+    """Compare the rows with rows replicated under the posterior.
+
+    Parameters
+    ----------
+    fit : Posterior
+        Posterior.
+    rng : int or numpy.random.Generator, optional
+        Seed.
+    n_draw : int, optional
+        Posterior draws, one replicate each; at most those that the fit keeps.
+
+    Returns
+    -------
+    PredictiveChecks
+        Quantities that the rows allow: a spread needs two textures or steps, a correlation
+        neighbours along Q.
+
+    Raises
+    ------
+    InputError
+        If no row is exact, or `n_draw` is under 1.
+
+    Notes
+    -----
+    A replicate has new shared offsets from their prior: what repeats within textures or steps has
+    to be of the size that the error model says, not be known beforehand. Rows serve twice, for the
+    fit and for the check, so that p-values crowd about one half; those near 0 or 1 mean all the
+    more.
+
+    References
+    ----------
+    Gelman, Meng & Stern (1996), Statistica Sinica 6, 733-807.
+    """
+    if n_draw < 1:
+        raise InputError(f"n_draw: {n_draw} given; rule: at least 1")
+    model = fit.model
+    exact = model.data.is_exact
+    if not exact.any():
+        raise InputError("fit: no row gives its load exactly; rule: at least one")
+    seed = seed_of(rng)
+    # Evenly over the ensembles, whichever number is asked for.
+    places = np.linspace(0, len(fit.draws) - 1, min(n_draw, len(fit.draws))).astype(int)
+    theta = fit.draws[places]
+    curve = form_log_loads(model, theta)[:, exact]
+    loads = simulate_log_loads(model, theta, stream(seed, "replicate"))[0][:, exact]
+    measure = _Quantities(model.data.take(exact))
+    observed = measure(model.data.log_load[exact] - curve)
+    replicated = measure(loads - curve)
+    return PredictiveChecks(
+        fit.form.name,
+        fit.noise.name,
+        tuple(observed),
+        np.stack(list(observed.values()), axis=-1),
+        np.stack(list(replicated.values()), axis=-1),
+        int(np.count_nonzero(~exact)),
+    )
+
+
+def prior_bands(
+    model: Model, *, rng: Rng = 0, n_draw: int = 4_000, prob: float = 0.9
+) -> pd.DataFrame:
+    """Return what the priors alone say of the log load at every texture and count of the rows.
+
+    Parameters
+    ----------
+    model : Model
+        Form, error model, priors and rows.
+    rng : int or numpy.random.Generator, optional
+        Seed.
+    n_draw : int, optional
+        Draws from the prior.
+    prob : float, optional
+        Probability of the equal-tailed interval.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each texture and count: columns texture (label), a_over_R, b_over_R, Q, lower,
+        median, upper (of the log load), prob. Known errors of rows are not in them.
+
+    Raises
+    ------
+    InputError
+        If `prob` is not between 0 and 1.
+    ComputationError
+        If hardly any prior draw has positive rates.
+    """
+    if not 0 < prob < 1:
+        raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1")
+    data, seed = model.data, seed_of(rng)
+    theta = prior_draws(model, stream(seed, "prior"), n_draw)
+    loads = simulate_log_loads(model, theta, stream(seed, "rows"))[0]
+    ends = np.quantile(loads, [0.5 - prob / 2, 0.5, 0.5 + prob / 2], axis=0)
+    labels = data.labels or tuple(f"a{a!r}_b{b!r}" for a, b in data.textures)
+    where = np.stack([data.texture, data.Q])
+    rows = []
+    for (texture, Q), i in zip(*_first_of_each(where), strict=True):
+        a, b = data.textures[texture]
+        if np.isfinite(ends[1, i]):
+            rows.append([labels[texture], a, b, int(Q), *ends[:, i].tolist(), prob])
+    return pd.DataFrame(rows, columns=BAND_COLUMNS)
+
+
+def _first_of_each(columns: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the distinct columns, sorted, and the place of the first of each."""
+    distinct, first = np.unique(columns, axis=1, return_index=True)
+    return distinct.T, first
+
+
+class _Quantities:
+    """The test quantities of residuals (..., n_obs) at the places of some rows."""
+
+    def __init__(self, data: Observations) -> None:
+        self._log_h = np.log(data.Q / 2 - 1)
+        self._textures = _mean_matrix(data.texture)
+        self._steps = _mean_matrix(data.Q)
+        cells = np.stack([data.texture, data.Q])
+        distinct, cell = np.unique(cells, axis=1, return_inverse=True)
+        self._cells = _mean_matrix(cell.reshape(-1))
+        self._texture_of_cell = distinct[0]
+
+    def __call__(self, residual: FloatArray) -> dict[str, FloatArray]:
+        found = {"largest residual": np.abs(residual).max(axis=-1)}
+        x = self._log_h - self._log_h.mean()
+        if np.ptp(x) > 0:
+            found["trend"] = residual @ x / (x @ x)
+        for name, means in (("texture spread", self._textures), ("step spread", self._steps)):
+            if len(means) > 1:
+                found[name] = (residual @ means.T).std(axis=-1, ddof=1)
+        # Cells are sorted by texture and then by Q: neighbours follow each other.
+        cell = residual @ self._cells.T
+        near = np.flatnonzero(np.diff(self._texture_of_cell) == 0)
+        if len(near) > 1:
+            cell = cell - cell.mean(axis=-1, keepdims=True)
+            product = (cell[..., near] * cell[..., near + 1]).mean(axis=-1)
+            found["lag-1 correlation"] = product / (cell**2).mean(axis=-1)
+        return found
+
+
+def _mean_matrix(code: IntArray) -> FloatArray:
+    """Return the matrix that takes rows to the mean of each code, in sorted order of the codes."""
+    _, group = np.unique(code, return_inverse=True)
+    member = np.eye(group.max() + 1)[:, group.reshape(-1)]
+    return member / member.sum(axis=1, keepdims=True)

@@ -1,0 +1,101 @@
+"""What finite elements found of each texture, as files: fields, contact tables, figures."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from ridgebayes.commands.run_folder import new_folder, write_csv
+from ridgebayes.contact.cylinder.cylinder import Cylinder, Reached
+from ridgebayes.contact.cylinder.fields import surface_table, write_fields
+from ridgebayes.drawing.style import save
+from ridgebayes.errors import InputError
+from ridgebayes.report.figures.cylinder import plot_deformed
+from ridgebayes.scene.effects import plan_label
+from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.simulate.generation import generate
+
+if TYPE_CHECKING:
+    from ridgebayes.table.table import ContactTable
+
+LOADS_CSV = "loads.csv"
+
+
+def generate_fields(
+    scene: Scene,
+    folder: Path,
+    *,
+    solver: str = "auto",
+    rel_tol: float | None = None,
+    accuracy: str = "standard",
+    force: bool = False,
+) -> "ContactTable":
+    """Generate as `ridgebayes.generate` does, and keep what finite elements found.
+
+    Parameters
+    ----------
+    scene, solver, rel_tol, accuracy
+        As there.
+    folder : Path
+        Folder to make. Of each texture and offset that finite elements simulate, states at its
+        transitions: ``fields-*.xdmf`` with its ``.h5``, a time series whose time is p/E;
+        ``contact-*.csv``, the segments of the rigid side in contact; ``deformed-*`` as PNG and
+        SVG, the last transition. And ``loads.csv``, the table.
+    force : bool, optional
+        Whether an existing folder of this kind may be replaced.
+
+    Returns
+    -------
+    ContactTable
+
+    Raises
+    ------
+    InputError
+        As there, if the folder may not be made, or if nothing is simulated by finite elements.
+    """
+    with new_folder(folder, force=force, about=LOADS_CSV) as partial:
+        files = FieldFiles(partial)
+        table = generate(scene, solver=solver, rel_tol=rel_tol, accuracy=accuracy, pressed=files)
+        if not files.n_seen:
+            raise InputError(
+                f"--fields {folder}: no texture is simulated by finite elements; rule: --solver "
+                "cylinder-fe, or a scene whose `relative` calls for them"
+            )
+        table.write(partial / LOADS_CSV)
+    return table
+
+
+class FieldFiles:
+    """Writes the transitions of cylinders into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        An existing one.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.n_seen = 0
+
+    def __call__(self, texture: Texture, body: Cylinder, reached: Sequence[Reached]) -> None:
+        """Write one cylinder's: nothing if it has no transition."""
+        self.n_seen += 1
+        if not reached:
+            return
+        label = plan_label(texture)
+        if texture.offset == "uniform" and body.profile is not None:
+            label = f"{label}_{body.profile.offset:g}"
+        # Where a coarser mesh takes over, its first transition tells the files apart.
+        if (self._folder / f"contact-{label}.csv").exists():
+            label = f"{label}_from_Q{reached[0].Q}"
+        write_fields(body, [one.state for one in reached], self._folder / f"fields-{label}.xdmf")
+        tables = []
+        for one in reached:
+            table = surface_table(body, one.state)
+            table.insert(0, "p_over_E", one.p_over_E)
+            table.insert(0, "Q", one.Q)
+            tables.append(table)
+        write_csv(pd.concat(tables, ignore_index=True), self._folder / f"contact-{label}.csv")
+        save(plot_deformed(body, reached[-1].state), self._folder / f"deformed-{label}")

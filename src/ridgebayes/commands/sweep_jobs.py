@@ -1,0 +1,202 @@
+"""The job behind `generate`: loads of many textures, shared out, kept as they come, one table."""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+from ridgebayes.errors import InputError, RidgebayesError
+from ridgebayes.runtime.journal import Journal
+from ridgebayes.runtime.locks import only_one
+from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.progress import Progress
+from ridgebayes.runtime.workers import executor_for
+from ridgebayes.scene.effects import Plan, plan
+from ridgebayes.scene.scene import Scene
+from ridgebayes.simulate import generation
+from ridgebayes.table.files import check_name
+from ridgebayes.table.table import ContactTable
+
+_EVERY_S = 30.0  # a line where there is no terminal to draw a bar on
+
+
+def sweep_job(
+    out: Path,
+    scene: Scene,
+    *,
+    solver: str = "auto",
+    rel_tol: float | None = None,
+    accuracy: str = "standard",
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    force: bool = False,
+) -> tuple[ContactTable, list[str]]:
+    """Write the transition loads of a scene's textures as a table.
+
+    Parameters
+    ----------
+    out : Path
+        The table. Until it is written, finished textures lie in ``.<name>.journal`` beside it.
+    scene, solver, rel_tol, accuracy
+        As for `ridgebayes.generate`.
+    workers, scheduler : optional
+        As for `ridgebayes.runtime.workers.executor_for`.
+    resume : bool, optional
+        Whether to take what an earlier sweep left in the journal.
+    force : bool, optional
+        Whether a journal may be dropped.
+
+    Returns
+    -------
+    table : ContactTable
+        What was written; the same whoever computed it, and in however many goes.
+    left_out : list of str
+        What exceeds the scene's accuracy and is not simulated.
+
+    Raises
+    ------
+    InputError
+        As `ridgebayes.generate` and `executor_for` do, or if there is a journal and it is neither
+        to be resumed nor dropped, or if another process writes the same table. Nothing is left
+        behind then, but with `resume` what is finished.
+    ComputationError
+        If workers die. What is finished stays in the journal.
+    OutputError
+        If the disk is full. What is finished stays in the journal.
+    """
+    check_name(out)
+    with only_one(out):
+        return _swept(
+            out, scene, solver, rel_tol, accuracy, executor_for(workers, scheduler), resume, force
+        )
+
+
+def _swept(
+    out: Path,
+    scene: Scene,
+    solver: str,
+    rel_tol: float | None,
+    accuracy: str,
+    who: AbstractContextManager[Executor | None],
+    resume: bool,
+    force: bool,
+) -> tuple[ContactTable, list[str]]:
+    """Do what `sweep_job` does, with the lock held."""
+    journal = journal_of(out)
+    if journal.exists() and not resume and not force:
+        raise InputError(
+            f"{journal.folder}: an earlier sweep left it; rule: --resume to go on, or --force to "
+            "begin anew"
+        )
+    with who as executor:
+        if not resume:
+            journal.remove()
+        with _kept(journal, len(scene.textures), resume), _told() as tell:
+            table = generation.generate(
+                scene,
+                solver=solver,
+                rel_tol=rel_tol,
+                accuracy=accuracy,
+                executor=executor,
+                journal=journal,
+                progress=tell,
+            )
+        left_out = _left_out(scene, solver, executor)
+    try:
+        table.write(out)
+    except RidgebayesError:  # a full disk, after all that work
+        _say_kept(journal, len(scene.textures))
+        raise
+    journal.remove()
+    return table, left_out
+
+
+def fields_job(
+    out: Path,
+    scene: Scene,
+    folder: Path,
+    *,
+    solver: str = "auto",
+    rel_tol: float | None = None,
+    accuracy: str = "standard",
+    force: bool = False,
+) -> tuple[ContactTable, list[str]]:
+    """Write loads as `sweep_job` does, in this process, and fields into a folder."""
+    check_name(out)
+    from ridgebayes.commands.fields import generate_fields
+
+    with only_one(out):
+        table = generate_fields(
+            scene, folder, solver=solver, rel_tol=rel_tol, accuracy=accuracy, force=force
+        )
+        table.write(out)
+    return table, _left_out(scene, solver, None)
+
+
+def journal_of(out: Path) -> Journal:
+    """Return the journal that belongs to a table to be written."""
+    return Journal(out.with_name(f".{out.name}.journal"))
+
+
+def _left_out(scene: Scene, solver: str, executor: Executor | None) -> list[str]:
+    """Say what exceeds a scene's accuracy and is not simulated."""
+    if solver != "auto" or scene.relative is None:
+        return []
+    each = [scene.model_copy(update={"textures": (texture,)}) for texture in scene.textures]
+    return [
+        f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}: {effect.name} left out, "
+        f"about {effect.estimate:.1e} of a load; {scene.relative:g} was asked for"
+        for one in in_order(_first_plan, each, executor)
+        for effect in one.left_out
+    ]
+
+
+def _first_plan(scene: Scene) -> Plan:
+    return plan(scene)[0]
+
+
+@contextmanager
+def _kept(journal: Journal, n_texture: int, resume: bool) -> Iterator[None]:
+    """Say what the journal gave, and what it holds if the sweep ends early."""
+    try:
+        yield
+    except InputError:
+        if not resume:
+            journal.remove()
+        raise
+    except BaseException:
+        _say_kept(journal, n_texture)
+        raise
+    if journal.n_damaged:
+        _say(f"{journal.folder}: {journal.n_damaged} damaged textures, computed again")
+    if resume:
+        _say(f"{journal.n_found} of {n_texture} textures taken from the journal")
+
+
+@contextmanager
+def _told() -> Iterator[Callable[[str], None]]:
+    """Give what tells how far the sweep is: a bar on a terminal, a line now and then elsewhere."""
+    with Progress(1) as progress:
+        last = time.monotonic()
+
+        def tell(text: str) -> None:
+            nonlocal last
+            progress.detail(text)
+            if not sys.stderr.isatty() and time.monotonic() > last + _EVERY_S:
+                last = time.monotonic()
+                _say(text)
+
+        yield tell
+
+
+def _say_kept(journal: Journal, n_texture: int) -> None:
+    n = journal.n_found + journal.n_kept
+    if n:
+        _say(f"{n} of {n_texture} textures are in {journal.folder}: --resume goes on")
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)

@@ -1,0 +1,212 @@
+"""Bands on Q and on loads as tables: what `bands.csv` and `loads.csv` hold."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.contact.scaling import Texture, reduced_load
+from ridgebayes.errors import InputError
+from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
+from ridgebayes.predict.predict import KINDS, NEGLIGIBLE, mix_q, predict_load, predict_q
+from ridgebayes.predict.q_distribution import QDistribution
+
+AVERAGE = "average"
+
+
+def default_loads(comparison: Comparison, n: int = 200) -> FloatArray:
+    """Return log-spaced loads over the range of a comparison's table, shape (n,)."""
+    p = comparison.table.column("p_over_E")[comparison.table.column("status") == "ok"]
+    return np.geomspace(p.min(), p.max(), n)
+
+
+def bands_table(
+    comparison: Comparison,
+    *,
+    textures: Sequence[Texture] | None = None,
+    loads: FloatArray | None = None,
+    nu: float | None = None,
+    forms: Sequence[str] | None = None,
+    prob: float = 0.9,
+    compressed: bool = False,
+) -> pd.DataFrame:
+    """Return bands on Q for each form and their average, texture by texture and load by load.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Fits and model probabilities.
+    textures : sequence of (float, float), optional
+        (a/R, b/R); those of the table if not given.
+    loads : ndarray of float, shape (n_load,), dimensionless, optional
+        p/E; 200 log-spaced over the table's range if not given.
+    nu : float, optional
+        Poisson's ratio; if not given each texture's own in the table, 0.5 where it has none.
+    forms : sequence of str, optional
+        Names of fitted forms or ``average``; all and ``average`` if not given.
+    prob : float, optional
+        Probability inside the band.
+    compressed : bool, optional
+        Whether weighted nodes stand for posteriors, see `predict_q`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Its ``attrs["error"]`` holds the largest error of a probability, NaN where draws were
+        averaged. Columns form, noise, kind_of_band (curve, simulation), a_over_R, b_over_R, nu,
+        p_over_E, q_mean, q_median, q_lower, q_upper, prob, extrapolation, p_q_ge_4, ... up to the
+        first n that is nowhere more probable than 1e-6.
+
+    Raises
+    ------
+    InputError
+        If a form was not fitted, or `prob` is not between 0 and 1.
+    """
+    if not 0 < prob < 1:
+        raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1")
+    if nu is not None:
+        reduced_load(1.0, nu)  # refuses a Poisson's ratio by its own value, not as an array
+    chosen = comparison.table.textures if textures is None else tuple(textures)
+    a, b = np.array(chosen).T[:, :, None]
+    own = _own_nu(comparison) if nu is None else {}
+    poisson = np.array([[own.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
+    p = (default_loads(comparison) if loads is None else np.asarray(loads, dtype=float))[None]
+    blocks, errors = [], []
+    for kind in KINDS:
+        parts = {
+            name: predict_q(fit, a, b, p, nu=poisson, kind=kind, compressed=compressed)
+            for name, fit in comparison.fits.items()
+            if _is_needed(name, forms)
+        }
+        for name, q in _with_average(comparison, parts, forms):
+            blocks.append(_band_rows(name, comparison.noise.name, kind, a, b, poisson, p, q, prob))
+            errors.append(q.error)
+    bands = _trimmed(pd.concat(blocks, ignore_index=True))
+    bands.attrs["error"] = float(np.max(errors))
+    return bands
+
+
+def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
+    """Return the predicted load of each transition in the table beside the observed one.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Fits and model probabilities.
+    prob : float, optional
+        Probability inside the band.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns form, noise, kind_of_band, a_over_R, b_over_R, nu, Q, p_over_E_median,
+        p_over_E_lower, p_over_E_upper, prob, extrapolation, p_over_E_observed; for each form and
+        the average one row for each ok transition of the table, held-out ones included.
+    """
+    frame = comparison.table.frame
+    frame = frame[(frame["status"] == "ok") & (frame["kind"] == "transition")]
+    blocks = []
+    for kind in KINDS:
+        for nu, rows in frame.groupby("nu", sort=False):
+            a, b, q = (rows[c].to_numpy() for c in ("a_over_R", "b_over_R", "Q"))
+            parts = {
+                name: predict_load(fit, a, b, q, nu=float(nu), kind=kind)  # type: ignore[arg-type]
+                for name, fit in comparison.fits.items()
+            }
+            weights = [comparison.probabilities.get(name, 0.0) for name in parts]
+            everything: dict[str, LoadDistribution] = dict(parts)
+            if any(weights):
+                everything[AVERAGE] = mix_loads(list(parts.values()), weights)
+            for name, load in everything.items():
+                lower, upper = load.interval(prob)
+                blocks.append(
+                    pd.DataFrame(
+                        {
+                            "form": name,
+                            "noise": comparison.noise.name,
+                            "kind_of_band": kind,
+                            "a_over_R": a,
+                            "b_over_R": b,
+                            "nu": float(nu),  # type: ignore[arg-type]
+                            "Q": q,
+                            "p_over_E_median": load.median(),
+                            "p_over_E_lower": lower,
+                            "p_over_E_upper": upper,
+                            "prob": prob,
+                            "extrapolation": load.extrapolation,
+                            "p_over_E_observed": rows["p_over_E"].to_numpy(),
+                        }
+                    )
+                )
+    return pd.concat(blocks, ignore_index=True)
+
+
+def _own_nu(comparison: Comparison) -> dict[Texture, float]:
+    """Return the first Poisson's ratio that each texture has in the table."""
+    rows = comparison.table.frame.drop_duplicates(["a_over_R", "b_over_R"])
+    columns = (rows[name].tolist() for name in ("a_over_R", "b_over_R", "nu"))
+    return {(a, b): nu for a, b, nu in zip(*columns, strict=True)}
+
+
+def _is_needed(name: str, forms: Sequence[str] | None) -> bool:
+    return forms is None or AVERAGE in forms or name in forms
+
+
+def _with_average(
+    comparison: Comparison, parts: Mapping[str, QDistribution], forms: Sequence[str] | None
+) -> Iterator[tuple[str, QDistribution]]:
+    wanted = [*parts, AVERAGE] if forms is None else list(forms)
+    for name in wanted:
+        if name == AVERAGE and not comparison.probabilities:
+            continue  # without a single evidence there is nothing to weigh by
+        if name == AVERAGE:
+            weights = [comparison.probabilities.get(form, 0.0) for form in parts]
+            yield name, mix_q(list(parts.values()), weights)
+        elif name in parts:
+            yield name, parts[name]
+        else:
+            fitted = ", ".join([*comparison.fits, AVERAGE])
+            raise InputError(f"form {name!r}: not in this run; rule: one of {fitted}")
+
+
+def _band_rows(
+    name: str,
+    noise: str,
+    kind: str,
+    a: FloatArray,
+    b: FloatArray,
+    nu: FloatArray,
+    p: FloatArray,
+    q: QDistribution,
+    prob: float,
+) -> pd.DataFrame:
+    shape = q.survival.shape[:-1]
+    lower, upper = q.interval(prob)
+    columns = {
+        "form": name,
+        "noise": noise,
+        "kind_of_band": kind,
+        "a_over_R": np.broadcast_to(a, shape).ravel(),
+        "b_over_R": np.broadcast_to(b, shape).ravel(),
+        "nu": np.broadcast_to(nu, shape).ravel(),
+        "p_over_E": np.broadcast_to(p, shape).ravel(),
+        "q_mean": q.mean().ravel(),
+        "q_median": q.median().ravel(),
+        "q_lower": lower.ravel(),
+        "q_upper": upper.ravel(),
+        "prob": prob,
+        "extrapolation": q.extrapolation(prob).ravel(),
+    }
+    tail = {f"p_q_ge_{n}": q.at_least(n).ravel() for n in q.q[1:]}
+    return pd.DataFrame(columns | tail)
+
+
+def _trimmed(frame: pd.DataFrame) -> pd.DataFrame:
+    """Fill the tails that other forms have with zeros, and end at the first negligible column."""
+    names = [str(column) for column in frame.columns]
+    tail = sorted((c for c in names if c.startswith("p_q_ge_")), key=lambda c: int(c[7:]))
+    frame = frame.fillna(dict.fromkeys(tail, 0.0))
+    kept = next((i for i, c in enumerate(tail) if frame[c].max() < NEGLIGIBLE), len(tail) - 1)
+    return frame[[c for c in names if c not in tail] + tail[: kept + 1]]

@@ -1,0 +1,138 @@
+"""Bayes factors of several fits as a table, and in words."""
+
+import itertools
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from scipy.special import logsumexp
+
+from ridgebayes.evidence.savage_dickey import savage_dickey
+from ridgebayes.evidence.tables import used_evidence
+from ridgebayes.model.noise import Noise
+from ridgebayes.results import Fit
+
+SUMMED = "summed out"  # the noise column of Bayes factors that hold for no error model alone
+BAYES_FACTOR_COLUMNS = [
+    "form_a",
+    "form_b",
+    "noise",
+    "method",
+    "ln_bf",
+    "ln_bf_se",
+    "log10_bf",
+    "reading",
+]
+
+
+def reading(ln_bf: float, ln_bf_se: float, form_a: str, form_b: str, caution: str | None) -> str:
+    """Put a log Bayes factor in words, on the scale of Kass and Raftery.
+
+    Parameters
+    ----------
+    ln_bf, ln_bf_se : float
+        ln Z_a - ln Z_b and its standard error.
+    form_a, form_b : str
+        Names.
+    caution : str or None
+        What is added of the error model.
+
+    Returns
+    -------
+    str
+        ``undecided`` where abs(ln BF) is under 1 or under two standard errors.
+
+    References
+    ----------
+    Kass & Raftery (1995), doi:10.1080/01621459.1995.10476572, section 3.2: 2 ln BF of 2, 6, 10.
+
+    Examples
+    --------
+    >>> reading(-4.5, 0.001, "modified", "hybrid", None)
+    'strong for hybrid (Kass & Raftery)'
+    """
+    size = abs(ln_bf)
+    if not size >= 1 or size < 2 * ln_bf_se:
+        words = "undecided"
+    else:
+        word = "positive" if size < 3 else "strong" if size < 5 else "very strong"
+        words = f"{word} for {form_a if ln_bf > 0 else form_b} (Kass & Raftery)"
+    return f"{words}; {caution}" if caution else words
+
+
+def factor_row(
+    form_a: str,
+    form_b: str,
+    noise: str,
+    method: str,
+    ln_bf: float,
+    ln_bf_se: float,
+    caution: str | None,
+) -> dict[str, object]:
+    """Return one row of `bayes_factors.csv`."""
+    return {
+        "form_a": form_a,
+        "form_b": form_b,
+        "noise": noise,
+        "method": method,
+        "ln_bf": ln_bf,
+        "ln_bf_se": ln_bf_se,
+        "log10_bf": ln_bf / math.log(10),
+        "reading": reading(ln_bf, ln_bf_se, form_a, form_b, caution),
+    }
+
+
+def bayes_factor_table(
+    evidence: pd.DataFrame, fits: Mapping[str, Fit], noise: Noise
+) -> pd.DataFrame:
+    """Return the Bayes factor of each pair of forms, and Savage-Dickey's for Modified in Hybrid."""
+    mine = evidence[evidence["used"] & (evidence["noise"] == noise.name)]
+    used = {row["form"]: row for row in mine.to_dict("records")}
+    rows: list[dict[str, object]] = []
+
+    def add(a: str, b: str, method: str, ln_bf: float, se: float) -> None:
+        rows.append(factor_row(a, b, noise.name, method, ln_bf, se, noise.caution))
+
+    for a, b in itertools.combinations(fits, 2):
+        if a in used and b in used:
+            methods = dict.fromkeys([used[a]["method"], used[b]["method"]])
+            # A method without a Monte Carlo error has none to add.
+            errors = [np.nan_to_num(used[form]["log_evidence_se"]) for form in (a, b)]
+            ln_bf = used[a]["log_evidence"] - used[b]["log_evidence"]
+            add(a, b, "/".join(methods), ln_bf, math.hypot(*errors))
+    if {"modified", "hybrid"} <= set(fits):
+        ratio = savage_dickey(fits["hybrid"])
+        if ratio.ok:
+            add("modified", "hybrid", ratio.method, -ratio.value, ratio.se)
+    return pd.DataFrame(rows, columns=BAYES_FACTOR_COLUMNS)
+
+
+def summed_bayes_factors(evidence: pd.DataFrame) -> pd.DataFrame:
+    """Return the forms' Bayes factors with the error models summed out at equal prior.
+
+    Parameters
+    ----------
+    evidence : pandas.DataFrame
+        As for `mean_evidence`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns of `bayes_factors.csv`; the noise is ``summed out``.
+    """
+    one = used_evidence(evidence)
+    n_noise = one["noise"].nunique()
+    if n_noise < 2:
+        return pd.DataFrame(columns=BAYES_FACTOR_COLUMNS)
+    sums, errors = {}, {}
+    for form, part in one.groupby("form", sort=False):
+        value = float(logsumexp(part["log_evidence"]))
+        share = np.exp(part["log_evidence"] - value)
+        sums[str(form)] = value - math.log(n_noise)
+        errors[str(form)] = float(np.sqrt(((share * part["log_evidence_se"].fillna(0)) ** 2).sum()))
+    rows = [
+        factor_row(a, b, SUMMED, "sum", sums[a] - sums[b], math.hypot(errors[a], errors[b]), None)
+        for a, b in itertools.combinations(sums, 2)
+    ]
+    return pd.DataFrame(rows, columns=BAYES_FACTOR_COLUMNS)

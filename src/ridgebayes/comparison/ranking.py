@@ -1,0 +1,136 @@
+"""What a comparison says, arranged for a reader: factors against the best form, and a verdict."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes.comparison.comparison import Comparison
+
+
+def best_form(comparison: Comparison) -> str | None:
+    """Return the form of highest probability, or None where no evidence could be used."""
+    return comparison.best if comparison.probabilities else None
+
+
+def ranked(comparison: Comparison) -> list[str]:
+    """Return the fitted forms, most probable first, those without an evidence last."""
+    shares = comparison.probabilities
+    return sorted(comparison.fits, key=lambda name: -shares.get(name, -1.0))
+
+
+def factors_by_method(comparison: Comparison, against: str) -> pd.DataFrame:
+    """Return ln BF of every form over one of them, by every method that gives both evidences.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        With its evidence table.
+    against : str
+        Form that all are compared with.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns form, method, ln_bf (= ln Z_form - ln Z_against), ln_bf_se (NaN where the method
+        has none). Savage-Dickey where the pair is Modified and Hybrid.
+    """
+    usable = comparison.own_evidence[comparison.own_evidence["status"] == "ok"]
+    other = usable[usable["form"] == against].set_index("method")
+    rows = []
+    for row in usable[usable["form"] != against].to_dict("records"):
+        if row["method"] in other.index:
+            theirs = other.loc[row["method"]]
+            rows.append(
+                (
+                    row["form"],
+                    row["method"],
+                    row["log_evidence"] - theirs["log_evidence"],
+                    float(np.hypot(row["log_evidence_se"], theirs["log_evidence_se"])),
+                )
+            )
+    factors = comparison.own_bayes_factors
+    if len(factors):
+        for row in factors[factors["method"] == "savage-dickey"].to_dict("records"):
+            pair = {row["form_a"]: 1.0, row["form_b"]: -1.0}
+            if against in pair:
+                form = next(name for name in pair if name != against)
+                rows.append((form, row["method"], pair[form] * row["ln_bf"], row["ln_bf_se"]))
+    return pd.DataFrame(rows, columns=["form", "method", "ln_bf", "ln_bf_se"])
+
+
+def sensitivity_factors(comparison: Comparison, against: str) -> pd.DataFrame:
+    """Return ln BF of every other form over one of them as each prior's scale is changed.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        With its prior_sensitivity table, which may be empty.
+    against : str
+        Form that all are compared with.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns prior, factor, form, ln_bf; priors that no fitted form has are left out.
+    """
+    columns = ["prior", "factor", "form", "ln_bf"]
+    table = comparison.prior_sensitivity
+    if not len(table) or against not in set(table["form"]):
+        return pd.DataFrame(columns=columns)
+    varies = table.groupby("prior")["log_evidence"].transform(
+        lambda x: x.groupby(table.loc[x.index, "form"]).transform(np.ptp).max() > 0
+    )
+    wide = table[varies.astype(bool)].pivot_table(
+        index=["prior", "factor"], columns="form", values="log_evidence", sort=False
+    )
+    if against not in wide:
+        return pd.DataFrame(columns=columns)
+    ratio = wide.drop(columns=against).sub(wide[against], axis=0)
+    return ratio.melt(ignore_index=False, var_name="form", value_name="ln_bf").reset_index()[
+        columns
+    ]
+
+
+@dataclass(frozen=True)
+class RunnerUp:
+    """The best form against the next.
+
+    Parameters
+    ----------
+    form : str
+        The next best.
+    ln_bf, ln_bf_se : float
+        Of the best over it.
+    reading : str
+        In words, on the scale of Kass and Raftery.
+    """
+
+    form: str
+    ln_bf: float
+    ln_bf_se: float
+    reading: str
+
+
+def runner_up(comparison: Comparison) -> RunnerUp | None:
+    """Return the second most probable form and its Bayes factor, or None if there is no other."""
+    order = [name for name in ranked(comparison) if name in comparison.probabilities]
+    factors = comparison.own_bayes_factors
+    if len(order) < 2 or not len(factors):
+        return None
+    best, second = order[:2]
+    for row in factors[factors["method"] != "savage-dickey"].to_dict("records"):
+        if {row["form_a"], row["form_b"]} == {best, second}:
+            sign = 1.0 if row["form_a"] == best else -1.0
+            return RunnerUp(second, sign * row["ln_bf"], row["ln_bf_se"], row["reading"])
+    return None
+
+
+def problems(comparison: Comparison) -> tuple[str, ...]:
+    """Return what is wrong with a comparison, a sentence each; empty if it is complete."""
+    found = [f"{name}: could not be fitted: {why}" for name, why in comparison.failures.items()]
+    for name, fit in comparison.fits.items():
+        found += [f"{name}: did not converge: {what}" for what in fit.missing]
+        if name not in comparison.probabilities:
+            found.append(f"{name}: no method gave a usable evidence")
+    return tuple(found)

@@ -1,1 +1,0 @@
-"""Scenes as input decks for other programs."""

@@ -1,0 +1,170 @@
+"""What all figures share: colours and names of the forms, text from outside, bytes out."""
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.backend_bases import FigureCanvasBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.font_manager import findfont, get_font
+
+from ridgebayes.runtime.atomic import replacing
+from ridgebayes.runtime.text import visible
+
+# Okabe and Ito's palette: told apart with every common kind of colour blindness.
+COLOURS = {
+    "classic": "#D55E00",
+    "power-law": "#009E73",
+    "modified": "#0072B2",
+    "hybrid": "#B2478F",
+    "half-plane": "#C88A00",
+    "average": "#444444",
+}
+MARKERS = {
+    "classic": "^",
+    "power-law": "s",
+    "modified": "o",
+    "hybrid": "D",
+    "half-plane": "P",
+    "average": "X",
+}
+TITLES = {
+    "classic": "Classic",
+    "power-law": "Power law",
+    "modified": "Modified",
+    "hybrid": "Hybrid",
+    "half-plane": "Half-plane",
+    "average": "Average of forms",
+}
+MINUS = "\N{MINUS SIGN}"
+OBSERVED = "#000000"
+QUIET = "#8A8A8A"
+WIDTH = 9.0  # inches: 1350 pixels at 150 dpi, a laptop's page
+DPI = 150
+_STYLE: dict[str, Any] = {
+    "font.size": 10,
+    "axes.titlesize": 10,
+    "axes.labelsize": 10,
+    "legend.fontsize": 9,
+    "legend.frameon": False,
+    "xtick.labelsize": 9,
+    "ytick.labelsize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#E6E6E6",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    # The same seed has to give the same bytes.
+    "svg.hashsalt": "ridgebayes",
+}
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Hold matplotlib's own defaults and this package's style, whatever the user has set."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_STYLE)  # type: ignore[arg-type]
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure, in inches, that makes room for its own labels."""
+    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def title_of(form: str) -> str:
+    """Return the name of a form as a reader knows it."""
+    return TITLES.get(form, plain(form))
+
+
+def plain(text: str, most: int = 24) -> str:
+    r"""Return text from outside so that it is shown and not interpreted, and fits.
+
+    Examples
+    --------
+    >>> print(plain("a$b$"))
+    a\$b\$
+    """
+    kept = text if len(text) <= most else text[: most - 1] + "…"
+    lost = "\N{REPLACEMENT CHARACTER}"
+    shown = "".join(c if c.isascii() or _has_glyph(c) else lost for c in kept)
+    return " ".join(visible(shown).split()).replace("$", r"\$")
+
+
+@cache
+def _has_glyph(character: str) -> bool:
+    """Return whether the font of all figures can draw a character; matplotlib would warn."""
+    return bool(_font().get_char_index(ord(character))) and visible(character) == character
+
+
+@cache
+def _font() -> Any:
+    return get_font(findfont("DejaVu Sans"))  # matplotlib brings it along
+
+
+def symbol(parameter: str) -> str:
+    """Return a parameter's symbol for an axis.
+
+    Examples
+    --------
+    >>> symbol("c1"), symbol("K[a0.012_b0.01]")
+    ('$c_1$', '$K$ a0.012_b0.01')
+    """
+    known = {
+        "c": "$c$",
+        "c1": "$c_1$",
+        "c2": "$c_2$",
+        "sigma": r"$\sigma$",
+        "tau_texture": r"$\tau_\mathrm{texture}$",
+        "tau_step": r"$\tau_\mathrm{step}$",
+        "length_h": r"$\ell_h$",
+        "length_ratio": r"$\ell_{a/\mathrm{pitch}}$",
+        "df": "df",
+    }
+    if parameter.startswith("K["):
+        return f"$K$ {plain(parameter[2:-1])}"
+    return known.get(parameter, plain(parameter))
+
+
+def texture_title(a_over_R: float, b_over_R: float) -> str:
+    """Return the heading of a texture's panel."""
+    return f"$a/R$ = {a_over_R:g}, $b/R$ = {b_over_R:g}"
+
+
+def as_bytes(figure: Figure, kind: str) -> bytes:
+    """Return a figure as a file: ``png`` at 150 dpi or ``svg``; equal figures, equal bytes."""
+    file = io.BytesIO()
+    with styled():
+        lay_out(figure)
+        # Straight from the canvas: `savefig` would draw everything once more beforehand.
+        if kind == "png":
+            FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
+        else:
+            FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None, "Creator": None})
+    FigureCanvasBase(figure)  # lets go of the pixels
+    return file.getvalue()
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG and SVG, each whole or not at all; `path` has no suffix."""
+    for kind in ("png", "svg"):
+        with replacing(path.with_name(f"{path.name}.{kind}")) as partial:
+            partial.write_bytes(as_bytes(figure, kind))
+
+
+def lay_out(figure: Figure) -> None:
+    """Make room for the labels, once: every drawing would do it anew."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")

@@ -1,0 +1,353 @@
+"""What the columns of a table mean together: ratios, transitions, and what was said of them."""
+
+from collections.abc import Iterable, Mapping
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes.errors import InputError
+from ridgebayes.fea.cells import NUMBER, Cells
+from ridgebayes.fea.column_units import (
+    DIMENSIONS,
+    Quantity,
+    column_unit,
+    divided,
+    everywhere_or_nowhere,
+)
+from ridgebayes.fea.histories import STATUS_RULE, Histories, touching
+from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
+from ridgebayes.scene.units import to_si
+from ridgebayes.table.cells import as_text
+from ridgebayes.table.columns import NAMES, OK
+
+_ABOVE_0 = ("a", "b", "R", "E", "p", "line")
+_SHOWN = 8  # names that a line lists
+
+
+class UnderstoodColumns:
+    """Columns that are understood, and what follows from them."""
+
+    def __init__(
+        self,
+        cells: Cells,
+        uses: list[Use],
+        values: Mapping[str, str | float],
+        *,
+        is_history: bool,
+    ) -> None:
+        self.cells, self.where = cells, cells.where
+        self._uses, self._values = uses, values
+        self._by_key = {(use.key, use.Q): use for use in uses}
+        self._is_history = is_history
+        self.told: list[Use] = []
+        self._dimensional: list[Quantity] = []
+        self.said: list[str] = []
+        self._used: set[str] = set()
+        self._checked: set[Use] = set()
+
+    def long(self) -> tuple[pd.DataFrame, Any, list[str]]:
+        """Return the rows of a table with one transition each, and the columns of its own."""
+        found = self._curve()
+        found["Q"] = self._number("Q")
+        found["p_over_E"] = self._load(None)
+        self._optional(found, None)
+        for key in ("kind", "role", "status"):
+            self._text(found, key)
+        mine = {use.header for use in self.told}
+        left = [name for name in map(str, self.cells.frame) if name not in mine]
+        own = [name for name in left if name not in NAMES]
+        clash = [name for name in left if name in NAMES]
+        frame = self._framed(found)
+        self._say()
+        said = [f"left out: column {name!r}, which the mapping gives otherwise" for name in clash]
+        if own:
+            said.append(f"kept as they are: {listed(own)}")
+        return frame.assign(**{n: self.cells.frame[n] for n in own}), self.cells.line, said
+
+    def wide(self) -> tuple[pd.DataFrame, Any, list[str]]:
+        """Return the rows of a table with one column for each Q."""
+        per_Q = [use for use in self._uses if use.Q is not None]
+        loads = sorted(use.Q for use in per_Q if use.Q is not None and use.key in LOADS)
+        single = [use for use in self._uses if use.Q is None and use.key in (*LOADS, "Q")]
+        if single or not loads:
+            what = f"column {single[0].header!r}" if single else "no load"
+            raise InputError(
+                f"{self.where}: {what} beside columns for each Q ({listed(u.header for u in per_Q)}"
+                "); rule: a load for each Q, or columns Q and load"
+            )
+        common = self._curve()
+        for key in ("kind", "role", "status"):
+            self._text(common, key)
+        n = len(self.cells.frame)
+        parts: list[dict[str, FloatArray]] = []
+        for Q in loads:
+            parts.append({"p_over_E": self._load(Q)})
+            self._optional(parts[-1], Q)
+        there = set(loads)
+        for use in per_Q:
+            if use.Q not in there:
+                raise InputError(
+                    f"{self.where}: column {use.header!r}: no load of Q = {use.Q}; rule: one"
+                )
+        # By row of the file, and along it by Q.
+        table = {
+            key: np.column_stack([np.broadcast_to(part.get(key, np.nan), n) for part in parts])
+            for key in dict.fromkeys(key for part in parts for key in part)
+        }
+        row, which = np.nonzero(~np.isnan(table["p_over_E"]))
+        if not row.size:
+            raise InputError(f"{self.where}: no load in any column; rule: a load in some cell")
+        self._say()
+        said = self._unused()
+        if empty := n * len(loads) - row.size:
+            said.append(f"{empty} empty cells: not reached")
+        line = self.cells.line
+        frame = self._framed(common).iloc[row].reset_index(drop=True)
+        frame = frame.assign(Q=np.array(loads, dtype=float)[which])
+        frame = frame.assign(**{key: numbers[row, which] for key, numbers in table.items()})
+        return frame, None if line is None else lambda i: line(int(row[i])), said
+
+    def history(self, corners: list[Use], *, brackets: bool) -> tuple[pd.DataFrame, Any, list[str]]:
+        """Return the transitions of tables whose rows are increments of runs."""
+        for use in self._uses:
+            wrong = use.Q is not None and use.key not in CORNERS
+            if use.how == "mapped" and (wrong or use.key in ("Q", "kind", "rel_se", *LOWERS)):
+                raise InputError(
+                    f"{self.where}: column {use.header!r} as {use.key} beside "
+                    f"{corners[0].header!r}; rule: increments have a load, and columns of corners"
+                )
+        curve = self._curve()
+        self._text(curve, "role")
+        load = self._load(None)
+        corners = sorted(corners, key=lambda use: use.Q or 0)
+        gaps = np.column_stack([self._gap(use) for use in corners])
+        keep = np.ones(len(self.cells.frame), dtype=bool)
+        left_out = []
+        if status := self._use("status", None):
+            words = as_text(self.cells.frame[status.header])
+            keep = words.isin(["", OK]).to_numpy(bool)
+            self.told.append(status)
+            if not keep.all():
+                n = int((~keep).sum())
+                left_out.append(f"left out: {n} increments whose status is not 'ok'")
+            if not keep.any():
+                raise InputError(f"{self.where}: no increment whose status is 'ok'")
+        self._say()
+        frame = self._framed(curve)[keep].reset_index(drop=True)
+        # In a run the empty cells of a column are its default; NaN would tell rows apart.
+        runs = Histories(frame, load[keep], gaps[keep], [use.Q or 0 for use in corners])
+        rows, remarks = runs.transitions(self.where, brackets=brackets)
+        return rows, None, [*self._unused(), *left_out, *remarks]
+
+    def _curve(self) -> dict[str, Any]:
+        """Return what is constant along a curve."""
+        found: dict[str, Any] = {}
+        for key in ("a", "b"):
+            found[f"{key}_over_R"] = self._over_R(key, required=True)
+        for key, value in (("offset_over_R", self._over_R("offset")), ("nu", self._number("nu"))):
+            if value is not None:
+                found[key] = value
+        for key in ("texture", "series", "solver", "source"):
+            self._text(found, key)
+        return found
+
+    def _optional(self, found: dict[str, Any], Q: int | None) -> None:
+        if (lower := self._load_of(LOWERS, Q)) is not None:
+            found["p_over_E_lower"] = lower
+        if (rel_se := self._number("rel_se", Q)) is not None:
+            found["rel_se"] = rel_se
+
+    def _framed(self, found: Mapping[str, Any]) -> pd.DataFrame:
+        n = len(self.cells.frame)
+        shaped = {
+            key: np.broadcast_to(value, n) if isinstance(value, np.ndarray) else value
+            for key, value in found.items()
+        }
+        return pd.DataFrame(shaped, index=pd.RangeIndex(n))
+
+    def _use(self, key: str, Q: int | None) -> Use | None:
+        """Return the column of a key: for each Q, or else the one for all."""
+        return self._by_key.get((key, Q)) or self._by_key.get((key, None))
+
+    def _quantity(self, key: str, Q: int | None = None) -> Quantity | None:
+        """Return a column or constant; None where there is none."""
+        use = self._use(key, Q)
+        if use is None or (use.Q is None and Q is not None and key in (*LOADS, *LOWERS)):
+            return self._constant(key)
+        unit, factor = column_unit(key, use.header, use.unit, self.where)
+        numbers = self.cells.frame[use.header].to_numpy(dtype=float)
+        if use not in self._checked:
+            self._checked.add(use)
+            self.told.append(use)
+            self._check(use, numbers)
+            how = {"mapped": "", "named": "", "guessed": ", a guess"}[use.how]
+            in_unit = f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else ""
+            if use.name != use.header or key in DIMENSIONS or unit or how:
+                self.said.append(f"{use.name}: column {use.header!r}{in_unit}{how}")
+        found = Quantity(f"{key} ({use.header!r})", numbers, unit, factor)
+        if key in DIMENSIONS:
+            self._dimensional.append(found)
+        return found
+
+    def _check(self, use: Use, numbers: FloatArray) -> None:
+        empty = np.isnan(numbers)
+        rules: list[tuple[BoolArray, str, str]] = []
+        if use.key in ("a", "b", "R", "E"):
+            rules.append((empty, use.header, "rule: not empty"))
+        if use.key in ("p", "line") and self._is_history:
+            pass
+        elif use.key in _ABOVE_0:
+            rules.append((numbers <= 0, use.header, "rule: above 0"))
+        elif use.key in LOWERS:
+            rules.append((numbers < 0, use.header, "rule: 0 or above"))
+        elif use.key == "pressure":
+            rule = "rule: 0 where open, above 0 where closed"
+            rules.append((numbers < 0, use.header, rule))
+        self.cells.check(*rules)
+
+    def _constant(self, key: str) -> Quantity | None:
+        if key not in self._values:
+            return None
+        text = str(self._values[key]).strip()
+        unit, factor = "", Fraction(1)
+        if NUMBER.fullmatch(text):
+            number = float(text)
+        elif key in DIMENSIONS:
+            try:
+                to_si(text, DIMENSIONS[key])
+            except InputError as error:
+                raise InputError(f"{self.where}: value {key} = {error}") from None
+            digits = NUMBER.match(text)
+            assert digits is not None
+            number, unit = float(digits.group()), text[digits.end() :].strip()
+        else:
+            raise InputError(f"{self.where}: value {key} = {text!r}: rule: a number")
+        if not np.isfinite(number) or (key in _ABOVE_0 and number <= 0):
+            rule = "above 0" if key in _ABOVE_0 else "finite"
+            raise InputError(f"{self.where}: value {key} = {text!r}: rule: {rule}")
+        if unit:
+            factor = to_si(f"1 {unit}", DIMENSIONS[key])
+        found = Quantity(key, np.array(number), unit, factor)
+        if key in DIMENSIONS:
+            self._dimensional.append(found)
+        if key not in self._used:
+            self.said.append(f"{key}: {text}, as given")
+        self._used.add(key)
+        return found
+
+    def _number(self, key: str, Q: int | None = None) -> FloatArray | None:
+        found = self._quantity(key, Q)
+        if found is None and key == "Q":
+            raise self._missing("Q")
+        return None if found is None else divided(found)
+
+    def _over_R(self, key: str, *, required: bool = False) -> FloatArray | None:
+        if (found := self._quantity(f"{key}_over_R")) is not None:
+            return divided(found)
+        if (length := self._quantity(key)) is None:
+            if required:
+                raise self._missing(f"{key}_over_R")
+            return None
+        return divided(length, self._needed("R", key))
+
+    def _load(self, Q: int | None) -> FloatArray:
+        found = self._load_of(LOADS, Q)
+        if found is None:
+            raise self._missing("p_over_E")
+        return found
+
+    def _load_of(self, keys: tuple[str, ...], Q: int | None) -> FloatArray | None:
+        ratio, pressure, line = (self._quantity(key, Q) for key in keys)
+        if ratio is not None:
+            return divided(ratio)
+        if pressure is not None:
+            return divided(pressure, self._needed("E", keys[1]))
+        if line is not None:
+            return divided(line, self._needed("R", keys[2]), self._needed("E", keys[2]), by=2)
+        return None
+
+    def _gap(self, use: Use) -> FloatArray:
+        if use.key == "status":
+            self.told.append(use)
+            self.said.append(f"{use.name}: column {use.header!r}")
+            gap, bad = touching(as_text(self.cells.frame[use.header]))
+            self.cells.check((bad, use.header, STATUS_RULE))
+            return gap
+        if use.key == "pressure":
+            self.told.append(use)
+            self.said.append(f"{use.name}: column {use.header!r}, contact pressure")
+            numbers = self.cells.frame[use.header].to_numpy(dtype=float)
+            self._check(use, numbers)
+            return np.where(np.isnan(numbers), np.nan, np.where(numbers > 0, -np.inf, np.inf))
+        found = self._quantity(use.key, use.Q)
+        assert found is not None
+        if use.key == "gap_over_R":
+            return divided(found)
+        if (R := self._quantity("R")) is None:
+            # Only its zero counts, and how it falls: not its size.
+            return divided(found)
+        return divided(found, R)
+
+    def _text(self, found: dict[str, Any], key: str) -> None:
+        if (use := self._use(key, None)) is not None:
+            self.told.append(use)
+            found[key] = as_text(self.cells.frame[use.header])
+            if key != use.header:
+                self.said.append(f"{key}: column {use.header!r}")
+        elif key in self._values:
+            self._used.add(key)
+            found[key] = str(self._values[key])
+            self.said.append(f"{key}: {self._values[key]}, as given")
+
+    def _needed(self, key: str, by: str) -> Quantity:
+        if (found := self._quantity(key)) is not None:
+            return found
+        raise InputError(
+            f"{self.where}: {by} needs {key}; rule: a column, --map '{key}=header', or --{key}"
+        )
+
+    def _missing(self, key: str) -> InputError:
+        ways = {"a_over_R": "a", "b_over_R": "b", "p_over_E": "p, line, load"}.get(key)
+        there = ", ".join(map(repr, list(self.cells.frame)[:50]))
+        return InputError(
+            f"{self.where}: no column is {key}{f' (or {ways})' if ways else ''}; the columns are "
+            f"{there}; rule: --map '{key}=header' for one that means it"
+        )
+
+    def _say(self) -> None:
+        plain = [use.header for use in self.told if use.header in NAMES and use.key == use.header]
+        if plain:
+            self.said.insert(0, f"as their names say: {', '.join(plain)}")
+        if everywhere_or_nowhere(_distinct(self._dimensional), self.where):
+            self.said.append("units: on all, converted exactly")
+        elif self._dimensional:
+            self.said.append("units: on none, taken as one consistent system")
+        loads = [use for use in self.told if use.key == "p_over_E" and use.header != "p_over_E"]
+        bare = [use for use in loads if "p_over_E" not in use.header and use.how == "named"]
+        if bare and ("E" in self._values or self._use("E", None) is not None):
+            raise InputError(
+                f"{self.where}: column {bare[0].header!r} has no unit, beside E: p/E, pressure or "
+                "line load; rule: name it, as --map 'p_over_E=Q=*', 'p=Q=*;kPa' or 'line=Q=*;N/mm'"
+            )
+        given = set(self._values) - self._used
+        if given:
+            self.said.append(f"not needed: {', '.join(sorted(given))}")
+
+    def _unused(self) -> list[str]:
+        mine = {use.header for use in self.told}
+        left = [name for name in map(str, self.cells.frame) if name not in mine]
+        return [f"not used: {listed(left)}"] if left else []
+
+
+def _distinct(quantities: Iterable[Quantity]) -> list[Quantity]:
+    return list({one.name: one for one in quantities}.values())
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names in quotes, the first of them."""
+    names = list(names)
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(repr(name) for name in names[:_SHOWN]) + more

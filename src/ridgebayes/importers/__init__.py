@@ -1,1 +1,0 @@
-"""Output of other programs to contact tables: one module a file format."""

@@ -1,0 +1,309 @@
+"""Convergence diagnostics of ensembles, leave-one-out scores, and the arviz view of a fit.
+
+The only module that imports arviz, of which there are two incompatible lines: 0.x (Python 3.11)
+hands around `InferenceData`, 1.x (Python 3.12 and later) xarray's `DataTree`.
+"""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy.special import logsumexp, ndtri
+
+from ridgebayes._types import FloatArray
+from ridgebayes.inference.autocorrelation import effective_sample_size
+
+SUMMARY_COLUMNS = [
+    "parameter",
+    "mean",
+    "sd",
+    "eti_lower",
+    "eti_upper",
+    "prob",
+    "ess_bulk",
+    "ess_tail",
+    "r_hat",
+    "mcse_mean",
+]
+R_HAT_MAX = 1.01
+ESS_MIN = 400.0
+_R_HAT_DRAWS = 25_600  # of each ensemble: disagreement shows in them as in a million
+K_MAX = 0.7  # Pareto shape of weights above which their mean is not to be trusted
+
+
+def import_arviz() -> ModuleType:
+    """Import arviz without the announcement that its 0.x line prints on every import."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)
+        import arviz
+    return arviz
+
+
+def arviz_object(groups: Mapping[str, xr.Dataset]) -> Any:
+    """Return arviz's own container of named datasets, whichever line is installed.
+
+    Parameters
+    ----------
+    groups : mapping of str to xarray.Dataset
+        Such as posterior, log_likelihood, observed_data.
+
+    Returns
+    -------
+    arviz.InferenceData or xarray.DataTree
+        InferenceData on the 0.x line, DataTree on the 1.x line.
+    """
+    arviz = import_arviz()
+    if arviz.__version__.startswith("0."):  # 1.x has an InferenceData too: a DataTree
+        return arviz.InferenceData(**groups)
+    return xr.DataTree.from_dict(dict(groups))
+
+
+def summarise(draws: FloatArray, names: tuple[str, ...], *, prob: float = 0.9) -> pd.DataFrame:
+    """Summarise the draws of several ensembles, one row per parameter, nothing rounded.
+
+    Parameters
+    ----------
+    draws : ndarray of float, shape (n_ensemble, n_step, n_walker, n_parameter)
+        Parameters.
+    names : tuple of str
+        Their names.
+    prob : float, optional
+        Probability inside the equal-tailed interval.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns parameter, mean, sd, eti_lower, eti_upper, prob, ess_bulk, ess_tail, r_hat,
+        mcse_mean. An ensemble is one chain.
+
+    Notes
+    -----
+    *Accuracy.* Bulk effective sample size from rank-normalised draws, tail from the indicators of
+    the 5 and 95 % quantiles, with autocorrelation times averaged over an ensemble's walkers.
+
+    References
+    ----------
+    Vehtari et al. (2021), doi:10.1214/20-BA1221.
+    """
+    rows = []
+    tails = (0.5 - prob / 2, 0.5 + prob / 2)
+    r_hat = rank_r_hat(draws)
+    for i, name in enumerate(names):
+        x = draws[..., i]
+        lower, upper, q05, q95 = np.quantile(x, [*tails, 0.05, 0.95])
+        tail = min(float(effective_sample_size((x <= q).astype(float))) for q in (q05, q95))
+        sd = float(x.std(ddof=1))
+        rows.append(
+            {
+                "parameter": name,
+                "mean": float(x.mean()),
+                "sd": sd,
+                "eti_lower": float(lower),
+                "eti_upper": float(upper),
+                "prob": prob,
+                "ess_bulk": float(effective_sample_size(_rank_normalised(x))),
+                "ess_tail": tail,
+                "r_hat": float(r_hat[i]),
+                "mcse_mean": sd / float(np.sqrt(effective_sample_size(x))),
+            }
+        )
+    return pd.DataFrame(rows, columns=SUMMARY_COLUMNS)
+
+
+def rank_r_hat(draws: FloatArray) -> FloatArray:
+    """Return rank-normalised split R-hat with one chain per ensemble.
+
+    Parameters
+    ----------
+    draws : ndarray of float, shape (n_ensemble, n_step, n_walker, n_parameter)
+        Parameters; each ensemble is one chain, its walkers laid side by side within each step. Of
+        long chains every n-th step is taken, to 25,600 draws of each.
+
+    Returns
+    -------
+    ndarray of float, shape (n_parameter,)
+        R-hat; 1 where the ensembles agree.
+    """
+    n_step, n_walker = draws.shape[1:3]
+    draws = draws[:, :: -(-n_step * n_walker // _R_HAT_DRAWS)]
+    n_ensemble, n_step, n_walker, n_parameter = draws.shape
+    chains = draws.reshape(n_ensemble, n_step * n_walker, n_parameter)
+    dataset = xr.Dataset({"x": (("chain", "draw", "parameter"), chains)})
+    return np.atleast_1d(import_arviz().rhat(dataset)["x"].to_numpy())
+
+
+def _rank_normalised(x: FloatArray) -> FloatArray:
+    from scipy.stats import rankdata  # a third of a second that not every command spends
+
+    ranks = rankdata(x, axis=None).reshape(x.shape)
+    return ndtri((ranks - 0.375) / (x.size + 0.25))
+
+
+def shortcomings(summary: pd.DataFrame) -> tuple[str, ...]:
+    """Return what a summary lacks of convergence, as sentences; empty if nothing.
+
+    Parameters
+    ----------
+    summary : pandas.DataFrame
+        As `summarise` returns it.
+
+    Returns
+    -------
+    tuple of str
+        One entry per parameter and rule broken: R-hat under 1.01, bulk and tail effective sample
+        size of at least 400.
+    """
+    missing = []
+    for row in summary.to_dict("records"):
+        if not row["r_hat"] < R_HAT_MAX:
+            missing.append(f"{row['parameter']}: R-hat {row['r_hat']:.4g}, not under {R_HAT_MAX}")
+        for name in ("ess_bulk", "ess_tail"):
+            if not row[name] >= ESS_MIN:
+                missing.append(f"{row['parameter']}: {name} {row[name]:.0f}, under {ESS_MIN:.0f}")
+    return tuple(missing)
+
+
+@dataclass(frozen=True, eq=False)
+class Loo:
+    """Leave-one-row-out expected log predictive density, by Pareto-smoothed importance sampling.
+
+    Parameters
+    ----------
+    elpd, se, p : float
+        Sum over the rows, its standard error, and the effective number of parameters.
+    pointwise : ndarray of float, shape (n_obs,)
+        Each row's log predictive density.
+    pareto_k : ndarray of float, shape (n_obs,)
+        Shape of each row's importance weights; above 0.7 the row's value is not to be trusted.
+    """
+
+    elpd: float
+    se: float
+    p: float
+    pointwise: FloatArray
+    pareto_k: FloatArray
+
+    @property
+    def n_bad_k(self) -> int:
+        """Rows whose Pareto k is above 0.7."""
+        return int(np.sum(~(self.pareto_k <= K_MAX)))
+
+
+def leave_one_out(groups: Mapping[str, xr.Dataset], reff: float) -> Loo:
+    """Score a fit by leaving out one row at a time.
+
+    Parameters
+    ----------
+    groups : mapping of str to xarray.Dataset
+        With posterior and log_likelihood.
+    reff : float
+        Effective over actual number of draws.
+
+    Returns
+    -------
+    Loo
+        Score with its standard error, by row.
+
+    References
+    ----------
+    Vehtari, Gelman & Gabry (2017), doi:10.1007/s11222-016-9696-4.
+    """
+    with warnings.catch_warnings():
+        # Bad k is returned, counted and reported; arviz would also warn of it.
+        warnings.simplefilter("ignore")
+        found = import_arviz().loo(arviz_object(groups), pointwise=True, reff=min(reff, 1.0))
+    old = hasattr(found, "elpd_loo")
+    elpd, p = (found.elpd_loo, found.p_loo) if old else (found.elpd, found.p)
+    pointwise = np.asarray(found.loo_i if old else found.elpd_i)
+    # The two lines divide by n and by n - 1 in the standard error; here it is n - 1.
+    se = float(np.sqrt(len(pointwise) * pointwise.var(ddof=1))) if len(pointwise) > 1 else np.nan
+    return Loo(float(elpd), se, float(p), pointwise, np.asarray(found.pareto_k))
+
+
+def pareto_k(log_weights: FloatArray) -> float:
+    """Return the shape of the tail of importance weights; above 0.7 they are not to be trusted.
+
+    Parameters
+    ----------
+    log_weights : ndarray of float, shape (n_draw,)
+        Logarithms, up to a constant.
+
+    References
+    ----------
+    Vehtari et al. (2024), Journal of Machine Learning Research 25(72).
+    """
+    return pareto_smoothed(log_weights)[1]
+
+
+def pareto_smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
+    """Return importance weights whose tail is replaced by a fitted Pareto's, and its shape.
+
+    Parameters
+    ----------
+    log_weights : ndarray of float, shape (n_draw,)
+        Logarithms, up to a constant.
+
+    Returns
+    -------
+    smoothed : ndarray of float, shape (n_draw,)
+        Logarithms of smoothed weights, which sum to 1.
+    shape : float
+        As `pareto_k` returns it.
+    """
+    arviz = import_arviz()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if arviz.__version__.startswith("0."):
+            smoothed, k = arviz.psislw(log_weights)
+        else:
+            # The 1.x line takes log-likelihoods: what it weighs by is minus its argument.
+            array_stats: Any = import_module("arviz_stats.base").array_stats
+            try:
+                smoothed, k = array_stats.psislw(-np.asarray(log_weights))
+            except ValueError as error:
+                if "tail values are the same" not in str(error):
+                    raise
+                # What the 0.x line says of weights without a tail.
+                smoothed, k = log_weights - logsumexp(log_weights), np.inf
+    return np.asarray(smoothed), float(k)
+
+
+def stacking_weights(pointwise: FloatArray) -> FloatArray:
+    """Return the weights that maximise the summed log score of the mixture of predictions.
+
+    Parameters
+    ----------
+    pointwise : ndarray of float, shape (n_model, n_obs)
+        Leave-one-out log predictive densities.
+
+    Returns
+    -------
+    ndarray of float, shape (n_model,)
+        Non-negative, sum 1.
+
+    Notes
+    -----
+    *Accuracy.* The problem is convex; the fixed-point iteration (expectation maximisation of
+    mixture weights) raises the score at each of its 2,000 steps.
+
+    References
+    ----------
+    Yao et al. (2018), doi:10.1214/17-BA1091.
+
+    Examples
+    --------
+    >>> stacking_weights(np.array([[0.0, 0.0], [-50.0, -50.0]])).round(6).tolist()
+    [1.0, 0.0]
+    """
+    density = np.exp(pointwise - pointwise.max(axis=0))
+    weights = np.full(len(pointwise), 1 / len(pointwise))
+    for _ in range(2000):
+        share = weights[:, None] * density
+        weights = (share / share.sum(axis=0)).mean(axis=1)
+    return weights

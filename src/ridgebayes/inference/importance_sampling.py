@@ -1,0 +1,125 @@
+"""Posteriors and evidences by importance sampling: for the many fits of a comparison of fits.
+
+Proposals are mixtures of Student t in whitened coordinates, refitted round by round to the weighted
+draws of the round before. Four of them are made independently, so that they can disagree, as the
+ensembles of the sampler do. It takes a hundredth of a walk's time, and it knows when it fails: by
+the tail of its weights.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+from ridgebayes.errors import InputError
+from ridgebayes.inference.adaptation import adapted, weighted
+from ridgebayes.inference.diagnostics import K_MAX, pareto_k, shortcomings, summarise
+from ridgebayes.inference.emcee_sampling import Chains
+from ridgebayes.inference.laplace import fit_laplace, several_modes
+from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.model.model import Model
+from ridgebayes.runtime.randomness import stream
+
+N_REPEAT = 4  # independent proposals
+
+
+def importance_fit(
+    model: Model,
+    *,
+    seed: int = 0,
+    n_draw: int = 2_560,
+    n_round: int = 6,
+    n_per_round: int = 2_000,
+) -> tuple[Posterior, LogEvidence]:
+    """Draw from a posterior, and estimate its evidence, without a walk.
+
+    Parameters
+    ----------
+    model : Model
+        Posterior.
+    seed : int, optional
+        Seed.
+    n_draw : int, optional
+        Draws of each of the four proposals; a multiple of 128.
+    n_round, n_per_round : int, optional
+        Rounds of fitting each proposal, and draws of each round.
+
+    Returns
+    -------
+    posterior : Posterior
+        Draws resampled by their weights, each proposal's as an ensemble. What it lacks tells where
+        weights have too heavy a tail.
+    evidence : LogEvidence
+        Method ``importance``, with its Monte Carlo standard error.
+
+    Raises
+    ------
+    InputError
+        If `n_draw` is not a multiple of 128.
+    ComputationError
+        If the posterior has no interior mode.
+
+    Notes
+    -----
+    *Accuracy.* Of the log evidence 0.01 to 0.03 on the paper's sweep; checked by the scatter of the
+    four, and by the Pareto shape of the weights.
+    *Cost.* About 20,000 densities for each of the four.
+
+    References
+    ----------
+    Cappe et al. (2008), doi:10.1007/s11222-008-9059-x, for the adaptation; Vehtari et al. (2024),
+    Journal of Machine Learning Research 25(72), for the shape of the weights.
+    """
+    if n_draw < 128 or n_draw % 128:
+        raise InputError(f"n_draw: {n_draw} given; rule: a multiple of 128")
+    laplace = fit_laplace(model)
+    modes = several_modes(model, laplace)
+
+    def in_z(z: FloatArray) -> FloatArray:
+        u, log_jacobian = laplace.unwhiten(z)
+        return model.log_density(u) + log_jacobian + laplace.log_volume
+
+    u, log_density, log_means, variances, shapes = [], [], [], [], []
+    for repeat in range(N_REPEAT):
+        rng = stream(seed, f"importance {repeat}")
+        k = laplace.n_curved
+        proposal, _ = adapted(in_z, k, model.n_coordinate - k, rng, n_round=n_round, n=n_per_round)
+        found = weighted(in_z, proposal, rng, n_draw)
+        log_means.append(found.log_mean)
+        variances.append(found.relative.var() / n_draw)
+        shapes.append(pareto_k(found.log_weight))
+        chosen = found.resampled(rng, n_draw)
+        drawn, log_jacobian = laplace.unwhiten(found.z[chosen])
+        u.append(drawn)
+        log_density.append(found.log_density[chosen] - log_jacobian - laplace.log_volume)
+    draws = np.stack(u).reshape(N_REPEAT, -1, 128, model.n_coordinate)
+    chains = Chains(
+        draws,
+        np.stack(log_density).reshape(draws.shape[:-1]),
+        np.array([1 / (1 + n_draw * variance) for variance in variances]),
+        np.ones(model.n_coordinate + 1),
+        _heavy(shapes) + modes,
+    )
+    summary = summarise(model.to_theta(chains.u), model.parameter_names)
+    posterior = Posterior(model, chains, summary, chains.missing + shortcomings(summary), seed)
+    evidence = _evidence(np.array(log_means), np.array(variances), shapes)
+    return posterior, replace(evidence, status=modes[0]) if modes else evidence
+
+
+def _heavy(shapes: list[float]) -> tuple[str, ...]:
+    worst = max(shapes)
+    if worst <= K_MAX:
+        return ()
+    return (f"importance weights: Pareto k {worst:.2f}, above {K_MAX}",)
+
+
+def _evidence(log_means: FloatArray, variances: FloatArray, shapes: list[float]) -> LogEvidence:
+    top = log_means.max()
+    value = top + math.log(np.exp(log_means - top).mean())
+    # The larger of what the weights and what the scatter of the four say.
+    within = math.sqrt(variances.mean() / N_REPEAT)
+    between = float(log_means.std(ddof=1)) / math.sqrt(N_REPEAT)
+    status = "; ".join(_heavy(shapes)) or "ok"
+    return LogEvidence("importance", value, max(within, between), status)

@@ -1,0 +1,405 @@
+r"""The normal approximation of a posterior, in coordinates that suit it.
+
+Coefficients are known the better the smaller the errors are: in unconstrained coordinates a
+posterior is a funnel. Coordinates w take that out, by `funnel` where rows are exact, independent
+and normal, by `conditional` otherwise. In w a posterior is nearly normal: there its mode and
+curvature are found, proposals are fitted, evidences integrated.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, optimize
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference.conditional import Conditional
+from ridgebayes.inference.funnel import Funnel, FunnelAbout
+from ridgebayes.model.forms import FORMS
+from ridgebayes.model.model import Model
+
+_RUNAWAY = 25.0  # prior sds from the prior's centre at which a search has run away
+_FLAT = 1e-3  # slope per prior sd at which a search may end: it costs an evidence 1e-6 at most
+_FEW = 4  # coefficients; of more, a proposal's mixture knows too little in its many dimensions
+_N_START = 256  # points tried where the prior's centre has no density
+_CONFLICT = 4.0  # prior sds from the prior's centre at which a mode contradicts the prior
+_N_SEARCH = 4  # starts in search of other modes, and as many mirrored
+_APART = 5.0  # posterior sds between two modes that are not the same
+_NEGLIGIBLE = -14.0  # ln of the share of the mass below which a mode does not count
+_DIFFERENCE = 1e-4  # prior sds, of the differences that a form's gradient is held to
+_STEP = 0.02  # of numerical derivatives by an error model's parameters, in prior sds
+
+
+@dataclass(frozen=True, eq=False)
+class Laplace:
+    """Normal approximation of a posterior, and the whitened coordinates it defines.
+
+    Parameters
+    ----------
+    mode : ndarray of float, shape (n_coordinate,)
+        Mode in the coordinates w, given in u: coefficients, the error model's parameters, and
+        zeros for offsets that are sampled.
+    factor : ndarray of float, shape (n_coordinate, n_coordinate)
+        Lower Cholesky factor of the covariance of w.
+    log_density : float
+        Log posterior density in u at the mode, not normalised.
+    frame : FunnelAbout or Conditional
+        The map between w and u of the coefficients.
+    n_noise : int
+        Parameters of the error model.
+    is_mode : bool
+        Whether the mode was found; else the coordinates are useful all the same.
+    """
+
+    mode: FloatArray
+    factor: FloatArray
+    log_density: float
+    frame: FunnelAbout | Conditional
+    n_noise: int
+    is_mode: bool = True
+
+    def unwhiten(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return u at w = factor z, and log |du/dw|.
+
+        Parameters
+        ----------
+        z : ndarray of float, shape (..., n_coordinate)
+            Whitened coordinates: standard normal as far as the approximation is right. The first
+            `n_curved` belong to what is least normal; the order is otherwise that of `mode`.
+
+        Returns
+        -------
+        u : ndarray of float, shape (..., n_coordinate)
+            Unconstrained coordinates.
+        log_jacobian : ndarray of float, shape (...)
+            Log |du/dw|.
+        """
+        w, k = z @ self.factor[:, self._order].T, self._n_coefficient
+        u = self.mode + w
+        u[..., :k], log_jacobian = self.frame.place(w[..., :k], u[..., self._noise])
+        return u, log_jacobian
+
+    def whiten(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return z of u, and log |du/dw| there: the inverse of `unwhiten`."""
+        w, k = u - self.mode, self._n_coefficient
+        w[..., :k], log_jacobian = self.frame.unplace(u[..., :k], u[..., self._noise])
+        flat = w.reshape(-1, w.shape[-1]).T
+        z = _solve_lower(self.factor, flat).T.reshape(w.shape)
+        return z[..., self._order], log_jacobian
+
+    @property
+    def n_curved(self) -> int:
+        """Coordinates z that are not taken as normal; the others come after them.
+
+        Sampled offsets nearly are, and so are many coefficients given the error model.
+        """
+        return self.n_noise + (self._n_coefficient if self._n_coefficient <= _FEW else 0)
+
+    @property
+    def log_volume(self) -> float:
+        """Log |dw/dz|: the volume of the unit cube of z in w."""
+        return float(np.log(np.diag(self.factor)).sum())
+
+    @property
+    def log_evidence(self) -> float:
+        """Laplace's approximation of the log evidence."""
+        k = self._n_coefficient
+        _, log_jacobian = self.frame.place(np.zeros(k), self.mode[self._noise])
+        volume = self.log_volume + float(log_jacobian)
+        return self.log_density + 0.5 * len(self.mode) * math.log(2 * math.pi) + volume
+
+    @property
+    def _n_coefficient(self) -> int:
+        return self.frame.n_coefficient
+
+    @property
+    def _order(self) -> IntArray:
+        """Which coordinate w each z belongs to."""
+        order = np.arange(len(self.mode))
+        if self._n_coefficient > _FEW:
+            noise = order[self._noise]
+            order = np.concatenate([noise, np.delete(order, noise)])
+        return order
+
+    @property
+    def _noise(self) -> slice:
+        return slice(self._n_coefficient, self._n_coefficient + self.n_noise)
+
+
+def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
+    """Find the posterior's mode and its curvature there.
+
+    Parameters
+    ----------
+    model : Model
+        Posterior.
+    tol : float, optional
+        Largest distance from the mode that is accepted, in posterior standard deviations, where
+        gradients are analytic.
+
+    Returns
+    -------
+    Laplace
+        Mode, covariance factor and density.
+
+    Raises
+    ------
+    InputError
+        If the form's gradient is not the slope of its rate.
+    ComputationError
+        If there is no interior mode: the search runs away, or the curvature is not definite; if no
+        point near the prior has positive density.
+
+    Notes
+    -----
+    Where rows share offsets, are bracketed or have Student errors, coefficients are taken as normal
+    given the error model's parameters and the mode is that of these parameters; offsets that are
+    sampled are standard normal to begin with. A posterior of several humps has no such mode:
+    `is_mode` tells.
+
+    *Validity.* Perfect data (rows without misfit, more of them than coefficients) send sigma to
+    zero, where the approximation is undefined; the search says so instead of returning a point on
+    the way.
+    """
+    start = _start(model)
+    _check_gradient(model, start)
+    return _fit_plain(model, tol, start) if model.is_plain else _fit_conditional(model, start)
+
+
+def several_modes(model: Model, laplace: Laplace) -> tuple[str, ...]:
+    """Search from elsewhere in the prior for modes that an approximation knows nothing of.
+
+    Parameters
+    ----------
+    model : Model
+        Posterior.
+    laplace : Laplace
+        Its approximation at one mode.
+
+    Returns
+    -------
+    tuple of str
+        One sentence if there is a mode of at least 1e-6 of the mass; empty if there is none.
+
+    Notes
+    -----
+    The rate of each form of this package rises or falls with each coefficient: two modes there are
+    only where prior and rows contradict each other (coefficients near the prior and errors wide, or
+    coefficients near the rows). If the mode lies within four prior sds, no search is made for them.
+
+    *Validity.* A mode that none of the searches ends at is not found.
+    """
+    contradicted = bool(np.abs(laplace.mode[: model.n_parameter]).max() > _CONFLICT)
+    if type(model.form) in FORMS.values() and not contradicted:
+        return ()
+    k = model.n_coefficient
+    starts = np.random.default_rng(0).standard_normal((_N_SEARCH, k))
+    for start in np.concatenate([np.zeros((1, k)), starts, -starts]):
+        u = np.append(start, np.zeros(model.n_parameter - k))
+        if not np.isfinite(model.marginal_log_density(u)):
+            continue
+        if contradicted and np.isfinite(rates := model.log_rates(model.to_theta(u))).all():
+            # Errors as wide as the rows' distance from the start keep the search near it.
+            theta = model.to_theta(u)
+            residual = model.rows.centre[0] + 2 * rates[model.data.texture]
+            theta[k] = np.sqrt(np.mean(residual**2))
+            u = model.to_unconstrained(theta)
+        try:
+            other = _fit_plain(model, 1e-2, u) if model.is_plain else _fit_conditional(model, u)
+        except ComputationError:
+            continue
+        apart = float(np.linalg.norm(laplace.whiten(other.mode)[0][: model.n_parameter]))
+        # Towards the other mode, too: seen from a narrow mode a wide one's centre may be far.
+        apart = min(apart, float(np.linalg.norm(other.whiten(laplace.mode)[0][: len(u)])))
+        ahead = other.log_evidence - laplace.log_evidence
+        if apart > _APART and ahead > _NEGLIGIBLE:
+            values = zip(model.parameter_names, model.to_theta(other.mode), strict=True)
+            place = ", ".join(f"{name} = {value:.6g}" for name, value in values)
+            return (
+                f"several modes: one that no draw comes near, at {place}, has a ln evidence of "
+                f"{ahead:+.1f} relative to this one; give priors that leave one mode, or "
+                "coefficients of which there is one value only",
+            )
+    return ()
+
+
+def _start(model: Model) -> FloatArray:
+    """Return the prior's centre, or where no load reaches a ridge there, a point near it."""
+    centre = np.zeros(model.n_parameter)
+    if np.isfinite(model.marginal_log_density(centre)):
+        return centre
+    points = np.random.default_rng(0).standard_normal((_N_START, model.n_parameter))
+    for width in (1, 2, 4, 8, 16):
+        values = model.marginal_log_density(width * points)
+        if np.isfinite(values).any():
+            return np.asarray(width * points[np.argmax(values)])
+    raise ComputationError(
+        f"{model.form.name}: no point of positive density within some prior sds; rule: priors "
+        "under which the rate of every texture can be positive"
+    )
+
+
+def _check_gradient(model: Model, u: FloatArray) -> None:
+    """Raise InputError if a form's gradient is not the difference of its rates along a line."""
+    k, theta = model.n_coefficient, model.to_theta(u)
+    step = np.zeros(model.n_parameter)
+    size = np.abs(model.to_theta(u + _DIFFERENCE) - theta)[:k]
+    # A vague prior's step may be far wider than the coefficient itself.
+    size = np.where(theta[:k] == 0, size, np.minimum(size, _DIFFERENCE * np.abs(theta[:k])))
+    step[:k] = size * np.cos(np.arange(k))  # no coefficient, and no pair alike, is left out
+    ahead, behind = theta + step, theta - step
+    with np.errstate(all="ignore"):
+        change = model.log_rates(ahead) - model.log_rates(behind)
+        gradient = model.form.log_rate_gradient(theta[:k], model.data.a_over_R, model.data.b_over_R)
+        claimed = gradient @ (ahead - behind)[:k]
+        off = np.abs(claimed - change)
+        size = np.abs(change).max() + np.abs(claimed).max()
+    # Where a rate vanishes beside the point there is nothing to compare.
+    worst = int(np.argmax(off))
+    if np.isfinite(change).all() and not off[worst] <= 1e-3 * size + 1e-12:
+        a, b = model.data.textures[worst]
+        raise InputError(
+            f"{model.form.name}: log_rate_gradient gives a change of {claimed[worst]:.6g} of the "
+            f"log rate of texture a/R = {a!r}, b/R = {b!r} where the rate itself changes by "
+            f"{change[worst]:.6g}; rule: the derivative of log rate"
+        )
+
+
+def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
+    """Search the error model's parameters, each with the coefficients at their mean given them."""
+    k, n_noise = model.n_coefficient, model.n_parameter - model.n_coefficient
+    reference, noise = start[:k], np.zeros(n_noise)
+    for _ in range(3):  # linearised about the prior's centre, then about where that led
+        frame = Conditional.of(model, reference)
+
+        def negative(u_noise: FloatArray, frame: Conditional = frame) -> FloatArray:
+            u, log_jacobian = frame.place(np.zeros((*u_noise.shape[:-1], k)), u_noise)
+            everything = np.concatenate([u, u_noise], axis=-1)
+            value = -model.marginal_log_density(everything) - log_jacobian
+            return np.where(np.isfinite(value), value, 1e300)
+
+        noise = optimize.minimize(
+            lambda x: float(negative(x)),
+            noise,
+            jac=lambda x: _slope(negative, x),
+            method="BFGS",
+            options={"gtol": _FLAT},
+        ).x
+        if not np.all(np.abs(noise) < _RUNAWAY):
+            raise no_mode(model)
+        reference = frame.place(np.zeros(k), noise)[0]
+    precision = _hessian(negative, noise)
+    values, vectors = linalg.eigh(precision)
+    is_mode = bool(np.all(values > 0))
+    if not is_mode:
+        # Humps and kinks of a Student posterior: coordinates need a scale, not the very mode.
+        precision = (vectors * np.maximum(np.abs(values), 1)) @ vectors.T
+    covariance = linalg.inv(precision)
+    n_latent = model.n_coordinate - model.n_parameter
+    factor = linalg.block_diag(
+        np.eye(k), linalg.cholesky(0.5 * (covariance + covariance.T), lower=True), np.eye(n_latent)
+    )
+    mode = np.concatenate([reference, noise, np.zeros(n_latent)])
+    return Laplace(mode, factor, float(model.log_density(mode)), frame, n_noise, is_mode)
+
+
+def _slope(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+    """Gradient by central differences of fourth order, all points in one call."""
+    steps = _STEP * np.eye(len(x))
+    ahead, behind, far_ahead, far_behind = function(
+        x + np.array([1.0, -1.0, 2.0, -2.0])[:, None, None] * steps
+    )
+    return (8 * (ahead - behind) - (far_ahead - far_behind)) / (12 * _STEP)
+
+
+def _hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+    """Hessian by central differences of gradients, with a step that rounding allows."""
+    steps = 5 * _STEP * np.eye(len(x))
+    rows = [(_slope(function, x + s) - _slope(function, x - s)) / (10 * _STEP) for s in steps]
+    return 0.5 * (np.array(rows) + np.array(rows).T)
+
+
+def _fit_plain(model: Model, tol: float, u: FloatArray) -> Laplace:
+    for _ in range(2):  # directions of the funnel at the prior's centre, then at the mode
+        funnel = Funnel.of(model, u)
+        u = _search(model, funnel, u)
+    precision = _curvature(model, funnel, u)
+    try:
+        root = linalg.cholesky(precision, lower=True)
+    except (linalg.LinAlgError, ValueError):
+        root = np.full_like(precision, np.nan)
+    # How far the mode still is, in posterior sds: the search's own flag gives up on rounding.
+    if not np.linalg.norm(_solve_lower(root, _gradient(model, funnel, u))) < tol:
+        raise no_mode(model)
+    covariance = linalg.cho_solve((root, True), np.eye(len(u)))
+    factor = linalg.cholesky(covariance, lower=True)
+    return Laplace(u, factor, float(model.log_density(u)), funnel.about(u), 1)
+
+
+def no_mode(model: Model) -> ComputationError:
+    """Return what is raised where the posterior of sigma runs to zero."""
+    return ComputationError(
+        f"{model.form.name}: the posterior has no interior mode: the form reproduces all rows, or "
+        "nearly, and sigma has no lower bound; add rows, or leave the form out"
+    )
+
+
+def _search(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
+    """Return the minimiser of minus the log density in w, as far as the search gets.
+
+    Raises
+    ------
+    ComputationError
+        If sigma runs away to where a slope or curvature is not finite.
+    """
+
+    def finite(values: FloatArray) -> FloatArray:
+        if not np.isfinite(values).all():
+            raise no_mode(model)
+        return values
+
+    def negative(u: FloatArray) -> float:
+        scales = funnel.log_scales(u[model.n_coefficient :])
+        value = -float(model.log_density(u)) - float(scales.sum())
+        return value if math.isfinite(value) else 1e300
+
+    return optimize.minimize(
+        negative,
+        start,
+        jac=lambda u: finite(_gradient(model, funnel, u)),
+        hess=lambda u: finite(_curvature(model, funnel, u)),
+        method="trust-exact",
+        options={"gtol": 1e-6, "maxiter": 500},
+    ).x
+
+
+def _gradient(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:
+    with np.errstate(all="ignore"):
+        slope = -model.gradient(u)
+        slope[model.n_coefficient :] -= funnel.slope(u[model.n_coefficient :])
+    return slope
+
+
+def _curvature(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:
+    """Hessian by central differences of the gradient, one step size per coordinate."""
+    n = len(u)
+    hessian = np.empty((n, n))
+    for i in range(n):
+        # A rough curvature first, then a step of a hundredth of the width that it implies:
+        # truncation 1e-4 of the third derivative's effect, rounding far below it.
+        probe = np.zeros(n)
+        probe[i] = 1e-5
+        up, down = _gradient(model, funnel, u + probe), _gradient(model, funnel, u - probe)
+        with np.errstate(all="ignore"):
+            rough = abs(up[i] - down[i]) / 2e-5
+        probe[i] = 1e-2 / math.sqrt(max(rough, 1e-4)) if math.isfinite(rough) else 1e-5
+        up, down = _gradient(model, funnel, u + probe), _gradient(model, funnel, u - probe)
+        with np.errstate(all="ignore"):
+            hessian[i] = (up - down) / (2 * probe[i])
+    return 0.5 * (hessian + hessian.T)
+
+
+def _solve_lower(factor: FloatArray, right: FloatArray) -> FloatArray:
+    return linalg.solve_triangular(factor, right, lower=True, check_finite=False)

@@ -1,0 +1,220 @@
+"""A fit as labelled datasets, and as a NetCDF file that both arviz lines open."""
+
+import io
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from ridgebayes._types import FloatArray, __version__
+from ridgebayes.errors import InputError
+from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
+from ridgebayes.inference.emcee_sampling import Chains
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.model.forms import form_named
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.priors import priors_from_json, priors_to_json
+from ridgebayes.runtime.atomic import replacing
+from ridgebayes.runtime.hdf5_files import check_tree
+from ridgebayes.runtime.reading import read_bytes
+from ridgebayes.runtime.text import one_line_message
+
+LARGEST_LOG_LIKELIHOOD = 30_000_000  # numbers; beyond it the group is left out and LOO says so
+
+
+def groups_of(fit: Posterior) -> dict[str, xr.Dataset]:
+    """Return the thinned posterior as datasets named as arviz names them.
+
+    Parameters
+    ----------
+    fit : Posterior
+        Posterior.
+
+    Returns
+    -------
+    dict of str to xarray.Dataset
+        posterior (dimensions chain, draw; K has texture), sample_stats, observed_data,
+        constant_data and, unless there are very many rows, log_likelihood. A chain is an
+        ensemble; its draws run step by step, walkers side by side.
+    """
+    chains, data = fit.kept_chains, fit.model.data
+    n_ensemble, n_step, n_walker, n_coordinate = chains.u.shape
+    flat = (n_ensemble, n_step * n_walker)
+    u = chains.u.reshape(*flat, n_coordinate)
+    theta = fit.model.to_theta(u)
+    groups = {
+        "posterior": xr.Dataset(_posterior(fit, theta)),
+        "sample_stats": xr.Dataset(
+            {
+                "lp": (("chain", "draw"), chains.log_density.reshape(flat)),
+                # Kept beside the parameters so that a fit read back is the same to the last bit.
+                "u": (("chain", "draw", "coordinate"), u),
+                "acceptance_rate": (("chain",), chains.acceptance),
+                "tau": (("quantity",), chains.tau),
+            }
+        ),
+        "observed_data": xr.Dataset({"log_load": (("row",), data.log_load)}),
+        "constant_data": xr.Dataset(
+            {
+                "Q": (("row",), data.Q),
+                "texture_index": (("row",), data.texture),
+                "rel_se": (("row",), data.rel_se),
+                "log_lower": (("row",), data.log_lower),
+                "is_count": (("row",), data.is_count.astype(np.int8)),
+                "a_over_R": (("texture",), data.a_over_R),
+                "b_over_R": (("texture",), data.b_over_R),
+            }
+        ),
+    }
+    if theta[..., 0].size * len(data) <= LARGEST_LOG_LIKELIHOOD:
+        rows = fit.model.pointwise_log_likelihood(u.reshape(-1, n_coordinate))
+        rows = rows.reshape(*flat, len(data))
+        groups["log_likelihood"] = xr.Dataset({"log_load": (("chain", "draw", "row"), rows)})
+        if fit.model.offsets is not None:
+            # Rows are scored given the others: their sum is not the likelihood, which this is.
+            steps = np.array_split(theta, max(theta.shape[1] // 512, 1), axis=1)
+            joint = np.concatenate([fit.model.log_likelihood(part) for part in steps], axis=1)
+            groups["sample_stats"]["log_likelihood_joint"] = (("chain", "draw"), joint)
+    for name, group in groups.items():
+        labels = {"texture": list(data.labels), "row": np.arange(len(data))}
+        sizes = {"chain": np.arange(n_ensemble), "draw": np.arange(flat[1])}
+        coords = {k: v for k, v in {**sizes, **labels}.items() if k in group.dims}
+        groups[name] = group.assign_coords(coords)
+    return groups
+
+
+def _posterior(fit: Posterior, theta: FloatArray) -> dict[str, tuple[tuple[str, ...], FloatArray]]:
+    names = fit.model.parameter_names
+    if fit.form.name != "power-law":
+        return {name: (("chain", "draw"), theta[..., i]) for i, name in enumerate(names)}
+    k = fit.model.n_coefficient
+    noise = {name: (("chain", "draw"), theta[..., i]) for i, name in enumerate(names) if i >= k}
+    return {"K": (("chain", "draw", "texture"), theta[..., :k]), **noise}
+
+
+def write_netcdf(fit: Posterior, path: str | os.PathLike[str]) -> None:
+    """Write a fit, whole or not at all."""
+    groups = groups_of(fit)
+    tree = xr.DataTree.from_dict(dict(groups))
+    tree.attrs = {
+        "ridgebayes_version": __version__,
+        "form": fit.form.name,
+        "noise": fit.noise.name,
+        "priors": priors_to_json(fit.model.priors),
+        "summary": fit.summary.to_json(orient="records", double_precision=15),
+        "missing": json.dumps(fit.missing),
+        "stopping_rule_missing": json.dumps(fit.chains.missing),
+        "seed": str(fit.seed),
+        "n_walker": fit.chains.u.shape[2],
+    }
+    packed = {
+        name: {v: {"zlib": True, "complevel": 1, "shuffle": True} for v in group.data_vars}
+        for name, group in groups.items()
+    }
+    encoding = {f"/{name}": pack for name, pack in packed.items()}
+    content = tree.to_netcdf(engine="h5netcdf", encoding=encoding)
+    with replacing(Path(path)) as partial:
+        partial.write_bytes(content)
+
+
+def read_netcdf(path: str | os.PathLike[str]) -> Posterior:
+    """Read a fit that `write_netcdf` wrote.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, not NetCDF, damaged, or not written by this package; if anything in
+        it leads out of it, or would take more memory than a posterior does.
+    """
+    import h5py
+
+    if not Path(path).is_file():
+        raise InputError(f"{path}: no such file; rule: a posterior written by ridgebayes")
+    content = read_bytes(Path(path))
+    try:
+        with h5py.File(io.BytesIO(content), "r") as file:
+            check_tree(file, str(path))
+        with xr.open_datatree(io.BytesIO(content), engine="h5netcdf", decode_cf=False) as tree:
+            tree.load()
+    except InputError:
+        raise
+    # Damage turns up as errors of many kinds, in this and in what is made of the file below.
+    except Exception as error:
+        raise InputError(
+            f"{path}: not a readable NetCDF file ({one_line_message(error)})"
+        ) from None
+    if "ridgebayes_version" not in tree.attrs:
+        raise InputError(f"{path}: no ridgebayes_version attribute; rule: written by ridgebayes")
+    try:
+        return _fit_of(tree)
+    except Exception as error:
+        raise InputError(
+            f"{path}: damaged, not what ridgebayes writes ({one_line_message(error)}); run again"
+        ) from None
+
+
+def _fit_of(tree: xr.DataTree) -> Posterior:
+    """Return the fit in a file; an error of any kind if there is none."""
+    constant, observed = tree["constant_data"], tree["observed_data"]
+    data = Observations(
+        textures=tuple(
+            zip(
+                constant["a_over_R"].to_numpy().tolist(),
+                constant["b_over_R"].to_numpy().tolist(),
+                strict=True,
+            )
+        ),
+        texture=constant["texture_index"].to_numpy().astype(np.int64),
+        Q=constant["Q"].to_numpy().astype(np.int64),
+        log_load=observed["log_load"].to_numpy(),
+        rel_se=constant["rel_se"].to_numpy(),
+        log_lower=constant["log_lower"].to_numpy(),
+        is_count=constant["is_count"].to_numpy().astype(bool),
+        labels=tuple(str(label) for label in constant["texture"].to_numpy()),
+    )
+    model = Model(
+        data,
+        form_named(tree.attrs["form"]),
+        Noise.named(tree.attrs["noise"]),
+        priors_from_json(tree.attrs["priors"]),
+    )
+    stats, n_walker = tree["sample_stats"], int(tree.attrs["n_walker"])
+    u = stats["u"].to_numpy()
+    shape = (u.shape[0], u.shape[1] // n_walker, n_walker)
+    chains = Chains(
+        u.reshape(*shape, -1),
+        stats["lp"].to_numpy().reshape(shape),
+        stats["acceptance_rate"].to_numpy(),
+        stats["tau"].to_numpy(),
+        tuple(json.loads(tree.attrs["stopping_rule_missing"])),
+    )
+    summary = pd.DataFrame(json.loads(tree.attrs["summary"]))
+    missing = tuple(json.loads(tree.attrs["missing"]))
+    _check_shapes(data, chains)
+    if list(summary) != SUMMARY_COLUMNS or tuple(summary["parameter"]) != model.parameter_names:
+        raise ValueError("summary of other parameters")
+    summary = summary.astype(dict.fromkeys(SUMMARY_COLUMNS[1:], float))
+    if not all(isinstance(one, str) for one in (*missing, *chains.missing)):
+        raise ValueError("missing is not text")
+    return Posterior(model, chains, summary, missing, int(tree.attrs["seed"]))
+
+
+def _check_shapes(data: Observations, chains: Chains) -> None:
+    """Raise ValueError if rows or draws are not of one length, or not numbers."""
+    n, n_texture = len(data.Q), len(data.textures)
+    rows = (data.texture, data.log_load, data.rel_se, data.log_lower, data.is_count)
+    if not n or any(one.shape != (n,) for one in rows) or len(data.labels) != n_texture:
+        raise ValueError("rows of different numbers")
+    if data.texture.min() < 0 or data.texture.max() >= n_texture:
+        raise ValueError("a row of no texture")
+    widths = np.array([data.a_over_R, data.b_over_R])
+    finite = (widths, data.log_load, data.rel_se, chains.u, chains.log_density, chains.acceptance)
+    if not chains.u.size or not all(np.isfinite(one).all() for one in finite):
+        raise ValueError("numbers that are not finite")
+    if not (widths > 0).all():
+        raise ValueError("a width that is not above 0")

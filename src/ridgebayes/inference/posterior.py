@@ -1,0 +1,160 @@
+"""`calibrate`: a table and a form in, a posterior out; and `Fit`, the record that holds it."""
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray
+from ridgebayes.inference.checkpoint import Checkpoint
+from ridgebayes.inference.diagnostics import shortcomings, summarise
+from ridgebayes.inference.emcee_sampling import Chains, SampleSettings, Tell, sample, walkers_for
+from ridgebayes.inference.laplace import fit_laplace, several_modes
+from ridgebayes.model.forms import Form, PowerLaw
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+
+if TYPE_CHECKING:
+    pass
+
+N_TEXTURE_WALKED = 40  # a power law of more textures is drawn from exactly, without a walk
+N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """The posterior of one form under one error model.
+
+    Parameters
+    ----------
+    model : Model
+        What was sampled: data, form, error model, priors.
+    chains : Chains
+        Draws in unconstrained coordinates.
+    summary : pandas.DataFrame
+        One row per parameter, as `ridgebayes.inference.diagnostics.summarise` returns it.
+    missing : tuple of str
+        What the fit lacks of convergence; empty if it converged.
+    seed : int
+        Seed of the run.
+    """
+
+    model: Model
+    chains: Chains
+    summary: pd.DataFrame
+    missing: tuple[str, ...]
+    seed: int
+    _kept: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_kept", self.model.to_theta(self.kept_chains.u))
+
+    def __repr__(self) -> str:
+        state = "converged" if self.converged else f"NOT converged: {self.missing[0]}"
+        values = ", ".join(
+            f"{row.parameter} = {row.mean:.4g} ± {row.sd:.2g}" for row in self.summary.itertuples()
+        )
+        return f"{type(self).__name__}({self.form.name}, {self.noise.name}: {values}; {state})"
+
+    @property
+    def form(self) -> Form:
+        """The form, bound to the calibrated textures."""
+        return self.model.form
+
+    @property
+    def noise(self) -> Noise:
+        """The error model."""
+        return self.model.noise
+
+    @property
+    def converged(self) -> bool:
+        """Whether every convergence rule was met."""
+        return not self.missing
+
+    @property
+    def kept_chains(self) -> Chains:
+        """The chains thinned to at most `N_KEPT` draws, whole steps at a time."""
+        n_ensemble, n_step, n_walker, _ = self.chains.u.shape
+        n_keep = max(N_KEPT // (n_ensemble * n_walker), 1)
+        steps = np.unique(np.linspace(0, n_step - 1, min(n_keep, n_step)).astype(int))
+        return Chains(
+            self.chains.u[:, steps],
+            self.chains.log_density[:, steps],
+            self.chains.acceptance,
+            self.chains.tau,
+            self.chains.missing,
+        )
+
+    @property
+    def draws(self) -> FloatArray:
+        """Thinned draws of the parameters, shape (n_draw, n_parameter)."""
+        return self._kept.reshape(-1, self.model.n_parameter)
+
+    @property
+    def coordinates(self) -> FloatArray:
+        """The same draws in unconstrained coordinates, shape (n_draw, n_coordinate)."""
+        return self.kept_chains.u.reshape(-1, self.model.n_coordinate)
+
+
+def sample_posterior(
+    model: Model,
+    *,
+    seed: int,
+    settings: SampleSettings | None = None,
+    progress: Tell | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> Posterior:
+    """Sample the posterior of a model.
+
+    Parameters
+    ----------
+    model : Model
+        Posterior.
+    seed : int
+        Seed.
+    settings : SampleSettings, optional
+        Lengths and thresholds of sampling.
+    progress : callable, optional
+        Called with a line of text now and then.
+    checkpoint : Checkpoint, optional
+        Where the chains are kept as they grow.
+
+    Returns
+    -------
+    Posterior
+        Draws, diagnostics, and what is missing if it did not converge.
+
+    Raises
+    ------
+    ComputationError
+        If the posterior has no interior mode.
+    """
+    if drawn_exactly(model):
+        from ridgebayes.inference.power_law_draws import sample_power_law
+
+        chains = sample_power_law(model, seed=seed)
+    else:
+        settings = settings or SampleSettings()
+        if settings.n_walker is None:
+            n_walker = walkers_for(len(model.data.textures), model.is_plain)
+            settings = replace(settings, n_walker=n_walker)
+        laplace = fit_laplace(model)
+        chains = sample(
+            model.log_density,
+            laplace,
+            seed=seed,
+            names=model.coordinate_names,
+            settings=settings,
+            progress=progress,
+            checkpoint=checkpoint,
+        )
+        chains = replace(chains, missing=chains.missing + several_modes(model, laplace))
+    summary = summarise(model.to_theta(chains.u), model.parameter_names)
+    return Posterior(model, chains, summary, chains.missing + shortcomings(summary), seed)
+
+
+def drawn_exactly(model: Model) -> bool:
+    """Return whether a posterior is drawn from exactly: a power law of very many textures."""
+    many = isinstance(model.form, PowerLaw) and len(model.form.textures) > N_TEXTURE_WALKED
+    return many and model.is_plain

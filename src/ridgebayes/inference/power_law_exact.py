@@ -1,0 +1,132 @@
+"""The power law's evidence, with every K integrated in closed form and sigma by quadrature.
+
+Given sigma the log loads of a texture are normal about -2 log K, and log K has a normal prior: the
+posterior of log K is normal and its evidence exact, texture by texture.
+"""
+
+import math
+
+import numpy as np
+from scipy.special import logsumexp
+
+from ridgebayes._types import FloatArray
+from ridgebayes.errors import InputError
+from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.model.forms import PowerLaw
+from ridgebayes.model.likelihood_independent import IndependentNormalRows
+from ridgebayes.model.model import Model
+from ridgebayes.model.priors import LogNormal
+from ridgebayes.model.rows import RowGroups
+
+
+def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:
+    """Return the power law's log evidence for any number of textures.
+
+    Parameters
+    ----------
+    model : Model
+        With form PowerLaw and log-normal priors of K.
+    tol : float, optional
+        The step in log sigma is halved until the log evidence changes by less.
+
+    Returns
+    -------
+    LogEvidence
+        Method ``quadrature``: sigma is all that is left to integrate numerically. The status is not
+        ok, and the value NaN, where the form reproduces all rows to rounding: sigma then has the
+        density of their rounding errors, if any.
+
+    Raises
+    ------
+    InputError
+        If the form is not the power law, a prior of K is not log-normal, or rows do not have
+        independent normal errors.
+    """
+    if not isinstance(model.form, PowerLaw):
+        raise InputError(f"form {model.form.name!r} given; rule: power-law")
+    for name, prior in list(model.priors.items())[:-1]:
+        if not isinstance(prior, LogNormal):
+            raise InputError(f"prior of {name!r}: {prior} given; rule: log-normal")
+    step, before = 0.5, math.nan
+    while step > 1e-4:
+        log_sigma = np.arange(-60.0, 20.0, step)
+        sigma = np.exp(log_sigma)
+        values = log_evidence_given_sigma(model, sigma) + log_sigma
+        values = values + model.priors["sigma"].log_pdf(sigma)
+        if sigma[np.argmax(values)] < rounding(model):
+            return LogEvidence("quadrature", math.nan, math.nan, "no misfit beyond rounding")
+        value = float(logsumexp(values)) + math.log(step)
+        if abs(value - before) < tol:
+            return LogEvidence("quadrature", value, max(abs(value - before), 1e-12))
+        step, before = step / 2, value
+    return LogEvidence("quadrature", math.nan, math.nan, f"not settled to {tol:g}")
+
+
+def rounding(model: Model) -> float:
+    """Return the error scale below which misfit of the log loads is that of their last digits."""
+    return float(4 * np.finfo(float).eps * max(1.0, np.abs(model.data.log_load).max()))
+
+
+def log_evidence_given_sigma(model: Model, sigma: FloatArray) -> FloatArray:
+    """Return the log evidence of the power law at known sigma, K integrated out.
+
+    Parameters
+    ----------
+    model : Model
+        With form PowerLaw.
+    sigma : ndarray of float, shape (n,), dimensionless
+        Error scale.
+
+    Returns
+    -------
+    ndarray of float, shape (n,)
+        Exact to rounding.
+    """
+    return sum(
+        (_texture_evidence(model, j, sigma) for j in range(model.n_coefficient)),
+        start=np.zeros(len(sigma)),
+    )
+
+
+def conditional_log_k(model: Model, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean and sd of each log K given sigma, both of shape (n, n_texture)."""
+    parts = [_conditional(model, j, sigma) for j in range(model.n_coefficient)]
+    mean = np.stack([part[0] for part in parts], axis=-1)
+    return mean, np.stack([part[1] for part in parts], axis=-1)
+
+
+def _conditional(model: Model, texture: int, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Posterior of x = log K: each row says 2 x = -z with the row's variance."""
+    prior = list(model.priors.values())[texture]
+    assert isinstance(prior, LogNormal)
+    groups = _groups(model)
+    mine = groups.texture == texture
+    weight = groups.n[mine] / (sigma[:, None] ** 2 + groups.rel_se[mine] ** 2)
+    precision = 1 / prior.log_sd**2 + 4 * weight.sum(axis=1)
+    linear = math.log(prior.median) / prior.log_sd**2
+    linear = linear - 2 * (weight * groups.mean[mine]).sum(axis=1)
+    return linear / precision, 1 / np.sqrt(precision)
+
+
+def _groups(model: Model) -> RowGroups:
+    if not isinstance(model.likelihood, IndependentNormalRows):
+        raise InputError(
+            f"error model {model.noise.name!r} given; rule: iid and exact rows, which alone leave "
+            "the power law a closed form"
+        )
+    return model.likelihood.groups
+
+
+def _texture_evidence(model: Model, texture: int, sigma: FloatArray) -> FloatArray:
+    """Evidence by Bayes' rule at the conditional mean: likelihood x prior / posterior."""
+    prior = list(model.priors.values())[texture]
+    assert isinstance(prior, LogNormal)
+    mean, sd = _conditional(model, texture, sigma)
+    groups = _groups(model)
+    mine = groups.texture == texture
+    n = groups.n[mine]
+    variance = sigma[:, None] ** 2 + groups.rel_se[mine] ** 2
+    squares = groups.sum_of_squares[mine] + n * (groups.mean[mine] + 2 * mean[:, None]) ** 2
+    fit = -0.5 * (n * np.log(2 * math.pi * variance) + squares / variance).sum(axis=1)
+    off = (mean - math.log(prior.median)) / prior.log_sd
+    return fit - 0.5 * off**2 - math.log(prior.log_sd) + np.log(sd)

@@ -1,0 +1,70 @@
+"""The three accuracies that commands offer of posteriors: what each promises, and how it is reached.
+
+Those of loads are `ridgebayes.simulate.presets`. They are points of the curves that `ridgebayes cost` measures. docs/performance.md holds what the
+errors were measured to be.
+"""
+
+from dataclasses import dataclass
+
+from ridgebayes.errors import InputError
+from ridgebayes.inference.emcee_sampling import SampleSettings
+
+
+@dataclass(frozen=True)
+class Preset:
+    """How far errors of sampling and of evidences are pressed down.
+
+    Parameters
+    ----------
+    name : str
+        ``quick``, ``standard`` or ``reference``.
+    moment_error : float
+        Promised error of a posterior mean, sd, 5 or 95 % quantile, in posterior sds: three standard
+        errors of a quantile of the draws.
+    evidence_error : float
+        Promised error of a log evidence.
+    walks : bool
+        Whether posteriors are walked by emcee; if not, importance sampling draws from them and
+        emcee serves where its weights have too heavy a tail.
+    n_draw : int
+        Importance draws of each of four proposals.
+    n_tau : float
+        Autocorrelation times that a walk takes at least.
+    n_bridge : int or None
+        Draws of the evidence's bridge; None for as many as 0.002 takes.
+    extras : bool
+        Whether a run also leaves textures out, counts coverage and compares finite-element rows.
+    """
+
+    name: str
+    moment_error: float
+    evidence_error: float
+    walks: bool = True
+    n_draw: int = 1_024
+    n_tau: float = 50.0
+    n_bridge: int | None = None
+    extras: bool = True
+
+    @classmethod
+    def named(cls, name: str) -> "Preset":
+        """Return one by its name.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        if name not in PRESETS:
+            raise InputError(f"accuracy: expected one of {', '.join(PRESETS)}, got {name!r}")
+        return PRESETS[name]
+
+    @property
+    def settings(self) -> SampleSettings:
+        """How long to walk."""
+        return SampleSettings(n_tau=self.n_tau)
+
+
+QUICK = Preset("quick", 0.2, 0.1, walks=False, n_draw=256, extras=False)
+STANDARD = Preset("standard", 0.02, 0.01)
+REFERENCE = Preset("reference", 0.01, 0.003, n_tau=200.0, n_bridge=400_000)
+PRESETS = {one.name: one for one in (QUICK, STANDARD, REFERENCE)}

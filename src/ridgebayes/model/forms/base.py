@@ -1,0 +1,313 @@
+"""The protocol every contact form fulfils, and what all forms do alike."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.scaling import Texture, reduced_load
+from ridgebayes.errors import InputError
+from ridgebayes.table.columns import LARGEST_LOAD, LARGEST_WIDTH, LEAST_WIDTH
+
+LARGEST_COEFFICIENT, LARGEST_COUNT = 1e60, 2**53
+
+
+@dataclass(frozen=True)
+class Form(ABC):
+    """One contact form; a new form is a new subclass with the five methods marked abstract.
+
+    Arrays: `Q`, `a_over_R`, `b_over_R`, `p_over_E` and `nu` broadcast as in NumPy, to `shape`; the
+    leading axes of `theta`, such as draws, come before them: results have shape
+    ``theta.shape[:-1] + shape``. A grid of draws x textures x loads is thus one call with
+    ``a_over_R[:, None]`` and ``p_over_E[None, :]``. Without `theta` the printed coefficients serve.
+    """
+
+    name: ClassVar[str]
+    printed: ClassVar[tuple[float, ...] | None] = None
+
+    @property
+    @abstractmethod
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the coefficients, in the order of the last axis of `theta`."""
+
+    @abstractmethod
+    def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        """Return s times rate at the transition to `Q`: the part without coefficients."""
+
+    @abstractmethod
+    def pairs(self, shape: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        """Return the continuous number of pairs h = Q'/2 - 1 at ``shape = s rate``."""
+
+    @abstractmethod
+    def rate(self, theta: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        """Return the rate, shape ``theta.shape[:-1] + broadcast(a_over_R, b_over_R).shape``."""
+
+    @abstractmethod
+    def log_rate_gradient(
+        self, theta: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike
+    ) -> FloatArray:
+        """Return d log rate / d theta, with the parameters on a last axis."""
+
+    @abstractmethod
+    def slope(
+        self, a_over_R: ArrayLike, b_over_R: ArrayLike, theta: ArrayLike | None = None
+    ) -> FloatArray:
+        """Return K = dQ'/ds of a texture, dimensionless."""
+
+    def bind(self, textures: tuple[Texture, ...], labels: tuple[str, ...] = ()) -> "Form":
+        """Return the form with its coefficients tied to these textures, where it has such."""
+        return self
+
+    def load(
+        self,
+        Q: ArrayLike,
+        a_over_R: ArrayLike,
+        b_over_R: ArrayLike,
+        theta: ArrayLike | None = None,
+        nu: ArrayLike = 0.5,
+    ) -> FloatArray:
+        """Return the load p/E at which `Q` proximal edges are reached.
+
+        Parameters
+        ----------
+        Q : array_like of int, broadcastable, dimensionless
+            Even counts, at least 2.
+        a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
+            Ridge and groove width over radius.
+        theta : array_like of float, shape (..., n_parameter), dimensionless
+            Coefficients; the printed ones if not given.
+        nu : array_like of float, broadcastable, dimensionless
+            Poisson's ratio.
+
+        Returns
+        -------
+        ndarray of float, shape theta.shape[:-1] + broadcast shape, dimensionless
+            p/E; NaN where the rate is not positive (no load reaches any further ridge), infinite
+            where it is so small that the load is beyond the floats.
+
+        Raises
+        ------
+        InputError
+            If a count is odd, below 2 or above 2^53, a width is outside 1e-50 to 1e50, a
+            coefficient is not finite or beyond 1e60, or the form has no printed coefficients and
+            `theta` is not given.
+
+        Notes
+        -----
+        *Validity.* Small strain; `nu` from 0 to 0.5; textures like those that `theta` was fitted
+        to. No form knows where its calibration ends: `Fit.predict` does, and flags it.
+
+        Examples
+        --------
+        The Modified form reaches one more pair at s = L/c; here L = 0.0276, s = 0.02:
+
+        >>> from ridgebayes.model.forms import Modified
+        >>> float(Modified().load(4, 0.0138, 0.0138).round(12))
+        0.0004
+        """
+        Q = even_counts(Q)
+        a, b = aligned(Q, nu, *widths(a_over_R, b_over_R))
+        return self._load(Q, a, b, self.rate(self._theta(theta), a, b), nu)
+
+    def _load(
+        self, Q: FloatArray, a: FloatArray, b: FloatArray, rate: FloatArray, nu: ArrayLike
+    ) -> FloatArray:
+        """Return the load where `Q` may have the axes of the draws already."""
+        with np.errstate(over="ignore"):
+            s = self.shape(Q, a, b) / np.where(rate > 0, rate, np.nan)
+            return s * s / reduced_load(1.0, nu)
+
+    def continuous_count(
+        self,
+        p_over_E: ArrayLike,
+        a_over_R: ArrayLike,
+        b_over_R: ArrayLike,
+        theta: ArrayLike | None = None,
+        nu: ArrayLike = 0.5,
+    ) -> FloatArray:
+        """Return Q', the count before it is rounded down to an even number.
+
+        Parameters
+        ----------
+        p_over_E : array_like of float, broadcastable, dimensionless
+            Normalised load, at least 0.
+        a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
+            Ridge and groove width over radius.
+        theta : array_like of float, shape (..., n_parameter), dimensionless
+            Coefficients; the printed ones if not given.
+        nu : array_like of float, broadcastable, dimensionless
+            Poisson's ratio.
+
+        Returns
+        -------
+        ndarray of float, shape theta.shape[:-1] + broadcast shape, dimensionless
+            Q'; the Classic form's starts below 2, as its equation does. NaN where the rate is not
+            positive.
+
+        Raises
+        ------
+        InputError
+            If a load is negative or above 1e300, or a width or a coefficient as for `load`.
+
+        Notes
+        -----
+        *Validity.* As `load`.
+
+        Examples
+        --------
+        >>> from ridgebayes.model.forms import Hybrid
+        >>> float(Hybrid().continuous_count(0.0, 0.02, 0.03))
+        2.0
+        """
+        p = loads(p_over_E)
+        a, b = aligned(p, nu, *widths(a_over_R, b_over_R))
+        rate = self.rate(self._theta(theta), a, b)
+        s = np.sqrt(reduced_load(p, nu))
+        return 2 + 2 * self.pairs(s * np.where(rate > 0, rate, np.nan), a, b)
+
+    def count(
+        self,
+        p_over_E: ArrayLike,
+        a_over_R: ArrayLike,
+        b_over_R: ArrayLike,
+        theta: ArrayLike | None = None,
+        nu: ArrayLike = 0.5,
+    ) -> IntArray:
+        """Return Q, the largest even count whose own load is at or below `p_over_E`; at least 2.
+
+        Parameters
+        ----------
+        p_over_E, a_over_R, b_over_R, theta, nu
+            As for `continuous_count`.
+
+        Returns
+        -------
+        ndarray of int, shape theta.shape[:-1] + broadcast shape, dimensionless
+            Even counts.
+
+        Raises
+        ------
+        InputError
+            As `continuous_count`; also if a count passes 2^52, where floats cannot tell pairs
+            apart, or if a rate is not positive.
+
+        Notes
+        -----
+        *Accuracy.* Q' is used as a first guess only and then checked against `load`, so rounding
+        never loses a pair: at a load that `load` returned the count is exactly that Q.
+
+        Examples
+        --------
+        >>> from ridgebayes.model.forms import Hybrid
+        >>> form = Hybrid()
+        >>> int(form.count(form.load(1_000_000, 0.012, 0.03), 0.012, 0.03))
+        1000000
+        """
+        guess = self.continuous_count(p_over_E, a_over_R, b_over_R, theta, nu)
+        if np.any(np.isnan(guess)):
+            raise InputError("theta: rate <= 0; rule: the rate of every texture must be positive")
+        if np.any(guess > 2**52):
+            raise InputError(f"p_over_E: {p_over_E!r} given; rule: counts up to 2^52")
+        pairs, p = np.maximum(np.floor(guess / 2 - 1), 0), np.asarray(p_over_E, dtype=float)
+        a, b = aligned(p, nu, *widths(a_over_R, b_over_R))
+        rate = self.rate(self._theta(theta), a, b)
+        for _ in range(2):  # one rounding error either way, and once more to see it settled
+            up = self._load(2 * pairs + 4, a, b, rate, nu) <= p
+            down = self._load(2 * pairs + 2, a, b, rate, nu) > p
+            pairs = np.maximum(pairs + up - down, 0)
+        return (2 * pairs + 2).astype(np.int64)
+
+    def log_load_gradient(
+        self, theta: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike
+    ) -> FloatArray:
+        """Return d log(p/E) / d theta of a texture; the same for every Q.
+
+        NaN where the rate is not positive, as the load.
+
+        Parameters
+        ----------
+        theta : array_like of float, shape (..., n_parameter), dimensionless
+            Coefficients.
+        a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
+            Ridge and groove width over radius.
+
+        Returns
+        -------
+        ndarray of float, shape theta.shape[:-1] + broadcast shape + (n_parameter,), dimensionless
+            Gradient.
+
+        Examples
+        --------
+        >>> from ridgebayes.model.forms import Modified
+        >>> Modified().log_load_gradient([2.0], 0.02, 0.03).tolist()
+        [-1.0]
+        """
+        values, (a, b) = self._theta(theta), widths(a_over_R, b_over_R)
+        rate = self.rate(values, a, b)[..., None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(rate > 0, -2 * self.log_rate_gradient(values, a, b), np.nan)
+
+    def _theta(self, theta: ArrayLike | None) -> FloatArray:
+        if theta is None:
+            if self.printed is None:
+                raise InputError(f"{self.name}: no printed coefficients; rule: pass theta")
+            theta = self.printed
+        values = np.atleast_1d(np.asarray(theta, dtype=float))
+        if values.shape[-1] != len(self.parameter_names):
+            raise InputError(
+                f"{self.name}: theta has {values.shape[-1]} coefficients on its last axis; "
+                f"rule: {len(self.parameter_names)} ({', '.join(self.parameter_names)})"
+            )
+        beyond = ~(np.abs(values) <= LARGEST_COEFFICIENT)
+        if np.any(beyond):
+            raise InputError(
+                f"{self.name}: theta holds {values[beyond][0]!s}; "
+                f"rule: finite, -{LARGEST_COEFFICIENT:g} to {LARGEST_COEFFICIENT:g}"
+            )
+        return values
+
+
+def even_counts(Q: ArrayLike, least: int = 2) -> FloatArray:
+    """Return `Q` as floats, or raise InputError naming them if one is odd or out of range."""
+    counts = np.asarray(Q, dtype=float)
+    if not (np.all((counts >= least) & (counts <= LARGEST_COUNT)) and np.all(counts % 2 == 0)):
+        raise InputError(f"Q: {Q!r} given; rule: even and at least {least}, at most 2^53")
+    return counts
+
+
+def widths(a_over_R: ArrayLike, b_over_R: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return both widths as floats, or raise InputError naming one that is out of range."""
+    a, b = np.asarray(a_over_R, dtype=float), np.asarray(b_over_R, dtype=float)
+    for name, width in (("a_over_R", a), ("b_over_R", b)):
+        if not np.all((width >= LEAST_WIDTH) & (width <= LARGEST_WIDTH)):
+            raise InputError(
+                f"{name}: {width.tolist()!r} given; rule: finite and > 0, "
+                f"{LEAST_WIDTH:g} to {LARGEST_WIDTH:g}"
+            )
+    return a, b
+
+
+def loads(p_over_E: ArrayLike) -> FloatArray:
+    """Return loads as floats, or raise InputError naming them if one is negative or not finite."""
+    p = np.asarray(p_over_E, dtype=float)
+    if not np.all((p >= 0) & (p <= LARGEST_LOAD)):
+        raise InputError(
+            f"p_over_E: {p_over_E!r} given; rule: finite and >= 0, at most {LARGEST_LOAD:g}"
+        )
+    return p
+
+
+def aligned(
+    other: ArrayLike, another: ArrayLike, a: FloatArray, b: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the widths with as many axes as all will have, so that draws can come before them."""
+    n_axis = max(np.ndim(other), np.ndim(another), a.ndim, b.ndim)
+    return a[(None,) * (n_axis - a.ndim)], b[(None,) * (n_axis - b.ndim)]
+
+
+def unique_textures(a: FloatArray, b: FloatArray) -> list[Texture]:
+    """Return the distinct (a, b) pairs of two arrays of one shape, in order of appearance."""
+    return list(dict.fromkeys(zip(a.ravel().tolist(), b.ravel().tolist(), strict=True)))

@@ -1,0 +1,106 @@
+"""The paper's closed forms: Classic, Modified and Hybrid."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ridgebayes._types import FloatArray
+from ridgebayes.model.forms.base import Form, widths
+
+
+def per_texture(theta: FloatArray, a: ArrayLike, b: ArrayLike) -> FloatArray:
+    """Spread theta[..., 0] over the textures."""
+    shape = np.broadcast_shapes(np.shape(a), np.shape(b))
+    return np.broadcast_to(
+        theta[..., 0].reshape(theta.shape[:-1] + (1,) * len(shape)), theta.shape[:-1] + shape
+    )
+
+
+class OneCoefficient(Form):
+    """What the forms with the single coefficient c share."""
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        return ("c",)
+
+    def rate(self, theta: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        return per_texture(theta, a_over_R, b_over_R)
+
+    def log_rate_gradient(
+        self, theta: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike
+    ) -> FloatArray:
+        return 1 / per_texture(theta, a_over_R, b_over_R)[..., None]
+
+    def slope(
+        self, a_over_R: ArrayLike, b_over_R: ArrayLike, theta: ArrayLike | None = None
+    ) -> FloatArray:
+        a, b = widths(a_over_R, b_over_R)
+        return 2 * self.rate(self._theta(theta), a, b) / (a + b)
+
+
+@dataclass(frozen=True)
+class Classic(OneCoefficient):
+    """Classic Hertzian, eqs (3) and (4): smooth Hertz contact length in ridge units."""
+
+    name: ClassVar[str] = "classic"
+    printed: ClassVar[tuple[float, ...] | None] = (1.382,)
+
+    def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        a, b = np.asarray(a_over_R), np.asarray(b_over_R)
+        return (np.asarray(Q) / 2 - 1) * (a + b) + b / 2
+
+    def pairs(self, shape: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        a, b = np.asarray(a_over_R), np.asarray(b_over_R)
+        return (shape - b / 2) / (a + b)
+
+
+@dataclass(frozen=True)
+class Modified(OneCoefficient):
+    """Modified Hertzian, eq (6): the contact length starts at the first groove."""
+
+    name: ClassVar[str] = "modified"
+    printed: ClassVar[tuple[float, ...] | None] = (1.38,)
+
+    def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        return (np.asarray(Q) / 2 - 1) * (np.asarray(a_over_R) + np.asarray(b_over_R))
+
+    def pairs(self, shape: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        return shape / (np.asarray(a_over_R) + np.asarray(b_over_R))
+
+
+@dataclass(frozen=True)
+class Hybrid(Form):
+    """Hybrid, eq (7): the Modified form and a term in the ridge width."""
+
+    name: ClassVar[str] = "hybrid"
+    printed: ClassVar[tuple[float, ...] | None] = (1.348, 0.01583)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        return ("c1", "c2")
+
+    def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        shape = np.broadcast_shapes(np.shape(Q), np.shape(a_over_R), np.shape(b_over_R))
+        return np.broadcast_to(np.asarray(Q) / 2 - 1, shape)
+
+    def pairs(self, shape: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        return np.asarray(shape)
+
+    def rate(self, theta: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        a, b = np.asarray(a_over_R), np.asarray(b_over_R)
+        c1, c2 = per_texture(theta, a, b), per_texture(theta[..., 1:], a, b)
+        return c1 / (a + b) + c2 / a
+
+    def log_rate_gradient(
+        self, theta: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike
+    ) -> FloatArray:
+        a, b = np.asarray(a_over_R), np.asarray(b_over_R)
+        rate = self.rate(theta, a, b)
+        return np.stack([1 / (a + b) / rate, 1 / (a + 0 * b) / rate], axis=-1)
+
+    def slope(
+        self, a_over_R: ArrayLike, b_over_R: ArrayLike, theta: ArrayLike | None = None
+    ) -> FloatArray:
+        return 2 * self.rate(self._theta(theta), *widths(a_over_R, b_over_R))

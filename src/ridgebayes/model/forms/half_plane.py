@@ -1,0 +1,80 @@
+"""The half-plane equation as a contact form: first principles, one coefficient that should be 1."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ridgebayes._types import FloatArray
+from ridgebayes.contact.scaling import REFERENCE, Texture
+from ridgebayes.errors import InputError
+from ridgebayes.model.forms.base import unique_textures
+from ridgebayes.model.forms.closed import OneCoefficient
+
+
+@dataclass(frozen=True)
+class HalfPlane(OneCoefficient):
+    """The half-plane equation's own loads, scaled as p -> p/c^2; c = 1 is theory.
+
+    Between transitions Q' is linear in s. The `slope` is that of many ridges, where every texture
+    tends to smooth Hertz. Counts beyond `n_transition_max` pairs are refused: each needs its own
+    ridge in the solver. So are grooves too narrow for the solver to reach its tolerance, from
+    about b = a/100,000 on.
+    """
+
+    name: ClassVar[str] = "half-plane"
+    printed: ClassVar[tuple[float, ...] | None] = (1.0,)
+    n_transition_max: ClassVar[int] = 500
+
+    def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        Q, a, b = np.broadcast_arrays(np.asarray(Q, float), a_over_R, b_over_R)
+        shape = np.empty(Q.shape)
+        for texture in unique_textures(a, b):
+            here = (a == texture[0]) & (b == texture[1])
+            steps = (Q[here] / 2 - 1).astype(int)
+            shape[here] = self._ladder(texture, int(steps.max()))[steps]
+        return shape
+
+    def pairs(self, shape: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
+        value, a, b = np.broadcast_arrays(shape, a_over_R, b_over_R)
+        pairs = np.full(value.shape, np.nan)
+        for texture in unique_textures(a, b):
+            here = (a == texture[0]) & (b == texture[1]) & ~np.isnan(value)
+            if not here.any():
+                continue
+            # First guess: rungs as far apart as smooth Hertz's, 0.72 L.
+            rungs = float(np.max(value[here])) / (0.72 * (texture[0] + texture[1]))
+            ladder = self._ladder(texture, math.ceil(rungs) + 3)
+            while ladder[-1] < np.max(value[here]):
+                ladder = self._ladder(texture, len(ladder) + 3)
+            pairs[here] = np.interp(value[here], ladder, np.arange(len(ladder)))
+        return pairs
+
+    def slope(
+        self, a_over_R: ArrayLike, b_over_R: ArrayLike, theta: ArrayLike | None = None
+    ) -> FloatArray:
+        from ridgebayes.contact.hertz import hertz_constant
+
+        return hertz_constant(0.5) * super().slope(a_over_R, b_over_R, theta)
+
+    def _ladder(self, texture: Texture, n_transition: int) -> FloatArray:
+        """Return s of transitions 0..n at c = 1 and nu = 0.5, transition 0 being first touch."""
+        from ridgebayes.contact.halfplane import transition_loads
+
+        if n_transition > self.n_transition_max:
+            raise InputError(
+                f"half-plane: {n_transition:.4g} pairs asked of a/R = {texture[0]}, "
+                f"b/R = {texture[1]}; "
+                f"rule: at most {self.n_transition_max}"
+            )
+        result = transition_loads(texture[0], texture[1], max(n_transition, 1))
+        failed = [status for status in result.status if status != "ok"]
+        if failed:
+            raise InputError(
+                f"half-plane: a/R = {texture[0]}, b/R = {texture[1]}: {failed[0]}; "
+                "rule: every transition asked for must reach its tolerance"
+            )
+        pitch = texture[0] + texture[1]
+        return np.concatenate([[0.0], pitch * np.sqrt(result.F / REFERENCE)])

@@ -1,0 +1,324 @@
+r"""The posterior of a form's coefficients and an error model's parameters, given rows.
+
+Which likelihood serves depends on the rows and the error model:
+
+- independent normal errors of exact rows: per texture a number, a mean and a sum of squares, so a
+  call costs O(textures) whatever the number of rows;
+- normal errors and shared offsets, exact rows: offsets are integrated out in closed form;
+- independent rows with Student errors, brackets or counts: row by row;
+- these with shared offsets: offsets stay unknowns, and are sampled beside the parameters in
+  coordinates in which they are nearly standard normal (`latent`).
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.model.forms import Form
+from ridgebayes.model.likelihood_independent import IndependentNormalRows, IndependentRows
+from ridgebayes.model.likelihood_latent import SampledOffsets
+from ridgebayes.model.likelihood_marginal import IntegratedOffsets, IntegratedSmoothOffsets
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.priors import JointPrior, Prior, default_priors
+from ridgebayes.model.rows import Rows
+from ridgebayes.model.shared_offsets import OffsetsGiven, SmoothOffsets, offsets_of
+
+_CACHED = 100_000  # textures times draws whose arrays fit in a processor's cache
+_HUGE = 1e100  # coefficients beyond which a rate may overflow
+_LOG_2PI = math.log(2 * math.pi)
+
+
+class Model:
+    """A form, an error model and priors, conditioned on rows: what is sampled and integrated.
+
+    Parameters
+    ----------
+    data : Observations
+        Rows.
+    form : Form
+        Contact form; it is bound to the textures of the rows.
+    noise : Noise, optional
+        Error model.
+    priors : mapping of str to Prior, optional
+        Replacements for some of the default priors, by parameter name; the priors of coefficients
+        that have no default.
+
+    Raises
+    ------
+    InputError
+        If a prior is given for a parameter that the model does not have, or has another support
+        than the default; if a coefficient has no default and none is given; if the form cannot
+        compute a row's count.
+    ComputationError
+        If the error model cannot serve that many places.
+
+    Notes
+    -----
+    `theta` holds the coefficients and then the error model's parameters on its last axis; any
+    leading axes are draws. `u` is the same in unconstrained coordinates: the prior's normal scores,
+    in which the prior is a standard normal. Where offsets are sampled (`is_latent`), theirs follow.
+    """
+
+    def __init__(
+        self,
+        data: Observations,
+        form: Form,
+        noise: Noise | None = None,
+        priors: Mapping[str, Prior] | None = None,
+    ) -> None:
+        self.data = data
+        self.form = form.bind(data.textures, data.labels)
+        self.noise = noise or Noise()
+        self.priors = default_priors(self.form, self.noise, priors)
+        for name, prior in (priors or {}).items():
+            if name not in self.priors or prior.positive != self.priors[name].positive:
+                raise InputError(
+                    f"prior of {name!r}: {prior} given; rule: one of {', '.join(self.priors)}, "
+                    "with the support of its default"
+                )
+            self.priors[name] = prior
+        self._joint = JointPrior(self.priors.values())
+        self._of_noise = JointPrior(list(self.priors.values())[self.n_coefficient :])
+        self._a, self._b = data.a_over_R, data.b_over_R
+        self.rows = Rows.of(data, self.form)
+        self._known_variance = float(np.mean(self.rows.rel_se**2))
+        self.offsets = offsets_of(self.noise, data)
+        self.likelihood = self._chosen()
+
+    def _chosen(self) -> IndependentRows | IntegratedOffsets | SampledOffsets:
+        is_normal = self.noise.tail == "normal" and bool(self.rows.exact.all())
+        if self.offsets is None:
+            kind = IndependentNormalRows if is_normal else IndependentRows
+            return kind(self.rows, self.noise.distribution)
+        if is_normal and isinstance(self.offsets, SmoothOffsets):
+            return IntegratedSmoothOffsets(self.rows, self.offsets)
+        if is_normal:
+            return IntegratedOffsets(self.rows, self.offsets)
+        return SampledOffsets(self.rows, self.offsets, self.noise.distribution)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names on the last axis of `theta`."""
+        return tuple(self.priors)
+
+    @property
+    def n_parameter(self) -> int:
+        """Length of the last axis of `theta`."""
+        return len(self.priors)
+
+    @property
+    def n_coefficient(self) -> int:
+        """Coefficients of the form; the error model's parameters follow them, sigma first."""
+        return len(self.form.parameter_names)
+
+    @property
+    def is_latent(self) -> bool:
+        """Whether shared offsets are unknowns beside the parameters, not integrated out."""
+        return isinstance(self.likelihood, SampledOffsets)
+
+    @property
+    def n_coordinate(self) -> int:
+        """Length of the last axis of `u`: parameters, and offsets where these are sampled."""
+        return self.n_parameter + self.likelihood.n_latent
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Names on the last axis of `u`."""
+        levels = range(1, self.likelihood.n_latent + 1)
+        return (*self.parameter_names, *(f"offset {level}" for level in levels))
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether rows are exact with independent normal errors: the case with short cuts."""
+        return isinstance(self.likelihood, IndependentNormalRows)
+
+    def with_priors(self, priors: Mapping[str, Prior]) -> "Model":
+        """Return the model with some priors replaced."""
+        return Model(self.data, self.form, self.noise, {**self.priors, **priors})
+
+    def log_prior(self, theta: FloatArray) -> FloatArray:
+        """Return the log prior density in theta, shape ``theta.shape[:-1]``."""
+        return self._joint.log_pdf(theta)
+
+    def log_rates(self, theta: FloatArray) -> FloatArray:
+        """Return log rate of each texture, shape (..., n_texture); -inf where not positive.
+
+        Raises
+        ------
+        ComputationError
+            If the form returns a rate that is NaN or infinite at finite coefficients.
+        """
+        coefficients = theta[..., : self.n_coefficient]
+        rate = self.form.rate(coefficients, self._a, self._b)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = np.log(rate)
+        if np.isfinite(value).all():
+            return value
+        self._refuse_undefined(coefficients, rate)
+        return np.where(rate > 0, value, -np.inf)
+
+    def _refuse_undefined(self, coefficients: FloatArray, rate: FloatArray) -> None:
+        """Raise ComputationError where a form has no rate at coefficients that a float can hold.
+
+        Taken as likelihood zero, it would cut off part of a posterior without a word.
+        """
+        near = np.asarray((np.abs(coefficients) < _HUGE).all(axis=-1))
+        undefined = (np.isnan(rate) | np.isposinf(rate)) & near[..., None]
+        if undefined.any():
+            *draw, j = np.argwhere(undefined)[0]
+            at = zip(self.form.parameter_names, coefficients[tuple(draw)].tolist(), strict=True)
+            a, b = self.data.textures[j]
+            raise ComputationError(
+                f"{self.form.name}: rate = {float(rate[(*draw, j)])} given at "
+                f"{', '.join(f'{name} = {value!r}' for name, value in at)} for texture "
+                f"a/R = {a!r}, b/R = {b!r}; rule: a finite number, <= 0 where no load reaches "
+                "a further ridge"
+            )
+
+    def log_likelihood(self, theta: FloatArray) -> FloatArray:
+        """Return the log-likelihood of all rows, shape ``theta.shape[:-1]``.
+
+        A texture whose rate is not positive has likelihood zero. Where offsets are sampled this is
+        an approximation, rows taken as normal (brackets at their middles); `log_density` is exact.
+        """
+        n_at_once = max(_CACHED // len(self._a), 1)
+        if theta.ndim == 2 and len(theta) > n_at_once:
+            # A few draws at a time where textures are many: arrays stay in the processor's cache,
+            # and memory does not grow with the draws.
+            parts = range(0, len(theta), n_at_once)
+            return np.concatenate([self.log_likelihood(theta[i : i + n_at_once]) for i in parts])
+        with np.errstate(all="ignore"):
+            value = self.likelihood.marginal(self.log_rates(theta), self._eta(theta))
+        return np.where(np.isnan(value), -np.inf, value)
+
+    def pointwise_log_likelihood(self, u: FloatArray) -> FloatArray:
+        """Return each row's log predictive density, from (n_draw, n_coordinate): (n_draw, n_obs).
+
+        Where offsets are integrated out, it is conditional on the parameters and all other rows;
+        where they are sampled, on the parameters and the offsets.
+        """
+        with np.errstate(all="ignore"):
+            value = self.likelihood.pointwise(*self._parts(u))
+        return np.where(np.isnan(value), -np.inf, value)
+
+    def to_theta(self, u: FloatArray) -> FloatArray:
+        """Return parameters from unconstrained coordinates."""
+        return self._joint.at_scores(u[..., : self.n_parameter])
+
+    def to_unconstrained(self, theta: FloatArray) -> FloatArray:
+        """Return unconstrained coordinates of parameters."""
+        return self._joint.scores(theta)
+
+    def log_density(self, u: FloatArray) -> FloatArray:
+        """Return the log posterior density in `u`, not normalised, shape ``u.shape[:-1]``.
+
+        Its integral over `u` is the evidence.
+        """
+        if not isinstance(self.likelihood, SampledOffsets):
+            return self.marginal_log_density(u)
+        with np.errstate(all="ignore"):
+            value = self._log_prior_of(u) + self.likelihood.joint(*self._parts(u))
+        return np.where(np.isnan(value), -np.inf, value)
+
+    def marginal_log_density(self, u: FloatArray) -> FloatArray:
+        """Return the log posterior density of the parameters alone, offsets integrated out.
+
+        Exact unless offsets are sampled: then it is the approximation that `log_likelihood` is.
+        """
+        value = self._log_prior_of(u) + self.log_likelihood(self.to_theta(u))
+        return np.where(np.isnan(value), -np.inf, value)
+
+    def gradient(self, u: FloatArray) -> FloatArray:
+        """Return d log_density / d u where it is finite, shape (n_parameter,), of a plain model."""
+        likelihood = self.likelihood
+        assert isinstance(likelihood, IndependentNormalRows)
+        theta, k = self.to_theta(u), self.n_coefficient
+        by_group, by_sigma = likelihood.gradient(self.log_rates(theta), self._eta(theta))
+        by_theta = self.form.log_rate_gradient(theta[:k], self._a, self._b)
+        gradient = np.append(by_group @ by_theta[likelihood.groups.texture], by_sigma)
+        return gradient * self._joint.at_scores_slope(u, theta) - u
+
+    def offsets_given(self, u: FloatArray) -> OffsetsGiven | None:
+        """Return what the rows tell of shared offsets at draws (n_draw, n_coordinate), if any.
+
+        A calibrated texture, a calibrated step keep the offset that their rows tell of.
+        """
+        return self.likelihood.given(*self._parts(u))
+
+    def linearised(self, u_coefficient: FloatArray) -> FloatArray:
+        """Return the rows' derivatives by the coefficients' coordinates, and their residuals.
+
+        Parameters
+        ----------
+        u_coefficient : ndarray of float, shape (n_coefficient,)
+            Unconstrained coordinates.
+
+        Returns
+        -------
+        ndarray of float, shape (n_obs, n_coefficient + 1)
+            Residuals are of the rows' middles, and last.
+        """
+        k = self.n_coefficient
+        u = np.append(u_coefficient, np.zeros(self.n_parameter - k))
+        theta = self.to_theta(u)
+        slope = self._joint.at_scores_slope(u, theta)[:k]
+        jacobian = 2 * self.form.log_rate_gradient(theta[:k], self._a, self._b) * slope
+        residual = self.rows.centre[0] + 2 * self.log_rates(theta)[self.data.texture]
+        return np.column_stack([jacobian[self.data.texture], residual])
+
+    def products(self, u_noise: FloatArray, columns: FloatArray) -> FloatArray:
+        """Return X' inverse(Sigma) X of columns X of the rows, for each error model's parameters.
+
+        Parameters
+        ----------
+        u_noise : ndarray of float, shape (..., n_noise)
+            Their unconstrained coordinates; the rows' covariance Sigma follows from them.
+        columns : ndarray of float, shape (n_obs, m)
+            X.
+
+        Returns
+        -------
+        ndarray of float, shape (..., m, m)
+            Rows that are not normal are taken as such.
+        """
+        return self.likelihood.products(self._of_noise.at_scores(u_noise), columns)
+
+    def error_variance(self, u_noise: FloatArray) -> FloatArray:
+        """Return the mean variance of independent normal rows, shape (...), from (..., n_noise)."""
+        sigma = self._of_noise.at_scores(u_noise)[..., 0]
+        return sigma**2 + self._known_variance
+
+    def information(self, u: FloatArray) -> FloatArray:
+        """Return the rows' Fisher information of the coefficients for an error variance of 1.
+
+        Parameters
+        ----------
+        u : ndarray of float, shape (n_parameter,)
+            Unconstrained coordinates.
+
+        Returns
+        -------
+        ndarray of float, shape (n_coefficient, n_coefficient)
+            In unconstrained coordinates; over the error variance it is that of the likelihood.
+        """
+        theta, k = self.to_theta(u), self.n_coefficient
+        slope = self._joint.at_scores_slope(u, theta)[:k]
+        jacobian = 2 * self.form.log_rate_gradient(theta[:k], self._a, self._b) * slope
+        n = np.bincount(self.data.texture, minlength=len(self._a))
+        return (jacobian.T * n) @ jacobian
+
+    def _parts(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return log rates, error parameters and sampled coordinates of the offsets."""
+        theta = self.to_theta(u)
+        return self.log_rates(theta), self._eta(theta), u[..., self.n_parameter :]
+
+    def _eta(self, theta: FloatArray) -> FloatArray:
+        return theta[..., self.n_coefficient :]
+
+    def _log_prior_of(self, u: FloatArray) -> FloatArray:
+        scores = u[..., : self.n_parameter]
+        return -0.5 * ((scores * scores).sum(axis=-1) + self.n_parameter * _LOG_2PI)

@@ -1,0 +1,137 @@
+"""The rows a posterior is conditioned on, as arrays."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes.contact.scaling import Texture, reduced_load
+from ridgebayes.errors import InputError
+from ridgebayes.model.forms import Form
+from ridgebayes.table.table import ContactTable
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Rows of three kinds: exact loads, brackets, and counts seen at a load.
+
+    Parameters
+    ----------
+    textures : tuple of (float, float), length n_texture
+        (a/R, b/R) in order of first appearance.
+    texture : ndarray of int, shape (n_obs,)
+        Index of each row's texture.
+    Q : ndarray of int, shape (n_obs,)
+        Count reached, or seen.
+    log_load : ndarray of float, shape (n_obs,), dimensionless
+        log of the load p/E reduced to nu = 0.5; of a bracket its upper end.
+    rel_se : ndarray of float, shape (n_obs,), dimensionless
+        Known relative standard error of the load.
+    log_lower : ndarray of float, shape (n_obs,), dimensionless
+        log of the last load at which Q was not yet reached, -inf where that is 0; NaN in rows
+        without a bracket.
+    is_count : ndarray of bool, shape (n_obs,)
+        Whether the row says that Q was seen at the load, not reached there.
+    labels : tuple of str, length n_texture
+        Names of the textures.
+    """
+
+    textures: tuple[Texture, ...]
+    texture: IntArray
+    Q: IntArray
+    log_load: FloatArray
+    rel_se: FloatArray
+    log_lower: FloatArray
+    is_count: BoolArray
+    labels: tuple[str, ...] = ()
+
+    @classmethod
+    def from_table(cls, table: ContactTable) -> "Observations":
+        """Take the calibration rows of a table.
+
+        Raises
+        ------
+        InputError
+            If there is no such row, or the body of one is laterally offset.
+        """
+        rows = table.calibration
+        frame = rows.frame
+        if frame.empty:
+            raise InputError(
+                f"{table.where}: no row with role calibration and status ok; rule: at least 1"
+            )
+        _refuse_offsets(table)
+        widths = frame[["a_over_R", "b_over_R"]].to_numpy()
+        codes, textures = pd.factorize(pd.MultiIndex.from_arrays([widths[:, 0], widths[:, 1]]))
+        nu = frame["nu"].to_numpy()
+        with np.errstate(divide="ignore"):  # a lower end of 0 is minus infinity
+            log_lower = np.log(reduced_load(frame["p_over_E_lower"].to_numpy(float), nu))
+        return cls(
+            textures=tuple((float(a), float(b)) for a, b in textures),
+            texture=codes.astype(np.int64),
+            Q=frame["Q"].to_numpy(np.int64),
+            log_load=np.log(reduced_load(frame["p_over_E"].to_numpy(), nu)),
+            rel_se=frame["rel_se"].to_numpy(float),
+            log_lower=log_lower,
+            is_count=(frame["kind"] == "count").to_numpy(),
+            labels=rows.labels,
+        )
+
+    def __len__(self) -> int:
+        return len(self.log_load)
+
+    @property
+    def a_over_R(self) -> FloatArray:
+        """Ridge widths of the textures, shape (n_texture,)."""
+        return np.array([a for a, _ in self.textures])
+
+    @property
+    def b_over_R(self) -> FloatArray:
+        """Groove widths of the textures, shape (n_texture,)."""
+        return np.array([b for _, b in self.textures])
+
+    @property
+    def is_exact(self) -> BoolArray:
+        """Rows that give the load itself: no count, no bracket, or a bracket of no width."""
+        return ~self.is_count & (np.isnan(self.log_lower) | (self.log_lower == self.log_load))
+
+    def take(self, rows: BoolArray) -> "Observations":
+        """Return some of the rows, with the textures that they have."""
+        kept, codes = np.unique(self.texture[rows], return_inverse=True)
+        return Observations(
+            textures=tuple(self.textures[j] for j in kept),
+            texture=codes.astype(np.int64),
+            Q=self.Q[rows],
+            log_load=self.log_load[rows],
+            rel_se=self.rel_se[rows],
+            log_lower=self.log_lower[rows],
+            is_count=self.is_count[rows],
+            labels=tuple(self.labels[j] for j in kept) if self.labels else (),
+        )
+
+
+def _refuse_offsets(table: ContactTable) -> None:
+    """Name the first row whose body is not centred over a groove."""
+    everything = table.frame
+    fitted = (everything["status"] == "ok") & (everything["role"] == "calibration")
+    rows = np.flatnonzero(fitted & (everything["offset_over_R"] != 0))
+    if len(rows):
+        value = everything["offset_over_R"].tolist()[rows[0]]
+        more = f" and {len(rows) - 1} more rows" if len(rows) > 1 else ""
+        raise InputError(
+            f"{table.where}, row {rows[0] + 1}{more}: offset_over_R = {value!r}; rule: "
+            "this version fits centred bodies"
+        )
+
+
+def refuse_circular(table: ContactTable, form: Form) -> None:
+    """Raise InputError if the form would be fitted to rows that its own equation made."""
+    if form.name != "half-plane":
+        return
+    own = int((table.calibration.column("solver") == "half-plane").sum())
+    if own:
+        raise InputError(
+            f"{table.where}: {own} calibration rows have solver 'half-plane'; rule: the half-plane "
+            "form is not compared on rows that its own equation generated, that would be circular"
+        )

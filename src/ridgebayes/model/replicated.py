@@ -1,0 +1,166 @@
+"""New log loads under a form and an error model: what the model says that rows could have been."""
+
+import numpy as np
+
+from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.priors import JointPrior
+
+_ROUNDS_MAX = 1_000  # of prior draws, before the form is said to fit no such draw
+
+
+def simulate_log_loads(
+    model: Model, theta: FloatArray, rng: np.random.Generator, n: int = 1
+) -> FloatArray:
+    """Draw new log loads at the rows' textures and counts.
+
+    Parameters
+    ----------
+    model : Model
+        Form, error model and the places of the rows; their loads are not looked at.
+    theta : ndarray of float, shape (..., n_parameter)
+        Parameters.
+    rng : numpy.random.Generator
+        Source of the draws.
+    n : int, optional
+        Draws at each `theta`.
+
+    Returns
+    -------
+    ndarray of float, shape (n, ..., n_obs), dimensionless
+        Form, plus shared offsets drawn anew, plus each row's own error, its known relative error
+        in quadrature. A row that brackets its load, and one that counts, gets an exact load: that
+        of its Q. NaN where there is none: at a count of 2, and where the form's rate is not
+        positive.
+
+    Raises
+    ------
+    InputError
+        If `theta` does not have the model's parameters on its last axis.
+
+    Examples
+    --------
+    >>> from ridgebayes.table.datafiles import paper_sweep
+    >>> from ridgebayes.model.forms import Modified
+    >>> model = Model(Observations.from_table(paper_sweep()), Modified())
+    >>> simulate_log_loads(model, np.array([1.38, 0.03]), np.random.default_rng(1), n=5).shape
+    (5, 41)
+    """
+    theta = np.asarray(theta, dtype=float)
+    if theta.shape[-1:] != (model.n_parameter,):
+        raise InputError(
+            f"theta: shape {theta.shape} given; rule: {model.n_parameter} parameters on the last "
+            f"axis ({', '.join(model.parameter_names)})"
+        )
+    eta = theta[..., model.n_coefficient :]
+    log_load = form_log_loads(model, theta) + np.zeros((n,) + (1,) * theta.ndim)
+    if model.offsets is not None:
+        scores = rng.standard_normal((*log_load.shape[:-1], model.offsets.n_level))
+        offset = model.offsets.root(eta).times(scores)
+        for level in model.offsets.codes:
+            log_load += offset[..., level]
+    df = eta[..., -1:] if model.noise.tail == "student" else None
+    scale = np.sqrt(eta[..., :1] ** 2 + model.data.rel_se**2)
+    return log_load + scale * model.noise.distribution.rvs(rng, df, log_load.shape)
+
+
+def form_log_loads(model: Model, theta: FloatArray) -> FloatArray:
+    """Return the form's own log loads of the rows, shape (..., n_obs), NaN where there is none."""
+    data = model.data
+    shape = model.form.shape(data.Q, data.a_over_R[data.texture], data.b_over_R[data.texture])
+    log_rate = model.log_rates(theta)[..., data.texture]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = 2 * (np.log(shape) - log_rate)
+    return np.where(np.isfinite(value), value, np.nan)
+
+
+def simulated(data: Observations, log_load: FloatArray) -> Observations:
+    """Return rows with other loads: all of them exact.
+
+    Parameters
+    ----------
+    data : Observations
+        Rows that give textures, counts and known errors.
+    log_load : ndarray of float, shape (n_obs,), dimensionless
+        What `simulate_log_loads` drew. Rows without a load (counts of 2) are left out.
+
+    Returns
+    -------
+    Observations
+        Exact rows.
+
+    Raises
+    ------
+    InputError
+        If there is not one load for each row, or none at all.
+    """
+    log_load = np.asarray(log_load, dtype=float)
+    if log_load.shape != (len(data),):
+        raise InputError(f"log_load: shape {log_load.shape} given; rule: ({len(data)},)")
+    here = np.isfinite(log_load)
+    if not here.any():
+        raise InputError("log_load: no finite value given; rule: at least one")
+    kept = data.take(here)
+    return Observations(
+        textures=kept.textures,
+        texture=kept.texture,
+        Q=kept.Q,
+        log_load=log_load[here],
+        rel_se=kept.rel_se,
+        log_lower=np.full(len(kept), np.nan),
+        is_count=np.zeros(len(kept), dtype=bool),
+        labels=kept.labels,
+    )
+
+
+def is_possible(model: Model, theta: FloatArray) -> BoolArray:
+    """Return whether rows have a likelihood at all at parameters, ``theta.shape[:-1]``.
+
+    Every rate is positive, and a smooth offset's covariance can be factorised.
+    """
+    possible = np.isfinite(model.log_rates(theta)).all(axis=-1)
+    if model.offsets is not None:
+        root = model.offsets.root(theta[..., model.n_coefficient :])
+        ones = np.ones((*theta.shape[:-1], model.offsets.n_level))
+        possible = possible & np.isfinite(root.times(ones)).all(axis=-1)
+    return np.asarray(possible)
+
+
+def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:
+    """Draw parameters from the prior, where loads follow from them.
+
+    Parameters
+    ----------
+    model : Model
+        Form, error model, priors and textures.
+    rng : numpy.random.Generator
+        Source of the draws.
+    n : int
+        Number of draws.
+
+    Returns
+    -------
+    ndarray of float, shape (n, n_parameter)
+        Draws at which the rate of every texture is positive. Where one is not, the likelihood of
+        any rows is zero: the posterior is the same for the prior and for the prior kept to these.
+
+    Raises
+    ------
+    ComputationError
+        If hardly any draw has positive rates.
+    """
+    joint = JointPrior(model.priors.values())
+    found, n_found = [], 0
+    for _ in range(_ROUNDS_MAX):
+        theta = joint.rvs(rng, n)
+        theta = theta[is_possible(model, theta)]
+        found.append(theta)
+        n_found += len(theta)
+        if n_found >= n:
+            return np.concatenate(found)[:n]
+    raise ComputationError(
+        f"{model.form.name}: {n_found} of {_ROUNDS_MAX * n} prior draws have positive rates; "
+        f"rule: at least {n}"
+    )

@@ -1,0 +1,243 @@
+r"""Offsets that rows share: which rows share which, and how they vary together.
+
+Offsets have levels (a texture, a step, a place in the plane of log h and a/pitch). A priori they
+are normal with covariance ``L L'``, so that ``L`` times standard normal scores are offsets. The
+score vector is what is integrated out, or sampled, elsewhere; this module knows no data but where
+the rows are.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.errors import ComputationError
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.woodbury import DiagonalRoot, FullRoot, Root, ScoresGiven, cholesky_or_nan
+
+# Variance of a smooth offset that is its place's own, relative to tau_step^2: what lets double
+# precision factorise the covariance of a function as smooth as the half-plane's residual.
+NUGGET = 1e-8
+LARGEST_SMOOTH = 600  # places; the cost of a likelihood call grows with their cube
+
+
+class Offsets(ABC):
+    """Offsets of one structure at the places of some rows.
+
+    `eta` holds the error model's parameters, in its own order, on the last axis.
+    """
+
+    n_level: int
+    codes: IntArray  # level of each row in each factor, shape (n_factor, n_row)
+    codes_next: IntArray  # the same at each row's Q + 2, for counts
+
+    @abstractmethod
+    def root(self, eta: FloatArray) -> Root:
+        """Return L for each draw of `eta`."""
+
+    @abstractmethod
+    def loading(
+        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return how offsets of one texture follow from the scores, given L of the same draws.
+
+        Returns
+        -------
+        loading : ndarray of float, shape (..., n_level, n_Q)
+            The offset's mean is the scores times this.
+        rest : ndarray of float, shape (..., n_Q)
+            Variance of the offset that the scores say nothing of.
+        """
+
+
+class GroupedOffsets(Offsets):
+    """One offset per texture, per step, or both: independent of each other.
+
+    Parameters
+    ----------
+    noise : Noise
+        Structure ``texture``, ``step`` or ``texture+step``.
+    data : Observations
+        Rows.
+    """
+
+    def __init__(self, noise: Noise, data: Observations) -> None:
+        self._factors = noise.structure.split("+")
+        names = noise.parameter_names
+        self._taus = [names.index(f"tau_{factor}") for factor in self._factors]
+        self._texture = {texture: j for j, texture in enumerate(data.textures)}
+        self._steps = _steps(data)
+        sizes = {"texture": len(data.textures), "step": len(self._steps)}
+        self._sizes = [sizes[factor] for factor in self._factors]
+        self._first = np.concatenate([[0], np.cumsum(self._sizes)[:-1]])
+        self.n_level = sum(self._sizes)
+        later = np.where(data.is_count, data.Q + 2, data.Q)
+        self.codes_next = self._codes(data.texture, later)
+        # A count of 2 says nothing of load(2): its own step is a dummy, never looked at.
+        self.codes = self._codes(data.texture, np.where(data.Q == 2, later, data.Q))
+
+    def root(self, eta: FloatArray) -> Root:
+        scale = [np.repeat(eta[..., [tau]], n, axis=-1) for tau, n in self._tau_sizes()]
+        return DiagonalRoot(np.concatenate(scale, axis=-1))
+
+    def loading(
+        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root
+    ) -> tuple[FloatArray, FloatArray]:
+        loading = np.zeros((*eta.shape[:-1], self.n_level, len(Q)))
+        rest = np.zeros((*eta.shape[:-1], len(Q)))
+        index = np.full(len(Q), self._texture.get(texture, -1))
+        codes = self._codes(index, Q)
+        for tau, levels in zip(self._taus, codes, strict=True):
+            for i, level in enumerate(levels.tolist()):
+                if level >= 0:
+                    loading[..., level, i] = eta[..., tau]
+                else:
+                    rest[..., i] += eta[..., tau] ** 2
+        return loading, rest
+
+    def _tau_sizes(self) -> list[tuple[int, int]]:
+        return list(zip(self._taus, self._sizes, strict=True))
+
+    def _codes(self, texture: IntArray, Q: IntArray) -> IntArray:
+        step = np.searchsorted(self._steps, Q)
+        known = step < len(self._steps)
+        known[known] = self._steps[step[known]] == Q[known]
+        levels = {"texture": texture, "step": np.where(known, step, -1)}
+        found = [
+            np.where(levels[factor] >= 0, levels[factor] + first, -1)
+            for factor, first in zip(self._factors, self._first.tolist(), strict=True)
+        ]
+        return np.stack(found)
+
+
+class SmoothOffsets(Offsets):
+    r"""A Gaussian process in x = (log h, a/pitch), squared exponential in both.
+
+    .. math:: \tau^2 \exp(-\tfrac12 (\Delta \log h/\ell_h)^2 - \tfrac12 (\Delta r/\ell_r)^2)
+
+    Textures of one a/pitch share it, as the half-plane's scale law has it. Beyond the calibrated
+    range of either coordinate nothing has tested the smoothness: there a second, independent
+    process with the variance ``tau^2 (1 - exp(-d^2/2))`` widens the offset, d being the distance
+    from the range in lengths. It vanishes inside, so no likelihood knows of it.
+
+    Parameters
+    ----------
+    noise : Noise
+        Structure ``step-smooth``.
+    data : Observations
+        Rows.
+    """
+
+    def __init__(self, noise: Noise, data: Observations) -> None:
+        names = noise.parameter_names
+        self._tau = names.index("tau_step")
+        self._lengths = [names.index("length_h"), names.index("length_ratio")]
+        ratio = data.a_over_R / (data.a_over_R + data.b_over_R)
+        here = _coordinates(data.Q, ratio[data.texture])
+        later = _coordinates(np.where(data.is_count, data.Q + 2, data.Q), ratio[data.texture])
+        # A count of 2 says nothing of load(2): its own place is a dummy, never looked at.
+        here = np.where(np.isfinite(here), here, later)
+        both = np.concatenate([here, later])
+        _, first, codes = np.unique(both.round(9), axis=0, return_index=True, return_inverse=True)
+        self._places = both[first]
+        self.n_level = len(self._places)
+        self.codes = codes.reshape(-1)[: len(data)][None]
+        self.codes_next = codes.reshape(-1)[len(data) :][None]
+        if self.n_level > LARGEST_SMOOTH:
+            raise ComputationError(
+                f"step-smooth: {self.n_level} places of Q and a/pitch; rule: at most "
+                f"{LARGEST_SMOOTH}, since the cost of a likelihood call grows with their cube"
+            )
+        # The kernel is a product: each factor is worked out on its own few values.
+        self._axes = []
+        for column in self._places.T:
+            _, first, code = np.unique(column.round(9), return_index=True, return_inverse=True)
+            values = column[first]
+            squares = ((values[:, None] - values) ** 2).ravel()
+            self._axes.append((squares, (code[:, None] * len(values) + code).ravel()))
+
+    def root(self, eta: FloatArray) -> Root:
+        return FullRoot(cholesky_or_nan(self.covariance(eta)))
+
+    def loading(
+        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root
+    ) -> tuple[FloatArray, FloatArray]:
+        at = _coordinates(Q, np.full(len(Q), texture[0] / (texture[0] + texture[1])))
+        variance, lengths = eta[..., self._tau] ** 2, eta[..., self._lengths]
+        squares = (self._places[:, None] - at) ** 2
+        low, high = self._places.min(axis=0), self._places.max(axis=0)
+        beyond = np.maximum(np.maximum(low - at, at - high) - 1e-9, 0)
+        with np.errstate(over="ignore", under="ignore"):
+            correlation = np.exp(-0.5 * np.einsum("lqx,...x->...lq", squares, lengths**-2.0))
+            widening = -np.expm1(-0.5 * np.einsum("qx,...x->...q", beyond**2, lengths**-2.0))
+        assert isinstance(root, FullRoot)
+        loading = root.solve(variance[..., None, None] * correlation)
+        rest = np.maximum(variance[..., None] - (loading**2).sum(axis=-2), 0)
+        return loading, rest + variance[..., None] * widening
+
+    def covariance(self, eta: FloatArray) -> FloatArray:
+        """Return the offsets' covariance a priori, shape (..., n_level, n_level)."""
+        lead, n = eta.shape[:-1], self.n_level
+        covariance = np.empty((*lead, n * n))
+        covariance[...] = eta[..., self._tau, None] ** 2
+        for (squares, pairs), length in zip(self._axes, self._lengths, strict=True):
+            with np.errstate(over="ignore", under="ignore", divide="ignore"):
+                factor = np.exp(-0.5 * squares / eta[..., length, None] ** 2)
+            covariance *= np.take(factor, pairs, axis=-1)
+        covariance[..., :: n + 1] *= 1 + NUGGET
+        return covariance.reshape(*lead, n, n)
+
+
+@dataclass(frozen=True, eq=False)
+class OffsetsGiven:
+    """What rows tell of shared offsets, for each of many draws of the parameters.
+
+    Parameters
+    ----------
+    offsets : Offsets
+        Structure.
+    eta : ndarray of float, shape (n_draw, n_noise)
+        The error model's parameters.
+    root : DiagonalRoot or FullRoot
+        L of the same draws.
+    mean : ndarray of float, shape (n_draw, n_level)
+        Scores: their mean, or the scores themselves where they were sampled.
+    spread : ScoresGiven or None
+        How they vary about the mean; None where they were sampled.
+    """
+
+    offsets: Offsets
+    eta: FloatArray
+    root: Root
+    mean: FloatArray
+    spread: ScoresGiven | None
+
+    def at(self, texture: Texture, Q: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
+        loading, variance = self.offsets.loading(self.eta, texture, Q, self.root)
+        if self.spread is not None:
+            variance = variance + self.spread.variance_again(loading)
+        return np.einsum("dl,dlq->dq", self.mean, loading), variance
+
+
+def offsets_of(noise: Noise, data: Observations) -> Offsets | None:
+    """Return the offsets of an error model at some rows, or None where rows share nothing."""
+    if noise.structure == "iid":
+        return None
+    kind = SmoothOffsets if noise.structure == "step-smooth" else GroupedOffsets
+    return kind(noise, data)
+
+
+def _steps(data: Observations) -> IntArray:
+    """Return every count at which a row depends on a load."""
+    own = data.Q[~data.is_count | (data.Q >= 4)]
+    return np.unique(np.concatenate([own, data.Q[data.is_count] + 2]))
+
+
+def _coordinates(Q: IntArray | Sequence[int], ratio: FloatArray) -> FloatArray:
+    with np.errstate(divide="ignore"):
+        return np.stack([np.log(np.asarray(Q) / 2 - 1), ratio], axis=-1)

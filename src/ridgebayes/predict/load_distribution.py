@@ -1,0 +1,241 @@
+"""`LoadDistribution`: the distribution of the load that reaches a count."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+
+from ridgebayes._types import BoolArray, FloatArray, Rng
+from ridgebayes.errors import InputError
+from ridgebayes.model.tails import NormalTail, StudentTail, Tail
+from ridgebayes.predict.q_distribution import seeded, shares
+
+_LARGEST_PROB = 1 - 1e-12
+_LARGEST_LOG = 800.0
+
+
+@dataclass(frozen=True, eq=False)
+class LoadDistribution:
+    """A mixture over posterior draws of loads whose logarithms are normal, Student, or points.
+
+    Parameters
+    ----------
+    log_mean : ndarray of float, shape (n_draw, ...)
+        Centre of log(p/E) given each draw.
+    sd : ndarray of float, shape (n_draw,) or (n_draw, ...)
+        Scale of log(p/E) given each draw; 0 for a point.
+    weight : ndarray of float, shape (n_draw,)
+        Weights, sum 1.
+    extrapolation : ndarray of bool, shape (...)
+        Whether texture or count lies outside what was calibrated.
+    df : ndarray of float, shape (n_draw,), optional
+        Degrees of freedom of each draw's Student errors, infinite for normal ones; all are normal
+        if not given.
+
+    Notes
+    -----
+    *Validity.* Where `extrapolation` says so, texture or count lie beyond what was calibrated.
+    """
+
+    log_mean: FloatArray
+    sd: FloatArray
+    weight: FloatArray
+    extrapolation: BoolArray
+    df: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        if self.sd.ndim < self.log_mean.ndim:
+            spread = np.broadcast_to(self._spread(self.sd), self.log_mean.shape)
+            object.__setattr__(self, "sd", spread)
+
+    def cdf(self, p_over_E: float | FloatArray) -> FloatArray:
+        """Return P(load <= p_over_E), broadcast against the distributions' shape.
+
+        No load is at or below 0. InputError if a load is NaN.
+        """
+        p = np.asarray(p_over_E, dtype=float)
+        if np.any(np.isnan(p)):
+            raise InputError(f"p_over_E: {p_over_E!r} given; rule: numbers")
+        with np.errstate(divide="ignore"):
+            y = np.log(np.maximum(p, 0))
+        return self._cdf(np.broadcast_to(y, self.log_mean.shape[1:]))
+
+    def mean(self) -> FloatArray:
+        """Return the mean load p/E, shape (...); infinite under Student errors, whose tails are."""
+        means = np.exp(self.log_mean + 0.5 * self.sd**2)
+        if self.df is not None:
+            is_student = np.isfinite(self._spread(self.df)) & (self.sd > 0)
+            means = np.where(is_student, np.inf, means)
+        return self._average(means)
+
+    def quantile(self, prob: float) -> FloatArray:
+        """Return the load under which a share `prob` lies, shape (...); infinite beyond floats.
+
+        Raises
+        ------
+        InputError
+            If `prob` is not between 0 and 1, or nearer to 1 than 1e-12, where sums over draws can
+            no longer tell quantiles apart.
+        """
+        if not 0 < prob <= _LARGEST_PROB:
+            raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1, at most 1 - 1e-12")
+        if not self.sd.any():
+            return np.exp(_weighted_quantile(self.log_mean, self.weight, prob))
+        with np.errstate(over="ignore"):
+            return np.exp(self._solve(prob))
+
+    def median(self) -> FloatArray:
+        """Return the median load p/E, shape (...)."""
+        return self.quantile(0.5)
+
+    def interval(self, prob: float = 0.9) -> tuple[FloatArray, FloatArray]:
+        """Return the equal-tailed interval of the load, both of shape (...).
+
+        Raises
+        ------
+        InputError
+            If `prob` is outside 0 to 1, or nearer to 1 than 2e-12.
+        """
+        if not 0 <= prob <= 2 * _LARGEST_PROB - 1:
+            raise InputError(f"prob: {prob!r} given; rule: 0 <= prob < 1, at most 1 - 2e-12")
+        return self.quantile(0.5 - prob / 2), self.quantile(0.5 + prob / 2)
+
+    def rvs(self, rng: Rng, size: int = 1) -> FloatArray:
+        """Draw loads, shape (size, ...)."""
+        generator = seeded(rng)
+        pick = generator.choice(len(self.weight), size=size, p=self.weight)
+        noise = generator.standard_normal((size, *self.log_mean.shape[1:]))
+        if self.df is not None:
+            df = self.df[pick]
+            finite = np.where(np.isfinite(df), df, 1.0)
+            wide = np.sqrt(finite / generator.chisquare(finite))
+            noise = noise * self._spread(np.where(np.isfinite(df), wide, 1.0))
+        return np.exp(self.log_mean[pick] + self.sd[pick] * noise)
+
+    def _spread(self, per_draw: FloatArray) -> FloatArray:
+        return per_draw.reshape((-1,) + (1,) * (self.log_mean.ndim - 1))
+
+    def _average(self, values: FloatArray) -> FloatArray:
+        return np.tensordot(self.weight, values, axes=1)
+
+    def _cdf(self, y: FloatArray) -> FloatArray:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = (y - self.log_mean) / self.sd
+        return self._average(np.where(self.sd > 0, self._standard_cdf(z), self.log_mean <= y))
+
+    def _standard_cdf(self, z: FloatArray) -> FloatArray:
+        return self._by_tail(z, lambda tail, z, df: tail.cdf(z, df))
+
+    def _standard_density(self, z: FloatArray) -> FloatArray:
+        return self._by_tail(z, lambda tail, z, df: np.exp(tail.log_density(z, df)))
+
+    def _by_tail(
+        self, z: FloatArray, function: Callable[[Tail, FloatArray, FloatArray | None], FloatArray]
+    ) -> FloatArray:
+        """Apply a function of standardised errors to the draws of each tail."""
+        if self.df is None:
+            return function(NormalTail(), z, None)
+        value, student = np.empty(z.shape), np.isfinite(self.df)
+        value[~student] = function(NormalTail(), z[~student], None)
+        df = self._spread(self.df)[student]
+        value[student] = function(StudentTail(), z[student], df)
+        return value
+
+    def _extreme_quantiles(self, prob: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the lowest and the highest standardised quantile of any draw's error."""
+        if self.df is None:
+            z = ndtri(prob)
+            return z, z
+        with np.errstate(invalid="ignore"):
+            ends = [
+                NormalTail().quantile(prob, None)
+                if np.isinf(df)
+                else StudentTail().quantile(prob, df)
+                for df in (self.df.min(), self.df.max())
+            ]
+        return np.minimum(*ends), np.maximum(*ends)
+
+    def _solve(self, prob: float) -> FloatArray:
+        """Newton's method on the distribution function, kept inside a shrinking bracket."""
+        sd = self.sd
+        # Infinite loads, of draws that reach no further ridge, have a share but no place.
+        finite = np.isfinite(self.log_mean)
+        mean = np.where(finite, self.log_mean, 0.0)
+        share = np.maximum(self._average(finite.astype(float)), 1e-300)
+        # The finite part's quantile lies between the lowest and the highest of its draws' own.
+        reached = prob / share < 1 - 5e-13
+        z_low, z_high = self._extreme_quantiles(np.minimum(prob / share, _LARGEST_PROB))
+        low = np.where(finite, mean + z_low * sd, np.inf).min(axis=0)
+        high = np.where(finite, mean + z_high * sd, -np.inf).max(axis=0)
+        low, high = np.where(reached, low, 0.0), np.where(reached, high, 0.0)
+        # Beyond e^800 there are no floats: such loads are 0 or infinite.
+        low, high = (np.clip(end, -_LARGEST_LOG, _LARGEST_LOG) for end in (low, high))
+        low, high = low - 1e-9 * (1 + np.abs(low)), high + 1e-9 * (1 + np.abs(high))
+        centre = self._average(mean) / share
+        variance = self._average(np.where(finite, (mean - centre) ** 2 + sd**2, 0.0)) / share
+        y = np.clip(centre + ndtri(prob) * np.sqrt(variance), low, high)
+        for _ in range(100):
+            found = self._cdf(y)
+            excess = found - prob
+            low, high = np.where(excess < 0, y, low), np.where(excess >= 0, y, high)
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                z = (y - self.log_mean) / sd
+                density = np.where(sd > 0, self._standard_density(z) / sd, 0.0)
+                # In its lower tail a distribution function is nearly exponential.
+                step = found * np.log(found / prob) if prob < 0.5 else excess
+                newton = y - step / self._average(density)
+            inside = (newton > low) & (newton < high)
+            new = np.where(inside, newton, 0.5 * (low + high))
+            settled = np.abs(new - y)[reached].max(initial=0.0) < 1e-10
+            y = new
+            if settled:
+                break
+        return np.where(reached, y, np.inf)
+
+
+def mix_loads(parts: Sequence[LoadDistribution], weights: Sequence[float]) -> LoadDistribution:
+    """Return the average of load distributions, such as over forms by model probability.
+
+    Parameters
+    ----------
+    parts : sequence of LoadDistribution
+        Of one shape.
+    weights : sequence of float
+        Non-negative; normalised here. Parts under 1e-9 are left out.
+
+    Returns
+    -------
+    LoadDistribution
+        Flagged as extrapolation wherever a part with weight above 1 % is.
+
+    Raises
+    ------
+    InputError
+        If a weight is negative or not finite, or none is above 0.
+    """
+    share = shares(weights)
+    kept = [(part, weight) for part, weight in zip(parts, share, strict=True) if weight > 1e-9]
+    heavy = [part for part, weight in kept if weight > 0.01]
+    return LoadDistribution(
+        np.concatenate([part.log_mean for part, _ in kept]),
+        np.concatenate([part.sd for part, _ in kept]),
+        np.concatenate([part.weight * weight for part, weight in kept]),
+        np.any([part.extrapolation for part in heavy], axis=0),
+        _joined_df([part for part, _ in kept]),
+    )
+
+
+def _joined_df(parts: Sequence[LoadDistribution]) -> FloatArray | None:
+    if all(part.df is None for part in parts):
+        return None
+    return np.concatenate(
+        [np.full(len(part.weight), np.inf) if part.df is None else part.df for part in parts]
+    )
+
+
+def _weighted_quantile(values: FloatArray, weight: FloatArray, prob: float) -> FloatArray:
+    order = np.argsort(values, axis=0)
+    total = np.cumsum(weight[order], axis=0)
+    first = np.argmax(total >= prob - 1e-12, axis=0)
+    return np.take_along_axis(np.take_along_axis(values, order, 0), first[None], 0)[0]

@@ -1,0 +1,153 @@
+"""`QDistribution`: the distribution of the even count Q at each of many textures and loads."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ridgebayes._types import BoolArray, FloatArray, IntArray, Rng
+from ridgebayes.errors import InputError
+from ridgebayes.runtime.randomness import seed_of
+
+
+@dataclass(frozen=True, eq=False)
+class QDistribution:
+    """Distributions of Q on 2, 4, 6, ...
+
+    Parameters
+    ----------
+    survival : ndarray of float, shape (..., n_step), dimensionless
+        P(Q >= 2), P(Q >= 4), ...; the first is 1, and they never rise.
+    outside : ndarray of bool, shape (...)
+        Whether the texture or the load lies outside what was calibrated.
+    q_calibrated_max : int
+        Largest calibrated count.
+    kind : str
+        ``simulation`` or ``curve``.
+    error : float, optional
+        Largest error of a probability as weighted nodes tell it; NaN where draws were averaged.
+
+    Notes
+    -----
+    *Validity.* Where `extrapolation` says so, texture, load or count lie beyond what was
+    calibrated. The probability of counts beyond the last of `q` is under 1e-6 and set to 0.
+
+    Examples
+    --------
+    >>> q = QDistribution(np.array([1.0, 0.75, 0.25]), np.array(False), 10, "simulation")
+    >>> q.pmf.tolist(), float(q.mean()), int(q.median())
+    ([0.25, 0.5, 0.25], 4.0, 4)
+    """
+
+    survival: FloatArray
+    outside: BoolArray
+    q_calibrated_max: int
+    kind: str
+    error: float = np.nan
+
+    def __repr__(self) -> str:
+        return f"QDistribution({self.kind}, shape {self.survival.shape[:-1]}, Q <= {self.q[-1]})"
+
+    @property
+    def q(self) -> IntArray:
+        """The counts 2, 4, ..., shape (n_step,)."""
+        return 2 + 2 * np.arange(self.survival.shape[-1])
+
+    @property
+    def pmf(self) -> FloatArray:
+        """P(Q = q) for each of `q`, shape (..., n_step)."""
+        after = np.concatenate([self.survival[..., 1:], np.zeros_like(self.survival[..., :1])], -1)
+        return self.survival - after
+
+    @property
+    def cdf(self) -> FloatArray:
+        """P(Q <= q) for each of `q`, shape (..., n_step)."""
+        return 1 - self.survival + self.pmf
+
+    def at_least(self, n: float) -> FloatArray:
+        """Return P(Q >= n), shape (...); InputError if `n` is NaN."""
+        if math.isnan(n):
+            raise InputError(f"n: {n!r} given; rule: a number")
+        step = max((n - 2) / 2, 0)
+        if step > self.survival.shape[-1] - 1:
+            return np.zeros(self.survival.shape[:-1])
+        return self.survival[..., math.ceil(step)]
+
+    def mean(self) -> FloatArray:
+        """Return the mean of Q, shape (...)."""
+        return 2 * self.survival.sum(axis=-1)
+
+    def quantile(self, prob: float) -> IntArray:
+        """Return the smallest q with P(Q <= q) >= prob, shape (...).
+
+        Raises
+        ------
+        InputError
+            If `prob` is outside 0 to 1.
+        """
+        if not 0 <= prob <= 1:
+            raise InputError(f"prob: {prob!r} given; rule: 0 <= prob <= 1")
+        # A rounding error of the sum must not push the quantile a step up.
+        reached = self.cdf >= prob * (1 - 1e-12)
+        return self.q[np.argmax(reached, axis=-1)]
+
+    def median(self) -> IntArray:
+        """Return the median, shape (...)."""
+        return self.quantile(0.5)
+
+    def interval(self, prob: float = 0.9) -> tuple[IntArray, IntArray]:
+        """Return the equal-tailed interval that holds at least `prob`.
+
+        Returns
+        -------
+        lower, upper : ndarray of int, shape (...)
+            Even counts.
+
+        Raises
+        ------
+        InputError
+            If `prob` is outside 0 to 1.
+        """
+        if not 0 <= prob <= 1:
+            raise InputError(f"prob: {prob!r} given; rule: 0 <= prob <= 1")
+        return self.quantile(0.5 - prob / 2), self.quantile(0.5 + prob / 2)
+
+    def extrapolation(self, prob: float = 0.9) -> BoolArray:
+        """Return where texture, load or the upper end of the interval were not calibrated."""
+        return self.outside | (self.interval(prob)[1] > self.q_calibrated_max)
+
+    def rvs(self, rng: Rng, size: int = 1) -> IntArray:
+        """Draw counts, shape (size, ...).
+
+        Parameters
+        ----------
+        rng : int or numpy.random.Generator
+            Source of randomness.
+        size : int, optional
+            Draws of each distribution.
+
+        Returns
+        -------
+        ndarray of int, shape (size, ...)
+            Even counts.
+        """
+        generator = seeded(rng)
+        draws = np.empty((size, *self.survival.shape[:-1]), dtype=np.int64)
+        for i in range(size):
+            u = generator.random(self.survival.shape[:-1])
+            draws[i] = 2 * np.sum(u[..., None] < self.survival, axis=-1)
+        return draws
+
+
+def shares(weights: Sequence[float]) -> FloatArray:
+    """Return weights that sum to 1, or raise InputError where that cannot be."""
+    values = np.asarray(weights, dtype=float)
+    if not (np.all(values >= 0) and 0 < values.sum() < math.inf):
+        raise InputError(f"weights: {weights!r} given; rule: finite, not negative, one above 0")
+    return values / values.sum()
+
+
+def seeded(rng: Rng) -> np.random.Generator:
+    """Return a generator seeded by an integer, or the generator itself."""
+    return rng if isinstance(rng, np.random.Generator) else np.random.default_rng(seed_of(rng))

@@ -1,0 +1,161 @@
+"""P(load(Q) <= p) of one texture, averaged over a posterior: over draws, or over weighted nodes."""
+
+import numpy as np
+from scipy import interpolate
+from scipy.special import ndtr
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.predict.posterior_loads import PosteriorLoads
+
+_SATURATED = 8.3  # standard deviations beyond which a normal distribution function is 0 or 1
+_N_KNOT = 256  # of a table of a probability against log load
+_SMOOTHED = 0.2  # of a curve's spread: width of the kernel that nodes are smoothed by
+_ALIKE = 1e-10  # of log loads: two counts' tables are one but for a shift
+
+
+class OfDraws:
+    """Plain means over draws.
+
+    Parameters
+    ----------
+    draws : PosteriorLoads
+        Without weights.
+    kind : str
+        ``simulation`` or ``curve``.
+    """
+
+    error = np.nan  # what a mean over draws is off by is not known from them alone
+
+    def __init__(self, draws: PosteriorLoads, kind: str) -> None:
+        self._draws, self._kind = draws, kind
+
+    def at(self, texture: Texture, Q: IntArray, p: FloatArray, nu: float) -> FloatArray:
+        """Return P(load(Q) <= p), shape (n_load, n_Q)."""
+        draws = self._draws
+        if self._kind == "curve":
+            # Compared as loads, so that a draw's own transition load counts as reached.
+            load = np.sort(draws.load(texture, Q, nu), axis=0)
+            shares = [np.searchsorted(one, p, side="right") / len(one) for one in load.T]
+            return np.stack(shares, axis=1)
+        mean, scale = draws.log_load(texture, Q, nu, self._kind)
+        return np.stack([self._reached(p, mean[:, i], scale[:, i]) for i in range(len(Q))], axis=1)
+
+    def _reached(self, p: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
+        """Return the mean over draws, normals worked out where they are not 0 or 1."""
+        df = self._draws.df
+        with np.errstate(divide="ignore"):
+            y = np.log(p)
+        reach = _SATURATED * scale if df is None else np.inf
+        result = (y > (mean + reach).max()).astype(float)
+        between = np.flatnonzero((y >= (mean - reach).min()) & (result == 0))
+        nu = None if df is None else df[:, None]
+        cdf = self._draws.fit.noise.distribution.cdf
+        for i in range(0, len(between), 500):  # bounded memory: draws x 500 loads
+            part = between[i : i + 500]
+            z = (y[part] - mean[:, None]) / scale[:, None]
+            result[part] = cdf(z, nu).mean(axis=0)
+        return result
+
+
+class OfNodes:
+    """Weighted means over the two halves of the nodes, and what these differ by.
+
+    Parameters
+    ----------
+    draws : PosteriorLoads
+        Nodes.
+    kind : str
+        ``simulation`` or ``curve``. A curve's distribution is a step at each node: it is smoothed
+        by a kernel of fourth order, and the error holds what a kernel twice as wide would change.
+    """
+
+    def __init__(self, draws: PosteriorLoads, kind: str) -> None:
+        self._draws, self._kind = draws, kind
+        self.error = 0.0
+        self._known: tuple[FloatArray, FloatArray, interpolate.PchipInterpolator] | None = None
+
+    def at(self, texture: Texture, Q: IntArray, p: FloatArray, nu: float) -> FloatArray:
+        """Return P(load(Q) <= p), shape (n_load, n_Q)."""
+        mean, scale = self._draws.log_load(texture, Q, nu, self._kind)
+        with np.errstate(divide="ignore"):
+            y = np.log(p)
+        return np.stack([self._reached(y, mean[:, i], scale[:, i]) for i in range(len(Q))], axis=1)
+
+    def _reached(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
+        is_curve = self._kind == "curve"
+        if is_curve and np.isfinite(mean).all():
+            scale = np.full(len(mean), _SMOOTHED * self._spread(mean))
+        if not np.isfinite(mean).all() or self._draws.df is not None or not (scale > 0).all():
+            return self._answer(self._halves(y, mean, scale))
+        low, high = (mean - _SATURATED * scale).min(), (mean + _SATURATED * scale).max()
+        result = (y > high).astype(float)
+        between = np.flatnonzero((y >= low) & (y <= high))
+        if not len(between):
+            return result
+        if not is_curve and len(between) <= _N_KNOT // 2 and self._known is None:
+            result[between] = self._answer(self._halves(y[between], mean, scale))
+            return result
+        # Smooth in log p: a table loses 1e-5. Counts of one texture mostly share theirs.
+        shift = np.nan
+        if self._known is not None:
+            apart = mean - self._known[0]
+            alike = np.ptp(apart) < _ALIKE and np.abs(scale - self._known[1]).max() < _ALIKE
+            shift = float(apart[0]) if alike else np.nan
+        if np.isnan(shift):
+            knots = np.linspace(low, high, _N_KNOT)
+            if is_curve:
+                values = self._smoothed(knots, mean, float(scale[0]))
+            else:
+                values = self._answer(self._halves(knots, mean, scale))
+            self._known, shift = (mean, scale, interpolate.PchipInterpolator(knots, values)), 0.0
+        assert self._known is not None
+        result[between] = np.clip(self._known[2](y[between] - shift), 0.0, 1.0)
+        return result
+
+    def _answer(self, found: FloatArray, bias: FloatArray | float = 0.0) -> FloatArray:
+        """Return the mean of both halves, shape (n,), and keep the largest error."""
+        value = found.mean(axis=0)
+        error = 0.5 * np.abs(found[0] - found[1]) + np.abs(bias)
+        self.error = max(self.error, float(error.max(initial=0.0)))
+        return value
+
+    def _halves(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
+        """Return each half's mean at y, shape (2, n)."""
+        draws = self._draws
+        if self._kind == "curve":
+            return draws.average((y >= mean[:, None]).astype(float))
+        nu = None if draws.df is None else draws.df[:, None]
+        z = (y - mean[:, None]) / scale[:, None]
+        return draws.average(draws.fit.noise.distribution.cdf(z, nu))
+
+    def _smoothed(self, knots: FloatArray, mean: FloatArray, width: float) -> FloatArray:
+        """Return a curve's distribution at evenly spaced knots."""
+        weight = self._draws.weight
+        assert weight is not None
+        # Each node's weight is shared out to the two knots beside it.
+        place = (mean - knots[0]) / (knots[1] - knots[0])
+        left = np.clip(place.astype(int), 0, len(knots) - 2)
+        right = place - left
+        found = np.stack(
+            [
+                np.bincount(left, (1 - right) * w, len(knots))
+                + np.bincount(left + 1, right * w, len(knots))
+                for w in weight.T
+            ]
+        )
+        value, wider = (found @ _kernel(knots, k * width) for k in (1, 2))
+        # An error of fourth order in the width is a fifteenth of what doubling it changes.
+        return self._answer(value, (wider - value).mean(axis=0) / 15)
+
+    def _spread(self, mean: FloatArray) -> float:
+        weight = self._draws.weight
+        assert weight is not None
+        share = weight.mean(axis=1)
+        return float(np.sqrt(share @ (mean - share @ mean) ** 2))
+
+
+def _kernel(knots: FloatArray, width: float) -> FloatArray:
+    """Return the distribution function of a normal kernel of fourth order, [from knot, at knot]."""
+    t = (knots - knots[:, None]) / width
+    return ndtr(t) + 0.5 * t * np.exp(-0.5 * t * t) / np.sqrt(2 * np.pi)

@@ -1,0 +1,223 @@
+"""Figures of a scene: the body on its ridges, Q against load, effects, and their estimates."""
+
+import math
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+
+from ridgebayes._types import FloatArray
+from ridgebayes.contact.pressed import Pressed
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.drawing.style import COLOURS, WIDTH, new_figure, plain, styled
+
+_BODY, _RIDGE, _PRESSURE = COLOURS["modified"], "#555555", COLOURS["classic"]
+_EFFECTS = {
+    "ridges": ("D", COLOURS["hybrid"]),
+    "offset": ("o", COLOURS["modified"]),
+    "groove floor": ("s", COLOURS["power-law"]),
+    "corner radius": ("^", COLOURS["classic"]),
+}
+
+
+@styled()
+def plot_pressed(found: Pressed) -> Figure:
+    """Draw a body pressed on ridges, and the pressure below it.
+
+    Parameters
+    ----------
+    found : Pressed
+        A solution.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Above, the body's surface and the rigid one, heights stretched; below, pressure over E*.
+    """
+    left, right = found.ends
+    edge = 1.25 * max(right, -left)
+    figure = new_figure(WIDTH, 5.2)
+    top, bottom = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]})
+    x = np.linspace(-edge, edge, 1601)
+    surface = found.pressing.surface(np.abs(x) if found.profile.mirrored else x)
+    lowest = min(float(surface.min()), 0.0)
+    depth = min(found.profile.depth, max(-1.6 * lowest, 0.05 * found.profile.pitch))
+    top.fill_between(x, surface, 1e3, color=_BODY, alpha=0.18, linewidth=0)
+    top.plot(x, surface, color=_BODY, linewidth=1.2, label="body")
+    rigid = _rigid(found.profile, x, depth)
+    top.fill_between(x, rigid, rigid.min() - 0.1 * depth, color=_RIDGE, alpha=0.35, linewidth=0)
+    top.plot(x, rigid, color=_RIDGE, linewidth=1.0, label="ridges")
+    span = max(float(surface.max()), depth)
+    top.set_ylim(-1.15 * depth, min(span, 4 * depth))
+    top.set_ylabel("height over $R$, stretched")
+    for sign in (1, -1) if found.profile.mirrored else (1,):
+        _pressure(bottom, found, sign)
+    # Corners stand out of any axis: it is the pressure between them that is to be seen.
+    between = found.pressing.pressure(np.cos(np.linspace(0.6, math.pi - 0.6, 20)))
+    bottom.set_ylim(0, 4 * 0.5 * math.pi * float(between.max()))
+    bottom.set_xlabel("$x/R$ from below the body's centre")
+    bottom.set_ylabel("pressure over $E^*$")
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    return figure
+
+
+def _rigid(profile: Profile, x: FloatArray, depth: float) -> FloatArray:
+    height = np.full(len(x), -depth)
+    n = math.ceil(float(np.abs(x).max()) / profile.pitch) + 1
+    for number in range(-n - 1, n + 1):
+        land = profile.ridge(number)
+        on = (x >= land.start) & (x <= land.stop)
+        height[on] = -np.minimum(land.height(x[on]), depth)
+    return height
+
+
+def _pressure(axes: Axes, found: Pressed, sign: int) -> None:
+    # Towards a sharp corner pressure has no bound: the last thousandth is left out.
+    s = np.cos(np.linspace(0.03, math.pi - 0.03, 200))
+    values = found.pressing.pressure(s) * 0.5 * math.pi / np.sqrt(1 - s * s)
+    intervals = found.pressing.intervals
+    for i in range(len(intervals.left)):
+        if sign < 0 and i == 0 and intervals.straddles:
+            continue  # its own mirror image
+        at = sign * (intervals.centre[i] + intervals.half_width[i] * s)
+        axes.fill_between(at, values[i], color=_PRESSURE, alpha=0.35, linewidth=0)
+        axes.plot(at, values[i], color=_PRESSURE, linewidth=0.9)
+
+
+@styled()
+def plot_counts(curves: dict[str, tuple[FloatArray, FloatArray]]) -> Figure:
+    """Draw Q against load as steps, one line a solver or set of effects.
+
+    Parameters
+    ----------
+    curves : dict of str to (ndarray, ndarray)
+        By name: loads p/E in rising order, and Q from each load on.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = new_figure(WIDTH, 4.2)
+    axes = figure.subplots()
+    colours = [*COLOURS.values()]
+    top = max(float(p[-1]) for p, _ in curves.values())
+    for i, (name, (p, Q)) in enumerate(curves.items()):
+        first = Q[0] - (Q[1] - Q[0] if len(Q) > 1 else 2)
+        axes.step(
+            np.concatenate([[0.0], p, [1.05 * top]]),
+            np.concatenate([[first], Q, Q[-1:]]),
+            where="post",
+            color=colours[i % len(colours)],
+            linewidth=1.3,
+            linestyle=("-", "--", ":", "-.")[i % 4],
+            label=plain(name, 60),
+        )
+    axes.set_xlabel("load $p/E$")
+    axes.set_ylabel("ridges in contact $Q$")
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    figure.legend(loc="outside upper center", ncols=min(len(curves), 3))
+    return figure
+
+
+@styled()
+def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
+    """Draw what each effect adds to the loads of a texture, against the wanted accuracy.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Rows of one texture, columns of `ridgebayes.scene.effects.PLAN_COLUMNS`.
+    relative : float or None
+        Wanted accuracy.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A bar an effect whose size is known; hollow ones are not simulated.
+    """
+    known = table[table["estimated_rel_change"].notna()]
+    figure = new_figure(WIDTH, 1.2 + 0.36 * len(known))
+    axes = figure.subplots()
+    least = 1e-6
+    for row, effect in enumerate(known.to_dict("records")):
+        size = max(float(effect["estimated_rel_change"]), least)
+        if effect["estimated_rel_change"] == 0:
+            axes.text(1.3 * least, row, "0", va="center", fontsize=8)
+            continue
+        axes.barh(
+            row,
+            size,
+            left=0,
+            color=_BODY if effect["simulated"] else "none",
+            edgecolor=_BODY,
+            height=0.6,
+        )
+    axes.set_xscale("log")
+    axes.set_xlim(least, max(2.0, 2 * float(known["estimated_rel_change"].max())))
+    axes.xaxis.set_major_locator(LogLocator(10))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_yticks(range(len(known)), [plain(name, 40) for name in known["effect"]])
+    axes.set_ylim(len(known) - 0.5, -0.5)  # the first on top, and room for a 0 in the last row
+    axes.grid(visible=False, axis="y")
+    if relative is not None:
+        axes.axvline(relative, color="#000000", linewidth=1, linestyle=":")
+    dotted = "" if relative is None else "; dotted: wanted"
+    axes.set_xlabel(f"relative change of a transition load (filled: simulated{dotted})")
+    return figure
+
+
+@styled()
+def plot_plan_check(frame: pd.DataFrame) -> Figure:
+    """Draw estimates against true changes.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        As `ridgebayes.checks.plan_check.check_plans` returns it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Left: estimate over truth, between the truth itself and ten times it where honest; right:
+        the true change of what was neglected, over the accuracy wanted.
+    """
+    figure = new_figure(WIDTH, 4.6)
+    left, right = figure.subplots(1, 2)
+    least = 1e-6
+    for name, (marker, colour) in _EFFECTS.items():
+        own = frame[frame["effect"] == name]
+        true = np.maximum(own["true_change"].to_numpy(float), least)
+        estimate = np.maximum(own["estimate"].to_numpy(float), least)
+        simulated = own["simulated"].to_numpy(bool)
+        for which, face in ((simulated, colour), (~simulated, "none")):
+            left.plot(
+                true[which],
+                estimate[which],
+                marker,
+                color=colour,
+                markerfacecolor=face,
+                markersize=5,
+                label=name if face != "none" else None,
+            )
+        off = own[~simulated]
+        wanted = off["relative"].to_numpy(float)
+        share = np.maximum(off["true_change"].to_numpy(float), least * wanted) / wanted
+        right.plot(wanted, share, marker, color=colour, markerfacecolor="none", markersize=5)
+    ends = np.array([least, 3.0])
+    left.plot(ends, ends, color="#000000", linewidth=0.8)
+    left.plot(ends, 10 * ends, color="#000000", linewidth=0.8, linestyle=":")
+    left.set_xlabel("true change")
+    left.set_ylabel("estimate")
+    left.set_ylim(least / 2, 10)
+    right.axhline(1, color="#000000", linewidth=0.8)
+    right.set_xlabel("accuracy wanted")
+    right.set_ylabel("true change of what is neglected, over it")
+    for axes in (left, right):
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.minorticks_off()
+    handles, labels = left.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    return figure

@@ -1,0 +1,289 @@
+"""`Scene`: which textures, pressed how hard, computed how accurately. Knows no solver."""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+
+from ridgebayes.errors import InputError
+from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
+
+_LONGEST = 200  # characters of a value in messages
+
+
+def _offset(raw: object) -> float | str:
+    if raw == "uniform":
+        return "uniform"
+    number = isinstance(raw, int | float) and not isinstance(raw, bool)
+    if not (number and -0.5 <= raw <= 0.5):  # type: ignore[operator]
+        raise ValueError("must be a fraction of a pitch from -0.5 to 0.5, or 'uniform'")
+    return float(raw)  # type: ignore[arg-type]
+
+
+# The rules of scene files and of the records below.
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+PoissonsRatio = Annotated[float, Field(ge=0.0, le=0.5)]
+Relative = Annotated[float, Field(gt=0.0, lt=1.0)]
+Offset = Annotated[float | Literal["uniform"], PlainValidator(_offset)]
+Role = Literal["calibration", "held-out"]
+
+
+class _Record(BaseModel):
+    """Frozen; no unknown names, no silent conversions, no NaN; errors are `InputError`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    def __init__(self, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise InputError("\n".join(findings(error, type(self).__name__))) from None
+
+
+class Texture(_Record):
+    """One ridged texture in units of the body's radius R.
+
+    Attributes
+    ----------
+    a_over_R, b_over_R : float, scalar, dimensionless
+        Ridge and groove width, 1e-50 to 1e50.
+    groove_depth_over_R : float or None, scalar, dimensionless
+        None is a groove too deep to be touched.
+    corner_radius_over_R : float, scalar, dimensionless
+        0 is a sharp corner.
+    offset : float or "uniform", scalar, pitches
+        Where the body's centre lies from a groove's centre; ``"uniform"`` is anywhere.
+    role : {"calibration", "held-out"}
+        Whether rows of it are fitted, or predicted and compared.
+    max_p_over_E : float or None, scalar, dimensionless
+        Highest load on this texture; None is that of the scene.
+    """
+
+    a_over_R: Positive
+    b_over_R: Positive
+    groove_depth_over_R: Positive | None = None
+    corner_radius_over_R: NotNegative = 0.0
+    offset: Offset = 0.0
+    role: Role = "calibration"
+    max_p_over_E: Positive | None = None
+
+    @model_validator(mode="after")
+    def _shape_fits(self) -> "Texture":
+        for name, width in (("a_over_R", self.a_over_R), ("b_over_R", self.b_over_R)):
+            if not LEAST_WIDTH <= width <= LARGEST_WIDTH:
+                raise ValueError(
+                    f"{name} = {width!r}: must be from {LEAST_WIDTH:g} to {LARGEST_WIDTH:g}"
+                )
+        corner, depth = self.corner_radius_over_R, self.groove_depth_over_R
+        if corner > 0.5 * self.a_over_R:
+            raise ValueError(
+                f"corner_radius_over_R = {corner!r}: must be at most half of a_over_R = "
+                f"{self.a_over_R!r}"
+            )
+        if depth is not None and 2 * depth < corner:
+            raise ValueError(
+                f"groove_depth_over_R = {depth!r}: must be at least half of "
+                f"corner_radius_over_R = {corner!r}"
+            )
+        return self
+
+
+class Scene(_Record):
+    """A soft cylinder on ridged textures, free of units.
+
+    Attributes
+    ----------
+    textures : tuple of Texture, shape (n_texture,)
+        One or more, no two alike.
+    nu : float, scalar, dimensionless
+        Poisson's ratio of the body, 0 to 0.5.
+    p_over_E : float, scalar, dimensionless
+        Highest load per projected area over Young's modulus.
+    friction : float, scalar, dimensionless
+        Coulomb's coefficient.
+    relative : float or None, scalar, dimensionless
+        Wanted relative accuracy of each transition load; None leaves it to the solver.
+
+    Examples
+    --------
+    >>> scene = Scene.of([(0.032, 0.01)], p_over_E=0.01)
+    >>> scene.textures[0].a_over_R, scene.nu
+    (0.032, 0.5)
+    """
+
+    textures: Annotated[tuple[Texture, ...], Field(min_length=1)]
+    nu: PoissonsRatio = 0.5
+    p_over_E: Positive = 0.02
+    friction: NotNegative = 0.0
+    relative: Relative | None = None
+
+    def highest_load(self, texture: Texture) -> float:
+        """Return the highest p/E on one of the textures: its own, or the scene's."""
+        return self.p_over_E if texture.max_p_over_E is None else texture.max_p_over_E
+
+    @field_validator("textures")
+    @classmethod
+    def _no_two_alike(cls, textures: tuple[Texture, ...]) -> tuple[Texture, ...]:
+        seen: dict[tuple[float, float, float | str], int] = {}
+        for number, texture in enumerate(textures, start=1):
+            key = (texture.a_over_R, texture.b_over_R, texture.offset)
+            if key in seen:
+                raise ValueError(f"textures {seen[key]} and {number} have the same widths: {key}")
+            seen[key] = number
+        return textures
+
+    @classmethod
+    def of(
+        cls,
+        textures: Iterable[tuple[float, float]],
+        *,
+        p_over_E: float = 0.02,
+        nu: float = 0.5,
+        relative: float | None = None,
+    ) -> "Scene":
+        """Make a scene of plain textures.
+
+        Parameters
+        ----------
+        textures : iterable of (float, float), shape (n_texture, 2), dimensionless
+            Ridge and groove width over R of each.
+        p_over_E, nu, relative : float, scalar, dimensionless
+            As in `Scene`.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        InputError
+            If a value breaks a rule of `Scene` or `Texture`.
+
+        Examples
+        --------
+        >>> Scene.of([(0.012, -0.01)])
+        Traceback (most recent call last):
+            ...
+        ridgebayes.errors.InputError: Texture: b_over_R = -0.01: input should be greater than 0
+        """
+        made = tuple(Texture(a_over_R=float(a), b_over_R=float(b)) for a, b in textures)
+        return cls(textures=made, p_over_E=p_over_E, nu=nu, relative=relative)
+
+    @classmethod
+    def paper(cls) -> "Scene":
+        """Return the study's textures: nine to p/E 0.02, and the extreme one held out.
+
+        Returns
+        -------
+        Scene
+            A in {0.012, 0.022, 0.032} x B in {0.01, 0.02, 0.03}, and (0.012, 0.09) to p/E 0.045.
+
+        References
+        ----------
+        doi:10.1016/j.ijssolstr.2019.06.026, section 2.
+
+        Examples
+        --------
+        >>> [t.role for t in Scene.paper().textures].count("calibration")
+        9
+        """
+        nine = [
+            Texture(a_over_R=a, b_over_R=b)
+            for a in (0.012, 0.022, 0.032)
+            for b in (0.01, 0.02, 0.03)
+        ]
+        extreme = Texture(a_over_R=0.012, b_over_R=0.09, role="held-out", max_p_over_E=0.045)
+        return cls(textures=(*nine, extreme))
+
+    @classmethod
+    def from_toml(cls, path: str | os.PathLike[str]) -> "Scene":
+        """Read a scene file.
+
+        Parameters
+        ----------
+        path : str or path
+            TOML with the keys of `ridgebayes.scene.toml`, all quantities with units or none.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read or a key breaks a rule: one message that names the file
+            and every such key with its value and rule.
+        """
+        from ridgebayes.scene.toml import read_scene_file
+
+        values = read_scene_file(Path(path))
+        try:
+            textures = tuple(Texture(**texture) for texture in values.pop("textures"))
+            return cls(textures=textures, **values)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+
+    def to_toml(self, path: str | os.PathLike[str]) -> None:
+        """Write the scene, free of units: `Scene.from_toml` gives back an equal one.
+
+        Parameters
+        ----------
+        path : str or path
+            The file to write; an existing one is replaced.
+        """
+        from ridgebayes.scene.toml import scene_text
+
+        Path(path).write_text(scene_text(self.model_dump()), encoding="utf-8")
+
+
+def findings(error: ValidationError, where: str) -> list[str]:
+    """Say each finding of pydantic as place, key, value and rule.
+
+    Parameters
+    ----------
+    error : pydantic.ValidationError
+        What validation found.
+    where : str
+        File or record name.
+
+    Returns
+    -------
+    list of str
+        One line a finding.
+    """
+    lines = []
+    for found in error.errors(include_url=False):
+        key = ""
+        for part in found["loc"]:
+            key += f"[{part + 1}]" if isinstance(part, int) else f"{'.' if key else ''}{part}"
+        rule = found["msg"].removeprefix("Value error, ")
+        if found["type"] == "extra_forbidden":
+            rule = "unknown key"
+        elif found["type"] == "missing":
+            rule = "missing; rule: it must be given"
+        shown = "" if found["type"] == "missing" else f" = {_shown(found['input'])}"
+        # A rule between several keys names them itself.
+        about = f"{key}{shown}: " if key else ""
+        lines.append(f"{where}: {about}{rule[:1].lower()}{rule[1:]}")
+    return lines
+
+
+def _shown(value: object) -> str:
+    """Return a value of a file as messages show it."""
+    try:
+        text = repr(value)
+    # Thousands of tables in each other, or an integer of thousands of digits.
+    except (RecursionError, ValueError):
+        return "what is too deep or too long"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."

@@ -1,0 +1,197 @@
+"""What a scene does under given loads: counts, contact, penetration, the force on each ridge."""
+
+import math
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from ridgebayes.contact.pressed import Pressed, load_factor, many_pressed
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.errors import InputError
+from ridgebayes.scene.effects import given_profile, plan, texture_label
+from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.table.columns import LARGEST_LOAD
+
+RESPONSE_COLUMNS = [
+    "texture",
+    "p_over_E",
+    "Q",
+    "contact_fraction",
+    "half_width_over_R",
+    "approach_over_R",
+    "penetration_over_R",
+    "status",
+]
+FORCE_COLUMNS = [
+    "texture",
+    "p_over_E",
+    "land",
+    "ridge",
+    "left_over_R",
+    "right_over_R",
+    "share",
+    "mean_pressure_over_E",
+    "penetration_over_R",
+    "status",
+]
+
+
+def contact_at_loads(
+    scene: Scene, p_over_E: ArrayLike, *, solver: str = "auto", rel_tol: float = 1e-6
+) -> pd.DataFrame:
+    """Return what each texture of a scene does at each load.
+
+    Parameters
+    ----------
+    scene : Scene
+        Textures and Poisson's ratio; its own load does not matter.
+    p_over_E : array_like of float, shape (n_load,), dimensionless
+        Loads per projected area over Young's modulus.
+    solver : {"auto", "half-plane"}
+        Whether to simulate what the scene calls for, or all that it gives.
+    rel_tol : float, optional
+        Tolerance of contact ends.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns texture, p_over_E, Q (ridges in contact), contact_fraction (length in contact
+        between its outermost ends), half_width_over_R (half of that distance), approach_over_R
+        (relative to the surface at a distance R), penetration_over_R (deepest, into any groove),
+        status: other than ``"ok"`` it says what failed, and numbers of that row are not to be used.
+
+    Raises
+    ------
+    InputError
+        If a load is not finite, positive and at most 1e300, the solver is unknown, a texture's
+        offset is ``"uniform"``, see `ridgebayes.contact.sliding.sliding_counts`, or its contact
+        cannot be solved for even roughly.
+
+    Notes
+    -----
+    *Validity.* Small strain and no friction: within 1 % of finite strain up to p/E = 0.015, of
+    moderate grooves. Of contacts of very many ridges nothing is computed, as `status` says.
+
+    Examples
+    --------
+    >>> found = contact_at_loads(Scene.of([(0.012, 0.03)]), [0.0005, 0.001, 0.004])
+    >>> found["Q"].tolist(), found["contact_fraction"].round(2).tolist()
+    ([2, 4, 6], [0.44, 0.22, 0.26])
+    """
+    rows = []
+    for label, load, found in _solved(scene, p_over_E, solver, rel_tol):
+        grooves, (left, right) = _penetrations(found), found.ends
+        rows.append(
+            [
+                label,
+                load,
+                found.Q,
+                found.contact_fraction,
+                0.5 * (right - left),
+                found.approach,
+                max(grooves.values(), default=math.nan),
+                found.status,
+            ]
+        )
+    return pd.DataFrame(rows, columns=RESPONSE_COLUMNS)
+
+
+def ridge_forces(
+    scene: Scene, p_over_E: ArrayLike, *, solver: str = "auto", rel_tol: float = 1e-6
+) -> pd.DataFrame:
+    """Return the contact on each ridge and floor of a scene at each load.
+
+    Parameters
+    ----------
+    scene, p_over_E, solver, rel_tol
+        As for `contact_at_loads`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns texture, p_over_E, land (``ridge`` or ``floor``), ridge (its number, or that of
+        the ridge to the left of a floor), left_over_R, right_over_R (ends of contact), share (of
+        the load), mean_pressure_over_E, penetration_over_R (into the groove to the right), status.
+        Of a body that sits symmetrically the right half; its mirror image has the same. A load of
+        which nothing was computed has one row, whose status says why.
+
+    Raises
+    ------
+    InputError
+        As `contact_at_loads`.
+
+    Notes
+    -----
+    *Validity.* As `contact_at_loads`.
+    """
+    rows = []
+    for label, load, found in _solved(scene, p_over_E, solver, rel_tol):
+        intervals, profile = found.pressing.intervals, found.profile
+        grooves = _penetrations(found)
+        if not found.lands:
+            rows.append([label, load, "", -1, *[math.nan] * 5, found.status])
+        for i, (land, force) in enumerate(
+            zip(found.lands, found.pressing.forces.tolist(), strict=True)
+        ):
+            share = force / found.pressing.load
+            width = 2 * float(intervals.half_width[i])
+            number = land.ridge
+            if number is None:
+                number = round((land.start - profile.ridge(0).stop) / profile.pitch)
+            rows.append(
+                [
+                    label,
+                    load,
+                    "floor" if land.ridge is None else "ridge",
+                    number,
+                    float(intervals.left[i]),
+                    float(intervals.right[i]),
+                    share,
+                    2 * load * share / width,
+                    grooves.get(number, math.nan),
+                    found.status,
+                ]
+            )
+    return pd.DataFrame(rows, columns=FORCE_COLUMNS)
+
+
+def _solved(
+    scene: Scene, p_over_E: ArrayLike, solver: str, rel_tol: float
+) -> list[tuple[str, float, Pressed]]:
+    loads = np.atleast_1d(np.asarray(p_over_E, dtype=np.float64))
+    within = (loads > 0) & (loads <= LARGEST_LOAD)
+    if not np.all(within):
+        raise InputError(
+            f"p_over_E = {loads[~within][0]}; rule: finite and > 0, at most {LARGEST_LOAD:g}"
+        )
+    if solver not in ("auto", "half-plane"):
+        raise InputError(f"solver = {solver!r}; rule: auto or half-plane")
+    found = []
+    for texture, profile in _profiles(scene, solver):
+        label = texture_label(texture.a_over_R, texture.b_over_R)
+        solutions = many_pressed(profile, load_factor(scene.nu) * loads, rel_tol=rel_tol)
+        found += [(label, p, one) for p, one in zip(loads.tolist(), solutions, strict=True)]
+    return found
+
+
+def _profiles(scene: Scene, solver: str) -> list[tuple[Texture, Profile]]:
+    for texture in scene.textures:
+        if texture.offset == "uniform":
+            raise InputError("offset = 'uniform'; rule: a number here; sliding_counts averages")
+    if solver == "half-plane":
+        return [(texture, given_profile(texture)) for texture in scene.textures]
+    # Pressures are of the ridges even where transition loads would not notice these.
+    return [
+        (one.texture, one.profile or Profile(one.texture.a_over_R, one.texture.b_over_R))
+        for one in plan(scene)
+    ]
+
+
+def _penetrations(found: Pressed) -> dict[int, float]:
+    """Return how deep the surface hangs into each groove between touched ridges."""
+    numbers = [land.ridge for land in found.lands if land.ridge is not None]
+    if not numbers:
+        return {}
+    first = -1 if found.profile.mirrored and min(numbers) >= 0 else min(numbers)
+    return {number: found.penetration(number) for number in range(first, max(numbers))}

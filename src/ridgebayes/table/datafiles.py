@@ -1,0 +1,79 @@
+"""Where the data that ships with the package lies: inside a wheel, or beside a source checkout."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ridgebayes.errors import InputError
+
+if TYPE_CHECKING:
+    from ridgebayes.table.table import ContactTable
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_ROOTS = (_PACKAGE / "data", _PACKAGE.parents[1] / "data")
+
+PAPER_SWEEP = "paper_sweep.csv"
+CYLINDER_SWEEP = "fea/cylinder_sweep.csv"
+CALCULIX_FE = "fea/neo_hooke.csv"
+SMOOTH_FE = "fea/smooth_cylinder.csv"
+
+
+def data_path(name: str) -> Path:
+    """Return the path of a shipped data file.
+
+    Parameters
+    ----------
+    name : str
+        Path below `data`, such as ``"paper_sweep.csv"``.
+
+    Returns
+    -------
+    pathlib.Path
+        The existing file.
+
+    Raises
+    ------
+    InputError
+        If no file of that name was shipped.
+    """
+    for root in _ROOTS:
+        if (root / name).is_file():
+            return root / name
+    raise InputError(f"data file {name!r}: not shipped with this installation")
+
+
+def paper_sweep() -> "ContactTable":
+    """Return the embedded default table: the paper's nine textures and the held-out extreme one.
+
+    Examples
+    --------
+    >>> len(paper_sweep().calibration)
+    41
+    """
+    from ridgebayes.table.table import read_table
+
+    return read_table(data_path(PAPER_SWEEP))
+
+
+def reference_fe() -> "ContactTable":
+    """Return the finite-strain finite-element rows that the forms are compared on as well.
+
+    Returns
+    -------
+    ContactTable
+        To calibrate, the study's nine textures by this package's cylinder; held out, the rows of
+        CalculiX on two of them, an independent program's.
+
+    Examples
+    --------
+    >>> table = reference_fe()
+    >>> len(table.calibration.textures), len(table.held_out.textures)
+    (9, 2)
+    """
+    import pandas as pd
+
+    from ridgebayes.table.table import ContactTable, read_table
+
+    own = read_table(data_path(CYLINDER_SWEEP)).frame
+    other = read_table(data_path(CALCULIX_FE)).frame.assign(role="held-out")
+    where = f"{CYLINDER_SWEEP} and {CALCULIX_FE}"
+    return ContactTable.from_frame(pd.concat([own, other], ignore_index=True), where=where)

@@ -1,0 +1,201 @@
+"""`ContactTable`: the loads at which ridges were reached, validated once, at the door."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes.errors import InputError
+from ridgebayes.table.columns import CALIBRATION, COLUMNS, HELD_OUT, OK, check_header
+from ridgebayes.table.files import frame_digest, read_raw, write_frame
+from ridgebayes.table.findings import RawTable
+from ridgebayes.table.rules import checked
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactTable:
+    """Rows of the contact table, every rule of the contract held.
+
+    Made by `ContactTable.from_frame` and `read_table`, not by hand. The columns are told in
+    `ridgebayes.table.columns.COLUMNS`; columns of the user's own stand after them.
+
+    Parameters
+    ----------
+    where : str
+        File or name that messages show.
+
+    Notes
+    -----
+    A texture is its (a_over_R, b_over_R). One label on two textures is refused, because results
+    are named by label. One texture under two labels is accepted (two samples of one geometry):
+    results are named by the first of them, see `labels`.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> rows = {"a_over_R": 0.032, "b_over_R": 0.01, "Q": [4, 6], "p_over_E": [0.00098, 0.0038]}
+    >>> table = ContactTable.from_frame(pd.DataFrame(rows))
+    >>> len(table), table.textures, table.labels
+    (2, ((0.032, 0.01),), ('a0.032_b0.01',))
+    """
+
+    _frame: pd.DataFrame
+    where: str = "table"
+
+    @classmethod
+    def from_frame(cls, frame: pd.DataFrame, *, where: str = "table") -> "ContactTable":
+        """Validate a DataFrame.
+
+        Parameters
+        ----------
+        frame : pandas.DataFrame
+            Columns in any order; the index is ignored. NaN, None and empty text are empty cells.
+        where : str
+            Name that messages show.
+
+        Returns
+        -------
+        ContactTable
+            A copy: later changes of `frame` do not reach it.
+
+        Raises
+        ------
+        InputError
+            If a rule is broken: one message that lists every bad cell with row (from 1), column,
+            value and rule, the first twenty shown and the rest counted.
+        """
+        return cls._validated(RawTable(frame.copy(), where))
+
+    @classmethod
+    def _validated(cls, raw: RawTable) -> "ContactTable":
+        check_header(list(raw.frame.columns), raw.where)
+        if not len(raw.frame):
+            raise InputError(f"{raw.where}: no rows below the header")
+        frame, findings = checked(raw)
+        if findings and raw.retyped is not None:
+            # Only now, to show cells as typed; cells as typed also have the last word.
+            raw = raw.retyped()
+            frame, findings = checked(raw)
+        if findings:
+            raise InputError(findings.message(raw))
+        return cls(frame, raw.where)
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """A copy of the rows: contract columns in their order, all filled, then the user's own."""
+        return self._frame.copy()
+
+    def column(self, name: str) -> np.ndarray:
+        """Return one column as a read-only array, shape (n_row,): cheaper than `frame`."""
+        values = np.asarray(self._frame[name]).view()
+        values.flags.writeable = False
+        return values
+
+    def __len__(self) -> int:
+        return len(self._frame)
+
+    def __repr__(self) -> str:
+        return f"ContactTable({self.where}: {len(self)} rows, {len(self.textures)} textures)"
+
+    @property
+    def calibration(self) -> "ContactTable":
+        """The rows to fit: status ok, role calibration. May be empty."""
+        return self._where(self._ok & (self._frame["role"] == CALIBRATION).to_numpy())
+
+    @property
+    def held_out(self) -> "ContactTable":
+        """The rows to predict and compare, never to fit: status ok, role held-out."""
+        return self._where(self._ok & (self._frame["role"] == HELD_OUT).to_numpy())
+
+    @property
+    def left_out(self) -> "ContactTable":
+        """The rows whose status is not ok, to be counted aloud."""
+        return self._where(~self._ok)
+
+    @property
+    def _ok(self) -> np.ndarray:
+        return (self._frame["status"] == OK).to_numpy(dtype=bool)
+
+    def _where(self, keep: np.ndarray) -> "ContactTable":
+        return ContactTable(self._frame[keep].reset_index(drop=True), self.where)
+
+    @property
+    def textures(self) -> tuple[tuple[float, float], ...]:
+        """The distinct (a_over_R, b_over_R), in order of first appearance."""
+        pairs = self._frame[["a_over_R", "b_over_R"]].drop_duplicates()
+        return tuple((float(a), float(b)) for a, b in pairs.to_numpy())
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The label of each of `textures`: the first it has in the table."""
+        kept = self._frame.drop_duplicates(["a_over_R", "b_over_R"])["texture"]
+        return tuple(str(label) for label in kept)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the table, whole or not at all; optional columns that say nothing are left out.
+
+        Parameters
+        ----------
+        path : str or path
+            Ends in ``.csv`` or ``.parquet``; an existing file is replaced. CSV has no types: text
+            of the user's own columns that looks like numbers comes back as numbers.
+
+        Raises
+        ------
+        InputError
+            If the suffix is unknown, the folder does not exist, or pyarrow is missing.
+        OutputError
+            If the file cannot be written, such as on a full disk.
+        """
+        frame = self._frame
+        silent = [
+            column.name
+            for column in COLUMNS
+            if column.default is not None
+            and not column.always_written
+            and _all_default(frame[column.name], column.default)
+        ]
+        write_frame(frame.drop(columns=silent), Path(path))
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the content: equal for equal rows in equal order.
+
+        Returns
+        -------
+        str
+            64 hexadecimal digits, whatever the file format, the order of columns, and whether
+            defaults were written or left out.
+        """
+        return frame_digest(self._frame)
+
+
+def read_table(source: str | os.PathLike[str] | pd.DataFrame) -> ContactTable:
+    """Read and validate a contact table.
+
+    Parameters
+    ----------
+    source : str, path or pandas.DataFrame
+        A ``.csv`` or ``.parquet`` file, or the rows themselves.
+
+    Returns
+    -------
+    ContactTable
+        The validated table.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or a rule is broken; the message names file, row, column, value
+        and rule of every bad cell (the first twenty shown, the rest counted).
+    """
+    if isinstance(source, pd.DataFrame):
+        return ContactTable.from_frame(source)
+    return ContactTable._validated(read_raw(Path(source)))
+
+
+def _all_default(cells: "pd.Series[Any]", default: float | str) -> bool:
+    same = cells.isna() if isinstance(default, float) and np.isnan(default) else cells == default
+    return bool(same.all())

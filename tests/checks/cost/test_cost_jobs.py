@@ -1,0 +1,86 @@
+"""`ridgebayes cost`: the files, and that better settings are better."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import ridgebayes as rb
+from ridgebayes.checks.cost.loads import load_settings
+from ridgebayes.checks.cost.measured import COST_COLUMNS
+from ridgebayes.commands.cost_jobs import cost_job
+from ridgebayes.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def costs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("costs") / "out"
+    return folder, cost_job(folder, rb.paper_sweep(), elements=False, repeats=1, workers=2)
+
+
+def test_cost_job__writes_a_table_a_page_and_figures(costs):
+    folder, frame = costs
+    tasks = ["loads", "small-strain-loads", "100th-transition", "posterior", "evidence", "bands"]
+    figures = {f"cost-{task}.{kind}" for task in tasks for kind in ("png", "svg")}
+    assert {path.name for path in folder.iterdir()} == {"cost.csv", "cost.html"} | figures
+    written = pd.read_csv(folder / "cost.csv")
+    assert list(written) == [*COST_COLUMNS, "pareto"]
+    assert len(written) == len(frame)
+    assert set(frame["status"]) == {"ok"}
+    page = (folder / "cost.html").read_text()
+    assert page.count("<img") == len(tasks)
+    assert "is reached most cheaply by" in page
+
+
+def error(frame, task, method, setting, quantity):
+    rows = frame[(frame["task"] == task) & (frame["method"] == method)]
+    rows = rows[(rows["setting"] == setting) & (rows["quantity"] == quantity)]
+    return rows["error"].item()
+
+
+def test_cost_job__errors_fall_as_settings_are_turned_up(costs):
+    _, frame = costs
+    loads = ("small-strain loads", "half-plane")
+    few, more = (
+        error(frame, *loads, f"{n} coefficients a strip", "largest relative error") for n in (3, 6)
+    )
+    assert more < 0.01 * few
+    assert more < 1e-6
+    # Monte Carlo: 512 and 40,960 draws; errors are of one seed, so the bound is loose.
+    sample = ("posterior", "importance sampling")
+    assert error(frame, *sample, "40960 draws", "mean") < 0.03
+    assert error(frame, "evidence", "quadrature", "tolerance 1e-06", "ln Z") < 1e-6
+    assert error(frame, "evidence", "Laplace", "at the mode", "ln Z") == pytest.approx(
+        0.013, abs=0.002
+    )
+
+
+def test_load_settings__measure_forms_against_the_equation():
+    settings = load_settings(rb.paper_sweep(), (0.022, 0.02), 0.02, elements=False)
+    by_name = {(one.method, one.setting): one for one in settings if one.task == "loads"}
+    found = by_name["half-plane", "tolerance 1e-8"].compute()["largest relative error"]
+    assert found < 1e-8
+    printed = by_name["hybrid form", "printed coefficients"].compute()["largest relative error"]
+    assert 0.01 < printed < 0.2
+
+
+def test_cost__as_a_command_takes_a_scene(command, monkeypatch):
+    asked = {}
+
+    def canned(folder, table, **options):
+        asked.update(options, table=table)
+        return pd.DataFrame(columns=[*COST_COLUMNS, "pareto"])
+
+    monkeypatch.setattr("ridgebayes.commands.cost_jobs.cost_job", canned)
+    Path("my.toml").write_text(
+        "[texture]\nridge_width = 0.03\ngroove_width = 0.02\n[load]\np_over_E = 0.01\n"
+    )
+    said = command("cost", "my.toml", "--no-elements", "-o", "out")
+    assert (said.code, said.out) == (0, "out: 0 rows; look at out/cost.html\n")
+    assert (asked["texture"], asked["p_max"], asked["elements"]) == ((0.03, 0.02), 0.01, False)
+    assert asked["table"].textures == ((0.03, 0.02),)
+
+
+def test_cost_job__without_a_run_is_refused(tmp_path):
+    with pytest.raises(InputError, match="--repeats 0: rule: at least 1"):
+        cost_job(tmp_path / "out", rb.paper_sweep(), repeats=0)

@@ -1,0 +1,253 @@
+"""Scores of left-out rows against dense Gaussian formulas, closed forms and each other."""
+
+import pickle
+from concurrent.futures import Executor, Future
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+import ridgebayes as rb
+from ridgebayes.checks import cross_validation
+from ridgebayes.checks.cross_validation import (
+    CrossValidation,
+    cross_validate,
+    crps_of_draws,
+    joint_log_densities,
+    row_scores,
+    stacked,
+)
+from ridgebayes.checks.folds import Fold
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference.emcee_sampling import Chains
+from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.results import Fit
+
+QUICK = {"n_round": 3, "n_per_round": 300, "n_draw": 512}
+
+
+def fit_at(data, form, noise, theta):
+    """A posterior that is a few given points."""
+    model = Model(data, form, Noise.named(noise))
+    u = model.to_unconstrained(np.asarray(theta, float))[None, None]
+    chains = Chains(u, np.zeros(u.shape[:-1]), np.ones(1), np.ones(u.shape[-1]), ())
+    return Fit(model, chains, pd.DataFrame(), (), 0)
+
+
+def middle(data, c1, c2):
+    """The hybrid's log load of each row, typed out."""
+    a, b = data.a_over_R[data.texture], data.b_over_R[data.texture]
+    return 2 * np.log((data.Q / 2 - 1) / (c1 / (a + b) + c2 / a))
+
+
+@pytest.fixture
+def data(observed):
+    rng = np.random.default_rng(4)
+    texture = np.repeat([0, 1, 2], [4, 3, 4])
+    Q = np.array([4, 6, 8, 10, 4, 6, 8, 4, 6, 8, 12])
+    rows = observed(texture, Q, np.zeros(11), rel_se=rng.choice([0.0, 0.03], 11))
+    load = middle(rows, 1.35, 0.02) + 0.04 * rng.standard_normal(11)
+    return observed(texture, Q, load, rel_se=rows.rel_se)
+
+
+@pytest.fixture(scope="module")
+def three(paper):
+    """Three textures of the paper's sweep."""
+    frame = paper.calibration.frame
+    kept = frame["texture"].isin(["a0.012_b0.03", "a0.022_b0.02", "a0.032_b0.01"])
+    return rb.ContactTable.from_frame(frame[kept])
+
+
+@pytest.fixture(scope="module")
+def done(three):
+    return cross_validate(three, Modified(), rng=1, effort=QUICK)
+
+
+THETA = np.array([[1.34, 0.018, 0.03, 0.02, 0.05], [1.30, 0.030, 0.05, 0.06, 0.01]])
+
+
+@pytest.mark.parametrize("by", ["texture", "Q", "row"])
+def test_joint_log_densities__are_those_of_the_dense_conditional_gaussian(data, by):
+    left = {"texture": data.texture == 1, "Q": data.Q == 6, "row": np.arange(11) == 3}[by]
+    fit = fit_at(data.take(~left), Hybrid(), "texture+step", THETA)
+    found = joint_log_densities(fit, data)
+    for value, (c1, c2, sigma, tau_texture, tau_step) in zip(found, THETA, strict=True):
+        covariance = (
+            np.diag(sigma**2 + data.rel_se**2)
+            + tau_texture**2 * (data.texture[:, None] == data.texture)
+            + tau_step**2 * (data.Q[:, None] == data.Q)
+        )
+        residual = data.log_load - middle(data, c1, c2)
+        gain = covariance[np.ix_(left, ~left)] @ np.linalg.inv(covariance[np.ix_(~left, ~left)])
+        rest = covariance[np.ix_(left, left)] - gain @ covariance[np.ix_(~left, left)]
+        expected = stats.multivariate_normal(gain @ residual[~left], rest).logpdf(residual[left])
+        # Rounding: a difference of log-likelihoods of some 20, of a condition of some 100.
+        assert value == pytest.approx(expected, abs=1e-9)
+
+
+def test_joint_log_densities__refuses_what_has_no_closed_form(data):
+    left = data.texture == 1
+    with pytest.raises(InputError, match="closed-form offsets"):
+        joint_log_densities(fit_at(data.take(~left), PowerLaw(), "iid", [[50, 50, 0.1]]), data)
+
+
+def test_row_scores__of_exact_rows_are_those_of_the_dense_marginal(data):
+    left = data.texture == 1
+    fit = fit_at(data.take(~left), Hybrid(), "texture", THETA[:, [0, 1, 2, 3]])
+    own = data.take(left)
+    log_score, crps, pit = row_scores(fit, own, np.random.default_rng(1))
+    mean = np.stack([middle(own, c1, c2) for c1, c2 in THETA[:, :2]])
+    sd = np.sqrt((THETA[:, 2] ** 2 + THETA[:, 3] ** 2)[:, None] + own.rel_se**2)
+    density = stats.norm(mean, sd).pdf(own.log_load).mean(axis=0)
+    # Rounding: residuals of 0.05 beside 6, in scales of 0.05.
+    np.testing.assert_allclose(log_score, np.log(density), rtol=1e-10)
+    np.testing.assert_allclose(pit, stats.norm(mean, sd).cdf(own.log_load).mean(axis=0), rtol=1e-9)
+    # CRPS of a mixture of normals in closed form (Grimit et al. 2006), pair by pair.
+    pairs, spread = mean[:, None] - mean[None], np.sqrt(sd[:, None] ** 2 + sd[None] ** 2)
+    expected = _gap(own.log_load - mean, sd).mean(axis=0)
+    expected -= 0.5 * _gap(pairs, spread).mean(axis=(0, 1))
+    # Monte Carlo: five standard errors, sd / sqrt(10,240) at most each.
+    np.testing.assert_allclose(crps, expected, atol=5 * sd.max() / 100)
+
+
+def _gap(mean, sd):
+    """E |N(mean, sd^2)|."""
+    z = mean / sd
+    return mean * (2 * stats.norm.cdf(z) - 1) + 2 * sd * stats.norm.pdf(z)
+
+
+def test_row_scores__of_brackets_and_counts_are_log_probabilities(observed):
+    texture, Q = np.repeat([0, 1], [2, 4]), np.array([4, 6, 6, 6, 2, 8])
+    plain = observed(texture, Q, np.zeros(6))
+    load = np.where(Q == 2, -7.0, middle(observed(texture, np.maximum(Q, 4), 0.0), 1.34, 0.018))
+    bracket, count = np.arange(6) == 2, np.isin(np.arange(6), [3, 4, 5])
+    low = np.where(bracket, load - 0.05, np.nan)
+    data = observed(plain.texture, Q, load + 0.01, log_lower=low, is_count=count)
+    fit = fit_at(data.take(data.texture == 0), Hybrid(), "iid", [[1.34, 0.018, 0.03]])
+    log_score, crps, pit = row_scores(fit, data.take(data.texture == 1), np.random.default_rng(1))
+    cdf = stats.norm(scale=0.03).cdf
+    own = observed([1] * 4, [6, 8, 4, 10], 0.0)  # the loads that end the rows' counts
+    later = middle(own, 1.34, 0.018)
+    y = (load + 0.01)[2:]
+    expected = [
+        cdf(0.01) - cdf(-0.05),
+        cdf(0.01) - cdf(y[1] - later[1]),
+        1 - cdf(y[2] - later[2]),
+        cdf(0.01) - cdf(y[3] - later[3]),
+    ]
+    # Rounding: probabilities by subtraction here.
+    np.testing.assert_allclose(np.exp(log_score), expected, rtol=1e-9)
+    assert np.isnan(crps).all()
+    assert np.isnan(pit).all()
+
+
+def test_crps_of_draws__is_the_closed_form_of_a_normal_and_the_double_sum():
+    rng = np.random.default_rng(2)
+    y = np.array([-2.0, 0.1, 1.5])
+    draws = rng.standard_normal((40_000, 3))
+    expected = _gap(y, 1.0) - 1 / np.sqrt(np.pi)
+    # Monte Carlo: five standard errors of at most 1 / sqrt(40,000).
+    np.testing.assert_allclose(crps_of_draws(draws, y), expected, atol=5 / 200)
+    few = draws[:7]
+    pairs = np.abs(few[:, None] - few[None]).sum(axis=(0, 1)) / (2 * 7 * 6)
+    np.testing.assert_allclose(
+        crps_of_draws(few, y), np.abs(few - y).mean(axis=0) - pairs, rtol=1e-12
+    )  # rounding
+
+
+def test_cross_validate__tells_each_row_and_fold(three, done):
+    frame = three.frame
+    assert list(done.rows.columns) == cross_validation.ROW_COLUMNS
+    for name in ("a_over_R", "b_over_R", "Q", "p_over_E"):
+        np.testing.assert_array_equal(done.rows[name], frame[name])
+    np.testing.assert_array_equal(done.rows["fold"], frame["texture"])
+    assert list(done.folds.columns) == cross_validation.FOLD_COLUMNS
+    assert done.folds["fold"].tolist() == list(three.labels)
+    assert done.folds["n_row"].tolist() == frame.groupby("texture", sort=False).size().tolist()
+    assert set(done.folds["method"]) == {"draws"}
+    scores, sizes = done.folds["log_score"], done.folds["n_row"]
+    assert done.elpd == pytest.approx(scores.sum(), rel=1e-12)  # rounding, and below
+    astray = scores - sizes * scores.sum() / sizes.sum()
+    assert done.elpd_se == pytest.approx(np.sqrt(1.5 * (astray**2).sum()), rel=1e-12)
+    assert done.row_elpd == pytest.approx(done.rows["log_score"].sum(), rel=1e-12)
+    alone = np.sqrt(len(frame) * done.rows["log_score"].var(ddof=1))
+    assert done.row_elpd_se_unclustered == pytest.approx(alone, rel=1e-12)
+    assert done.mean_crps == pytest.approx(done.rows["crps"].mean(), rel=1e-12)
+    assert done.failures == {}
+    assert "leave one texture out: elpd" in repr(done)
+
+
+def test_cross_validate__two_ways_to_a_joint_score_agree(three, done, monkeypatch):
+    monkeypatch.setattr(cross_validation, "_by_draws", lambda fold: False)
+    other = cross_validate(three, Modified(), rng=1, effort=QUICK)
+    assert set(other.folds["method"]) == {"evidences"}
+    error = np.hypot(done.folds["log_score_se"], other.folds["log_score_se"])
+    # Monte Carlo: five standard errors.
+    assert (abs(done.folds["log_score"] - other.folds["log_score"]) < 5 * error).all()
+    assert error.max() < 0.2
+    pd.testing.assert_frame_equal(done.rows, other.rows)
+
+
+class Backwards(Executor):
+    """An executor that pickles its tasks, and computes the last one first."""
+
+    n_worker = 10  # all tasks at once
+
+    def __init__(self, n_task):
+        self.tasks, self.n_task = [], n_task
+
+    def submit(self, function, task):
+        future = Future()
+        self.tasks.append((future, pickle.dumps((function, task))))
+        if len(self.tasks) == self.n_task:
+            for waiting, message in reversed(self.tasks):
+                function, task = pickle.loads(message)
+                waiting.set_result(pickle.loads(pickle.dumps(function(task))))
+        return future
+
+
+def test_cross_validate__does_not_depend_on_who_computes(three, done):
+    other = cross_validate(three, Modified(), rng=1, effort=QUICK, executor=Backwards(3))
+    pd.testing.assert_frame_equal(done.rows, other.rows)
+    pd.testing.assert_frame_equal(done.folds, other.folds)
+
+
+def test_cross_validate__counts_a_failed_fold_and_gives_no_total(three, done, monkeypatch):
+    refit = Fold.refit
+
+    def failing(fold):
+        if fold.name == "a0.022_b0.02":
+            raise ComputationError("no interior mode")
+        return refit(fold)
+
+    monkeypatch.setattr(Fold, "refit", failing)
+    other = cross_validate(three, Modified(), rng=1, effort=QUICK)
+    assert other.failures == {"a0.022_b0.02": "no interior mode"}
+    own = other.rows["fold"] == "a0.022_b0.02"
+    assert other.rows.loc[own, ["log_score", "crps", "pit"]].isna().all(axis=None)
+    pd.testing.assert_frame_equal(other.rows[~own], done.rows[~own])
+    totals = [other.elpd, other.elpd_se, other.row_elpd, other.row_elpd_se, other.mean_crps]
+    assert np.isnan(totals).all()
+    assert stacked({"one": done, "other": other}) == {"one": 1.0, "other": 0.0}
+    with pytest.raises(InputError, match="none without a failed fold"):
+        stacked({"other": other})
+
+
+def scored(scores, folds="abc"):
+    frame = pd.DataFrame({"fold": list(folds), "n_row": 2, "log_score": scores})
+    return CrossValidation("hybrid", Noise(), "texture", pd.DataFrame(), frame, {})
+
+
+def test_stacked__weighs_by_joint_scores_of_folds():
+    # Two models, each right by a factor of e^5 in its own folds: the weights maximise
+    # 2 log(w + (1 - w) e^-5) + log(w e^-5 + 1 - w).
+    weights = stacked({"x": scored([0.0, 0.0, -5.0]), "y": scored([-5.0, -5.0, 0.0])})
+    w = np.linspace(0, 1, 100_001)
+    value = 2 * np.log(w + (1 - w) * np.exp(-5)) + np.log(w * np.exp(-5) + 1 - w)
+    assert weights["x"] == pytest.approx(w[value.argmax()], abs=1e-4)  # the grid's step, tenfold
+    assert sum(weights.values()) == pytest.approx(1, rel=1e-12)
+    with pytest.raises(InputError, match="folds differ"):
+        stacked({"x": scored([0.0, 0.0, 0.0]), "y": scored([0.0, 0.0, 0.0], "abd")})

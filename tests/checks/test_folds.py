@@ -1,0 +1,91 @@
+"""Folds leave out what they say; errors of sums over folds."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.model.forms import Hybrid, Modified
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.predict.predict import predict_load
+
+IID = Noise()
+QUICK = {"n_round": 2, "n_per_round": 200, "n_draw": 128}
+
+
+@pytest.fixture
+def data(observed):
+    texture = np.array([0, 0, 0, 1, 1, 2])
+    load = [-6.3, -4.8, -4.1, -6.4, -5.1, -6.4]
+    return observed(texture, [4, 6, 8, 4, 6, 4], load, rel_se=[0, 0, 0, 0.2, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("leave", "names", "sizes"),
+    [
+        ("texture", ["a0.012_b0.03", "a0.032_b0.01", "a0.022_b0.02"], [3, 2, 1]),
+        ("step", ["Q = 4", "Q = 6", "Q = 8"], [3, 2, 1]),
+        ("row", [f"row {i}" for i in range(1, 7)], [1] * 6),
+    ],
+)
+def test_folds_of__leave_out_each_row_once(data, leave, names, sizes):
+    folds = folds_of(data, Hybrid(), IID, leave=leave)
+    assert [fold.name for fold in folds] == names
+    assert [int(fold.left.sum()) for fold in folds] == sizes
+    np.testing.assert_array_equal(sum(fold.left.astype(int) for fold in folds), np.ones(6))
+    by = {"texture": data.texture, "step": data.Q, "row": np.arange(6)}[leave]
+    assert all(len(set(by[fold.left])) == 1 for fold in folds)
+
+
+def test_folds_of__gives_each_a_seed_of_its_own_names(data, observed):
+    folds = folds_of(data, Hybrid(), IID, seed=1)
+    others = [
+        *folds_of(data, Hybrid(), IID, seed=2),
+        *folds_of(data, Modified(), IID, seed=1),
+        *folds_of(data, Hybrid(), Noise("texture"), seed=1),
+    ]
+    assert len({fold.seed for fold in [*folds, *others]}) == 12
+    fewer = folds_of(data.take(data.texture < 2), Hybrid(), IID, seed=1)
+    assert [fold.seed for fold in fewer] == [fold.seed for fold in folds[:2]]
+
+
+def test_folds_of__refuses_unknown_words_and_a_single_fold(data):
+    with pytest.raises(InputError, match=r"leave: 'fold' given; rule: one of texture, step, row"):
+        folds_of(data, Hybrid(), IID, leave="fold")
+    with pytest.raises(InputError, match="rule: rows of at least two"):
+        folds_of(data.take(data.texture == 0), Hybrid(), IID)
+
+
+def test_refit__is_the_fit_of_the_rows_that_stay(data):
+    fold = folds_of(data, Modified(), IID, seed=3, effort=QUICK)[1]
+    fit, evidence = pickle.loads(pickle.dumps(fold)).refit()
+    rest = Model(data.take(data.texture != 1), Modified(), IID)
+    expected, value = importance_fit(rest, seed=fold.seed, **QUICK)
+    assert fit.model.data.textures == (data.textures[0], data.textures[2])
+    np.testing.assert_array_equal(fit.draws, expected.draws)
+    assert evidence == value
+    with pytest.raises(ComputationError, match="no row is left to fit"):
+        Fold("all", data, np.ones(6, dtype=bool), Modified(), IID, 0).refit()
+
+
+def test_row_loads__adds_the_rows_known_error(data):
+    fit = folds_of(data, Modified(), IID, effort=QUICK)[1].refit()[0]
+    left = data.take(data.texture == 1)
+    load, bare = row_loads(fit, left), predict_load(fit, 0.032, 0.01, np.array([4, 6]))
+    np.testing.assert_array_equal(load.log_mean, bare.log_mean)
+    np.testing.assert_allclose(load.sd**2 - bare.sd**2, [[0.04, 0]] * len(load.sd), atol=1e-12)
+    further = row_loads(fit, left, left.Q + 2)
+    np.testing.assert_array_equal(further.log_mean[:, 0], bare.log_mean[:, 1])
+
+
+def test_clustered_se__is_of_whole_folds():
+    total, n = np.array([3.0, 1.0, 8.0, 2.0]), np.full(4, 2.0)
+    # Folds of one size: the textbook's standard error of a sum. Rounding.
+    assert clustered_se(total, n) == pytest.approx(np.sqrt(4 * total.var(ddof=1)), rel=1e-12)
+    # Folds that differ in size alone do not stray.
+    assert clustered_se(np.array([1.5, 4.5]), np.array([1.0, 3.0])) == pytest.approx(0, abs=1e-12)
+    assert np.isnan(clustered_se(total[:1], n[:1]))

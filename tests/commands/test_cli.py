@@ -1,0 +1,728 @@
+"""Commands as a person types them: exit codes, what is said, and what is (not) written."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pandas as pd
+import pytest
+
+import ridgebayes as rb
+from ridgebayes.commands import cli
+from ridgebayes.commands.jobs import compare_job
+from ridgebayes.commands.run_folder import read_run
+from ridgebayes.comparison.bands import bands_table
+from ridgebayes.errors import ComputationError
+from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
+from ridgebayes.table.datafiles import PAPER_SWEEP, data_path
+
+# Ends at its first check, where no autocorrelation time can have settled: never converged.
+QUICK = rb.SampleSettings(n_walker=16, n_step_max=100)
+SWEEP = data_path(PAPER_SWEEP)
+HEADER = "a_over_R,b_over_R,Q,p_over_E\n"
+AT = ("--texture", "0.022,0.02")
+OVER = ("--p-over-E", "0.001:0.02:5")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _two_prior_scales():
+    """Two prior scales say as much here as nine, in a fifth of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "ridgebayes.comparison.comparison.prior_sensitivity",
+            lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known),
+        )
+        yield
+
+
+def everything(folder=Path()):
+    """Return every file and folder with its content, hidden ones too."""
+    return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
+
+
+@pytest.fixture
+def refused(command):
+    """Check that a command exits 2 with one message holding some words, and writes nothing."""
+
+    def check(words, *expected):
+        before = everything()
+        said = command(*words)
+        assert said.code == 2, said
+        assert said.out == ""
+        assert "Traceback" not in said.err
+        if "Usage:" in said.err:
+            assert said.err.count("─ Error ─") == 1
+        else:
+            assert said.err.count("ridgebayes: ") == 1
+        for part in expected:
+            assert part in said.err
+        assert everything() == before
+        return said.err
+
+    return check
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Make sampling short: enough where convergence does not matter."""
+    monkeypatch.setattr(
+        "ridgebayes.inference.presets.Preset.settings", property(lambda self: QUICK)
+    )
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A run folder of two forms."""
+    folder = tmp_path_factory.mktemp("finished") / "run"
+    compare_job(folder, SWEEP, forms=["modified", "classic"], settings=QUICK)
+    return folder
+
+
+@pytest.fixture
+def run(finished, tmp_path):
+    """A copy that a test may damage, in the working folder."""
+    shutil.copytree(finished, tmp_path / "run")
+    return Path("run")
+
+
+# --- bad tables -----------------------------------------------------------------------------------
+
+BAD_TABLES = {
+    "missing column": (
+        "a_over_R,b_over_R,Q\n0.01,0.02,4\n",
+        ["header", "missing column p_over_E", "'a_over_R', 'b_over_R', 'Q'"],
+    ),
+    "text in a number": (
+        HEADER + "0.01,0.02,4,0.001\n0.01,wide,6,0.004\n",
+        ["row 2", "(line 3)", "b_over_R = 'wide'", "must be a number"],
+    ),
+    "comma for a point": (HEADER + '"0,01",0.02,4,0.001\n', ["row 1", "a_over_R = '0,01'"]),
+    "NaN": (HEADER + "0.01,0.02,4,NaN\n", ["row 1", "p_over_E = 'NaN'", "must be finite and > 0"]),
+    "infinity": (HEADER + "0.01,0.02,4,inf\n", ["row 1", "p_over_E = 'inf'", "must be finite"]),
+    "negative ridge": (HEADER + "-0.01,0.02,4,0.001\n", ["row 1", "a_over_R = '-0.01'", "> 0"]),
+    "negative groove": (HEADER + "0.01,-0.02,4,0.001\n", ["row 1", "b_over_R = '-0.02'", "> 0"]),
+    "zero load": (HEADER + "0.01,0.02,4,0\n", ["row 1", "p_over_E = '0'", "> 0"]),
+    "odd Q": (HEADER + "0.01,0.02,5,0.001\n", ["row 1", "Q = '5'", "must be even"]),
+    "Q = 2": (HEADER + "0.01,0.02,2,0.001\n", ["row 1", "Q = '2'", "must be at least 4"]),
+    "falling loads": (
+        HEADER + "0.01,0.02,4,0.002\n0.01,0.02,6,0.001\n",
+        ["row 2", "p_over_E = '0.001'", "must rise with Q", "row 1"],
+    ),
+    "identical row": (
+        HEADER + "0.01,0.02,4,0.001\n0.01,0.02,6,0.004\n0.01,0.02,4,0.001\n",
+        ["row 3", "Q = '4'", "identical row of one curve twice", "row 1"],
+    ),
+    "empty file": ("", ["the file is empty"]),
+    "header alone": (HEADER, ["no rows below the header"]),
+    "wrong encoding": (
+        (HEADER[:-1] + ",note\n0.01,0.02,4,0.001,é\n").encode("latin-1"),
+        ["not UTF-8", "0xe9", "position 52"],
+    ),
+    "another encoding": ((HEADER + "0.01,0.02,4,0.001\n").encode("utf-16"), ["not UTF-8"]),
+    "semicolons": (HEADER.replace(",", ";") + "0.01;0.02;4;0.001\n", ["separated by commas"]),
+    "a lateral offset": (
+        HEADER[:-1] + ",offset_over_R\n0.01,0.02,4,0.001,0.002\n",
+        ["row 1: offset_over_R = 0.002", "rule: this version fits centred bodies"],
+    ),
+    "nothing to fit": (
+        HEADER[:-1] + ",role\n0.01,0.02,4,0.001,held-out\n",
+        ["no row with role calibration and status ok", "rule: at least 1"],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_TABLES)
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("fit", "mine.csv", "--form", "hybrid"),
+        ("compare", "mine.csv", "-o", "out"),
+        ("run", "--table", "mine.csv", "-o", "out"),
+    ],
+    ids=["fit", "compare", "run"],
+)
+def test_table__every_bad_one_is_refused(refused, words, name):
+    content, expected = BAD_TABLES[name]
+    Path("mine.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
+    refused(words, "mine.csv", *expected)
+
+
+def test_table__every_bad_cell_is_in_the_one_message(refused):
+    Path("mine.csv").write_text(HEADER + "0.01,0.02,5,0.001\nx,0.02,4,inf\n")
+    err = refused(["compare", "mine.csv"], "3 values in 2 rows", "Q = '5'", "p_over_E = 'inf'")
+    assert "a_over_R = 'x'" in err
+
+
+@pytest.mark.parametrize(("name", "said"), [("no.csv", "no such file"), ("a.txt", ".csv or")])
+def test_table__that_is_not_there_or_of_another_kind_is_refused(refused, name, said):
+    refused(["compare", name], name, said)
+
+
+# --- bad options ----------------------------------------------------------------------------------
+
+FIT = ("fit", SWEEP, "--form")
+COMPARE = ("compare", SWEEP)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ((*FIT, "quadratic"), ["form 'quadratic': unknown", "classic, power-law, modified"]),
+        ((*COMPARE, "--forms", "hybrid,cubic"), ["form 'cubic': unknown"]),
+        ((*COMPARE, "--forms", "hybrid,,classic"), ["--forms 'hybrid,,classic': an empty name"]),
+        (("run", "--forms", "Hybrid"), ["form 'Hybrid': unknown"]),
+        ((*COMPARE, "--forms", "hybrid,hybrid"), ["forms: hybrid, hybrid", "each once"]),
+        ((*FIT, "half-plane"), ["41 calibration rows have solver 'half-plane'", "circular"]),
+        ((*COMPARE, "--forms", "classic,half-plane"), ["solver 'half-plane'", "circular"]),
+        (("run", "--forms", "half-plane"), ["embedded sweep", "circular"]),
+        ((*FIT, "hybrid", "--noise", "loud"), ["noise 'loud'", "rule: STRUCTURE"]),
+        (("run", "--noise", "iid:cauchy"), ["noise 'iid:cauchy'", "one of iid, texture"]),
+        ((*FIT, "hybrid", "--seed", "-1"), ["--seed", "0"]),
+        ((*COMPARE, "--seed", "1.5"), ["--seed", "integer"]),
+        (("run", "--seed", "one"), ["--seed", "integer"]),
+        (("fit", SWEEP), ["Missing option '--form'"]),
+        (("fit",), ["Missing argument"]),
+        (("weigh",), ["No such command 'weigh'"]),
+        (("run", "--colour", "red"), ["No such option", "--colour"]),
+    ],
+)
+def test_options__bad_ones_are_refused(refused, words, expected):
+    refused(words, *expected)
+
+
+TEXTURES = ["0.01;0.02", "0.01", "0.01,0.02,0.03", "a,b", "", "-0.01,0.02", "0,0.02", "nan,0.02"]
+
+
+@pytest.mark.parametrize("text", TEXTURES)
+def test_texture__typed_wrongly_is_refused(refused, run, text):
+    told = (f"--texture {text!r}", "rule: ")
+    refused(["generate", "--texture", text, "-o", "t.csv"], *told)
+    refused(["predict", run, "--texture", text, *OVER, "-o", "b.csv"], *told)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0.001:0.02",
+        "0.001",
+        "",
+        "a:b:c",
+        "0:0.02:5",
+        "-0.001:0.02:5",
+        "0.02:0.001:5",
+        "0.001:0.02:0",
+        "0.001:0.02:2.5",
+        "0.001:0.02:5:6",
+        "0.001:inf:5",
+        "nan:0.02:5",
+        "log:0:0.02:5",
+        "log:0.001:0.02",
+        "ln:0.001:0.02:5",
+    ],
+)
+def test_loads__typed_wrongly_are_refused(refused, run, text):
+    words = ["predict", run, *AT, "--p-over-E", text, "-o", "b.csv"]
+    refused(words, f"--p-over-E {text!r}", "rule: LO:HI:N or log:LO:HI:N", "0.001:0.02:50")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--prob", "2"), ["prob: 2.0", "rule: 0 < prob < 1"]),
+        (("--prob", "0"), ["prob: 0.0", "rule: 0 < prob < 1"]),
+        (("--prob", "nan"), ["prob: nan", "rule: 0 < prob < 1"]),
+        (("--prob", "most"), ["--prob", "number"]),
+        (("--nu", "0.7"), ["nu: ", "0.7", "rule: 0 <= nu <= 0.5"]),
+        (("--nu", "nan"), ["nu: ", "nan", "rule: 0 <= nu <= 0.5"]),
+        (("--form", "hybrid"), ["form 'hybrid': not in this run", "modified, classic, average"]),
+        (("--form", "cubic"), ["form 'cubic': not in this run"]),
+    ],
+)
+def test_predict__bad_options_are_refused(refused, run, words, expected):
+    refused(["predict", run, *AT, *OVER, "-o", "b.csv", *words], *expected)
+
+
+@pytest.mark.parametrize("missing", ["--texture", "--p-over-E", "-o"])
+def test_predict__needs_textures_loads_and_a_file(refused, run, missing):
+    options = {"--texture": AT[1], "--p-over-E": OVER[1], "-o": "b.csv"}
+    del options[missing]
+    refused(["predict", run, *(w for pair in options.items() for w in pair)], missing)
+
+
+# --- bad places -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("words", [(*FIT, "hybrid"), COMPARE, ("run",)])
+def test_output__an_existing_one_needs_force(refused, run, words):
+    refused([*words, "-o", "run"], "run: exists", "--force")
+
+
+@pytest.mark.parametrize("words", [(*FIT, "hybrid"), COMPARE, ("run",)])
+def test_output__force_leaves_what_is_no_run_untouched(refused, words):
+    Path("thesis").mkdir()
+    Path("thesis/chapter.tex").write_text("years of work")
+    Path("letter").write_text("mine")
+    for name in ("thesis", "letter"):
+        refused([*words, "-o", name, "--force"], f"{name}: not a run folder (no run.json in it)")
+
+
+def test_output__an_existing_file_needs_force(refused, run):
+    Path("mine.csv").write_text("mine")
+    refused(["predict", run, *AT, *OVER, "-o", "mine.csv"], "mine.csv: exists", "--force")
+    refused(["generate", "-o", "mine.csv"], "mine.csv: exists", "--force")
+
+
+@pytest.mark.parametrize("name", ["nowhere", "thesis", "letter"])
+def test_run_folder__what_is_none_is_refused(refused, name):
+    Path("thesis").mkdir()
+    Path("thesis/chapter.tex").write_text("years of work")
+    Path("letter").write_text("mine")
+    told = f"{name}: no run.json in it"
+    refused(["predict", name, *AT, *OVER, "-o", "b.csv"], told, "rule: a folder written by")
+    refused(["report", name], told)
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "expected"),
+    [
+        ("posterior-classic.nc", b"", ["posterior-classic.nc", "not a readable NetCDF file"]),
+        ("posterior-classic.nc", 3000, ["posterior-classic.nc", "not a readable NetCDF file"]),
+        ("posterior-modified.nc", None, ["posterior-modified.nc", "no such file"]),
+        ("evidence.csv", None, ["evidence.csv: missing or damaged"]),
+        ("table.csv", None, ["table.csv", "no such file"]),
+        ("table.csv", b"", ["table.csv", "empty"]),
+        ("run.json", 100, ["run.json: damaged"]),
+        ("run.json", b"{}", ["run.json: damaged"]),
+        ("run.json", b"\xff\xfe", ["run.json: damaged"]),
+    ],
+)
+def test_run_folder__a_damaged_one_is_refused(refused, run, file, content, expected):
+    path = run / file
+    if content is None:
+        path.unlink()
+    else:
+        path.write_bytes(path.read_bytes()[:content] if isinstance(content, int) else content)
+    refused(["predict", run, *AT, *OVER, "-o", "b.csv"], *expected)
+    refused(["report", run], *expected)
+
+
+# --- generate -------------------------------------------------------------------------------------
+
+SCENE = "[texture]\nridge_width = 0.02\ngroove_width = 0.02\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (SCENE + 'colour = "red"\n', ["texture.colour = 'red'"]),
+        (SCENE + "[body]\nyoung = 3\n", ["body.young = 3"]),
+        ("[texture]\nridge_width = 0.02\n", ["texture.groove_width"]),
+        (SCENE.replace("0.02", "-0.02", 1), ["texture.ridge_width = -0.02", "must be > 0"]),
+        (SCENE + '[body]\nradius = "8 mm"\n', ["body.radius = '8 mm'", "everywhere or nowhere"]),
+        ("[texture\n", ["not a TOML file", "line 1"]),
+        ("", ["texture"]),
+        (SCENE + "corner_radius = 0.011\n", ["corner_radius_over_R = 0.011", "at most half"]),
+        (
+            SCENE + "[load]\nfriction = -0.2\n",
+            ["load.friction = -0.2"],
+        ),
+    ],
+)
+def test_generate__a_bad_scene_is_refused(refused, text, expected):
+    Path("my.toml").write_text(text)
+    refused(["generate", "my.toml", "-o", "t.csv"], "my.toml", *expected)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("no.toml",), ["no.toml", "No such file"]),
+        (("my.toml", "--texture", "0.01,0.02"), ["SCENE and --texture", "rule: one of them"]),
+        (("--texture", "0.02,0.02", "--p-max", "nan"), ["p_over_E = nan", "finite"]),
+        (("--texture", "0.02,0.02", "--p-max", "-1"), ["p_over_E = -1.0", "greater than 0"]),
+        (("--texture", "0.02,0.02", "--p-max", "1e-9"), ["no transition under p/E = 1e-09"]),
+        (("--texture", "0.02,0.02", "--nu", "0.7"), ["nu = 0.7", "0.5"]),
+        (("--texture", "0.02,0.02", "--tol", "0"), ["rel_tol = 0.0", "(0, 0.1]"]),
+        (("--texture", "0.02,0.02", "--solver", "magic"), ["solver = 'magic'", "half-plane"]),
+    ],
+)
+def test_generate__bad_options_are_refused(refused, words, expected):
+    Path("my.toml").write_text(SCENE)
+    refused(["generate", *words, "-o", "t.csv"], *expected)
+
+
+@pytest.mark.parametrize("name", ["t.txt", "t", "nowhere/t.csv"])
+def test_generate__where_no_table_can_be_is_refused(refused, name):
+    refused(["generate", "--texture", "0.02,0.02", "-o", name], name)
+
+
+def test_generate__nothing_named_is_the_embedded_sweep(command, paper):
+    said = command("generate", "-o", "t.csv")
+    assert (said.code, said.err) == (0, "")
+    assert said.out == "t.csv: 44 rows, 10 textures, 0 not ok\n"
+    table = rb.read_table("t.csv")
+    np.testing.assert_allclose(  # algebra: rounding of another machine's linear solver
+        table.column("p_over_E"), paper.column("p_over_E"), rtol=1e-12
+    )
+    assert everything().keys() == {Path("t.csv")}
+
+
+def test_generate__textures_and_options_reach_the_solver(command):
+    textures = ("--texture", "0.02,0.02", "--texture", "0.03,0.01")
+    options = ("--p-max", "0.01", "--nu", "0.3", "--solver", "hertz")
+    assert command("generate", *textures, *options, "-o", "t.csv").code == 0
+    frame = rb.read_table("t.csv").frame
+    assert rb.read_table("t.csv").textures == ((0.02, 0.02), (0.03, 0.01))
+    assert set(frame["nu"]) == {0.3}
+    assert set(frame["solver"]) == {"hertz"}
+    assert 0.005 < frame["p_over_E"].max() <= 0.01
+
+
+def test_generate__tolerance_is_noted_in_the_source(command):
+    words = ("--texture", "0.02,0.02", "--tol", "1e-6")
+    assert command("generate", *words, "-o", "t.csv").code == 0
+    assert rb.read_table("t.csv").frame["source"].str.endswith("rel_tol=1e-06").all()
+
+
+def test_generate__a_scene_file_is_read(command):
+    Path("my.toml").write_text(SCENE + "[load]\np_over_E = 0.005\n")
+    assert command("generate", "my.toml", "-o", "t.csv").code == 0
+    assert rb.read_table("t.csv").textures == ((0.02, 0.02),)
+    assert rb.read_table("t.csv").frame["p_over_E"].max() <= 0.005
+
+
+def test_generate__force_replaces_a_file(command):
+    Path("t.csv").write_text("old")
+    said = command("generate", "--texture", "0.02,0.02", "--force", "-o", "t.csv")
+    assert said.code == 0
+    assert len(rb.read_table("t.csv")) == 4
+
+
+def test_generate__rows_that_failed_are_written_and_exit_1(command, paper, monkeypatch):
+    frame = paper.frame
+    failed = frame.index.isin([2, 3, 4])
+    frame["status"] = frame["status"].mask(failed, "tolerance not reached")
+    frame["p_over_E"] = frame["p_over_E"].mask(failed)
+    partly = rb.ContactTable.from_frame(frame)
+    monkeypatch.setattr("ridgebayes.simulate.generation.generate", lambda *_, **__: partly)
+    said = command("generate", "-o", "t.csv")
+    assert said.code == 1
+    assert said.out == "t.csv: 44 rows, 10 textures, 3 not ok\n"
+    assert said.err == "ridgebayes: 3 rows are not ok, see column status of t.csv\n"
+    assert rb.read_table("t.csv").digest() == partly.digest()
+
+
+ELEMENTS = ("--texture", "0.06,0.02", "--p-max", "0.004", "--solver", "cylinder-fe")
+
+
+def test_generate__fields_of_the_cylinder_are_kept(command):
+    said = command("generate", *ELEMENTS, "--fields", "found", "-o", "t.csv")
+    assert (said.code, said.err) == (0, "")
+    label = "a0.06_b0.02"
+    names = {"loads.csv", f"contact-{label}.csv"}
+    names |= {f"fields-{label}{suffix}" for suffix in (".xdmf", ".h5")}
+    names |= {f"deformed-{label}{suffix}" for suffix in (".png", ".svg")}
+    assert {path.name for path in Path("found").iterdir()} == names
+    assert Path("found/loads.csv").read_bytes() == Path("t.csv").read_bytes()
+    contact = pd.read_csv(f"found/contact-{label}.csv")
+    (load,) = rb.read_table("t.csv").frame["p_over_E"]
+    assert contact["p_over_E"].unique().tolist() == [load]
+    # Balance: half the line load over E R, in the body's right half; the solver's tolerance.
+    pushed = (contact["pressure"] * contact["length"] * contact["normal_y"]).sum()
+    assert pushed == pytest.approx(load, rel=1e-8)
+    with meshio.xdmf.TimeSeriesReader(f"found/fields-{label}.xdmf") as series:
+        series.read_points_cells()
+        assert series.num_steps == 1
+        assert series.read_data(0)[0] == load
+    assert command("generate", *ELEMENTS, "--fields", "found", "-o", "u.csv").code == 2
+
+
+def test_generate__fields_without_finite_elements_are_refused(refused):
+    words = ("--texture", "0.06,0.02", "--fields", "found", "-o", "t.csv")
+    refused(["generate", *words], "--fields found", "rule: --solver cylinder-fe")
+
+
+# --- what is done ---------------------------------------------------------------------------------
+
+
+def test_fit__done_is_exit_0_and_says_the_coefficients(command):
+    said = command(*FIT, "modified", "-o", "out")
+    assert said.code == 0
+    assert said.out.startswith("Fit(modified, iid: c = 1.37")
+    assert "converged)" in said.out
+    assert "out: 41 rows fitted, 3 held out." in said.out
+    assert all(re.fullmatch(r".+: \d+\.\d\d s", line) for line in said.err.splitlines())
+    assert {path.name for path in Path("out").iterdir()} == {
+        "table.csv",
+        "posterior-modified.nc",
+        "summary.csv",
+        "evidence.csv",
+        "run.json",
+    }
+    assert everything(Path("out")).keys() == everything().keys() - {Path("out")}
+
+
+def test_fit__unconverged_writes_its_files_and_exits_1(command, quick):
+    said = command(*FIT, "modified")
+    assert said.code == 1
+    assert "Traceback" not in said.err
+    last = said.err.splitlines()[-1]
+    assert last.startswith("ridgebayes: modified did not converge: c: tau was checked only once")
+    assert "NOT converged" in said.out
+    again = read_run(Path("ridgebayes-out"))  # the default folder
+    assert not again.fits["modified"].converged
+    for reason in again.fits["modified"].missing:
+        assert reason in last
+
+
+def test_fit__unconverged_can_be_predicted_from(command, quick):
+    assert command(*FIT, "modified", "-o", "out").code == 1
+    words = ("predict", "out", *AT, *OVER, "-o", "b.csv")
+    assert command(*words).code == 0
+
+
+def test_compare__done_is_exit_0_and_prints_the_bayes_factors(command):
+    said = command(*COMPARE, "--forms", "modified, hybrid", "--seed", "4", "-o", "out")
+    assert said.code == 0
+    assert "savage-dickey" in said.out
+    assert "strong for hybrid (Kass & Raftery); rows are not independent" in said.out
+    content = json.loads(Path("out/run.json").read_text())
+    assert content["seed"] == 4
+    assert content["forms"] == ["modified", "hybrid"]
+    assert content["verdicts"]["complete"] is True
+
+
+def test_compare__force_replaces_a_run(command, run, quick):
+    before = (run / "summary.csv").read_bytes()
+    said = command(*COMPARE, "--forms", "modified", "--force", "-o", run)
+    assert said.code == 1  # unconverged, and written all the same
+    assert not (run / "posterior-classic.nc").exists()
+    assert (run / "summary.csv").read_bytes() != before
+    assert {path.name for path in Path().iterdir()} == {"run"}
+
+
+def perfect(path):
+    """Write rows that Modified makes without misfit: its sigma runs to zero."""
+    rows = [
+        {"a_over_R": a, "b_over_R": b, "Q": q, "p_over_E": float(rb.Modified().load(q, a, b))}
+        for a, b in [(0.012, 0.01), (0.022, 0.02), (0.032, 0.03)]
+        for q in (4, 6, 8)
+    ]
+    pd.DataFrame(rows).to_csv(path, index=False)
+
+
+def test_compare__a_form_that_fails_is_named_and_the_rest_kept(command, quick):
+    perfect("perfect.csv")
+    said = command("compare", "perfect.csv", "--forms", "classic,modified", "-o", "out")
+    assert said.code == 1
+    assert "modified failed: modified: the posterior has no interior mode" in said.err
+    assert "Traceback" not in said.err
+    assert Path("out/posterior-classic.nc").is_file()
+    assert not Path("out/posterior-modified.nc").exists()
+    content = json.loads(Path("out/run.json").read_text())
+    assert list(content["verdicts"]["failures"]) == ["modified"]
+    assert set(pd.read_csv("out/evidence.csv")["form"]) == {"classic"}
+    assert command("predict", "out", *AT, *OVER, "-o", "b.csv").code == 0
+
+
+def test_fit__that_fails_is_exit_1_and_no_run_folder(command):
+    perfect("perfect.csv")
+    said = command("fit", "perfect.csv", "--form", "modified", "-o", "out")
+    assert said.code == 1
+    assert "Traceback" not in said.err
+    assert "modified: the posterior has no interior mode" in said.err
+    assert not Path("out").exists()
+
+
+def test_rows_that_are_not_ok__are_counted_aloud(command, quick, paper):
+    frame = paper.frame
+    frame["status"] = frame["status"].mask(frame.index.isin([3, 4]), "diverged")
+    rb.ContactTable.from_frame(frame).write("mine.csv")
+    said = command("compare", "mine.csv", "--forms", "modified", "-o", "out")
+    assert "mine.csv: 2 rows are not ok and were not fitted" in said.out
+    assert "out: 39 rows fitted, 3 held out." in said.out
+
+
+def test_run__passes_every_option_on(command, monkeypatch, finished):
+    asked = {}
+
+    def run_job(folder, **options):
+        asked.update(options, folder=folder)
+        return read_run(finished)
+
+    monkeypatch.setattr("ridgebayes.commands.jobs.run_job", run_job)
+    words = ("--table", "t.csv", "--forms", "classic,hybrid", "--noise", "iid", "--seed", "7")
+    words += ("--workers", "3", "--scheduler", "tcp://host:1")
+    said = command("run", *words, "--force", "--resume", "-o", "out")
+    assert asked == {
+        "folder": Path("out"),
+        "table": Path("t.csv"),
+        "forms": ["classic", "hybrid"],
+        "noise": "iid",
+        "seed": 7,
+        "force": True,
+        "resume": True,
+        "accuracy": "standard",
+        "workers": 3,
+        "scheduler": "tcp://host:1",
+    }
+    assert said.code == 1  # those fits were short
+    assert f"read {Path('out/report.html')}" in said.out
+
+
+def test_run__nothing_named_is_the_embedded_sweep_with_seed_0(command, monkeypatch, finished):
+    asked = {}
+
+    def run_job(folder, **options):
+        asked.update(options, folder=folder)
+        raise ComputationError("enough")
+
+    monkeypatch.setattr("ridgebayes.commands.jobs.run_job", run_job)
+    said = command("run")
+    assert (said.code, said.err) == (1, "ridgebayes: enough\n")
+    assert asked["folder"] == Path("ridgebayes-out")
+    assert asked["table"] is None
+    assert (asked["forms"], asked["noise"], asked["seed"]) == ([], None, 0)
+    assert (asked["force"], asked["resume"]) == (False, False)
+
+
+def test_report__is_written_again(command, monkeypatch, run):
+    asked = []
+    monkeypatch.setattr("ridgebayes.commands.jobs.write_pages", lambda *words: asked.append(words))
+    said = command("report", run)
+    assert (said.code, said.out) == (0, f"read {run / 'report.html'}\n")
+    assert asked[0][1:] == (run, None)
+
+
+# --- predict --------------------------------------------------------------------------------------
+
+
+def test_predict__is_the_table_of_the_library(command, run):
+    words = ("--texture", "0.022,0.02", "--texture", "0.012,0.09", "--nu", "0.4", "--prob", "0.5")
+    said = command("predict", run, *words, *OVER, "--form", "classic", "-o", "b.csv")
+    assert (said.code, said.err) == (0, "")
+    expected = bands_table(
+        read_run(run),
+        textures=[(0.022, 0.02), (0.012, 0.09)],
+        loads=np.linspace(0.001, 0.02, 5),
+        nu=0.4,
+        forms=["classic"],
+        prob=0.5,
+        compressed=True,
+    )
+    # Bit for bit: floats are written in full.
+    assert Path("b.csv").read_text() == expected.to_csv(index=False, lineterminator="\n")
+    n_outside = int(expected["extrapolation"].sum())
+    error = expected.attrs["error"]
+    assert 0 < error < 1e-3
+    assert said.out == (
+        f"b.csv: 20 rows, {n_outside} of them extrapolation; errors of probabilities up to "
+        f"{error:.1g}\n"
+    )
+    assert 0 < n_outside <= 20
+
+
+def test_predict__defaults_are_the_average_at_one_half_and_90_percent(command, run):
+    assert command("predict", run, *AT, *OVER, "-o", "b.csv").code == 0
+    frame = pd.read_csv("b.csv")
+    assert set(frame["form"]) == {"average"}
+    assert set(frame["nu"]) == {0.5}
+    assert set(frame["prob"]) == {0.9}
+    assert frame["kind_of_band"].tolist() == ["curve"] * 5 + ["simulation"] * 5
+
+
+@pytest.mark.parametrize(
+    ("text", "loads"),
+    [
+        ("0.01:0.03:3", [0.01, 0.02, 0.03]),
+        ("log:0.0001:0.01:3", [0.0001, 0.001, 0.01]),
+        ("0.01:0.01:1", [0.01]),
+        ("0.01:0.03:1", [0.01]),
+        ("1e-3:2e-3:2", [0.001, 0.002]),
+    ],
+)
+def test_loads__as_typed(text, loads):
+    found = cli._loads(text)
+    # Algebra: logarithmic grids round, their ends do not.
+    np.testing.assert_allclose(found, loads, rtol=1e-14)
+    assert (found[0], found[-1]) == (loads[0], loads[-1])
+
+
+def test_predict__the_same_words_give_the_same_bytes(command, run):
+    for name in ("one.csv", "two.csv"):
+        assert command("predict", run, *AT, *OVER, "-o", name).code == 0
+    assert Path("one.csv").read_bytes() == Path("two.csv").read_bytes()
+
+
+def test_predict__leaves_the_run_folder_alone(command, run):
+    before = everything(run)
+    assert command("predict", run, *AT, *OVER, "-o", "b.csv").code == 0
+    assert everything(run) == before
+    assert {path.name for path in Path().iterdir()} == {"run", "b.csv"}
+
+
+def test_predict__force_replaces_a_file(command, run):
+    Path("b.csv").write_text("old")
+    assert command("predict", run, *AT, *OVER, "--force", "-o", "b.csv").code == 0
+    assert len(pd.read_csv("b.csv")) == 10
+
+
+# --- the program itself ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name", ["run", "generate", "fit", "compare", "predict", "report", "coverage"], ids=str
+)
+def test_help__names_every_command_and_its_options(command, name):
+    assert re.search(rf"\b{name}\b", command("--help").out)
+    assert command(name, "--help").code == 0
+
+
+def test_interrupted__is_not_a_traceback(command, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ridgebayes.commands.jobs.run_job", interrupted)
+    said = command("run")
+    assert said.code == 130
+    assert "Traceback" not in said.err
+
+
+def program(*words, **options):
+    """Run the installed program in a process of its own."""
+    code = "from ridgebayes.commands.cli import main; main()"
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-c", code, *map(str, words)],
+        capture_output=True,
+        text=True,
+        check=False,
+        **options,
+    )
+
+
+def test_program__bad_input_in_its_own_process(tmp_path):
+    (tmp_path / "mine.csv").write_text(HEADER + "0.01,0.02,5,0.001\n")
+    done = program("compare", "mine.csv", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("ridgebayes: mine.csv: 1 value in 1 row")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
+
+
+def test_program__usage_error_in_its_own_process(tmp_path):
+    done = program("fit", "--seed", "-1", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_program__work_in_its_own_process(tmp_path):
+    done = program("generate", "--texture", "0.02,0.02", "-o", "t.csv", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "t.csv: 4 rows, 1 textures, 0 not ok\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["t.csv"]

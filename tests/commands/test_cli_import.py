@@ -1,0 +1,171 @@
+"""`ridgebayes import` and `export-deck` as a person types them."""
+
+import functools
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ridgebayes as rb
+from ridgebayes.fea.deck_text import deck_text
+from ridgebayes.fea.pressed_disk import pressed_disk
+from ridgebayes.scene.scene import Scene
+
+A, B, NU = 0.06, 0.03, 0.49
+SCENE = f"""
+[body]
+poissons_ratio = {NU}
+[texture]
+ridge_width = {A}
+groove_width = {B}
+[load]
+p_over_E = 0.006
+"""
+TABLE = "Ridge [um],Groove [um],Q,P [N/mm]\n240,80,4,0.00094\n240,80,6,0.00364\n"
+MAP = ("--map", "a=Ridge [um]", "--map", "b=Groove [um]", "--map", "line=P [N/mm]")
+RUN = ("--surface", "NARC", "--reaction", "NTOP", "--texture", f"{A},{B}", "--nu", NU)
+LOADS = np.linspace(0.0005, 0.01, 20)
+REACHED = 0.00425
+
+
+def printed(disk, gap_per_load=-1.0):
+    """Return a run's output: a rim that sinks until it is at the next corner at `REACHED`."""
+    number = disk.numbers
+    nodes = [(n, at) for n, at in zip(number[disk.rim], disk.mesh.points[disk.rim], strict=True)]
+    corner = disk.blocks[1][3]
+    high = -np.sqrt(1 - corner[0] ** 2)
+    lines = []
+    for time, p in enumerate(LOADS, start=1):
+        down = (high - corner[1]) * p / REACHED
+        lines += [f"\n total force (fx,fy,fz) for set NTOP and time  {time:.7E}\n"]
+        lines += [f"        0.000000E+00 {-p:13.6E}  0.000000E+00\n"]
+        lines += [f" displacements (vx,vy,vz) for set NARC and time  {time:.7E}\n"]
+        lines += [f"{n:10d}  0.000000E+00 {-down:13.6E}  0.000000E+00" for n, _ in nodes if n]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def run(command):
+    """Call `import` in a folder that holds a deck and what a run of it would print."""
+    disk = pressed_disk(Scene.of([(A, B)], p_over_E=0.006, nu=NU), edges=4)
+    Path("run.inp").write_text(deck_text(disk, "calculix"))
+    Path("run.dat").write_text(printed(disk))
+    Path("mine.csv").write_text(TABLE)
+    return functools.partial(command, "import")
+
+
+def test_import__of_a_run_gives_the_load_at_which_the_corner_is_reached(run):
+    said = run("run.dat", "--deck", "run.inp", *RUN, "-o", "t.csv")
+    assert (said.code, said.err) == (0, "")
+    frame = rb.read_table("t.csv").frame
+    assert frame["Q"].iloc[0] == 4
+    # Seven digits of a displacement are printed: 1e-5 of the gap's slope.
+    assert frame["p_over_E"].iloc[0] == pytest.approx(REACHED, rel=2e-4)
+    assert frame["rel_se"].iloc[0] > 0.1  # the first ridge is deep inside this rigid rim
+    assert frame["source"].str.match(r"import calculix: run\.dat sha256=\w{16} deck=run\.inp").all()
+    assert said.out.startswith("format: calculix\nrun.dat: 20 levels with NARC and NTOP\n")
+    assert f"texture: a/R = {A:g}, b/R = {B:g}, nu = 0.49" in said.out
+    assert re.search(r"t\.csv: \d rows, 1 textures\n$", said.out)
+
+
+def test_import__brackets_are_the_increment(run):
+    assert run("run.dat", "--deck", "run.inp", *RUN, "--brackets", "-o", "t.csv").code == 0
+    row = rb.read_table("t.csv").frame.iloc[0]
+    assert (row["p_over_E_lower"], row["p_over_E"]) == (
+        pytest.approx(0.004, rel=1e-6),
+        pytest.approx(0.0045, rel=1e-6),
+    )
+
+
+def test_import__dry_run_writes_nothing(run):
+    before = sorted(Path().iterdir())
+    said = run("run.dat", "--deck", "run.inp", *RUN, "--dry-run")
+    assert said.code == 0
+    assert "kept: " in said.out
+    assert sorted(Path().iterdir()) == before
+
+
+def test_import__of_a_table_takes_columns_and_units(run):
+    words = ("mine.csv", *MAP, "--R", "8 mm", "--E", "60 kPa", "--nu", NU, "--role", "held-out")
+    assert run(*words, "-o", "t.csv").code == 0
+    frame = rb.read_table("t.csv").frame
+    assert frame[["a_over_R", "b_over_R"]].to_numpy().tolist() == [[0.03, 0.01]] * 2
+    # P / (2 R E) with 0.94 N/m, 16 mm and 60 kPa.
+    assert frame["p_over_E"].iloc[0] == pytest.approx(0.94 / 0.016 / 60e3, rel=1e-15)
+    assert set(frame["role"]) == {"held-out"}
+    assert set(frame["nu"]) == {NU}
+
+
+def test_import__map_may_be_a_file(run):
+    Path("map.toml").write_text(
+        '[columns]\na = "Ridge [um]"\nb = "Groove [um]"\nline = "P [N/mm]"\n'
+        '[values]\nR = "8 mm"\nE = "60 kPa"\n'
+    )
+    assert run("mine.csv", "--map", "map.toml", "-o", "t.csv").code == 0
+    assert rb.read_table("t.csv").textures == ((0.03, 0.01),)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("run.dat", "-o", "t.csv"), ["--texture: missing", "A,B"]),
+        (("run.dat", "--texture", f"{A},{B}", "-o", "t.csv"), ["--nu: missing"]),
+        (
+            ("run.dat", "--texture", f"{A},{B}", "--nu", NU, "-o", "t.csv"),
+            ["--deck, --surface, --reaction: missing"],
+        ),
+        (("run.dat", "--deck", "run.inp", *RUN, "--nu", "0.5", "-o", "t.csv"), ["has nu = 0.49"]),
+        (("run.dat", "--deck", "run.inp", *RUN, "--E", "2", "-o", "t.csv"), ["has E = 1"]),
+        (("run.dat", "--deck", "run.inp", *RUN, "--E", "2 kPa", "-o", "t.csv"), ["plain number"]),
+        (("run.dat", "--deck", "no.inp", *RUN, "-o", "t.csv"), ["no.inp: no such file"]),
+        (("run.dat", "--deck", "run.inp", *RUN, "--sheet", "A", "-o", "t.csv"), ["--sheet: not"]),
+        (("run.dat", "--deck", "run.inp", *RUN, "--symmetry", "x", "-o", "t.csv"), ["half or"]),
+        (("run.dat", "mine.csv", "-o", "t.csv"), ["2 files of format calculix"]),
+        (("mine.csv", *MAP, "--deck", "run.inp", "-o", "t.csv"), ["--deck: not for format table"]),
+        (("mine.csv", *MAP, "--format", "ansys", "-o", "t.csv"), ["--format ansys", "calculix"]),
+        (("mine.csv", *MAP), ["-o: missing", "--dry-run"]),
+        (("run.inp", "-o", "t.csv"), ["its format is not recognised"]),
+        (("no.csv", "-o", "t.csv"), ["no.csv: no such file"]),
+        (("mine.csv", "--loads", "1;2", "-o", "t.csv"), ["--loads '1;2'", "commas"]),
+    ],
+)
+def test_import__what_cannot_be_is_refused(run, words, expected):
+    before = sorted(Path().iterdir())
+    said = run(*words)
+    assert said.code == 2
+    assert said.err.startswith("ridgebayes: ")
+    assert "Traceback" not in said.err
+    for text in expected:
+        assert text in said.err
+    assert sorted(Path().iterdir()) == before
+
+
+def test_export_deck__says_how_to_import_it(command):
+    Path("my.toml").write_text(SCENE)
+    said = command("export-deck", "my.toml", "-o", "my.inp", "--edges", "4")
+    assert (said.code, said.err) == (0, "")
+    assert re.match(r"my\.inp: \d+ elements, \d+ levels, R = 1, E = 1\n", said.out)
+    assert (
+        "ridgebayes import my.dat --deck my.inp --surface NARC --reaction NTOP "
+        f"--texture {A},{B} --nu {NU} -o TABLE.csv" in said.out
+    )
+    assert Path("my.inp").read_text().startswith("** soft cylinder on rigid ridges")
+    again = command("export-deck", "my.toml", "-o", "my.inp")
+    assert (again.code, "exists" in again.err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "expected"),
+    [
+        (("0.49", "0.5"), (), "my.toml: nu = 0.5: rule: at most 0.499 for CalculiX"),
+        (("", ""), ("--format", "ansys"), "my.toml: --format ansys: rule: calculix or abaqus"),
+        (("[load]", "offset = 0.2\n[load]"), (), "my.toml: offset = 0.2"),
+    ],
+)
+def test_export_deck__what_cannot_be_is_refused(command, change, words, expected):
+    Path("my.toml").write_text(SCENE.replace(*change) if change[0] else SCENE)
+    said = command("export-deck", "my.toml", "-o", "my.inp", *words)
+    assert said.code == 2
+    assert expected in said.err
+    assert not Path("my.inp").exists()

@@ -1,0 +1,227 @@
+"""`ridgebayes plan` as a person types it: exit codes, what is said, what is written."""
+
+import functools
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from ridgebayes.checks.plan_check import CHECK_COLUMNS
+from ridgebayes.scene.effects import PLAN_COLUMNS, plan, plan_table
+from ridgebayes.scene.scene import Scene
+
+SCENE = """
+[texture]
+ridge_width = 0.02
+groove_width = 0.03
+groove_depth = 0.001
+[load]
+p_over_E = 0.004
+[accuracy]
+relative = 0.01
+"""
+CHECK = {"plan-check.csv", "plan-check.png", "plan-check.svg", "report.md"}
+
+
+@pytest.fixture
+def command(command):
+    """Call the subcommand in a folder that holds a scene."""
+    Path("scene.toml").write_text(SCENE)
+    return functools.partial(command, "plan")
+
+
+@pytest.fixture
+def canned(monkeypatch):
+    """Stand in for the check: how many scenes it was given, and two rows of the right shape."""
+    asked = {"honest": True}
+
+    def check_plans(scenes, *, progress):
+        asked["scenes"] = scenes
+        row = dict.fromkeys(CHECK_COLUMNS, 0.01) | {"scene": 1, "effect": "offset"}
+        rows = [row | {"simulated": True, "honest": True}]
+        rows.append(row | {"simulated": False, "honest": asked["honest"]})
+        return pd.DataFrame(rows, columns=CHECK_COLUMNS)
+
+    monkeypatch.setattr("ridgebayes.commands.plan_jobs.check_plans", check_plans)
+    return asked
+
+
+def test_plan__prints_every_effect_and_writes_nothing(command):
+    said = command("scene.toml")
+    assert (said.code, said.err) == (0, "")
+    heading, *lines = said.out.splitlines()
+    assert heading == "a/R = 0.02, b/R = 0.03"
+    effects = plan(Scene.from_toml("scene.toml"))[0].effects
+    assert [line.split(":")[0].strip() for line in lines] == [effect.name for effect in effects]
+    for line, effect in zip(lines, effects, strict=True):
+        word = "simulated" if effect.simulated else "left out"
+        size = "size not known"
+        if effect.estimate == effect.estimate:
+            size = f"changes loads by {effect.estimate:.1e}"
+        assert line.startswith(f"  {effect.name}: {word}; {size}")
+        assert line.endswith(f"; {effect.reason}")
+    assert {path.name for path in Path().iterdir()} == {"scene.toml"}
+
+
+def test_plan__prints_each_texture_below_its_widths(command):
+    text = SCENE.replace("[texture]", "[[texture]]")
+    more = "[[texture]]\nridge_width = 0.03\ngroove_width = 0.01\n"
+    Path("scene.toml").write_text(more + text)
+    said = command("scene.toml")
+    assert said.code == 0
+    headings = [line for line in said.out.splitlines() if not line.startswith(" ")]
+    assert headings == ["a/R = 0.03, b/R = 0.01", "a/R = 0.02, b/R = 0.03"]
+    assert len(said.out.splitlines()) == 2 * 13
+
+
+def test_plan__writes_the_table(command):
+    assert command("scene.toml", "-o", "plan.csv").code == 0
+    frame = pd.read_csv("plan.csv")
+    assert list(frame.columns) == PLAN_COLUMNS
+    expected = plan_table(plan(Scene.from_toml("scene.toml")))
+    pd.testing.assert_frame_equal(frame, expected)
+
+
+def test_plan__refuses_an_existing_file_unless_told(command):
+    Path("plan.csv").write_text("mine")
+    said = command("scene.toml", "-o", "plan.csv")
+    assert (said.code, said.out) == (2, "")
+    assert "plan.csv: exists; rule: another -o, or --force to replace it" in said.err
+    assert Path("plan.csv").read_text() == "mine"
+    assert command("scene.toml", "-o", "plan.csv", "--force").code == 0
+    assert Path("plan.csv").read_text().startswith("effect,number,")
+
+
+def test_plan__draws_each_texture(command):
+    said = command("scene.toml", "--figures", "drawn/here")
+    assert said.code == 0
+    names = {path.name for path in Path("drawn/here").iterdir()}
+    assert names == {
+        f"{name}-a0.02_b0.03.{kind}"
+        for name in ("deformed", "effects", "counts")
+        for kind in ("png", "svg")
+    }
+    for path in Path("drawn/here").iterdir():
+        start = b"\x89PNG" if path.suffix == ".png" else b"<?xml"
+        assert path.read_bytes().startswith(start)
+
+
+def test_plan__of_the_same_scene_is_the_same_bytes(command):
+    said = [
+        command("scene.toml", "-o", f"{name}.csv", "--figures", name) for name in ("one", "two")
+    ]
+    assert said[0] == said[1]
+    assert Path("one.csv").read_bytes() == Path("two.csv").read_bytes()
+    for path in Path("one").iterdir():
+        assert path.read_bytes() == (Path("two") / path.name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ((), "SCENE: missing; rule: a scene file, or --verify"),
+        (("--verify",), "--verify: needs -o, a folder to make, and takes no scene"),
+        (("scene.toml", "--verify", "-o", "out"), "--verify: needs -o, a folder to make, and"),
+        (("nowhere.toml",), "nowhere.toml: cannot be read: No such file"),
+        (("scene.toml", "-o", "."), ".: a folder; rule: -o names a file"),
+        (("scene.toml", "-o", "no/plan.csv"), "no/plan.csv: folder no does not exist"),
+        (("--verify", "-o", "out", "--scenes", "0"), "--scenes"),
+        (("--verify", "-o", "out", "--seed", "x"), "--seed"),
+    ],
+)
+def test_plan__bad_words_are_told_apart_from_failures(command, words, expected):
+    said = command(*words)
+    assert (said.code, said.out) == (2, "")
+    assert expected in said.err
+    assert {path.name for path in Path().iterdir()} == {"scene.toml"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "value", "rule"),
+    [
+        ("groove_depth", "ridge_height", "texture.ridge_height", "0.001", "unknown key"),
+        ("= 0.02\n", '= "2 mm"\n', "texture.ridge_width", "'2 mm'", "units everywhere or nowhere"),
+        ("0.001", "-0.001", "texture.groove_depth", "-0.001", "must be > 0"),
+        ("relative = 0.01", "relative = 0", "accuracy.relative", "0", "greater than 0"),
+        ("groove_depth = 0.001", "offset = 0.7", "texture.offset", "0.7", "from -0.5 to 0.5"),
+    ],
+)
+def test_plan__bad_scene_files_are_refused_with_key_value_and_rule(
+    command, old, new, key, value, rule
+):
+    assert SCENE.count(old) == 1
+    Path("scene.toml").write_text(SCENE.replace(old, new))
+    said = command("scene.toml", "-o", "plan.csv", "--figures", "drawn")
+    assert (said.code, said.out) == (2, "")
+    assert said.err.startswith("ridgebayes: scene.toml: ")
+    assert f"{key} = {value}: " in said.err
+    assert rule in said.err
+    assert {path.name for path in Path().iterdir()} == {"scene.toml"}
+
+
+def test_plan__tells_every_fault_of_a_scene_at_once(command):
+    Path("scene.toml").write_text(
+        SCENE.replace("0.001", "-0.001").replace("relative = 0.01", "relative = 0")
+    )
+    said = command("scene.toml")
+    assert said.code == 2
+    assert "texture.groove_depth = -0.001: " in said.err
+    assert "accuracy.relative = 0: " in said.err
+
+
+def test_plan__verifies_its_estimates(command):
+    said = command("--verify", "-o", "out", "--scenes", 2, "--seed", 4)  # two quick ones
+    assert said.code == 0
+    assert said.out == "out: 8 of 8 estimates are honest\n"
+    assert {path.name for path in Path().iterdir()} == {"scene.toml", "out"}
+    assert {path.name for path in Path("out").iterdir()} == CHECK
+    frame = pd.read_csv("out/plan-check.csv")
+    assert list(frame.columns) == CHECK_COLUMNS
+    assert frame["scene"].tolist() == [1] * 4 + [2] * 4
+    assert frame["honest"].all()
+    assert Path("out/plan-check.png").read_bytes().startswith(b"\x89PNG")
+    report = Path("out/report.md").read_text()
+    assert "2 scenes spread" in report
+    left_out = int((~frame["simulated"]).sum())
+    assert f"{left_out} of {left_out} neglected effects change loads by no more" in report
+    assert "8 of 8 estimates are honest" in report
+    rows = [line for line in report.splitlines() if re.match(r"\| \d", line)]
+    assert len(rows) == 8
+    for line, row in zip(rows, frame.to_dict("records"), strict=True):
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        assert cells[:2] == [str(row["scene"]), row["effect"]]
+        assert cells[3:5] == [f"{row['estimate']:.3g}", f"{row['true_change']:.3g}"]
+
+
+def test_plan__checks_as_many_scenes_as_told_of_the_seed(command, canned):
+    assert command("--verify", "-o", "out").code == 0
+    assert len(canned["scenes"]) == 32
+    first = canned["scenes"]
+    assert command("--verify", "-o", "more", "--scenes", 4).code == 0
+    assert canned["scenes"] == first[:4]
+    assert command("--verify", "-o", "others", "--scenes", 4, "--seed", 1).code == 0
+    assert canned["scenes"] != first[:4]
+
+
+def test_plan__that_is_not_honest_is_written_and_says_so(command, canned):
+    canned["honest"] = False
+    said = command("--verify", "-o", "out", "--scenes", 1)
+    assert said.code == 1
+    assert "out: 1 of 2 estimates are honest" in said.out
+    assert "ridgebayes: 1 are not, see out/report.md" in said.err
+    assert {path.name for path in Path("out").iterdir()} == CHECK
+
+
+def test_plan__replaces_folders_of_a_check_only_and_only_when_told(command, canned):
+    words = ("--verify", "-o", "out", "--scenes", 1)
+    assert command(*words).code == 0
+    refused = command(*words)
+    assert refused.code == 2
+    assert "out: exists; rule: another -o, or --force" in refused.err
+    assert command(*words, "--force").code == 0
+    Path("out/plan-check.csv").rename("out/mine.csv")
+    refused = command(*words, "--force")
+    assert refused.code == 2
+    assert "no plan-check.csv in it" in refused.err
+    assert Path("out/mine.csv").is_file()

@@ -1,0 +1,523 @@
+"""The jobs behind the commands: which files, with which columns, the same for the same seed.
+
+Sampling is short: what is tested here holds for an unconverged fit as well.
+"""
+
+import json
+import math
+import re
+import shutil
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+
+import ridgebayes as rb
+from ridgebayes.commands.jobs import EMBEDDED, compare_job, fit_job, report_job, run_job
+from ridgebayes.commands.run_folder import read_run
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
+from ridgebayes.runtime.progress import Progress
+
+# Ends at its first check, where no autocorrelation time can have settled: never converged.
+QUICK = rb.SampleSettings(n_walker=16, n_step_max=100)
+FORMS = ["modified", "hybrid"]
+COLUMNS = {
+    "summary.csv": "form,noise,parameter,mean,sd,eti_lower,eti_upper,prob,ess_bulk,ess_tail,"
+    "r_hat,mcse_mean",
+    "evidence.csv": "form,noise,method,log_evidence,log_evidence_se,used,prior_probability,"
+    "model_probability,status",
+    "bayes_factors.csv": "form_a,form_b,noise,method,ln_bf,ln_bf_se,log10_bf,reading",
+    "loo.csv": "form,noise,elpd,se,p,n_bad_k,stacking_weight",
+    "bands.csv": "form,noise,kind_of_band,a_over_R,b_over_R,nu,p_over_E,q_mean,q_median,q_lower,"
+    "q_upper,prob,extrapolation",
+    "loads.csv": "form,noise,kind_of_band,a_over_R,b_over_R,nu,Q,p_over_E_median,p_over_E_lower,"
+    "p_over_E_upper,prob,extrapolation,p_over_E_observed",
+    "prior_sensitivity.csv": "prior,factor,form,log_evidence",
+}
+STANDARD = {"noise": "iid", "accuracy": "standard"}
+COMPARED = {
+    "table.csv",
+    "summary.csv",
+    "evidence.csv",
+    "bayes_factors.csv",
+    "loo.csv",
+    "prior_sensitivity.csv",
+    "run.json",
+}
+
+
+def posteriors(*forms):
+    return {f"posterior-{form}.nc" for form in forms}
+
+
+def names(folder):
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
+
+
+def about(folder):
+    return json.loads((folder / "run.json").read_text(encoding="utf-8"))
+
+
+class Pages:
+    """Stands in for figures and report, and remembers what it was asked for."""
+
+    def __init__(self):
+        self.asked = []
+
+    def __call__(self, comparison, folder, reference):
+        self.asked.append((comparison, folder, reference))
+        (folder / "report.html").write_text("a page")
+
+
+class Counted(Progress):
+    """A progress that can be looked at afterwards."""
+
+    made: list[Progress]
+
+    def __enter__(self):
+        self.made.append(self)
+        return super().__enter__()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _two_prior_scales():
+    """Two prior scales say as much here as nine, in a fifth of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "ridgebayes.comparison.comparison.prior_sensitivity",
+            lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known),
+        )
+        yield
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory, paper):
+    """Three textures of the paper and the held-out one, as a user's file."""
+    chosen = [(0.012, 0.03), (0.022, 0.02), (0.032, 0.01), (0.012, 0.09)]
+    frame = paper.frame
+    keep = [pair in chosen for pair in zip(frame["a_over_R"], frame["b_over_R"], strict=True)]
+    path = tmp_path_factory.mktemp("tables") / "mine.csv"
+    rb.ContactTable.from_frame(frame[keep]).write(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory, table):
+    """The main job on a user's table: twice with one seed, once with another."""
+    folder, pages = tmp_path_factory.mktemp("runs"), Pages()
+    Counted.made = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ridgebayes.commands.jobs.write_pages", pages)
+        patch.setattr("ridgebayes.commands.jobs.Progress", Counted)
+        done = {
+            name: run_job(
+                folder / name, table=table, forms=FORMS, seed=seed, settings=QUICK, noise="iid"
+            )
+            for name, seed in [("first", 5), ("again", 5), ("other", 6)]
+        }
+    return folder, done, pages, list(Counted.made)
+
+
+# --- the main job ---------------------------------------------------------------------------------
+
+
+def test_run__writes_the_files_of_the_contract_and_no_others(runs):
+    folder, _, _, _ = runs
+    expected = (
+        COMPARED | posteriors(*FORMS) | {"bands.csv", "loads.csv", "costs.csv", "report.html"}
+    )
+    assert names(folder / "first") == expected | {"left_out.csv", "coverage.csv"}
+    assert {path.name for path in folder.iterdir()} == {"first", "again", "other"}
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_run__columns_are_the_contract_in_its_order(runs, name):
+    header = (runs[0] / "first" / name).read_text(encoding="utf-8").split("\n")[0]
+    if name == "bands.csv":
+        fixed, _, tail = header.partition(",p_q_ge_4")
+        assert fixed == COLUMNS[name]
+        counts = [int(part.removeprefix("p_q_ge_")) for part in f"p_q_ge_4{tail}".split(",")]
+        assert counts == list(range(4, 4 + 2 * len(counts), 2))
+    else:
+        assert header == COLUMNS[name]
+
+
+def test_run__the_table_as_used_stands_in_the_folder(runs, table):
+    written = rb.read_table(runs[0] / "first" / "table.csv")
+    assert written.digest() == rb.read_table(table).digest()
+
+
+def test_run__the_same_seed_gives_the_same_bytes(runs):
+    folder, _, _, _ = runs
+    files = sorted(path.name for path in (folder / "first").glob("*.csv"))
+    assert len(files) == 11
+    files.remove("costs.csv")  # seconds, which no two runs share
+    costs = [pd.read_csv(folder / name / "costs.csv") for name in ("first", "again")]
+    for column in ("task", "method", "error"):
+        assert costs[0][column].tolist() == costs[1][column].tolist()
+    for name in files:
+        assert (folder / "first" / name).read_bytes() == (folder / "again" / name).read_bytes()
+
+
+def test_run__another_seed_moves_what_was_drawn_and_nothing_else(runs):
+    folder, _, _, _ = runs
+    for name in ("summary.csv", "evidence.csv", "bayes_factors.csv", "loo.csv", "loads.csv"):
+        assert (folder / "first" / name).read_bytes() != (folder / "other" / name).read_bytes()
+    for name in ("table.csv", "prior_sensitivity.csv"):
+        assert (folder / "first" / name).read_bytes() == (folder / "other" / name).read_bytes()
+    first, other = (
+        pd.read_csv(folder / name / "evidence.csv").query("method == 'quadrature'")
+        for name in ("first", "other")
+    )
+    assert first["log_evidence"].tolist() == other["log_evidence"].tolist()
+
+
+def test_run__bands_hold_every_texture_at_200_loads_for_each_form_and_the_average(runs, table):
+    bands = pd.read_csv(runs[0] / "first" / "bands.csv")
+    rows = bands.groupby(["kind_of_band", "form", "a_over_R", "b_over_R"]).size()
+    assert len(rows) == 2 * (len(FORMS) + 1) * 4
+    assert set(rows) == {200}
+    observed = pd.read_csv(table)["p_over_E"]
+    # Algebra: the ends of a logarithmic grid.
+    assert math.isclose(bands["p_over_E"].min(), observed.min(), rel_tol=1e-14)
+    assert math.isclose(bands["p_over_E"].max(), observed.max(), rel_tol=1e-14)
+    assert set(bands["prob"]) == {0.9}
+
+
+def test_run__held_out_rows_are_predicted_and_not_fitted(runs, table):
+    frame = rb.read_table(table).frame
+    held_out = frame[frame["role"] == "held-out"]
+    assert len(held_out) == 3
+    loads = pd.read_csv(runs[0] / "first" / "loads.csv")
+    seen = loads.query("form == 'average' and kind_of_band == 'simulation' and b_over_R == 0.09")
+    assert seen["p_over_E_observed"].tolist() == held_out["p_over_E"].tolist()
+    fit = read_run(runs[0] / "first").fits["hybrid"]
+    assert len(fit.model.data) == len(frame) - 3
+    assert (0.012, 0.09) not in fit.model.data.textures
+
+
+def test_run__says_how_it_was_made(runs, table):
+    content = about(runs[0] / "first")
+    assert content["command"] == "run"
+    assert content["seed"] == 5
+    assert content["options"] == {"table": str(table), "forms": FORMS} | STANDARD
+    assert content["table"] == str(table)
+    assert content["verdicts"]["complete"] is False
+    assert set(content["verdicts"]["missing"]) == set(FORMS)
+    assert [stage["name"] for stage in content["stages"]] == [
+        "calibrate modified",
+        "evidence modified",
+        "calibrate hybrid",
+        "evidence hybrid",
+        "savage-dickey and Bayes factors",
+        "leave-one-out",
+        "prior sensitivity",
+        "textures and steps left out",
+        "coverage of the bands",
+        "what accuracy costs",
+        "bands",
+        "figures and report",
+    ]
+    for stage in content["stages"]:
+        assert set(stage) == {"name", "wall_s", "cpu_s"}
+        assert stage["wall_s"] >= 0
+        assert stage["cpu_s"] >= 0
+
+
+def test_run__returns_what_it_wrote(runs):
+    folder, done, _, _ = runs
+    again = read_run(folder / "first")
+    assert again.probabilities.keys() == done["first"].probabilities.keys()
+    assert again.best == done["first"].best
+    assert not done["first"].complete
+    assert done["first"].failures == {}
+
+
+def test_run__asks_for_pages_once_before_the_folder_has_its_name(runs):
+    folder, done, pages, _ = runs
+    comparison, where, reference = pages.asked[0]
+    assert len(pages.asked) == 3
+    assert comparison is done["first"]
+    assert where == folder / ".first.partial"
+    assert reference is None
+
+
+def test_run__announces_as_many_stages_as_come(runs):
+    assert [progress.n_stage for progress in runs[3]] == [12, 12, 12]
+    assert [len(progress.stages) for progress in runs[3]] == [12, 12, 12]
+
+
+@pytest.fixture
+def no_pages(monkeypatch):
+    pages = Pages()
+    monkeypatch.setattr("ridgebayes.commands.jobs.write_pages", pages)
+    return pages
+
+
+@pytest.fixture
+def no_sampling(monkeypatch):
+    monkeypatch.setattr("ridgebayes.commands.jobs.compare", lambda *_, **__: pytest.fail("went on"))
+
+
+@pytest.mark.parametrize("place", ["bands_table", "loads_table", "write_run_json", "write_pages"])
+def test_run__that_fails_mid_way_leaves_no_final_folder(
+    tmp_path, table, monkeypatch, no_pages, runs, place
+):
+    def fail(*_, **__):
+        raise RuntimeError("disk on fire")
+
+    monkeypatch.setattr("ridgebayes.commands.jobs.compare", lambda *_, **__: runs[1]["first"])
+    monkeypatch.setattr(f"ridgebayes.commands.jobs.{place}", fail)
+    with pytest.raises(RuntimeError, match="disk on fire"):
+        # One process: what a test puts in the place of a function is not there in a worker.
+        run_job(tmp_path / "out", table=table, forms=FORMS, settings=QUICK, noise="iid", workers=1)
+    assert not (tmp_path / "out").exists()
+
+
+def test_run__that_fails_with_force_leaves_the_old_one(
+    tmp_path, table, monkeypatch, no_pages, runs
+):
+    def fail(*_, **__):
+        raise ComputationError("no form could be fitted")
+
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "run.json").write_text("{}")
+    monkeypatch.setattr("ridgebayes.commands.jobs.compare", fail)
+    with pytest.raises(ComputationError):
+        run_job(tmp_path / "out", table=table, force=True)
+    assert names(tmp_path / "out") == {"run.json"}
+
+
+def test_run__force_replaces_a_run(tmp_path, table, monkeypatch, no_pages, runs):
+    (tmp_path / "out").mkdir()
+    for name in ("run.json", "posterior-classic.nc", "notes.txt"):
+        (tmp_path / "out" / name).write_text("{}")
+    monkeypatch.setattr("ridgebayes.commands.jobs.compare", lambda *_, **__: runs[1]["first"])
+    run_job(tmp_path / "out", table=table, forms=FORMS, force=True)
+    assert names(tmp_path / "out") == names(runs[0] / "first")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"forms": ["quadratic"]}, "form 'quadratic': unknown; rule: one of classic"),
+        ({"noise": "student"}, "noise 'student'"),
+        ({"forms": ["classic", "half-plane"]}, "41 calibration rows have solver 'half-plane'"),
+    ],
+)
+def test_run__bad_options_are_refused_before_anything_is_done(
+    tmp_path, no_sampling, options, message
+):
+    with pytest.raises(InputError, match=message):
+        run_job(tmp_path / "out", **options)
+    assert names(tmp_path) == set()
+
+
+def test_run__an_existing_folder_is_refused_before_anything_is_done(tmp_path, no_sampling):
+    (tmp_path / "out").mkdir()
+    with pytest.raises(InputError, match="exists"):
+        run_job(tmp_path / "out")
+    assert names(tmp_path) == {"out"}
+
+
+# --- the main job on the embedded sweep -----------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def default(tmp_path_factory):
+    """The main job with nothing named but one form, so that the second comparison is the rest."""
+    folder, pages = tmp_path_factory.mktemp("default") / "run", Pages()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ridgebayes.commands.jobs.write_pages", pages)
+        done = run_job(folder, forms=["modified"], settings=QUICK, noise="iid")
+    return folder, done, pages
+
+
+def test_default__compares_every_form_on_the_finite_element_rows(default):
+    folder, _, pages = default
+    forms = ["classic", "power-law", "modified", "hybrid", "half-plane"]
+    expected = COMPARED | posteriors(*forms) | {"bands.csv", "loads.csv"}
+    assert names(folder / "reference-fe") == expected
+    again = read_run(folder / "reference-fe")
+    assert list(again.fits) == forms
+    assert again.table.digest() == rb.reference_fe().digest()
+    assert pages.asked[0][2].table.where == again.table.where == "finite-element reference rows"
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_default__the_second_folder_has_the_same_columns(default, name):
+    first, second = (
+        (folder / name).read_text(encoding="utf-8").split("\n")[0].partition(",p_q_ge")[0]
+        for folder in (default[0], default[0] / "reference-fe")
+    )
+    assert first == second == COLUMNS[name]
+
+
+def test_default__the_table_is_the_embedded_sweep(default, paper):
+    folder, _, _ = default
+    content = about(folder)
+    assert content["table"] == EMBEDDED == "embedded sweep"
+    assert content["options"] == {"table": None, "forms": ["modified"]} | STANDARD
+    assert read_run(folder).table.digest() == paper.digest()
+
+
+def test_default__unfinished_fits_of_the_second_comparison_are_failures_too(default):
+    folder, done, _ = default
+    assert {name.split(": ")[0] for name in done.failures} == {"reference-fe"}
+    assert "reference-fe: half-plane" in done.failures
+    assert not done.complete
+    content = about(folder)
+    assert content["verdicts"]["failures"] == {}
+    assert set(content["reference-fe"]["probabilities"]) == {
+        "classic",
+        "power-law",
+        "modified",
+        "hybrid",
+        "half-plane",
+    }
+
+
+# --- fit, compare, report -------------------------------------------------------------------------
+
+
+def test_compare__writes_the_comparison_without_bands_and_pages(tmp_path, table, no_pages, capsys):
+    done = compare_job(
+        tmp_path / "out", table, forms=["modified"], seed=3, settings=QUICK, noise="iid"
+    )
+    assert names(tmp_path / "out") == COMPARED | posteriors("modified")
+    assert no_pages.asked == []
+    content = about(tmp_path / "out")
+    assert (content["command"], content["seed"]) == ("compare", 3)
+    assert content["options"] == {"table": str(table), "forms": ["modified"]} | STANDARD
+    assert list(done.fits) == ["modified"]
+    assert len(content["stages"]) == 5
+
+
+def test_compare__default_forms_are_the_four_printed_ones(tmp_path, table, monkeypatch):
+    asked = []
+
+    def compare(table, forms, **options):
+        asked.extend(form.name for form in forms)
+        raise ComputationError("enough")
+
+    monkeypatch.setattr("ridgebayes.commands.jobs.compare", compare)
+    with pytest.raises(ComputationError, match="enough"):
+        compare_job(tmp_path / "out", table)
+    assert asked == ["classic", "power-law", "modified", "hybrid"]
+
+
+def test_fit__writes_one_posterior_with_its_evidence(tmp_path, table):
+    done = fit_job(tmp_path / "out", table, "power-law", settings=QUICK, noise="iid")
+    expected = {"table.csv", "summary.csv", "evidence.csv", "run.json"}
+    assert names(tmp_path / "out") == expected | posteriors("power-law")
+    content = about(tmp_path / "out")
+    assert content["command"] == "fit"
+    assert content["options"] == {"table": str(table), "form": "power-law"} | STANDARD
+    assert read_run(tmp_path / "out").probabilities == {"power-law": 1.0}
+    assert list(done.fits) == ["power-law"]
+
+
+@pytest.mark.parametrize("n_form", [1, 2])
+def test_jobs__announce_as_many_stages_as_come(tmp_path, table, monkeypatch, n_form):
+    Counted.made = []
+    monkeypatch.setattr("ridgebayes.commands.jobs.Progress", Counted)
+    if n_form == 1:
+        fit_job(tmp_path / "out", table, "modified", settings=QUICK, noise="iid")
+    else:
+        compare_job(
+            tmp_path / "out", table, forms=["modified", "classic"], settings=QUICK, noise="iid"
+        )
+    (progress,) = Counted.made
+    assert progress.n_stage == len(progress.stages)
+
+
+def test_fit__that_fails_leaves_no_final_folder(tmp_path, paper):
+    rows = [
+        {"a_over_R": a, "b_over_R": b, "Q": q, "p_over_E": float(rb.Modified().load(q, a, b))}
+        for a, b in [(0.012, 0.01), (0.022, 0.02), (0.032, 0.03)]
+        for q in (4, 6, 8)
+    ]
+    rb.ContactTable.from_frame(pd.DataFrame(rows)).write(tmp_path / "perfect.csv")
+    with pytest.raises(ComputationError, match="modified: the posterior has no interior mode"):
+        fit_job(tmp_path / "out", tmp_path / "perfect.csv", "modified")
+    assert not (tmp_path / "out").exists()
+
+
+def test_report__is_written_from_what_the_folder_holds(runs, no_pages):
+    folder, done, _, _ = runs
+    report_job(folder / "first")
+    comparison, where, reference = no_pages.asked[0]
+    assert where == folder / "first"
+    assert reference is None
+    assert comparison.best == done["first"].best
+
+
+def test_report__takes_the_second_comparison_along(default, no_pages):
+    report_job(default[0])
+    assert list(no_pages.asked[0][2].fits)[-1] == "half-plane"
+
+
+def test_report__real_pages_stand_in_the_folder_whole(default, tmp_path):
+    folder = shutil.copytree(default[0], tmp_path / "run")
+    before = {path: path.read_bytes() for path in folder.rglob("*.csv")}
+    report_job(folder)
+    for where in (folder, folder / "reference-fe"):
+        assert "<html" in (where / "report.html").read_text(encoding="utf-8")
+        assert (where / "report.md").read_text(encoding="utf-8").startswith("#")
+        kinds = [path.suffix for path in (where / "figures").iterdir()]
+        assert kinds.count(".png") == kinds.count(".svg") > 0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert not re.findall(r'(?:src|href)="(?!data:|#|https?://)', page)  # self-contained
+    assert "did not converge" in page or "not converged" in page
+    assert {path: path.read_bytes() for path in folder.rglob("*.csv")} == before
+
+
+def test_report__of_what_is_no_run_is_refused(tmp_path, no_pages):
+    with pytest.raises(InputError, match=r"no run\.json in it"):
+        report_job(tmp_path)
+    assert no_pages.asked == []
+
+
+# --- resuming -------------------------------------------------------------------------------------
+
+
+def test_resume__after_a_kill_ends_with_the_same_bytes(tmp_path, table, monkeypatch, runs):
+    """Killed while the second form is sampled: the first form's chains are kept and used."""
+    from ridgebayes.comparison import comparison as module
+
+    calibrate, calls = module.calibrate, []
+
+    def killed(table, form, **options):
+        calls.append(form.name)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return calibrate(table, form, **options)
+
+    options = {"forms": FORMS, "seed": 5, "settings": QUICK}
+    monkeypatch.setattr("ridgebayes.comparison.comparison.calibrate", killed)
+    with pytest.raises(KeyboardInterrupt):
+        compare_job(tmp_path / "out", table, **options)
+    assert names(tmp_path) == {".out.partial", ".out.partial/chains-modified.h5"}
+    monkeypatch.undo()
+    compare_job(tmp_path / "out", table, resume=True, **options)
+    assert names(tmp_path / "out") == COMPARED | posteriors(*FORMS)
+    for name in COMPARED - {"run.json"}:
+        ours, theirs = (tmp_path / "out" / name), (runs[0] / "first" / name)
+        assert ours.read_bytes() == theirs.read_bytes()
+
+
+def test_resume__of_another_seed_is_refused_and_the_chains_stay(tmp_path, table, monkeypatch):
+    def killed(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ridgebayes.comparison.comparison.evidences", killed)
+    with pytest.raises(KeyboardInterrupt):
+        fit_job(tmp_path / "out", table, "modified", seed=1, settings=QUICK, noise="iid")
+    monkeypatch.undo()
+    with pytest.raises(InputError, match=r"cannot resume, seed was '\d+' and is '\d+'"):
+        fit_job(tmp_path / "out", table, "modified", seed=2, settings=QUICK, resume=True)
+    longer = replace(QUICK, n_step_max=160)
+    with pytest.raises(InputError, match="cannot resume, settings was"):
+        fit_job(tmp_path / "out", table, "modified", seed=1, settings=longer, resume=True)
+    assert names(tmp_path) == {".out.partial", ".out.partial/chains-modified.h5"}

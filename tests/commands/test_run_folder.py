@@ -1,0 +1,486 @@
+"""A run folder is whole or not there, holds what the contract says, and comes back as it was."""
+
+import json
+import shutil
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ridgebayes as rb
+from ridgebayes.commands.run_folder import (
+    new_folder,
+    read_run,
+    summary_table,
+    verdicts,
+    write_comparison,
+    write_csv,
+    write_fits,
+    write_run_json,
+    write_text,
+)
+from ridgebayes.comparison.bands import bands_table
+from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, bayes_factor_table
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.scores import loo_table
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.evidence import LogEvidence
+from ridgebayes.evidence.tables import evidence_table
+from ridgebayes.model.noise import Noise
+
+STAGES = [{"name": "calibrate classic", "wall_s": 1.5, "cpu_s": 1.25}]
+
+
+def about(folder, comparison, **more):
+    write_run_json(
+        folder,
+        comparison,
+        command="compare",
+        seed=1,
+        options={"forms": []},
+        stages=STAGES,
+        **more,
+    )
+
+
+@pytest.fixture(scope="module")
+def comparison(paper, fits):
+    """Classic, power law and Modified, and Hybrid as one that failed."""
+    chosen = {name: fits[name] for name in ("classic", "power-law", "modified")}
+    values = {"classic": 19.19874340705391, "power-law": 77.158231, "modified": 78.862798}
+    found = {name: [LogEvidence("bridge", value, 1.5e-4)] for name, value in values.items()}
+    evidence = evidence_table(found, Noise())
+    sensitivity = pd.DataFrame(
+        {"prior": "c", "factor": [0.1, 10.0], "form": "classic", "log_evidence": [1 / 3, np.nan]}
+    )
+    return Comparison(
+        replace(paper, where="my table"),
+        Noise(),
+        chosen,
+        evidence,
+        bayes_factor_table(evidence, chosen, Noise()),
+        loo_table(chosen),
+        sensitivity,
+        {"hybrid": "hybrid: no interior mode"},
+    )
+
+
+@pytest.fixture(scope="module")
+def written(comparison, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "run"
+    folder.mkdir()
+    write_comparison(comparison, folder)
+    about(folder, comparison)
+    return folder
+
+
+@pytest.fixture
+def run(written, tmp_path):
+    """A copy that a test may damage."""
+    return shutil.copytree(written, tmp_path / "run")
+
+
+def run_folder(path):
+    path.mkdir()
+    (path / "run.json").write_text("{}")
+    (path / "old.csv").write_text("old")
+    return path
+
+
+def names(folder):
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*"))
+
+
+# --- whole or not at all --------------------------------------------------------------------------
+
+
+def test_new_folder__takes_its_name_when_all_is_done(tmp_path):
+    with new_folder(tmp_path / "out") as partial:
+        assert partial == tmp_path / ".out.partial"
+        (partial / "a.csv").write_text("a")
+        assert not (tmp_path / "out").exists()
+    assert names(tmp_path) == ["out", "out/a.csv"]
+
+
+def test_new_folder__makes_folders_above_it(tmp_path):
+    with new_folder(tmp_path / "deep" / "er" / "out"):
+        pass
+    assert (tmp_path / "deep" / "er" / "out").is_dir()
+
+
+def test_new_folder__relative_to_the_working_folder(tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    with new_folder(Path("out")):
+        monkeypatch.chdir(tmp_path)
+    assert names(tmp_path) == ["here", "here/out"]
+
+
+def fail_inside(error, path, **options):
+    with new_folder(path, **options) as partial:
+        (partial / "a.csv").write_text("a")
+        raise error
+
+
+def test_new_folder__bad_input_inside_leaves_nothing(tmp_path):
+    with pytest.raises(InputError, match="late"):
+        fail_inside(InputError("late"), tmp_path / "out")
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize("error", [ComputationError("x"), ZeroDivisionError(), KeyboardInterrupt()])
+def test_new_folder__a_failure_inside_leaves_no_final_folder(tmp_path, error):
+    with pytest.raises(type(error)):
+        fail_inside(error, tmp_path / "out")
+    assert names(tmp_path) == [".out.partial", ".out.partial/a.csv"]
+
+
+@pytest.mark.parametrize("error", [InputError("x"), ComputationError("x"), OSError("disk full")])
+def test_new_folder__a_failure_with_force_leaves_the_old_run_alone(tmp_path, error):
+    old = run_folder(tmp_path / "out")
+    with pytest.raises(type(error)):
+        fail_inside(error, old, force=True)
+    assert names(old) == ["old.csv", "run.json"]
+    assert (old / "old.csv").read_text() == "old"
+
+
+def test_new_folder__an_existing_one_needs_force(tmp_path):
+    old = run_folder(tmp_path / "out")
+    with (
+        pytest.raises(InputError, match=r"out: exists; rule: another -o, or --force"),
+        new_folder(old),
+    ):
+        pytest.fail("went on")
+    assert names(tmp_path) == ["out", "out/old.csv", "out/run.json"]
+
+
+def test_new_folder__force_replaces_a_run_and_nothing_of_it_stays(tmp_path):
+    old = run_folder(tmp_path / "out")
+    with new_folder(old, force=True) as partial:
+        (partial / "new.csv").write_text("new")
+        assert (old / "old.csv").exists()
+    assert names(tmp_path) == ["out", "out/new.csv"]
+
+
+def test_new_folder__force_replaces_an_empty_folder(tmp_path):
+    (tmp_path / "out").mkdir()
+    with new_folder(tmp_path / "out", force=True) as partial:
+        (partial / "a.csv").write_text("a")
+    assert names(tmp_path) == ["out", "out/a.csv"]
+
+
+def test_new_folder__force_never_replaces_what_is_no_run(tmp_path):
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
+    (tmp_path / "file").write_text("mine")
+    for name in ("thesis", "file"):
+        with (
+            pytest.raises(InputError, match=rf"{name}: not a run folder \(no run.json in it\)"),
+            new_folder(tmp_path / name, force=True),
+        ):
+            pytest.fail("went on")
+    assert names(tmp_path) == ["file", "thesis", "thesis/chapter.tex"]
+    assert (tmp_path / "thesis" / "chapter.tex").read_text() == "years of work"
+
+
+def test_new_folder__where_none_can_be_is_refused(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    with (
+        pytest.raises(InputError, match=r"file/out: cannot be created \(Not a directory\)"),
+        new_folder(tmp_path / "file" / "out"),
+    ):
+        pytest.fail("went on")
+    assert names(tmp_path) == ["file"]
+
+
+def test_new_folder__starts_afresh_where_an_earlier_run_died(tmp_path):
+    (tmp_path / ".out.partial").mkdir()
+    (tmp_path / ".out.partial" / "half.csv").write_text("half")
+    with new_folder(tmp_path / "out"):
+        pass
+    assert names(tmp_path) == ["out"]
+
+
+def test_new_folder__an_old_one_left_by_a_crash_is_no_hindrance(tmp_path):
+    run_folder(tmp_path / "out")
+    run_folder(tmp_path / ".out.old")
+    with new_folder(tmp_path / "out", force=True):
+        pass
+    assert names(tmp_path) == ["out"]
+
+
+def test_new_folder__resume_goes_on_in_what_was_left(tmp_path):
+    (tmp_path / ".out.partial").mkdir()
+    (tmp_path / ".out.partial" / "chains-hybrid.h5").write_text("chains")
+    with new_folder(tmp_path / "out", resume=True) as partial:
+        assert (partial / "chains-hybrid.h5").read_text() == "chains"
+    assert names(tmp_path) == ["out"]  # without the chains: all is in the posterior by now
+
+
+def test_new_folder__resume_keeps_the_chains_when_it_fails_again(tmp_path):
+    (tmp_path / ".out.partial").mkdir()
+    (tmp_path / ".out.partial" / "chains-hybrid.h5").write_text("chains")
+    with pytest.raises(InputError):
+        fail_inside(InputError("another table"), tmp_path / "out", resume=True)
+    assert (tmp_path / ".out.partial" / "chains-hybrid.h5").read_text() == "chains"
+
+
+def test_new_folder__resume_without_anything_left_is_a_fresh_start(tmp_path):
+    with new_folder(tmp_path / "out", resume=True) as partial:
+        assert names(partial) == []
+    assert names(tmp_path) == ["out"]
+
+
+def test_write_csv__in_full_and_with_plain_line_ends(tmp_path):
+    values = [1 / 3, 1e-300, 0.1 + 0.2, 123456789.123456789]
+    write_csv(pd.DataFrame({"form": "a,b", "x": values}), tmp_path / "x.csv")
+    lines = (tmp_path / "x.csv").read_bytes().decode().split("\n")
+    assert lines[0] == "form,x"
+    assert [float(line.split(",")[-1]) for line in lines[1:-1]] == values  # bit for bit
+    assert lines[1].startswith('"a,b",')
+    assert lines[-1] == ""
+    assert b"\r" not in (tmp_path / "x.csv").read_bytes()
+    assert names(tmp_path) == ["x.csv"]
+
+
+def test_write_text__that_fails_leaves_the_old_file(tmp_path):
+    (tmp_path / "x.json").write_text("old")
+    with pytest.raises(UnicodeEncodeError):
+        write_text("new \ud800", tmp_path / "x.json")  # a lone surrogate is no text
+    assert (tmp_path / "x.json").read_text() == "old"
+    assert names(tmp_path) == ["x.json"]
+
+
+# --- what is in it --------------------------------------------------------------------------------
+
+
+def test_written__files_of_a_comparison(written):
+    assert names(written) == [
+        "bayes_factors.csv",
+        "evidence.csv",
+        "loo.csv",
+        "posterior-classic.nc",
+        "posterior-modified.nc",
+        "posterior-power-law.nc",
+        "prior_sensitivity.csv",
+        "run.json",
+        "summary.csv",
+        "table.csv",
+    ]
+
+
+def test_summary__one_row_per_form_and_parameter(written, comparison, paper):
+    frame = pd.read_csv(written / "summary.csv")
+    assert list(frame) == [
+        "form",
+        "noise",
+        "parameter",
+        "mean",
+        "sd",
+        "eti_lower",
+        "eti_upper",
+        "prob",
+        "ess_bulk",
+        "ess_tail",
+        "r_hat",
+        "mcse_mean",
+    ]
+    found = frame.groupby("form", sort=False)["parameter"].agg(list).to_dict()
+    assert found == {
+        "classic": ["c", "sigma"],
+        "power-law": [f"K[{label}]" for label in paper.calibration.labels] + ["sigma"],
+        "modified": ["c", "sigma"],
+    }
+    assert set(frame["noise"]) == {"iid"}
+
+
+def test_summary__is_not_rounded(written, comparison):
+    frame = pd.read_csv(written / "summary.csv", dtype=str)
+    live = summary_table(comparison.fits.values())
+    for column in ("mean", "sd", "eti_lower", "eti_upper", "ess_bulk", "r_hat", "mcse_mean"):
+        assert [float(text) for text in frame[column]] == live[column].tolist()
+        digits = frame[column].str.replace(r"e.*|[.\-]", "", regex=True).str.lstrip("0").str.len()
+        assert (digits > 6).all(), column
+
+
+def test_run_json__says_with_what_and_how_it_was_made(written, comparison):
+    content = json.loads((written / "run.json").read_text(encoding="utf-8"))
+    assert content["command"] == "compare"
+    assert content["seed"] == 1
+    assert content["options"] == {"forms": []}
+    assert content["stages"] == STAGES
+    assert content["table"] == "my table"
+    assert content["table_digest"] == comparison.table.digest()
+    assert content["forms"] == ["classic", "power-law", "modified", "hybrid"]
+    assert content["noise"] == "iid"
+    assert content["versions"]["ridgebayes"] == rb.__version__
+    assert content["versions"]["numpy"] == np.__version__
+    assert content["verdicts"] == verdicts(comparison)
+    assert "reference-fe" not in content
+
+
+def test_run_json__holds_the_verdicts_of_the_second_comparison(comparison, tmp_path):
+    other = replace(comparison, failures={})
+    about(tmp_path, comparison, reference=other)
+    content = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
+    assert content["reference-fe"] == verdicts(other) != content["verdicts"]
+
+
+def test_run_json__a_package_that_is_not_installed_is_unknown(comparison, tmp_path, monkeypatch):
+    def version(name):
+        if name == "matplotlib":
+            raise PackageNotFoundError(name)
+        return "1.0"
+
+    monkeypatch.setattr("ridgebayes.commands.run_folder.version", version)
+    about(tmp_path, comparison)
+    versions = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["versions"]
+    assert (versions["matplotlib"], versions["numpy"]) == ("unknown", "1.0")
+
+
+def test_verdicts__of_a_comparison_with_a_failure(comparison):
+    found = verdicts(comparison)
+    assert found["complete"] is False
+    assert found["best"] == "modified"
+    assert found["probabilities"] == comparison.probabilities
+    assert found["converged"] == {"classic": True, "power-law": True, "modified": True}
+    assert found["missing"] == {}
+    assert found["failures"] == {"hybrid": "hybrid: no interior mode"}
+    assert found["caution"] == "rows are not independent"
+    assert (found["n_calibration"], found["n_held_out"], found["n_left_out"]) == (41, 3, 0)
+
+
+def test_verdicts__name_what_a_fit_lacks(comparison):
+    lacking = replace(comparison.fits["classic"], missing=("c: too short", "sigma: too short"))
+    found = verdicts(replace(comparison, fits={**comparison.fits, "classic": lacking}))
+    assert found["converged"]["classic"] is False
+    assert found["missing"] == {"classic": ("c: too short", "sigma: too short")}
+
+
+# --- read back ------------------------------------------------------------------------------------
+
+
+def test_read_run__brings_every_table_back(written, comparison):
+    again = read_run(written)
+    assert again.table.where == "my table"
+    assert again.table.digest() == comparison.table.digest()
+    assert again.noise == comparison.noise
+    assert again.failures == comparison.failures
+    assert again.best == comparison.best
+    for name in ("evidence", "bayes_factors", "loo", "prior_sensitivity"):
+        pd.testing.assert_frame_equal(
+            getattr(again, name), getattr(comparison, name), rtol=1e-14, check_dtype=False
+        )
+
+
+def test_read_run__brings_every_posterior_back(written, comparison):
+    again = read_run(written)
+    assert list(again.fits) == list(comparison.fits)
+    for name, fit in comparison.fits.items():
+        # Algebra: a logarithm and back.
+        np.testing.assert_allclose(again.fits[name].draws, fit.draws, rtol=1e-14)
+        assert again.fits[name].missing == fit.missing
+        assert again.fits[name].seed == fit.seed
+        assert again.fits[name].model.priors == fit.model.priors
+        assert again.fits[name].form == fit.form
+        # Algebra: the summary is kept to 15 decimals.
+        pd.testing.assert_frame_equal(again.fits[name].summary, fit.summary, rtol=1e-9)
+
+
+def test_read_run__predicts_what_the_live_comparison_predicts(written, comparison):
+    where = {"textures": [(0.022, 0.02), (0.012, 0.09)], "loads": np.geomspace(1e-3, 0.02, 15)}
+    live, again = bands_table(comparison, **where), bands_table(read_run(written), **where)
+    counts = ["q_median", "q_lower", "q_upper", "extrapolation", "form", "kind_of_band"]
+    assert live[counts].equals(again[counts])
+    # Algebra: the same thinned draws; one that a logarithm and back moved may change sides.
+    pd.testing.assert_frame_equal(live, again, rtol=0, atol=2.5e-4)
+    smooth = live["kind_of_band"] == "simulation"
+    pd.testing.assert_frame_equal(live[smooth], again[smooth], rtol=0, atol=1e-11)
+
+
+def test_read_run__of_a_fit_alone_has_empty_tables(comparison, tmp_path):
+    write_fits(comparison, tmp_path)
+    about(tmp_path, comparison)
+    again = read_run(tmp_path)
+    assert list(again.fits) == list(comparison.fits)
+    assert len(again.bayes_factors) == len(again.loo) == len(again.prior_sensitivity) == 0
+
+
+def test_read_run__a_comparison_of_one_form_has_no_factors(comparison, tmp_path):
+    nothing = pd.DataFrame(columns=BAYES_FACTOR_COLUMNS)
+    write_comparison(replace(comparison, bayes_factors=nothing), tmp_path)
+    about(tmp_path, comparison)
+    assert list(read_run(tmp_path).bayes_factors) == BAYES_FACTOR_COLUMNS
+
+
+@pytest.mark.parametrize("name", ["nowhere", "empty", "file"])
+def test_read_run__of_what_is_no_run_is_refused(tmp_path, name):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(InputError, match=rf"{name}: no run.json in it; rule: a folder written by"):
+        read_run(tmp_path / name)
+
+
+@pytest.mark.parametrize("size", [0, 100, 5_000])
+@pytest.mark.parametrize("form", ["classic", "power-law"])
+def test_read_run__a_truncated_posterior_is_named(run, form, size):
+    path = run / f"posterior-{form}.nc"
+    path.write_bytes(path.read_bytes()[:size])
+    with pytest.raises(InputError, match=rf"posterior-{form}.nc: not a readable NetCDF file"):
+        read_run(run)
+
+
+def test_read_run__a_posterior_cut_short_by_one_byte_is_named(run):
+    path = run / "posterior-modified.nc"
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(InputError, match=r"posterior-modified.nc: not a readable NetCDF file"):
+        read_run(run)
+
+
+@pytest.mark.parametrize(
+    "name", ["table.csv", "evidence.csv", "posterior-classic.nc", "posterior-power-law.nc"]
+)
+def test_read_run__a_missing_file_is_named(run, name):
+    (run / name).unlink()
+    with pytest.raises(InputError, match=name):
+        read_run(run)
+
+
+@pytest.mark.parametrize("name", ["evidence.csv", "bayes_factors.csv", "loo.csv", "table.csv"])
+def test_read_run__an_empty_csv_is_refused(run, name):
+    (run / name).write_text("")
+    with pytest.raises(InputError, match=r"run"):
+        read_run(run)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b'{"command": "comp', b"[]", b"{}", b"null", b'{"verdicts": 3}', b"\xff\xfe{"]
+)
+def test_read_run__a_broken_json_is_refused(run, content):
+    (run / "run.json").write_bytes(content)
+    with pytest.raises(InputError, match=r"run.json: damaged"):
+        read_run(run)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("noise", "student", "noise 'student': not an error model"),
+        ("forms", ["classic", "quadratic"], "form 'quadratic'; rule: one of classic"),
+    ],
+)
+def test_read_run__a_name_that_this_version_does_not_know_is_told(run, key, value, message):
+    content = json.loads((run / "run.json").read_text(encoding="utf-8"))
+    (run / "run.json").write_text(json.dumps({**content, key: value}))
+    with pytest.raises(InputError, match=message):
+        read_run(run)
+
+
+def test_read_run__a_damaged_table_is_told_by_row(run):
+    text = (run / "table.csv").read_text()
+    (run / "table.csv").write_text(text.replace("0.00027160170517312736", "-1", 1))
+    with pytest.raises(InputError, match=r"table.csv, row 1 \(line 2\): p_over_E = '-1'"):
+        read_run(run)

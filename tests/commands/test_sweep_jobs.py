@@ -1,0 +1,433 @@
+"""Sweeps that are shared out, killed and resumed give the bytes of an undisturbed one."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from ridgebayes.commands.sweep_jobs import journal_of, sweep_job
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.runtime.journal import Journal
+from ridgebayes.runtime.workers import workers
+from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.simulate import generation
+from ridgebayes.simulate.generation import generate
+from ridgebayes.table.table import ContactTable
+
+N = 12
+SCENE = Scene(
+    textures=(
+        *(Texture(a_over_R=0.012 + 0.002 * i, b_over_R=0.03 - 0.001 * i) for i in range(N - 2)),
+        Texture(a_over_R=0.03, b_over_R=0.01, corner_radius_over_R=2e-3, max_p_over_E=2e-3),
+        Texture(a_over_R=0.03, b_over_R=0.02, offset=0.25, role="held-out", max_p_over_E=4e-3),
+    ),
+    p_over_E=0.006,
+)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The bytes of the table that one process writes in one go."""
+    out = tmp_path_factory.mktemp("undisturbed") / "t.csv"
+    generate(SCENE, rel_tol=1e-6).write(out)
+    return out.read_bytes()
+
+
+@dataclass
+class Counted:
+    """Counts textures that this process computes."""
+
+    n: int = 0
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    count, solved = Counted(), generation._solved
+
+    def counting(task, **known):
+        count.n += 1
+        return solved(task, **known)
+
+    monkeypatch.setattr(generation, "_solved", counting)
+    return count
+
+
+def sweep(out, **options):
+    return sweep_job(out, SCENE, **({"rel_tol": 1e-6} | options))
+
+
+def cut_off(out, monkeypatch, after, **options):
+    """Run a sweep that ends by force after so many textures."""
+    keep, kept = Journal.keep, []
+
+    def keeping(journal, given, found):
+        if len(kept) == after:
+            raise KeyboardInterrupt
+        kept.append(given)
+        keep(journal, given, found)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Journal, "keep", keeping)
+        with pytest.raises(KeyboardInterrupt):
+            sweep(out, **options)
+    assert not out.exists()
+    assert len(entries(out)) == after
+
+
+def entries(out):
+    return {path: path.stat().st_mtime_ns for path in journal_of(out).folder.glob("*.json")}
+
+
+# --- shared out -----------------------------------------------------------------------------------
+
+
+def test_sweep__two_workers_write_the_bytes_of_one_process(tmp_path, undisturbed):
+    sweep(tmp_path / "one.csv")
+    sweep(tmp_path / "two.csv", workers=2)
+    assert (tmp_path / "one.csv").read_bytes() == undisturbed
+    assert (tmp_path / "two.csv").read_bytes() == undisturbed
+    assert {path.name for path in tmp_path.iterdir()} == {"one.csv", "two.csv"}
+
+
+def test_sweep__a_worker_killed_on_the_way_changes_nothing(tmp_path, undisturbed):
+    out, said = tmp_path / "t.csv", []
+    with workers(2) as pool:
+        victim = pool.submit(os.getpid).result()
+        os.kill(victim, signal.SIGSTOP)  # it will hold a texture, and not get it done
+
+        def tell(text):
+            said.append(text)
+            if len(said) == N // 2:
+                os.kill(victim, signal.SIGKILL)
+
+        generate(SCENE, rel_tol=1e-6, executor=pool, progress=tell).write(out)
+        assert not Path(f"/proc/{victim}").exists()
+    assert out.read_bytes() == undisturbed
+    assert said == [f"{i} of {N} textures" for i in range(1, N + 1)]
+
+
+def test_sweep__a_texture_that_kills_every_worker_is_named(tmp_path, killing):
+    done = program(killing, tmp_path, "--workers", "2")
+    assert done.returncode == 1
+    expected = r"ridgebayes: scene: textures\[4\] = \(0\.018\S*, 0\.027\): 3 worker processes died"
+    assert re.search(expected, done.stderr), done.stderr
+    assert "Traceback" not in done.stderr
+    n = len(entries(tmp_path / "t.csv"))
+    assert n >= 3
+    assert f"{n} of {N} textures are in" in done.stderr
+
+
+def test_sweep__refusals_are_those_of_one_process(tmp_path):
+    small = Scene.of([(0.012, 0.01), (0.012, 0.09), (0.032, 0.03)], p_over_E=5e-4)
+    said = []
+    for n_worker in (None, 2):
+        with pytest.raises(InputError) as raised:
+            sweep_job(tmp_path / "t.csv", small, workers=n_worker)
+        said.append(str(raised.value))
+    assert said[0] == said[1]
+    assert [line[:21] for line in said[0].split("\n")] == [
+        "scene: textures[2] = ",
+        "scene: textures[3] = ",
+    ]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_sweep__workers_of_another_version_are_refused(monkeypatch):
+    task = generation._tasks(SCENE, "auto", 1e-6, (24, 10))[0]
+    monkeypatch.setattr(generation, "versions", lambda: {"ridgebayes": "0.0.9"})
+    with pytest.raises(InputError, match=r"a worker has ridgebayes 0\.0\.9, this process \d.*same"):
+        generation._solved(task)
+
+
+def test_generate__fields_come_from_one_process_alone(tmp_path):
+    with workers(2) as pool, pytest.raises(InputError, match="pressed: given with executor"):
+        generate(SCENE, pressed=print, executor=pool)
+    with pytest.raises(InputError, match="or journal; rule: neither"):
+        generate(SCENE, pressed=print, journal=Journal(tmp_path / "j"))
+
+
+# --- killed and resumed ---------------------------------------------------------------------------
+
+# Every texture takes so long that the sweep can be caught at work, in workers as well.
+SLOW = """
+import time
+from ridgebayes.commands import cli
+from ridgebayes.contact import halfplane
+solve = halfplane.transition_loads
+def transition_loads(a, b, *rest, **known):
+    {before}
+    return solve(a, b, *rest, **known)
+halfplane.transition_loads = transition_loads
+if __name__ == "__main__":
+    cli.main()
+"""
+KILLED = SLOW.format(before="time.sleep(0.05)")
+
+
+@pytest.fixture
+def killing():
+    import_os = "import os, signal; "
+    return SLOW.format(before=f"{import_os}b == 0.027 and os.kill(os.getpid(), signal.SIGKILL)")
+
+
+def words(folder, *more):
+    SCENE.to_toml(folder / "scene.toml")
+    return ["generate", "scene.toml", "--tol", "1e-6", "-o", "t.csv", *more]
+
+
+def program(code, folder, *more):
+    (folder / "slow.py").write_text(code)
+    return subprocess.run(
+        [sys.executable, "slow.py", *words(folder, *more)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def stopped(folder, with_signal, *more):
+    """Start a sweep, send it a signal when three textures are done, return its code and words."""
+    (folder / "slow.py").write_text(KILLED)
+    with subprocess.Popen(
+        [sys.executable, "slow.py", *words(folder, *more)],
+        cwd=folder,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        end = time.monotonic() + 60
+        while len(entries(folder / "t.csv")) < 3:
+            assert process.poll() is None
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        if with_signal == signal.SIGINT:  # Ctrl-C reaches the workers as well
+            os.killpg(process.pid, with_signal)
+        else:
+            process.send_signal(with_signal)
+        said = process.stderr.read()  # to its end: the workers hold it open until they are gone
+        return process.wait(60), said
+
+
+@pytest.mark.parametrize("more", [(), ("--workers", "2")], ids=["alone", "workers"])
+def test_sweep__killed_goes_on_with_the_same_bytes_and_repeats_nothing(
+    tmp_path, monkeypatch, undisturbed, counted, more
+):
+    assert stopped(tmp_path, signal.SIGKILL, *more)[0] == -signal.SIGKILL
+    out = tmp_path / "t.csv"
+    before = entries(out)
+    assert 3 <= len(before) < N
+    monkeypatch.chdir(tmp_path)
+    with monkeypatch.context() as patch:  # to see what was there
+        patch.setattr(Journal, "remove", lambda journal: None)
+        sweep(out, resume=True)
+    after = entries(out)
+    assert before.items() <= after.items()  # not written again
+    assert len(after) == N
+    assert counted.n == N - len(before)
+    assert out.read_bytes() == undisturbed
+
+
+def test_sweep__interrupted_says_how_to_go_on(tmp_path, undisturbed):
+    code, said = stopped(tmp_path, signal.SIGINT, "--workers", "2")
+    assert code == 130
+    n = len(entries(tmp_path / "t.csv"))
+    assert f"{n} of {N} textures are in {tmp_path}" in said.replace("in .t", f"in {tmp_path}/.t")
+    assert "--resume goes on" in said
+    assert "Traceback" not in said
+    assert not (tmp_path / "t.csv").exists()
+    done = program(KILLED, tmp_path, "--resume")
+    assert (done.returncode, done.stderr) == (0, f"{n} of {N} textures taken from the journal\n")
+    assert (tmp_path / "t.csv").read_bytes() == undisturbed
+    assert not journal_of(tmp_path / "t.csv").exists()
+
+
+def test_sweep__what_an_earlier_one_left_needs_a_word(tmp_path, monkeypatch, undisturbed, counted):
+    out = tmp_path / "t.csv"
+    cut_off(out, monkeypatch, 4)
+    before = entries(out)
+    with pytest.raises(InputError, match=r"\.t\.csv\.journal: .*--resume to go on, or --force"):
+        sweep(out)
+    assert entries(out) == before
+    counted.n = 0
+    sweep(out, force=True)
+    assert counted.n == N
+    assert out.read_bytes() == undisturbed
+    assert {path.name for path in tmp_path.iterdir()} == {"t.csv"}
+
+
+def test_sweep__resume_without_a_journal_begins(tmp_path, undisturbed, counted):
+    sweep(tmp_path / "t.csv", resume=True)
+    assert counted.n == N
+    assert (tmp_path / "t.csv").read_bytes() == undisturbed
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"rel_tol": 1e-5},
+        {"solver": "half-plane"},
+        {"scene": SCENE.model_copy(update={"nu": 0.4})},
+        {"scene": SCENE.model_copy(update={"p_over_E": 0.0061})},
+    ],
+    ids=["tolerance", "solver", "nu", "load"],
+)
+def test_sweep__takes_nothing_from_another_question(
+    tmp_path, monkeypatch, counted, changed, capsys
+):
+    out, fresh = tmp_path / "t.csv", tmp_path / "fresh.csv"
+    cut_off(out, monkeypatch, 4)
+    counted.n = 0
+    options = {"rel_tol": 1e-6, "scene": SCENE} | changed
+    sweep_job(out, resume=True, **options)
+    assert counted.n == N
+    assert f"0 of {N} textures taken from the journal" in capsys.readouterr().err
+    sweep_job(fresh, **options)
+    assert out.read_bytes() == fresh.read_bytes()
+
+
+def test_sweep__takes_what_fits_of_a_scene_with_other_textures(tmp_path, monkeypatch, counted):
+    out = tmp_path / "t.csv"
+    cut_off(out, monkeypatch, 4)
+    counted.n = 0
+    fewer = SCENE.model_copy(update={"textures": SCENE.textures[2:]})
+    sweep_job(out, fewer, rel_tol=1e-6, resume=True)
+    assert counted.n == N - 2 - 2
+    fresh = generate(fewer, rel_tol=1e-6)
+    fresh.write(tmp_path / "fresh.csv")
+    assert out.read_bytes() == (tmp_path / "fresh.csv").read_bytes()
+
+
+def test_sweep__a_damaged_texture_is_computed_again_and_counted(
+    tmp_path, monkeypatch, undisturbed, counted, capsys
+):
+    out = tmp_path / "t.csv"
+    cut_off(out, monkeypatch, 6)
+    first, second, *_ = sorted(entries(out))
+    first.write_text("")
+    text = second.read_text()
+    Q = re.search(r'"Q": \[4, (\d+)', text)
+    second.write_text(text.replace(Q.group(), Q.group() + "1"))
+    counted.n = 0
+    sweep(out, resume=True)
+    assert counted.n == N - 4
+    assert "2 damaged textures, computed again" in capsys.readouterr().err
+    assert out.read_bytes() == undisturbed
+
+
+def test_sweep__bad_input_leaves_nothing_unless_it_was_to_go_on(tmp_path, monkeypatch):
+    out = tmp_path / "t.csv"
+    bad = SCENE.model_copy(update={"p_over_E": 5e-4})
+    with pytest.raises(InputError, match="no transition under"):
+        sweep_job(out, bad, rel_tol=1e-6)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match="no transition under"):
+        sweep_job(out, bad, rel_tol=1e-6, resume=True)
+    assert len(entries(out)) > 0
+    shutil.rmtree(journal_of(out).folder)
+    cut_off(out, monkeypatch, 2)
+    with pytest.raises(InputError, match="no Dask scheduler answers"):
+        sweep(out, scheduler="tcp://127.0.0.1:1", force=True)
+    assert len(entries(out)) == 2  # dropped only when something takes its place
+
+
+def test_sweep__a_name_that_no_table_can_have_is_refused_first(tmp_path, counted):
+    with pytest.raises(InputError, match=r"ends in \.csv or \.parquet"):
+        sweep(tmp_path / "t.txt")
+    assert counted.n == 0
+
+
+def test_sweep__a_full_disk_at_the_end_loses_nothing(tmp_path, monkeypatch, undisturbed, capsys):
+    def full(table, path):
+        raise InputError(f"{path}: cannot be written: No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ContactTable, "write", full)
+        with pytest.raises(InputError, match="No space left"):
+            sweep(tmp_path / "t.csv")
+    assert f"{N} of {N} textures are in" in capsys.readouterr().err
+    assert len(entries(tmp_path / "t.csv")) == N
+    sweep(tmp_path / "t.csv", resume=True)
+    assert (tmp_path / "t.csv").read_bytes() == undisturbed
+
+
+def test_sweep__a_failed_computation_keeps_what_is_done(tmp_path, monkeypatch, capsys):
+    solved = generation._solved
+
+    def failing(task, **known):
+        if task.number == 4:
+            raise ComputationError("enough")
+        return solved(task, **known)
+
+    monkeypatch.setattr(generation, "_solved", failing)
+    with pytest.raises(ComputationError, match="enough"):
+        sweep(tmp_path / "t.csv")
+    assert len(entries(tmp_path / "t.csv")) == 3
+    assert f"3 of {N} textures are in" in capsys.readouterr().err
+
+
+def test_sweep__tells_now_and_then_where_there_is_no_terminal(tmp_path, monkeypatch, capsys):
+    sweep(tmp_path / "quick.csv")
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr("ridgebayes.commands.sweep_jobs._EVERY_S", 0.0)
+    sweep(tmp_path / "long.csv")
+    assert f"{N} of {N} textures\n" in capsys.readouterr().err
+
+
+# --- as commands ----------------------------------------------------------------------------------
+
+
+def test_generate__its_options_reach_the_sweep(command, monkeypatch):
+    asked = {}
+
+    def sweep_job(out, scene, **options):
+        asked.update(options, out=out, scene=scene)
+        raise ComputationError("enough")
+
+    monkeypatch.setattr("ridgebayes.commands.sweep_jobs.sweep_job", sweep_job)
+    SCENE.to_toml("my.toml")
+    words = ("--solver", "half-plane", "--tol", "1e-6", "--workers", "3", "--resume", "--force")
+    words += ("--accuracy", "quick")
+    said = command("generate", "my.toml", *words, "-o", "t.csv")
+    assert (said.code, said.err) == (1, "ridgebayes: enough\n")
+    assert asked == {
+        "out": Path("t.csv"),
+        "scene": SCENE,
+        "solver": "half-plane",
+        "rel_tol": 1e-6,
+        "accuracy": "quick",
+        "workers": 3,
+        "scheduler": None,
+        "resume": True,
+        "force": True,
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("generate", "-o", "t.csv", "--workers", "0"), "--workers"),
+        (
+            ("generate", "-o", "t.csv", "--workers", "2", "--scheduler", "tcp://host:1"),
+            "--workers and --scheduler: both given",
+        ),
+        (("generate", "-o", "t.csv", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler"),
+        (("generate", "-o", "t.csv", "--fields", "f", "--workers", "2"), "--fields: with --work"),
+        (("generate", "-o", "t.csv", "--fields", "f", "--resume"), "rule: without"),
+        (("coverage", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler answers"),
+        (("run", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler answers"),
+    ],
+)
+def test_commands__refuse_workers_that_cannot_be_and_write_nothing(command, words, expected):
+    said = command(*words)
+    assert said.code == 2
+    assert expected in said.err
+    assert "Traceback" not in said.err
+    assert list(Path().iterdir()) == []

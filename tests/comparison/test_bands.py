@@ -1,0 +1,406 @@
+"""Bands and loads as tables: every column derived from the others or from a form's equation."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ridgebayes as rb
+from ridgebayes.comparison.bands import bands_table, default_loads, loads_table
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.errors import InputError
+from ridgebayes.model.noise import Noise
+
+SHARES = {"classic": 0.2, "modified": 0.3, "hybrid": 0.5}
+BAND_COLUMNS = [
+    "form",
+    "noise",
+    "kind_of_band",
+    "a_over_R",
+    "b_over_R",
+    "nu",
+    "p_over_E",
+    "q_mean",
+    "q_median",
+    "q_lower",
+    "q_upper",
+    "prob",
+    "extrapolation",
+]
+LOAD_COLUMNS = [
+    "form",
+    "noise",
+    "kind_of_band",
+    "a_over_R",
+    "b_over_R",
+    "nu",
+    "Q",
+    "p_over_E_median",
+    "p_over_E_lower",
+    "p_over_E_upper",
+    "prob",
+    "extrapolation",
+    "p_over_E_observed",
+]
+
+
+def compared(table, fits, shares=SHARES):
+    """Make a comparison with probabilities given by hand, so that an average is a real mix."""
+    columns = {"form": list(shares), "model_probability": list(shares.values())}
+    evidence = pd.DataFrame(columns).assign(noise="iid")
+    nothing = pd.DataFrame()
+    chosen = {name: fits[name] for name in shares}
+    return Comparison(table, Noise(), chosen, evidence.assign(used=True), nothing, nothing, nothing)
+
+
+@pytest.fixture(scope="module")
+def comparison(paper, fits):
+    return compared(paper, fits)
+
+
+@pytest.fixture(scope="module")
+def bands(comparison):
+    return bands_table(
+        comparison,
+        textures=[(0.022, 0.02), (0.012, 0.09), (0.032, 0.01)],
+        loads=np.geomspace(1e-4, 0.02, 40),
+    )
+
+
+@pytest.fixture(scope="module")
+def loads(comparison):
+    return loads_table(comparison)
+
+
+def tail(frame):
+    return [name for name in frame if name.startswith("p_q_ge_")]
+
+
+# --- bands on Q -----------------------------------------------------------------------------------
+
+
+def test_bands__columns_are_the_contract_and_then_each_even_count(bands):
+    names = tail(bands)
+    assert list(bands) == BAND_COLUMNS + names
+    assert names == [f"p_q_ge_{n}" for n in range(4, 4 + 2 * len(names), 2)]
+
+
+def test_bands__end_at_the_first_negligible_count(bands):
+    highest = bands[tail(bands)].max()
+    assert highest.iloc[-1] < 1e-6
+    assert (highest.iloc[:-1] >= 1e-6).all()
+
+
+@pytest.mark.parametrize("load", [1e-6, 1e-3, 0.02])
+def test_bands__end_at_the_first_negligible_count_at_any_load(comparison, load):
+    frame = bands_table(comparison, textures=[(0.022, 0.02)], loads=np.array([load]))
+    highest = frame[tail(frame)].max()
+    assert highest.iloc[-1] < 1e-6
+    assert (highest.iloc[:-1] >= 1e-6).all()
+
+
+def test_bands__an_average_ends_by_its_own_probabilities(paper, fits):
+    """Classic's wide errors reach far counts, but weigh next to nothing."""
+    mixed = compared(paper, fits, {"modified": 1 - 1e-5, "classic": 1e-5})
+    where = {"textures": [(0.022, 0.02)], "loads": np.array([0.01])}
+    average = bands_table(mixed, forms=["average"], **where)
+    highest = average[tail(average)].max()
+    assert highest.iloc[-1] < 1e-6
+    assert (highest.iloc[:-1] >= 1e-6).all()
+    assert len(highest) < len(tail(bands_table(mixed, forms=["classic"], **where)))
+
+
+def test_bands__every_form_and_the_average_in_both_kinds(bands):
+    rows = bands.groupby(["kind_of_band", "form"], sort=False).size()
+    expected = [(kind, form) for kind in ("curve", "simulation") for form in (*SHARES, "average")]
+    assert rows.index.tolist() == expected
+    assert set(rows) == {3 * 40}
+    assert set(bands["noise"]) == {"iid"}
+    assert set(bands["prob"]) == {0.9}
+    assert set(bands["nu"]) == {0.5}
+    assert not bands.isna().any(axis=None)
+
+
+def test_bands__go_texture_by_texture_and_load_by_load(bands):
+    one = bands.query("form == 'hybrid' and kind_of_band == 'curve'")
+    assert one["a_over_R"].tolist() == [0.022] * 40 + [0.012] * 40 + [0.032] * 40
+    assert one["b_over_R"].tolist() == [0.02] * 40 + [0.09] * 40 + [0.01] * 40
+    assert one["p_over_E"].tolist() == np.geomspace(1e-4, 0.02, 40).tolist() * 3
+
+
+def test_bands__average_is_the_mix_by_probability(bands):
+    for kind in ("curve", "simulation"):
+        of_kind = bands[bands["kind_of_band"] == kind]
+        part = {name: rows[["q_mean", *tail(bands)]] for name, rows in of_kind.groupby("form")}
+        mix = sum(share * part[form].to_numpy() for form, share in SHARES.items())
+        # Algebra: sums of four numbers.
+        np.testing.assert_allclose(part["average"].to_numpy(), mix, rtol=1e-13, atol=1e-15)
+
+
+def test_bands__probabilities_fall_with_the_count_and_rise_with_the_load(bands):
+    ladder = bands[tail(bands)].to_numpy()
+    assert ((ladder >= 0) & (ladder <= 1)).all()
+    assert (np.diff(ladder, axis=1) <= 0).all()
+    by_load = ladder.reshape(-1, 40, ladder.shape[1])
+    # Algebra: means of thousands of numbers, each to rounding.
+    assert (np.diff(by_load, axis=1) >= -1e-12).all()
+
+
+def test_bands__mean_median_and_bounds_follow_from_the_probabilities(bands):
+    ladder = np.column_stack([np.ones(len(bands)), bands[tail(bands)].to_numpy()])
+    # Algebra: the mean is a sum of probabilities; what lies beyond the last is under 1e-6 a count.
+    np.testing.assert_allclose(bands["q_mean"], 2 * ladder.sum(axis=1), rtol=0, atol=1e-5)
+    for column, prob in [("q_median", 0.5), ("q_lower", 0.05), ("q_upper", 0.95)]:
+        q = bands[column].to_numpy().astype(int)
+        here = ladder[np.arange(len(q)), q // 2 - 1]  # P(Q >= q)
+        above = ladder[np.arange(len(q)), q // 2]  # P(Q >= q + 2)
+        assert (1 - above >= prob - 1e-9).all()  # q is enough,
+        assert ((1 - here < prob) | (q == 2)).all()  # and q - 2 is not
+    assert (bands["q_lower"] <= bands["q_median"]).all()
+    assert (bands["q_median"] <= bands["q_upper"]).all()
+
+
+def test_bands__curve_is_the_share_of_draws_whose_load_is_reached(bands, fits):
+    """A slow count over draws beside the sorted search."""
+    fit = fits["hybrid"]
+    rows = bands.query("form == 'hybrid' and kind_of_band == 'curve' and b_over_R == 0.09")
+    theta = fit.draws[:, :2]
+    for q in (4, 6):
+        load = rb.Hybrid().load(q, 0.012, 0.09, theta)
+        share = [np.mean(load <= p) for p in rows["p_over_E"]]
+        # Algebra: counts over the same draws; a load equal to a draw's to rounding may go either
+        # way, which is one draw in 10,240.
+        np.testing.assert_allclose(rows[f"p_q_ge_{q}"], share, rtol=0, atol=1.01 / len(theta))
+
+
+def test_bands__simulation_is_wider_than_curve(bands):
+    width = bands.assign(width=bands["q_upper"] - bands["q_lower"])
+    mean = width.query("form == 'hybrid'").groupby("kind_of_band")["width"].mean()
+    assert mean["simulation"] > mean["curve"]
+
+
+def test_bands__default_is_every_texture_and_200_loads_over_the_range(comparison, paper):
+    frame = bands_table(comparison, forms=["modified"])
+    assert len(frame) == 2 * len(paper.textures) * 200
+    pairs = frame[["a_over_R", "b_over_R"]].drop_duplicates()
+    assert tuple(map(tuple, pairs.to_numpy().tolist())) == paper.textures
+    loads = frame["p_over_E"].to_numpy()[:200]
+    observed = paper.frame["p_over_E"]
+    # Algebra: the ends of a logarithmic grid.
+    assert math.isclose(loads[0], observed.min(), rel_tol=1e-14)
+    assert math.isclose(loads[-1], observed.max(), rel_tol=1e-14)
+    np.testing.assert_allclose(np.diff(np.log(loads)), np.log(loads[-1] / loads[0]) / 199)
+
+
+def test_default_loads__pass_over_rows_that_are_not_ok(comparison, paper):
+    frame = paper.frame
+    frame.loc[frame["p_over_E"].idxmax(), "status"] = "diverged"
+    table = rb.ContactTable.from_frame(frame)
+    p = default_loads(compared(table, comparison.fits), 5)
+    assert len(p) == 5
+    assert math.isclose(p[-1], frame.loc[frame["status"] == "ok", "p_over_E"].max())
+
+
+@pytest.mark.parametrize(
+    "forms", [["average"], ["hybrid"], ["average", "classic"], ["modified", "hybrid"]]
+)
+def test_bands__of_some_forms_are_rows_of_the_whole(comparison, bands, forms):
+    some = bands_table(
+        comparison,
+        textures=[(0.022, 0.02), (0.012, 0.09), (0.032, 0.01)],
+        loads=np.geomspace(1e-4, 0.02, 40),
+        forms=forms,
+    )
+    assert list(dict.fromkeys(some["form"])) == forms
+    for form in forms:
+        ours, theirs = (f[f["form"] == form].reset_index(drop=True) for f in (some, bands))
+        pd.testing.assert_frame_equal(ours, theirs[list(ours)], check_exact=True)
+
+
+def test_bands__probability_inside_widens_the_band(comparison):
+    p = np.geomspace(1e-4, 0.02, 60)
+    narrow, wide = (
+        bands_table(comparison, textures=[(0.022, 0.02)], loads=p, forms=["classic"], prob=prob)
+        for prob in (0.5, 0.99)
+    )
+    assert set(narrow["prob"]) == {0.5}
+    assert (wide["q_lower"] <= narrow["q_lower"]).all()
+    assert (wide["q_upper"] >= narrow["q_upper"]).all()
+    assert (wide["q_upper"] - wide["q_lower"]).sum() > (narrow["q_upper"] - narrow["q_lower"]).sum()
+    assert (wide["q_mean"] == narrow["q_mean"]).all()
+
+
+def test_bands__poissons_ratio_enters_as_the_reduced_load(comparison):
+    """A load p at nu does what p (1 - nu^2)/0.75 does at one half."""
+    p = np.geomspace(1e-4, 0.02, 20)
+    at_half = bands_table(comparison, textures=[(0.022, 0.02)], loads=p, forms=["hybrid"])
+    other = bands_table(
+        comparison,
+        textures=[(0.022, 0.02)],
+        loads=p * 0.75 / (1 - 0.3**2),
+        nu=0.3,
+        forms=["hybrid"],
+    )
+    assert set(other["nu"]) == {0.3}
+    smooth = at_half["kind_of_band"] == "simulation"
+    # Algebra: a rounding of the load, times the slope of the distribution function.
+    np.testing.assert_allclose(
+        other.loc[smooth, tail(other)], at_half.loc[smooth, tail(other)], rtol=0, atol=1e-11
+    )
+
+
+def test_bands__default_to_the_poissons_ratio_of_each_texture(comparison, paper):
+    frame = paper.frame
+    frame["nu"] = frame["nu"].mask(frame["a_over_R"] == 0.012, 0.3)
+    soft = compared(rb.ContactTable.from_frame(frame), comparison.fits, {"modified": 1.0})
+    textures = [(0.012, 0.03), (0.022, 0.02), (0.05, 0.05)]  # the last is not in the table
+    options = {"loads": np.array([0.004, 0.009]), "forms": ["modified"]}
+    found = bands_table(soft, textures=textures, **options)
+    assert found["nu"].tolist() == [0.3, 0.3, 0.5, 0.5, 0.5, 0.5] * 2
+    for texture, nu in zip(textures, (0.3, 0.5, 0.5), strict=True):
+        alone = bands_table(soft, textures=[texture], nu=nu, **options)
+        ours = found[found["a_over_R"] == texture[0]].reset_index(drop=True)
+        pd.testing.assert_frame_equal(ours[list(alone)], alone, check_exact=True)
+
+
+def test_bands__flag_what_lies_beyond_the_calibrated_range(comparison, paper):
+    ratio = [a / (a + b) for a, b in paper.calibration.textures]
+    wide = 1.05 * max(ratio)  # a/pitch just above the largest
+    textures = [(0.022, 0.02), (wide * 0.04, (1 - wide) * 0.04)]
+    frame = bands_table(comparison, textures=textures, loads=np.array([0.005]), forms=["hybrid"])
+    assert frame.groupby("a_over_R")["extrapolation"].all().to_dict() == {
+        0.022: False,
+        wide * 0.04: True,
+    }
+    beyond = bands_table(comparison, textures=[(0.022, 0.02)], loads=np.array([0.5]))
+    assert (beyond["q_upper"] > paper.calibration.frame["Q"].max()).all()
+    assert beyond["extrapolation"].all()
+
+
+@pytest.mark.parametrize("prob", [0.0, 1.0, 2.0, -0.5, math.nan])
+def test_bands__probability_outside_0_to_1_is_refused(comparison, prob):
+    with pytest.raises(InputError, match=r"prob: \S+ given; rule: 0 < prob < 1"):
+        bands_table(comparison, prob=prob)
+
+
+def test_bands__a_form_that_was_not_fitted_is_refused(comparison):
+    with pytest.raises(
+        InputError,
+        match=r"form 'power-law': not in this run; rule: one of classic, modified, hybrid, average",
+    ):
+        bands_table(comparison, loads=np.array([0.01]), forms=["hybrid", "power-law"])
+
+
+# --- loads that reach Q ---------------------------------------------------------------------------
+
+
+def test_loads__columns_are_the_contract(loads):
+    assert list(loads) == LOAD_COLUMNS
+    assert not loads.isna().any(axis=None)
+
+
+def test_loads__one_row_for_each_transition_held_out_ones_too(loads, paper):
+    rows = loads.groupby(["kind_of_band", "form"], sort=False).size()
+    expected = [(kind, form) for kind in ("curve", "simulation") for form in (*SHARES, "average")]
+    assert rows.index.tolist() == expected
+    assert set(rows) == {44}
+    one = loads.query("form == 'average' and kind_of_band == 'curve'")
+    columns = ["a_over_R", "b_over_R", "nu", "Q"]
+    assert one[columns].to_numpy().tolist() == paper.frame[columns].to_numpy().tolist()
+    assert one["p_over_E_observed"].tolist() == paper.frame["p_over_E"].tolist()
+
+
+def test_loads__bounds_hold_the_median(loads):
+    assert (loads["p_over_E_lower"] < loads["p_over_E_median"]).all()
+    assert (loads["p_over_E_median"] < loads["p_over_E_upper"]).all()
+    width = np.log(loads["p_over_E_upper"] / loads["p_over_E_lower"])
+    curve = loads["kind_of_band"] == "curve"
+    assert (width[curve].to_numpy() < width[~curve].to_numpy()).all()
+
+
+def test_loads__curve_median_is_the_load_at_the_median_coefficient(loads, fits):
+    """The load falls with c, so quantiles of one are quantiles of the other."""
+    c = fits["modified"].draws[:, 0]
+    # Monte Carlo: five standard errors of a sample median, for 2,560 draws at least, in log load.
+    error = 2 * 1.2533 * c.std() / c.mean() / math.sqrt(2560)
+    rows = loads.query("form == 'modified' and kind_of_band == 'curve'")
+    expected = rb.Modified().load(
+        rows["Q"], rows["a_over_R"], rows["b_over_R"], np.array([np.median(c)])
+    )
+    assert np.abs(np.log(rows["p_over_E_median"] / expected)).max() < 5 * error
+
+
+def test_loads__simulation_spread_is_sigma(loads, fits):
+    """With c known to a fraction of sigma, the 90 % band is 2 x 1.645 sigma wide in log load."""
+    sigma = fits["modified"].summary.set_index("parameter").loc["sigma", "mean"]
+    sd_c = fits["modified"].summary.set_index("parameter").loc["c", "sd"]
+    rows = loads.query("form == 'modified' and kind_of_band == 'simulation'")
+    width = np.log(rows["p_over_E_upper"] / rows["p_over_E_lower"])
+    spread = math.hypot(sigma, 2 * sd_c / 1.37)
+    # Reference: normal quantiles; a t with about 40 degrees of freedom is 3 % wider.
+    assert np.abs(width / (2 * 1.6449 * spread) - 1).max() < 0.05
+
+
+def test_loads__average_lies_between_its_parts(loads):
+    for kind in ("curve", "simulation"):
+        of_kind = loads[loads["kind_of_band"] == kind]
+        part = {name: rows["p_over_E_median"].to_numpy() for name, rows in of_kind.groupby("form")}
+        parts = np.stack([part[form] for form in SHARES])
+        rounding = 1e-9  # the quantile is solved for to 1e-10
+        assert (part["average"] >= parts.min(axis=0) * (1 - rounding)).all()
+        assert (part["average"] <= parts.max(axis=0) * (1 + rounding)).all()
+
+
+def test_loads__observed_ones_lie_in_the_band_of_the_best_form(loads, paper):
+    """Fitted rows, a band of 90 %: of 41, at least 32 with probability above 0.98."""
+    rows = loads.query("form == 'hybrid' and kind_of_band == 'simulation'")
+    fitted = (paper.frame["role"] == "calibration").to_numpy()
+    inside = rows["p_over_E_observed"].between(rows["p_over_E_lower"], rows["p_over_E_upper"])
+    assert 32 <= inside[fitted].sum() <= 41
+
+
+def test_loads__rows_that_are_not_ok_transitions_are_not_predicted(paper, fits):
+    frame = paper.frame
+    frame["status"] = frame["status"].mask(frame.index == 2, "diverged")
+    frame["kind"] = frame["kind"].mask(frame.index == 5, "count")
+    found = loads_table(compared(rb.ContactTable.from_frame(frame), fits, {"modified": 1.0}))
+    assert set(found["form"]) == {"modified", "average"}
+    assert len(found) == 2 * 2 * (44 - 2)
+    assert not set(found["p_over_E_observed"]) & set(frame.loc[[2, 5], "p_over_E"])
+
+
+def test_loads__each_row_at_its_own_poissons_ratio(paper, fits):
+    frame = paper.frame
+    soft = frame["a_over_R"] == 0.012
+    frame["nu"] = frame["nu"].mask(soft, 0.3)
+    table = rb.ContactTable.from_frame(frame)
+    key = ["form", "kind_of_band", "a_over_R", "b_over_R", "Q"]
+    shares = {"modified": 1.0}
+    plain = loads_table(compared(paper, fits, shares)).set_index(key)
+    mixed = loads_table(compared(table, fits, shares)).set_index(key).loc[plain.index]
+    assert mixed["nu"].value_counts().to_dict() == {
+        0.5: 4 * (~soft).sum(),
+        0.3: 4 * soft.sum(),
+    }
+    # Algebra: the reduced load, by hand; quantiles are solved for to 1e-10.
+    factor = np.where(mixed["nu"] == 0.3, 0.75 / (1 - 0.3**2), 1.0)
+    for column in ("p_over_E_median", "p_over_E_lower", "p_over_E_upper"):
+        np.testing.assert_allclose(mixed[column], plain[column] * factor, rtol=1e-9)
+
+
+def test_loads__flag_counts_and_textures_that_were_not_calibrated(loads, paper):
+    q_max = paper.calibration.frame["Q"].max()
+    rows = loads.query("form == 'hybrid'")
+    ratio = rows["a_over_R"] / (rows["a_over_R"] + rows["b_over_R"])
+    known = [a / (a + b) for a, b in paper.calibration.textures]
+    outside = (rows["Q"] > q_max) | (ratio < min(known)) | (ratio > max(known))
+    assert rows["extrapolation"].tolist() == outside.tolist()
+    assert outside.any()
+    assert not outside.all()
+
+
+def test_loads__probability_inside_is_the_callers(comparison):
+    with pytest.raises(InputError, match="prob"):
+        loads_table(comparison, prob=2.0)
+    assert set(loads_table(comparison, prob=0.5)["prob"]) == {0.5}

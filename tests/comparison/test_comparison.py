@@ -1,0 +1,528 @@
+"""Bayes factors, probabilities and scores: identities, reference numbers, and every refusal."""
+
+import itertools
+import math
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ridgebayes as rb
+from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, reading
+from ridgebayes.comparison.comparison import Comparison, compare
+from ridgebayes.comparison.scores import LOO_COLUMNS
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.evidence import LogEvidence
+from ridgebayes.evidence.prior_sensitivity import SCALE_FACTORS, prior_sensitivity
+from ridgebayes.model.noise import Noise
+
+# Ends at its first check, where no autocorrelation time can have settled: never converged.
+QUICK = rb.SampleSettings(n_walker=16, n_step_max=100)
+FORMS = (rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid())
+# Log evidences of the 41 rows, tensor Gauss-Legendre quadrature to 2e-9, four decimals printed.
+REFERENCE = {"hybrid": 83.3869, "modified": 78.8628, "classic": 19.1987}
+
+
+def compared(paper, fits, forms, **replaced):
+    """Compare without sampling again: the fits are those of the session."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "ridgebayes.comparison.comparison.calibrate", lambda table, form, **_: fits[form.name]
+        )
+        for name, value in replaced.items():
+            patch.setattr(f"ridgebayes.comparison.comparison.{name}", value)
+        return compare(paper, forms)
+
+
+def no_sensitivity(fits, **known):
+    return pd.DataFrame()
+
+
+@pytest.fixture(scope="module")
+def comparison(paper, fits):
+    return compared(paper, fits, FORMS)
+
+
+@pytest.fixture(scope="module")
+def reversed_comparison(paper, fits):
+    return compared(paper, fits, FORMS[::-1], prior_sensitivity=no_sensitivity)
+
+
+def bridge_factors(comparison):
+    frame = comparison.bayes_factors
+    rows = frame[frame["method"] == "bridge"]
+    return {(row.form_a, row.form_b): row.ln_bf for row in rows.itertuples()}
+
+
+# --- evidence -----------------------------------------------------------------------------------
+
+
+def test_evidence__has_the_columns_of_the_contract(comparison):
+    assert list(comparison.evidence) == [
+        "form",
+        "noise",
+        "method",
+        "log_evidence",
+        "log_evidence_se",
+        "used",
+        "prior_probability",
+        "model_probability",
+        "status",
+    ]
+    methods = comparison.evidence.groupby("form", sort=False)["method"].agg(list).to_dict()
+    assert methods == {form.name: ["bridge", "quadrature", "laplace"] for form in FORMS}
+    assert set(comparison.evidence["noise"]) == {"iid"}
+    assert set(comparison.evidence["prior_probability"]) == {0.25}
+
+
+def test_evidence__one_method_of_each_form_is_used_and_it_is_bridge(comparison):
+    used = comparison.evidence[comparison.evidence["used"]]
+    assert used["form"].tolist() == [form.name for form in FORMS]
+    assert set(used["method"]) == {"bridge"}
+    assert comparison.evidence.loc[~comparison.evidence["used"], "model_probability"].isna().all()
+
+
+@pytest.mark.parametrize(("method", "tolerance"), [("quadrature", 1e-3), ("bridge", 0.01)])
+def test_evidence__of_the_paper_sweep_is_the_reference(comparison, method, tolerance):
+    rows = comparison.evidence[comparison.evidence["method"] == method].set_index("form")
+    for form, value in REFERENCE.items():
+        assert abs(rows.loc[form, "log_evidence"] - value) < tolerance, form
+
+
+def test_evidence__bridge_meets_quadrature_within_its_standard_error(comparison):
+    table = comparison.evidence.pivot_table(index="form", columns="method", values="log_evidence")
+    se = comparison.evidence.query("method == 'bridge'").set_index("form")["log_evidence_se"]
+    # Monte Carlo: four standard errors, four forms, a fixed seed.
+    assert ((table["bridge"] - table["quadrature"]).abs() < 4 * se[table.index]).all()
+    assert (se > 0).all()
+
+
+def test_probabilities__are_the_softmax_of_the_used_evidences(comparison):
+    used = comparison.evidence[comparison.evidence["used"]].set_index("form")["log_evidence"]
+    weight = {form: math.exp(value - 80.0) for form, value in used.items()}
+    for form, share in comparison.probabilities.items():
+        # Algebra: rounding of exponents near 60.
+        assert math.isclose(share, weight[form] / sum(weight.values()), rel_tol=1e-12)
+    assert math.isclose(sum(comparison.probabilities.values()), 1.0, rel_tol=1e-14)
+    assert comparison.best == "hybrid"
+
+
+def test_probabilities__their_ratio_is_the_bayes_factor(comparison):
+    share = comparison.probabilities
+    for (a, b), ln_bf in bridge_factors(comparison).items():
+        assert math.isclose(math.log(share[a] / share[b]), ln_bf, rel_tol=1e-12)
+
+
+# --- Bayes factors --------------------------------------------------------------------------------
+
+
+def test_bayes_factors__one_row_per_unordered_pair_and_savage_dickey(comparison):
+    frame = comparison.bayes_factors
+    assert list(frame) == BAYES_FACTOR_COLUMNS
+    assert BAYES_FACTOR_COLUMNS == [
+        "form_a",
+        "form_b",
+        "noise",
+        "method",
+        "ln_bf",
+        "ln_bf_se",
+        "log10_bf",
+        "reading",
+    ]
+    pairs = [frozenset(pair) for pair in itertools.combinations([f.name for f in FORMS], 2)]
+    assert [frozenset(pair) for pair in bridge_factors(comparison)] == pairs
+    assert frame["method"].tolist() == ["bridge"] * 6 + ["savage-dickey"]
+
+
+def test_bayes_factors__are_the_difference_of_the_log_evidences(comparison):
+    used = comparison.evidence[comparison.evidence["used"]].set_index("form")
+    for row in comparison.bayes_factors.query("method == 'bridge'").itertuples():
+        a, b = used.loc[row.form_a], used.loc[row.form_b]
+        assert row.ln_bf == a["log_evidence"] - b["log_evidence"]
+        assert math.isclose(row.ln_bf_se**2, a["log_evidence_se"] ** 2 + b["log_evidence_se"] ** 2)
+        assert math.isclose(10.0**row.log10_bf, math.exp(row.ln_bf), rel_tol=1e-12)
+
+
+def test_bayes_factors__turn_their_sign_with_the_order(comparison, reversed_comparison):
+    forward, backward = bridge_factors(comparison), bridge_factors(reversed_comparison)
+    assert {(b, a): -ln_bf for (a, b), ln_bf in backward.items()} == forward  # algebra: exact
+    same = comparison.bayes_factors.query("method == 'bridge'").set_index(["form_a", "form_b"])
+    for row in reversed_comparison.bayes_factors.query("method == 'bridge'").itertuples():
+        assert same.loc[(row.form_b, row.form_a), "reading"] == row.reading
+
+
+def test_bayes_factors__are_transitive(comparison):
+    ln_bf = bridge_factors(comparison)
+    for a, b, c in itertools.combinations([form.name for form in FORMS], 3):
+        # Algebra: three roundings of numbers up to 100.
+        assert abs(ln_bf[a, b] + ln_bf[b, c] - ln_bf[a, c]) < 1e-13
+
+
+def test_savage_dickey__is_the_evidence_difference(comparison):
+    row = comparison.bayes_factors.query("method == 'savage-dickey'").iloc[0]
+    assert (row["form_a"], row["form_b"]) == ("modified", "hybrid")
+    # Reference: the difference of the two printed log evidences.
+    assert abs(row["ln_bf"] - (REFERENCE["modified"] - REFERENCE["hybrid"])) < 0.02
+    bridge = comparison.bayes_factors.query("method == 'bridge' and form_a == 'modified'").iloc[0]
+    # Monte Carlo: four standard errors.
+    error = math.hypot(row["ln_bf_se"], bridge["ln_bf_se"])
+    assert abs(row["ln_bf"] - bridge["ln_bf"]) < 4 * error
+    assert math.isclose(row["log10_bf"], row["ln_bf"] / math.log(10), rel_tol=1e-15)
+
+
+def test_savage_dickey__only_where_both_forms_are_there(paper, fits):
+    forms = [rb.Classic(), rb.Hybrid()]
+    frame = compared(paper, fits, forms, prior_sensitivity=no_sensitivity).bayes_factors
+    assert frame["method"].tolist() == ["bridge"]
+
+
+def test_one_form__has_all_the_probability_and_no_factor(paper, fits):
+    alone = compared(paper, fits, [rb.Modified()], prior_sensitivity=no_sensitivity)
+    assert alone.probabilities == {"modified": 1.0}
+    assert list(alone.bayes_factors) == BAYES_FACTOR_COLUMNS
+    assert len(alone.bayes_factors) == 0
+
+
+def fake_evidences(**told):
+    """Stand in for the methods: form name to a list of (method, value, se, status)."""
+    return lambda fit, n_bridge: [LogEvidence(*entry) for entry in told[fit.form.name]]
+
+
+def test_evidence__a_failed_bridge_gives_way_to_the_next_method(paper, fits):
+    methods = fake_evidences(
+        classic=[("bridge", 1.0, 0.3, "no overlap"), ("quadrature", 5.0, 0.1, "ok")],
+        modified=[("bridge", 3.0, 0.4, "ok"), ("quadrature", 99.0, 0.1, "ok")],
+    )
+    found = compared(
+        paper,
+        fits,
+        [rb.Classic(), rb.Modified()],
+        evidences=methods,
+        prior_sensitivity=no_sensitivity,
+    )
+    used = found.evidence[found.evidence["used"]]
+    assert used["method"].tolist() == ["quadrature", "bridge"]
+    assert found.evidence["status"].tolist() == ["no overlap", "ok", "ok", "ok"]
+    row = found.bayes_factors.iloc[0]
+    assert (row["method"], row["ln_bf"]) == ("quadrature/bridge", 2.0)
+    assert math.isclose(row["ln_bf_se"], math.hypot(0.1, 0.4))
+    assert math.isclose(found.probabilities["classic"], 1 / (1 + math.exp(-2.0)))
+
+
+def test_evidence__a_method_without_an_error_adds_none(paper, fits):
+    methods = fake_evidences(
+        classic=[("bridge", math.nan, math.nan, "failed"), ("laplace", 5.0, math.nan, "ok")],
+        modified=[("bridge", 3.0, 0.4, "ok")],
+    )
+    forms = [rb.Classic(), rb.Modified()]
+    found = compared(paper, fits, forms, evidences=methods, prior_sensitivity=no_sensitivity)
+    assert found.bayes_factors["ln_bf_se"].tolist() == [0.4]
+
+
+def test_evidence__a_form_without_any_is_in_no_factor_and_has_no_probability(paper, fits):
+    methods = fake_evidences(
+        classic=[("bridge", 50.0, 0.3, "no overlap")], modified=[("bridge", 3.0, 0.4, "ok")]
+    )
+    forms = [rb.Classic(), rb.Modified()]
+    found = compared(paper, fits, forms, evidences=methods, prior_sensitivity=no_sensitivity)
+    assert found.probabilities == {"modified": 1.0}
+    assert found.evidence["used"].tolist() == [False, True]
+    assert len(found.bayes_factors) == 0
+
+
+# --- in words -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("ln_bf", "se", "words"),
+    [
+        (0.0, 0.0, "undecided"),
+        (0.999999, 0.0, "undecided"),
+        (1.0, 0.0, "positive for a (Kass & Raftery)"),
+        (2.999999, 0.0, "positive for a (Kass & Raftery)"),
+        (3.0, 0.0, "strong for a (Kass & Raftery)"),
+        (4.999999, 0.0, "strong for a (Kass & Raftery)"),
+        (5.0, 0.0, "very strong for a (Kass & Raftery)"),
+        (1e4, 0.0, "very strong for a (Kass & Raftery)"),
+        (-0.999999, 0.0, "undecided"),
+        (-1.0, 0.0, "positive for b (Kass & Raftery)"),
+        (-3.0, 0.0, "strong for b (Kass & Raftery)"),
+        (-5.0, 0.0, "very strong for b (Kass & Raftery)"),
+        # Within two standard errors of none, however large.
+        (6.0, 3.0, "very strong for a (Kass & Raftery)"),
+        (6.0, 3.000001, "undecided"),
+        (-6.0, 3.0, "very strong for b (Kass & Raftery)"),
+        (-6.0, 3.000001, "undecided"),
+        (1.5, 0.75, "positive for a (Kass & Raftery)"),
+        (0.5, 1e-9, "undecided"),
+        (math.nan, 0.1, "undecided"),
+    ],
+)
+def test_reading__at_each_boundary(ln_bf, se, words):
+    assert reading(ln_bf, se, "a", "b", None) == words
+
+
+@pytest.mark.parametrize(("ln_bf", "words"), [(0.5, "undecided"), (4.0, "strong for a")])
+def test_reading__ends_with_the_caution_of_the_error_model(ln_bf, words):
+    text = reading(ln_bf, 0.0, "a", "b", "rows are not independent")
+    assert text.startswith(words)
+    assert text.endswith("; rows are not independent")
+
+
+def test_iid__every_factor_carries_the_caution(comparison):
+    assert Noise("iid").caution == "rows are not independent"
+    assert comparison.bayes_factors["reading"].str.endswith("; rows are not independent").all()
+
+
+# --- prior scales ---------------------------------------------------------------------------------
+
+
+def test_prior_sensitivity__covers_a_factor_of_100_of_every_scale_and_form(comparison):
+    frame = comparison.prior_sensitivity
+    assert list(frame) == ["prior", "factor", "form", "log_evidence"]
+    assert len(frame) == 4 * len(FORMS) * len(SCALE_FACTORS) == len(frame.drop_duplicates())
+    assert set(frame["prior"]) == {"c", "c2", "K", "sigma"}
+    assert math.isclose(frame["factor"].max() / frame["factor"].min(), 100.0)
+    assert 1.0 in SCALE_FACTORS
+    assert frame["log_evidence"].notna().all()
+
+
+def test_prior_sensitivity__at_the_default_scale_is_the_evidence(comparison):
+    main = comparison.evidence.query("method == 'quadrature'").set_index("form")["log_evidence"]
+    for row in comparison.prior_sensitivity.query("factor == 1.0").itertuples():
+        # Discretisation: both are quadratures, to 1e-4 or better.
+        assert abs(row.log_evidence - main[row.form]) < 1e-4
+
+
+def test_prior_sensitivity__a_scale_moves_only_forms_that_have_it(comparison):
+    owners = {
+        "c": {"classic", "modified", "hybrid"},
+        "c2": {"hybrid"},
+        "K": {"power-law"},
+        "sigma": {form.name for form in FORMS},
+    }
+    spread = comparison.prior_sensitivity.groupby(["prior", "form"])["log_evidence"].agg(np.ptp)
+    moved = {(prior, form) for (prior, form), width in spread.items() if width > 1e-3}
+    assert moved == {(prior, form) for prior, forms in owners.items() for form in forms}
+
+
+@pytest.mark.parametrize(
+    ("scale", "form", "parameter"),
+    [("c", "modified", "c"), ("c2", "hybrid", "c2"), ("sigma", "classic", "sigma")],
+)
+def test_prior_sensitivity__agrees_with_reweighted_draws(comparison, fits, scale, form, parameter):
+    """The evidence changes by the posterior mean of the ratio of the two prior densities."""
+    fit = fits[form]
+    prior = fit.model.priors[parameter]
+    x = fit.draws[:, fit.model.parameter_names.index(parameter)]
+    told = comparison.prior_sensitivity.set_index(["prior", "form", "factor"])["log_evidence"]
+    for factor in (SCALE_FACTORS[3], SCALE_FACTORS[5]):
+        # By hand, not by `stretched`: the field that holds the width, multiplied.
+        width = {"c": "log_sd", "c2": "sd", "sigma": "sd"}[parameter]
+        wide = replace(prior, **{width: getattr(prior, width) * factor})
+        ratio = np.exp(wide.log_pdf(x) - prior.log_pdf(x))
+        # Monte Carlo: five standard errors; thinned draws are nearly independent, half is safe.
+        error = ratio.std() / ratio.mean() / math.sqrt(len(x) / 2)
+        change = told[scale, form, factor] - told[scale, form, 1.0]
+        assert abs(change - math.log(ratio.mean())) < 5 * error + 2e-4, factor
+
+
+def test_prior_sensitivity__a_posterior_without_mode_is_nan_and_not_an_error(fits, monkeypatch):
+    def no_mode(model):
+        raise ComputationError("no interior mode")
+
+    monkeypatch.setattr("ridgebayes.evidence.prior_sensitivity.fit_laplace", no_mode)
+    frame = prior_sensitivity({"modified": fits["modified"]}, [1.0, 2.0])
+    assert frame["log_evidence"].isna().all()
+    assert frame["factor"].tolist() == [1.0, 2.0] * 4
+
+
+# --- predictive scores ----------------------------------------------------------------------------
+
+
+def test_loo__has_the_columns_of_the_contract(comparison):
+    assert list(comparison.loo) == LOO_COLUMNS
+    assert LOO_COLUMNS == ["form", "noise", "elpd", "se", "p", "n_bad_k", "stacking_weight"]
+    assert comparison.loo["form"].tolist() == [form.name for form in FORMS]
+
+
+def test_loo__stacking_weights_sum_to_one_and_favour_the_best(comparison):
+    weights = comparison.loo.set_index("form")["stacking_weight"]
+    assert math.isclose(weights.sum(), 1.0, rel_tol=1e-12)
+    assert (weights >= 0).all()
+    assert weights.idxmax() == comparison.loo.set_index("form")["elpd"].idxmax() == "hybrid"
+
+
+def test_loo__effective_parameters_are_near_the_number_there_is(comparison, fits):
+    p = comparison.loo.set_index("form")["p"]
+    # Reference: asymptotically p is the number of parameters; forms that fit the rows come near.
+    for name in ("power-law", "modified", "hybrid"):
+        assert 0.5 < p[name] / fits[name].model.n_parameter < 1.5
+
+
+def test_loo__without_row_likelihoods_is_an_empty_table(paper, fits, monkeypatch):
+    monkeypatch.setattr("ridgebayes.inference.netcdf.LARGEST_LOG_LIKELIHOOD", 0)
+    found = compared(paper, fits, [rb.Modified()], prior_sensitivity=no_sensitivity)
+    assert list(found.loo) == LOO_COLUMNS
+    assert len(found.loo) == 0
+
+
+# --- averages over forms --------------------------------------------------------------------------
+
+
+def mixed(comparison, **shares):
+    """Return the comparison with probabilities given by hand, so that the mix is a real one."""
+    evidence = pd.DataFrame({"form": list(shares), "model_probability": list(shares.values())})
+    own = evidence.assign(used=True, noise=comparison.noise.name)
+    return replace(comparison, evidence=own)
+
+
+def test_predict__is_the_mix_by_probability(comparison, fits):
+    shares = {"classic": 0.25, "hybrid": 0.75}
+    p = np.geomspace(1e-4, 0.02, 7)
+    q = mixed(comparison, **shares).predict(0.022, 0.02, p)
+    for n in (4, 6, 8, 10, 12):
+        parts = [w * fits[f].predict(0.022, 0.02, p).at_least(n) for f, w in shares.items()]
+        np.testing.assert_allclose(q.at_least(n), sum(parts), rtol=1e-13, atol=0)  # algebra
+    parts = [w * fits[f].predict(0.022, 0.02, p).mean() for f, w in shares.items()]
+    np.testing.assert_allclose(q.mean(), sum(parts), rtol=1e-13)
+
+
+def test_predict__passes_kind_and_poissons_ratio_on(comparison, fits):
+    only = mixed(comparison, modified=1.0)
+    for kind in ("curve", "simulation"):
+        ours = only.predict(0.022, 0.02, 0.009, nu=0.3, kind=kind)
+        theirs = fits["modified"].predict(0.022, 0.02, 0.009, nu=0.3, kind=kind)
+        assert ours.kind == kind
+        assert ours.survival.tolist() == theirs.survival.tolist()
+
+
+def test_predict_load__is_the_mix_by_probability(comparison, fits):
+    shares = {"classic": 0.25, "hybrid": 0.75}
+    load = mixed(comparison, **shares).predict_load(0.022, 0.02, Q=8)
+    for p in (0.004, 0.006, 0.008, 0.012):
+        parts = [w * fits[f].predict_load(0.022, 0.02, Q=8).cdf(p) for f, w in shares.items()]
+        assert math.isclose(load.cdf(p), sum(parts), rel_tol=1e-12)  # algebra
+
+
+# --- the record, and what goes wrong --------------------------------------------------------------
+
+
+def test_repr__names_the_table_and_each_probability(comparison):
+    assert repr(comparison).startswith("Comparison(")
+    for part in (comparison.table.where, "hybrid 0.989", "modified 0.0107"):
+        assert part in repr(comparison)
+
+
+def test_complete__needs_every_form_fitted_and_converged(comparison, fits):
+    assert comparison.complete
+    assert not replace(comparison, failures={"classic": "no mode"}).complete
+    lacking = {**comparison.fits, "hybrid": replace(fits["hybrid"], missing=("c1: too short",))}
+    assert not replace(comparison, fits=lacking).complete
+
+
+@pytest.mark.parametrize("names", [[], ["hybrid", "classic", "hybrid"]])
+def test_forms__none_or_one_twice_is_refused(paper, names):
+    forms = {"hybrid": rb.Hybrid(), "classic": rb.Classic()}
+    with pytest.raises(InputError, match="rule: at least one, each once"):
+        compare(paper, [forms[name] for name in names])
+
+
+def test_half_plane__on_its_own_rows_is_refused_before_any_sampling(paper, monkeypatch):
+    monkeypatch.setattr(
+        "ridgebayes.comparison.comparison.calibrate", lambda *_, **__: pytest.fail("sampled")
+    )
+    with pytest.raises(InputError, match=r"41 calibration rows.*that would be circular"):
+        compare(paper, [rb.Modified(), rb.HalfPlane()])
+
+
+def test_noise__of_another_name_is_refused(paper):
+    with pytest.raises(InputError, match=r"noise 'student': .*rule: STRUCTURE"):
+        compare(paper, [rb.Modified()], noise="student")
+
+
+def perfect_table():
+    """Rows that Modified made without misfit: its sigma runs to zero."""
+    rows = [
+        {"a_over_R": a, "b_over_R": b, "Q": q, "p_over_E": float(rb.Modified().load(q, a, b))}
+        for a, b in [(0.012, 0.01), (0.022, 0.02), (0.032, 0.03)]
+        for q in (4, 6, 8)
+    ]
+    return rb.ContactTable.from_frame(pd.DataFrame(rows))
+
+
+def test_failure__is_named_and_the_other_forms_are_kept():
+    found = compare(perfect_table(), [rb.Classic(), rb.Modified()], settings=QUICK)
+    assert set(found.failures) == {"modified"}
+    assert "no interior mode" in found.failures["modified"]
+    assert list(found.fits) == ["classic"] == list(found.probabilities)
+    assert not found.complete
+    for frame in (found.evidence, found.loo, found.prior_sensitivity):
+        assert set(frame["form"]) == {"classic"}
+
+
+def test_failure__of_every_form_is_an_error_that_says_each_reason():
+    with pytest.raises(ComputationError, match=r"no form could be fitted: modified: .*; hybrid: "):
+        compare(perfect_table(), [rb.Modified(), rb.Hybrid()], settings=QUICK)
+
+
+def test_unconverged__is_kept_and_says_what_is_missing(paper):
+    found = compare(paper, [rb.Modified()], settings=QUICK)
+    assert isinstance(found, Comparison)
+    assert not found.complete
+    assert found.failures == {}
+    assert found.fits["modified"].missing
+
+
+def test_seed__same_numbers_again_and_others_for_another(paper):
+    def numbers(seed, forms):
+        found = compare(paper, forms, rng=seed, settings=QUICK)
+        return found.evidence.set_index(["form", "method"])["log_evidence"], found
+
+    one, first = numbers(3, [rb.Modified(), rb.Classic()])
+    again, _ = numbers(3, [rb.Modified(), rb.Classic()])
+    alone, single = numbers(3, [rb.Modified()])
+    other, _ = numbers(4, [rb.Modified()])
+    assert one.to_dict() == again.to_dict()
+    # A form draws from a stream of its own name, whatever it is compared with.
+    assert one["modified", "bridge"] == alone["modified", "bridge"]
+    assert first.fits["modified"].draws.tolist() == single.fits["modified"].draws.tolist()
+    assert other["modified", "bridge"] != alone["modified", "bridge"]
+    assert other["modified", "quadrature"] == alone["modified", "quadrature"]
+
+
+def test_forms__do_not_share_their_random_numbers(paper):
+    fits = compare(paper, [rb.Modified(), rb.Classic()], settings=QUICK).fits
+    assert fits["modified"].seed != fits["classic"].seed
+
+
+def test_stages__are_told_in_order_and_progress_names_the_form(paper):
+    stages, lines = [], []
+
+    @contextmanager
+    def stage(name):
+        stages.append(f"begin {name}")
+        yield
+        stages.append(f"end {name}")
+
+    compare(
+        paper,
+        [rb.Modified(), rb.Classic()],
+        settings=QUICK,
+        progress=lines.append,
+        stage=stage,
+    )
+    names = [
+        "calibrate modified",
+        "evidence modified",
+        "calibrate classic",
+        "evidence classic",
+        "savage-dickey and Bayes factors",
+        "leave-one-out",
+        "prior sensitivity",
+    ]
+    assert stages == [f"{when} {name}" for name in names for when in ("begin", "end")]
+    assert {line.split(": ")[0] for line in lines} == {"modified", "classic"}
+    assert all("ensembles" in line for line in lines)

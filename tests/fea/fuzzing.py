@@ -1,0 +1,1232 @@
+"""Damaged files against importers: refused in words, or read as what then stands in them.
+
+Run at length: ``python -m tests.fea.fuzzing --n 100000 --seed 1``. Another importer joins by
+`register`.
+"""
+
+import argparse
+import base64
+import contextlib
+import csv
+import functools
+import html
+import io
+import math
+import os
+import re
+import runpy
+import tempfile
+import time
+import tomllib
+import warnings
+import zipfile
+import zlib
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import h5py
+import meshio
+import numpy as np
+import pandas as pd
+import pint
+import pyarrow.parquet
+
+from ridgebayes.errors import InputError
+from ridgebayes.fea.abaqus_dat import read_abaqus_dat
+from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
+from ridgebayes.fea.calculix import read_calculix
+from ridgebayes.fea.calculix_contact import read_calculix_contact
+from ridgebayes.fea.calculix_sta import read_sta
+from ridgebayes.fea.columns import read_columns
+from ridgebayes.fea.levels import Body
+from ridgebayes.fea.map_file import read_mapping
+from ridgebayes.fea.mesh_series import read_series
+from ridgebayes.fea.record import Imported
+
+SLOWEST = 5.0  # seconds that any file of this size may take
+_UNITS = pint.UnitRegistry()
+_SCRAPS = (
+    *("1e400", "-1e400", "1e-400", "nan", "inf", "NaN", "true", "FALSE", "0x10", "1_0", "١", "-"),
+    *("=1+1", "+1", "1,234", "1.234,5", "1 000", "0,5", "'", '"', '""', "\t", ";", ",", "\n", "\r"),
+    *("\n\n", "\0", "\ufeff", "é", "%", " ", "  ", "E", "e", "#DIV/0!", "[um]", "(m)", "9" * 400),
+    *("9" * 5000, "Q", "*", "\\", "\x0b", "\x1a", "\u2028", "null", "1d5", "<", "&", "]]>"),
+)
+
+
+@dataclass(frozen=True)
+class Target:
+    """A file that an importer reads, and what is wrong with a table read from a mutant of it.
+
+    `doubt` returns words for what cannot be right; it gets the mutant and what was read.
+    """
+
+    name: str
+    file_name: str
+    content: bytes
+    read: Callable[[Path], Any]
+    doubt: Callable[[bytes, Any], str] = lambda content, found: ""
+    mutate: Callable[[bytes, np.random.Generator], bytes] | None = None
+
+
+TARGETS: dict[str, Target] = {}
+
+
+def register(target: Target) -> None:
+    TARGETS[target.name] = target
+
+
+def mutants(content: bytes, rng: np.random.Generator) -> bytes:
+    """Return the content with one to three damages."""
+    for _ in range(int(rng.integers(1, 4))):
+        content = _DAMAGES[int(rng.integers(len(_DAMAGES)))](content, rng)
+    return content
+
+
+def attack(target: Target, n: int, rng: np.random.Generator, folder: Path) -> Counter[str]:
+    """Read n mutants; AssertionError at the first wrong one, which stays in the folder."""
+    counts: Counter[str] = Counter()
+    path = folder / target.file_name
+    for _ in range(n):
+        mutant = (target.mutate or mutants)(target.content, rng)
+        path.write_bytes(mutant)
+        began = time.perf_counter()
+        try:
+            found = target.read(path)
+        except InputError as error:
+            counts["refused"] += 1
+            text = str(error)
+            assert target.file_name in text, f"{target.name}: no file in {text!r}"
+            assert text.strip() == text, f"{target.name}: {text!r}"
+            assert "\n\n" not in text, f"{target.name}: {text!r}"
+        else:
+            counts["same bytes" if mutant == target.content else "read"] += 1
+            assert len(found.table), target.name
+            assert found.said, target.name
+            doubt = target.doubt(mutant, found)
+            assert not doubt, f"{target.name}: {doubt}"
+        took = time.perf_counter() - began
+        assert took < SLOWEST, f"{target.name}: {took:.1f} s"
+    return counts
+
+
+# --- damages ----------------------------------------------------------------------------------
+
+
+def _place(content: bytes, rng: np.random.Generator) -> int:
+    return int(rng.integers(len(content) + 1))
+
+
+def _truncate(content: bytes, rng: np.random.Generator) -> bytes:
+    return content[: _place(content, rng)]
+
+
+def _cut(content: bytes, rng: np.random.Generator) -> bytes:
+    at = _place(content, rng)
+    return content[:at] + content[at + int(rng.integers(1, 30)) :]
+
+
+def _flip(content: bytes, rng: np.random.Generator) -> bytes:
+    if not content:
+        return content
+    changed = bytearray(content)
+    for _ in range(int(rng.integers(1, 4))):
+        changed[int(rng.integers(len(changed)))] = int(rng.integers(256))
+    return bytes(changed)
+
+
+def _digit(content: bytes, rng: np.random.Generator) -> bytes:
+    places = [m.start() for m in re.finditer(rb"\d", content)]
+    if not places:
+        return content
+    at = places[int(rng.integers(len(places)))]
+    return content[:at] + bytes([48 + int(rng.integers(10))]) + content[at + 1 :]
+
+
+def _scrap(content: bytes, rng: np.random.Generator) -> bytes:
+    at = _place(content, rng)
+    return content[:at] + _SCRAPS[int(rng.integers(len(_SCRAPS)))].encode() + content[at:]
+
+
+def _cell(content: bytes, rng: np.random.Generator) -> bytes:
+    """Put a scrap in place of a whole cell."""
+    parts = re.split(rb"([,;\t\n])", content)
+    at = 2 * int(rng.integers((len(parts) + 1) // 2))
+    parts[at] = _SCRAPS[int(rng.integers(len(_SCRAPS)))].encode()
+    return b"".join(parts)
+
+
+def _lines(content: bytes, rng: np.random.Generator) -> bytes:
+    lines = content.split(b"\n")
+    i, j = (int(rng.integers(len(lines))) for _ in range(2))
+    kind = int(rng.integers(4))
+    if kind == 0:
+        lines[i], lines[j] = lines[j], lines[i]
+    elif kind == 1:
+        lines.insert(i, lines[j])
+    elif kind == 2:
+        del lines[i]
+    else:
+        lines = [lines[k] for k in rng.permutation(len(lines))]
+    return b"\n".join(lines)
+
+
+def _shuffle(content: bytes, rng: np.random.Generator) -> bytes:
+    at = _place(content, rng)
+    some = bytearray(content[at : at + 40])
+    rng.shuffle(some)  # type: ignore[arg-type]
+    return content[:at] + bytes(some) + content[at + 40 :]
+
+
+def _encode(content: bytes, rng: np.random.Generator) -> bytes:
+    name = ("utf-16", "utf-16-le", "utf-32", "latin-1", "utf-7")[int(rng.integers(5))]
+    text = content.decode("utf-8", "replace") + "é"
+    return text.encode(name, "replace")
+
+
+def _ends(content: bytes, rng: np.random.Generator) -> bytes:
+    kind = int(rng.integers(6))
+    if kind == 0:
+        return b"\xef\xbb\xbf" + content
+    if kind == 1:
+        return content + (b"\n", b"\r\n", b"  \n", b",,,,\n", b";;;;\n")[int(rng.integers(5))] * 3
+    if kind == 2:
+        return content.replace(b"\r\n", b"\n").replace(b"\n", b"\r")
+    if kind == 3:
+        return b"\n \n" + content
+    return content.replace(b"\r\n", b"\n").replace(b"\n", b"\r\n")
+
+
+def _locale(content: bytes, rng: np.random.Generator) -> bytes:
+    kind = int(rng.integers(4))
+    if kind == 0:
+        return content.replace(b",", b";").replace(b".", b",")
+    if kind == 1:
+        return content.replace(b";", b",")
+    if kind == 2:
+        return content.replace(b".", b",", int(rng.integers(1, 9)))
+    return content.replace(b",", (b";", b"\t", b"|", b", ")[int(rng.integers(4))])
+
+
+_DAMAGES = (
+    *(_truncate, _cut, _flip, _digit, _digit, _scrap, _scrap, _cell, _cell, _cell, _lines),
+    *(_shuffle, _encode, _ends, _ends, _locale, _locale),
+)
+
+
+def inside_zip(content: bytes, rng: np.random.Generator) -> bytes:
+    """Damage one member of a zip archive, or the archive."""
+    if rng.integers(4) == 0:
+        return mutants(content, rng)
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(out, "w") as new:
+        names = old.namelist()
+        sheets = [i for i, name in enumerate(names) if "sheet" in name or "shared" in name]
+        which = sheets if rng.integers(4) else range(len(names))
+        hit = names[which[int(rng.integers(len(which)))]]
+        for name in names:
+            data = old.read(name)
+            new.writestr(name, mutants(data, rng) if name == hit else data)
+    return out.getvalue()
+
+
+# --- what stands in a mutant, read as plainly as can be ----------------------------------------
+
+
+def plain_rows(content: bytes, said: str) -> list[dict[str, str]]:
+    """Return the cells of a text file by header."""
+    separator = {"tab": "\t", "';'": ";", "','": ","}[
+        re.search(r"separator (tab|';'|',')", said).group(1)  # type: ignore[union-attr]
+    ]
+    text = content.decode("utf-8-sig").removeprefix("\ufeff")
+    records = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
+    records = [one for one in records if any(cell.strip() for cell in one)]
+    header = [" ".join(name.split()) for name in records[0]]
+    return [dict(zip(header, one, strict=True)) for one in records[1:]]
+
+
+def number(cell: str, said: str) -> float:
+    mark = re.search(r"decimal (point|comma)", said).group(1)  # type: ignore[union-attr]
+    assert not (mark == "point" and "," in cell), cell
+    return float(cell.replace(",", ".")) if cell.strip() else float("nan")
+
+
+def _value(row: dict[str, str], words: str, said: str) -> float:
+    """Return a number in SI units by the header's unit in brackets."""
+    if guess := re.search(rf"^{words}: column (['\"])(.*)\1, a guess$", said, re.M):
+        words = guess.group(2)
+    for header, cell in row.items():
+        match = re.fullmatch(rf"{re.escape(words)}(?:\s*\[([^\]]*)\])?", header)
+        if match is not None:
+            unit = match.group(1) or "1"
+            one = 1.0 if unit in ("1", "-") else _UNITS(unit).to_base_units().magnitude
+            return number(cell, said) * float(one)
+    return float("nan")
+
+
+def _same(found: Imported, plain: list[tuple[float, ...]]) -> str:
+    names = ["a_over_R", "b_over_R", "Q", "p_over_E"]
+    table = np.column_stack([found.table.column(name) for name in names]).astype(float)
+    want = np.array(plain, dtype=float)
+    # The exact quotient of decimals against floats in sequence: 1e-12.
+    if table.shape != want.shape or not np.allclose(table, want, rtol=1e-12, atol=0):
+        return f"the file has {plain[:3]}, the table {table[:3].tolist()}"
+    return ""
+
+
+def _long(content: bytes, found: Imported) -> str:
+    said = "\n".join(found.said)
+    rows = []
+    for row in plain_rows(content, said):
+        R, E, a, b, line = (
+            _value(row, name, said) for name in ("Radius", "E", "Ridge", "Groove", "P")
+        )
+        rows.append((a / R, b / R, _value(row, "Q", said), line / (2 * R * E)))
+    return _same(found, rows)
+
+
+def _contract(content: bytes, found: Imported) -> str:
+    said = "\n".join(found.said)
+    names = ("a_over_R", "b_over_R", "Q", "p_over_E")
+    rows = [tuple(_value(r, name, said) for name in names) for r in plain_rows(content, said)]
+    return _same(found, rows)
+
+
+def _wide(content: bytes, found: Imported) -> str:
+    said = "\n".join(found.said)
+    rows = []
+    for row in plain_rows(content, said):
+        loads = {
+            int(m.group(1)): number(cell, said)
+            for header, cell in row.items()
+            if (m := re.fullmatch(r"Q[\s_]*=?[\s_]*(\d{1,6})", header)) and cell.strip()
+        }
+        a, b = (_value(row, name, said) for name in ("a_over_R", "b_over_R"))
+        rows += [(a, b, Q, loads[Q]) for Q in sorted(loads)]
+    return _same(found, rows)
+
+
+def _history(content: bytes, found: Imported) -> str:
+    said = "\n".join(found.said)
+    loads = {_value(row, "p_over_E", said) for row in plain_rows(content, said)} | {0.0}
+    ends = {
+        *found.table.column("p_over_E").tolist(),
+        *found.table.column("p_over_E_lower").tolist(),
+    }
+    return f"{ends - loads} are no loads of the file" if not ends <= loads else ""
+
+
+def _as_pyarrow(content: bytes, found: Imported) -> str:
+    rows = [
+        (row["a [mm]"] / 8, row["b [mm]"] / 8, row["Q"], row["p [kPa]"] / 60)
+        for row in pyarrow.parquet.read_table(io.BytesIO(content)).to_pylist()
+    ]
+    return _same(found, rows)
+
+
+def _in_sheet(content: bytes, found: Imported) -> str:
+    """Every number of the table stands in some member of the workbook."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        text = b"\n".join(archive.read(name) for name in archive.namelist() if "xl/" in name)
+    there = set()
+    for token in re.findall(rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", text):
+        there.add(float(token))
+    for name in ("a_over_R", "b_over_R", "Q", "p_over_E"):
+        for value in found.table.column(name):
+            if float(value) not in there:
+                return f"{name} = {value} is not in the file"
+    return ""
+
+
+# --- the files --------------------------------------------------------------------------------
+
+_P = {4: "0.0021", 6: "0.0087", 8: "0.0195"}
+_TEXTURES = (("0.24", "0.08"), ("0.256", "0.1"), ("0.1", "0.3"))
+_LONG = "Ridge [mm],Groove [mm],Radius [mm],E [kPa],Q,P [N/mm],Note\n" + "".join(
+    f"{a},{b},8,60,{Q},{p},x{Q}\n" for a, b in _TEXTURES for Q, p in _P.items()
+)
+_MAP = {"a": "Ridge", "b": "Groove", "R": "Radius", "E": "E", "line": "P"}
+_CONTRACT = "a_over_R,b_over_R,Q,p_over_E,nu,series\n" + "".join(
+    f"{a},{b},{Q},{p},0.49,s1\n" for a, b in _TEXTURES for Q, p in _P.items()
+)
+_WIDE = "a_over_R,b_over_R,Q=4,Q=6,Q=8\n" + "".join(
+    f"{a},{b},0.001,0.004,{last}\n"
+    for (a, b), last in zip(_TEXTURES, ("", "0.01", ""), strict=True)
+)
+_HISTORY = "a_over_R,b_over_R,p_over_E,gap Q=4,status Q=6\n" + "".join(
+    f"{a},{b},{i / 1000},{0.01 - 0.003 * i:.4g},{'open' if i < 6 else 'closed'}\n"
+    for a, b in _TEXTURES
+    for i in range(1, 9)
+)
+
+
+def _workbook() -> bytes:
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    rows = list(csv.reader(io.StringIO(_CONTRACT)))
+    book.active.append(rows[0])
+    for row in rows[1:]:
+        book.active.append([*map(float, row[:5]), row[5]])
+    out = io.BytesIO()
+    book.save(out)
+    return out.getvalue()
+
+
+def _parquet() -> bytes:
+    rows = [
+        {"a [mm]": float(a), "b [mm]": float(b), "Q": Q, "p [kPa]": float(p), "series": "s1"}
+        for a, b in _TEXTURES
+        for Q, p in _P.items()
+    ]
+    out = io.BytesIO()
+    pd.DataFrame(rows).to_parquet(out, index=False)
+    return out.getvalue()
+
+
+def _columns(path: Path) -> Imported:
+    return read_columns(path)
+
+
+def _mapped(path: Path) -> Imported:
+    return read_columns(path, _MAP)
+
+
+_EURO = _LONG.replace(",", ";").replace(".", ",").encode()
+for _one in (
+    Target("columns, units", "long.csv", _LONG.encode(), _mapped, _long),
+    Target("columns, decimal commas", "euro.csv", _EURO, _mapped, _long),
+    Target("columns, tabs", "long.tsv", _LONG.replace(",", "\t").encode(), _mapped, _long),
+    Target("columns, contract", "rows.csv", _CONTRACT.encode(), _columns, _contract),
+    Target("columns, wide", "wide.csv", _WIDE.encode(), _columns, _wide),
+    Target(
+        "columns, history",
+        "history.csv",
+        _HISTORY.encode(),
+        lambda path: read_columns(path, brackets=True),
+        _history,
+    ),
+    Target("columns, Excel", "book.xlsx", _workbook(), _columns, _in_sheet, inside_zip),
+    Target(
+        "columns, Parquet",
+        "rows.parquet",
+        _parquet(),
+        lambda path: read_columns(path, values={"R": "8 mm", "E": "60 kPa"}),
+        _as_pyarrow,
+    ),
+):
+    register(_one)
+
+
+# --- runs: what they print of a rim ------------------------------------------------------------
+# A damaged digit of a displacement makes another run that is as good: it is only asked that no
+# mutant ends otherwise than in a table or in words.
+
+_WRITER = runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py")))
+_RUN = _WRITER["pressed"](n_level=12, n_node=41)
+_ARRAYS = (_RUN["force"], _RUN["nodes"], _RUN["position"])
+_BODY = Body(_RUN["a"], _RUN["b"])
+_DECK = _WRITER["deck_text"](_RUN)
+_SETS = {"surface": "RIM", "reaction": "TOP"}
+
+
+def _beside(path: Path, name: str, text: str) -> Path:
+    other = path.with_name(name)
+    other.write_text(text)
+    return other
+
+
+def _calculix(path: Path) -> Imported:
+    return read_calculix(path, _BODY, deck=_beside(path, "whole.inp", _DECK), **_SETS)
+
+
+def _calculix_deck(path: Path) -> Imported:
+    run = _beside(path, "whole.dat", _WRITER["calculix_text"](*_ARRAYS))
+    try:
+        return read_calculix(run, _BODY, deck=path, **_SETS)
+    except InputError as error:
+        # What a damaged deck does to a run may be told of the run.
+        raise InputError(str(error).replace("whole.dat", path.name)) from None
+
+
+def _abaqus_dat(path: Path) -> Imported:
+    return read_abaqus_dat(path, _BODY, deck=_beside(path, "whole.inp", _DECK), **_SETS)
+
+
+def _abaqus_rpt(path: Path) -> Imported:
+    return read_abaqus_rpt(path, _BODY, deck=_beside(path, "whole.inp", _DECK))
+
+
+for _one in (
+    Target("calculix", "run.dat", _WRITER["calculix_text"](*_ARRAYS).encode(), _calculix),
+    Target("deck", "run.inp", _DECK.encode(), _calculix_deck),
+    Target("abaqus .dat", "run.dat", _WRITER["dat_text"](*_ARRAYS).encode(), _abaqus_dat),
+    Target("abaqus .rpt", "run.rpt", _WRITER["rpt_text"](*_ARRAYS).encode(), _abaqus_rpt),
+):
+    register(_one)
+
+
+# --- deformed meshes ---------------------------------------------------------------------------
+# Small, and laid out as meshio does it: a rim to the mid-plane, and nodes inside.
+
+
+_STATES = [4, 5, 6, 7]  # of eight: two ends of brackets, and a load between the last two
+
+
+def _deformed() -> dict[str, Any]:
+    run = _WRITER["pressed"](n_level=8, n_node=41)
+    outer = np.linspace(0.9, np.pi / 2, 5)[1:]
+    outer = run["R"] * np.column_stack([np.sin(outer), -np.cos(outer)])
+    points = np.vstack([run["nodes"], outer, 0.5 * run["nodes"][::8]])
+    moved = np.zeros((len(_STATES), *points.shape))
+    moved[:, : len(run["nodes"])] = (run["position"] - run["nodes"])[_STATES]
+    p = run["force"][_STATES] / (run["R"] * run["E"])
+    return {**run, "points": points, "moved": moved, "p": p}
+
+
+_SERIES = _deformed()
+_CORNERED = Body(_SERIES["a"], _SERIES["b"], top=_SERIES["top"])
+_HIT = 1  # the state whose file is damaged
+_NUMPY = {
+    **{
+        f"{sign}Int{8 * n}": f"{sign or 'i'}{n}".lower() for sign in ("", "U") for n in (1, 2, 4, 8)
+    },
+    **{"Float32": "f4", "Float64": "f8"},
+}
+
+
+def _in_space(plane: np.ndarray) -> np.ndarray:
+    return np.column_stack([plane, np.zeros(len(plane))])
+
+
+def _xdmf_files(data_format: str) -> tuple[bytes, bytes]:
+    """Return an XDMF series, and the HDF5 file beside it."""
+    here = Path.cwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)  # the writer puts its .h5 into the current folder
+        try:
+            with meshio.xdmf.TimeSeriesWriter("run.xdmf", data_format=data_format) as writer:
+                cells = [("line", np.array([[0, 1]]))]
+                writer.write_points_cells(_in_space(_SERIES["points"]), cells)
+                for p, moved in zip(_SERIES["p"], _SERIES["moved"], strict=True):
+                    writer.write_data(float(p), point_data={"displacement": _in_space(moved)})
+            beside = b""
+            if data_format == "HDF":
+                with h5py.File("run.h5", "r+") as file:  # some as they come, some packed
+                    for name in ("data3", "data5"):
+                        values = file.pop(name)[()]
+                        file.create_dataset(name, data=values, compression="gzip")
+                beside = Path("run.h5").read_bytes()
+            return Path("run.xdmf").read_bytes(), beside
+        finally:
+            os.chdir(here)
+
+
+def _vtu(state: int, dtype: type = float, **options: Any) -> bytes:
+    data = {"displacement": _in_space(_SERIES["moved"][state]).astype(dtype)}
+    cells = [("line", np.array([[0, 1]]))]
+    mesh = meshio.Mesh(_in_space(_SERIES["points"]), cells, point_data=data)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "one.vtu"
+        with contextlib.redirect_stderr(io.StringIO()):  # a warning of ASCII's size
+            meshio.vtu.write(path, mesh, **options)
+        return path.read_bytes()
+
+
+def _appended(content: bytes) -> bytes:
+    """Return a VTU file with points and displacements behind the mesh, as ParaView has them."""
+    packed = b""
+    for name in (b"Points", b"displacement"):
+        found = re.search(rb'(Name="%b"[^>]*format=)"binary">\s*([^<\s]+)\s*<' % name, content)
+        assert found is not None
+        new = b'%b"appended" offset="%d"><' % (found[1], len(packed))
+        content, packed = content.replace(found[0], new), packed + found[2]
+    data = b'<AppendedData encoding="base64">_%b</AppendedData>\n</VTKFile>' % packed
+    return content.replace(b"</VTKFile>", data)
+
+
+def inside_xml(content: bytes, rng: np.random.Generator) -> bytes:
+    """Damage text, an attribute, or an array under base64, which seldom outlives other damage."""
+    return (mutants, mutants, _attribute, _array)[int(rng.integers(4))](content, rng)
+
+
+def _attribute(content: bytes, rng: np.random.Generator) -> bytes:
+    """Put another attribute's value, a number or a scrap in place of an attribute's."""
+    places = list(re.finditer(rb'="([^"]*)"', content))
+    if not places:
+        return content
+    at, other = (places[int(rng.integers(len(places)))] for _ in range(2))
+    words = b"0|1|2|3|4|-1|8|0 3|999999999999|Float32|UInt8|UInt64|Int32|BigEndian|XY|1e308".split(
+        b"|"
+    )
+    scrap = html.escape(_SCRAPS[int(rng.integers(len(_SCRAPS)))]).encode()
+    new = (other[1], words[int(rng.integers(len(words)))], scrap)[int(rng.integers(3))]
+    return content[: at.start(1)] + new + content[at.end(1) :]
+
+
+def _array(content: bytes, rng: np.random.Generator) -> bytes:
+    """Change numbers that are packed, and pack them again; or letters of the package."""
+    heads = list(re.finditer(rb"[\w+/]{22}==", content)) if b"compressor=" in content else []
+    if heads and rng.integers(3):
+        head = heads[int(rng.integers(len(heads)))]
+        sizes = np.frombuffer(base64.b64decode(head[0]), dtype="<u4").copy()
+        to = head.end() + 4 * math.ceil(int(sizes[3]) / 3)
+        try:
+            plain = zlib.decompress(base64.b64decode(content[head.end() : to]))
+        except (ValueError, zlib.error):  # what looked like a header was none
+            return mutants(content, rng)
+        packed = zlib.compress(_bytes(plain, rng))
+        sizes[3] = len(packed)
+        new = base64.b64encode(sizes.tobytes()) + base64.b64encode(packed)
+        return content[: head.start()] + new + content[to:]
+    places = [m.span() for m in re.finditer(rb"[\w+/]{40,}", content)]
+    if not places:
+        return mutants(content, rng)
+    changed = bytearray(content)
+    for _ in range(int(rng.integers(1, 4))):
+        start, end = places[int(rng.integers(len(places)))]
+        letters = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/="
+        changed[int(rng.integers(start, end))] = letters[int(rng.integers(65))]
+    return bytes(changed)
+
+
+def _bytes(content: bytes, rng: np.random.Generator) -> bytes:
+    """Damage what is no text: single bytes, words of eight, or where it ends.
+
+    Most of an HDF5 file's header pages are zeros that nobody reads: those are hit less often.
+    """
+    kind = int(rng.integers(8))
+    if kind == 0:
+        return (_truncate, _cut, _shuffle)[int(rng.integers(3))](content, rng)
+    changed = np.frombuffer(content, dtype=np.uint8).copy()
+    told = np.flatnonzero(changed)
+    for _ in range(int(rng.integers(1, 4))):
+        at = int(told[int(rng.integers(len(told)))]) if len(told) else 0
+        at = at if rng.integers(4) else int(rng.integers(len(changed)))
+        word = slice(at & ~7, (at & ~7) + 8)
+        if kind == 1:
+            changed[word] = (0, 255)[int(rng.integers(2))]
+        elif kind == 2:
+            other = int(rng.integers(max(len(changed) // 8, 1))) * 8
+            changed[word] = changed[other : other + 8]
+        elif kind == 3:
+            changed[at] = (0, 1, 127, 128, 255)[int(rng.integers(5))]
+        elif kind == 4:
+            changed[at] ^= 1 << int(rng.integers(8))
+        else:
+            changed[at] = int(rng.integers(256))
+    return changed.tobytes()
+
+
+def _lines_of(content: bytes) -> str:
+    return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _float(word: str) -> float:
+    """Return a printed number; Fortran leaves out the E of an exponent of three digits."""
+    return float(re.sub(r"(?<=[\d.])(?:[dDeE]([+-]?\d+)|([+-]\d+))$", r"e\1\2", word))
+
+
+def _rows(found: Imported) -> np.ndarray:
+    names = ["Q", "p_over_E", "p_over_E_lower", "rel_se"]
+    return np.column_stack([found.table.column(name) for name in names]).astype(float)
+
+
+def _given(found: Imported, loads: np.ndarray) -> str:
+    """Doubt a table that has not the texture that was given, or loads that are not the run's."""
+    Q, p, lower, _ = _rows(found).T
+    if not (
+        (found.table.column("a_over_R") == 0.05) & (found.table.column("b_over_R") == 0.03)
+    ).all():
+        return "another texture than was given"
+    if not ((Q >= 4) & (Q % 2 == 0)).all() or not (np.diff(Q) > 0).all():
+        return f"Q = {Q.tolist()}"
+    if not ((p > 0) & (p <= loads.max() * (1 + 1e-9))).all() or not (np.diff(p) > 0).all():
+        return f"p/E = {p.tolist()} of loads {loads.tolist()}"
+    # Rounding of R and of a load's way through 2 R E: 1e-9.
+    told = np.isnan(lower)
+    near = [
+        np.isclose(np.append(loads, 0.0), one, rtol=1e-9, atol=0).any()
+        for one in (*p[~told], *lower[~told])
+    ]
+    return "" if all(near) else f"brackets {lower.tolist()} to {p.tolist()} of {loads.tolist()}"
+
+
+def _pressed(points: np.ndarray, moved: np.ndarray, loads: np.ndarray, found: Imported) -> str:
+    """Doubt a table by where the rim is over each corner: between which states it comes down."""
+    if doubt := _given(found, loads):
+        return doubt
+    low = points[np.argmin(points[:, 1])]
+    R = np.abs(points[:, 0] - low[0]).max()
+    away = np.hypot(points[:, 0] - low[0], points[:, 1] - low[1] - R)
+    rim = (away >= R * (1 - 5e-6)) & (points[:, 1] <= low[1] + R * (1 + 5e-6))
+    rim &= points[:, 0] >= low[0]  # half a body; a few nodes across its axis are passed over
+    order = np.flatnonzero(rim)[np.argsort(points[rim, 0])]
+    at = (points + moved)[:, order] - [low[0], 0.0]
+    if not (np.diff(at[..., 0]) > 0).all():
+        return ""  # folded by damage: which branch is the rim is anyone's guess
+    rising = [k for k, one in enumerate(loads) if one > max(loads[:k], default=0) and one > 0]
+    for Q, p, lower, _ in _rows(found):
+        corner = R * (0.03 / 2 + 0.08 * (Q - 2) / 2)
+        gap = np.array([_over(corner, *at[k].T) - _SERIES["top"] for k in rising])
+        if np.abs(gap).min() < 1e-5 or np.isnan(gap).any():
+            return ""  # rounding decides, or how well a rest is known
+        if not (gap < 0).any():
+            return f"Q = {Q:g} at p/E = {p}: no state is so low: {gap.tolist()}"
+        k = int(np.argmax(gap < 0))
+        upper, before = loads[rising[k]], loads[rising[k - 1]] if k else 0.0
+        want, off = [before, upper], 1e-9 * upper
+        if np.isnan(lower):  # told: straight on through the last two states before it touches
+            if k < 3 or not gap[k - 3] > gap[k - 2] > gap[k - 1]:
+                return f"Q = {Q:g}: a load told from gaps {gap[:k].tolist()}"
+            slope = (gap[k - 1] - gap[k - 2]) / (before - loads[rising[k - 2]])
+            want, off = [np.nan, min(before - gap[k - 1] / slope, upper)], off - 1e-5 / slope
+        if not np.allclose([lower, p], want, rtol=0, atol=off, equal_nan=True):
+            return f"Q = {Q:g}: {lower} to {p}; by itself {want[0]} to {want[1]}"
+    return ""
+
+
+def _over(at: float, x: np.ndarray, y: np.ndarray) -> float:
+    """Return the height of a curve, through four nodes around; straight at its ends."""
+    i = int(np.searchsorted(x, at)) - 1
+    if not 0 <= i < len(x) - 1:
+        return math.nan
+    some = range(i - 1, i + 3) if 1 <= i < len(x) - 2 else range(i, i + 2)
+    height = 0.0
+    for k in some:
+        height += y[k] * math.prod((at - x[m]) / (x[k] - x[m]) for m in some if m != k)
+    return height
+
+
+def _plain_xdmf(content: bytes, stored: dict[str, np.ndarray]) -> tuple[np.ndarray, ...]:
+    """Return points, displacements and times, by what ElementTree and h5py make of them."""
+    root = ElementTree.fromstring(content.decode("utf-8-sig"))
+
+    def numbers(item: ElementTree.Element) -> np.ndarray:
+        text = (item.text or "").strip()
+        if item.get("Format") == "HDF":
+            return stored[text.partition(":")[2]]
+        dtype = "f8" if item.get("Precision") == "8" else "f4"
+        some = np.array([float(word) for word in text.split()]).astype(dtype)
+        return some.reshape([int(one) for one in (item.get("Dimensions") or "").split()])
+
+    points = numbers(root.findall(".//Geometry/DataItem")[0])
+    moved, times = [], []
+    for grid in root.findall(".//Grid[@CollectionType='Temporal']/Grid"):
+        items = grid.findall("Attribute[@Name='displacement']/DataItem")
+        assert len(items) == 1, f"{len(items)} fields of one name in a state"
+        moved.append(numbers(items[0])[:, :2])
+        times.append(_float(grid.find("Time").get("Value")))  # type: ignore[union-attr,arg-type]
+    return points[:, :2].astype(float), np.array(moved).astype(float), np.array(times)
+
+
+def _plain_vtu(content: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Return points and displacements of a VTU file, strictly."""
+    root = ElementTree.fromstring(content.decode("utf-8-sig"))
+    order, header = root.get("byte_order", "LittleEndian"), root.get("header_type", "UInt32")
+    assert order in ("LittleEndian", "BigEndian"), f"byte order {order!r}"
+    assert header in ("UInt32", "UInt64"), f"header of {header!r}"
+    order = {"LittleEndian": "<", "BigEndian": ">"}[order]
+    head = np.dtype(order + _NUMPY[header])
+
+    def numbers(item: ElementTree.Element) -> np.ndarray:
+        dtype = np.dtype(order + _NUMPY[item.get("type", "")])
+        text = (item.text or "").strip()
+        if item.get("format") == "ascii":
+            some = np.array([float(word) for word in text.split()])
+            some = some.astype(dtype) if dtype.kind == "f" else some
+        else:
+            if item.get("format") == "appended":
+                data = (root.find("AppendedData").text or "").strip()  # type: ignore[union-attr]
+                assert data.startswith("_"), "appended data without their mark"
+                text = data[1 + int(item.get("offset", "")) :]
+            some = np.frombuffer(unpacked(text), dtype=dtype)
+        return some.astype(float).reshape(-1, int(item.get("NumberOfComponents", "1")))
+
+    def unpacked(text: str) -> bytes:
+        def first(n: int) -> bytes:
+            return base64.b64decode(text[: 4 * math.ceil(n / 3)])[:n]
+
+        if root.get("compressor") is None:
+            n = int(np.frombuffer(first(head.itemsize), dtype=head)[0])
+            return first(head.itemsize + n)[head.itemsize :]
+        n = 3 + int(np.frombuffer(first(head.itemsize), dtype=head)[0])
+        sizes = np.frombuffer(first(n * head.itemsize), dtype=head)[3:].tolist()
+        text = text[4 * math.ceil(n * head.itemsize / 3) :]
+        packed, plain = first(sum(sizes)), b""
+        for size in sizes:
+            plain, packed = plain + zlib.decompress(packed[:size]), packed[size:]
+        return plain
+
+    points = root.findall("UnstructuredGrid/Piece/Points/DataArray")
+    moved = root.findall("UnstructuredGrid/Piece/PointData/DataArray[@Name='displacement']")
+    assert (len(points), len(moved)) == (1, 1), f"{len(points)} points, {len(moved)} of one name"
+    return numbers(points[0])[:, :2], numbers(moved[0])[:, :2]
+
+
+def _doubt_arrays(name: str, arrays: tuple[np.ndarray, ...], found: Imported) -> str:
+    """Doubt a table that is not that of the same numbers; with others, look at the rim."""
+    clean = _clean(name)
+    if all(np.array_equal(one, other) for one, other in zip(arrays, clean[:3], strict=True)):
+        same = np.array_equal(_rows(found), clean[3], equal_nan=True)
+        return "" if same else f"the numbers of the whole file, and {_rows(found).tolist()}"
+    if name == "series, XDMF" and not all(
+        (one == clean[1]).all(axis=(1, 2)).any() for one in arrays[1]
+    ):
+        return _given(found, arrays[2])  # other numbers than a state's rest somewhere else
+    return _pressed(*arrays, found)
+
+
+@functools.cache
+def _clean(name: str) -> tuple[np.ndarray, ...]:
+    """Return points, displacements, loads and rows of a whole file."""
+    target = TARGETS[name]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / target.file_name
+        path.write_bytes(target.content)
+        rows = _rows(target.read(path))
+    if "VTU" in name:
+        return *_states(target.content, name), rows
+    content = target.content if "XDMF" in name else _XDMF
+    return *_plain_xdmf(content, _stored(_H5)[0]), rows
+
+
+@functools.lru_cache(maxsize=2)
+def _stored(content: bytes) -> tuple[dict[str, np.ndarray], str]:
+    """Return the datasets that the series names, and words for what of them is in no file."""
+    found, doubt = {}, ""
+    # From a file, as the importer: damage of a header can tell bytes in memory from one.
+    with tempfile.NamedTemporaryFile(suffix=".h5") as copy:
+        copy.write(content)
+        copy.flush()
+        with h5py.File(copy.name, "r") as file:
+            for path in sorted(set(re.findall(r"run\.h5:(/data\d+)", _XDMF.decode()))):
+                try:
+                    one = file[path]
+                    found[path] = one[()]
+                except (OSError, RuntimeError, KeyError, ValueError, TypeError):
+                    continue  # the importer reads others than points and displacements as little
+                # HDF5 makes zeros of what was never written, and of chunks whose index is damaged.
+                if one.chunks is None:
+                    there, pieces = int(one.id.get_offset() is not None), 1
+                else:
+                    there = one.id.get_num_chunks()
+                    pieces = math.prod(
+                        -(-n // m) for n, m in zip(one.shape, one.chunks, strict=True)
+                    )
+                if there < pieces:
+                    doubt = (
+                        f"{path}: {there} of {pieces} pieces are stored, the others read as zeros"
+                    )
+    return found, doubt
+
+
+def _series_beside(path: Path) -> Imported:
+    """Read a series whose HDF5 file is damaged."""
+    series = path.with_name("run.xdmf")
+    if not series.exists():
+        series.write_bytes(_XDMF)
+    try:
+        return read_series(series, _CORNERED)
+    except InputError as error:
+        # What damaged numbers make of a series may be told of the series.
+        raise InputError(str(error).replace("run.xdmf", path.name)) from None
+
+
+def _doubt_hdf5(content: bytes, found: Imported) -> str:
+    stored, doubt = _stored(content)
+    if doubt:
+        return doubt
+    return _doubt_arrays("series, HDF5", _plain_xdmf(_XDMF, stored), found)
+
+
+def _xdmf(path: Path) -> Imported:
+    beside = path.with_name("run.h5")
+    if not beside.exists():
+        beside.write_bytes(_H5)
+    try:
+        # States of a whole file rest on the ridges: with the numbers beside, that is the same top.
+        return read_series(path, _CORNERED if path.stem == "text" else replace(_CORNERED, top=None))
+    except InputError as error:
+        # A path into the HDF5 file that is none is told of that file.
+        raise InputError(str(error).replace("run.h5", path.name)) from None
+
+
+def _vtus(path: Path, others: Sequence[bytes]) -> Imported:
+    """Read a list of which one file is damaged."""
+    paths = [path.with_name(f"{k}.vtu") for k in range(len(others))]
+    for k, (one, content) in enumerate(zip(paths, others, strict=True)):
+        if k != _HIT and not one.exists():
+            one.write_bytes(content)
+    try:
+        return read_series(paths, _CORNERED, loads=_SERIES["p"].tolist())
+    except InputError as error:
+        # What states make together is told of the first file; what is in one file, of that.
+        alone = "displacement" in str(error) or "numbers" in str(error)
+        raise InputError(str(error) if alone else str(error).replace("0.vtu", path.name)) from None
+
+
+def _states(content: bytes, name: str) -> tuple[np.ndarray, ...]:
+    """Return points, displacements and loads of a list with one file changed."""
+    states = [_plain_vtu(one) for one in _VTUS[name]]
+    states[_HIT] = _plain_vtu(content)
+    points = states[0][0]
+    assert all(np.array_equal(one[0], points) for one in states), "points of another mesh"
+    return points, np.array([one[1] for one in states]), _SERIES["p"]
+
+
+_XDMF, _H5 = _xdmf_files("HDF")
+_VTUS = {
+    "series, VTU ascii": [_vtu(k, np.float32, binary=False) for k in range(len(_STATES))],
+    "series, VTU binary": [_vtu(k, compression=None) for k in range(len(_STATES))],
+    "series, VTU appended": [_appended(_vtu(k)) for k in range(len(_STATES))],
+}
+register(
+    Target(
+        "series, XDMF",
+        "run.xdmf",
+        _XDMF,
+        _xdmf,
+        lambda content, found: _doubt_arrays(
+            "series, XDMF", _plain_xdmf(content, _stored(_H5)[0]), found
+        ),
+        inside_xml,
+    )
+)
+register(
+    Target(
+        "series, XDMF of text",
+        "text.xdmf",
+        _xdmf_files("XML")[0],
+        _xdmf,
+        lambda content, found: _doubt_arrays(
+            "series, XDMF of text", _plain_xdmf(content, {}), found
+        ),
+        inside_xml,
+    )
+)
+register(Target("series, HDF5", "run.h5", _H5, _series_beside, _doubt_hdf5, _bytes))
+for _name, _files in _VTUS.items():
+    register(
+        Target(
+            _name,
+            f"{_HIT}.vtu",
+            _files[_HIT],
+            functools.partial(_vtus, others=_files),
+            lambda content, found, name=_name: _doubt_arrays(name, _states(content, name), found),
+            inside_xml,
+        )
+    )
+
+
+# --- CalculiX's contact print and status ---------------------------------------------------------
+
+_TESTS = Path(__file__).parent
+# Wide ridges under few faces: each mutant is read line by line.
+_FEW = _WRITER["pressed"](a=0.12, b=0.05, n_level=8, depth=0.12, n_node=21)
+_FEW_DECK = _WRITER["deck_text"](_FEW)
+_CONTACT_PRINT = runpy.run_path(str(_TESTS / "test_calculix_contact.py"))["dat_text"](_FEW)
+_STA = runpy.run_path(str(_TESTS / "test_calculix_sta.py"))["CUT"]
+
+
+def _contact(path: Path) -> Imported:
+    deck = path.with_name("whole.inp")
+    if not deck.exists():
+        deck.write_text(_FEW_DECK)
+    try:
+        return read_calculix_contact(path, Body(_FEW["a"], _FEW["b"]), deck=deck, **_SETS)
+    except InputError as error:
+        # An element that is not in the deck is told of the deck.
+        raise InputError(str(error).replace("whole.inp", path.name)) from None
+
+
+@dataclass
+class _Printed:
+    """What a damaged contact print has of a time."""
+
+    force: float | None = None
+    faces: set[tuple[int, int]] | None = None
+    moved: dict[int, float] | None = None
+
+
+_CONTACT_HEAD = re.compile(r"([\w ]*) \([^)]*\) for (?:set (\S+)|all \S+ \S+) and time +(\S+)")
+
+
+def _plain_contact(content: bytes) -> tuple[dict[float, _Printed], str]:
+    """Return what stands in a contact print by time, and words for what cannot be right."""
+    levels: dict[float, _Printed] = {}
+    block, level, doubt = "", _Printed(), ""
+    for line in _lines_of(content).split("\n")[:-1]:
+        words = line.split()
+        if not words:
+            continue
+        if words[0][0].isalpha():
+            block = ""
+            match = _CONTACT_HEAD.fullmatch(line.strip())
+            if match is None:
+                continue
+            kind = {
+                ("contact stress", None): "faces",
+                ("displacements", "RIM"): "moved",
+                ("total force", "TOP"): "force",
+            }.get((match[1], match[2] and match[2].upper()), "")
+            if kind:
+                level = levels.setdefault(_float(match[3]), _Printed())
+                block = kind
+                if getattr(level, kind) is not None:
+                    return levels, "again"
+                setattr(level, kind, {"faces": set(), "moved": {}, "force": None}[kind])
+        elif block:
+            values = [_float(word) for word in words]
+            whole = values[:1] if block == "moved" else []
+            if block == "faces" and values[2] > 0:
+                whole = values[:2]
+            if any(one != int(one) for one in whole):
+                doubt = f"{words}: a part of a node, an element or a face"
+            if block == "faces" and values[2] > 0:
+                level.faces.add((int(values[0]), int(values[1]) - 2))  # type: ignore[union-attr]
+            elif block == "moved":
+                if int(values[0]) in level.moved:  # type: ignore[operator]
+                    doubt = f"node {words[0]} twice at a time"
+                level.moved[int(values[0])] = values[1]  # type: ignore[index]
+            elif block == "force":
+                if level.force is not None:
+                    doubt = f"{words}: a second total force"
+                level.force = values[1]
+    return levels, doubt
+
+
+def _doubt_contact(content: bytes, found: Imported) -> str:
+    levels, doubt = _plain_contact(content)
+    if doubt:
+        return doubt if doubt != "again" else ""  # printed again: not told apart here
+    whole = [levels[time] for time in sorted(levels)]
+    whole = [one for one in whole if one.faces is not None and one.force is not None]
+    nodes = set(range(1, len(_FEW["nodes"]) + 1))
+    # Without some displacements a level is left out: or only without those of pressed faces.
+    complete = [one for one in whole if one.moved is None or nodes <= one.moved.keys()]
+    enough = [
+        one
+        for one in whole
+        if one.moved is None
+        or {node for face in one.faces or () for node in _ends(*face) if node} <= one.moved.keys()
+    ]
+    rows = _rows(found)[:, :3]
+    wants = [_brackets(complete), _brackets(enough)]
+    # R is found from printed nodes: 1e-9.
+    if any(
+        rows.shape == (len(want), 3) and np.allclose(rows, want, rtol=1e-9, atol=0)
+        for want in wants
+    ):
+        return ""
+    return f"by itself {wants}, the table {rows.tolist()}"
+
+
+def _ends(element: int, side: int) -> tuple[int, int]:
+    """Return a face's nodes: triangles from two nodes of the rim to the driven node, 0, above."""
+    return ((element, element + 1), (element + 1, 0), (0, element))[side - 1]
+
+
+def _brackets(levels: list[_Printed]) -> list[tuple[float, float, float]]:
+    """Return Q, load and the load before, of each ridge that faces are seen on."""
+    x, a, b = _FEW["nodes"][:, 0], _FEW["a"], _FEW["b"]
+    reached: list[dict[int, bool]] = []  # ridge: pressed for sure, or perhaps
+    for one in levels:
+        ridges: dict[int, bool] = {}
+        for face in one.faces or ():
+            ends = _ends(*face)
+            at = [x[n - 1] + (one.moved or {}).get(n, 0.0) if n else 0.0 for n in ends]
+            low, high = sorted(at if sum(at) >= 0 else [-y for y in at])
+            near = {j: b / 2 + j * (a + b) for j in range(int(high / (a + b)) + 3)}
+            over = [j for j, y in near.items() if high >= y and low <= y + a]
+            over = over or [j for j, y in near.items() if high >= y - b and low <= y + a + b]
+            for j in over:
+                ridges[j] = ridges.get(j, False) or len(over) == 1
+        reached.append(ridges)
+    loads = [abs(one.force or 0.0) for one in levels]  # of half a body, R = E = 1
+    rising = [k for k, one in enumerate(loads) if one > max(loads[:k], default=0.0)]
+    rows: list[tuple[float, float, float]] = []
+    for j in range(1, 1 + max((max(one, default=0) for one in reached), default=0)):
+        if sure := [k for k in rising if reached[k].get(j, False)]:
+            before = [loads[k] for k in rising if k < sure[0] and j not in reached[k]]
+            row = (2.0 + 2 * j, loads[sure[0]], before[-1] if before else 0.0)
+            if not rows or row[1] > rows[-1][1]:
+                rows.append(row)
+    return rows
+
+
+@dataclass
+class _Other:
+    """What is read from a file that holds no loads."""
+
+    table: tuple[Any, ...]
+    said: tuple[str, ...]
+
+
+def _sta(path: Path) -> _Other:
+    status = read_sta(path)
+    return _Other((status,), (status.said(),))
+
+
+def _doubt_sta(content: bytes, found: _Other) -> str:
+    (status,) = found.table
+    lines = [line.split() for line in _lines_of(content).split("\n")[:-1]]
+    lines = [words for words in lines if words and not words[0].startswith(("SUMMARY", "STEP"))]
+    if odd := [words for words in lines if len(words) != 7]:
+        return f"{odd[0]} is no increment"
+    ended = [not words[2].endswith("U") for words in lines]
+    last = max((k for k, one in enumerate(ended) if one), default=-1)
+    want = (
+        [_float(words[4]) for words, one in zip(lines, ended, strict=True) if one],
+        ended[: last + 1].count(False),
+        len(ended) - last - 1,
+    )
+    got = (status.times.tolist(), status.cut_backs, status.tail)
+    if got != want:
+        return f"the file has {want}, read was {got}"
+    if want[0] != sorted(want[0]):
+        return f"times {want[0]}"
+    return "" if status.converged(status.times).all() else "an increment is not its own"
+
+
+register(Target("contact print", "run.dat", _CONTACT_PRINT.encode(), _contact, _doubt_contact))
+register(Target("status", "run.sta", _STA.encode(), _sta, _doubt_sta))
+
+
+# --- mappings ------------------------------------------------------------------------------------
+
+_TABLES = Path(__file__).parents[2] / "data" / "fea" / "tables"
+_MAP_TOML = (_TABLES / "columns.toml").read_bytes()
+_MAP_TABLE = (_TABLES / "long.csv").read_bytes()
+
+
+def inside_toml(content: bytes, rng: np.random.Generator) -> bytes:
+    """Damage text, or put another kind of value in place of a value or a key."""
+    if rng.integers(2):
+        return mutants(content, rng)
+    places = list(re.finditer(rb'^\w+|"[^"\n]*"|\[\w+\]', content, re.M))
+    at, other = (places[int(rng.integers(len(places)))] for _ in range(2))
+    words = (
+        *(
+            "nan",
+            "inf",
+            "1e400",
+            "true",
+            "1979-05-27",
+            "[]",
+            "{}",
+            "0.49",
+            "0x1F",
+            "8",
+            "0x" + "f" * 4000,
+        ),
+        *('"8"', '"0 mm"', '"-8 mm"', '"1e400 mm"', '"8 kPa"', '"*"', '"Q=*"', '""', '";"'),
+        *('"Ridge width;um"', '"8 mm;mm"', '"\\u0000"', "''' x'''", '"nan mm"', '"(8) mm"'),
+        *("p_over_E", "a_over_R", "nu", "Q", "source", '"Q=4"', '"gap Q=4"', "load", "p"),
+    )
+    new = other[0] if rng.integers(2) else words[int(rng.integers(len(words)))].encode()
+    return content[: at.start()] + new + content[at.end() :]
+
+
+def _map(path: Path) -> _Other:
+    both = read_mapping(path)
+    return _Other(both, ("read",))
+
+
+def _doubt_map(content: bytes, found: _Other) -> str:
+    whole = tomllib.loads(_lines_of(content))
+    want = tuple(
+        {key: str(value) for key, value in whole.get(name, {}).items()}
+        for name in ("columns", "values")
+    )
+    if not whole.keys() <= {"columns", "values"}:
+        return f"tables {list(whole)}"
+    kinds = {type(one) for some in whole.values() for one in some.values()}
+    if not kinds <= {str, int, float} or {
+        type(one) for one in whole.get("columns", {}).values()
+    } - {str}:
+        return f"values of {kinds}"
+    return "" if found.table == want else f"the file has {want}, read was {found.table}"
+
+
+def _map_used(path: Path) -> Imported:
+    """Read a table as a mapping says."""
+    table = path.with_name("long.csv")
+    if not table.exists():
+        table.write_bytes(_MAP_TABLE)
+    mapping, values = read_mapping(path)
+    try:
+        return read_columns(table, mapping, values=values)
+    except InputError as error:
+        # A header that is not there is told of the table.
+        raise InputError(str(error).replace("long.csv", path.name)) from None
+
+
+def _doubt_map_used(content: bytes, found: Imported) -> str:
+    """Doubt numbers that are not those of the columns and values named, by pint's units."""
+    whole = tomllib.loads(_lines_of(content))
+    mapping, values = whole.get("columns", {}), whole.get("values", {})
+    plain = {"a", "b", "R", "E", "Q", "line", "p", "nu", "a_over_R", "b_over_R", "p_over_E"}
+    rows = list(csv.DictReader(io.StringIO(_MAP_TABLE.decode())))
+
+    if not mapping.keys() | values.keys() <= plain:
+        return ""  # other loads, in another way
+
+    def numbers(key: str) -> np.ndarray:
+        if key in values:
+            word, _, unit = str(values[key]).strip().partition(" ")
+            one = _UNITS(unit).to_base_units().magnitude if unit else 1.0
+            return np.full(len(rows), float(word) * one)
+        text, unit = " ".join(mapping[key].split()), None
+        if text not in (names := rows[0]) and ";" in text:
+            text, unit = (one.strip() for one in text.rsplit(";", 1))
+        (header,) = [one for one in names if text in (one, one.split(" [")[0])]
+        found = re.search(r"\[(.*)\]", header)
+        unit = unit if unit is not None else found[1] if found else ""
+        one = 1.0 if unit in ("", "1", "-") else _UNITS(unit).to_base_units().magnitude
+        return np.array([float(row[header]) for row in rows]) * one
+
+    have = mapping.keys() | values.keys()
+    a, b = (
+        numbers(f"{one}_over_R") if f"{one}_over_R" in have else numbers(one) / numbers("R")
+        for one in "ab"
+    )
+    if "p_over_E" in have:
+        p = numbers("p_over_E")
+    elif "p" in have:
+        p = numbers("p") / numbers("E")
+    else:
+        p = numbers("line") / (2 * numbers("R") * numbers("E"))
+    if "nu" in have and (found.table.column("nu") != numbers("nu")).any():
+        return f"nu = {found.table.column('nu').tolist()}"
+    return _same(found, list(zip(a, b, numbers("Q"), p, strict=True)))
+
+
+register(Target("map", "columns.toml", _MAP_TOML, _map, _doubt_map, inside_toml))
+register(Target("map, used", "columns.toml", _MAP_TOML, _map_used, _doubt_map_used, inside_toml))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--n", type=int, default=100_000, help="mutants in all")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="", help="targets whose names hold this")
+    options = parser.parse_args()
+    warnings.simplefilter("error")
+    chosen = [one for one in TARGETS.values() if options.only in one.name]
+    for i, target in enumerate(chosen):
+        rng = np.random.default_rng([options.seed, i])
+        folder = Path(tempfile.mkdtemp())
+        try:
+            counts = attack(target, options.n // len(chosen), rng, folder)
+        except BaseException:
+            print(f"{target.name}: see {folder / target.file_name}")
+            raise
+        print(f"{target.name}: {dict(counts)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,257 @@
+"""Pressed faces to brackets: a run whose loads are known, in the layout of CalculiX 2.20."""
+
+import re
+import runpy
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ridgebayes.errors import InputError
+from ridgebayes.fea.calculix_contact import read_calculix_contact, read_pressed
+from ridgebayes.fea.levels import Body
+
+WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
+RUN = WRITER.pressed()
+# Lines of a run of CalculiX 2.20: a face is printed once a point, whether pressed or not, and side
+# 2 of a plane element as the fourth of a solid.
+HEAD = " contact stress (slave element+face,press,tang1,tang2) for all contact elements and time"
+REAL = f"""
+{HEAD} 0.1000000E+00
+
+        16          4  1.468460E-01  0.000000E+00  0.000000E+00
+        16          4  0.000000E+00  0.000000E+00  0.000000E+00
+        40          4  0.000000E+00  0.000000E+00  0.000000E+00
+       104          6  2.844905E-02  0.000000E+00  0.000000E+00
+
+
+ statistics for slave set SLV, master set MST and time  0.1000000E+00
+
+   total surface force (fx,fy,fz) and moment about the origin (mx,my,mz)
+
+    0.000000E+00  9.912476E-04 -7.325960E-21 -6.145637E-17  1.264094E-22  2.183305E-05
+
+ total force (fx,fy,fz) for set NTOP and time  0.1000000E+00
+
+       -8.358489E-05 -2.167576E-03 -2.008395E-21
+"""
+
+
+def dat_text(run, *, moved=True, pressed=True):
+    """Levels with the rim's faces over ridges pressed where the rim lies on them."""
+    out = []
+    for k, force in enumerate(run["force"], start=1):
+        time = f"{k / 100:.7E}"
+        out += [f" total force (fx,fy,fz) for set TOP and time  {time}", "", f" 0. {-force:.6E} 0."]
+        at = run["position"][k - 1]
+        if moved:
+            out += ["", f" displacements (vx,vy,vz) for set RIM and time  {time}", ""]
+            rows = enumerate(at - run["nodes"], start=1)
+            out += [f" {n} {x:.6E} {y:.6E} 0." for n, (x, y) in rows]
+        if not pressed:
+            continue
+        out += ["", f"{HEAD} {time}"]
+        out.append("")
+        low = np.isclose(at[:, 1], run["top"], atol=1e-9)
+        for n in range(1, len(at)):
+            # Element n has its first side on the rim, printed as the third of a solid.
+            pressure = 0.1 if low[n - 1] and low[n] else 0.0
+            out += [f"{n:10d}          3  {pressure:.6E}  0.000000E+00  0.000000E+00"]
+    return "\n".join([*out, ""])
+
+
+def read(tmp_path, text=None, *, run=RUN, sta=None, deck=None, **body):
+    text = dat_text(run) if text is None else text
+    (tmp_path / "run.dat").write_bytes(text.encode() if isinstance(text, str) else text)
+    (tmp_path / "run.inp").write_text(WRITER.deck_text(run) if deck is None else deck)
+    half = not (run["nodes"][:, 0] < 0).any()
+    if sta is not None:
+        (tmp_path / "run.sta").write_text(sta)
+    return read_calculix_contact(
+        tmp_path / "run.dat",
+        Body(run["a"], run["b"], **{"symmetry": "half" if half else "full", **body}),
+        deck=tmp_path / "run.inp",
+        surface="RIM",
+        reaction="TOP",
+        sta=tmp_path / "run.sta" if sta is not None else None,
+    )
+
+
+@pytest.mark.parametrize("full", [False, True])
+@pytest.mark.parametrize("n_node", [241, 1201])
+def test_read_calculix_contact__brackets_hold_the_loads_or_come_a_face_later(
+    tmp_path, full, n_node
+):
+    run = WRITER.pressed(full=full, n_node=n_node)
+    found = read(tmp_path, run=run).table.frame
+    loads = np.array(run["load"])
+    assert found["Q"].tolist() == [4, 6, 8]
+    assert (found["p_over_E"] >= loads).all()
+    # A face is pressed once its whole length lies on the ridge: a face's length further out.
+    face = 0.9 / (n_node - 1)
+    late = face * np.array(run["corners"][1:4]) * (0.3 + 24 * 0.034)  # its depth times dp/dd
+    assert (found["p_over_E_lower"] < loads + late).all()
+
+
+def test_read_calculix_contact__a_level_is_an_increment_of_the_run(tmp_path):
+    done = read(tmp_path)
+    found = done.table.frame
+    levels = RUN["force"]  # twice half a body's, over 2 R E
+    for row in found.itertuples():
+        k = int(np.argmin(np.abs(levels - row.p_over_E)))
+        # Seven digits of a force are printed.
+        assert row.p_over_E == pytest.approx(levels[k], rel=1e-6)
+        assert row.p_over_E_lower == pytest.approx(levels[k - 1], rel=1e-6)
+    assert "kept: 3 transitions, Q = 4 to 8, all as brackets" in done.said
+
+
+def test_read_calculix_contact__without_displacements_faces_are_where_they_were(tmp_path):
+    done = read(tmp_path, dat_text(RUN, moved=False))
+    assert "34 levels without displacements of RIM: faces where they were" in done.said
+    found = done.table.frame
+    assert found["Q"].tolist() == [4, 6, 8]
+
+
+def level_text(k, *faces, moved=0.0):
+    """A level with faces of the rim pressed, all nodes moved sideways."""
+    text = f" total force (fx,fy,fz) for set TOP and time {k}.0\n\n 0. {0.01 * k} 0.\n"
+    if moved:
+        rows = "".join(f" {n} {moved} 0. 0.\n" for n in range(1, 242))
+        text += f" displacements (vx,vy,vz) for set RIM and time {k}.0\n\n{rows}"
+    return text + f"{HEAD} {k}.0\n\n" + "".join(f" {n} 3 0.1 0. 0.\n" for n in faces)
+
+
+def test_read_calculix_contact__displacements_place_faces(tmp_path):
+    # Face 10 is 0.034 to 0.037 from the axis, on the first ridge; a pitch is 0.08.
+    text = level_text(1, 10) + level_text(2, 10)
+    with pytest.raises(InputError, match="no corner is reached"):
+        read(tmp_path, text)
+    found = read(tmp_path, level_text(1, 10) + level_text(2, 10, moved=0.08)).table.frame
+    rows = found[["Q", "p_over_E_lower", "p_over_E"]].to_numpy()
+    np.testing.assert_allclose(rows, [[4, 0.01, 0.02]], rtol=1e-9)  # rounding of R
+
+
+def test_read_calculix_contact__a_level_without_some_displacements_is_left_out(tmp_path):
+    text = dat_text(RUN)
+    at = [m.start() for m in re.finditer(r"\n 6 ", text)][3]
+    done = read(tmp_path, text[: at + 1] + text[text.index("\n", at + 1) + 1 :])
+    line = text[: text.index("time  4.0000000E-02")].count("\n") + 1
+    assert f"line {line}: a level with displacements of 240 of 241 nodes: left out" in done.said
+    assert any("33 increments to p/E" in one for one in done.said)
+    none = re.sub(r"(displacements .* 4.0000000E-02\n\n)( \d+ \S+ \S+ 0\.\n)+", r"\1", text)
+    assert any("displacements of 0 of 241" in one for one in read(tmp_path, none).said)
+
+
+def test_read_calculix_contact__a_pressed_face_beyond_the_set_is_refused(tmp_path):
+    text = "".join(
+        level_text(k, 10, 240, moved=0.01).replace(" 241 0.01 0. 0.\n", "") for k in (1, 2)
+    )
+    deck = WRITER.deck_text(RUN).replace("1,241,1", "1,240,1")
+    with pytest.raises(InputError, match=r"run\.dat, line 1: .* node 241 of it was not printed"):
+        read(tmp_path, text, deck=deck)
+
+
+def test_read_calculix_contact__levels_printed_again_are_counted(tmp_path):
+    text = dat_text(RUN)
+    assert (
+        "34 levels of a time printed again: the later one counts" in read(tmp_path, 2 * text).said
+    )
+
+
+def test_read_calculix_contact__a_face_far_away_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"a face 1e\+08 from the axis"):
+        read(tmp_path, level_text(1, 10) + level_text(2, 10, moved=1e8))
+
+
+def test_read_calculix_contact__levels_that_did_not_converge_are_left_out(tmp_path):
+    lines = [f"1 {k} 1 5 {k / 100:.6E} 0.1 0.1" for k in range(1, 31)]
+    sta = "\n".join([*lines, "1 31 1U 60 3.000000E-01 0.1 0.1", ""])
+    done = read(tmp_path, sta=sta)
+    assert "4 levels that did not converge: left out" in done.said
+    assert any("30 converged increments" in line for line in done.said)
+    assert f"30 increments to p/E = {RUN['force'][29]:.5g}" in " ".join(done.said)
+
+
+def test_read_calculix_contact__a_level_without_contact_print_is_left_out(tmp_path):
+    text = dat_text(RUN) + "\n total force (fx,fy,fz) for set TOP and time  0.9E+01\n\n 0. 1. 0.\n"
+    assert any("no contact stress: left out" in line for line in read(tmp_path, text).said)
+    with pytest.raises(InputError, match="no level with contact stress and a total force of TOP"):
+        read(tmp_path, dat_text(RUN, pressed=False))
+
+
+def test_read_calculix_contact__a_face_over_two_ridges_leaves_the_increment_open(tmp_path):
+    run = WRITER.pressed(n_node=21, a=0.03, b=0.02)  # faces of 0.045 over grooves of 0.02
+    # Undeformed: face 1 from 0 to 0.045 is on the first ridge (0.01 to 0.04); face 2, to 0.09, on
+    # the second alone (0.06 to 0.09); face 3, to 0.135, on the second's end and the third.
+    faces = ((1,), (1, 3), (1, 2, 3), (1, 2, 3, 4))
+    text = "".join(level_text(k, *some) for k, some in enumerate(faces, start=1))
+    found = read(tmp_path, text, run=run).table.frame
+    loads = 0.01 * np.arange(1, 5)
+    first = found[found["Q"] == 4].iloc[0]
+    assert (first["p_over_E_lower"], first["p_over_E"]) == pytest.approx((loads[0], loads[2]))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("slave element+face", "slave node", "rule: of faces, TYPE=SURFACE TO SURFACE"),
+        ("          3  1.0", "          2  1.0", "rule: a side of a plane element"),
+        ("          3  1.0", "          7  1.0", "has no side 5"),
+        ("         5          3  1.0", "    900000          3  1.0", "no element 900000"),
+        ("         5          3  1.0", "       5.5          3  1.0", "rule: a side of a plane"),
+        ("          3  1.000000E-01", "          3  1,000000E-01", "rule: a finite number"),
+        ("          3  1.000000E-01", "  1.000000E-01", "rule: element, face, press"),
+        (" 0.\n", "\n", "rule: fx, fy, fz"),
+        ("E-02\n", "E-02x\n", "rule: a finite number|no level"),
+    ],
+)
+def test_read_calculix_contact__what_cannot_be_understood_is_named(tmp_path, old, new, message):
+    text = dat_text(RUN)
+    assert old in text
+    with pytest.raises(InputError, match=rf"run\.(dat|inp).*({message})"):
+        read(tmp_path, text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"E": 2.0}, "the material has E = 1, and 2 was given"),
+        ({"nu": 0.4}, "the material has nu = 0.5"),
+        ({"R": 0.9}, "off a circle of R = 0.9"),
+        ({"symmetry": "full"}, "--symmetry half"),
+        ({"text": ""}, "no level with contact stress"),
+        ({"text": dat_text(RUN).encode("utf-16")}, "UTF-8"),
+        ({"deck": "*NODE\n1, 0., 1.\n"}, "no node set 'RIM'"),
+    ],
+)
+def test_read_calculix_contact__what_contradicts_is_refused(tmp_path, options, message):
+    with pytest.raises(InputError, match=message):
+        read(tmp_path, **options)
+
+
+def test_read_pressed__reads_lines_of_a_real_run(tmp_path):
+    (tmp_path / "run.dat").write_text(REAL)
+    (level,) = read_pressed(tmp_path / "run.dat", reaction="NTOP")
+    assert level.time == 0.1
+    assert level.faces == {(16, 2), (104, 4)}
+    assert level.force == -2.167576e-3
+
+
+def test_read_pressed__a_time_printed_again_counts_as_last(tmp_path):
+    again = re.sub("1.468460E-01", "0.000000E+00", REAL)
+    (tmp_path / "run.dat").write_text(REAL + again)
+    (level,) = read_pressed(tmp_path / "run.dat", reaction="NTOP")
+    assert level.faces == {(104, 4)}
+
+
+@pytest.mark.parametrize("row", [" 7 0. -0.1 0.", " 8.5 0. -0.1 0."])
+def test_read_pressed__forces_of_each_node_stand_once(tmp_path, row):
+    head = " forces (fx,fy,fz) for set NTOP and time  0.1000000E+00"
+    good = f"{head}\n\n 7 0. -0.1 0.\n 8 0. -0.2 0.\n"
+    (tmp_path / "run.dat").write_text(good)
+    (level,) = read_pressed(tmp_path / "run.dat", reaction="NTOP")
+    assert level.force == pytest.approx(-0.3)
+    (tmp_path / "run.dat").write_text(f"{good}{row}\n")
+    with pytest.raises(InputError, match=r"line 5: node .* rule: a whole number, once a level"):
+        read_pressed(tmp_path / "run.dat", reaction="NTOP")

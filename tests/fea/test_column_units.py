@@ -1,0 +1,101 @@
+"""Units of headers, and exact quotients."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from ridgebayes.errors import InputError
+from ridgebayes.fea.column_units import (
+    Quantity,
+    column_unit,
+    divided,
+    everywhere_or_nowhere,
+    split_header,
+    unit_factor,
+)
+
+
+@pytest.mark.parametrize(
+    ("header", "words", "unit"),
+    [
+        ("Ridge width [mm]", "Ridge width", "mm"),
+        ("Force (N/mm)", "Force", "N/mm"),
+        ("E, kPa", "E", "kPa"),
+        ("p / kPa", "p", "kPa"),
+        ("Width, of ridge [um]", "Width, of ridge", "um"),
+        ("Width, of ridge", "Width, of ridge", ""),
+        ("p/E", "p/E", ""),
+        ("a / R", "a / R", ""),
+        ("[mm]", "[mm]", ""),
+    ],
+)
+def test_split_header__tells_words_from_units(header, words, unit):
+    assert split_header(header)[:2] == (words, unit)
+
+
+@pytest.mark.parametrize(
+    ("key", "header", "explicit", "factor"),
+    [
+        ("a", "w [mm]", None, Fraction(1, 1000)),
+        ("a", "w", "inch", Fraction(127, 5000)),
+        ("E", "E, MPa", None, Fraction(10**6)),
+        ("E", "E [N/mm²]", None, Fraction(10**6)),
+        ("line", "P (kN/m)", None, Fraction(1000)),
+        ("a", "w [-]", None, Fraction(1)),
+        ("a", "w [mm]", "mm", Fraction(1, 1000)),
+        ("nu", "nu [-]", None, Fraction(1)),
+        ("nu", "nu (of Poisson)", None, Fraction(1)),
+        ("rel_se", "error [%]", None, Fraction(1, 100)),
+    ],
+)
+def test_column_unit__converts_exactly(key, header, explicit, factor):
+    assert column_unit(key, header, explicit, "mine.csv")[1] == factor
+
+
+@pytest.mark.parametrize(
+    ("key", "header", "explicit"),
+    [
+        ("a", "w [kPa]", None),
+        ("a", "w [Mm^9]", None),
+        ("a", "w [mm; of R]", None),
+        ("a", "w (total)", None),
+        ("E", "E [mpa]", None),
+        ("a", "w [mm]", "um"),
+        ("a", "w_mm", None),
+        ("nu", "nu [mm]", None),
+        ("nu", "nu", "kPa"),
+    ],
+)
+def test_column_unit__what_is_no_such_unit_is_refused(key, header, explicit):
+    with pytest.raises(InputError, match=r"^mine\.csv, header .*rule: "):
+        column_unit(key, header, explicit, "mine.csv")
+
+
+def test_unit_factor__knows_dimensions():
+    assert unit_factor("N/mm", "line load") == 1000
+    assert unit_factor("N/mm", "force") is None
+
+
+@pytest.mark.parametrize("unit", ["mm", "um", "inch"])
+def test_divided__gives_the_numbers_a_person_would_write(unit):
+    rng = np.random.default_rng(3)
+    wide = rng.integers(1, 10_000, 300)
+    widths = Quantity("a", wide / 1000, unit, Fraction(1, 1000))
+    R = Quantity("R", np.array(8.0), "mm", Fraction(1, 1000))
+    # Equality with the one correctly rounded quotient of whole numbers.
+    assert divided(widths, R).tolist() == (wide / 8000).tolist()
+
+
+def test_divided__keeps_empty_cells_and_overflows_to_infinity():
+    values = Quantity("p", np.array([1.0, np.nan, 1e308, -1e308]), "", Fraction(1))
+    small = Quantity("E", np.array(1e-10), "", Fraction(1))
+    np.testing.assert_array_equal(divided(values, small), [1e10, np.nan, np.inf, -np.inf])
+
+
+def test_everywhere_or_nowhere__tells_which_have_units_and_which_have_not():
+    have, bare = Quantity("a", np.ones(1), "mm"), Quantity("R", np.ones(1))
+    assert everywhere_or_nowhere([have], "x.csv")
+    assert not everywhere_or_nowhere([bare], "x.csv")
+    with pytest.raises(InputError, match=r"x\.csv: a in mm, but R without a unit"):
+        everywhere_or_nowhere([have, bare], "x.csv")

@@ -1,0 +1,437 @@
+"""Tables of any columns become the contract's: units, shapes of tables, and what is refused."""
+
+import pickle
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ridgebayes.errors import InputError
+from ridgebayes.fea.columns import read_columns
+from ridgebayes.table.table import read_table
+
+LONG = (
+    "Ridge width [mm],Groove width (um),Q,Load (N/mm),Note\n"
+    "0.24,80,4,0.0021,x\n0.24,80,6,0.0087,y\n0.1,80,4,0.003,z\n"
+)
+MAP = {"a": "Ridge width", "b": "Groove width", "line": "Load"}
+BODY = {"R": "8 mm", "E": "60 kPa", "nu": "0.49"}
+CONTRACT = "a_over_R,b_over_R,Q,p_over_E\n0.03,0.01,4,0.001\n0.03,0.01,6,0.004\n"
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read_text(text, mapping=None, name="mine.csv", **options):
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return read_columns(path, mapping or {}, **options)
+
+    return read_text
+
+
+@pytest.fixture
+def refusal(read):
+    def words(*args, **options):
+        with pytest.raises(InputError) as caught:
+            read(*args, **options)
+        text = str(caught.value)
+        assert "mine." in text
+        assert "\n\n" not in text
+        return text
+
+    return words
+
+
+def column(found, name):
+    return found.table.column(name).tolist()
+
+
+# --- units ------------------------------------------------------------------------------------
+
+
+def test_read_columns__line_loads_are_over_2RE_and_lengths_over_R(read):
+    found = read(LONG, MAP, values=BODY)
+    # Equality: the decimals' quotients are exact, 0.24 mm / 8 mm is the number 0.03.
+    assert column(found, "a_over_R") == [0.03, 0.03, 0.0125]
+    assert column(found, "b_over_R") == [0.01, 0.01, 0.01]
+    # 0.0021 N/mm = 2.1 N/m; over 2 x 0.008 m x 60,000 Pa.
+    assert column(found, "p_over_E") == [2.1 / 960, 8.7 / 960, 3.0 / 960]
+    assert column(found, "nu") == [0.49] * 3
+
+
+def test_read_columns__pressures_are_over_E(read):
+    text = "a_over_R,b_over_R,Q,Pressure [Pa],E [kPa]\n.03,.01,4,90,60\n.03,.01,6,360,60\n"
+    assert column(read(text, {"p": "Pressure", "E": "E"}), "p_over_E") == [0.0015, 0.006]
+
+
+def test_read_columns__lower_ends_and_offsets_convert_as_loads_and_widths_do(read):
+    text = "a,b,offset,R,Q,p,p_lower,E\n3,1,0.5,100,4,90,80,60000\n"
+    found = read(text)
+    assert column(found, "p_over_E_lower") == [80 / 60000]
+    assert column(found, "offset_over_R") == [0.005]
+
+
+def test_read_columns__an_explicit_unit_stands_after_the_header(read):
+    text = LONG.replace(" [mm]", "").replace(" (um)", "").replace(" (N/mm)", "")
+    mapping = {"a": "Ridge width;mm", "b": "Groove width;um", "line": "Load;N/mm"}
+    found = read(text, mapping, values=BODY)
+    assert column(found, "a_over_R") == [0.03, 0.03, 0.0125]
+    assert column(found, "p_over_E") == [2.1 / 960, 8.7 / 960, 3.0 / 960]
+
+
+def test_read_columns__numbers_without_any_unit_are_one_system(read):
+    text = "w,g,Q,load\n0.24,0.08,4,0.0021\n"
+    found = read(text, {"a": "w", "b": "g", "line": "load"}, values={"R": 8, "E": "0.06"})
+    assert column(found, "p_over_E") == [0.0021875]
+    assert "units: on none, taken as one consistent system" in found.said
+
+
+@pytest.mark.parametrize(
+    ("values", "bare"),
+    [({"R": "8", "E": "60 kPa"}, "R"), ({"R": "8 mm", "E": "60"}, "E")],
+)
+def test_read_columns__units_on_some_only_are_refused(refusal, values, bare):
+    text = refusal(LONG, MAP, values=values)
+    assert f"but {bare} without a unit" in text
+    assert "on none" in text
+
+
+def test_read_columns__a_column_in_percent_is_divided_by_100(read):
+    text = "a_over_R,b_over_R,Q,p/E [%]\n.03,.01,4,0.25\n"
+    assert column(read(text, {"p_over_E": "p/E"}), "p_over_E") == [0.0025]
+
+
+@pytest.mark.parametrize("header", ["a_mm", "ridge mm", "ridge_um"])
+def test_read_columns__a_unit_without_brackets_is_not_passed_over(refusal, header):
+    text = f"{header},b,Q,p_over_E\n240,0.08,4,0.001\n"
+    assert "may be its unit" in refusal(text, {"a": header, "b": "b"}, values={"R": 8})
+
+
+def test_read_columns__a_unit_of_another_dimension_is_refused(refusal):
+    assert "'N/mm' is no unit of pressure" in refusal(
+        LONG, {"a": "Ridge width", "b": "Groove width", "p": "Load"}, values=BODY
+    )
+
+
+def test_read_columns__large_tables_divide_as_small_ones_do(read):
+    # Over 10,000 distinct rows are divided as floats: within 4 units of the last place.
+    line = np.linspace(1e-3, 2e-3, 12_000).round(9)
+    text = "a,b,R,E,series,Q,line\n" + "".join(
+        f"0.24,0.08,8,0.06,{i},4,{p!r}\n" for i, p in enumerate(line.tolist())
+    )
+    found = read(text)
+    np.testing.assert_allclose(found.table.column("p_over_E"), line / 0.96, rtol=1e-15)
+
+
+# --- what is what -----------------------------------------------------------------------------
+
+
+def test_read_columns__contract_columns_need_no_mapping(read, tmp_path):
+    found = read(CONTRACT)
+    own = read_table(tmp_path / "mine.csv").frame.drop(columns="source")
+    pd.testing.assert_frame_equal(found.table.frame.drop(columns="source"), own)
+
+
+def test_read_columns__guesses_are_said_aloud(read):
+    text = "Ridge width (mm),Groove width (mm),Q,Line load / N/mm\n0.24,0.08,4,0.0021\n"
+    text = text.replace("Line load / N/mm", "Line load [N/mm]")
+    found = read(text, values=BODY)
+    assert column(found, "a_over_R") == [0.03]
+    assert "a: column 'Ridge width (mm)' in mm, a guess" in found.said
+
+
+def test_read_columns__nothing_is_guessed_beside_a_mapping(refusal):
+    text = "Ridge width (mm),Groove width (mm),Q,p_over_E\n0.24,0.08,4,0.0021\n"
+    assert "no column is b_over_R" in refusal(text, {"a": "Ridge width"}, values={"R": "8 mm"})
+
+
+def test_read_columns__two_columns_of_one_meaning_are_refused(refusal):
+    text = "a_over_R,b_over_R,Q,Pressure [kPa],p [kPa],p [Pa]\n.03,.01,4,1,1,1000\n"
+    assert "could both be p" in refusal(text, values={"E": "60 kPa"})
+
+
+def test_read_columns__a_column_and_a_value_of_one_meaning_are_refused(refusal):
+    text = CONTRACT.replace("Q", "nu,Q").replace("01,", "01,0.4,")
+    assert "nu is given as a value, and as column 'nu'" in refusal(text, values={"nu": "0.49"})
+
+
+def test_read_columns__a_header_that_is_not_there_is_named_with_those_that_are(refusal):
+    words = refusal(LONG, {**MAP, "a": "Ridge"}, values=BODY)
+    assert "no column 'Ridge'" in words
+    assert "'Ridge width [mm]'" in words
+
+
+@pytest.mark.parametrize("key", ["A", "p_over_R", "gap", "Q=", "x Q=4"])
+def test_read_columns__unknown_keys_are_refused(refusal, key):
+    assert "rule: " in refusal(LONG, {key: "Q"})
+
+
+def test_read_columns__own_columns_survive_in_long_tables(read):
+    found = read(LONG, MAP, values=BODY)
+    assert found.table.frame["Note"].tolist() == ["x", "y", "z"]
+    assert "kept as they are: 'Note'" in found.said
+
+
+def test_read_columns__an_own_column_that_clashes_is_left_out_and_said(read):
+    text = (
+        CONTRACT.replace("p_over_E", "p_over_E,p").replace("1\n", "1,60\n").replace("4\n", "4,90\n")
+    )
+    found = read(text, {"p": "p"}, values={"E": 6000})
+    assert column(found, "p_over_E") == [0.01, 0.015]
+    assert "left out: column 'p_over_E', which the mapping gives otherwise" in found.said
+
+
+def test_read_columns__source_names_file_digest_mapping_and_keeps_the_files_own(read):
+    text = LONG.replace("Note", "source")
+    source = column(read(text, MAP, values=BODY), "source")
+    pattern = r"import columns: mine\.csv sha256=[0-9a-f]{16} a='Ridge width \[mm\]'.*E=60 kPa.*; x"
+    assert re.fullmatch(pattern, source[0])
+    assert source[1].endswith("; y")
+
+
+def test_read_columns__source_stays_short_whatever_the_number_of_columns(read):
+    header = ",".join(f"load {Q}" for Q in range(4, 400, 2))
+    loads = ",".join(str(Q) for Q in range(4, 400, 2))
+    found = read(f"a_over_R,b_over_R,{header}\n.03,.01,{loads}\n", {"p_over_E": "load *"})
+    source = column(found, "source")[0]
+    assert source.endswith("p_over_E Q=4='load 4' and 197 more")
+    found = read(CONTRACT, values={"series": 1000 * "x"})
+    assert len(column(found, "source")[0]) < 400
+
+
+def test_read_columns__series_and_solver_come_from_values(read):
+    found = read(CONTRACT, values={"series": "s2", "solver": "abaqus", "role": "held-out"})
+    assert set(column(found, "series")) == {"s2"}
+    assert set(column(found, "solver")) == {"abaqus"}
+    assert len(found.table.held_out) == 2
+
+
+def test_read_columns__values_that_are_not_needed_are_said(read):
+    assert "not needed: E" in read(CONTRACT, values={"E": "60 kPa"}).said
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"R": "0 mm"}, "above 0"),
+        ({"R": "8 kPa"}, "length"),
+        ({"R": "1e400"}, "above 0"),
+        ({"nu": "half"}, "a number"),
+        ({"Q": "4"}, "value 'Q'"),
+        ({"radius": "8"}, "value 'radius'"),
+    ],
+)
+def test_read_columns__bad_values_are_refused(refusal, values, words):
+    assert words in refusal(LONG, MAP, values={**BODY, **values})
+
+
+# --- bad cells --------------------------------------------------------------------------------
+
+
+def test_read_columns__bad_cells_name_line_column_value_and_rule(refusal):
+    text = refusal(LONG.replace("0.0087", "-1").replace("0.1,", ","), MAP, values=BODY)
+    assert "line 4, column 'Ridge width [mm]' = '': rule: not empty" in text
+    text = refusal(LONG.replace("0.0087", "-1"), MAP, values=BODY)
+    assert text.endswith("line 3, column 'Load (N/mm)' = '-1': rule: above 0")
+
+
+def test_read_columns__of_many_bad_cells_20_are_listed_and_the_rest_counted(refusal):
+    text = CONTRACT + "0.03,0.01,8,oops\n" * 33
+    words = refusal(text)
+    assert "33 cells break a rule" in words
+    assert words.count("oops") == 20
+    assert words.endswith("and 13 more")
+
+
+def test_read_columns__rules_of_the_contract_name_lines_of_the_file(refusal):
+    words = refusal("\n" + CONTRACT + "\n0.03,0.01,8,0.002\n")
+    assert "(line 6): p_over_E = 0.002: must rise with Q along a curve" in words
+
+
+# --- wide tables ------------------------------------------------------------------------------
+
+WIDE = "a_over_R,b_over_R,{0}4{1},{0}6{1},{0}8{1}\n.03,.01,1,4,\n.02,.01,2,,9\n"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "mapping", "scale"),
+    [
+        ("Q=", " [kPa]", {}, 60),
+        ("Q=", " [kPa]", {"Q": "*"}, 60),
+        ("p Q=", " [kPa]", {}, 60),
+        ("Force at ", " [kPa]", {"p": "Force at *"}, 60),
+        ("Force at ", "", {"p": "Force at *;kPa"}, 60),
+        ("line Q", " [N/mm]", {}, 0.96),
+    ],
+)
+def test_read_columns__wide_tables_have_a_row_for_each_Q_that_was_reached(
+    read, before, after, mapping, scale
+):
+    found = read(WIDE.format(before, after), mapping, values={"E": "60 kPa", "R": "8 mm"})
+    assert column(found, "Q") == [4, 6, 4, 8]
+    # rtol 1e-15: one division beside the exact quotient.
+    np.testing.assert_allclose(
+        found.table.column("p_over_E"), np.array([1, 4, 2, 9]) / scale, rtol=1e-15
+    )
+    assert "2 empty cells: not reached" in found.said
+
+
+def test_read_columns__plain_loads_of_wide_tables_are_p_over_E_unless_there_is_an_E(read, refusal):
+    assert column(read(WIDE.format("Q=", "")), "p_over_E") == [1, 4, 2, 9]
+    assert "p/E, pressure or line load" in refusal(WIDE.format("Q=", ""), values={"E": "60"})
+
+
+def test_read_columns__wide_tables_may_have_lower_ends(read):
+    text = "a_over_R,b_over_R,Q=4,Q=6,low Q=6\n.03,.01,0.002,0.008,0.007\n.02,.01,,0.009,\n"
+    found = read(text, {"p_over_E_lower": "low Q=*"})
+    assert column(found, "Q") == [4, 6, 6]
+    np.testing.assert_array_equal(found.table.column("p_over_E_lower"), [np.nan, 0.007, np.nan])
+
+
+def test_read_columns__a_word_in_a_wide_cell_is_refused(refusal):
+    text = WIDE.format("Q=", "").replace("9", "n/a")
+    assert "line 3, column 'Q=8' = 'n/a'" in refusal(text)
+
+
+def test_read_columns__one_Q_in_two_columns_is_refused(refusal):
+    text = "a_over_R,b_over_R,Q=4,Q4\n.03,.01,0.002,0.001\n"
+    assert "'Q=4' and 'Q4' could both be" in refusal(text)
+
+
+# --- increments -------------------------------------------------------------------------------
+
+
+def history(words, *, n=8):
+    return (
+        "a_over_R,b_over_R,p_over_E,"
+        + words[0]
+        + "\n"
+        + "".join(f".03,.01,{i / 1000},{words[1](i)}\n" for i in range(1, n))
+    )
+
+
+def test_read_columns__gaps_tell_the_load_within_an_increment(read):
+    text = history(("gap Q=4,gap Q=6", lambda i: f"{7 - 2 * i},{11 - 2 * i}"))
+    found = read(text, values={"R": 100})
+    # Straight gaps: 0 at 3.5 and 5.5; 1e-12 of rounding in the extrapolation.
+    np.testing.assert_allclose(found.table.column("p_over_E"), [0.0035, 0.0055], rtol=1e-12)
+    assert column(found, "Q") == [4, 6]
+
+
+def test_read_columns__brackets_keep_the_increment(read):
+    text = history(("gap Q=4,gap Q=6", lambda i: f"{7 - 2 * i},{11 - 2 * i}"))
+    found = read(text, values={"R": 100}, brackets=True)
+    assert column(found, "p_over_E_lower") == [0.003, 0.005]
+    assert column(found, "p_over_E") == [0.004, 0.006]
+
+
+@pytest.mark.parametrize(
+    ("header", "cell"),
+    [
+        ("status Q=4", lambda i: "open" if i < 4 else "Closed"),
+        ("status Q=4", lambda i: int(i >= 4)),
+        ("pressure Q=4", lambda i: 0 if i < 4 else 0.3),
+    ],
+)
+def test_read_columns__status_and_pressure_bracket_the_load(read, header, cell):
+    found = read(history((header, cell)))
+    assert column(found, "p_over_E_lower") == [0.003]
+    assert column(found, "p_over_E") == [0.004]
+
+
+def test_read_columns__mapped_corners_may_have_any_header(read):
+    text = history(("first,second", lambda i: f"{int(i > 2)},{int(i > 4)}"))
+    found = read(text, {"status Q=4": "first", "status Q=6": "second"})
+    assert column(found, "p_over_E") == [0.003, 0.005]
+
+
+def test_read_columns__each_texture_and_series_is_a_run_of_its_own(read):
+    one = history(("status Q=4", lambda i: int(i >= 4)))
+    other = "\n".join(line.replace(".03", ".05") for line in one.splitlines()[1:])
+    found = read(one + other.replace(",1", ",0", 1))
+    assert found.table.textures == ((0.03, 0.01), (0.05, 0.01))
+
+
+def test_read_columns__corners_reached_together_leave_the_inner_one(read):
+    text = history(("status Q=4,status Q=6", lambda i: f"{int(i > 2)},{int(i > 2)}"))
+    found = read(text)
+    assert column(found, "Q") == [4]
+    assert any("Q = 6: reached in the increment of Q = 4" in line for line in found.said)
+
+
+def test_read_columns__corners_in_the_wrong_order_are_refused(refusal):
+    text = history(("status Q=6,status Q=4", lambda i: f"{int(i > 2)},{int(i > 4)}"))
+    words = refusal(text)
+    assert "Q = 6 is touched at p/E = 0.003, before Q = 4; rule: inner corners first" in words
+
+
+def test_read_columns__increments_that_failed_are_left_out(read):
+    text = history(("status Q=4,status", lambda i: f"{int(i >= 3)},{'ok' if i != 3 else 'cut'}"))
+    found = read(text)
+    assert column(found, "p_over_E") == [0.004]
+    assert "left out: 1 increments whose status is not 'ok'" in found.said
+
+
+def test_read_columns__codes_of_contact_programs_are_refused(refusal):
+    text = history(("status Q=4", lambda i: min(i, 3)))
+    assert "= '2': rule: open or 0, closed or 1" in refusal(text)
+
+
+def test_read_columns__pressures_below_0_are_refused(refusal):
+    assert "0 where open" in refusal(history(("pressure Q=4", lambda i: -i)))
+
+
+def test_read_columns__a_history_without_contact_is_refused(refusal):
+    assert "no corner is reached" in refusal(history(("gap_over_R Q=4", lambda i: 9 - i)))
+
+
+# --- files ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["mine.csv", "mine.tsv", "mine.xlsx", "mine.parquet"])
+@pytest.mark.parametrize("protocol", range(2, 6))
+def test_read_columns__a_pickle_in_disguise_is_not_opened(refusal, name, protocol):
+    class Bomb:
+        def __reduce__(self):
+            return pytest.fail, ("unpickled",)
+
+    assert "a pickle" in refusal(pickle.dumps(Bomb(), protocol), name=name)
+
+
+@pytest.mark.parametrize("protocol", [0, 1])
+@pytest.mark.parametrize("name", ["mine.csv", "mine.xlsx", "mine.parquet"])
+def test_read_columns__old_pickles_are_no_tables(refusal, name, protocol):
+    assert refusal(pickle.dumps({"a": [1.0] * 9}, protocol), name=name)
+
+
+@pytest.mark.parametrize("name", ["mine.xls", "mine.xlsm", "mine.xlsb"])
+def test_read_columns__workbooks_with_macros_are_refused_by_suffix(refusal, name):
+    assert "macros" in refusal(b"PK\x03\x04", name=name)
+
+
+@pytest.mark.parametrize("name", ["mine.pkl", "mine.json", "mine.ods", "mine.feather"])
+def test_read_columns__other_suffixes_are_refused(refusal, name):
+    assert "rule: one of .csv" in refusal(CONTRACT, name=name)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("mine.csv", b"PK\x03\x04"), ("mine.csv", b"PAR1"), ("mine.xlsx", CONTRACT.encode())],
+)
+def test_read_columns__a_suffix_that_lies_is_refused(refusal, name, content):
+    assert "a suffix that tells the format" in refusal(content, name=name)
+
+
+@pytest.mark.parametrize("name", ["mine.csv", "mine.xlsx", "mine.parquet"])
+def test_read_columns__an_empty_file_is_refused(refusal, name):
+    assert "empty" in refusal(b"", name=name)
+
+
+def test_read_columns__a_missing_file_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"gone\.csv: no such file"):
+        read_columns(tmp_path / "gone.csv")
+
+
+def test_read_columns__a_sheet_of_a_text_file_is_refused(refusal):
+    assert "--sheet" in refusal(CONTRACT, sheet="one")

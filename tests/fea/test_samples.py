@@ -1,0 +1,128 @@
+"""The shipped files of every kind become the tables that their READMEs promise."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ridgebayes as rb
+from ridgebayes.fea.read import Given, import_files
+from ridgebayes.simulate.generation import generate
+from ridgebayes.table.datafiles import CALCULIX_FE, data_path
+
+FEA = data_path(CALCULIX_FE).parent
+TEXTURE = {"texture": (0.03, 0.02), "nu": "0.49"}
+PRINTED = {"deck": FEA / "calculix/ridges.inp", "surface": "NARC", "reaction": "NTOP"}
+COLUMNS = {"map": (str(FEA / "tables/columns.toml"),)}
+WIDE = {
+    "map": ("a=Ridge width [mm]", "b=Groove width [mm]", "line=Q=*;N/m"),
+    "R": "8 mm",
+    "E": "60 kPa",
+    "nu": "0.49",
+}
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return rb.read_table(FEA / "calculix/ridges.csv").frame
+
+
+def imported(name, given, **options):
+    return import_files([FEA / name], Given(**given), **options)
+
+
+def test_calculix__is_the_table_beside_it(shipped):
+    frame = imported("calculix/ridges.dat", TEXTURE | PRINTED).table.frame
+    assert frame["source"].tolist() == shipped["source"].tolist()
+    # Algebra: a least-squares circle on another machine.
+    np.testing.assert_allclose(frame["p_over_E"], shipped["p_over_E"], rtol=1e-9)
+
+
+def test_calculix__is_near_the_package_s_own_elements(shipped):
+    scene = rb.Scene.of([(0.03, 0.02)], p_over_E=0.006, nu=0.49)
+    own = generate(scene, solver="cylinder-fe").frame
+    # Discretisation: six of CalculiX's elements a ridge.
+    np.testing.assert_allclose(shipped["p_over_E"][:2], own["p_over_E"], rtol=0.01)
+
+
+def test_calculix__of_the_reference_is_within_its_overlap(tmp_path):
+    given = {
+        "texture": (0.032, 0.01),
+        "nu": "0.49",
+        "deck": FEA / "calculix/texture_0.032_0.01.inp",
+        "surface": "NARC",
+        "reaction": "NTOP",
+    }
+    found = imported("calculix/texture_0.032_0.01.dat", given).table.frame
+    brackets = imported("calculix/texture_0.032_0.01.dat", given, brackets=True).table.frame
+    reference = rb.read_table(data_path(CALCULIX_FE)).frame
+    reference = reference[reference["series"] == "coarse"].iloc[: len(found)]
+    reference = reference[reference["a_over_R"] == 0.032]
+    assert found["Q"].tolist() == reference["Q"].tolist() == [4, 6, 8, 10]
+    # Reference: corrected for the penalty's overlap, which these are not.
+    off = found["p_over_E"].to_numpy() / reference["p_over_E"].to_numpy() - 1
+    assert np.all(np.abs(off) < 3e-3)
+    assert np.all(np.abs(off) < 1.5 * found["rel_se"])
+    loads = found["p_over_E"]
+    assert np.all((brackets["p_over_E_lower"] < loads) & (loads <= brackets["p_over_E"]))
+    corrected = reference["p_over_E"].to_numpy()
+    assert np.all((brackets["p_over_E_lower"] < corrected) & (corrected <= brackets["p_over_E"]))
+
+
+ABAQUS = {"deck": FEA / "abaqus/ridges.inp"}
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "tolerance"),
+    [
+        # Printed digits: four, and six of every second level.
+        ("abaqus/ridges.dat", ABAQUS | {"surface": "RIM", "reaction": "TOP"}, 1e-3),
+        ("abaqus/ridges.rpt", ABAQUS | {"surface": "BODY-1.RIM", "reaction": "BODY-1.TOP"}, 5e-3),
+    ],
+)
+def test_abaqus__layouts_tell_the_same_loads(shipped, name, given, tolerance):
+    frame = imported(name, TEXTURE | given).table.frame
+    assert frame["Q"].tolist() == shipped["Q"].tolist()
+    np.testing.assert_allclose(frame["p_over_E"], shipped["p_over_E"], rtol=tolerance)
+    assert set(frame["solver"]) == {"abaqus"}
+
+
+@pytest.mark.parametrize("name", ["abaqus/ridges.dat", "abaqus/ridges.rpt", "abaqus/ridges.inp"])
+def test_abaqus__files_say_that_abaqus_did_not_write_them(name):
+    assert "not from Abaqus" in (FEA / name).read_text(encoding="ascii")[:2000]
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("tables/long.csv", COLUMNS),
+        ("tables/long.tsv", COLUMNS),
+        ("tables/long.parquet", COLUMNS),
+        ("tables/long.xlsx", COLUMNS),
+        ("tables/wide.csv", WIDE),
+    ],
+)
+def test_tables__of_other_columns_and_units_are_the_same_loads(shipped, name, given):
+    frame = imported(name, given).table.frame
+    assert frame["Q"].tolist() == shipped["Q"].tolist()
+    assert frame[["a_over_R", "b_over_R"]].to_numpy().tolist() == [[0.03, 0.02]] * 4
+    np.testing.assert_allclose(frame["p_over_E"], shipped["p_over_E"], rtol=1e-14)  # rounding
+
+
+def test_series__reads_the_package_s_own_fields():
+    frame = imported("series/fields-a0.03_b0.02.xdmf", TEXTURE).table.frame
+    loads = rb.read_table(FEA / "series/loads.csv").frame["p_over_E"]
+    np.testing.assert_allclose(frame["p_over_E"], loads, rtol=1e-12)  # rounding
+    assert frame["p_over_E_lower"].tolist() == pytest.approx([0.0, frame["p_over_E"].iloc[0]])
+
+
+def test_every_kind__has_a_recipe():
+    kinds = [path for path in FEA.iterdir() if path.is_dir()]
+    assert sorted(path.name for path in kinds) == ["abaqus", "calculix", "series", "tables"]
+    for path in kinds:
+        named = (path / "README.md").read_text(encoding="utf-8")
+        others = [file.name for file in path.iterdir() if file.name != "README.md"]
+        # `name.*` stands for a family of files.
+        told = [one for one in others if one in named or f"{Path(one).stem}.*" in named]
+        assert told == others, path
+    assert Path(FEA / "README.md").is_file()

@@ -1,0 +1,199 @@
+"""Excel workbooks: values are read; formulas, dates, bombs and document types are refused."""
+
+import datetime
+import io
+import re
+import sys
+import zipfile
+
+import openpyxl
+import pytest
+
+from ridgebayes.errors import InputError
+from ridgebayes.fea import spreadsheet
+from ridgebayes.fea.columns import read_columns
+
+HEADER = ["a_over_R", "b_over_R", "Q", "p_over_E", "n"]
+ROWS = [HEADER, [0.03, 0.01, 4, 0.001, "x"], [0.03, 0.01, 6, 0.004, None]]
+
+
+def workbook(rows=ROWS, **more):
+    book = openpyxl.Workbook()
+    for i, (name, some) in enumerate({"loads": rows, **more}.items()):
+        sheet = book.active if i == 0 else book.create_sheet()
+        sheet.title = name
+        for row in some:
+            sheet.append(row)
+    out = io.BytesIO()
+    book.save(out)
+    return out.getvalue()
+
+
+def changed(content, part, change):
+    """Return the workbook with the members whose names hold `part` changed."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(out, "w", 8) as new:
+        for name in old.namelist():
+            data = old.read(name)
+            new.writestr(name, change(data) if part in name else data)
+    return out.getvalue()
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read_bytes(content, **options):
+        path = tmp_path / "mine.xlsx"
+        path.write_bytes(content)
+        return read_columns(path, **options)
+
+    return read_bytes
+
+
+@pytest.fixture
+def refusal(read):
+    def words(content, **options):
+        with pytest.raises(InputError, match=r"mine\.xlsx") as caught:
+            read(content, **options)
+        return str(caught.value)
+
+    return words
+
+
+def test_spreadsheet__values_come_back_as_they_are(read):
+    found = read(workbook())
+    assert found.table.column("p_over_E").tolist() == [0.001, 0.004]
+    assert found.table.frame["n"].tolist() == ["x", ""]
+
+
+def test_spreadsheet__a_header_may_stand_below_blank_rows_and_break_its_line(read):
+    rows = [[], [], ["Ridge\nwidth  [mm]", *HEADER[1:]], [0.24, *ROWS[1][1:]], [None] * 5]
+    found = read(workbook(rows), mapping={"a": "Ridge width"}, values={"R": "8 mm"})
+    assert found.table.column("a_over_R").tolist() == [0.03]
+
+
+def test_spreadsheet__numbers_kept_as_text_are_numbers(read):
+    rows = [HEADER, ["0.03", "0.01", "4", "1e-3", ""]]
+    assert read(workbook(rows)).table.column("p_over_E").tolist() == [0.001]
+
+
+@pytest.mark.parametrize("column", [1, 4])
+@pytest.mark.parametrize("formula", ["=0.01", "=A2/8", "=SUM(A2:A3)"])
+def test_spreadsheet__formulas_are_refused_with_their_cells(refusal, formula, column):
+    rows = [HEADER, ROWS[1], [*ROWS[2]]]
+    rows[2][column] = formula
+    words = refusal(workbook(rows))
+    assert f"cell {'ABCDE'[column]}3, column {HEADER[column]!r} = {formula!r}" in words
+    assert "not formulas" in words
+
+
+def test_spreadsheet__a_formula_with_a_cached_value_is_refused(refusal):
+    def cached(data):
+        return data.replace(b"<v>0.01</v>", b"<f>A2/3</f><v>0.01</v>", 1)
+
+    assert "cell B2" in refusal(changed(workbook(), "sheet1", cached))
+
+
+@pytest.mark.parametrize(
+    "cell",
+    [datetime.date(2024, 3, 1), datetime.time(3, 4), True, "0,03", "1 000", "x", "#DIV/0!", 1e-3j],
+)
+def test_spreadsheet__what_is_no_number_is_refused_with_its_cell(refusal, cell):
+    if isinstance(cell, complex):
+        content = changed(workbook(), "sheet1", lambda d: d.replace(b"0.004", b"1e400"))
+    else:
+        content = workbook([HEADER, ROWS[1], [0.03, 0.01, 6, cell, "x"]])
+    words = refusal(content)
+    assert "cell D3, column 'p_over_E' = " in words
+    assert "rule: " in words
+
+
+def test_spreadsheet__rules_of_the_contract_name_rows_of_the_sheet(refusal):
+    words = refusal(workbook([[], HEADER, ROWS[1], [0.03, 0.01, 6, 0.0001, "x"]]))
+    assert "sheet 'loads', row 2 (line 4): p_over_E = 0.0001" in words
+
+
+def test_spreadsheet__several_sheets_need_a_name(read, refusal):
+    content = workbook(other=[*ROWS[:2]], empty=[])
+    assert "2 sheets have cells: 'loads', 'other'; rule: --sheet" in refusal(content)
+    assert len(read(content, sheet="other").table) == 1
+    assert "no sheet 'third'; the sheets are 'loads', 'other', 'empty'" in refusal(
+        content, sheet="third"
+    )
+    assert "no sheet with cells in 'empty'" in refusal(content, sheet="empty")
+
+
+def test_spreadsheet__an_empty_sheet_beside_is_no_question(read):
+    assert len(read(workbook(empty=[])).table) == 2
+
+
+def test_spreadsheet__a_false_dimension_cuts_nothing_off(read):
+    def smaller(data):
+        return re.sub(rb'<dimension ref="[^"]*"', b'<dimension ref="A1:D2"', data)
+
+    assert len(read(changed(workbook(), "sheet1", smaller)).table) == 2
+
+
+@pytest.mark.parametrize(
+    "inserted", [b'<!DOCTYPE x [<!ENTITY e "1">]>', b'<!DOCTYPE x SYSTEM "file:///etc/passwd">']
+)
+@pytest.mark.parametrize("part", ["sheet1", "styles", "workbook.xml", ".rels"])
+def test_spreadsheet__document_types_are_refused(refusal, inserted, part):
+    def with_type(data):
+        return data.replace(b"?>", b"?>" + inserted, 1) if b"?>" in data else inserted + data
+
+    assert "document type" in refusal(changed(workbook(), part, with_type))
+
+
+def test_spreadsheet__xml_that_is_not_utf_8_is_refused(refusal):
+    def wide(data):
+        return data.decode().encode("utf-16")
+
+    assert "XML as UTF-8" in refusal(changed(workbook(), "sheet1", wide))
+
+
+def test_spreadsheet__what_unpacks_to_absurdly_much_is_refused(refusal):
+    content = changed(workbook(), "sheet1", lambda data: data + b" " * 50_000_000)
+    assert "times its size" in refusal(content)
+
+
+def test_spreadsheet__what_unpacks_to_over_a_gigabyte_is_refused(refusal, monkeypatch):
+    monkeypatch.setattr(spreadsheet, "LARGEST", 1000)
+    assert "rule: at most 1000" in refusal(workbook())
+
+
+def test_spreadsheet__a_row_number_beyond_the_format_does_not_take_for_ever(refusal):
+    def far(data):
+        return data.replace(b'<row r="3"', b'<row r="99999999999"')
+
+    assert "more than" in refusal(changed(workbook(), "sheet1", far))
+
+
+def test_spreadsheet__rows_out_of_order_are_refused(refusal):
+    def twice(data):
+        return data.replace(b'<row r="3"', b'<row r="2"')
+
+    assert "rising order" in refusal(changed(workbook(), "sheet1", twice))
+
+
+@pytest.mark.parametrize("value", ["1_0", "4١", "&#52;"])
+def test_spreadsheet__numbers_that_only_python_reads_are_refused(refusal, value):
+    def odd(data):
+        return data.replace(b"<v>4</v>", f"<v>{value}</v>".encode())
+
+    assert "rule: a number" in refusal(changed(workbook(), "sheet1", odd))
+
+
+def test_spreadsheet__macros_within_are_refused(refusal):
+    out = io.BytesIO(workbook())
+    with zipfile.ZipFile(out, "a") as archive:
+        archive.writestr("xl/vbaProject.bin", b"x")
+    assert "macros" in refusal(out.getvalue())
+
+
+def test_spreadsheet__a_broken_archive_is_refused(refusal):
+    assert "not a readable Excel file" in refusal(workbook()[:-200])
+
+
+def test_spreadsheet__without_openpyxl_the_extra_is_named(refusal, monkeypatch):
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    assert "pip install 'ridgebayes[excel]'" in refusal(workbook())

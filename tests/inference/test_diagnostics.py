@@ -1,0 +1,281 @@
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from scipy import optimize, stats
+
+from ridgebayes.evidence import quadrature_evidence
+from ridgebayes.inference.autocorrelation import effective_sample_size
+from ridgebayes.inference.diagnostics import (
+    Loo,
+    arviz_object,
+    import_arviz,
+    leave_one_out,
+    pareto_k,
+    pareto_smoothed,
+    rank_r_hat,
+    shortcomings,
+    stacking_weights,
+    summarise,
+)
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.netcdf import groups_of
+from ridgebayes.model.model import Model
+
+
+def noise(shape, seed=0):
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+def r_hat_by_hand(chains):
+    """Vehtari et al. (2021): split, rank-normalise, and the larger of bulk and folded."""
+    half = chains.shape[1] // 2
+    split = np.concatenate([chains[:, :half], chains[:, -half:]])
+
+    def plain(x):
+        z = stats.norm.ppf((stats.rankdata(x).reshape(x.shape) - 0.375) / (x.size + 0.25))
+        within = z.var(axis=1, ddof=1).mean()
+        between = half * z.mean(axis=1).var(ddof=1)
+        return np.sqrt(((half - 1) / half * within + between / half) / within)
+
+    return max(plain(split), plain(np.abs(split - np.median(split))))
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3, 3.0])
+def test_rank_r_hat__is_the_published_formula_with_an_ensemble_as_a_chain(shift):
+    draws = noise((4, 50, 6, 2))
+    draws[0, ..., 1] = 2 * draws[0, ..., 1] + shift
+    expected = [r_hat_by_hand(draws[..., i].reshape(4, 300)) for i in (0, 1)]
+    np.testing.assert_allclose(rank_r_hat(draws), expected, rtol=1e-9)  # algebra
+
+
+def test_rank_r_hat__of_one_parameter_is_an_array_too():
+    assert rank_r_hat(noise((4, 50, 6, 1))).shape == (1,)
+
+
+def test_summarise__gives_unrounded_numbers_of_all_draws():
+    draws = 1 / 3 + 1e-7 * noise((4, 100, 8, 2))
+    summary = summarise(draws, ("c", "sigma"), prob=0.8)
+    assert summary["parameter"].tolist() == ["c", "sigma"]
+    for i, row in enumerate(summary.to_dict("records")):
+        x = draws[..., i].ravel()
+        # Algebra: the spread is 3e-7 of the value, so that ten digits of sd are asked for.
+        assert row["mean"] == pytest.approx(x.mean(), rel=1e-14)
+        assert row["sd"] == pytest.approx(x.std(ddof=1), rel=1e-7)
+        lower, upper = np.quantile(x, [0.1, 0.9])
+        assert (row["eti_lower"], row["eti_upper"]) == pytest.approx((lower, upper), rel=1e-15)
+        assert row["prob"] == 0.8
+    assert list(summary.columns) == [
+        "parameter",
+        "mean",
+        "sd",
+        "eti_lower",
+        "eti_upper",
+        "prob",
+        "ess_bulk",
+        "ess_tail",
+        "r_hat",
+        "mcse_mean",
+    ]
+
+
+def test_summarise__default_interval_holds_nine_tenths():
+    row = summarise(noise((4, 2_000, 8, 1)), ("x",)).iloc[0]
+    # Monte Carlo: sd of a 5 % quantile of 64,000 draws is 0.008; five of them.
+    assert (row["eti_lower"], row["eti_upper"]) == pytest.approx((-1.645, 1.645), abs=0.04)
+    assert row["prob"] == 0.9
+
+
+def test_summarise__effective_sizes_of_independent_draws_are_their_number():
+    x = noise((4, 1_000, 16, 1))
+    row = summarise(x, ("x",)).iloc[0]
+    # Monte Carlo: tau from 16,000 values a window of 5: relative sd 4 % per ensemble, 2 % in all.
+    for name in ("ess_bulk", "ess_tail"):
+        assert row[name] == pytest.approx(64_000, rel=0.08)
+    assert row["mcse_mean"] == pytest.approx(1 / np.sqrt(64_000), rel=0.05)
+
+
+def test_summarise__bulk_size_is_of_ranks_and_so_survives_heavy_tails():
+    x = noise((4, 500, 8, 1))
+    heavy = np.exp(4 * x)
+    bulk = [summarise(values, ("x",))["ess_bulk"].iloc[0] for values in (x, heavy)]
+    assert bulk[0] == pytest.approx(bulk[1], rel=1e-9)  # algebra: the ranks are the same
+    row = summarise(heavy, ("x",)).iloc[0]
+    plain = float(effective_sample_size(heavy[..., 0]))
+    assert row["mcse_mean"] == pytest.approx(row["sd"] / np.sqrt(plain), rel=1e-12)  # algebra
+
+
+def test_summarise__bulk_size_is_of_blom_scores():
+    # Vehtari et al. (2021) eq. 14: few draws, so that the constants 3/8 and 1/4 show.
+    x = noise((4, 12, 4, 1), seed=8)
+    order = x.ravel().argsort().argsort().reshape(x.shape[:3]) + 1
+    scores = stats.norm.ppf((order - 3 / 8) / (x.size + 1 / 4))
+    bulk = summarise(x, ("x",))["ess_bulk"].iloc[0]
+    assert bulk == pytest.approx(float(effective_sample_size(scores)), rel=1e-10)  # algebra
+
+
+def test_summarise__tail_size_sees_walkers_that_stay_in_the_tail():
+    x = noise((4, 1_000, 16, 1))
+    x[:, 300:600, 0] = 4.0
+    row = summarise(x, ("x",)).iloc[0]
+    assert row["ess_tail"] < 0.5 * row["ess_bulk"]
+
+
+def test_shortcomings__names_each_rule_broken_and_nothing_else():
+    summary = pd.DataFrame(
+        {
+            "parameter": ["c", "K[a]", "sigma", "tau"],
+            "r_hat": [1.005, 1.0101, 1.0, np.nan],
+            "ess_bulk": [400.0, 500.0, 399.0, np.nan],
+            "ess_tail": [400.0, 500.0, 12.0, 500.0],
+        }
+    )
+    missing = shortcomings(summary)
+    assert [text.split(",")[0].split(" is ")[0] for text in missing] == [
+        "K[a]: R-hat 1.01",
+        "sigma: ess_bulk 399",
+        "sigma: ess_tail 12",
+        "tau: R-hat nan",
+        "tau: ess_bulk nan",
+    ]
+    assert "under 1.01" in missing[0]
+    assert "under 400" in missing[1]
+
+
+def test_import_arviz__and_arviz_object_serve_the_installed_line(fits):
+    arviz = import_arviz()
+    view = arviz_object(groups_of(fits["modified"]))
+    old = arviz.__version__.startswith("0.")
+    assert type(view).__name__ == ("InferenceData" if old else "DataTree")
+    assert view["posterior"]["c"].dims == ("chain", "draw")
+
+
+def loo_groups(theta, log_likelihood):
+    """Draws (chain, draw) and the log-likelihood of each row given each."""
+    return {
+        "posterior": xr.Dataset({"mu": (("chain", "draw"), theta)}),
+        "log_likelihood": xr.Dataset({"y": (("chain", "draw", "row"), log_likelihood)}),
+    }
+
+
+def test_leave_one_out__of_a_normal_mean_is_the_exact_answer():
+    # y_i ~ normal(mu, 1), mu ~ normal(0, 2): everything is a normal.
+    y = 0.7 + noise(12, seed=3)
+
+    def posterior(rows):
+        precision = 1 / 4 + len(rows)
+        return rows.sum() / precision, 1 / precision
+
+    mean, variance = posterior(y)
+    mu = mean + np.sqrt(variance) * noise((4, 10_000), seed=4)
+    log_likelihood = stats.norm.logpdf(y, mu[..., None], 1)
+    loo = leave_one_out(loo_groups(mu, log_likelihood), reff=1.0)
+    exact = []
+    for i in range(len(y)):
+        m, v = posterior(np.delete(y, i))
+        exact.append(stats.norm.logpdf(y[i], m, np.sqrt(1 + v)))
+    # Monte Carlo: sd of log importance ratios is 0.3 or less, of 40,000 draws: 0.002; five of it.
+    np.testing.assert_allclose(loo.pointwise, exact, atol=0.01)
+    assert loo.elpd == pytest.approx(np.sum(exact), abs=0.02)
+    assert loo.elpd == pytest.approx(loo.pointwise.sum(), rel=1e-12)  # algebra
+    se = np.sqrt(12 * np.var(loo.pointwise, ddof=1))
+    assert loo.se == pytest.approx(se, rel=1e-12)  # algebra: n - 1 on both arviz lines
+    # p is what leaving out costs: in-sample log score minus elpd.
+    in_sample = stats.norm.logpdf(y, mean, np.sqrt(1 + variance)).sum()
+    assert loo.p == pytest.approx(in_sample - np.sum(exact), abs=0.02)
+    assert loo.n_bad_k == 0
+
+
+def test_leave_one_out__is_the_ratio_of_evidences_with_and_without_the_row(fe_fits, fe_laplaces):
+    fit = fe_fits["hybrid"]
+    loo = leave_one_out(groups_of(fit), reff=0.5)
+    data, everything = fit.model.data, fe_laplaces["hybrid"]
+    whole = quadrature_evidence(fit.model.log_density, everything).value
+    exact = []
+    for i in range(len(data)):
+        keep = np.arange(len(data)) != i
+        rest = replace(
+            data,
+            **{
+                name: getattr(data, name)[keep]
+                for name in ("texture", "Q", "log_load", "rel_se", "log_lower", "is_count")
+            },
+        )
+        model = Model(rest, fit.form)
+        exact.append(whole - quadrature_evidence(model.log_density, fit_laplace(model)).value)
+    # Monte Carlo: 10,000 draws and few rows; importance sampling is rough where k is large.
+    tolerance = np.where(loo.pareto_k < 0.5, 0.05, 0.4)
+    assert np.all(np.abs(loo.pointwise - exact) < tolerance)
+    assert np.mean(loo.pareto_k < 0.5) >= 0.5
+
+
+def test_leave_one_out__counts_rows_that_it_cannot_be_trusted_on():
+    # One row far out: leaving it out moves the posterior by more than the draws can follow.
+    y = np.array([0.0, 0.1, -0.1, 12.0])
+    mu = y.mean() + 0.5 * noise((4, 1_000), seed=5)
+    loo = leave_one_out(loo_groups(mu, stats.norm.logpdf(y, mu[..., None], 0.7)), reff=1.0)
+    assert loo.pareto_k[3] > 0.7
+    assert loo.n_bad_k >= 1
+
+
+def test_leave_one_out__of_one_row_has_no_standard_error():
+    mu = 0.1 * noise((4, 500), seed=6)
+    loo = leave_one_out(loo_groups(mu, stats.norm.logpdf(0.0, mu, 1)[..., None]), reff=1.0)
+    assert np.isnan(loo.se)
+
+
+def test_n_bad_k__counts_what_is_not_a_number_as_bad():
+    loo = Loo(0.0, 0.0, 0.0, np.zeros(4), np.array([0.1, 0.7, 0.71, np.nan]))
+    assert loo.n_bad_k == 2
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_stacking_weights__meet_the_conditions_of_the_optimum(seed):
+    pointwise = 0.5 * noise((4, 40), seed=seed) + np.array([[0.0], [0.1], [-0.2], [-1.5]])
+    weights = stacking_weights(pointwise)
+    density = np.exp(pointwise)
+    assert np.all(weights >= 0)
+    assert weights.sum() == pytest.approx(1, rel=1e-12)  # algebra
+    gain = (density / (weights @ density)).mean(axis=1)
+    # Karush-Kuhn-Tucker: gain 1 where the weight is positive, at most 1 elsewhere.
+    # Convergence of 2,000 fixed-point steps: 1e-3 in the gain.
+    assert np.all(gain < 1 + 1e-3)
+    np.testing.assert_allclose(gain[weights > 0.01], 1, atol=1e-3)
+
+    def negative(w):
+        return -np.log(w @ density).sum()
+
+    best = optimize.minimize(
+        negative,
+        np.full(4, 0.25),
+        method="SLSQP",
+        bounds=[(0, 1)] * 4,
+        constraints={"type": "eq", "fun": lambda w: w.sum() - 1},
+        options={"ftol": 1e-12},
+    )
+    assert negative(weights) <= best.fun + 1e-3  # the score's own unit
+
+
+def test_stacking_weights__do_not_mind_very_small_densities():
+    pointwise = np.array([[-5_000.0, -5_000.0], [-5_001.0, -4_999.0]])
+    shifted = pointwise + 5_000
+    np.testing.assert_allclose(
+        stacking_weights(pointwise), stacking_weights(shifted), rtol=1e-9
+    )  # algebra: only differences count
+
+
+@pytest.mark.parametrize("shape", [0.2, 0.5, 0.9])
+def test_pareto_k__is_the_shape_of_the_weights_own_tail(shape):
+    rng = np.random.default_rng(4)
+    # Weights U^-k have a tail of shape k; their inverses have none.
+    log_weights = -shape * np.log(rng.random(40_000))
+    smoothed, k = pareto_smoothed(log_weights)
+    assert k == pytest.approx(shape, abs=0.15)  # Monte Carlo of the tail's 600 weights
+    assert pareto_k(-log_weights) < 0
+    # What is below the tail is left as it was, up to a constant.
+    body = log_weights < np.quantile(log_weights, 0.9)
+    apart = smoothed[body] - log_weights[body]
+    assert np.ptp(apart) < 1e-9  # rounding
+    assert np.exp(smoothed).sum() == pytest.approx(1)

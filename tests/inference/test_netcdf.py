@@ -1,0 +1,173 @@
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from ridgebayes.errors import InputError
+from ridgebayes.evidence import bridge_evidence, quadrature_evidence
+from ridgebayes.inference import netcdf as labelled
+from ridgebayes.inference.diagnostics import import_arviz
+from ridgebayes.inference.emcee_sampling import SampleSettings
+from ridgebayes.inference.netcdf import groups_of, read_netcdf, write_netcdf
+from ridgebayes.model.forms import Hybrid, Modified
+from ridgebayes.model.priors import Normal
+from ridgebayes.results import Fit, calibrate
+
+NAMES = ("classic", "power-law", "modified", "hybrid")
+
+
+@pytest.fixture(scope="module")
+def files(fits, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("posteriors")
+    for name in NAMES:
+        write_netcdf(fits[name], folder / f"posterior-{name}.nc")
+    return folder
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_read_netcdf__brings_back_what_was_written(fits, files, name):
+    fit, back = fits[name], read_netcdf(files / f"posterior-{name}.nc")
+    assert isinstance(back, Fit)
+    assert back.draws.tobytes() == fit.draws.tobytes()
+    kept = fit.kept_chains
+    assert back.chains.log_density.tobytes() == kept.log_density.tobytes()
+    np.testing.assert_array_equal(back.chains.acceptance, kept.acceptance)
+    np.testing.assert_array_equal(back.chains.tau, kept.tau)
+    # Algebra: u is the logarithm of an exponential, and numbers pass through decimal text.
+    np.testing.assert_allclose(back.chains.u, kept.u, rtol=1e-12, atol=1e-15)
+    pd.testing.assert_frame_equal(back.summary, fit.summary, check_exact=False, rtol=1e-11)
+    assert back.missing == fit.missing
+    assert back.chains.missing == fit.chains.missing
+    assert back.seed == fit.seed
+    assert back.form == fit.form
+    assert back.noise == fit.noise
+    assert back.model.priors == fit.model.priors
+    assert back.model.parameter_names == fit.model.parameter_names
+    for field in ("textures", "labels"):
+        assert getattr(back.model.data, field) == getattr(fit.model.data, field)
+    for field in ("texture", "Q", "log_load", "rel_se"):
+        before, after = (getattr(x.model.data, field) for x in (fit, back))
+        assert before.tobytes() == after.tobytes()
+
+
+def test_read_netcdf__gives_a_fit_that_predicts_and_weighs_as_before(fits, files, laplaces):
+    fit, back = fits["hybrid"], read_netcdf(files / "posterior-hybrid.nc")
+    loads = np.geomspace(1e-3, 0.02, 5)
+    q, again = (x.predict(0.02, 0.02, loads).survival for x in (fit, back))
+    np.testing.assert_array_equal(q, again)
+    value = bridge_evidence(
+        back.model.log_density, back.chains, laplaces["hybrid"], rng=np.random.default_rng(1)
+    )
+    exact = quadrature_evidence(back.model.log_density, laplaces["hybrid"]).value
+    assert abs(value.value - exact) < 4.5 * value.se  # Monte Carlo
+
+
+@pytest.mark.parametrize("name", ["power-law", "hybrid"])
+def test_write_netcdf__opens_with_the_installed_arviz(fits, files, name):
+    fit = fits[name]
+    data = import_arviz().from_netcdf(files / f"posterior-{name}.nc")
+    groups = {"posterior", "log_likelihood", "observed_data", "sample_stats"}
+    found = set(data.groups() if callable(data.groups) else data.children)
+    assert groups <= {group.strip("/") for group in found}
+    first = data["posterior"]["K" if name == "power-law" else "c1"]
+    assert first.dims[:2] == ("chain", "draw")
+    sigma = data["posterior"]["sigma"].to_numpy()
+    assert sigma.shape == (4, len(fit.draws) // 4)
+    assert sigma.ravel().tolist() == fit.draws[:, -1].tolist()
+    rows = data["log_likelihood"]["log_load"]
+    assert rows.dims == ("chain", "draw", "row")
+    np.testing.assert_allclose(
+        rows.to_numpy().sum(axis=-1).ravel(), fit.model.log_likelihood(fit.draws), rtol=1e-11
+    )  # algebra: a sum of 41 rows
+    assert data["observed_data"]["log_load"].shape == (41,)
+    assert {"lp", "acceptance_rate", "tau"} <= set(data["sample_stats"].data_vars)
+
+
+def test_groups_of__labels_each_K_with_its_texture(fits):
+    fit = fits["power-law"]
+    K = groups_of(fit)["posterior"]["K"]
+    assert K.dims == ("chain", "draw", "texture")
+    assert K["texture"].to_numpy().tolist() == list(fit.model.data.labels)
+    place = fit.model.data.textures.index((0.012, 0.03))
+    label = fit.model.data.labels[place]
+    assert fit.model.parameter_names[place] == f"K[{label}]"
+    assert K.sel(texture=label).to_numpy().ravel().tolist() == fit.draws[:, place].tolist()
+
+
+def test_groups_of__leaves_out_a_log_likelihood_that_no_file_should_hold(fits, monkeypatch):
+    fit = fits["modified"]
+    assert "log_likelihood" in groups_of(fit)
+    monkeypatch.setattr(labelled, "LARGEST_LOG_LIKELIHOOD", len(fit.draws) * 41 - 1)
+    assert "log_likelihood" not in groups_of(fit)
+
+
+def test_write_netcdf__keeps_what_did_not_converge(paper, tmp_path):
+    settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=500)
+    fit = calibrate(paper, Modified(), rng=1, settings=settings)
+    write_netcdf(fit, tmp_path / "short.nc")
+    back = read_netcdf(tmp_path / "short.nc")
+    assert not back.converged
+    assert back.missing == fit.missing
+    assert back.chains.missing == fit.chains.missing != ()
+
+
+def test_write_netcdf__replaces_a_file(fits, tmp_path):
+    path = tmp_path / "posterior.nc"
+    path.write_text("old")
+    write_netcdf(fits["modified"], path)
+    assert read_netcdf(path).form == fits["modified"].form
+    assert [file.name for file in tmp_path.iterdir()] == ["posterior.nc"]
+
+
+def test_write_netcdf__leaves_nothing_behind_when_it_fails(fits, tmp_path, monkeypatch):
+    path = tmp_path / "posterior.nc"
+    path.write_text("old")
+
+    def broken(partial, content):
+        partial.write_text("half")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(Path, "write_bytes", broken)
+    with pytest.raises(OSError, match="disk full"):
+        write_netcdf(fits["modified"], path)
+    assert path.read_text() == "old"
+    assert [file.name for file in tmp_path.iterdir()] == ["posterior.nc"]
+
+
+def test_read_netcdf__refuses_a_file_that_is_not_there(tmp_path):
+    rule = r"none.nc: no such file; rule: a posterior written by ridgebayes"
+    with pytest.raises(InputError, match=rule):
+        read_netcdf(tmp_path / "none.nc")
+
+
+@pytest.mark.parametrize("content", [b"", b"not NetCDF at all", b"\x89HDF\r\n\x1a\n" + b"x" * 50])
+def test_read_netcdf__refuses_what_is_no_netcdf(tmp_path, content):
+    path = tmp_path / "posterior.nc"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"posterior.nc: not a readable NetCDF file \("):
+        read_netcdf(path)
+
+
+def test_read_netcdf__refuses_a_cut_off_file(files, tmp_path):
+    whole = (files / "posterior-modified.nc").read_bytes()
+    path = tmp_path / "half.nc"
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"half.nc: not a readable NetCDF file \("):
+        read_netcdf(path)
+
+
+def test_read_netcdf__refuses_somebody_elses_file(tmp_path):
+    path = tmp_path / "other.nc"
+    xr.Dataset({"x": ("n", [1.0, 2.0])}).to_netcdf(path, engine="h5netcdf")
+    rule = r"other.nc: no ridgebayes_version attribute; rule: written by ridgebayes"
+    with pytest.raises(InputError, match=rule):
+        read_netcdf(path)
+
+
+def test_read_netcdf__priors_of_another_kind_come_back(paper, tmp_path):
+    settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
+    fit = calibrate(paper, Hybrid(), priors={"c2": Normal(0.01, 0.5)}, rng=1, settings=settings)
+    write_netcdf(fit, tmp_path / "posterior.nc")
+    assert read_netcdf(tmp_path / "posterior.nc").model.priors["c2"] == Normal(0.01, 0.5)

@@ -1,0 +1,125 @@
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import integrate, stats
+
+from ridgebayes.errors import InputError
+from ridgebayes.evidence import bridge_evidence, power_law_evidence, quadrature_evidence
+from ridgebayes.inference.power_law_exact import conditional_log_k, log_evidence_given_sigma
+from ridgebayes.model.forms import PowerLaw
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.priors import Normal
+from ridgebayes.table.table import ContactTable
+
+
+@pytest.fixture(scope="module")
+def model():
+    """Two textures whose rows have different known errors."""
+    rng = np.random.default_rng(1)
+    rows = [
+        {
+            "a_over_R": a,
+            "b_over_R": b,
+            "Q": Q,
+            "p_over_E": (0.5 * (Q - 2) * (a + b) / 1.4) ** 2 * np.exp(0.04 * rng.standard_normal()),
+            "rel_se": float(rng.choice([0.0, 0.02])),
+        }
+        for a, b in ((0.012, 0.03), (0.032, 0.01))
+        for Q in (4, 6, 8, 10)
+    ]
+    table = ContactTable.from_frame(pd.DataFrame(rows))
+    return Model(Observations.from_table(table), PowerLaw())
+
+
+def brute(model, texture, sigma, power):
+    """Integral over K of likelihood x prior x (log K)^power: adaptive quadrature, row by row."""
+    data = model.data
+    mine = data.texture == texture
+    a, b = data.textures[texture]
+    median = 2 * 1.382 / (a + b)
+    prior = stats.lognorm(s=0.3, scale=median)
+    sd = np.hypot(sigma, data.rel_se[mine])
+
+    def density(K):
+        rows = stats.norm.logpdf(data.log_load[mine], 2 * np.log((data.Q[mine] - 2) / K), sd)
+        return prior.pdf(K) * np.exp(rows.sum()) * np.log(K) ** power
+
+    best = (data.Q[mine] - 2) / np.exp(data.log_load[mine] / 2)
+    low, high = 0.5 * best.min(), 2 * best.max()
+    points = np.linspace(best.min(), best.max(), 5).tolist()
+    return integrate.quad(density, low, high, points=points, epsrel=1e-10, limit=500)[0]
+
+
+@pytest.mark.parametrize("sigma", [0.02, 0.05, 0.2])
+def test_log_evidence_given_sigma__is_the_brute_force_integral_over_each_K(model, sigma):
+    expected = sum(np.log(brute(model, j, sigma, 0)) for j in (0, 1))
+    found = log_evidence_given_sigma(model, np.array([sigma, 1.0]))
+    assert found.shape == (2,)
+    # Discretisation: quad's 1e-10; at sigma = 0.2 the limits cut off 1e-9 or so.
+    assert found[0] == pytest.approx(expected, abs=1e-7)
+
+
+def test_conditional_log_k__has_the_brute_force_moments(model):
+    mean, sd = conditional_log_k(model, np.array([0.05]))
+    assert mean.shape == sd.shape == (1, 2)
+    for j in (0, 1):
+        zeroth, first, second = (brute(model, j, 0.05, power) for power in (0, 1, 2))
+        # Discretisation: quad's 1e-10, times the condition of the variance, mean^2/sd^2 = 1e5.
+        assert mean[0, j] == pytest.approx(first / zeroth, rel=1e-8)
+        variance = second / zeroth - (first / zeroth) ** 2
+        assert sd[0, j] == pytest.approx(np.sqrt(variance), rel=1e-4)
+
+
+def test_power_law_evidence__integrates_sigma_as_scipy_does(model):
+    prior = stats.halfnorm(scale=0.05)
+
+    def density(sigma):
+        return np.exp(float(log_evidence_given_sigma(model, np.array([sigma]))[0])) * prior.pdf(
+            sigma
+        )
+
+    total = integrate.quad(density, 0, 0.6, points=[0.02, 0.05, 0.1], epsrel=1e-10, limit=500)[0]
+    found = power_law_evidence(model)
+    assert found.ok
+    assert found.value == pytest.approx(np.log(total), abs=1e-6)  # discretisation: tol
+
+
+def test_power_law_evidence__of_two_textures_is_the_three_dimensional_quadrature(
+    fe_models, fe_laplaces
+):
+    model = fe_models["power-law"]
+    assert model.n_parameter == 3
+    grid = quadrature_evidence(model.log_density, fe_laplaces["power-law"])
+    # Discretisation: both to 1e-6.
+    assert power_law_evidence(model).value == pytest.approx(grid.value, abs=1e-5)
+
+
+def test_power_law_evidence__of_nine_textures_is_the_bridge(fits, laplaces):
+    fit = fits["power-law"]
+    bridge = bridge_evidence(
+        fit.model.log_density, fit.chains, laplaces["power-law"], rng=np.random.default_rng(1)
+    )
+    # Monte Carlo: four of the bridge's standard errors.
+    assert power_law_evidence(fit.model).value == pytest.approx(bridge.value, abs=4 * bridge.se)
+
+
+def test_power_law_evidence__says_so_where_sigma_does_not_settle(model):
+    found = power_law_evidence(model, tol=0.0)
+    assert not found.ok
+    assert found.status == "not settled to 0"
+    assert np.isnan(found.value)
+
+
+def test_power_law_evidence__refuses_other_forms_and_priors(fits, model):
+    with pytest.raises(InputError, match="form 'hybrid' given; rule: power-law"):
+        power_law_evidence(fits["hybrid"].model)
+    # `with_priors` keeps the support, so a prior of another kind has to be put there by hand.
+    for name in model.parameter_names[:-1]:
+        other = model.with_priors({})
+        other.priors[name] = Normal(60.0, 5.0)
+        rule = rf"prior of '{re.escape(name)}': Normal\(mean=60.0, sd=5.0\) given; rule: log-normal"
+        with pytest.raises(InputError, match=rule):
+            power_law_evidence(other)

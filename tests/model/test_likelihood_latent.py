@@ -1,0 +1,295 @@
+"""Offsets as unknowns: the density in whitened coordinates against brute force in plain ones."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from ridgebayes.model.forms import Modified
+from ridgebayes.model.likelihood_latent import SampledOffsets
+from ridgebayes.model.likelihood_marginal import IntegratedOffsets
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.rows import Rows
+from ridgebayes.model.shared_offsets import offsets_of
+from ridgebayes.model.tails import NormalTail, StudentTail
+
+NORMAL, STUDENT = NormalTail(), StudentTail()
+SIGMA, TAU_TEXTURE, TAU_STEP, DF = 0.06, 0.05, 0.04, 3.0
+RATE = 0.3
+WIDTHS = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02))
+LOG_2PI = math.log(2 * math.pi)
+
+
+def eta_of(structure, tail=STUDENT, df=DF):
+    known = {"sigma": SIGMA, "tau_texture": TAU_TEXTURE, "tau_step": TAU_STEP, "df": df}
+    known |= {"length_h": 0.8, "length_ratio": 0.3}
+    return np.array([known[name] for name in Noise(structure, tail.name).parameter_names])
+
+
+def sampled(structure, data, tail=STUDENT):
+    offsets = offsets_of(Noise(structure, tail.name), data)
+    return SampledOffsets(Rows.of(data, Modified()), offsets, tail)
+
+
+def middle(Q):
+    """log load of the modified form at the rate."""
+    return 2 * np.log((np.asarray(Q) / 2 - 1) * 0.042) - 2 * RATE
+
+
+ROWS = {
+    "student": {"rel_se": [0.0, 0.0, 0.03, 0.0, 0.0, 0.0]},
+    "brackets": {"log_lower": middle([4, 4, 4, 6, 6, 6]) - [0.1, 0.02, 9.0, 0.3, 0.08, np.inf]},
+    "counts": {"is_count": [True, False, True, True, True, False]},
+    "counts, one of two": {"is_count": [True, False, True, True, True, False]},
+}
+
+
+@pytest.fixture(params=["student", "brackets", "counts"])
+def kind(request):
+    return request.param
+
+
+def six(observed, kind, texture=(0, 0, 0, 0, 0, 0)):
+    """Three rows at each of two steps; an outlier among them."""
+    Q, away = np.array([4, 4, 4, 6, 6, 6]), np.array([0.05, 0.1, -0.02, -0.06, 0.3, 0.01])
+    load = middle(Q) + away
+    if kind.startswith("counts"):  # seen near enough to the next ridge that its load matters
+        load[[0, 2, 3, 4]] = middle([6, 6, 8, 8]) - [0.1, -0.02, 0.2, 0.05]
+    if kind.endswith("two"):
+        Q[2], load[2] = 2, middle(4) - 0.03
+    return observed(texture, Q, load, **ROWS[kind])
+
+
+def row_density(data, i, tail, b, b_next):
+    """Density or probability of one row by scipy, given offsets of its step and the next one's."""
+    scale = math.hypot(SIGMA, data.rel_se[i])
+    oracle = stats.norm() if tail is NORMAL else stats.t(DF)
+    load, Q = data.log_load[i], int(data.Q[i])
+    if data.is_count[i]:
+        reached = oracle.cdf((load - middle(Q) - b) / scale) if Q > 2 else 1.0
+        return reached - oracle.cdf((load - middle(Q + 2) - b_next) / scale)
+    z = (load - middle(Q) - b) / scale
+    if np.isnan(data.log_lower[i]):
+        return oracle.pdf(z) / scale
+    return oracle.cdf(z) - oracle.cdf((data.log_lower[i] - middle(Q) - b) / scale)
+
+
+def log_product(rows):
+    with np.errstate(divide="ignore"):  # far out scipy's difference of probabilities is zero
+        return np.log(rows).sum(axis=0)
+
+
+def integral(log_density, n, half=10.0, step=0.2):
+    """Log of the integral over the plane: the trapezoidal rule, exponentially exact here."""
+    axis = np.arange(-half, half + step / 2, step)
+    grid = np.stack(np.meshgrid(*[axis] * n, indexing="ij"), axis=-1).reshape(-1, n)
+    values = log_density(grid)
+    peak = values.max()
+    return peak + math.log(np.exp(values - peak).sum()) + n * math.log(step)
+
+
+def joint_integral(likelihood, eta, n_texture, n, **grid):
+    rates = np.full((1, n_texture), RATE)
+    return integral(lambda latent: likelihood.joint(rates, eta[None], latent), n, **grid)
+
+
+@pytest.mark.parametrize("tail", [NORMAL, STUDENT])
+@pytest.mark.parametrize("kind", ROWS)
+def test_joint__of_one_latent_integrates_to_the_likelihood_over_its_offset(kind, tail, observed):
+    data = six(observed, kind)
+    likelihood, eta = sampled("texture", data, tail), eta_of("texture", tail)
+    assert likelihood.n_latent == 1
+
+    def log_density(z):
+        b = TAU_TEXTURE * z[:, 0]
+        rows = [row_density(data, i, tail, b, b) for i in range(6)]
+        return log_product(rows) + stats.norm.logpdf(z[:, 0])
+
+    expected = integral(log_density, 1, step=0.05)
+    found = joint_integral(likelihood, eta, 1, 1)
+    # Quadrature: the trapezoidal rule in either coordinate, steps far below the widths.
+    assert found == pytest.approx(expected, abs=1e-8)
+
+
+@pytest.mark.parametrize("tail", [NORMAL, STUDENT])
+def test_joint__of_two_latents_integrates_to_the_likelihood_over_plain_offsets(
+    kind, tail, observed
+):
+    # A count looks at its step's offset and at the next one's: three steps, three latents.
+    data = six(observed, kind)
+    likelihood, eta = sampled("step", data, tail), eta_of("step", tail)
+    n = 3 if kind == "counts" else 2
+    assert likelihood.n_latent == n
+
+    def log_density(z):
+        b = np.zeros((len(z), 4))
+        b[:, 1 : n + 1] = TAU_STEP * z  # of steps 2, 4, 6, 8
+        rows = [
+            row_density(data, i, tail, b[:, q // 2 - 1], b[:, (q // 2) % 4])
+            for i, q in enumerate(data.Q.tolist())
+        ]
+        return log_product(rows) - 0.5 * ((z**2).sum(axis=1) + n * LOG_2PI)
+
+    # Quadrature: the trapezoidal rule in either coordinate, steps far below the widths.
+    grid = {"half": 7.0, "step": 0.5} if n == 3 else {}
+    expected = integral(log_density, n, **grid)
+    found = joint_integral(likelihood, eta, 1, n, **grid)
+    assert found == pytest.approx(expected, abs=1e-8)
+
+
+def test_joint__of_crossed_factors_integrates_to_the_likelihood_of_their_sum(observed):
+    # One texture: its offset and a step's meet in every row; the plane of both against one line.
+    data = observed([0, 0, 0], 4, middle(4) + np.array([0.05, 0.1, 0.4]), rel_se=[0, 0.02, 0])
+    likelihood, eta = sampled("texture+step", data), eta_of("texture+step")
+
+    def density(b):
+        rows = [row_density(data, i, STUDENT, b, b) for i in range(3)]
+        return stats.norm.pdf(b, scale=math.hypot(TAU_TEXTURE, TAU_STEP)) * np.prod(rows)
+
+    exact = integrate.quad(density, -0.8, 0.8, points=[0.0, 0.1], epsabs=0, epsrel=1e-10)[0]
+    found = joint_integral(likelihood, eta, 1, 2)
+    assert found == pytest.approx(math.log(exact), abs=1e-8)  # quadrature: quad's tolerance
+
+
+@pytest.mark.parametrize("tail", [NORMAL, STUDENT])
+def test_joint__of_smooth_offsets_integrates_to_the_likelihood_over_correlated_ones(tail, observed):
+    data = six(observed, "brackets")
+    likelihood, eta = sampled("step-smooth", data, tail), eta_of("step-smooth", tail)
+    correlation = math.exp(-0.5 * (math.log(2) / 0.8) ** 2)
+    factor = TAU_STEP * np.linalg.cholesky([[1 + 1e-8, correlation], [correlation, 1 + 1e-8]])
+
+    def log_density(z):
+        b = z @ factor.T
+        rows = [row_density(data, i, tail, b[:, i // 3], None) for i in range(6)]
+        return log_product(rows) - 0.5 * (z**2).sum(axis=1) - LOG_2PI
+
+    # Quadrature: the trapezoidal rule, exponentially exact.
+    found = joint_integral(likelihood, eta, 1, 2)
+    assert found == pytest.approx(integral(log_density, 2), abs=1e-8)
+
+
+def crossed(observed):
+    """Three textures at three steps, twice, an outlier, a bracket, a count."""
+    rng = np.random.default_rng(1)
+    texture, Q = np.tile(np.repeat([0, 1, 2], 3), 2), np.tile([4, 6, 8], 6)
+    load = middle(Q) + 0.05 * rng.standard_normal(18)
+    load[4] += 0.4
+    return observed(texture, Q, load)
+
+
+def test_joint__of_many_latents_has_the_likelihood_as_its_mean_over_standard_normals(observed):
+    data = crossed(observed)
+    likelihood, eta = sampled("texture+step", data), eta_of("texture+step")
+    rng, n_draw = np.random.default_rng(2), 10_000
+    latent = 1.1 * rng.standard_normal((n_draw, 6))
+    rates = np.full((1, 3), RATE)
+    log_weight = likelihood.joint(rates, eta[None], latent)
+    log_weight = log_weight - stats.norm(0, 1.1).logpdf(latent).sum(axis=1)
+    weight = np.exp(log_weight - log_weight.max())
+    found = log_weight.max() + math.log(weight.mean())
+    se = weight.std() / weight.mean() / math.sqrt(n_draw)
+    # The textures' offsets on a grid of three axes; given them, each step's integral is a line.
+    axis, line = np.arange(-6, 6.01, 0.4), np.arange(-7, 7.01, 0.2)
+    each = np.empty((3, 3, len(axis), len(line)))  # texture, step
+    for j in range(3):
+        for k in range(3):
+            rows = np.flatnonzero((data.texture == j) & (4 + 2 * k == data.Q))
+            b = TAU_TEXTURE * axis[:, None] + TAU_STEP * line
+            each[j, k] = np.prod([row_density(data, i, STUDENT, b, b) for i in rows], axis=0)
+    weights = stats.norm.pdf(line) * 0.2
+    steps = np.einsum("kal,kbl,kcl,l->kabc", *each, weights)
+    total = np.einsum("abc,a,b,c->", steps.prod(axis=0), *[stats.norm.pdf(axis) * 0.4] * 3)
+    assert se < 0.01
+    assert abs(found - math.log(total)) < 4 * se  # Monte Carlo
+    # The approximation that the mode is searched with: within a quarter of a nat here.
+    marginal = likelihood.marginal(rates, eta[None])[0]
+    assert marginal == pytest.approx(math.log(total), abs=0.25)
+
+
+@pytest.mark.parametrize("structure", ["texture", "step", "step-smooth"])
+def test_marginal__is_near_the_integral(structure, kind, observed):
+    data = six(observed, kind)
+    likelihood, eta = sampled(structure, data), eta_of(structure)
+    n = likelihood.n_latent
+    grid = {"half": 7.0, "step": 0.5} if n == 3 else {}
+    exact = joint_integral(likelihood, eta, 1, n, **grid)
+    rough = likelihood.marginal(np.full((1, 1), RATE), eta[None])[0]
+    # Laplace's approximation of six rows, an outlier among them: a quarter of a nat.
+    assert rough == pytest.approx(exact, abs=0.25)
+
+
+@pytest.mark.parametrize("structure", Noise.structures[1:])
+def test_joint__of_normal_exact_rows_is_the_closed_form_times_standard_normals(structure, observed):
+    data, rng = crossed(observed), np.random.default_rng(3)
+    likelihood, eta = sampled(structure, data, NORMAL), eta_of(structure, NORMAL)
+    closed = IntegratedOffsets(Rows.of(data, Modified()), offsets_of(Noise(structure), data))
+    rates = RATE + 0.1 * rng.standard_normal((5, 3))
+    eta = eta * np.exp(0.5 * rng.standard_normal((5, len(eta))))
+    latent = rng.standard_normal((5, likelihood.n_latent))
+    expected = closed.marginal(rates, eta)
+    np.testing.assert_allclose(likelihood.marginal(rates, eta), expected, rtol=1e-10)  # rounding
+    found = likelihood.joint(rates, eta, latent)
+    expected = expected + stats.norm.logpdf(latent).sum(axis=1)
+    np.testing.assert_allclose(found, expected, rtol=1e-10)  # rounding
+
+
+@pytest.mark.parametrize("structure", Noise.structures[1:])
+def test_marginal__of_a_student_of_very_many_degrees_is_the_normals_closed_form(
+    structure, observed
+):
+    data = crossed(observed)
+    closed = IntegratedOffsets(Rows.of(data, Modified()), offsets_of(Noise(structure), data))
+    likelihood, rates = sampled(structure, data), np.full((1, 3), RATE)
+    eta = eta_of(structure, df=1e7)[None]
+    expected = closed.marginal(rates, eta[:, :-1])
+    # What 1 / df leaves: eighteen rows, of which one is 7 sigma out, z^4 / 4 df.
+    atol = (7**4 / 4 + 18) / 1e7
+    np.testing.assert_allclose(likelihood.marginal(rates, eta), expected, rtol=0, atol=atol)
+    latent = np.random.default_rng(4).standard_normal((1, likelihood.n_latent))
+    found = likelihood.joint(rates, eta, latent) - stats.norm.logpdf(latent).sum(axis=1)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2 * atol)
+
+
+@pytest.mark.parametrize("structure", Noise.structures[1:])
+def test_pointwise__and_given_are_of_the_offsets_that_the_latents_stand_for(structure, observed):
+    data, rng = crossed(observed), np.random.default_rng(5)
+    likelihood = sampled(structure, data)
+    rates = RATE + 0.05 * rng.standard_normal((4, 3))
+    eta = eta_of(structure) * np.exp(0.3 * rng.standard_normal((4, len(eta_of(structure)))))
+    latent = rng.standard_normal((4, likelihood.n_latent))
+    given = likelihood.given(rates, eta, latent)
+    rows = likelihood.pointwise(rates, eta, latent)
+    for i in range(0, 18, 2):
+        j = data.texture[i]
+        offset, variance = given.at(WIDTHS[j], data.Q[i : i + 1])
+        z = data.log_load[i] - middle(data.Q[i]) - 2 * RATE + 2 * rates[:, j] - offset[:, 0]
+        expected = stats.t(eta[:, -1]).logpdf(z / eta[:, 0]) - np.log(eta[:, 0])
+        # A smooth offset is its place's but for the nugget: 1e-4 tau of scores of order 1.
+        atol = 1e-2 if structure == "step-smooth" else 1e-10
+        np.testing.assert_allclose(rows[:, i], expected, rtol=0, atol=atol)
+        assert np.all(variance[:, 0] <= 2e-8 * TAU_STEP**2 * np.exp(4 * 0.3))
+    # Latents differ by their density alone between the rows' sum and the joint one.
+    joint = likelihood.joint(rates, eta, latent)
+    other = likelihood.joint(rates, eta, 0 * latent)
+    difference = rows.sum(axis=1) - likelihood.pointwise(rates, eta, 0 * latent).sum(axis=1)
+    scores = given.mean, likelihood.given(rates, eta, 0 * latent).mean
+    prior = [-0.5 * (each**2).sum(axis=1) for each in scores]
+    np.testing.assert_allclose(joint - other, difference + prior[0] - prior[1], atol=1e-9)
+
+
+@pytest.mark.parametrize("structure", Noise.structures[1:])
+def test_joint__does_not_mind_the_order_of_rows(structure, observed):
+    data, rng = crossed(observed), np.random.default_rng(6)
+    order = rng.permutation(18)
+    columns = {"log_lower": np.where(np.arange(18) % 4 == 1, data.log_load - 0.1, np.nan)}
+    columns["is_count"] = np.arange(18) % 4 == 3
+    rates, eta = np.full((3, 3), RATE), eta_of(structure) * np.ones((3, 1))
+    found = []
+    for rows in (np.arange(18), order):
+        mine = {name: column[rows] for name, column in columns.items()}
+        mine = observed(data.texture[rows], data.Q[rows], data.log_load[rows] + 0.1, **mine)
+        likelihood = sampled(structure, mine)
+        latent = np.random.default_rng(7).standard_normal((3, likelihood.n_latent))
+        found.append(likelihood.joint(rates, eta, latent))
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9)  # rounding: order of summation

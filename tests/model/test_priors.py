@@ -1,0 +1,222 @@
+import numpy as np
+import pytest
+from scipy import integrate, special, stats
+
+from ridgebayes.errors import InputError
+from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.priors import (
+    Gamma,
+    HalfNormal,
+    JointPrior,
+    LogNormal,
+    Normal,
+    default_priors,
+)
+
+PRIORS = [
+    (LogNormal(1.382, 0.3), stats.lognorm(s=0.3, scale=1.382)),
+    (Normal(-0.2, 0.05), stats.norm(-0.2, 0.05)),
+    (HalfNormal(0.05), stats.halfnorm(scale=0.05)),
+    (Gamma(2.0, 0.1), stats.gamma(2.0, scale=10.0)),
+]
+
+
+@pytest.mark.parametrize(("prior", "oracle"), PRIORS)
+def test_log_pdf__is_scipys_on_the_support(prior, oracle):
+    x = oracle.ppf([1e-6, 0.01, 0.3, 0.5, 0.9, 1 - 1e-6])
+    # Algebra: rounding of z, squared.
+    np.testing.assert_allclose(prior.log_pdf(x), oracle.logpdf(x), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("prior", "oracle"), PRIORS)
+def test_log_pdf__integrates_to_one(prior, oracle):
+    low, high = oracle.ppf([1e-15, 1 - 1e-15])
+    total, _ = integrate.quad(lambda x: np.exp(prior.log_pdf(np.array(x))), low, high)
+    assert total == pytest.approx(1, abs=1e-8)  # discretisation: quad's own tolerance
+
+
+@pytest.mark.parametrize("prior", [LogNormal(1.0, 0.1), HalfNormal(0.05), Gamma(2.0, 0.1)])
+def test_log_pdf__is_minus_infinity_off_the_support(prior):
+    assert np.all(prior.log_pdf(np.array([-1.0, -0.3, 0.0])) == -np.inf)
+    assert prior.positive
+
+
+def test_log_pdf__of_a_normal_is_on_the_whole_line():
+    assert np.isfinite(Normal(0.0, 1.0).log_pdf(np.array([-1.0, 0.0, 1.0]))).all()
+    assert not Normal.positive
+
+
+@pytest.mark.parametrize(("prior", "oracle"), PRIORS)
+def test_value_at__of_one_score_is_that_among_others(prior, oracle):
+    u = np.array([-45.0, -36.0, -20.0, -3.0, -0.1, 0.0, 0.1, 3.0, 20.0, 34.0, 36.0, 45.0])
+    together = prior.value_at(u)
+    np.testing.assert_allclose([prior.value_at(one) for one in u], together, rtol=1e-14)
+    np.testing.assert_allclose(prior.value_at(u[:5]), together[:5], rtol=1e-14)
+    np.testing.assert_allclose(prior.value_at(u[5:]), together[5:], rtol=1e-14)
+
+
+def test_half_normal__upper_tail_has_the_normals_probability_where_that_underflows():
+    u = np.array([30.0, 34.9, 35.1, 37.0, 40.0, 200.0])
+    z = HalfNormal(0.05).value_at(u) / 0.05
+    # Rounding: of the inverse, squared.
+    np.testing.assert_allclose(np.log(2) + stats.norm.logsf(z), stats.norm.logsf(u), rtol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [2.0, 3.5])
+def test_gamma__lower_tail_has_the_normals_probability_where_that_underflows(shape):
+    u = np.array([-36.0, -36.9, -37.1, -38.0, -41.0])
+    z = 0.1 * Gamma(shape, 0.1).value_at(u)
+    # P = z^shape / Gamma(shape + 1) to rounding, z being far below it.
+    log_cdf = shape * np.log(z) - special.gammaln(shape + 1)
+    np.testing.assert_allclose(log_cdf, stats.norm.logcdf(u), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("prior", "oracle"), PRIORS)
+def test_value_at__has_the_probability_of_its_normal_score(prior, oracle):
+    u = np.linspace(-5, 5, 21)
+    # Each tail by its own probability; algebra: the oracle knows 1 + 1e-7 to eps, so 1e-9.
+    low, high = u[u <= 0], u[u > 0]
+    expected = [*oracle.ppf(stats.norm.cdf(low)), *oracle.isf(stats.norm.sf(high))]
+    np.testing.assert_allclose(prior.value_at(u), expected, rtol=1e-8, atol=1e-15)
+
+
+@pytest.mark.parametrize(("prior", "oracle"), PRIORS)
+def test_scores__invert_value_at_far_into_both_tails(prior, oracle):
+    joint = JointPrior([prior, prior])
+    u = np.array([[-30.0, 30.0], [-8.0, 8.0], [-0.3, 0.3], [0.0, 1e-3], [0.02, -0.02]])
+    theta = joint.at_scores(u)
+    assert np.all(np.isfinite(theta))
+    # Algebra: a value near the half-normal's median is known to eps, its score to some 1e-13.
+    np.testing.assert_allclose(joint.scores(theta), u, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize(("prior", "oracle"), PRIORS)
+def test_slope_at__is_the_central_difference_of_value_at(prior, oracle):
+    u, h = np.array([-6.0, -1.0, -1e-3, 0.3, 2.0, 6.0]), 1e-5
+    difference = (prior.value_at(u + h) - prior.value_at(u - h)) / (2 * h)
+    # Discretisation h^2; rounding eps/h of the value.
+    np.testing.assert_allclose(prior.slope_at(u), difference, rtol=1e-7, atol=1e-12)
+    slopes = JointPrior([prior]).at_scores_slope(u[:, None], prior.value_at(u)[:, None])
+    np.testing.assert_allclose(slopes[:, 0], prior.slope_at(u), rtol=1e-14)
+
+
+@pytest.mark.parametrize(("prior", "oracle"), PRIORS)
+def test_rvs__follows_the_density(prior, oracle):
+    draws = prior.rvs(np.random.default_rng(3), 20_000)
+    # Monte Carlo: Kolmogorov-Smirnov, p above 1e-4 (3.9 standard errors) at a fixed seed.
+    assert stats.kstest(draws, oracle.cdf).pvalue > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("prior", "wider"),
+    [
+        (LogNormal(1.382, 0.1), LogNormal(1.382, 0.5)),
+        (Normal(0.1, 0.05), Normal(0.1, 0.25)),
+        (HalfNormal(0.05), HalfNormal(0.25)),
+    ],
+)
+def test_stretched__multiplies_the_scale_alone(prior, wider):
+    assert prior.stretched(5) == wider
+    assert prior.stretched(5).scale == 5 * prior.scale
+
+
+def test_gamma__scores_invert_values_from_end_to_end_of_the_normals_range():
+    prior = Gamma(2.0, 0.1)
+    u = np.linspace(-37, 37, 149)
+    x = prior.value_at(u)
+    assert np.all(np.isfinite(x))
+    assert np.all(np.diff(x) > 0)
+    # Algebra: a probability's relative rounding, over the rate -u at which its logarithm changes.
+    np.testing.assert_allclose(prior.score(x, 2.0, 0.1), u, rtol=1e-9, atol=1e-9)
+    # Each tail by its own probability, in logarithms: P = 1 - (1 + z) exp(-z), z = x / 10.
+    high = u > 1
+    z = 0.1 * x[high]
+    log_sf = np.log1p(z) - z
+    np.testing.assert_allclose(log_sf, stats.norm.logsf(u[high]), rtol=1e-10)  # rounding
+    low = u < -10
+    log_cdf = 2 * np.log(0.1 * x[low]) - np.log(2)
+    np.testing.assert_allclose(log_cdf, stats.norm.logcdf(u[low]), rtol=1e-10)  # z^2 / 2 (1 - z)
+
+
+def test_gamma__slope_is_the_difference_of_values_far_into_both_tails():
+    prior, u, h = Gamma(2.0, 0.1), np.array([-30.0, -12.0, -4.0, 0.0, 4.0, 12.0, 30.0]), 1e-5
+    difference = (prior.value_at(u + h) - prior.value_at(u - h)) / (2 * h)
+    # Discretisation: h^2 u^2 / 6; rounding: eps / h of the value.
+    np.testing.assert_allclose(prior.slope_at(u), difference, rtol=3e-8)
+
+
+def test_gamma__stretched_has_mean_and_width_multiplied():
+    prior, wider = Gamma(2.0, 0.1), Gamma(2.0, 0.1).stretched(5)
+    assert wider == Gamma(2.0, 0.02)
+    u = np.array([-2.0, 0.0, 1.5])
+    np.testing.assert_allclose(wider.value_at(u), 5 * prior.value_at(u), rtol=1e-13)  # rounding
+
+
+def test_default_priors__of_each_error_model_follow_the_coefficients():
+    everything = {
+        "sigma": HalfNormal(0.05),
+        "tau_texture": HalfNormal(0.03),
+        "tau_step": HalfNormal(0.03),
+        "length_h": LogNormal(1.0, 0.7),
+        "length_ratio": LogNormal(0.3, 0.7),
+        "df": Gamma(2.0, 0.1),
+    }
+    for noise in Noise.every():
+        priors = default_priors(Hybrid(), noise)
+        assert tuple(priors) == ("c1", "c2", *noise.parameter_names)
+        for name in noise.parameter_names:
+            assert priors[name] == everything[name]
+
+
+def test_describe__tells_kind_and_numbers():
+    assert Normal(0.0, 0.05).describe() == {"kind": "normal", "mean": 0.0, "sd": 0.05}
+    described = {"kind": "log-normal", "median": 1.4, "log_sd": 0.1}
+    assert LogNormal(1.4, 0.1).describe() == described
+
+
+def test_joint_prior__is_the_sum_in_the_order_of_the_parameters():
+    priors = [Normal(1.0, 2.0), HalfNormal(0.5), Normal(-1.0, 0.3), LogNormal(2.0, 0.4)]
+    joint = JointPrior(priors)
+    theta = np.abs(np.random.default_rng(1).standard_normal((3, 5, 4)))
+    each = [prior.log_pdf(theta[..., i]) for i, prior in enumerate(priors)]
+    np.testing.assert_allclose(joint.log_pdf(theta), sum(each), rtol=1e-13)  # algebra: a sum
+    slots = [prior.value_at(0.7) for prior in priors]
+    np.testing.assert_allclose(joint.at_scores(np.full(4, 0.7)), slots, rtol=1e-14)
+    draws = joint.rvs(np.random.default_rng(0), 4_000)
+    # Monte Carlo: 4.5 standard errors of a mean of 4,000.
+    means = [1.0, 0.5 * np.sqrt(2 / np.pi), -1.0, 2.0 * np.exp(0.08)]
+    assert np.all(np.abs(draws.mean(0) - means) < 4.5 * draws.std(0) / np.sqrt(4_000))
+
+
+def test_default_priors__are_those_of_the_design():
+    assert default_priors(Classic()) == {"c": LogNormal(1.382, 0.1), "sigma": HalfNormal(0.05)}
+    assert default_priors(Modified()) == default_priors(Classic())
+    assert default_priors(HalfPlane())["c"] == LogNormal(1.0, 0.1)
+    hybrid = default_priors(Hybrid())
+    assert list(hybrid) == ["c1", "c2", "sigma"]
+    assert hybrid["c1"] == LogNormal(1.382, 0.1)
+    assert hybrid["c2"] == Normal(0.0, 0.05)
+    power = default_priors(PowerLaw().bind(((0.01, 0.03), (0.02, 0.03)), ("x", "y")))
+    assert list(power) == ["K[x]", "K[y]", "sigma"]
+    # Algebra: 2 x 1.382 / L, one division.
+    assert power["K[x]"].median == pytest.approx(69.1, rel=1e-14)
+    assert power["K[y]"].median == pytest.approx(55.28, rel=1e-14)
+    assert power["K[y]"].log_sd == 0.3
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
+def test_prior__refuses_scales_that_are_not_positive_and_finite(bad):
+    for name, make in (
+        ("log-normal prior: log_sd", lambda: LogNormal(1.0, bad)),
+        ("log-normal prior: median", lambda: LogNormal(bad, 1.0)),
+        ("normal prior: sd", lambda: Normal(0.0, bad)),
+        ("half-normal prior: sd", lambda: HalfNormal(bad)),
+    ):
+        with pytest.raises(InputError, match=rf"{name} = {bad} given; rule: finite and > 0"):
+            make()
+
+
+def test_prior__refuses_a_mean_that_is_not_finite():
+    with pytest.raises(InputError, match="normal prior: mean = nan given; rule: finite"):
+        Normal(np.nan, 1.0)

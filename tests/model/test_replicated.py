@@ -1,0 +1,201 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.priors import Normal
+from ridgebayes.model.replicated import (
+    form_log_loads,
+    is_possible,
+    prior_draws,
+    simulate_log_loads,
+    simulated,
+)
+
+N = 40_000
+# Rows 0 and 1 share a texture, 0 and 2 a step, 0 and 3 the ratio a/pitch and the step.
+PLACES = {"texture": [0, 0, 1, 3], "Q": [4, 8, 4, 4]}
+ETA = {
+    "sigma": 0.02,
+    "tau_texture": 0.03,
+    "tau_step": 0.05,
+    "length_h": 0.8,
+    "length_ratio": 0.3,
+    "df": 6.0,
+}
+
+
+@pytest.fixture
+def model(observed):
+    def make(noise, rel_se=0.0, form=Modified):
+        data = observed(PLACES["texture"], PLACES["Q"], -6.0, rel_se=rel_se)
+        return Model(data, form(), Noise.named(noise))
+
+    return make
+
+
+def theta_of(model, coefficient=1.4):
+    return np.array([coefficient, *(ETA[name] for name in model.noise.parameter_names)])
+
+
+def expected_covariance(model):
+    """Return the covariance of the four rows, from the definitions in `Noise`."""
+    t, q = np.array(PLACES["texture"]), np.array(PLACES["Q"])
+    own = ETA["sigma"] ** 2 * np.ones(4)
+    if model.noise.tail == "student":
+        own *= ETA["df"] / (ETA["df"] - 2)
+    covariance = np.diag(own + model.data.rel_se**2 * own / ETA["sigma"] ** 2)
+    structure = model.noise.structure
+    if "texture" in structure:
+        covariance += ETA["tau_texture"] ** 2 * (t[:, None] == t)
+    if structure in ("step", "texture+step"):
+        covariance += ETA["tau_step"] ** 2 * (q[:, None] == q)
+    if structure == "step-smooth":
+        a, b = model.data.a_over_R[t], model.data.b_over_R[t]
+        x, r = np.log(q / 2 - 1) / ETA["length_h"], a / (a + b) / ETA["length_ratio"]
+        square = (x[:, None] - x) ** 2 + (r[:, None] - r) ** 2
+        covariance += ETA["tau_step"] ** 2 * np.exp(-0.5 * square)
+    return covariance
+
+
+@pytest.mark.parametrize("noise", [noise.name for noise in Noise.every()])
+def test_loads__have_the_mean_and_covariance_of_the_error_model(model, noise):
+    one = model(noise, rel_se=0.01)
+    theta = theta_of(one)
+    draws = simulate_log_loads(one, theta, np.random.default_rng(1), N)
+    covariance = expected_covariance(one)
+    centred = draws - form_log_loads(one, theta)
+    sd = np.sqrt(np.diag(covariance))
+    # Monte Carlo: 4.5 standard errors, four times 10 values; products of t with 6 df spread more.
+    assert np.all(np.abs(centred.mean(axis=0)) < 4.5 * sd / np.sqrt(N))
+    products = centred[:, :, None] * centred[:, None, :]
+    error = products.std(axis=0) / np.sqrt(N)
+    assert np.all(np.abs(products.mean(axis=0) - covariance) < 4.5 * error)
+
+
+@pytest.mark.parametrize("form", [Modified, Hybrid, PowerLaw])
+def test_curve__is_the_loads_of_the_form(model, form):
+    one = model("iid", form=form)
+    coefficients = {"Modified": [1.3], "Hybrid": [1.3, 0.02], "PowerLaw": [60.0, 70.0, 80.0, 50.0]}
+    known = np.array(coefficients[form.__name__])
+    data = one.data
+    a, b = data.a_over_R[data.texture], data.b_over_R[data.texture]
+    expected = np.log(one.form.load(data.Q, a, b, known))
+    # Rounding: logarithms of numbers about 1e-3.
+    np.testing.assert_allclose(
+        form_log_loads(one, np.append(known, 0.03)), expected, rtol=0, atol=1e-13
+    )
+
+
+def test_own_errors__have_the_tail(model):
+    one = model("texture:student")
+    theta = theta_of(one)
+    theta[2] = 1e-12  # offsets of no size: what is left is the rows' own
+    draws = simulate_log_loads(one, theta, np.random.default_rng(2), N)
+    z = (draws - form_log_loads(one, theta))[:, 0] / ETA["sigma"]
+    assert stats.kstest(z, stats.t(ETA["df"]).cdf).pvalue > 1e-3  # Monte Carlo: 1 in 1,000
+    assert stats.kstest(z, stats.norm.cdf).pvalue < 1e-6
+
+
+def test_loads__have_the_likelihood_of_the_model(model):
+    """What is simulated is what is fitted: E exp(log p(y | other) - log p(y | truth)) = 1."""
+    for noise in ("iid", "texture+step", "step-smooth", "iid:student"):
+        template = model(noise, rel_se=0.01)
+        theta = theta_of(template)
+        other = theta * np.where(np.arange(len(theta)) == 1, 0.93, 1.005)
+        ratios = []
+        for row in simulate_log_loads(template, theta, np.random.default_rng(3), 400):
+            one = Model(simulated(template.data, row), template.form, template.noise)
+            truth, wrong = one.log_likelihood(np.stack([theta, other]))
+            ratios.append(np.exp(wrong - truth))
+        # Monte Carlo: 4 standard errors.
+        assert np.mean(ratios) == pytest.approx(1, abs=4 * np.std(ratios) / np.sqrt(len(ratios)))
+
+
+def test_draws__of_parameters_come_before_rows(model):
+    one = model("texture+step:student")
+    theta = np.tile(theta_of(one), (5, 3, 1))
+    theta[..., 1] = 1e-9
+    theta[..., 2:4] = 1e-9
+    theta[2, 1, 0] = 2.8
+    draws = simulate_log_loads(one, theta, np.random.default_rng(4), 2)
+    assert draws.shape == (2, 5, 3, 4)
+    at = form_log_loads(one, theta)
+    # The errors' own size, 1e-9, a few times over.
+    np.testing.assert_allclose(draws, np.broadcast_to(at, draws.shape), rtol=0, atol=1e-7)
+    assert at[2, 1, 0] == pytest.approx(at[0, 0, 0] - 2 * np.log(2), abs=1e-12)  # rounding
+
+
+def test_same_seed_same_loads(model):
+    one = model("texture")
+    first, second = (
+        simulate_log_loads(one, theta_of(one), np.random.default_rng(9), 3) for _ in range(2)
+    )
+    np.testing.assert_array_equal(first, second)
+
+
+def test_brackets_and_counts__become_exact_rows(observed):
+    data = observed(
+        [0, 0, 1, 1],
+        [4, 6, 2, 8],
+        -6.0,
+        rel_se=[0.0, 0.01, 0.02, 0.03],
+        log_lower=[-7.0, np.nan, np.nan, np.nan],
+        is_count=[False, False, True, True],
+    )
+    one = Model(data, Modified())
+    draws = simulate_log_loads(one, np.array([1.4, 0.03]), np.random.default_rng(5))[0]
+    assert np.isnan(draws).tolist() == [False, False, True, False]  # a count of 2: any load will do
+    rows = simulated(data, draws)
+    assert rows.is_exact.all()
+    assert rows.Q.tolist() == [4, 6, 8]
+    assert rows.rel_se.tolist() == [0.0, 0.01, 0.03]
+    np.testing.assert_array_equal(rows.log_load, draws[[0, 1, 3]])
+    assert len(rows.textures) == 2
+
+
+def test_simulated__keeps_textures_and_labels(paper):
+    data = Observations.from_table(paper)
+    rows = simulated(data, data.log_load + 1)
+    for field in dataclasses.fields(Observations):
+        if field.name not in ("log_load", "log_lower"):
+            np.testing.assert_array_equal(getattr(rows, field.name), getattr(data, field.name))
+    np.testing.assert_array_equal(rows.log_load, data.log_load + 1)
+
+
+def test_prior_draws__are_the_prior_where_rates_are_positive(observed):
+    data = observed([0, 1], [4, 6], -6.0)
+    wide = Model(data, Hybrid(), priors={"c2": Normal(0.0, 2.0)})
+    draws = prior_draws(wide, np.random.default_rng(6), N)
+    assert draws.shape == (N, 3)
+    assert np.isfinite(wide.log_rates(draws)).all()
+    # By hand: c1/(a + b) + c2/a > 0 for both textures.
+    rng = np.random.default_rng(7)
+    c1, c2 = wide.priors["c1"].rvs(rng, 4 * N), wide.priors["c2"].rvs(rng, 4 * N)
+    kept = np.all([c1 / (a + b) + c2 / a > 0 for a, b in data.textures], axis=0)
+    assert 0.5 < kept.mean() < 0.9
+    for i, by_hand in enumerate((c1[kept], c2[kept])):
+        assert stats.ks_2samp(draws[:, i], by_hand).pvalue > 1e-3  # Monte Carlo: 1 in 1,000
+    assert is_possible(wide, np.array([1.4, -1.0, 0.03])).tolist() is False
+
+
+def test_prior_draws__give_up_on_a_prior_without_positive_rates(observed):
+    never = Model(observed([0], [4], -6.0), Hybrid(), priors={"c2": Normal(-50.0, 0.1)})
+    with pytest.raises(ComputationError, match=r"0 of 2000 prior draws have positive rates"):
+        prior_draws(never, np.random.default_rng(8), 2)
+
+
+def test_wrong_shapes_are_refused(model):
+    one = model("iid")
+    with pytest.raises(InputError, match=r"theta: shape \(3,\) given; rule: 2 parameters .*sigma"):
+        simulate_log_loads(one, np.ones(3), np.random.default_rng(1))
+    with pytest.raises(InputError, match=r"log_load: shape \(3,\) given; rule: \(4,\)"):
+        simulated(one.data, np.ones(3))
+    with pytest.raises(InputError, match="log_load: no finite value given"):
+        simulated(one.data, np.full(4, np.nan))

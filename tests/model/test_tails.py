@@ -1,0 +1,319 @@
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy import integrate, stats
+
+from ridgebayes.errors import InputError
+from ridgebayes.model.tails import NormalTail, StudentTail, tail_named
+
+NORMAL, STUDENT = NormalTail(), StudentTail()
+DFS = [0.1, 1.0, 3.0, 30.0, 1e6]
+KINDS = [(NORMAL, None), *((STUDENT, df) for df in DFS)]
+
+# Reference digits by mpmath at 50 digits. The normal: log of half of erfc(a / sqrt 2) -
+# erfc(b / sqrt 2) or, across zero, of erf. Student's t: log(c * quad(cosh(v) ** -df)) between
+# asinh(a / sqrt df) and asinh(b / sqrt df), c = gamma((df + 1) / 2) / (gamma(df / 2) sqrt pi), on
+# panels of one standard deviation; with b infinite, confirmed by log(betainc(df / 2, 1 / 2, 0,
+# df / (df + a^2), regularized=True) / 2), or at 1e200 and 1e300 by the leading power law.
+# Rows: df, low, high, log P; in NARROW the third is the width.
+BETWEEN = [
+    (None, 40.0, 41.0, -804.608442013753788),
+    (None, -0.5, 0.7, -0.79962207457132446),
+    (None, -2.0, 3.0, -0.0243951875548873461),
+    (None, -9.0, 6.0, -9.86587645637234572e-10),
+    (0.1, -0.5, 0.7, -2.06871650507400533),
+    (0.1, -9.0, 6.0, -1.15177602988685253),
+    (0.1, -2.0, 9.0, -1.28813301577470401),
+    (0.1, 2.0, 9.0, -2.91619276050771897),
+    (0.1, 40.0, 41.0, -7.24774956930837103),
+    (0.1, -20.0, -2.5, -2.64023527686258896),
+    (1.0, -0.5, 0.7, -1.07299211654636764),
+    (1.0, -9.0, 6.0, -0.0918869643053809346),
+    (1.0, -2.0, 9.0, -0.201879865814592698),
+    (1.0, 2.0, 9.0, -2.18604433822107732),
+    (1.0, 40.0, 41.0, -8.54779110072263622),
+    (1.0, -20.0, -2.5, -2.25173333789128316),
+    (3.0, -0.5, 0.7, -0.898665673703922781),
+    (3.0, -9.0, 6.0, -0.00610284807896026903),
+    (3.0, -2.0, 9.0, -0.0737659125893003999),
+    (3.0, 2.0, 9.0, -2.68508965061466906),
+    (3.0, 40.0, 41.0, -13.612020759412842),
+    (3.0, -20.0, -2.5, -3.13002459838179596),
+    (30.0, -0.5, 0.7, -0.809729816417440509),
+    (30.0, -9.0, 6.0, -6.97389423131991748e-7),
+    (30.0, -2.0, 9.0, -0.0276924433874496121),
+    (30.0, 2.0, 9.0, -3.60040999218615756),
+    (30.0, 40.0, 41.0, -63.205810168623186),
+    (30.0, -20.0, -2.5, -4.70412630541647265),
+    (1e6, -0.5, 0.7, -0.799622378088073444),
+    (1e6, -9.0, 6.0, -9.86924906777276372e-10),
+    (1e6, -2.0, 9.0, -0.0230130474486953312),
+    (1e6, 2.0, 9.0, -3.78317840065798214),
+    (1e6, 40.0, 41.0, -803.968324750342),
+    (1e6, -20.0, -2.5, -5.0816354867669033),
+    (3.0, 5.0, np.inf, -4.86702610492042123),
+    (3.0, 1e200, np.inf, -1381.45333235738281),
+    (0.1, 1e300, np.inf, -69.9513102393423359),
+    (30.0, 50.0, np.inf, -69.1439374054513833),
+    (1e6, 60.0, np.inf, -1801.77951922734309),
+    (1e6, 2.0, np.inf, -3.78317840065798213),
+]
+NARROW = [
+    (None, 1e3, 1e-9, -500021.642204870151),
+    (None, 0.3, 1e-14, -33.2001298351213138),
+    (None, 8.0, 1e-3, -39.8306913118549768),
+    (0.1, 0.3, 1e-14, -34.4991316806797474),
+    (1.0, 0.3, 1e-14, -33.4670988840070948),
+    (3.0, 0.3, 1e-14, -33.29619775602324),
+    (30.0, 0.3, 1e-14, -33.2098920164823632),
+    (1e6, 0.3, 1e-14, -33.2001301280963119),
+]
+# loggamma((df + 1) / 2) - loggamma(df / 2) - log(pi df) / 2 - (df + 1) / 2 log1p(6.25 / df)
+AT_2_5 = [
+    (0.1, -4.19299268961253731),
+    (3.0, -3.25291137533595798),
+    (20.5, -3.79180689478717966),
+    (29.9, -3.85999351437346684),
+    (30.1, -3.86104610627609497),
+    (1e6, -4.04393214261059707),
+]
+
+
+def tail_of(df):
+    return NORMAL if df is None else STUDENT
+
+
+def rounding(log_p):
+    """What the module promises of P: 1e-12, and the rounding of the logarithm."""
+    return 1e-12 + 1e-15 * np.abs(log_p)
+
+
+kinds = st.sampled_from(KINDS)
+places = st.floats(-60, 60)
+log10_widths = st.floats(-13, 1.5)
+
+
+@pytest.mark.parametrize(("df", "low", "high", "log_p"), BETWEEN)
+def test_log_probability__is_the_reference_from_either_side(df, low, high, log_p):
+    for a, b in ((low, high), (-high, -low)):
+        value = tail_of(df).log_probability(a, b, df)
+        # Rounding and quadrature, as promised; relative where P is all but 1.
+        assert abs(value - log_p) < min(rounding(log_p), max(1e-6 * abs(log_p), 1e-15))
+
+
+@pytest.mark.parametrize(("df", "low", "width", "log_p"), NARROW)
+def test_log_probability__keeps_a_width_that_subtraction_loses(df, low, width, log_p):
+    tail = tail_of(df)
+    for a, b in ((low, low + width), (-low - width, -low)):
+        # Rounding: the logarithm's own, and 1 eps of the place by the slope of the log density.
+        assert abs(tail.log_probability(a, b, df, width) - log_p) < rounding(log_p)
+    if width < 1e-3:
+        # The subtraction does lose it: by up to half an eps of the place over the width.
+        assert abs(tail.log_probability(low, low + width, df) - log_p) > 1e-6
+
+
+@pytest.mark.parametrize(("df", "value"), AT_2_5)
+def test_log_density__of_student_is_the_reference(df, value):
+    # Rounding of two log gammas of up to 26.
+    assert STUDENT.log_density(2.5, df) == pytest.approx(value, abs=1e-14)
+
+
+def test_log_density__is_scipys():
+    z = np.linspace(-30, 30, 41)
+    df = np.array([[0.1], [0.7], [4.0], [29.99], [30.0], [300.0]])
+    # Rounding: scipy's own cancelling gamma functions are the larger part.
+    np.testing.assert_allclose(STUDENT.log_density(z, df), stats.t.logpdf(z, df), atol=1e-12)
+    np.testing.assert_allclose(NORMAL.log_density(z, None), stats.norm.logpdf(z), rtol=1e-14)
+
+
+def test_log_density__falls_to_the_end_of_the_floats_without_a_warning():
+    z = np.array([1e200, 1e250, np.inf])
+    assert np.all(NORMAL.log_density(z, None) == -np.inf)
+    value = STUDENT.log_density(z, 3.0)
+    assert value[2] == -np.inf
+    # Rounding of logarithms of 2,000: a power law of exponent -4.
+    assert value[0] - value[1] == pytest.approx(4 * 50 * np.log(10), rel=1e-14)
+
+
+@given(kinds, places, st.floats(-13, -5))
+def test_log_probability__over_a_narrow_width_is_the_density(kind, low, log10_width):
+    tail, df = kind
+    width = 10**log10_width
+    middle = low + width / 2
+    expected = tail.log_density(middle, df) + np.log(width)
+    value = tail.log_probability(low, low + width, df, width)
+    # Discretisation: width^2 / 24 of f''/f, below z^2 + 12; rounding of the middle by the slope z.
+    tolerance = rounding(expected) + width**2 * (low**2 + 12) / 24 + 1e-15 * low**2
+    assert abs(value - expected) < tolerance
+
+
+@given(kinds, places, log10_widths, log10_widths)
+def test_log_probability__adds_up(kind, low, log10_first, log10_second):
+    tail, df = kind
+    first, second = 10**log10_first, 10**log10_second
+    middle = low + first
+    high = middle + second
+    assume(low < middle < high)
+    # Widths as the floats have them, so that the parts do make up the whole.
+    whole = tail.log_probability(low, high, df)
+    parts = np.logaddexp(
+        tail.log_probability(low, middle, df), tail.log_probability(middle, high, df)
+    )
+    # Rounding of three values, and of the widths: eps of 60 over a width, each by its own share.
+    share = 3 * np.finfo(float).eps * max(abs(low), abs(high)) / (high - low)
+    assert abs(whole - parts) < 3 * rounding(whole) + share
+
+
+@given(kinds, places, log10_widths)
+def test_log_probability__is_symmetric(kind, low, log10_width):
+    tail, df = kind
+    high = low + 10**log10_width
+    assume(low < high)
+    value = tail.log_probability(low, high, df)
+    # Rounding: the quadrature sums its nodes in the other order.
+    assert abs(value - tail.log_probability(-high, -low, df)) < 1e-14 + 1e-15 * abs(value)
+
+
+@pytest.mark.parametrize(("tail", "df"), KINDS)
+def test_log_probability__is_smooth_where_the_way_of_computing_it_changes(tail, df):
+    width = np.geomspace(1e-3, 60, 4001)
+    values = [tail.log_probability(low, low + width, df, width) for low in (0.0, 1.0, 6.0)]
+    values.append(tail.log_probability(-width / 2, width / 2, df))
+    values.append(tail.log_probability(np.geomspace(1e-3, 8, 4001), np.inf, df))
+    # Discretisation: 0.3 % to the sixth; quadrature: 10 times the 1e-13 of a jump; rounding: 64
+    # times 1e-15 of values to 30.
+    assert np.all(np.abs(np.diff(values, 6)) < 2e-12)
+
+
+@pytest.mark.parametrize(("tail", "df"), KINDS)
+def test_log_probability__takes_infinite_and_empty_intervals(tail, df):
+    low = np.array([-np.inf, -np.inf, 0.0, 2.0, np.inf, -np.inf])
+    high = np.array([np.inf, 0.0, np.inf, 2.0, np.inf, -np.inf])
+    value = tail.log_probability(low, high, df)
+    expected = [0.0, np.log(0.5), np.log(0.5), -np.inf, -np.inf, -np.inf]
+    np.testing.assert_allclose(value, expected, atol=1e-15)  # algebra
+
+
+@pytest.mark.parametrize(("tail", "df"), KINDS)
+def test_log_probability__is_finite_or_beyond_floats_at_the_ends_of_the_floats(tail, df):
+    ends = np.concatenate(
+        [-np.geomspace(1e300, 1e-300, 61), [0.0], np.geomspace(1e-300, 1e300, 61)]
+    )
+    low, high = (array[np.triu_indices(len(ends), 1)[i]] for i, array in enumerate((ends, ends)))
+    value = tail.log_probability(low, high, df)
+    assert not np.any(np.isnan(value))
+    assert np.all(value <= 1e-15)  # rounding
+    reachable = np.minimum(np.abs(low), np.abs(high)) < 1e150
+    reachable |= (low < 0) & (high > 0)
+    assert np.all(np.isfinite(value[reachable if df is None else slice(None)]))
+
+
+def test_log_probability__of_student_tends_to_the_normal():
+    low = np.array([-40.0, -3.0, -1.0, 0.0, 2.0, 5.0])
+    high = low + np.array([[1e-6], [0.3], [2.0], [20.0]])
+    z4 = np.minimum(low**4, high**4)
+    z4 = np.where((low < 0) & (high > 0), 0.0, z4)
+    difference = STUDENT.log_probability(low, high, 1e7) - NORMAL.log_probability(low, high, None)
+    # Truncation: the next order of the density in 1 / df is (z^4 - 2 z^2 - 1) / 4 df.
+    assert np.all(np.abs(difference) < 1.2 * (z4 + 8 * np.sqrt(z4) + 8) / 4e7)
+    assert np.all(np.abs(difference[:, 0]) > 1e-3)
+
+
+@given(kinds, st.floats(-300, 0))
+def test_quantile__inverts_the_cdf(kind, log10_prob):
+    tail, df = kind
+    prob = 10**log10_prob
+    z = tail.quantile(prob, df)
+    assume(np.abs(z) < 1e300)
+    # Rounding: of z by the slope of log cdf, z^2 or df, and of scipy's ndtri for the normal.
+    tolerance = 1e-12 + 1e-14 * abs(np.log(prob))
+    assert abs(tail.cdf(z, df) / prob - 1) < tolerance
+
+
+def test_cdf__of_student_is_the_closed_form_where_there_is_one():
+    z = np.geomspace(1e-6, 1e6, 241)
+    root = np.sqrt(2 + z * z)
+    # Rounding and quadrature, the latter of 1e-13 in what is taken from one half.
+    np.testing.assert_allclose(STUDENT.cdf(-z, 1.0), np.arctan2(1, z) / np.pi, rtol=1e-13)
+    np.testing.assert_allclose(STUDENT.cdf(-z, 2.0), 1 / (root * (root + z)), rtol=1e-13)
+
+
+@pytest.mark.parametrize(("tail", "df"), KINDS)
+def test_cdf__is_the_probability_below(tail, df):
+    z = np.array([-np.inf, -30.0, -3.0, -1e-3, 0.0, 1e-9, 1.0, 4.0, np.inf])
+    below = np.exp(tail.log_probability(-np.inf, z, df))
+    np.testing.assert_allclose(tail.cdf(z, df), below, rtol=1e-12)  # rounding
+    assert tail.cdf(np.inf, df) == 1
+
+
+def test_quantile__reaches_the_ends_and_keeps_to_the_middle():
+    prob = np.array([0.1, 0.3, 0.45, 0.5 - 1e-9, 0.5, 0.5 + 1e-9, 0.55, 0.9])
+    beside = 0.5 - 2.0**-53 * np.arange(1, 200)
+    for tail, df in KINDS:
+        assert np.all(tail.quantile([0.0, 0.5, 1.0], df) == [-np.inf, 0.0, np.inf])
+        # Rounding of probabilities of one half.
+        np.testing.assert_allclose(tail.cdf(tail.quantile(prob, df), df), prob, rtol=1e-14)
+        np.testing.assert_allclose(tail.cdf(tail.quantile(beside, df), df), beside, rtol=1e-14)
+    # The power law of exponent -0.1: 200 powers of ten in z for 20 in the probability.
+    ratio = STUDENT.quantile(1e-30, 0.1) / STUDENT.quantile(1e-10, 0.1)
+    assert np.log10(ratio) == pytest.approx(200, rel=1e-13)  # rounding
+    assert STUDENT.quantile(1e-40, 0.1) == -np.inf
+
+
+def test_quantile__refuses_what_is_no_probability():
+    for tail, df in KINDS:
+        with pytest.raises(InputError, match=r"prob: 1.5 given; rule: 0 <= prob <= 1"):
+            tail.quantile(1.5, df)
+        with pytest.raises(InputError, match="prob: nan given"):
+            tail.quantile(np.nan, df)
+
+
+@pytest.mark.parametrize(("tail", "df"), [kind for kind in KINDS if kind[1] != 0.1])
+def test_rvs__follows_the_distribution(tail, df):
+    draws = tail.rvs(np.random.default_rng(5), df, 20_000)
+    # Monte Carlo: Kolmogorov-Smirnov, p above 1e-4 (3.9 standard errors) at a fixed seed.
+    assert stats.kstest(draws, lambda z: tail.cdf(z, df)).pvalue > 1e-4
+
+
+@pytest.mark.parametrize(("tail", "df"), KINDS)
+def test_site_variance__is_one_over_the_fisher_information(tail, df):
+    def integrand(z):
+        h = 1e-5
+        score = (tail.log_density(z + h, df) - tail.log_density(z - h, df)) / (2 * h)
+        return 2 * np.exp(tail.log_density(z, df)) * score**2
+
+    information, _ = integrate.quad(integrand, 0, np.inf)
+    # Discretisation: h^2 of the central difference, and quad's own tolerance.
+    assert 1 / tail.site_variance(df) == pytest.approx(information, rel=1e-6)
+
+
+def test_every_function__broadcasts_df_and_ends():
+    rng = np.random.default_rng(2)
+    low = rng.standard_normal((7, 1, 5)) * 4
+    width = 10 ** rng.uniform(-10, 1.5, (3, 5))
+    df = 10 ** rng.uniform(-1, 6, (7, 1, 1))
+    for tail in (NORMAL, STUDENT):
+        whole = tail.log_probability(low, low + width, df, width)
+        assert whole.shape == (7, 3, 5)
+        for i, j, k in np.ndindex(whole.shape):
+            a, w, nu = low[i, 0, k], width[j, k], df[i, 0, 0]
+            one = tail.log_probability(a, a + w, nu, w)
+            assert one.shape == ()
+            # Rounding: vector and scalar loops of the same functions.
+            assert whole[i, j, k] == pytest.approx(float(one), rel=1e-13, abs=1e-13)
+        assert tail.log_density(low, df).shape == (7, 1, 5)
+        assert tail.cdf(low, df).shape == (7, 1, 5)
+        assert tail.rvs(rng, df, (7, 3, 5)).shape == (7, 3, 5)
+    assert STUDENT.log_density(0.5, df).shape == STUDENT.quantile(0.5, df).shape == (7, 1, 1)
+    assert STUDENT.site_variance(df).shape == (7, 1, 1)
+    np.testing.assert_array_equal(NORMAL.log_density(low, df), NORMAL.log_density(low, None))
+
+
+def test_tail_named__knows_both_and_refuses_others():
+    assert tail_named("normal") == NORMAL
+    assert tail_named("student") == STUDENT
+    assert STUDENT.parameter_names == ("df",)
+    assert NORMAL.parameter_names == ()
+    with pytest.raises(InputError, match=r"tail 'cauchy': unknown; rule: one of normal, student"):
+        tail_named("cauchy")

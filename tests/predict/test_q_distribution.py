@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+
+from ridgebayes.errors import InputError
+from ridgebayes.predict.q_distribution import QDistribution, seeded
+
+# Two loads: P(Q >= 2), P(Q >= 4), ... typed by hand. All numbers are exact in binary.
+SURVIVAL = np.array([[1.0, 0.75, 0.25, 0.0], [1.0, 1.0, 0.5, 0.125]])
+Q = QDistribution(SURVIVAL, np.array([False, True]), 6, "simulation")
+
+
+def random_distribution(seed, n=50, n_step=8):
+    steps = np.sort(np.random.default_rng(seed).random((n, n_step)), axis=1)[:, ::-1]
+    steps[:, 0] = 1
+    return QDistribution(steps, np.zeros(n, bool), 100, "simulation")
+
+
+def test_pmf_and_cdf__are_differences_and_sums_of_one_another():
+    assert Q.q.tolist() == [2, 4, 6, 8]
+    assert Q.pmf.tolist() == [[0.25, 0.5, 0.25, 0.0], [0.0, 0.5, 0.375, 0.125]]
+    assert Q.cdf.tolist() == [[0.25, 0.75, 1.0, 1.0], [0.0, 0.5, 0.875, 1.0]]
+    many = random_distribution(1)
+    assert np.all(many.pmf >= 0)
+    np.testing.assert_allclose(many.pmf.sum(axis=-1), 1, rtol=1e-14)  # algebra: a sum
+    np.testing.assert_allclose(np.cumsum(many.pmf, axis=-1), many.cdf, rtol=1e-13, atol=1e-15)
+
+
+def test_at_least__counts_odd_numbers_up_and_ends_at_one_and_zero():
+    assert Q.at_least(4).tolist() == [0.75, 1.0]
+    assert Q.at_least(5).tolist() == Q.at_least(6).tolist() == [0.25, 0.5]
+    assert Q.at_least(0).tolist() == Q.at_least(2).tolist() == [1.0, 1.0]
+    assert Q.at_least(10).tolist() == [0.0, 0.0]
+
+
+def test_mean__is_the_sum_of_values_times_probabilities():
+    assert Q.mean().tolist() == [4.0, 5.25]
+    many = random_distribution(2)
+    np.testing.assert_allclose(many.mean(), many.pmf @ many.q, rtol=1e-13)  # algebra
+
+
+def test_quantile__is_the_smallest_count_that_reaches_the_probability():
+    assert Q.quantile(0.25).tolist() == [2, 4]
+    assert Q.quantile(0.2500001).tolist() == [4, 4]
+    assert Q.quantile(0.5).tolist() == Q.median().tolist() == [4, 4]
+    assert Q.quantile(0.0).tolist() == [2, 2]
+    assert Q.quantile(1.0).tolist() == [6, 8]
+    assert [bound.tolist() for bound in Q.interval(0.5)] == [[2, 4], [4, 6]]
+
+
+@pytest.mark.parametrize("prob", [0.01, 0.3, 0.5, 0.77, 0.999])
+def test_quantile__inverts_the_cdf(prob):
+    many = random_distribution(3)
+    place = np.searchsorted(many.q, many.quantile(prob))
+    rows = np.arange(len(place))
+    assert np.all(many.cdf[rows, place] >= prob)
+    below = np.where(place > 0, many.cdf[rows, place - 1], 0.0)
+    assert np.all(below < prob)
+
+
+def test_interval__holds_at_least_the_probability():
+    many = random_distribution(4)
+    lower, upper = many.interval(0.8)
+    inside = (many.q >= lower[:, None]) & (many.q <= upper[:, None])
+    assert np.all((many.pmf * inside).sum(axis=-1) >= 0.8 - 1e-12)  # algebra: a sum
+
+
+@pytest.mark.parametrize("bad", [-0.1, 1.1, np.nan])
+def test_quantile__refuses_what_is_no_probability(bad):
+    with pytest.raises(InputError, match=rf"prob: {bad} given; rule: 0 <= prob <= 1"):
+        Q.quantile(bad)
+
+
+def test_extrapolation__flags_textures_and_counts_that_were_not_calibrated():
+    assert Q.extrapolation(0.5).tolist() == [False, True]
+    inside = QDistribution(SURVIVAL, np.array([False, False]), 6, "simulation")
+    assert inside.extrapolation(0.5).tolist() == [False, False]
+    assert inside.extrapolation(0.99).tolist() == [False, True]  # its upper end is 8
+
+
+def test_rvs__follows_the_probabilities_reproducibly():
+    n = 40_000
+    draws = Q.rvs(1, size=n)
+    assert draws.shape == (n, 2)
+    share = (draws[..., None] == Q.q).mean(axis=0)
+    # Monte Carlo: 4.5 standard errors of a share.
+    assert np.all(np.abs(share - Q.pmf) <= 4.5 * np.sqrt(Q.pmf * (1 - Q.pmf) / n))
+    assert draws.tolist() == Q.rvs(1, size=n).tolist()
+    assert draws.tolist() == Q.rvs(np.random.default_rng(1), size=n).tolist()
+
+
+def test_seeded__passes_generators_through_and_refuses_nonsense():
+    rng = np.random.default_rng(1)
+    assert seeded(rng) is rng
+    with pytest.raises(InputError, match="rng: -1 given; rule: a non-negative integer"):
+        seeded(-1)
+
+
+def test_repr__tells_kind_shape_and_reach():
+    assert repr(Q) == "QDistribution(simulation, shape (2,), Q <= 8)"

@@ -1,0 +1,175 @@
+"""Figures of the cylinder: what is drawn is the state, and all of the text can be read."""
+
+import functools
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection, PolyCollection, TriMesh
+
+from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
+from ridgebayes.contact.cylinder.fields import surface_table
+from ridgebayes.contact.cylinder.newton import Control, solve
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.drawing.style import as_bytes
+from ridgebayes.errors import InputError
+from ridgebayes.report.figures.cylinder import plot_deformed, plot_departure
+
+A, B, RISE = 0.022, 0.02, 4e-3
+PROFILES = {
+    "sharp": Profile(A, B),
+    "rounded": Profile(A, B, corner=0.004),
+    "offset": Profile(A, B, offset=0.2),
+    "floored": Profile(A, 0.03, depth=8e-4),
+    "flat": None,
+}
+LOADS, RATIOS = np.array([1e-3, 1e-2, 0.1]), np.array([1.0003, 1.004, 1.04])
+
+
+@functools.cache
+def pressed(name):
+    cylinder = Cylinder(PROFILES[name], p_max=0.003, fineness=Fineness(edges=8))
+    return cylinder, solve(cylinder.press, cylinder.unloaded(), Control("rise", RISE))[0]
+
+
+def drawn(axes, kind):
+    return [one for one in axes.collections if type(one) is kind]
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_plot_deformed__has_no_text_that_is_clipped_or_lies_on_other_text(name, faults):
+    figure = plot_deformed(*pressed(name), fields=("von Mises", "pressure"))
+    assert len(figure.axes) == 5
+    assert faults(figure) == ([], [])
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_plot_deformed__draws_the_deformed_body_on_both_sides(name):
+    cylinder, state = pressed(name)
+    whole, near, _, *_ = plot_deformed(cylinder, state).axes
+    points = cylinder.press.solid.points + state.u
+    for axes in (whole, near):
+        assert axes.get_aspect() == 1.0
+        (coloured,) = drawn(axes, TriMesh)
+        x, y = coloured._triangulation.x, coloured._triangulation.y
+        n = len(points)
+        np.testing.assert_array_equal(np.column_stack([x, y])[:n], points)
+        assert x.min() == pytest.approx(-x.max(), rel=1e-2)  # exact where mirrored
+        # Triangles cover the body once: half a disk that keeps its volume, but for chords.
+        corners = np.stack([x, y], axis=-1)[coloured._triangulation.triangles]
+        (a, b), (c, d) = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
+        areas = 0.5 * np.abs(a * d - b * c)
+        assert areas.sum() == pytest.approx(np.pi / 2, rel=2e-3)
+        (edges,) = drawn(axes, LineCollection)
+        assert {len(one) for one in edges.get_segments()} == {5}
+    left, right = whole.get_xlim()
+    bottom, top = whole.get_ylim()
+    assert left < x.min() < x.max() < right
+    assert bottom < y.min() < y.max() < top
+
+
+def test_plot_deformed__bends_edges_through_their_middle_nodes():
+    cylinder, state = pressed("sharp")
+    whole = plot_deformed(cylinder, state).axes[0]
+    (edges,) = drawn(whole, LineCollection)
+    rim = cylinder.press.rim(state)
+    middles = np.array([one[2] for one in edges.get_segments()])
+    for first, middle, last in rim[:: len(rim) // 10]:
+        i = np.abs(middles - middle).sum(axis=1).argmin()
+        found = edges.get_segments()[i]
+        ends = found[[0, -1]]
+        np.testing.assert_allclose(found[2], middle, atol=1e-15)  # rounding
+        np.testing.assert_allclose(ends[ends[:, 0].argsort()], [first, last], atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["sharp", "rounded", "offset", "floored"])
+def test_plot_deformed__draws_ridges_where_they_have_risen_to(name):
+    cylinder, state = pressed(name)
+    near = plot_deformed(cylinder, state).axes[1]
+    (ridges,) = drawn(near, PolyCollection)
+    outlines = [one.vertices for one in ridges.get_paths()]
+    table = surface_table(cylinder, state)
+    top = table["y"].max()
+    for outline in outlines:
+        assert outline[:, 1].max() == pytest.approx(top, abs=1e-3 * A)
+    for row in table.to_dict("records"):
+        land = PROFILES[name].ridge(row["ridge"])
+        (own,) = [
+            one
+            for one in outlines
+            if abs(one[:, 0].min() - land.start) + abs(one[:, 0].max() - land.stop) < 1e-12
+        ]
+        # Contact lies on the outline: within the chords of its arcs.
+        distance = np.min([off(own[i], own[i + 1], row) for i in range(len(own) - 1)])
+        assert distance < 1e-2 * max(PROFILES[name].corner, 1e-10)
+    (floor,) = [one.get_y() + one.get_height() for one in near.patches] or [None]
+    expected = None if name != "floored" else pytest.approx(top - 8e-4, abs=1e-12)
+    assert floor == expected
+
+
+def off(one, other, row):
+    """Distance of a segment's middle from a stretch of an outline."""
+    at, along = np.array([row["x"], row["y"]]) - one, other - one
+    share = np.clip(at @ along / max(along @ along, 1e-300), 0.0, 1.0)
+    return np.hypot(*(at - share * along))
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_plot_deformed__draws_pressures_that_carry_the_load(name):
+    cylinder, state = pressed(name)
+    _, near, below, *_ = plot_deformed(cylinder, state).axes
+    assert below.get_xlim() == near.get_xlim()
+    (bars,) = drawn(below, PolyCollection)
+    sizes = np.array([np.ptp(one.vertices, axis=0) for one in bars.get_paths()])
+    # P' = 2 R p. Bars are as wide as a round segment's tangent in its middle: 15 degrees, at this
+    # fineness, from that at its ends, whose sine is 1.1 % less than the angle.
+    load = 2 * cylinder.p_over_E(state)
+    assert sizes.prod(axis=1).sum() == pytest.approx(load, rel=1e-2 if name == "rounded" else 1e-12)
+    ends = np.concatenate([one.vertices[:, 0] for one in bars.get_paths()])
+    low, high = below.get_xlim()
+    assert low < ends.min() < ends.max() < high
+
+
+def test_plot_deformed__at_the_plate_draws_the_whole_body_but_not_the_plates_pressure(faults):
+    cylinder = Cylinder(Profile(A, B), p_max=0.003, pressed_by="plate", fineness=Fineness(edges=4))
+    state = solve(cylinder.press, cylinder.unloaded(), Control("rise", 2e-4))[0]
+    figure = plot_deformed(cylinder, state)
+    whole, _, below, *_ = figure.axes
+    assert faults(figure) == ([], [])
+    assert whole.get_ylim()[1] > 1.0
+    (plate,) = whole.patches
+    assert plate.get_y() == 1.0
+    (bars,) = drawn(below, PolyCollection)
+    carried = sum(np.ptp(one.vertices, axis=0).prod() for one in bars.get_paths())
+    assert carried == pytest.approx(2 * cylinder.p_over_E(state), rel=1e-9)
+
+
+def test_plot_deformed__says_what_it_cannot_draw():
+    cylinder, state = pressed("sharp")
+    with pytest.raises(InputError, match="no 'stress'; rule: von Mises or pressure"):
+        plot_deformed(cylinder, state, fields=("pressure", "stress"))
+    with pytest.raises(InputError, match="touches nothing"):
+        plot_deformed(cylinder, cylinder.unloaded())
+
+
+@pytest.mark.parametrize("nu", [0.5, 0.3])
+def test_plot_departure__is_the_curve_and_names_its_ratio(nu, faults):
+    figure = plot_departure(LOADS, RATIOS, nu=nu)
+    assert faults(figure) == ([], [])
+    (axes,) = figure.axes
+    curve, hertz = axes.lines
+    np.testing.assert_array_equal(curve.get_data(), [LOADS, RATIOS])
+    assert set(hertz.get_ydata()) == {1.0}
+    (legend,) = figure.legends
+    assert str(nu) in legend.get_texts()[0].get_text()
+
+
+@pytest.mark.parametrize("kind", ["png", "svg"])
+def test_figures__of_the_same_input_are_the_same_bytes_whatever_the_user_has_set(kind):
+    def drawings():
+        figures = (plot_deformed(*pressed("sharp")), plot_departure(LOADS, RATIOS))
+        return [as_bytes(figure, kind) for figure in figures]
+
+    first = drawings()
+    with matplotlib.rc_context({"font.size": 20, "svg.hashsalt": None, "axes.grid": False}):
+        assert drawings() == first

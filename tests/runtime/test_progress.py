@@ -1,0 +1,116 @@
+"""What a long command says: plain lines off a terminal, a bar on one, times either way."""
+
+import io
+from types import SimpleNamespace
+
+import pytest
+
+from ridgebayes.runtime.progress import Progress
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Wall and CPU clocks that a test moves by hand."""
+    now = SimpleNamespace(wall=100.0, cpu=10.0)
+    fake = SimpleNamespace(perf_counter=lambda: now.wall, process_time=lambda: now.cpu)
+    monkeypatch.setattr("ridgebayes.runtime.progress.time", fake)
+    return now
+
+
+def test_stages__each_has_its_own_wall_and_cpu_time(clock):
+    with Progress(2, io.StringIO()) as progress:
+        with progress.stage("calibrate"):
+            clock.wall += 2.5
+            clock.cpu += 1.25
+        clock.wall += 7.0  # between stages: nobody's
+        with progress.stage("evidence"):
+            clock.wall += 0.5
+            clock.cpu += 4.0
+    # Algebra: the clocks' steps are exact in binary.
+    assert progress.stages == [
+        {"name": "calibrate", "wall_s": 2.5, "cpu_s": 1.25},
+        {"name": "evidence", "wall_s": 0.5, "cpu_s": 4.0},
+    ]
+
+
+def test_plain__one_line_a_stage_and_nothing_else(clock):
+    out = io.StringIO()
+    with Progress(2, out) as progress:
+        for name in ("calibrate", "evidence"):
+            with progress.stage(name):
+                progress.detail("100 steps")
+                clock.wall += 2.0
+    assert out.getvalue() == "calibrate: 2.00 s\nevidence: 2.00 s\n"
+
+
+def test_plain__a_line_is_out_before_the_next_stage_begins(clock):
+    out = io.StringIO()
+    with Progress(2, out) as progress:
+        with progress.stage("first"):
+            assert out.getvalue() == ""
+        with progress.stage("second"):
+            assert out.getvalue() == "first: 0.00 s\n"
+
+
+def test_stage__that_raises_is_timed_and_its_error_goes_on(clock):
+    progress = Progress(1, io.StringIO())
+
+    def fail():
+        with progress, progress.stage("evidence"):
+            clock.wall += 3.0
+            raise RuntimeError("half-way")
+
+    with pytest.raises(RuntimeError, match="half-way"):
+        fail()
+    assert progress.stages == [{"name": "evidence", "wall_s": 3.0, "cpu_s": 0.0}]
+
+
+def test_default__tells_on_standard_error(capsys):
+    with Progress(1) as progress, progress.stage("bands"):
+        pass
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("bands: ")
+
+
+def test_two_records__do_not_share_stages():
+    first, second = Progress(1, io.StringIO()), Progress(1, io.StringIO())
+    with first, first.stage("only here"):
+        pass
+    assert second.stages == []
+
+
+def test_terminal__a_bar_instead_of_lines(clock, monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    out = Terminal()
+    with Progress(2, out) as progress:
+        with progress.stage("calibrate hybrid"):
+            progress.detail("434 steps")
+        assert progress._bar.tasks[0].description == "434 steps"
+        assert progress._bar.tasks[0].completed == 1
+        with progress.stage("evidence hybrid"):
+            assert progress._bar.tasks[0].description == "evidence hybrid"
+        assert progress._bar.finished
+    assert [stage["name"] for stage in progress.stages] == ["calibrate hybrid", "evidence hybrid"]
+    assert "calibrate hybrid: " not in out.getvalue()
+    assert "evidence hybrid" in out.getvalue()
+
+
+def test_terminal__the_bar_stops_when_the_work_raises(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    progress, bars = Progress(1, Terminal()), []
+
+    def fail():
+        with progress:
+            bars.append(progress._bar)
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert not bars[0].live.is_started
+    assert progress._bar is None

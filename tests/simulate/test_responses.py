@@ -1,0 +1,84 @@
+"""What a scene does under loads, against transition loads and against the sums it has to give."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ridgebayes.contact.halfplane import transition_loads
+from ridgebayes.contact.pressed import pressed
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.errors import InputError
+from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.simulate.responses import (
+    FORCE_COLUMNS,
+    RESPONSE_COLUMNS,
+    contact_at_loads,
+    ridge_forces,
+)
+
+A, B = 0.012, 0.03
+
+
+def scene_with(**texture):
+    return Scene(textures=(Texture(a_over_R=A, b_over_R=B, **texture),))
+
+
+def test_contact_at_loads__counts_change_at_the_transition_loads():
+    p = transition_loads(A, B, 3).p_over_E(A + B)
+    found = contact_at_loads(scene_with(), np.concatenate([p * (1 - 1e-5), p * (1 + 1e-5)]))
+    assert found.columns.tolist() == RESPONSE_COLUMNS
+    assert found["Q"].tolist() == [2, 4, 6, 4, 6, 8]
+    assert set(found["status"]) == {"ok"}
+    assert not found["p_over_E"].is_monotonic_increasing  # rows stand as loads were given
+    assert found.sort_values("p_over_E")["approach_over_R"].is_monotonic_increasing
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{}, {"offset": 0.5}, {"offset": 0.2, "groove_depth_over_R": 5e-4}, {"offset": -0.3}],
+)
+def test_ridge_forces__are_the_load_and_pressures_the_forces(changed):
+    scene = scene_with(**changed)
+    found = ridge_forces(scene, [0.004], solver="half-plane")
+    assert found.columns.tolist() == FORCE_COLUMNS
+    times = np.ones(len(found))
+    if changed.get("offset", 0.0) in (0.0, 0.5):  # the right half, and what lies below the centre
+        times = np.where(found["left_over_R"] < 0, 1, 2)
+    assert (found["share"] * times).sum() == pytest.approx(1, rel=1e-12)  # balance
+    width = found["right_over_R"] - found["left_over_R"]
+    # p is force per projected area 2 R: mean pressure x width / (2 R) adds up to it.
+    total = (found["mean_pressure_over_E"] * width * times).sum() / 2
+    assert total == pytest.approx(0.004, rel=1e-12)
+    count = contact_at_loads(scene, [0.004], solver="half-plane")["Q"].iloc[0]
+    assert (times * (found["land"] == "ridge")).sum() == count
+
+
+def test_ridge_forces__number_floors_by_the_ridge_to_their_left():
+    found = ridge_forces(scene_with(offset=0.2, groove_depth_over_R=5e-4), [0.004])
+    ridges = found[found["land"] == "ridge"].set_index("ridge")
+    for floor in found[found["land"] == "floor"].to_dict("records"):
+        if floor["ridge"] in ridges.index:
+            assert ridges.loc[floor["ridge"], "right_over_R"] < floor["left_over_R"]
+        if floor["ridge"] + 1 in ridges.index:
+            assert floor["right_over_R"] < ridges.loc[floor["ridge"] + 1, "left_over_R"]
+        if not math.isnan(floor["penetration_over_R"]):
+            assert floor["penetration_over_R"] == pytest.approx(5e-4, rel=1e-3)  # it is touched
+
+
+def test_contact_at_loads__are_those_of_the_profile():
+    found = contact_at_loads(scene_with(offset=0.1), [0.003], solver="half-plane").iloc[0]
+    alone = pressed(Profile(A, B, offset=0.1), 4 / math.pi * 0.75 * 0.003, rel_tol=1e-6)
+    assert found["Q"] == alone.Q
+    assert found["contact_fraction"] == alone.contact_fraction
+    assert found["penetration_over_R"] >= alone.penetration(0)
+
+
+def test_contact_at_loads__refuse_bad_input():
+    for loads in ([0.0], [-1.0], [math.nan]):
+        with pytest.raises(InputError, match="rule: finite and > 0"):
+            contact_at_loads(scene_with(), loads)
+    with pytest.raises(InputError, match="rule: auto or half-plane"):
+        contact_at_loads(scene_with(), [0.01], solver="hertz")
+    with pytest.raises(InputError, match="sliding_counts"):
+        contact_at_loads(scene_with(offset="uniform"), [0.01])

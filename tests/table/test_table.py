@@ -1,0 +1,723 @@
+"""Each rule of the contact table is broken once, and every file comes back as it was written."""
+
+import io
+import re
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ridgebayes.errors import InputError, OutputError
+from ridgebayes.table import files as table_files
+from ridgebayes.table.cells import as_numbers, as_text, row_codes
+from ridgebayes.table.columns import NAMES, REQUIRED
+from ridgebayes.table.table import ContactTable, read_table
+
+HEADER = "a_over_R,b_over_R,Q,p_over_E"
+GOOD = "0.032,0.01,4,0.00097\n0.032,0.01,6,0.0037\n"
+
+
+def csv_file(folder: Path, text: str | bytes, name: str = "fea.csv") -> Path:
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def refusal(source) -> str:
+    with pytest.raises(InputError) as caught:
+        read_table(source)
+    return str(caught.value)
+
+
+def sweep(n_texture: int = 3) -> pd.DataFrame:
+    k = np.tile([1, 2, 3], n_texture)
+    a = np.repeat(0.012 + 0.01 * np.arange(n_texture), 3)
+    return pd.DataFrame({"a_over_R": a, "b_over_R": 0.02, "Q": 2 + 2 * k, "p_over_E": 1e-3 * k**2})
+
+
+# --- what is filled, kept and derived -------------------------------------------------------
+
+
+def test_from_frame__fills_every_default_in_canonical_order() -> None:
+    frame = ContactTable.from_frame(sweep(1)).frame
+    assert tuple(frame.columns) == NAMES
+    first = frame.iloc[0].to_dict()
+    assert np.isnan(first.pop("p_over_E_lower"))
+    assert first == {
+        "a_over_R": 0.012,
+        "b_over_R": 0.02,
+        "Q": 4,
+        "p_over_E": 0.001,
+        "rel_se": 0.0,
+        "kind": "transition",
+        "nu": 0.5,
+        "offset_over_R": 0.0,
+        "texture": "a0.012_b0.02",
+        "series": "",
+        "role": "calibration",
+        "solver": "",
+        "status": "ok",
+        "source": "",
+    }
+    assert frame["Q"].dtype == np.int64
+
+
+def test_from_frame__empty_cells_take_the_default_and_empty_labels_the_geometry() -> None:
+    frame = sweep(1).assign(
+        nu=[0.49, np.nan, 0.49],
+        texture=["", "mine", None],
+        kind="",
+        role=None,
+        status=["", "ok", "ok"],
+        rel_se=np.nan,
+    )
+    got = read_table(frame).frame
+    assert got["nu"].tolist() == [0.49, 0.5, 0.49]
+    assert got["texture"].tolist() == ["a0.012_b0.02", "mine", "a0.012_b0.02"]
+    assert set(got["kind"]) == {"transition"}
+    assert set(got["role"]) == {"calibration"}
+    assert set(got["status"]) == {"ok"}
+    assert set(got["rel_se"]) == {0.0}
+
+
+def test_frame__is_a_copy_both_ways() -> None:
+    mine = sweep(1)
+    table = read_table(mine)
+    mine.loc[0, "p_over_E"] = 9.0
+    theirs = table.frame
+    theirs.loc[0, "p_over_E"] = 9.0
+    assert table.frame["p_over_E"].iloc[0] == 0.001
+    with pytest.raises(ValueError, match="read-only"):
+        table.column("p_over_E")[0] = 9.0
+
+
+def test_roles_and_status__part_the_rows_without_losing_one() -> None:
+    frame = sweep(3).assign(
+        role=["calibration"] * 3 + ["held-out"] * 6,
+        status=["ok"] * 8 + ["did not converge"],
+    )
+    frame.loc[8, "p_over_E"] = np.nan
+    table = read_table(frame)
+    assert [len(part) for part in (table.calibration, table.held_out, table.left_out)] == [3, 5, 1]
+    assert len(table) == 9
+    assert table.left_out.column("status").tolist() == ["did not converge"]
+    assert table.calibration.textures == ((0.012, 0.02),)
+    assert repr(table) == "ContactTable(table: 9 rows, 3 textures)"
+
+
+def test_textures_and_labels__stand_in_order_of_first_appearance() -> None:
+    frame = sweep(3).iloc[::-1].assign(texture=[*["rough"] * 2, "rough too", *[""] * 6])
+    table = read_table(frame)
+    assert [a for a, _ in table.textures] == pytest.approx([0.032, 0.022, 0.012])
+    assert table.labels == ("rough", "a0.022_b0.02", "a0.012_b0.02")
+
+
+def test_from_frame__accepts_what_the_contract_allows() -> None:
+    rows = pd.DataFrame(
+        {
+            "a_over_R": 0.02,
+            "b_over_R": 0.02,
+            "Q": [5, 2, 2, 6, 6, 6],
+            "p_over_E": [0.01, 0.001, 0.002, 0.004, 0.004, np.nan],
+            "offset_over_R": [0.003, 0, 0, 0, 0, 0],
+            "kind": ["transition", "count", "count", "transition", "transition", "transition"],
+            "series": ["", "", "", "coarse", "fine", "fine"],
+            "status": ["ok", "ok", "ok", "ok", "ok", "overlap"],
+            "p_over_E_lower": [0.01, 0, np.nan, 0.003, np.nan, 0.1],
+        }
+    )
+    assert len(read_table(rows)) == 6
+
+
+@pytest.mark.parametrize(
+    ("column", "other"),
+    [
+        ("a_over_R", 0.5),
+        ("b_over_R", 0.5),
+        ("nu", 0.3),
+        ("offset_over_R", 0.01),
+        ("source", "other"),
+        ("solver", "other"),
+        ("series", "other"),
+    ],
+)
+def test_curve__is_told_apart_by_each_of_its_columns(column: str, other: object) -> None:
+    first = read_table(sweep(1).iloc[[0]]).frame.assign(texture="")
+    assert len(read_table(pd.concat([first, first.assign(**{column: other})]))) == 2
+    assert "identical row of one curve twice" in refusal(pd.concat([first, first]))
+
+
+@pytest.mark.parametrize("dtype", ["Float64", object, "category", str])
+def test_from_frame__takes_numbers_of_any_pandas_dtype(dtype) -> None:
+    frame = sweep(1)
+    assert read_table(frame.astype(dtype)).digest() == read_table(frame).digest()
+
+
+def test_as_text__spells_whole_numbers_alike() -> None:
+    assert as_text(pd.Series([1.0, 2.5])).tolist() == ["1", "2.5"]
+    assert as_text(pd.Series([1, 2])).tolist() == ["1", "2"]
+
+
+def test_row_codes__agree_with_a_dictionary_of_rows() -> None:
+    rng = np.random.default_rng(5)
+    a, b, c = rng.integers(0, 4, (3, 200))
+    words = pd.Series(c).map(str)
+    known: dict = {}
+    slow = [known.setdefault(row, len(known)) for row in zip(a, b, words, strict=True)]
+    assert row_codes(a, b, words).tolist() == slow
+
+
+@pytest.mark.parametrize("cell", [True, "1_000", "0x1", "１", 1j, "1e", "0,5", 10**400, [1]])
+def test_as_numbers__takes_nothing_for_a_number_that_is_none(cell) -> None:
+    _, _, text = as_numbers(pd.Series([cell, 1.0], dtype=object))
+    assert text.tolist() == [True, False]
+
+
+# --- every rule, broken ----------------------------------------------------------------------
+
+CELL = {
+    # rule: (header, rows, line of the message after the file's name)
+    "text as a texture": (
+        HEADER,
+        "0.01;0.02,0.01,4,0.001",
+        "row 1 (line 2): a_over_R = '0.01;0.02': must be a number, with a point for decimals",
+    ),
+    "decimal comma": (
+        HEADER,
+        '0.01,0.01,4,"1,5"',
+        "row 1 (line 2): p_over_E = '1,5': must be a number, with a point for decimals",
+    ),
+    "NaN": (
+        HEADER,
+        "0.01,nan,4,0.001",
+        "row 1 (line 2): b_over_R = 'nan': must be finite and > 0",
+    ),
+    "NaN in an optional column": (
+        HEADER + ",rel_se",
+        "0.01,0.01,4,0.001,NaN\n0.01,0.01,6,0.002,",
+        "row 1 (line 2): rel_se = 'NaN': must be finite and >= 0",
+    ),
+    "infinity": (
+        HEADER,
+        "0.01,0.01,4,1e999",
+        "row 1 (line 2): p_over_E = '1e999': must be finite and > 0",
+    ),
+    "negative width": (
+        HEADER,
+        "-0.01,0.01,4,0.001",
+        "row 1 (line 2): a_over_R = '-0.01': must be finite and > 0",
+    ),
+    "zero width": (
+        HEADER,
+        "0.01,0.000,4,0.001",
+        "row 1 (line 2): b_over_R = '0.000': must be finite and > 0",
+    ),
+    "zero load": (
+        HEADER,
+        "0.01,0.01,4,0",
+        "row 1 (line 2): p_over_E = '0': must be finite and > 0",
+    ),
+    "empty width": (
+        HEADER,
+        ",0.01,4,0.001",
+        "row 1 (line 2): a_over_R = (empty): must not be empty or NaN",
+    ),
+    "empty Q": (
+        HEADER,
+        "0.01,0.01,,0.001",
+        "row 1 (line 2): Q = (empty): must not be empty or NaN",
+    ),
+    "empty load": (
+        HEADER,
+        "0.01,0.01,4,",
+        "row 1 (line 2): p_over_E = (empty): must not be empty or NaN where status is 'ok'",
+    ),
+    "odd Q": (
+        HEADER,
+        "0.01,0.01,5,0.001",
+        "row 1 (line 2): Q = '5': must be even where offset_over_R is 0",
+    ),
+    "broken Q": (
+        HEADER,
+        "0.01,0.01,4.5,0.001",
+        "row 1 (line 2): Q = '4.5': must be an integer of at most 2^53",
+    ),
+    "huge Q": (
+        HEADER,
+        "0.01,0.01,1e300,0.001",
+        "row 1 (line 2): Q = '1e300': must be an integer of at most 2^53",
+    ),
+    "Q = 2": (
+        HEADER,
+        "0.01,0.01,2,0.001",
+        "row 1 (line 2): Q = '2': must be at least 4 for a transition",
+    ),
+    "Q = 0 as a count": (
+        HEADER + ",kind",
+        "0.01,0.01,0,0.001,count",
+        "row 1 (line 2): Q = '0': must be at least 2 for a count",
+    ),
+    "lower above": (
+        HEADER + ",p_over_E_lower",
+        "0.01,0.01,4,0.001,0.002",
+        "row 1 (line 2): p_over_E_lower = '0.002': must not be above p_over_E of its row",
+    ),
+    "lower negative": (
+        HEADER + ",p_over_E_lower",
+        "0.01,0.01,4,0.001,-1e-9",
+        "row 1 (line 2): p_over_E_lower = '-1e-9': must be finite and >= 0",
+    ),
+    "rel_se negative": (
+        HEADER + ",rel_se",
+        "0.01,0.01,4,0.001,-0.1",
+        "row 1 (line 2): rel_se = '-0.1': must be finite and >= 0",
+    ),
+    "nu too large": (
+        HEADER + ",nu",
+        "0.01,0.01,4,0.001,0.51",
+        "row 1 (line 2): nu = '0.51': must be from 0 to 0.5",
+    ),
+    "nu negative": (
+        HEADER + ",nu",
+        "0.01,0.01,4,0.001,-0.1",
+        "row 1 (line 2): nu = '-0.1': must be from 0 to 0.5",
+    ),
+    "offset infinite": (
+        HEADER + ",offset_over_R",
+        "0.01,0.01,5,0.001,inf",
+        "row 1 (line 2): offset_over_R = 'inf': must be finite",
+    ),
+    "kind": (
+        HEADER + ",kind",
+        "0.01,0.01,4,0.001,Count",
+        "row 1 (line 2): kind = 'Count': must be 'transition' or 'count'",
+    ),
+    "role": (
+        HEADER + ",role",
+        "0.01,0.01,4,0.001,heldout",
+        "row 1 (line 2): role = 'heldout': must be 'calibration' or 'held-out'",
+    ),
+    "status nearly ok": (
+        HEADER + ",status",
+        "0.01,0.01,4,0.001, OK",
+        "row 1 (line 2): status = ' OK': must be 'ok' exactly, or say what failed",
+    ),
+    "label on two textures": (
+        HEADER + ",texture",
+        "0.01,0.01,4,0.001,x\n0.01,0.02,4,0.001,x",
+        "row 2 (line 3): texture = 'x': one label names one texture, and row 1 gives it to another "
+        "(a_over_R, b_over_R)",
+    ),
+    "two lines in a text": (
+        HEADER + ",source",
+        '0.01,0.01,4,0.001,"two\nlines"',
+        "row 1 (line 2): source = 'two\\nlines': must be text on one line",
+    ),
+    "two lines in a column of the user's own": (
+        HEADER + ",note",
+        '0.01,0.01,4,0.001,"two\nlines"',
+        "row 1 (line 2): note = 'two\\nlines': must be text on one line",
+    ),
+    "falling": (
+        HEADER,
+        "0.01,0.01,4,0.003\n0.01,0.01,6,0.002",
+        "row 2 (line 3): p_over_E = '0.002': must rise with Q along a curve: row 1 has a lower Q",
+    ),
+    "falling in shuffled rows": (
+        HEADER,
+        "0.01,0.01,6,0.002\n0.02,0.01,4,0.001\n\n0.01,0.01,4,0.003",
+        "row 1 (line 2): p_over_E = '0.002': must rise with Q along a curve: row 3 has a lower Q",
+    ),
+    "equal loads": (
+        HEADER,
+        "0.01,0.01,4,0.002\n0.01,0.01,6,0.002",
+        "row 2 (line 3): p_over_E = '0.002': must rise with Q along a curve: row 1 has a lower Q",
+    ),
+    "identical row": (
+        HEADER,
+        "0.01,0.01,4,0.002\n0.01,0.01,4,0.002",
+        "row 2 (line 3): Q = '4': identical row of one curve twice: row 1 is the same",
+    ),
+    "Q twice": (
+        HEADER,
+        "0.01,0.01,4,0.002\n0.01,0.01,4,0.0021",
+        "row 2 (line 3): Q = '4': each Q must stand once in a curve, and row 1 has it too",
+    ),
+    "long cell": (
+        HEADER,
+        f"0.01,0.01,4,{'9' * 70}x",
+        f"row 1 (line 2): p_over_E = '{'9' * 57}...': must be a number, with a point for decimals",
+    ),
+}
+
+
+@pytest.mark.parametrize("rule", CELL)
+def test_read_table__names_file_row_column_value_and_rule(rule: str, tmp_path: Path) -> None:
+    header, rows, told = CELL[rule]
+    path = csv_file(tmp_path, f"{header}\n{rows}\n")
+    headline, *lines = refusal(path).split("\n  ")
+    assert headline == f"{path}: 1 value in 1 row breaks the rules of the table"
+    assert lines == [f"{path}, {told}"]
+
+
+def test_read_table__lists_every_bad_cell_in_the_order_of_the_file(tmp_path: Path) -> None:
+    path = csv_file(tmp_path, f"{HEADER}\nx,0.01,2,0.001\n0.01,0.01,4,0.001\n0.01,-1,4,\n")
+    headline, *lines = refusal(path).split("\n  ")
+    assert headline.endswith("4 values in 2 rows break the rules of the table")
+    found = [re.search(r"row (\d) .*?: (\w+) =", line).groups() for line in lines]
+    assert sorted(found) == [("1", "Q"), ("1", "a_over_R"), ("3", "b_over_R"), ("3", "p_over_E")]
+    assert [row for row, _ in found] == ["1", "1", "3", "3"]
+
+
+def test_read_table__shows_twenty_and_counts_the_rest() -> None:
+    frame = pd.DataFrame({name: np.full(33, -1.0) for name in REQUIRED})
+    headline, *lines = refusal(frame.assign(Q=np.arange(4, 70, 2))).split("\n  ")
+    assert headline == "table: 99 values in 33 rows break the rules of the table"
+    assert len(lines) == 21
+    assert lines[-1] == "... and 79 more"
+    assert lines[0] == "table, row 1: a_over_R = -1.0: must be finite and > 0"
+
+
+@pytest.mark.parametrize(
+    ("value", "rule"),
+    [(np.nan, "must not be empty or NaN"), (np.inf, "must be finite and > 0")],
+)
+def test_from_frame__shows_a_cell_that_is_no_text(value: float, rule: str) -> None:
+    with pytest.raises(InputError) as caught:
+        ContactTable.from_frame(sweep(1).assign(b_over_R=[0.1, 0.1, value]), where="mine")
+    assert str(caught.value).split("\n  ")[1:] == [f"mine, row 3: b_over_R = {value}: {rule}"]
+
+
+def test_from_frame__counts_rows_by_position_whatever_the_index() -> None:
+    frame = sweep(1).set_index(pd.Index([7, 7, 7])).assign(Q=[4, 6, 7])
+    assert "table, row 3: Q = 7: must be even where offset_over_R is 0" in refusal(frame)
+
+
+def test_from_frame__an_absent_column_is_never_blamed() -> None:
+    frame = sweep(2).assign(texture=["", "", "", "a0.012_b0.02", "", ""])
+    assert "row 4: texture = 'a0.012_b0.02': one label names one texture" in refusal(frame)
+
+
+# --- files that are no table -----------------------------------------------------------------
+
+FILES = {
+    "empty file": (b"", "the file is empty"),
+    "only blanks": (b"\n \n", "the file is empty"),
+    "only a mark": (b"\xef\xbb\xbf", "the file is empty"),
+    "header only": (HEADER.encode() + b"\n", "no rows below the header"),
+    "latin-1": (
+        HEADER.encode() + b",source\n0.01,0.01,4,0.001,caf\xe9\n",
+        "not UTF-8 text: byte 0xe9 at position 57; save it as UTF-8",
+    ),
+    "utf-16": (
+        (HEADER + "\n" + GOOD).encode("utf-16"),
+        "not UTF-8 text: byte 0xff at position 0; save it as UTF-8",
+    ),
+    "NUL": (b"a_over_R\x00", "NUL byte at position 8: not a CSV file"),
+    "missing column": (
+        b"a_over_R,Q,p_over_E,note\n1,4,1,x\n",
+        "header: missing column b_over_R; the columns are 'a_over_R', 'Q', 'p_over_E', 'note'",
+    ),
+    "missing columns": (
+        b"A,B,Q\n1,1,4\n",
+        "header: missing columns a_over_R, b_over_R, p_over_E; the columns are 'A', 'B', 'Q'",
+    ),
+    "semicolons": (
+        b"a_over_R;b_over_R;Q;p_over_E\n0,1;0,1;4;0,1\n",
+        "header: missing columns a_over_R, b_over_R, Q, p_over_E; "
+        "the columns are 'a_over_R;b_over_R;Q;p_over_E' (columns are separated by commas)",
+    ),
+    "column twice": (
+        b"a_over_R,b_over_R,Q,p_over_E,Q\n1,1,4,1,4\n",
+        "header: column 5 = 'Q': each column must stand once; "
+        "the columns are 'a_over_R', 'b_over_R', 'Q', 'p_over_E', 'Q'",
+    ),
+    "column without a name": (
+        b"a_over_R,b_over_R,Q,p_over_E,\n1,1,4,1,\n",
+        "header: column 5 = '': must have a name, as text; "
+        "the columns are 'a_over_R', 'b_over_R', 'Q', 'p_over_E', ''",
+    ),
+    "open quote": (
+        HEADER.encode() + b'\n0.01,0.01,4,"0.001\n',
+        "line 2: not CSV: unexpected end of data",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_read_table__says_what_is_wrong_with_a_file(case: str, tmp_path: Path) -> None:
+    content, told = FILES[case]
+    path = csv_file(tmp_path, content)
+    assert re.sub(r"^, |^: ", "", refusal(path).removeprefix(str(path))) == told
+
+
+@pytest.mark.parametrize("quoted", [False, True])
+def test_read_table__names_every_row_of_another_length(quoted: bool, tmp_path: Path) -> None:
+    last = '"0.01",0.01,6,0.004' if quoted else "0.01,0.01,6,0.004"
+    path = csv_file(tmp_path, f"{HEADER}\n0.01,0.01,4\n0.01,0.01,4,0.001,9\n\n{last}\n")
+    assert refusal(path).split("\n  ") == [
+        f"{path}: 2 values in 2 rows break the rules of the table",
+        f"{path}, row 1 (line 2): column p_over_E: '0.01,0.01,4': "
+        "must have 4 cells as the header, has 3",
+        f"{path}, row 2 (line 3): column beyond p_over_E: '0.01,0.01,4,0.001,9': "
+        "must have 4 cells as the header, has 5",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "first"),
+    [
+        (HEADER, "0.01,0.01\r4,0.001,x", "column Q: '0.01,0.01': must have 4"),
+        (f"{HEADER},note", '0.01,0.01,4,"0,001"', "column note: '0.01,0.01,4,0,001': must have 5"),
+    ],
+)
+def test_read_table__counts_cells_not_commas(
+    header: str, row: str, first: str, tmp_path: Path
+) -> None:
+    path = csv_file(tmp_path, f"{header}\n{row}\n")
+    assert f"{path}, row 1 (line 2): {first} cells" in refusal(path)
+
+
+def test_read_table__counts_rows_of_another_length_beyond_the_first_twenty(tmp_path: Path) -> None:
+    assert refusal(csv_file(tmp_path, HEADER + 30 * "\n1")).endswith("\n  ... and 10 more")
+
+
+def test_read_table__says_no_to_what_is_no_file(tmp_path: Path) -> None:
+    gone, folder = tmp_path / "gone.csv", tmp_path / "folder.csv"
+    folder.mkdir()
+    assert refusal(gone) == f"{gone}: no such file"
+    assert refusal(str(folder)) == f"{folder}: is a folder, not a table file"
+    assert "a table file ends in .csv or .parquet, not '.xlsx'" in refusal(tmp_path / "t.xlsx")
+    assert "a table file ends in .csv or .parquet, not 'no suffix'" in refusal(tmp_path / "t")
+    assert ": cannot be read: File name too long" in refusal(tmp_path / (300 * "x" + ".csv"))
+
+
+def test_read_table__refuses_a_parquet_file_that_is_none(tmp_path: Path) -> None:
+    path = csv_file(tmp_path, HEADER, "t.parquet")
+    assert refusal(path).startswith(f"{path}: not a readable Parquet file: ")
+
+
+def test_parquet__without_pyarrow_says_what_to_install(tmp_path: Path, monkeypatch) -> None:
+    path = tmp_path / "t.parquet"
+    table = read_table(sweep(1))
+    table.write(path)
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    told = f"{path}: Parquet needs pyarrow: pip install 'ridgebayes[parquet]'"
+    assert refusal(path) == told
+    path.unlink()
+    with pytest.raises(InputError) as caught:
+        table.write(path)
+    assert str(caught.value) == told
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["t.csv", "t.parquet"])
+def test_write__into_a_folder_that_is_not_there(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "gone" / name
+    with pytest.raises(InputError, match="cannot be written: "):
+        read_table(sweep(1)).write(path)
+
+
+def test_write__refuses_an_unknown_suffix(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"ends in \.csv or \.parquet, not '\.json'"):
+        read_table(sweep(1)).write(tmp_path / "t.json")
+
+
+def test_from_frame__refuses_columns_without_a_text_for_a_name() -> None:
+    told = refusal(sweep(1).assign(**{"x": 1}).rename(columns={"x": 7}))
+    assert told.startswith("table, header: column 5 = 7: must have a name, as text")
+
+
+def test_from_frame__refuses_no_rows() -> None:
+    assert refusal(sweep(1).iloc[:0]) == "table: no rows below the header"
+
+
+# --- what is written comes back ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+def test_read_table__takes_every_line_ending_and_a_mark(
+    ending: str, mark: bytes, tmp_path: Path
+) -> None:
+    text = f"{HEADER}\n{GOOD}\n".replace("\n", ending)
+    table = read_table(csv_file(tmp_path, mark + text.encode()))
+    assert table.digest() == read_table(csv_file(tmp_path, f"{HEADER}\n{GOOD}".rstrip())).digest()
+
+
+def test_write__leaves_out_optional_columns_that_say_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    read_table(sweep(1)).write(path)
+    always = "a_over_R,b_over_R,Q,p_over_E,nu,texture,solver,status,source"
+    assert path.read_text() == (
+        f"{always}\n"
+        "0.012,0.02,4,0.001,0.5,a0.012_b0.02,,ok,\n"
+        "0.012,0.02,6,0.004,0.5,a0.012_b0.02,,ok,\n"
+        "0.012,0.02,8,0.009000000000000001,0.5,a0.012_b0.02,,ok,\n"
+    )
+    read_table(sweep(1).assign(rel_se=[0, 0, 0.01], kind=["transition"] * 3)).write(path)
+    assert path.read_text().splitlines()[0] == always.replace("p_over_E,", "p_over_E,rel_se,")
+
+
+def test_write__that_fails_leaves_the_old_file_and_no_part(tmp_path: Path, monkeypatch) -> None:
+    path = tmp_path / "t.csv"
+    table = read_table(sweep(1))
+    table.write(path)
+    before = path.read_bytes()
+
+    def disk_full(_frame, part, **_options):
+        part.write_text("half a table")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(pd.DataFrame, "to_csv", disk_full)
+    with pytest.raises(OutputError, match=r"t\.csv: cannot be written: No space left on device"):
+        table.write(path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_csv__own_columns_become_numbers_only_if_nothing_is_lost(tmp_path: Path) -> None:
+    own = "id,code,force,note,gap,none\n"
+    rows = "1,007,1.50,x,,\n2,12,-3e-4,,2,\n"
+    lines = [f"{a},{b}" for a, b in zip(GOOD.splitlines(), rows.splitlines(), strict=True)]
+    path = csv_file(tmp_path, f"{HEADER},{own}" + "\n".join(lines))
+    frame = read_table(path).frame
+    assert frame["id"].tolist() == [1, 2]
+    assert frame["id"].dtype == np.int64
+    assert frame["code"].tolist() == ["007", "12"]
+    assert frame["force"].tolist() == [1.5, -3e-4]
+    assert frame["note"].tolist() == ["x", ""]
+    assert np.isnan(frame["gap"].iloc[0])
+    assert frame["none"].tolist() == ["", ""]
+
+
+def test_csv__the_slow_way_reads_the_same(tmp_path: Path) -> None:
+    """A typed ``nan`` in a column of the user's own, or a blank cell, sends a file that way."""
+    fast = csv_file(tmp_path, f"{HEADER},rel_se,note\n0.032,0.01,4,0.00097,,7\n")
+    slow = csv_file(tmp_path, f"{HEADER},rel_se,note\n0.032,0.01,4,0.00097, ,7\n", "slow.csv")
+    assert read_table(fast).digest() == read_table(slow).digest()
+    named = csv_file(tmp_path, f"{HEADER},rel_se,note\n0.032,0.01,4,0.00097,,nan\n", "nan.csv")
+    assert read_table(named).frame["note"].tolist() == ["nan"]
+
+
+def test_csv__older_pandas_is_asked_for_exact_floats() -> None:
+    """The reader named at import is the exact one of this pandas, and gives no warning."""
+    text = "x\n0.1234567890123456789\n5e-324\n2.2250738585072011e-308\n"
+    from ridgebayes.table.csv import _EXACT
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        got = pd.read_csv(io.StringIO(text), dtype=float, **_EXACT)["x"].tolist()
+    assert got == [float(word) for word in text.split()[1:]]
+
+
+WORD = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=8)
+WIDTH = st.floats(1e-300, 1e300)
+
+
+@st.composite
+def tables(draw) -> pd.DataFrame:
+    n = draw(st.integers(1, 6))
+
+    def column(cells):
+        return draw(st.lists(cells, min_size=n, max_size=n))
+
+    lower = column(st.none() | st.floats(0, 1))
+    return pd.DataFrame(
+        {
+            "a_over_R": column(WIDTH),
+            "b_over_R": column(WIDTH),
+            "Q": [2 * q for q in column(st.integers(2, 2**40))],
+            "p_over_E": [1.0 + load for load in column(st.floats(0, 1e6))],
+            "p_over_E_lower": np.array(lower, dtype=float),
+            "rel_se": column(st.floats(0, 10)),
+            "kind": column(st.sampled_from(["transition", "count"])),
+            "nu": column(st.floats(0, 0.5)),
+            "offset_over_R": column(st.sampled_from([0.0, -0.25, 1e-9])),
+            "series": [f"{i}{word}" for i, word in enumerate(column(WORD))],
+            "role": column(st.sampled_from(["calibration", "held-out"])),
+            "solver": column(WORD),
+            "status": [
+                word if word.strip().lower() != "ok" else "ok"
+                for word in column(WORD | st.just("ok"))
+            ],
+            "source": column(WORD),
+            "own number": column(st.floats(allow_nan=False, allow_infinity=False)),
+            "own word": [f"w{word}" for word in column(WORD)],
+        }
+    )
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+@given(frame=tables())
+@settings(max_examples=60, deadline=None)
+def test_write_then_read__is_identity(suffix: str, frame: pd.DataFrame, tmp_path_factory) -> None:
+    path = tmp_path_factory.mktemp("t") / f"t.{suffix}"
+    table = read_table(frame)
+    table.write(path)
+    again = read_table(path)
+    pd.testing.assert_frame_equal(again.frame, table.frame, check_exact=True)
+    assert again.digest() == table.digest()
+    first = path.read_bytes()
+    again.write(path)
+    assert path.read_bytes() == first
+
+
+@given(frame=tables(), order=st.randoms(use_true_random=False))
+@settings(max_examples=40, deadline=None)
+def test_order_of_columns__does_not_matter(frame: pd.DataFrame, order) -> None:
+    names = list(frame.columns)
+    order.shuffle(names)
+    assert read_table(frame[names]).digest() == read_table(frame).digest()
+
+
+def test_digest__is_of_every_cell_and_the_order_of_rows() -> None:
+    frame = sweep(2).assign(source="x", mine=[1, 2, 3, 4, 5, 6])
+    digests = [read_table(frame).digest(), read_table(frame.iloc[::-1]).digest()]
+    spelled_out = frame.assign(nu=0.5, rel_se=0.0)
+    assert read_table(spelled_out).digest() == digests[0]
+    cells = {"p_over_E": 0.0011, "source": "y", "mine": 9, "nu": 0.4, "rel_se": 0.1}
+    for name, cell in cells.items():
+        changed = spelled_out.copy()
+        changed.loc[0, name] = cell
+        digests.append(read_table(changed).digest())
+    assert len(set(digests)) == len(digests) == 7
+    assert read_table(frame.assign(offset_over_R=-0.0)).digest() == digests[0]
+    assert all(re.fullmatch("[0-9a-f]{64}", digest) for digest in digests)
+
+
+def test_digest__is_the_same_on_every_machine() -> None:
+    """Reference: typed in once; a change of it makes every stored fingerprint stale."""
+    assert read_table(sweep(1)).digest() == (
+        "d1859b29cad14ef0cdf51bd6ab1c59104b5cbd885b103828f5bdc1805dec66bd"
+    )
+
+
+def test_parquet__keeps_an_index_another_program_stored(tmp_path: Path) -> None:
+    path = tmp_path / "t.parquet"
+    sweep(1).set_index("Q").to_parquet(path)
+    assert read_table(path).digest() == read_table(sweep(1)).digest()
+    assert table_files.SUFFIXES == (".csv", ".parquet")
+
+
+def test_read_table__a_lone_carriage_return_shifts_no_cell(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_bytes(b"a_over_R,b_over_R,Q,p_over_E,n\n\r,0.08,0.01,4,0.004\n0.256,0.1,4,0.001,x\n")
+    with pytest.raises(InputError, match=r"a_over_R = \(empty\)"):
+        read_table(path)
+
+
+@pytest.mark.parametrize(
+    ("row", "cell"),
+    [(b"true,0.01,4,0.001\n", "a_over_R = 'true'"), (b"0.02,0.01,4,TRUE", "p_over_E = 'TRUE'")],
+)
+def test_read_table__truth_values_are_no_numbers(tmp_path, row, cell):
+    path = tmp_path / "t.csv"
+    path.write_bytes(b"a_over_R,b_over_R,Q,p_over_E\n" + row)
+    with pytest.raises(InputError, match=cell):
+        read_table(path)

@@ -1,0 +1,125 @@
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.special import logsumexp
+
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.model.forms import Classic, Modified
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.priors import LogNormal
+from tests.validation.model_calibration_check import PROBABILITY_COLUMNS, ModelSBC, model_sbc
+
+LOG_SIGMA = np.linspace(-14.0, 0.0, 3_000)
+FORMS = (Classic(), Modified())
+# At default priors every one of 41 rows tells the two apart: with wide errors they may not.
+PRIORS = {"sigma": LogNormal(0.4, 0.5)}
+
+
+@pytest.fixture(scope="module")
+def data(paper):
+    return Observations.from_table(paper)
+
+
+def exact_evidence(model, *, seed, bonus=0.0):
+    """Integrate over log c in closed form and over log sigma on a grid: normal independent rows."""
+    data, prior = model.data, model.priors["c"]
+    a, b = data.a_over_R[data.texture], data.b_over_R[data.texture]
+    r = data.log_load - np.log(model.form.load(data.Q, a, b, [prior.median]))
+    n, shared = len(r), 4 * prior.log_sd**2
+    variance = np.exp(2 * LOG_SIGMA)
+    misfit = (r @ r - shared * r.sum() ** 2 / (variance + n * shared)) / variance
+    log_det = (n - 1) * np.log(variance) + np.log(variance + n * shared)
+    log_likelihood = -0.5 * (misfit + log_det + n * np.log(2 * np.pi))
+    log_prior = model.priors["sigma"].log_pdf(np.exp(LOG_SIGMA)) + LOG_SIGMA
+    step = LOG_SIGMA[1] - LOG_SIGMA[0]
+    value = float(logsumexp(log_likelihood + log_prior) + np.log(step))
+    return LogEvidence("grid", value + bonus * (model.form.name == "classic"), 0.0)
+
+
+def light(model, *, seed):
+    """Importance sampling with fewer draws: quicker."""
+    return importance_fit(model, seed=seed, n_draw=640, n_round=3, n_per_round=500)[1]
+
+
+def test_probabilities_of_exact_evidences_are_calibrated(data):
+    found = model_sbc(data, FORMS, n_replicate=400, rng=3, priors=PRIORS, weigh=exact_evidence)
+    table = found.averages()
+    assert table["prior"].tolist() == [0.5, 0.5]
+    # Monte Carlo: 3 standard errors.
+    assert np.all(np.abs(table["average"] - 0.5) < 3 * table["se"])
+    assert np.all(np.abs(table["z"]) < 3)
+    assert 0.02 < table["se"].max() * 20 < 0.6  # neither all sure nor all undecided
+    bins = found.calibration(5)
+    assert bins["n"].sum() == 2 * 400
+    assert (bins["p_value"] > 0.01 / len(bins)).all()  # Monte Carlo: one seed in 100
+
+
+def test_a_wrong_evidence_is_caught(data):
+    def wrong(model, *, seed):
+        return exact_evidence(model, seed=seed, bonus=1.0)
+
+    found = model_sbc(data, FORMS, n_replicate=400, rng=3, priors=PRIORS, weigh=wrong)
+    table = found.averages()
+    assert np.all(np.abs(table["z"]) > 4)
+    assert np.all(np.abs(table["average"] - 0.5) > 3 * table["se"])
+    assert found.calibration(5)["p_value"].min() < 1e-3
+
+
+def test_importance_sampling_gives_the_exact_probabilities(data):
+    few = {"rng": 4, "n_replicate": 2, "priors": PRIORS}
+    by_importance = model_sbc(data, FORMS, weigh=light, **few).probabilities
+    exact = model_sbc(data, FORMS, weigh=exact_evidence, **few).probabilities
+    pd.testing.assert_frame_equal(by_importance[["form", "true"]], exact[["form", "true"]])
+    # Monte Carlo: log evidences are good to 0.01, 0.05 is five times that.
+    np.testing.assert_allclose(by_importance["probability"], exact["probability"], atol=0.05)
+
+
+def test_rows_that_cannot_be_weighed_are_listed(data):
+    calls = []
+
+    def fails_at_times(model, *, seed):
+        calls.append(seed)
+        if len(calls) == 1:
+            raise ComputationError("no mode")
+        if len(calls) == 2:
+            return LogEvidence("importance", 1.0, 0.1, "Pareto k 0.9")
+        return exact_evidence(model, seed=seed)
+
+    found = model_sbc(data, FORMS, n_replicate=6, rng=5, weigh=fails_at_times)
+    assert found.n_failed == 2
+    assert found.failures["reason"].tolist() == ["classic: no mode", "classic: Pareto k 0.9"]
+    assert found.probabilities["replicate"].unique().tolist() == [2, 3, 4, 5]
+
+
+def test_calibration_counts_by_hand():
+    rows = [
+        [i, form, form == true, p]
+        for i, (true, share) in enumerate(
+            [("a", 0.9), ("a", 0.7), ("b", 0.95), ("b", 0.2), ("a", 1.0)]
+        )
+        for form, p in (("a", share), ("b", 1 - share))
+    ]
+    frame = pd.DataFrame(rows, columns=PROBABILITY_COLUMNS)
+    found = ModelSBC(("a", "b"), "iid", 5, frame, pd.DataFrame(columns=["replicate", "reason"]))
+    bins = found.calibration(2).set_index(["form", "low"])
+    assert bins.loc[("a", 0.0), "n"] == 1
+    assert bins.loc[("a", 0.5), "n"] == 4
+    assert bins.loc[("a", 0.5), "share_true"] == 0.75
+    assert bins.loc[("a", 0.5), "mean_probability"] == pytest.approx(3.55 / 4)  # rounding
+    averages = found.averages().set_index("form")
+    assert averages.loc["a", "share_true"] == 0.6
+    assert averages.loc["b", "average"] == pytest.approx(0.25)  # rounding
+    spread = np.sqrt(sum(p * (1 - p) for p in (0.9, 0.7, 0.95, 0.2)))
+    assert averages.loc["a", "z"] == pytest.approx((3 - 3.75) / spread)  # rounding
+
+
+def test_wrong_options_are_refused(data):
+    with pytest.raises(InputError, match="forms: classic given; rule: two or more, each once"):
+        model_sbc(data, [Classic()])
+    with pytest.raises(InputError, match="n_replicate: 1 given; rule: at least 2"):
+        model_sbc(data, FORMS, n_replicate=1)
+    found = model_sbc(data, FORMS, n_replicate=2, weigh=exact_evidence)
+    with pytest.raises(InputError, match="n_bin: 0 given"):
+        found.calibration(0)
