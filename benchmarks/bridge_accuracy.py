@@ -44,7 +44,7 @@ def differences(table: rb.ContactTable, form: object, n_seed: int) -> tuple[list
             fit.model.log_density, fit.chains, laplace, rng=stream(fit.seed, "bridge")
         )
         if not (fit.converged and bridge.ok):
-            print(f"  {form.name}, seed {seed}: {fit.missing} {bridge.status}")
+            print(f"  {form.name}, seed {seed}: {fit.convergence_failures} {bridge.status}")
         apart.append(bridge.value - reference)
         quoted.append(bridge.se)
     return apart, quoted

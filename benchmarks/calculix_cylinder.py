@@ -133,7 +133,7 @@ def approach(p: float, nu: float) -> float:
     return 2.0 * p * (1.0 - nu**2) / math.pi * (2.0 * math.log(4.0 / half_width) - 1.0)
 
 
-def pressed(setup: Setup, levels: Iterable[float]) -> PressedDisk:
+def solve_contact(setup: Setup, levels: Iterable[float]) -> PressedDisk:
     """Return what the solver's input holds: the mesh, the ridges, and how far to press."""
     top, bottom = setup.height, setup.height - DEPTH
     blocks = tuple(
@@ -183,7 +183,7 @@ def solve(setup: Setup, levels: Iterable[float], *, limit: float = 600.0) -> Run
     if solver is None:
         raise FileNotFoundError("no `ccx` on the path")
     levels = list(levels)
-    disk = pressed(setup, levels)
+    disk = solve_contact(setup, levels)
     with tempfile.TemporaryDirectory() as folder:
         deck = Path(folder) / "cylinder.inp"
         deck.write_text(deck_text(disk, "calculix", penalty=setup.penalty), encoding="ascii")

@@ -94,7 +94,7 @@ def run_ridgebayes(seed: int) -> tuple[float, float, float]:
     fit = rb.calibrate(table, rb.Hybrid(), rng=seed)
     seconds = time.process_time() - start
     if not fit.converged:
-        raise SystemExit(f"not converged: {fit.missing}")
+        raise SystemExit(f"not converged: {fit.convergence_failures}")
     theta = fit.model.to_theta(fit.chains.u)
     return seconds, float(effective_sample_size(theta).min()), theta[..., 0].size
 

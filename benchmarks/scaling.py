@@ -27,7 +27,7 @@ import numpy as np
 import psutil  # comes with distributed
 
 import ridgebayes as rb
-from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.ordered import map_ordered
 from ridgebayes.runtime.workers import executor_for, workers
 from ridgebayes.scene.scene import Scene
 from ridgebayes.simulate.generation import generate
@@ -102,7 +102,7 @@ def measured(where: Cluster, n: int, work: Callable[[Executor | None], object]) 
 
 
 def nothing(executor: Executor | None) -> None:
-    list(in_order(abs, range(N_NOTHING), executor))
+    list(map_ordered(abs, range(N_NOTHING), executor))
 
 
 def scenes(seed: int) -> Scene:

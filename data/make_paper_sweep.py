@@ -1,6 +1,6 @@
 """Make `paper_sweep.csv`: the study's nine textures to p/E 0.02, the extreme one to 0.045.
 
-Run it from anywhere: ``python data/make_paper_sweep.py``. It computes with `ridgebayes.simulate.generation`
+Run it from anywhere: ``python data/make_paper_sweep.py``. It computes with `simulate.generation`
 and replaces the file beside it.
 """
 

@@ -172,7 +172,7 @@ def reference_of(form: str, rows: Path) -> Reference:
     else:
         method = f"importance sampling, {4 * N_REFERENCE} draws"
     if not (evidence.ok and fit.converged):
-        raise SystemExit(f"{form}: no reference: {evidence.status} {fit.missing}")
+        raise SystemExit(f"{form}: no reference: {evidence.status} {fit.convergence_failures}")
     return Reference(
         target.names, theta.mean(axis=0), theta.std(axis=0), evidence.value, evidence.se, method
     )

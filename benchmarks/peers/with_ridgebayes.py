@@ -29,7 +29,7 @@ def bridge(fit: Fit) -> LogEvidence:
         fit.chains,
         fit_laplace(model),
         rng=stream(fit.seed, "bridge"),
-        draws_max=100_000 if model.is_plain else 20_000,
+        draws_max=100_000 if model.is_iid_gaussian else 20_000,
     )
 
 
@@ -43,7 +43,7 @@ def main() -> None:
     with task.timed("evidence"):
         found = bridge(fit)
     if not fit.converged:
-        raise SystemExit(f"not converged: {fit.missing}")
+        raise SystemExit(f"not converged: {fit.convergence_failures}")
     theta = fit.model.to_theta(fit.chains.u)  # ensemble, step, walker, parameter
     n_step, n_parameter = theta.shape[1], theta.shape[3]
     task.finish(

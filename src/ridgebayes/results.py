@@ -35,7 +35,7 @@ class Fit(Posterior):
     def of(cls, posterior: Posterior) -> "Fit":
         """Return a posterior as a fit."""
         p = posterior
-        return cls(p.model, p.chains, p.summary, p.missing, p.seed)
+        return cls(p.model, p.chains, p.summary, p.convergence_failures, p.seed)
 
     def predict(
         self,

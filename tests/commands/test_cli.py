@@ -476,7 +476,7 @@ def test_fit__unconverged_writes_its_files_and_exits_1(command, quick):
     assert "NOT converged" in said.out
     again = read_run(Path("ridgebayes-out"))  # the default folder
     assert not again.fits["modified"].converged
-    for reason in again.fits["modified"].missing:
+    for reason in again.fits["modified"].convergence_failures:
         assert reason in last
 
 

@@ -354,7 +354,9 @@ def test_verdicts__of_a_comparison_with_a_failure(comparison):
 
 
 def test_verdicts__name_what_a_fit_lacks(comparison):
-    lacking = replace(comparison.fits["classic"], missing=("c: too short", "sigma: too short"))
+    lacking = replace(
+        comparison.fits["classic"], convergence_failures=("c: too short", "sigma: too short")
+    )
     found = verdicts(replace(comparison, fits={**comparison.fits, "classic": lacking}))
     assert found["converged"]["classic"] is False
     assert found["missing"] == {"classic": ("c: too short", "sigma: too short")}
@@ -382,7 +384,7 @@ def test_read_run__brings_every_posterior_back(written, comparison):
     for name, fit in comparison.fits.items():
         # Algebra: a logarithm and back.
         np.testing.assert_allclose(again.fits[name].draws, fit.draws, rtol=1e-14)
-        assert again.fits[name].missing == fit.missing
+        assert again.fits[name].convergence_failures == fit.convergence_failures
         assert again.fits[name].seed == fit.seed
         assert again.fits[name].model.priors == fit.model.priors
         assert again.fits[name].form == fit.form

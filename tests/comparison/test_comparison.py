@@ -419,7 +419,10 @@ def test_repr__names_the_table_and_each_probability(comparison):
 def test_complete__needs_every_form_fitted_and_converged(comparison, fits):
     assert comparison.complete
     assert not replace(comparison, failures={"classic": "no mode"}).complete
-    lacking = {**comparison.fits, "hybrid": replace(fits["hybrid"], missing=("c1: too short",))}
+    lacking = {
+        **comparison.fits,
+        "hybrid": replace(fits["hybrid"], convergence_failures=("c1: too short",)),
+    }
     assert not replace(comparison, fits=lacking).complete
 
 
@@ -473,7 +476,7 @@ def test_unconverged__is_kept_and_says_what_is_missing(paper):
     assert isinstance(found, Comparison)
     assert not found.complete
     assert found.failures == {}
-    assert found.fits["modified"].missing
+    assert found.fits["modified"].convergence_failures
 
 
 def test_seed__same_numbers_again_and_others_for_another(paper):

@@ -10,7 +10,7 @@ from ridgebayes.contact.intervals import (
     Intervals,
     chebyshev_coefficients,
     chebyshev_points,
-    press,
+    solve_pressure,
 )
 
 FLAT = np.zeros((1, 1))
@@ -65,7 +65,7 @@ def recession_by_quadrature(found, x):
 @pytest.mark.parametrize("W", [1e-12, 1e-4, 0.1])
 def test_press__one_interval_of_hertz_half_width_is_hertz(W):
     w = math.sqrt(2 * W)
-    found = press(intervals_of((-w, w)), FLAT, W, 8)
+    found = solve_pressure(intervals_of((-w, w)), FLAT, W, 8)
     # Rounding: of a solve of nine unknowns.
     np.testing.assert_allclose(found.pressure(S)[0], w * (1 - S**2) / math.pi, atol=1e-13 * w)
     assert found.approach == pytest.approx(0.25 * w**2 + W * math.log(2 / w), rel=1e-13)
@@ -77,7 +77,7 @@ def test_press__one_interval_of_hertz_half_width_is_hertz(W):
 def test_press__a_fixed_interval_is_the_flat_punch_and_the_parabola(factor):
     w = 0.02
     W = factor * 0.5 * w**2
-    found = press(intervals_of((-w, w)), FLAT, W, 6)
+    found = solve_pressure(intervals_of((-w, w)), FLAT, W, 6)
     # x^2/2 = w^2/4 (1 + T_2), and the flat punch is W/(pi w sqrt(1 - s^2)).
     expected = (W - 0.5 * w**2 * (2 * S**2 - 1)) / (math.pi * w)
     np.testing.assert_allclose(found.pressure(S)[0], expected, atol=1e-13 * W / w)  # rounding
@@ -89,7 +89,7 @@ def test_press__a_fixed_interval_is_the_flat_punch_and_the_parabola(factor):
 def test_press__two_strips_are_their_closed_form(mirrored, alpha):
     beta, W = 0.12, 0.02
     ends = [(alpha, beta)] if mirrored else [(-beta, -alpha), (alpha, beta)]
-    found = press(intervals_of(*ends, mirrored=mirrored), np.zeros((len(ends), 1)), W, 120)
+    found = solve_pressure(intervals_of(*ends, mirrored=mirrored), np.zeros((len(ends), 1)), W, 120)
     approach, strength = two_strips(alpha, beta, W)
     # Discretisation: exponential, decayed; at the corner of the narrowest groove 1e-6 is left by
     # the sum that is meant for kinks.
@@ -102,7 +102,7 @@ def test_press__two_strips_are_their_closed_form(mirrored, alpha):
 def test_press__the_free_end_of_two_strips_is_where_their_closed_form_says():
     alpha, W = 0.02, 1e-3
     beta = math.sqrt(alpha**2 + 2 * W)  # W = (beta^2 - alpha^2)/2
-    found = press(intervals_of((alpha, beta), mirrored=True), FLAT, W, 40)
+    found = solve_pressure(intervals_of((alpha, beta), mirrored=True), FLAT, W, 40)
     assert abs(found.singular[1][0]) < 1e-12 * W  # rounding
     assert found.singular[0][0] > 0.1 * W
 
@@ -113,7 +113,7 @@ def test_outward__is_newtons_step_and_gains_twice_the_digits():
     errors = []
     for off in (1e-2, 1e-3, 1e-4):
         end = beta * (1 + off)
-        found = press(intervals_of((alpha, end), mirrored=True), FLAT, W, 40)
+        found = solve_pressure(intervals_of((alpha, end), mirrored=True), FLAT, W, 40)
         errors.append(abs(end + found.outward[1][0] - beta) / beta)
     # Order: quadratic in the distance, with a constant of order one.
     assert all(error < off**2 for error, off in zip(errors, (2e-2, 2e-3, 2e-4), strict=True))
@@ -127,7 +127,7 @@ def test_outward__strength_falls_as_claimed_and_not_with_another_free_end():
     ends = np.array([-0.35, -0.3, -0.08, 0.06, 0.3, 0.36])
 
     def solve(ends):
-        return press(intervals_of(*ends.reshape(-1, 2)), floor, W, 60)
+        return solve_pressure(intervals_of(*ends.reshape(-1, 2)), floor, W, 60)
 
     for _ in range(12):  # outermost and floor's ends are free, the two inner ones are corners
         left, right = solve(ends).outward
@@ -158,7 +158,7 @@ def test_outward__strength_falls_as_claimed_and_not_with_another_free_end():
 def test_recession__is_the_integral_of_the_logarithm(mirrored, x):
     ends = [(-0.01, 0.01), (0.03, 0.05)] if mirrored else [(-0.04, -0.01), (0.012, 0.03)]
     height = np.array([[2e-4, 0.0, 1e-5], [0.0, 0.0, 0.0]])
-    found = press(intervals_of(*ends, mirrored=mirrored), height, 3e-3, 16)
+    found = solve_pressure(intervals_of(*ends, mirrored=mirrored), height, 3e-3, 16)
     # Quadrature: scipy's own tolerance over an integrable logarithm.
     assert float(found.recession(x)) == pytest.approx(recession_by_quadrature(found, x), rel=1e-7)
 
@@ -167,7 +167,7 @@ def test_press__the_body_lies_on_the_rigid_surface_between_collocation_points_to
     s = np.linspace(-1, 1, 101)
     intervals = intervals_of((-0.05, -0.02), (-0.004, 0.004), (0.03, 0.06))
     height = np.array([[0.0, 0.0, 0.0], [3e-4, 1e-5, 2e-5], [0.0, -1e-5, 0.0]])
-    found = press(intervals, height, 4e-3, 24)
+    found = solve_pressure(intervals, height, 4e-3, 24)
     for centre, w, row in zip(intervals.centre, intervals.half_width, height, strict=True):
         rigid = np.polynomial.chebyshev.chebval(s, row)
         # Discretisation: exponential, decayed.
@@ -176,10 +176,12 @@ def test_press__the_body_lies_on_the_rigid_surface_between_collocation_points_to
 
 def test_press__a_mirrored_half_is_the_whole():
     height = np.array([[2e-4, 0.0, 1e-5], [0.0, 1e-5, 0.0]])
-    half = press(intervals_of((-0.01, 0.01), (0.03, 0.05), mirrored=True), height, 3e-3, 20)
+    half = solve_pressure(
+        intervals_of((-0.01, 0.01), (0.03, 0.05), mirrored=True), height, 3e-3, 20
+    )
     mirror = height[1] * [1, -1, 1]
     ends = (-0.05, -0.03), (-0.01, 0.01), (0.03, 0.05)
-    whole = press(intervals_of(*ends), np.stack([mirror, *height]), 3e-3, 40)
+    whole = solve_pressure(intervals_of(*ends), np.stack([mirror, *height]), 3e-3, 40)
     # Rounding: 1e-12 of the dense solve.
     np.testing.assert_allclose(half.forces, whole.forces[1:], rtol=1e-12)
     assert half.approach == pytest.approx(whole.approach, rel=1e-12)
@@ -204,8 +206,8 @@ def test_recession__with_kinks_in_a_mirrored_half_is_that_of_the_whole(straddles
     def height(intervals):
         return chebyshev_coefficients(depth(chebyshev_points(intervals, 2048)))
 
-    found = press(half, height(half), 8e-3, 16)
-    expected = press(whole, height(whole), 8e-3, 32)
+    found = solve_pressure(half, height(half), 8e-3, 16)
+    expected = solve_pressure(whole, height(whole), 8e-3, 32)
     x = np.concatenate([np.linspace(-0.16, 0.16, 65), [0.4, -0.7], kinks, -kinks])
     # Discretisation: of 16 coefficients, which neighbours' surfaces take.
     np.testing.assert_allclose(found.recession(x), expected.recession(x), rtol=0, atol=1e-8)
@@ -219,7 +221,10 @@ def test_press__its_error_falls_exponentially_in_the_coefficients():
     exact, _ = two_strips(alpha, beta, W)
     m = np.array([3, 4, 5, 6])
     errors = [
-        abs(press(intervals_of((alpha, beta), mirrored=True), FLAT, W, int(n)).approach - exact)
+        abs(
+            solve_pressure(intervals_of((alpha, beta), mirrored=True), FLAT, W, int(n)).approach
+            - exact
+        )
         for n in m
     ]
     log_rho = math.acosh((alpha + 0.5 * (alpha + beta)) / (0.5 * (beta - alpha)))
@@ -236,7 +241,7 @@ def test_press__a_kinks_long_series_gives_its_free_end():
     intervals = intervals_of((-w, w))
     x = chebyshev_points(intervals, n)
     height = chebyshev_coefficients(np.maximum(np.abs(x) - c, 0.0) ** 2 / (2 * r))
-    found = press(intervals, height, W, 10)
+    found = solve_pressure(intervals, height, W, 10)
     # Discretisation: Abel's sums of a series of n^-2; far below a plain sum's n^-1.
     assert np.abs(found.singular).max() < 1e-9 * found.coefficients[0, 0]
     assert np.abs(found.outward).max() < 1e-9 * w
@@ -247,17 +252,21 @@ def test_tail__is_what_neighbours_add_not_what_a_kink_has():
     intervals = intervals_of((-0.05, 0.05))
     x = chebyshev_points(intervals, 512)
     height = chebyshev_coefficients(np.maximum(np.abs(x) - 0.04, 0.0) ** 2 / 0.02)
-    assert press(intervals, height, 4e-3, 10).tail < 1e-12  # rounding: it has no neighbours
-    near = press(intervals_of((-0.06, -0.001), (0.001, 0.06)), np.zeros((2, 1)), 4e-3, 6)
-    far = press(intervals_of((-0.06, -0.03), (0.03, 0.06)), np.zeros((2, 1)), 4e-3, 6)
+    assert (
+        solve_pressure(intervals, height, 4e-3, 10).tail < 1e-12
+    )  # rounding: it has no neighbours
+    near = solve_pressure(intervals_of((-0.06, -0.001), (0.001, 0.06)), np.zeros((2, 1)), 4e-3, 6)
+    far = solve_pressure(intervals_of((-0.06, -0.03), (0.03, 0.06)), np.zeros((2, 1)), 4e-3, 6)
     assert near.tail > 1e-2 > 1e-3 > far.tail
 
 
 def test_press__scales_with_the_length():
     ends, height = np.array([(-0.05, -0.02), (0.03, 0.06)]), np.array([[1e-4, 1e-5], [0.0, 2e-5]])
-    usual = press(intervals_of(*ends), height, 4e-3, 20)
+    usual = solve_pressure(intervals_of(*ends), height, 4e-3, 20)
     for scale in (1e-3, 8.0):
-        scaled = press(intervals_of(*(scale * ends)), scale**2 * height, scale**2 * 4e-3, 20)
+        scaled = solve_pressure(
+            intervals_of(*(scale * ends)), scale**2 * height, scale**2 * 4e-3, 20
+        )
         # Rounding: 1e-11 of the dense solve; the logarithm's unit shifts the approach.
         np.testing.assert_allclose(
             scaled.coefficients, scale**2 * usual.coefficients, atol=1e-12 * scale**2 * usual.load

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import optimize
 
+from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.halfplane import transition_loads
-from ridgebayes.contact.pressed import pressed
 from ridgebayes.contact.reaching import nearest_gap, reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 
@@ -39,7 +39,7 @@ def test_nearest_gap__vanishes_at_the_galerkin_loads_by_plain_root_finding(k):
     W, profile = covered_loads(A, B, 3), Profile(A, B)
 
     def gap(load):
-        found = pressed(profile, load, ridges=range(-k, k))
+        found = solve_contact(profile, load, ridges=range(-k, k))
         assert found.status == "ok"
         return nearest_gap(found, profile.ridge(k))
 
@@ -83,7 +83,7 @@ def test_reaching_loads__ridges_beside_a_floor_that_is_touched_alone_are_events(
 
     w = optimize.brentq(gap, 1e-6 * x, x * (1 - 1e-12), xtol=1e-16)
     profile = Profile(A, B, depth=depth, offset=offset)
-    assert pressed(profile, 0.4 * w**2).Q == 0
+    assert solve_contact(profile, 0.4 * w**2).Q == 0
     found = reaching_loads(profile, W_max=0.505 * w**2)
     assert found.status == ("ok",)
     assert np.array_equal(found.Q, [2 if offset == 0.0 else 1])
@@ -139,11 +139,11 @@ def test_reaching_loads__q_steps_there_and_nowhere_else(shape):
     assert set(found.status) == {"ok"}
     for W, Q in zip(found.W.tolist(), found.Q.tolist(), strict=True):
         # Tolerance: penetration is seen from 1e-6 of the load on.
-        before, after = (pressed(profile, W * (1 + way * 1e-3)) for way in (-1, 1))
+        before, after = (solve_contact(profile, W * (1 + way * 1e-3)) for way in (-1, 1))
         assert (before.status, after.status) == ("ok", "ok")
         assert before.Q < after.Q == Q
     middles = np.sqrt(found.W[1:] * found.W[:-1])
-    assert [pressed(profile, float(W)).Q for W in middles] == found.Q[:-1].tolist()
+    assert [solve_contact(profile, float(W)).Q for W in middles] == found.Q[:-1].tolist()
 
 
 @pytest.mark.parametrize("scale", [1e-2, 3.0])
@@ -196,7 +196,7 @@ def test_reaching_loads__none_below_a_small_load():
 @pytest.mark.parametrize("corner", [0.0, 2e-3])
 def test_nearest_gap__is_the_smallest_of_a_fine_sample(corner):
     profile = Profile(A, B, corner=corner, offset=0.1)
-    found = pressed(profile, 1e-3, rel_tol=1e-6, ridges=range(-1, 1))
+    found = solve_contact(profile, 1e-3, rel_tol=1e-6, ridges=range(-1, 1))
     for number in (-3, -2, 1, 2):
         land = profile.ridge(number)
         x = np.linspace(land.start, land.stop, 4001)

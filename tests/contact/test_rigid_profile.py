@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ridgebayes.contact.rigid_profile import Land, Profile
+from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 from ridgebayes.errors import InputError
 
 A, B = 0.012, 0.03
@@ -88,30 +88,30 @@ def test_profile__is_mirrored_over_the_middle_of_a_land_only():
 @pytest.mark.parametrize("reach", [0.2, 5 * (A + B), A + B])
 def test_lands__are_all_within_reach_in_order(offset, depth, reach):
     profile = Profile(A, B, depth=depth, offset=offset)
-    lands = profile.lands(reach)
-    starts = [land.start for land in lands]
+    segments = profile.segments(reach)
+    starts = [land.start for land in segments]
     assert starts == sorted(starts)
-    ridges = {land.ridge for land in lands if land.ridge is not None}
+    ridges = {land.ridge for land in segments if land.ridge is not None}
     expected = set()
     for number in range(-50, 50):
         land = profile.ridge(number)
         if land.start < 0 < land.stop or min(abs(land.start), abs(land.stop)) <= reach:
             expected.add(number)
     assert ridges == expected
-    n_floor = sum(land.ridge is None for land in lands)
+    n_floor = sum(land.ridge is None for land in segments)
     assert n_floor == 0 if math.isinf(depth) else abs(n_floor - len(ridges)) <= 1
 
 
 @pytest.mark.parametrize("offset", [-0.5, 0.0, 0.5])
 def test_lands__of_a_mirrored_profile_are_the_right_half(offset):
-    lands = Profile(A, B, depth=1e-3, offset=offset).lands(0.2)
-    assert lands[0].start == pytest.approx(-lands[0].stop, rel=1e-14)  # rounding
-    assert lands[0].ridge == (None if offset == 0.0 else 0)
-    assert all(land.start > 0 for land in lands[1:])
+    segments = Profile(A, B, depth=1e-3, offset=offset).segments(0.2)
+    assert segments[0].start == pytest.approx(-segments[0].stop, rel=1e-14)  # rounding
+    assert segments[0].ridge == (None if offset == 0.0 else 0)
+    assert all(land.start > 0 for land in segments[1:])
 
 
 def test_height__is_flat_between_corners_and_a_parabola_in_them():
-    land = Land(3, 1.0, 2.0, corner=0.25)
+    land = RigidSegment(3, 1.0, 2.0, corner=0.25)
     assert land.flat == (1.25, 1.75)
     x = np.array([[1.25, 1.5, 1.75], [1.0, 1.125, 2.0]])
     expected = [[0.0, 0.0, 0.0], [0.125, 0.125**2 / 0.5, 0.125]]
@@ -119,6 +119,6 @@ def test_height__is_flat_between_corners_and_a_parabola_in_them():
 
 
 def test_height__of_a_sharp_land_is_its_depth():
-    land = Land(None, 1.0, 2.0, depth=0.1)
+    land = RigidSegment(None, 1.0, 2.0, depth=0.1)
     assert np.array_equal(land.height(np.array([1.0, 1.7])), [0.1, 0.1])
     assert land.flat == (1.0, 2.0)

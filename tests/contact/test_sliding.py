@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ridgebayes.contact.pressed import pressed
+from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.contact.sliding import sliding_counts
 from ridgebayes.errors import InputError
@@ -18,7 +18,7 @@ def test_sliding_counts__are_means_and_spreads_of_separate_solutions():
     mean, sd = sliding_counts(PROFILE, W, n_offset=6)
     offsets = (np.arange(6) + 0.5) / 12
     for i, load in enumerate(W):
-        counts = [pressed(Profile(0.012, 0.03, offset=o), load).Q for o in offsets]
+        counts = [solve_contact(Profile(0.012, 0.03, offset=o), load).Q for o in offsets]
         assert mean[i] == pytest.approx(np.mean(counts), abs=1e-12)  # algebra
         assert sd[i] == pytest.approx(np.std(counts), abs=1e-12)
 
@@ -29,7 +29,7 @@ def test_sliding_counts__where_a_floor_alone_is_touched_are_those_of_separate_so
     mean, _ = sliding_counts(shallow, W, n_offset=4)
     for load, found in zip(W, mean.tolist(), strict=True):
         places = [Profile(0.012, 0.03, depth=5e-5, offset=(i + 0.5) / 8) for i in range(4)]
-        counts = [pressed(place, load).Q for place in places]
+        counts = [solve_contact(place, load).Q for place in places]
         assert 0 in counts or load > W[0]
         assert found == pytest.approx(np.mean(counts), abs=1e-12)  # algebra
 

@@ -10,9 +10,9 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.contact import hertz
+from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.loadtable import HalfPlaneLoads
-from ridgebayes.contact.pressed import load_factor
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.contact.sliding import sliding_counts

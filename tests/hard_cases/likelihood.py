@@ -81,7 +81,7 @@ def summed_over_grid(frame, log_c, log_sigma, *, log_sd=0.1, sigma_sd=0.05):
 
 def assert_draws(fit, expected, tolerance=0.05):
     """Hold means and sds of a converged fit to moments, within a share of the true sd."""
-    assert fit.converged, fit.missing
+    assert fit.converged, fit.convergence_failures
     for row, (mean, sd) in zip(fit.summary.itertuples(), expected, strict=True):
         assert abs(row.mean - mean) < tolerance * sd, (row.parameter, row.mean, mean)
         assert abs(row.sd - sd) < tolerance * sd, (row.parameter, row.sd, sd)
@@ -374,7 +374,7 @@ def prior_and_rows_of_two_modes():
     settings = rb.SampleSettings(n_walker=32)
     fit = rb.calibrate(rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=settings)
     assert not fit.converged
-    said = next(line for line in fit.missing if line.startswith("several modes"))
+    said = next(line for line in fit.convergence_failures if line.startswith("several modes"))
     told = float(said.split("ln evidence of ")[1].split()[0])
     assert abs(told - odds) < 0.2
     assert not any(evidence.ok for evidence in evidences(fit))

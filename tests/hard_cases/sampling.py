@@ -177,9 +177,10 @@ def too_short():
     for n in (1, 2, 5):
         fit = calibrated(rb.Modified(), settings=rb.SampleSettings(n_walker=8, n_step_max=n))
         assert not fit.converged
-        assert any("steps are not 50 tau" in line for line in fit.missing)
+        assert any("steps are not 50 tau" in line for line in fit.convergence_failures)
         assert np.isfinite(fit.draws).all()
-    return f"{len(wrong)} settings refused; 5 steps: {len(fit.missing)} things are missing"
+    n_missing = len(fit.convergence_failures)
+    return f"{len(wrong)} settings refused; 5 steps: {n_missing} things are missing"
 
 
 @hard_case(
@@ -193,15 +194,17 @@ def stuck_apart():
         x, y = u[..., 0], u[..., 1]
         return np.logaddexp(-0.5 * (x - 20) ** 2, -0.5 * (x + 20) ** 2) - 0.5 * y * y
 
-    from ridgebayes.inference.diagnostics import shortcomings, summarise
+    from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
 
     settings = rb.SampleSettings(n_walker=8, n_step_max=1_500, moves="stretch")
     chains = walked(wells, np.diag([20.0, 1.0]), settings)
-    missing = chains.missing + shortcomings(summarise(chains.u, ("x", "y")))
-    assert any(line.startswith("x: ") for line in missing)
+    convergence_failures = chains.convergence_failures + failed_diagnostics(
+        summarise(chains.u, ("x", "y"))
+    )
+    assert any(line.startswith("x: ") for line in convergence_failures)
     shares = (chains.u[..., 0] > 0).mean(axis=(1, 2))
     assert shares.std() > 0.01
-    return f"{len(missing)} things are missing, among them tau or R-hat of x"
+    return f"{len(convergence_failures)} things are missing, among them tau or R-hat of x"
 
 
 @hard_case(
@@ -218,7 +221,7 @@ def strongly_correlated():
         np.linalg.cholesky([[1, 0.999], [0.999, 1]]),
         FEW,
     )
-    assert not chains.missing
+    assert not chains.convergence_failures
     x, y = chains.u.reshape(-1, 2).T
     across = (x - y).std() / math.sqrt(2)
     truth = math.sqrt(1 - rho)
@@ -241,7 +244,7 @@ def tails_and_edges():
         return -2 * np.log1p(t * t / 3) + np.where(half >= 0, -0.5 * half * half, -np.inf)
 
     chains = walked(density, np.eye(2))
-    assert not chains.missing
+    assert not chains.convergence_failures
     t, half = chains.u.reshape(-1, 2).T
     quartiles = np.quantile(t, [0.25, 0.75])
     np.testing.assert_allclose(quartiles, [-0.7649, 0.7649], atol=0.02)
@@ -321,5 +324,5 @@ def replicates_of_one_texture():
     assert fit.converged
     assert len(fit.summary) == 2
     assert abs(row["sd"] / row["mean"] / expected - 1) < 0.1
-    assert model_of(frame).is_plain
+    assert model_of(frame).is_iid_gaussian
     return f"relative sd {row['sd'] / row['mean']:.5f} for {expected:.5f}"

@@ -96,13 +96,15 @@ def test_products__are_those_with_the_dense_covariance(structure, bracket, make)
     u_noise = noises(model, 6).reshape(2, 3, -1)
     found = model.products(u_noise, columns)
     assert found.shape == (2, 3, 3, 3)
-    for place in np.ndindex(2, 3):
-        dense = columns.T @ np.linalg.solve(covariance(model, u_noise[place], bracket), columns)
+    for forward in np.ndindex(2, 3):
+        dense = columns.T @ np.linalg.solve(covariance(model, u_noise[forward], bracket), columns)
         # Of residuals with themselves only means of equal rows may count: not looked at.
         # Rounding: sums of 1e4 and a condition of 1e5, relative to the largest.
         scale = np.sqrt(np.outer(np.diag(dense), np.diag(dense)))[:2]
-        np.testing.assert_allclose((found[place][:2] - dense[:2]) / scale, 0, atol=1e-9)
-        np.testing.assert_allclose(found[place], found[place].T, rtol=1e-9, atol=1e-9)  # rounding
+        np.testing.assert_allclose((found[forward][:2] - dense[:2]) / scale, 0, atol=1e-9)
+        np.testing.assert_allclose(
+            found[forward], found[forward].T, rtol=1e-9, atol=1e-9
+        )  # rounding
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
@@ -126,13 +128,13 @@ def test_unplace__inverts_place(noise, make):
     assert frame.n_coefficient == 2
     u_noise = noises(model, 6).reshape(2, 3, -1)
     w = np.random.default_rng(4).standard_normal((2, 3, 2))
-    u, log_jacobian = frame.place(w, u_noise)
-    back, again = frame.unplace(u, u_noise)
+    u, log_jacobian = frame.forward(w, u_noise)
+    back, again = frame.inverse(u, u_noise)
     # Rounding: coordinates of order 1 in units of widths of 1e-2.
     np.testing.assert_allclose(back, w, rtol=0, atol=1e-11)
     np.testing.assert_array_equal(again, log_jacobian)
     # Draws are served one by one: a single one has what it has among many.
-    one, its = frame.place(w[1, 2], u_noise[1, 2])
+    one, its = frame.forward(w[1, 2], u_noise[1, 2])
     np.testing.assert_allclose(one, u[1, 2], rtol=1e-11)  # rounding
     assert float(its) == pytest.approx(log_jacobian[1, 2], rel=1e-11)
 
@@ -144,7 +146,7 @@ def test_place__jacobian_is_the_determinant_by_finite_differences(noise, make):
     n = model.n_parameter
 
     def mapped(x):
-        return np.concatenate([frame.place(x[:2], x[2:])[0], x[2:]])
+        return np.concatenate([frame.forward(x[:2], x[2:])[0], x[2:]])
 
     # The error model's parameters move the coefficients too: the determinant is of the whole map.
     rng = np.random.default_rng(5)
@@ -152,7 +154,7 @@ def test_place__jacobian_is_the_determinant_by_finite_differences(noise, make):
         x = np.concatenate([w, u_noise])
         columns = [(mapped(x + d) - mapped(x - d)) / (2 * h) for d in h * np.eye(n)]
         expected = np.linalg.slogdet(np.array(columns))[1]
-        _, log_jacobian = frame.place(w, u_noise)
+        _, log_jacobian = frame.forward(w, u_noise)
         assert float(log_jacobian) == pytest.approx(expected, abs=1e-7)  # rounding: eps / h / width
 
 
@@ -167,13 +169,13 @@ def test_place__of_a_linear_form_is_the_dense_normal_conditional(form, structure
     u_noise = noises(model, 4)
     # Wherever it is linearised.
     frame = Conditional.of(model, 0.5 * np.random.default_rng(6).standard_normal(k))
-    centre, log_jacobian = frame.place(np.zeros((4, k)), u_noise)
+    centre, log_jacobian = frame.forward(np.zeros((4, k)), u_noise)
     for i in range(4):
         # By the rows' own covariance, not by the precision: c is normal(0, 1) a priori.
         gain = np.linalg.solve(slope @ slope.T + covariance(model, u_noise[i]), slope).T
         mean, spread = -gain @ residual, np.eye(k) - gain @ slope
         np.testing.assert_allclose(centre[i], mean, rtol=0, atol=1e-8)  # rounding: condition 1e6
-        axes = [frame.place(e, u_noise[i])[0] - centre[i] for e in np.eye(k)]
+        axes = [frame.forward(e, u_noise[i])[0] - centre[i] for e in np.eye(k)]
         # Rounding: a difference from 1, of widths down to 1e-3.
         np.testing.assert_allclose(np.transpose(axes) @ axes, spread, rtol=0, atol=1e-9)
         half = 0.5 * np.linalg.slogdet(spread)[1]
@@ -187,7 +189,7 @@ def test_place__of_a_linear_form_leaves_standard_normals_of_the_density(structur
     frame = Conditional.of(model, np.full(k, 0.4))
     u_noise = np.broadcast_to(noises(model, 1), (7, model.n_parameter - k))
     w = 2 * np.random.default_rng(7).standard_normal((7, k))
-    u, log_jacobian = frame.place(w, u_noise)
+    u, log_jacobian = frame.forward(w, u_noise)
     density = model.log_density(np.concatenate([u, u_noise], axis=1)) + log_jacobian
     flat = density + 0.5 * (w * w).sum(axis=1)
     np.testing.assert_allclose(flat, flat[0], rtol=0, atol=1e-8)  # rounding: condition 1e5
@@ -198,6 +200,6 @@ def test_place__where_nothing_can_be_factorised_has_no_volume_rather_than_none_k
     model = make(Hybrid(), noise)
     frame = Conditional.of(model, np.zeros(2))
     far = np.array([-60.0, 0.0, 60.0])[:, None] * np.ones(model.n_parameter - 2)
-    _, log_jacobian = frame.place(np.zeros((3, 2)), far)
+    _, log_jacobian = frame.forward(np.zeros((3, 2)), far)
     assert not np.isnan(log_jacobian).any()
     assert np.isfinite(log_jacobian[1])

@@ -11,12 +11,12 @@ from ridgebayes.inference.autocorrelation import effective_sample_size
 from ridgebayes.inference.diagnostics import (
     Loo,
     arviz_object,
+    failed_diagnostics,
     import_arviz,
     leave_one_out,
     pareto_k,
     pareto_smoothed,
     rank_r_hat,
-    shortcomings,
     stacking_weights,
     summarise,
 )
@@ -132,7 +132,7 @@ def test_shortcomings__names_each_rule_broken_and_nothing_else():
             "ess_tail": [400.0, 500.0, 12.0, 500.0],
         }
     )
-    missing = shortcomings(summary)
+    missing = failed_diagnostics(summary)
     assert [text.split(",")[0].split(" is ")[0] for text in missing] == [
         "K[a]: R-hat 1.01",
         "sigma: ess_bulk 399",

@@ -6,7 +6,7 @@ import pytest
 
 from ridgebayes.errors import InputError
 from ridgebayes.inference.autocorrelation import effective_sample_size
-from ridgebayes.inference.diagnostics import shortcomings, summarise
+from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
 from ridgebayes.inference.emcee_sampling import SampleSettings, sample, walkers_for
 
 NAMES = ("x", "y", "z")
@@ -34,7 +34,7 @@ def normal(u):
 def test_sample__reproduces_means_and_spreads_of_a_normal(affine):
     # The approximation is off by a fifth in width and half an sd in place.
     chains = sample(normal, affine(MEAN + 0.5 * FACTOR[:, 0], 1.2 * FACTOR), seed=3, names=NAMES)
-    assert chains.missing == ()
+    assert chains.convergence_failures == ()
     square = (FACTOR**2).sum(axis=1)
     assert worst_z(chains.u, MEAN, square) < 4  # Monte Carlo: the largest of six
     np.testing.assert_allclose(
@@ -66,7 +66,7 @@ def test_sample__reproduces_means_and_spreads_of_a_funnel(straightened, affine):
 
     start = Coordinates([0, 0, -3.0], np.diag([np.exp(-3), np.exp(-3), 0.3]))
     chains = sample(funnel, start, seed=4, names=NAMES)
-    assert chains.missing == ()
+    assert chains.convergence_failures == ()
     square = np.array([np.exp(-6 + 2 * 0.09)] * 2 + [0.09])  # E[sigma^2] of a log-normal
     assert worst_z(chains.u, np.array([0, 0, -3.0]), square) < 4  # Monte Carlo: largest of six
 
@@ -116,8 +116,8 @@ def test_sample__says_what_a_chain_that_is_too_short_lacks(affine):
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=500)
     chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
     assert chains.n_step == 100
-    assert len(chains.missing) == len(NAMES) + 1
-    for name, text in zip((*NAMES, "log posterior"), chains.missing, strict=True):
+    assert len(chains.convergence_failures) == len(NAMES) + 1
+    for name, text in zip((*NAMES, "log posterior"), chains.convergence_failures, strict=True):
         assert text.startswith(f"{name}: 100 steps are not 500 tau (")
 
 
@@ -125,7 +125,7 @@ def test_sample__says_that_tau_has_not_settled(affine):
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=1)
     chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
     # There is only one check, so every tau has changed, from infinity.
-    assert [text.split(" (")[0] for text in chains.missing] == [
+    assert [text.split(" (")[0] for text in chains.convergence_failures] == [
         f"{name}: tau was checked only once" for name in (*NAMES, "log posterior")
     ]
 
@@ -134,13 +134,13 @@ def test_sample__says_from_what_to_what_tau_changed(affine):
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=150, n_tau=1, tau_change=1e-9)
     chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
     pattern = r"(x|y|z|log posterior): tau still changes \((\d\.\d+) to (\d\.\d+)\)"
-    found = [re.fullmatch(pattern, text) for text in chains.missing]
+    found = [re.fullmatch(pattern, text) for text in chains.convergence_failures]
     assert [match[1] for match in found] == [*NAMES, "log posterior"]
     # Printed digits: four of each.
     assert [float(match[3]) for match in found] == pytest.approx(chains.tau.tolist(), rel=1e-3)
     loose = replace(settings, tau_change=1.0)
     chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=loose)
-    assert chains.missing == ()
+    assert chains.convergence_failures == ()
 
 
 def test_sample__goes_on_until_the_rule_is_met(affine):
@@ -153,7 +153,7 @@ def test_sample__goes_on_until_the_rule_is_met(affine):
         settings=SampleSettings(n_walker=32),
         progress=lines.append,
     )
-    assert chains.missing == ()
+    assert chains.convergence_failures == ()
     assert np.all(chains.n_step > 50 * chains.tau)
     assert len(lines) >= 2
     assert lines[-1].startswith(f"{chains.n_step} steps x 4 ensembles, tau ")
@@ -180,8 +180,10 @@ def test_sample__walkers_stuck_apart_are_caught(affine):
         settings=SampleSettings(n_walker=8, n_burn=400, n_step_max=600),
     )
     assert {-1, 1} == set(np.sign(chains.u).ravel())  # both are inhabited
-    missing = chains.missing + shortcomings(summarise(chains.u, ("x",)))
-    assert any(text.startswith("x: R-hat") for text in missing)
+    convergence_failures = chains.convergence_failures + failed_diagnostics(
+        summarise(chains.u, ("x",))
+    )
+    assert any(text.startswith("x: R-hat") for text in convergence_failures)
 
 
 def test_sample__starts_where_the_density_is_positive(affine):
@@ -219,5 +221,5 @@ def test_sample__starts_more_walkers_than_a_round_of_adaptation_has_draws(affine
     ("n_texture", "is_plain", "expected"),
     [(9, True, 512), (9, False, 128), (500, True, 128), (5_000, True, 32), (5_000, False, 32)],
 )
-def test_walkers_for__takes_many_where_densities_are_cheap(n_texture, is_plain, expected):
-    assert walkers_for(n_texture, is_plain) == expected
+def test_walkers_for__takes_many_where_densities_are_cheap(n_texture, is_iid_gaussian, expected):
+    assert walkers_for(n_texture, is_iid_gaussian) == expected

@@ -33,8 +33,8 @@ def test_unplace__inverts_place(known_variance):
     frame = made_up(known_variance).about(MODE)
     rng = np.random.default_rng(1)
     w, u_noise = rng.standard_normal((2, 5, 2)), rng.standard_normal((2, 5, 1))
-    u, log_jacobian = frame.place(w, u_noise)
-    back, again = frame.unplace(u, u_noise)
+    u, log_jacobian = frame.forward(w, u_noise)
+    back, again = frame.inverse(u, u_noise)
     np.testing.assert_allclose(back, w, rtol=0, atol=1e-11)  # algebra
     np.testing.assert_array_equal(again, log_jacobian)
 
@@ -44,9 +44,10 @@ def test_place__jacobian_is_the_determinant_by_finite_differences(known_variance
     frame, h = made_up(known_variance).about(MODE), 1e-4
     rng = np.random.default_rng(2)
     for w, u_noise in zip(rng.standard_normal((5, 2)), rng.standard_normal((5, 1)), strict=True):
-        _, log_jacobian = frame.place(w, u_noise)
+        _, log_jacobian = frame.forward(w, u_noise)
         columns = [
-            frame.place(w + d, u_noise)[0] - frame.place(w - d, u_noise)[0] for d in h * np.eye(2)
+            frame.forward(w + d, u_noise)[0] - frame.forward(w - d, u_noise)[0]
+            for d in h * np.eye(2)
         ]
         expected = np.linalg.slogdet(np.array(columns) / (2 * h))[1]
         assert log_jacobian == pytest.approx(expected, abs=1e-9)  # rounding: eps / h; linear in w
@@ -54,7 +55,7 @@ def test_place__jacobian_is_the_determinant_by_finite_differences(known_variance
 
 def test_place__at_the_mode_is_the_identity_about_it():
     frame, w = made_up(0.02**2).about(MODE), np.random.default_rng(3).standard_normal((4, 2))
-    u, log_jacobian = frame.place(w, np.broadcast_to(MODE[2:], (4, 1)))
+    u, log_jacobian = frame.forward(w, np.broadcast_to(MODE[2:], (4, 1)))
     np.testing.assert_allclose(u, MODE[:2] + w, rtol=0, atol=1e-14)  # rounding
     assert not log_jacobian.any()
 

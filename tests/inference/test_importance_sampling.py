@@ -33,7 +33,7 @@ def test_importance_fit__evidence_of_the_sweep_is_the_quadrature(model, found, l
 
 def test_importance_fit__draws_have_the_means_and_spreads_of_the_walk(model, found, fits):
     fit, _ = found
-    assert fit.chains.missing == ()
+    assert fit.chains.convergence_failures == ()
     assert fit.chains.u.shape == (N_REPEAT, 20, 128, 3)
     ours, walked = (model.to_theta(each.chains.u) for each in (fit, fits["hybrid"]))
     centre = walked.mean(axis=(0, 1, 2))
@@ -67,10 +67,10 @@ def test_importance_fit__tells_where_weights_are_heavy(model, monkeypatch):
 
     monkeypatch.setattr(importance, "adapted", far_too_narrow)
     fit, evidence = importance_fit(model, seed=1, n_draw=1_280)
-    text = fit.chains.missing[0]
+    text = fit.chains.convergence_failures[0]
     assert text.startswith("importance weights: Pareto k ")
     assert text.endswith(f", above {K_MAX}")
-    assert text in fit.missing
+    assert text in fit.convergence_failures
     assert not evidence.ok
     assert evidence.status == text
     assert np.all(fit.chains.acceptance < 0.5)

@@ -244,7 +244,7 @@ def test_several_modes__of_plain_rows_finds_the_mirror_image(observed):
     texture, Q = np.repeat([0, 1], 3), np.tile([4, 6, 8], 2)
     own = np.array([0.05, 0.02, 0.04, -0.08, -0.02, -0.06])
     model = Model(observed(texture, Q, 2 * np.log((Q / 2 - 1) * 0.042 / 1.4) + own), Even())
-    assert model.is_plain
+    assert model.is_iid_gaussian
     laplace = fit_laplace(model)
     (said,) = several_modes(model, laplace)
     c2, sigma = model.to_theta(laplace.mode)

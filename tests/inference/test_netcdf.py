@@ -38,8 +38,8 @@ def test_read_netcdf__brings_back_what_was_written(fits, files, name):
     # Algebra: u is the logarithm of an exponential, and numbers pass through decimal text.
     np.testing.assert_allclose(back.chains.u, kept.u, rtol=1e-12, atol=1e-15)
     pd.testing.assert_frame_equal(back.summary, fit.summary, check_exact=False, rtol=1e-11)
-    assert back.missing == fit.missing
-    assert back.chains.missing == fit.chains.missing
+    assert back.convergence_failures == fit.convergence_failures
+    assert back.chains.convergence_failures == fit.chains.convergence_failures
     assert back.seed == fit.seed
     assert back.form == fit.form
     assert back.noise == fit.noise
@@ -109,8 +109,8 @@ def test_write_netcdf__keeps_what_did_not_converge(paper, tmp_path):
     write_netcdf(fit, tmp_path / "short.nc")
     back = read_netcdf(tmp_path / "short.nc")
     assert not back.converged
-    assert back.missing == fit.missing
-    assert back.chains.missing == fit.chains.missing != ()
+    assert back.convergence_failures == fit.convergence_failures
+    assert back.chains.convergence_failures == fit.chains.convergence_failures != ()
 
 
 def test_write_netcdf__replaces_a_file(fits, tmp_path):

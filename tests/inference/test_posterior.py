@@ -25,7 +25,7 @@ SHORT = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
 def test_calibrate__of_the_sweep_converges_and_says_so(fits, name):
     fit = fits[name]
     assert fit.converged
-    assert fit.missing == ()
+    assert fit.convergence_failures == ()
     assert np.all(fit.summary["r_hat"] < 1.01)
     assert np.all(fit.summary[["ess_bulk", "ess_tail"]] >= 400)
     assert np.all(fit.chains.n_step > 50 * fit.chains.tau)
@@ -93,7 +93,7 @@ def test_calibrate__tells_in_the_record_that_it_did_not_converge(paper):
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=500)
     fit = calibrate(paper, Modified(), rng=1, settings=settings)
     assert not fit.converged
-    assert fit.missing[0].startswith("c: 100 steps are not 500 tau")
+    assert fit.convergence_failures[0].startswith("c: 100 steps are not 500 tau")
     assert "NOT converged: c: 100 steps" in repr(fit)
 
 

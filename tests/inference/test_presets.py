@@ -81,7 +81,9 @@ def test_quick__walks_where_importance_weights_are_too_uneven(paper, monkeypatch
 
     def uneven(*args, **options):
         fit, evidence = importance_fit(*args, **options)
-        return replace(fit, missing=("importance weights: Pareto k 0.9, above 0.7",)), evidence
+        return replace(
+            fit, convergence_failures=("importance weights: Pareto k 0.9, above 0.7",)
+        ), evidence
 
     monkeypatch.setattr("ridgebayes.comparison.comparison.importance_fit", uneven)
     walked = rb.compare(paper, [rb.Modified()], rng=1, accuracy=QUICK)

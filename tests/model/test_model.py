@@ -122,7 +122,7 @@ def test_model__of_each_error_model_names_its_coordinates(noise):
     assert len(model.coordinate_names) == model.n_coordinate
     n_level = model.offsets.n_level if sampled else 0
     assert model.n_coordinate == model.n_parameter + n_level
-    assert model.is_plain == (noise.name == "iid")
+    assert model.is_iid_gaussian == (noise.name == "iid")
     u = 0.1 * np.random.default_rng(28).standard_normal((3, model.n_coordinate))
     assert np.isfinite(model.log_density(u)).all()
     assert model.pointwise_log_likelihood(u).shape == (3, len(model.data))

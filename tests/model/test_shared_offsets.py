@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import ComputationError
+from ridgebayes.model.conditional_offsets import Design
 from ridgebayes.model.forms import Modified
 from ridgebayes.model.likelihood_marginal import IntegratedOffsets
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.rows import Rows
 from ridgebayes.model.shared_offsets import LARGEST_SMOOTH, NUGGET, offsets_of
-from ridgebayes.model.woodbury import Design
 
 STRUCTURES = Noise.structures[1:]
 RATIO = np.array([0.012 / 0.042, 0.032 / 0.042, 0.022 / 0.042, 0.018 / 0.063])

@@ -19,7 +19,7 @@ from ridgebayes.checks.coverage import coverage
 from ridgebayes.commands.sweep_jobs import sweep_job
 from ridgebayes.errors import ComputationError
 from ridgebayes.model.forms import Modified
-from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.ordered import map_ordered
 from ridgebayes.runtime.worker_pool import WorkerLostError
 from ridgebayes.runtime.workers import executor_for
 from ridgebayes.scene.scene import Scene
@@ -182,7 +182,7 @@ def test_lost_workers__too_many_of_them_name_the_task():
         with pytest.raises(WorkerLostError, match="1 workers of the cluster died on it; rule:"):
             executor.submit(os._exit, 1).result(60)
         with dask_worker(where), pytest.raises(ComputationError, match=r"^task 1: 1 workers of"):
-            list(in_order(os._exit, [1], executor))
+            list(map_ordered(os._exit, [1], executor))
 
 
 def test_lost_scheduler__is_a_computation_that_failed():

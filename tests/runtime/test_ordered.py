@@ -15,7 +15,7 @@ from concurrent.futures import (
 import pytest
 
 from ridgebayes.errors import ComputationError
-from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.ordered import map_ordered
 from ridgebayes.runtime.worker_pool import WorkerLostError
 
 
@@ -56,11 +56,11 @@ class Failing(Executor):
 def test_in_order__is_the_order_of_tasks_on_any_executor(n):
     expected = [n - i for i in range(n)]
     tasks = [i - n for i in range(n)]
-    assert list(in_order(abs, tasks, None)) == expected
+    assert list(map_ordered(abs, tasks, None)) == expected
     with ThreadPoolExecutor(3) as executor:
-        assert list(in_order(abs, tasks, executor)) == expected
+        assert list(map_ordered(abs, tasks, executor)) == expected
     backwards = Later(n_worker=100, until=n)
-    assert list(in_order(abs, tasks, backwards)) == expected
+    assert list(map_ordered(abs, tasks, backwards)) == expected
     assert backwards.done == tasks[::-1]
 
 
@@ -75,7 +75,7 @@ def test_in_order__takes_four_tasks_a_worker_and_no_more():
     executor = Later(n_worker=2, until=1_000)
     found = []
     thread = threading.Thread(
-        target=lambda: found.extend(in_order(float, tasks(), executor)), daemon=True
+        target=lambda: found.extend(map_ordered(float, tasks(), executor)), daemon=True
     )
     thread.start()
     for n_done in range(30):
@@ -94,19 +94,21 @@ def test_in_order__takes_four_tasks_a_worker_and_no_more():
 
 def test_in_order__says_what_is_done_as_soon_as_it_is():
     executor, said = Later(n_worker=1, until=3), []
-    found = in_order(abs, [-1, -2, -3], executor, done=lambda task, got: said.append((task, got)))
+    found = map_ordered(
+        abs, [-1, -2, -3], executor, done=lambda task, got: said.append((task, got))
+    )
     assert next(found) == 1
     assert said == [(-2, 2), (-1, 1)]  # the second before its turn
     assert list(found) == [2, 3]
     assert len(said) == 3
     said.clear()
-    list(in_order(abs, [-1, -2], None, done=lambda task, got: said.append((task, got))))
+    list(map_ordered(abs, [-1, -2], None, done=lambda task, got: said.append((task, got))))
     assert said == [(-1, 1), (-2, 2)]
 
 
 def test_in_order__drops_what_is_not_wanted_any_more():
     executor = Later(n_worker=1, until=2)
-    found = in_order(abs, [-1, -2, -3], executor)
+    found = map_ordered(abs, [-1, -2, -3], executor)
     next(found)
     future = executor.waiting[0][0]
     assert not future.cancelled()
@@ -121,16 +123,16 @@ def test_in_order__drops_what_is_not_wanted_any_more():
 def test_in_order__names_the_task_that_workers_died_on(error):
     executor = Failing(error)
     with pytest.raises(ComputationError, match=r"^task 2: they died$"):
-        list(in_order(abs, [-1, -2, -3], executor))
+        list(map_ordered(abs, [-1, -2, -3], executor))
     assert executor.futures[0].cancelled()
     with pytest.raises(ComputationError, match=r"^that of -2: they died$"):
-        list(in_order(abs, [-1, -2], Failing(error), name=lambda task: f"that of {task}"))
+        list(map_ordered(abs, [-1, -2], Failing(error), name=lambda task: f"that of {task}"))
 
 
 def test_in_order__passes_errors_of_tasks_on():
     for executor in (None, ThreadPoolExecutor(1)):
         with pytest.raises(ValueError, match="math domain"):
-            list(in_order(_root, [1, -1], executor))
+            list(map_ordered(_root, [1, -1], executor))
 
 
 def _root(x):
@@ -144,4 +146,4 @@ def test_in_order__a_broken_process_pool_is_a_computation_that_failed():
         ProcessPoolExecutor(1) as executor,
         pytest.raises(ComputationError, match=r"^task 1: "),
     ):
-        list(in_order(os._exit, [1, 1], executor))
+        list(map_ordered(os._exit, [1, 1], executor))

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from ridgebayes.contact import halfplane, hertz
-from ridgebayes.contact.pressed import pressed
+from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.scene.effects import plan, plan_table
@@ -150,7 +150,7 @@ def test_plan__says_of_ridges_the_exact_difference_of_two_solutions(a, b, nu):
 @pytest.mark.parametrize(("a", "b", "p"), [(A, B, P), (0.012, 0.03, 0.004)])
 def test_plan__leaves_out_a_floor_below_the_deepest_penetration_which_changes_nothing(a, b, p):
     x = np.linspace(0.0, 0.5 * b, 301)  # half of the middle groove, where it is deepest
-    deepest = -pressed(Profile(a, b), reduced(p)).pressing.surface(x).min()
+    deepest = -solve_contact(Profile(a, b), reduced(p)).pressing.surface(x).min()
     without = reaching_loads(Profile(a, b), W_max=reduced(p))
     below = reaching_loads(Profile(a, b, depth=1.01 * deepest), W_max=reduced(p))
     assert np.array_equal(below.Q, without.Q)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from ridgebayes.contact import halfplane, hertz
+from ridgebayes.contact.contact_solution import pressed
 from ridgebayes.contact.cylinder import cylinder
 from ridgebayes.contact.cylinder.cylinder import Reached
-from ridgebayes.contact.pressed import pressed
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.scene.scene import Scene, Texture

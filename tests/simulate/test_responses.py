@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.halfplane import transition_loads
-from ridgebayes.contact.pressed import pressed
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.scene.scene import Scene, Texture
@@ -68,7 +68,7 @@ def test_ridge_forces__number_floors_by_the_ridge_to_their_left():
 
 def test_contact_at_loads__are_those_of_the_profile():
     found = contact_at_loads(scene_with(offset=0.1), [0.003], solver="half-plane").iloc[0]
-    alone = pressed(Profile(A, B, offset=0.1), 4 / math.pi * 0.75 * 0.003, rel_tol=1e-6)
+    alone = solve_contact(Profile(A, B, offset=0.1), 4 / math.pi * 0.75 * 0.003, rel_tol=1e-6)
     assert found["Q"] == alone.Q
     assert found["contact_fraction"] == alone.contact_fraction
     assert found["penetration_over_R"] >= alone.penetration(0)

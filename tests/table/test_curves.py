@@ -26,8 +26,8 @@ CURVE = Curve(
 
 
 def test_plain__comes_back_from_json_to_the_last_bit():
-    text = json.dumps(CURVE.plain(), allow_nan=False)
-    again = Curve.from_plain(json.loads(text))
+    text = json.dumps(CURVE.to_dict(), allow_nan=False)
+    again = Curve.from_dict(json.loads(text))
     assert again.p_over_E[:2] == CURVE.p_over_E[:2]
     assert math.isnan(again.p_over_E[2])
     no_load = {"p_over_E": ()}

@@ -52,7 +52,7 @@ def moments(table: rb.ContactTable, noise: str) -> tuple[pd.DataFrame, bool]:
     if walked:
         fit = rb.calibrate(table, rb.Hybrid(), noise=noise, rng=1)
     if not fit.converged:
-        raise SystemExit(f"{table.where}, {noise}: {fit.missing}")
+        raise SystemExit(f"{table.where}, {noise}: {fit.convergence_failures}")
     return fit.summary.set_index("parameter")[["mean", "sd"]].loc[list(NAMES)], walked
 
 

@@ -28,7 +28,7 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import Prior
 from ridgebayes.model.replicated import prior_draws, simulate_log_loads, simulated
 from ridgebayes.results import Fit
-from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.ordered import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
 from tests.validation.uniformity import Uniformity, ranks_to_pit, uniformity
 
@@ -209,7 +209,7 @@ class _Replication:
             }
             for name, (true, draws) in values.items()
         ]
-        return ranks, "; ".join(fit.missing)
+        return ranks, "; ".join(fit.convergence_failures)
 
 
 def _walk(model: Model, *, seed: int) -> Fit:
@@ -301,7 +301,7 @@ def sbc(
     ranks: list[dict[str, object]] = []
     failures: list[dict[str, object]] = []
     numbers = range(first, first + n_replicate)
-    found = in_order(run, numbers, executor, name=lambda i: f"replicate {i}")
+    found = map_ordered(run, numbers, executor, name=lambda i: f"replicate {i}")
     for i, (own, reason) in zip(numbers, found, strict=True):
         ranks += own
         if reason:

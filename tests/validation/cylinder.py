@@ -23,9 +23,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ridgebayes.contact import halfplane, hertz
+from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
-from ridgebayes.contact.pressed import load_factor
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.drawing.style import COLOURS, WIDTH, as_bytes, new_figure, styled

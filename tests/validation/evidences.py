@@ -62,7 +62,7 @@ def walked(form: str, noise: str, n_live: int) -> Iterator[LogEvidence]:
     fit = rb.calibrate(rb.paper_sweep(), form_named(form), noise=noise, rng=SEED)
     for found in evidences(fit):
         if found.method == "bridge" and not fit.converged:
-            status = f"walk not converged: {fit.missing[0]}"
+            status = f"walk not converged: {fit.convergence_failures[0]}"
             found = LogEvidence(found.method, found.value, found.se, status)
         if found.method != "laplace":
             yield found
@@ -75,7 +75,7 @@ def importance(form: str, noise: str, n_live: int) -> Iterator[LogEvidence]:
 def quadrature(form: str, noise: str, n_live: int) -> Iterator[LogEvidence]:
     model = model_of(form, noise)
     # Plain rows have theirs from `evidences` already.
-    if model.n_coordinate <= 4 and not model.is_plain:
+    if model.n_coordinate <= 4 and not model.is_iid_gaussian:
         laplace = fit_laplace(model)
         yield quadrature_evidence(model.log_density, laplace, tol=1e-3, points_max=3_000_000)
 

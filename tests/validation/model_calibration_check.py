@@ -25,7 +25,7 @@ from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import Prior
 from ridgebayes.model.replicated import is_possible, simulate_log_loads, simulated
-from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.ordered import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
 from tests.validation.calibration_check import FAILURE_COLUMNS, exact_places
 
@@ -255,7 +255,7 @@ def model_sbc(
     run = _Replication(places, tuple(forms), error_model, priors or {}, weigh, seed_of(rng))
     rows: list[dict[str, object]] = []
     failures: list[dict[str, object]] = []
-    found = in_order(run, range(n_replicate), executor, name=lambda i: f"replicate {i}")
+    found = map_ordered(run, range(n_replicate), executor, name=lambda i: f"replicate {i}")
     for i, (own, reason) in enumerate(found):
         rows += own
         if reason:

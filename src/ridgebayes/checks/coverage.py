@@ -16,7 +16,7 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.ordered import map_ordered
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable
 
@@ -101,7 +101,7 @@ def coverage(
         for noise in (Noise.every() if noises is None else noises)
     ]
     tasks = [_Task(fold, tuple(probs)) for _, _, folds in groups for fold in folds]
-    found: Iterator[_Found | str] = in_order(
+    found: Iterator[_Found | str] = map_ordered(
         _predicted, tasks, executor, name=lambda task: task.fold.full_name
     )
     frames = []

@@ -19,7 +19,7 @@ from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.ordered import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.table.table import ContactTable
 
@@ -172,7 +172,7 @@ def cross_validate(
         nothing = np.zeros(len(data), dtype=bool)
         whole = Fold("all rows", data, nothing, form, error_model, own, effort or {})
     tasks = folds if whole is None else [*folds, whole]
-    found = list(in_order(_scored, tasks, executor, name=lambda fold: fold.full_name))
+    found = list(map_ordered(_scored, tasks, executor, name=lambda fold: fold.full_name))
     total = None if whole is None else found.pop()
     rows = table.calibration.frame[["a_over_R", "b_over_R", "Q", "p_over_E"]]
     rows = rows.assign(fold="", log_score=np.nan, crps=np.nan, pit=np.nan)[ROW_COLUMNS]
@@ -312,7 +312,7 @@ def _scored(fold: Fold) -> _Scores | str:
         fit, evidence = fold.refit()
     except ComputationError as error:
         return str(error)
-    status = fit.missing[0] if fit.missing else "ok"
+    status = fit.convergence_failures[0] if fit.convergence_failures else "ok"
     if not fold.left.any():
         nothing = np.empty(0)
         return _Scores(nothing, nothing, nothing, None, evidence, status)

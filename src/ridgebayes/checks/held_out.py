@@ -23,7 +23,7 @@ def held_out_loads(comparison: Comparison) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        As `ridgebayes.comparison.bands.loads_table`, simulation bands of held-out rows only, with columns
+        As `comparison.bands.loads_table`, simulation bands of held-out rows only, with columns
         ``inside``, and ``prior_alone`` where the power law has no K for the texture. Empty if no
         transition was held out, or no form has a probability.
     """

@@ -11,7 +11,7 @@ from scipy.stats import qmc
 
 from ridgebayes._types import FloatArray, Rng
 from ridgebayes.contact import halfplane, hertz
-from ridgebayes.contact.pressed import load_factor
+from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError

@@ -562,7 +562,7 @@ def _finish(done: "Comparison", out: Path, then: str = "") -> None:
         print(f"{table.where}: {len(table.left_out)} rows are not ok and were not fitted")
     print(f"{out}: {len(table.calibration)} rows fitted, {len(table.held_out)} held out. {then}")
     unfinished = [
-        f"{name} did not converge: {'; '.join(fit.missing)}"
+        f"{name} did not converge: {'; '.join(fit.convergence_failures)}"
         for name, fit in done.fits.items()
         if not fit.converged
     ]

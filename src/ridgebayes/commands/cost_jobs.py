@@ -18,7 +18,7 @@ from ridgebayes.drawing.style import save
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms import Hybrid
 from ridgebayes.report.figures.costs import plot_cost
-from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.ordered import map_ordered
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.workers import executor_for
 from ridgebayes.table.table import ContactTable
@@ -70,7 +70,7 @@ def cost_job(
     repeats, seed, force
         Timed runs of each quick setting, seed of all draws, whether a folder may be replaced.
     workers, scheduler : optional
-        As for `ridgebayes.runtime.workers.executor_for`: who measures loads, posteriors, evidences, bands.
+        As for `runtime.workers.executor_for`: who measures loads, posteriors, evidences, bands.
         What is measured side by side takes longer than alone.
 
     Returns
@@ -93,7 +93,7 @@ def cost_job(
         Progress(len(parts) + 1) as progress,
         executor_for(workers, scheduler) as executor,
     ):
-        found = in_order(_measured, parts, executor, name=lambda part: part.name)
+        found = map_ordered(_measured, parts, executor, name=lambda part: part.name)
         for part in parts:
             with progress.stage(part.name):
                 rows += next(found)

@@ -33,7 +33,7 @@ from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import FORMS, Form, form_named
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.runtime.ordered import begun
+from ridgebayes.runtime.ordered import submit_or_defer
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.workers import executor_for, n_cpu
 from ridgebayes.table.datafiles import paper_sweep, reference_fe
@@ -81,11 +81,11 @@ def run_job(
     resume : bool, optional
         Whether to go on with the chains that a killed run left; the end is the same.
     accuracy : str, optional
-        Name of one of `ridgebayes.inference.presets`. A quick run takes the normal error model with the
+        Name of one of `inference.presets`. A quick run takes the normal error model with the
         highest evidence by Laplace's approximation, leaves no textures out, compares no finite
         elements and draws the five figures that hold the answer.
     workers, scheduler : optional
-        As for `ridgebayes.runtime.workers.executor_for`: what weighs error models and refits folds; all
+        As for `runtime.workers.executor_for`: what weighs error models and refits folds; all
         processors of this machine if neither is given. The numbers do not depend on them.
 
     Returns
@@ -124,9 +124,9 @@ def run_job(
         with progress.stage("what accuracy costs"):  # with nothing going on beside it
             from ridgebayes.checks.cost.short import short_costs
 
-            cost = begun(beside, short_costs, comparison, progress.stages)
+            cost = submit_or_defer(beside, short_costs, comparison, progress.stages)
             comparison = replace(comparison, cost=cost())
-        tables = begun(beside, _predictions, comparison)
+        tables = submit_or_defer(beside, _predictions, comparison)
         begin_figures(comparison, beside)
         write_comparison(comparison, unfinished)
         _write_predictions(tables, unfinished, progress)
@@ -137,7 +137,7 @@ def run_job(
             reference = _compared(
                 rows, everything, error_model, seed, settings, progress, below, wanted, executor
             )
-            tables = begun(beside, _predictions, reference)
+            tables = submit_or_defer(beside, _predictions, reference)
             begin_figures(reference, beside)
             write_comparison(reference, below)
             _write_predictions(tables, below, progress)
@@ -416,6 +416,8 @@ def _about(
 
 def _prefixed(reference: Comparison) -> dict[str, str]:
     unfinished = {
-        name: fit.missing[0] for name, fit in reference.fits.items() if not fit.converged
+        name: fit.convergence_failures[0]
+        for name, fit in reference.fits.items()
+        if not fit.converged
     } | reference.failures
     return {f"{REFERENCE}: {name}": why for name, why in unfinished.items()}

@@ -8,7 +8,7 @@ import numpy as np
 from ridgebayes.checks.plan_check import check_plans, spread_scenes
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.contact import hertz
-from ridgebayes.contact.pressed import load_factor, pressed
+from ridgebayes.contact.contact_solution import load_factor, solve_contact
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import ComputationError, InputError
@@ -123,7 +123,9 @@ def _deformed(profile: Profile, scene: Scene, one: Plan, p_max: float) -> "Figur
     if not one.needs_finite_elements:
         from ridgebayes.report.figures.scenes import plot_pressed
 
-        return plot_pressed(pressed(profile, load_factor(scene.nu) * p_max, rel_tol=_TOLERANCE))
+        return plot_pressed(
+            solve_contact(profile, load_factor(scene.nu) * p_max, rel_tol=_TOLERANCE)
+        )
     from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
     from ridgebayes.contact.cylinder.newton import NotConvergedError
     from ridgebayes.report.figures.cylinder import plot_deformed

@@ -27,7 +27,7 @@ from ridgebayes.model.forms import FORMS
 from ridgebayes.model.noise import Noise
 from ridgebayes.results import Fit
 from ridgebayes.runtime.atomic import replacing
-from ridgebayes.runtime.locks import only_one
+from ridgebayes.runtime.locks import exclusive_lock
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
 from ridgebayes.runtime.text import clipped, one_line_message
 from ridgebayes.table.table import read_table
@@ -84,7 +84,7 @@ def new_folder(
         raise InputError(f"{path}: cannot be created (Not a directory)") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be created ({error.strerror})") from None
-    with only_one(path):
+    with exclusive_lock(path):
         _refuse_occupied(path, force, about)  # another process may have made it by now
         yield from _made(path, resume)
 
@@ -241,7 +241,11 @@ def verdicts(comparison: Comparison) -> dict[str, Any]:
         "best": comparison.best if comparison.probabilities else None,
         "probabilities": comparison.probabilities,
         "converged": {name: fit.converged for name, fit in comparison.fits.items()},
-        "missing": {name: fit.missing for name, fit in comparison.fits.items() if fit.missing},
+        "missing": {
+            name: fit.convergence_failures
+            for name, fit in comparison.fits.items()
+            if fit.convergence_failures
+        },
         "failures": comparison.failures,
         "noise": comparison.noise.name,
         "caution": comparison.noise.caution,

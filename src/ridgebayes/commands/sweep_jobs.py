@@ -9,8 +9,8 @@ from pathlib import Path
 
 from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.journal import Journal
-from ridgebayes.runtime.locks import only_one
-from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.locks import exclusive_lock
+from ridgebayes.runtime.ordered import map_ordered
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.workers import executor_for
 from ridgebayes.scene.effects import Plan, plan
@@ -68,7 +68,7 @@ def sweep_job(
         If the disk is full. What is finished stays in the journal.
     """
     check_name(out)
-    with only_one(out):
+    with exclusive_lock(out):
         return _swept(
             out, scene, solver, rel_tol, accuracy, executor_for(workers, scheduler), resume, force
         )
@@ -128,7 +128,7 @@ def fields_job(
     check_name(out)
     from ridgebayes.commands.fields import generate_fields
 
-    with only_one(out):
+    with exclusive_lock(out):
         table = generate_fields(
             scene, folder, solver=solver, rel_tol=rel_tol, accuracy=accuracy, force=force
         )
@@ -149,7 +149,7 @@ def _left_out(scene: Scene, solver: str, executor: Executor | None) -> list[str]
     return [
         f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}: {effect.name} left out, "
         f"about {effect.estimate:.1e} of a load; {scene.relative:g} was asked for"
-        for one in in_order(_first_plan, each, executor)
+        for one in map_ordered(_first_plan, each, executor)
         for effect in one.left_out
     ]
 

@@ -29,7 +29,7 @@ from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.predict import mix_q, predict_load, predict_q
 from ridgebayes.predict.q_distribution import QDistribution
 from ridgebayes.results import Fit, calibrate
-from ridgebayes.runtime.ordered import begun, in_order
+from ridgebayes.runtime.ordered import map_ordered, submit_or_defer
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.table.table import ContactTable
 
@@ -63,15 +63,15 @@ class Comparison:
     failures : dict of str to str
         Forms that could not be fitted, and why.
     left_out : pandas.DataFrame
-        Scores of each form on textures and steps left out, see `ridgebayes.checks.left_out`; empty where
+        Scores of each form on textures and steps left out, see `checks.left_out`; empty where
         they were not asked for.
     coverage : pandas.DataFrame
-        How often the best form's bands hold textures left out, see `ridgebayes.checks.coverage`; empty
+        How often the best form's bands hold textures left out, see `checks.coverage`; empty
         where it was not asked for.
     accuracy : str
         Name of the accuracy that was asked for, see `ridgebayes.inference.presets`.
     cost : pandas.DataFrame
-        What a few ways to the best form cost, see `ridgebayes.checks.cost.short`; empty where that was
+        What a few ways to the best form cost, see `checks.cost.short`; empty where that was
         not measured.
     """
 
@@ -252,7 +252,7 @@ def compare(
     failures: dict[str, str] = {}
     found: dict[str, list[LogEvidence]] = {}
     seeds = {form.name: int(stream(seed, form.name).integers(2**63)) for form in forms}
-    without_walk = in_order(
+    without_walk = map_ordered(
         _drawn,
         [(table, form, error_model, seeds[form.name], accuracy.n_draw) for form in forms],
         executor,
@@ -301,10 +301,10 @@ def compare(
     own = evidence[evidence["used"] & (evidence["noise"] == error_model.name)]
     values = dict(zip(own["form"], own["log_evidence"].astype(float), strict=True))
     if scores:
-        left_one_out = begun(beside, loo_table, fits)
-        sensitive = begun(beside, prior_sensitivity, fits, log_evidence=values)
+        left_one_out = submit_or_defer(beside, loo_table, fits)
+        sensitive = submit_or_defer(beside, prior_sensitivity, fits, log_evidence=values)
     with stage("savage-dickey and Bayes factors"):
-        factors = begun(beside, bayes_factor_table, evidence, fits, error_model)()
+        factors = submit_or_defer(beside, bayes_factor_table, evidence, fits, error_model)()
         summed = summed_bayes_factors(evidence)
         if len(summed):
             factors = pd.concat([factors, summed], ignore_index=True)

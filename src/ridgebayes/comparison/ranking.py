@@ -130,7 +130,7 @@ def problems(comparison: Comparison) -> tuple[str, ...]:
     """Return what is wrong with a comparison, a sentence each; empty if it is complete."""
     found = [f"{name}: could not be fitted: {why}" for name, why in comparison.failures.items()]
     for name, fit in comparison.fits.items():
-        found += [f"{name}: did not converge: {what}" for what in fit.missing]
+        found += [f"{name}: did not converge: {what}" for what in fit.convergence_failures]
         if name not in comparison.probabilities:
             found.append(f"{name}: no method gave a usable evidence")
     return tuple(found)

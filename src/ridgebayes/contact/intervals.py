@@ -64,7 +64,7 @@ class Intervals:
 
 
 @dataclass(frozen=True, eq=False)
-class Pressing:
+class PressureSolution:
     """The solution on given intervals.
 
     Parameters
@@ -189,7 +189,9 @@ class Pressing:
         return coefficients * np.exp(-36.0 * (np.arange(n) / n) ** 8)
 
 
-def press(intervals: Intervals, height: FloatArray, load: float, n_coefficients: int) -> Pressing:
+def solve_pressure(
+    intervals: Intervals, height: FloatArray, load: float, n_coefficients: int
+) -> PressureSolution:
     """Solve for the pressures that bring the body's surface onto the rigid one.
 
     Parameters
@@ -244,7 +246,7 @@ def press(intervals: Intervals, height: FloatArray, load: float, n_coefficients:
     ends = np.where(used, np.arange(used.shape[1]), -1).max(axis=1)
     last = coefficients[np.arange(n), ends] - coefficients_alone(whole, ends)
     approach = float(solved[-1]) + 0.5 * first**2 + depth
-    return Pressing(intervals, coefficients, approach, last, used.shape[1])
+    return PressureSolution(intervals, coefficients, approach, last, used.shape[1])
 
 
 def coefficients_alone(height: FloatArray, order: np.ndarray) -> FloatArray:

@@ -11,8 +11,8 @@ import numpy as np
 from scipy import optimize
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.contact.pressed import Pressed, pressed
-from ridgebayes.contact.rigid_profile import Land, Profile
+from ridgebayes.contact.contact_solution import ContactSolution, solve_contact
+from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
 _TINY = np.array([1e-10, 1e-9, 1e-8, 1e-7, 1e-6])
 
@@ -60,17 +60,17 @@ def reaching_loads(
 
     Notes
     -----
-    *Cost.* About ten solves of `pressed` for each event, twice as many beside the centre.
+    *Cost.* About ten solves of `solve_contact` for each event, twice as many beside the centre.
     """
     loads: list[float] = []
     counts: list[int] = []
     status: list[str] = []
     # As small as can be solved for: round corners bear so little on a spot near rounding's size.
     for tiny in _TINY * min(W_max, profile.pitch**2):
-        now = pressed(profile, float(tiny), rel_tol=rel_tol)
+        now = solve_contact(profile, float(tiny), rel_tol=rel_tol)
         if now.status == "ok":
             break
-    first = [land.ridge for land in now.lands if land.ridge is not None]
+    first = [land.ridge for land in now.segments if land.ridge is not None]
     # Where a floor alone is touched the ridges beside it, -1 and 0, are yet to be reached.
     low, high = (min(first), max(first)) if first else (0, -1)
     start = float(tiny)
@@ -97,16 +97,16 @@ def reaching_loads(
 
 def _reach(
     profile: Profile, ridges: range, number: int, start: float, W_max: float, rel_tol: float
-) -> tuple[float, int, str, Pressed | None]:
+) -> tuple[float, int, str, ContactSolution | None]:
     """Return the load at which a ridge beyond those given is reached, infinite if above W_max."""
     land = profile.ridge(number)
-    last: list[Pressed | None] = [None]
+    last: list[ContactSolution | None] = [None]
     known: dict[float, float] = {}
 
     def gap(W: float) -> float:
         if W in known:  # from another start it might come out on the other side of zero
             return known[W]
-        found = pressed(profile, W, rel_tol=rel_tol, start=last[0], ridges=ridges)
+        found = solve_contact(profile, W, rel_tol=rel_tol, start=last[0], ridges=ridges)
         if found.status != "ok":
             raise _FailedError(found.status)
         last[0] = found
@@ -134,7 +134,7 @@ class _FailedError(Exception):
     """A solution on the way was not sound."""
 
 
-def nearest_gap(found: Pressed, land: Land) -> float:
+def nearest_gap(found: ContactSolution, land: RigidSegment) -> float:
     """Return the smallest gap between the body's surface and a land that it does not touch."""
     low, high = land.flat
     # Not by the flat's ends: corners of half a ridge leave none.

@@ -12,7 +12,7 @@ from ridgebayes.errors import InputError
 
 
 @dataclass(frozen=True)
-class Land:
+class RigidSegment:
     """A stretch of the rigid surface that contact may cover; lengths over the body's radius.
 
     Parameters
@@ -102,27 +102,27 @@ class Profile:
         """Whether the left half is the mirror image of the right one."""
         return self.offset in (-0.5, 0.0, 0.5)
 
-    def ridge(self, number: int) -> Land:
+    def ridge(self, number: int) -> RigidSegment:
         """Return the top of a ridge."""
         if abs(self.offset) == 0.5:  # over a ridge: that one is number 0, and exactly symmetric
             start = number * self.pitch - 0.5 * self.a
         else:
             start = 0.5 * self.b + (number - self.offset) * self.pitch
-        return Land(number, start, start + self.a, 0.0, self.corner)
+        return RigidSegment(number, start, start + self.a, 0.0, self.corner)
 
-    def floor_after(self, number: int) -> Land:
+    def floor_after(self, number: int) -> RigidSegment:
         """Return the floor of the groove to the right of a ridge."""
         stop = self.ridge(number + 1).start
-        return Land(None, stop - self.b, stop, self.depth)
+        return RigidSegment(None, stop - self.b, stop, self.depth)
 
-    def lands(self, reach: float) -> list[Land]:
+    def segments(self, reach: float) -> list[RigidSegment]:
         """Return every land that begins within `reach` of the centre, from left to right.
 
         Of a mirrored profile those of the right half, and the one that straddles the centre.
         """
         return sorted(self._lands(reach), key=lambda land: land.start)
 
-    def _lands(self, reach: float) -> Iterator[Land]:
+    def _lands(self, reach: float) -> Iterator[RigidSegment]:
         n = math.ceil(reach / self.pitch) + 1
         for number in range(-n - 1, n + 1):
             for land in (self.ridge(number), self.floor_after(number)):

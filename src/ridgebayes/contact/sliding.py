@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ridgebayes._types import FloatArray
-from ridgebayes.contact.pressed import pressed
+from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import ComputationError, InputError
@@ -68,7 +68,7 @@ def sliding_counts(
         if found.Q.size:
             lowest = int(found.Q[0]) - 1
         else:
-            at_least = pressed(here, float(loads.min()), rel_tol=rel_tol)
+            at_least = solve_contact(here, float(loads.min()), rel_tol=rel_tol)
             if at_least.status != "ok":
                 raise ComputationError(f"offset {here.offset:g}: {at_least.status}")
             lowest = at_least.Q

@@ -30,7 +30,7 @@ from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.ordered import map_ordered
 from ridgebayes.runtime.randomness import stream
 from ridgebayes.table.table import ContactTable
 
@@ -96,7 +96,7 @@ def weigh_error_models(
         if chosen:
             tell(f"{len(chosen)} evidences")
         tasks = [_Weighing(method, data, *pairs[i], seeds[i]) for i in chosen]
-        return list(in_order(_weighed, tasks, executor, name=lambda task: task.name))
+        return list(map_ordered(_weighed, tasks, executor, name=lambda task: task.name))
 
     found = look(_first_look, range(len(pairs)))
     means = mean_evidence(_frame(forms, pairs, found)).set_index("noise")["log_mean_evidence"]
@@ -152,10 +152,10 @@ def _weighed(task: _Weighing) -> LogEvidence:
 def _first_look(data: Observations, form: Form, noise: Noise, seed: int) -> LogEvidence:
     try:
         model = Model(data, form, noise)
-        if model.is_plain and isinstance(model.form, PowerLaw):
+        if model.is_iid_gaussian and isinstance(model.form, PowerLaw):
             return power_law_evidence(model)
         laplace = fit_laplace(model)
-        if model.is_plain:
+        if model.is_iid_gaussian:
             found = quadrature_evidence(model.log_density, laplace)
             if found.ok:
                 return found

@@ -50,7 +50,7 @@ def prior_sensitivity(
     known = log_evidence or {}
     unchanged = {
         name: _deterministic_evidence(fit.model)
-        if fit.model.is_plain
+        if fit.model.is_iid_gaussian
         else known.get(name, math.nan)
         for name, fit in fits.items()
     }
@@ -65,7 +65,7 @@ def prior_sensitivity(
                 value = unchanged[name]
                 if mine and factor != 1:
                     stretched = {p: prior.stretched(factor) for p, prior in mine.items()}
-                    if fit.model.is_plain:
+                    if fit.model.is_iid_gaussian:
                         value = _deterministic_evidence(fit.model.with_priors(stretched))
                     else:
                         value = unchanged[name] + _log_ratio(fit, stretched)

@@ -70,7 +70,7 @@ def savage_dickey(fit: Posterior) -> LogEvidence:
     if model.is_latent:
         reason = "offsets are sampled: no conditional density of c2 alone"
         return LogEvidence("savage-dickey", math.nan, math.nan, reason)
-    if not model.is_plain:
+    if not model.is_iid_gaussian:
         return _given_error_model(fit)
     chains = fit.kept_chains
     u = chains.u  # coordinates of c1, c2, sigma

@@ -51,7 +51,7 @@ def evidences(fit: Posterior, *, n_bridge: int | None = None) -> list[LogEvidenc
     if drawn_exactly(fit.model):
         return [power_law_evidence(fit.model)]
     model, laplace = fit.model, fit_laplace(fit.model)
-    is_cheap = model.is_plain and len(model.data.textures) <= _MANY
+    is_cheap = model.is_iid_gaussian and len(model.data.textures) <= _MANY
     found = [
         bridge_evidence(
             model.log_density,
@@ -61,9 +61,9 @@ def evidences(fit: Posterior, *, n_bridge: int | None = None) -> list[LogEvidenc
             draws_max=n_bridge or (100_000 if is_cheap else 20_000),  # an error of 0.002 will do
         )
     ]
-    if isinstance(model.form, PowerLaw) and model.is_plain:
+    if isinstance(model.form, PowerLaw) and model.is_iid_gaussian:
         found.append(power_law_evidence(model))
-    elif model.is_plain:
+    elif model.is_iid_gaussian:
         found.append(quadrature_evidence(model.log_density, laplace))
     found.append(laplace_evidence(laplace))
     if modes := several_modes(model, laplace):

@@ -10,7 +10,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import Source
 from ridgebayes.fea.mapping import CORNERS, Use, assign, check_constants
 from ridgebayes.fea.record import Imported, provenance
-from ridgebayes.fea.understood import UnderstoodColumns, listed
+from ridgebayes.fea.understood import ColumnInterpreter, listed
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.table.cells import as_text
 from ridgebayes.table.columns import NAMES
@@ -103,7 +103,7 @@ def read_columns(
     for use in uses:
         if use.header not in cells.frame:
             raise InputError(f"{where}, column {use.header!r}, {use.name}: rule: numbers or text")
-    taken = UnderstoodColumns(cells, uses, values, is_history=bool(corners))
+    taken = ColumnInterpreter(cells, uses, values, is_history=bool(corners))
     if corners:
         frame, line, said = taken.history(corners, brackets=brackets)
     elif any(use.Q is not None for use in uses):

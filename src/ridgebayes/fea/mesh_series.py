@@ -430,7 +430,8 @@ def _array(path: Path, root: ET.Element, item: ET.Element, n: int, budget: _Budg
         if isinstance(error, InputError):
             raise
         raise InputError(
-            f"{path}: data cannot be unpacked: {one_line_message(error)}; rule: base64, and what its "
+            f"{path}: data cannot be unpacked: {one_line_message(error)}; rule: base64, and what "
+            "its "
             "header says"
         ) from None
     return _floating(np.frombuffer(content, dtype=dtype).reshape(shape))

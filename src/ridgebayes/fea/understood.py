@@ -27,7 +27,7 @@ _ABOVE_0 = ("a", "b", "R", "E", "p", "line")
 _SHOWN = 8  # names that a line lists
 
 
-class UnderstoodColumns:
+class ColumnInterpreter:
     """Columns that are understood, and what follows from them."""
 
     def __init__(

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ridgebayes._types import FloatArray
+from ridgebayes.model.conditional_offsets import cholesky_or_nan, solve_lower
 from ridgebayes.model.model import Model
-from ridgebayes.model.woodbury import cholesky_or_nan, solve_lower
 
 _BATCH = 1_024  # draws whose covariances are held at a time
 
@@ -50,14 +50,14 @@ class Conditional:
         """Coefficients."""
         return len(self.reference)
 
-    def place(self, w: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def forward(self, w: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return coefficients' coordinates of standard normals `w`, and log |du/dw|."""
         factor, mean = self._factor_and_mean(u_noise)
         step = solve_lower(factor, w[..., None], transposed=True)[..., 0]
         return mean + step, _log_volume(factor)
 
-    def unplace(self, u: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the standard normals of coefficients' coordinates: the inverse of `place`."""
+    def inverse(self, u: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the standard normals of coefficients' coordinates: the inverse of `forward`."""
         factor, mean = self._factor_and_mean(u_noise)
         return np.einsum("...ji,...j->...i", factor, u - mean), _log_volume(factor)
 

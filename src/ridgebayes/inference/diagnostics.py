@@ -145,7 +145,7 @@ def _rank_normalised(x: FloatArray) -> FloatArray:
     return ndtri((ranks - 0.375) / (x.size + 0.25))
 
 
-def shortcomings(summary: pd.DataFrame) -> tuple[str, ...]:
+def failed_diagnostics(summary: pd.DataFrame) -> tuple[str, ...]:
     """Return what a summary lacks of convergence, as sentences; empty if nothing.
 
     Parameters

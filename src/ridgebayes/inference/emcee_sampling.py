@@ -71,7 +71,7 @@ class SampleSettings:
             raise InputError(f"n_walker: {self.n_walker} given; rule: even and at least 4")
 
 
-def walkers_for(n_texture: int, is_plain: bool) -> int:
+def walkers_for(n_texture: int, is_iid_gaussian: bool) -> int:
     """Return how many walkers suit a density.
 
     Parameters
@@ -83,7 +83,7 @@ def walkers_for(n_texture: int, is_plain: bool) -> int:
     """
     if n_texture > _DEAR:
         return _FEW
-    return _MANY if is_plain and n_texture <= _CHEAP else N_WALKER
+    return _MANY if is_iid_gaussian and n_texture <= _CHEAP else N_WALKER
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class Chains:
         Accepted fraction.
     tau : ndarray of float, shape (n_coordinate + 1,), steps
         Autocorrelation times of the coordinates and, last, of the log density.
-    missing : tuple of str
+    convergence_failures : tuple of str
         What the stopping rule still lacked when sampling ended; empty if it was met.
     """
 
@@ -108,7 +108,7 @@ class Chains:
     log_density: FloatArray
     acceptance: FloatArray
     tau: FloatArray
-    missing: tuple[str, ...]
+    convergence_failures: tuple[str, ...]
 
     @property
     def n_step(self) -> int:
@@ -148,7 +148,7 @@ def sample(
     Returns
     -------
     Chains
-        All draws after burn-in; `missing` tells what the stopping rule lacked.
+        All draws after burn-in; `convergence_failures` tells what the stopping rule lacked.
 
     Notes
     -----
@@ -181,19 +181,21 @@ def sample(
     while True:
         # With every check the target grows by 5 %, wherever the walk was picked up again.
         before, tau = walk.tau, _mean_tau(walk.u, walk.log_density)
-        missing = _missing(walk.n_step, tau, before, (*names, "log posterior"), settings)
+        convergence_failures = _missing(
+            walk.n_step, tau, before, (*names, "log posterior"), settings
+        )
         if progress is not None and walk.n_step:
             progress(
                 f"{walk.n_step} steps x {settings.n_ensemble} ensembles, tau {np.max(tau):.2f}"
             )
-        if not missing or walk.n_step >= settings.n_step_max:
+        if not convergence_failures or walk.n_step >= settings.n_step_max:
             break
         target = min(max(int(1.05 * walk.n_step) + 20, 100), settings.n_step_max)
         walk = _walked_on(walk, samplers, laplace, target - walk.n_step, tau)
         if checkpoint is not None:
             checkpoint.save(walk)
     acceptance = walk.accepted / (walk.n_step * n_walker)
-    return Chains(walk.u, walk.log_density, acceptance, tau, tuple(missing))
+    return Chains(walk.u, walk.log_density, acceptance, tau, tuple(convergence_failures))
 
 
 def _burnt_in(
@@ -288,14 +290,14 @@ def _missing(
     names: tuple[str, ...],
     settings: SampleSettings,
 ) -> list[str]:
-    missing = []
+    convergence_failures = []
     for name, now, last in zip(names, tau, before, strict=True):
         if not n_step > settings.n_tau * now:
-            missing.append(
+            convergence_failures.append(
                 f"{name}: {n_step} steps are not {settings.n_tau:g} tau ({now:.3g} each)"
             )
         elif not np.isfinite(last):
-            missing.append(f"{name}: tau was checked only once ({now:.4g})")
+            convergence_failures.append(f"{name}: tau was checked only once ({now:.4g})")
         elif not abs(now - last) <= settings.tau_change * now:
-            missing.append(f"{name}: tau still changes ({last:.4g} to {now:.4g})")
-    return missing
+            convergence_failures.append(f"{name}: tau still changes ({last:.4g} to {now:.4g})")
+    return convergence_failures

@@ -87,13 +87,13 @@ class FunnelAbout:
         """Coefficients."""
         return len(self.centre)
 
-    def place(self, w: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def forward(self, w: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return coefficients' coordinates at `w`, and log |du/dw|."""
         basis, log_scale = self.funnel.basis, self.funnel.log_scales(u_noise) - self.log_scale
         return self.centre + (w @ basis * np.exp(log_scale)) @ basis.T, log_scale.sum(axis=-1)
 
-    def unplace(self, u: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return w of coefficients' coordinates, and log |du/dw|: the inverse of `place`."""
+    def inverse(self, u: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return w of coefficients' coordinates, and log |du/dw|: the inverse of `forward`."""
         basis, log_scale = self.funnel.basis, self.funnel.log_scales(u_noise) - self.log_scale
         w = ((u - self.centre) @ basis * np.exp(-log_scale)) @ basis.T
         return w, log_scale.sum(axis=-1)

@@ -14,7 +14,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.inference.adaptation import adapted, weighted
-from ridgebayes.inference.diagnostics import K_MAX, pareto_k, shortcomings, summarise
+from ridgebayes.inference.diagnostics import K_MAX, failed_diagnostics, pareto_k, summarise
 from ridgebayes.inference.emcee_sampling import Chains
 from ridgebayes.inference.laplace import fit_laplace, several_modes
 from ridgebayes.inference.log_evidence import LogEvidence
@@ -103,7 +103,9 @@ def importance_fit(
         _heavy(shapes) + modes,
     )
     summary = summarise(model.to_theta(chains.u), model.parameter_names)
-    posterior = Posterior(model, chains, summary, chains.missing + shortcomings(summary), seed)
+    posterior = Posterior(
+        model, chains, summary, chains.convergence_failures + failed_diagnostics(summary), seed
+    )
     evidence = _evidence(np.array(log_means), np.array(variances), shapes)
     return posterior, replace(evidence, status=modes[0]) if modes else evidence
 

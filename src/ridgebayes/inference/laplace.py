@@ -78,13 +78,13 @@ class Laplace:
         """
         w, k = z @ self.factor[:, self._order].T, self._n_coefficient
         u = self.mode + w
-        u[..., :k], log_jacobian = self.frame.place(w[..., :k], u[..., self._noise])
+        u[..., :k], log_jacobian = self.frame.forward(w[..., :k], u[..., self._noise])
         return u, log_jacobian
 
     def whiten(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return z of u, and log |du/dw| there: the inverse of `unwhiten`."""
         w, k = u - self.mode, self._n_coefficient
-        w[..., :k], log_jacobian = self.frame.unplace(u[..., :k], u[..., self._noise])
+        w[..., :k], log_jacobian = self.frame.inverse(u[..., :k], u[..., self._noise])
         flat = w.reshape(-1, w.shape[-1]).T
         z = _solve_lower(self.factor, flat).T.reshape(w.shape)
         return z[..., self._order], log_jacobian
@@ -106,7 +106,7 @@ class Laplace:
     def log_evidence(self) -> float:
         """Laplace's approximation of the log evidence."""
         k = self._n_coefficient
-        _, log_jacobian = self.frame.place(np.zeros(k), self.mode[self._noise])
+        _, log_jacobian = self.frame.forward(np.zeros(k), self.mode[self._noise])
         volume = self.log_volume + float(log_jacobian)
         return self.log_density + 0.5 * len(self.mode) * math.log(2 * math.pi) + volume
 
@@ -165,7 +165,9 @@ def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
     """
     start = _start(model)
     _check_gradient(model, start)
-    return _fit_plain(model, tol, start) if model.is_plain else _fit_conditional(model, start)
+    return (
+        _fit_plain(model, tol, start) if model.is_iid_gaussian else _fit_conditional(model, start)
+    )
 
 
 def several_modes(model: Model, laplace: Laplace) -> tuple[str, ...]:
@@ -207,7 +209,9 @@ def several_modes(model: Model, laplace: Laplace) -> tuple[str, ...]:
             theta[k] = np.sqrt(np.mean(residual**2))
             u = model.to_unconstrained(theta)
         try:
-            other = _fit_plain(model, 1e-2, u) if model.is_plain else _fit_conditional(model, u)
+            other = (
+                _fit_plain(model, 1e-2, u) if model.is_iid_gaussian else _fit_conditional(model, u)
+            )
         except ComputationError:
             continue
         apart = float(np.linalg.norm(laplace.whiten(other.mode)[0][: model.n_parameter]))
@@ -216,9 +220,9 @@ def several_modes(model: Model, laplace: Laplace) -> tuple[str, ...]:
         ahead = other.log_evidence - laplace.log_evidence
         if apart > _APART and ahead > _NEGLIGIBLE:
             values = zip(model.parameter_names, model.to_theta(other.mode), strict=True)
-            place = ", ".join(f"{name} = {value:.6g}" for name, value in values)
+            where = ", ".join(f"{name} = {value:.6g}" for name, value in values)
             return (
-                f"several modes: one that no draw comes near, at {place}, has a ln evidence of "
+                f"several modes: one that no draw comes near, at {where}, has a ln evidence of "
                 f"{ahead:+.1f} relative to this one; give priors that leave one mode, or "
                 "coefficients of which there is one value only",
             )
@@ -275,7 +279,7 @@ def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
         frame = Conditional.of(model, reference)
 
         def negative(u_noise: FloatArray, frame: Conditional = frame) -> FloatArray:
-            u, log_jacobian = frame.place(np.zeros((*u_noise.shape[:-1], k)), u_noise)
+            u, log_jacobian = frame.forward(np.zeros((*u_noise.shape[:-1], k)), u_noise)
             everything = np.concatenate([u, u_noise], axis=-1)
             value = -model.marginal_log_density(everything) - log_jacobian
             return np.where(np.isfinite(value), value, 1e300)
@@ -289,7 +293,7 @@ def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
         ).x
         if not np.all(np.abs(noise) < _RUNAWAY):
             raise no_mode(model)
-        reference = frame.place(np.zeros(k), noise)[0]
+        reference = frame.forward(np.zeros(k), noise)[0]
     precision = _hessian(negative, noise)
     values, vectors = linalg.eigh(precision)
     is_mode = bool(np.all(values > 0))

@@ -107,8 +107,8 @@ def write_netcdf(fit: Posterior, path: str | os.PathLike[str]) -> None:
         "noise": fit.noise.name,
         "priors": priors_to_json(fit.model.priors),
         "summary": fit.summary.to_json(orient="records", double_precision=15),
-        "missing": json.dumps(fit.missing),
-        "stopping_rule_missing": json.dumps(fit.chains.missing),
+        "missing": json.dumps(fit.convergence_failures),
+        "stopping_rule_missing": json.dumps(fit.chains.convergence_failures),
         "seed": str(fit.seed),
         "n_walker": fit.chains.u.shape[2],
     }
@@ -194,14 +194,16 @@ def _fit_of(tree: xr.DataTree) -> Posterior:
         tuple(json.loads(tree.attrs["stopping_rule_missing"])),
     )
     summary = pd.DataFrame(json.loads(tree.attrs["summary"]))
-    missing = tuple(json.loads(tree.attrs["missing"]))
+    convergence_failures = tuple(json.loads(tree.attrs["missing"]))
     _check_shapes(data, chains)
     if list(summary) != SUMMARY_COLUMNS or tuple(summary["parameter"]) != model.parameter_names:
         raise ValueError("summary of other parameters")
     summary = summary.astype(dict.fromkeys(SUMMARY_COLUMNS[1:], float))
-    if not all(isinstance(one, str) for one in (*missing, *chains.missing)):
+    if not all(
+        isinstance(one, str) for one in (*convergence_failures, *chains.convergence_failures)
+    ):
         raise ValueError("missing is not text")
-    return Posterior(model, chains, summary, missing, int(tree.attrs["seed"]))
+    return Posterior(model, chains, summary, convergence_failures, int(tree.attrs["seed"]))
 
 
 def _check_shapes(data: Observations, chains: Chains) -> None:

@@ -8,7 +8,7 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.inference.checkpoint import Checkpoint
-from ridgebayes.inference.diagnostics import shortcomings, summarise
+from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
 from ridgebayes.inference.emcee_sampling import Chains, SampleSettings, Tell, sample, walkers_for
 from ridgebayes.inference.laplace import fit_laplace, several_modes
 from ridgebayes.model.forms import Form, PowerLaw
@@ -34,7 +34,7 @@ class Posterior:
         Draws in unconstrained coordinates.
     summary : pandas.DataFrame
         One row per parameter, as `ridgebayes.inference.diagnostics.summarise` returns it.
-    missing : tuple of str
+    convergence_failures : tuple of str
         What the fit lacks of convergence; empty if it converged.
     seed : int
         Seed of the run.
@@ -43,7 +43,7 @@ class Posterior:
     model: Model
     chains: Chains
     summary: pd.DataFrame
-    missing: tuple[str, ...]
+    convergence_failures: tuple[str, ...]
     seed: int
     _kept: FloatArray = field(init=False, repr=False)
 
@@ -51,7 +51,7 @@ class Posterior:
         object.__setattr__(self, "_kept", self.model.to_theta(self.kept_chains.u))
 
     def __repr__(self) -> str:
-        state = "converged" if self.converged else f"NOT converged: {self.missing[0]}"
+        state = "converged" if self.converged else f"NOT converged: {self.convergence_failures[0]}"
         values = ", ".join(
             f"{row.parameter} = {row.mean:.4g} ± {row.sd:.2g}" for row in self.summary.itertuples()
         )
@@ -70,7 +70,7 @@ class Posterior:
     @property
     def converged(self) -> bool:
         """Whether every convergence rule was met."""
-        return not self.missing
+        return not self.convergence_failures
 
     @property
     def kept_chains(self) -> Chains:
@@ -83,7 +83,7 @@ class Posterior:
             self.chains.log_density[:, steps],
             self.chains.acceptance,
             self.chains.tau,
-            self.chains.missing,
+            self.chains.convergence_failures,
         )
 
     @property
@@ -137,7 +137,7 @@ def sample_posterior(
     else:
         settings = settings or SampleSettings()
         if settings.n_walker is None:
-            n_walker = walkers_for(len(model.data.textures), model.is_plain)
+            n_walker = walkers_for(len(model.data.textures), model.is_iid_gaussian)
             settings = replace(settings, n_walker=n_walker)
         laplace = fit_laplace(model)
         chains = sample(
@@ -149,12 +149,16 @@ def sample_posterior(
             progress=progress,
             checkpoint=checkpoint,
         )
-        chains = replace(chains, missing=chains.missing + several_modes(model, laplace))
+        chains = replace(
+            chains, convergence_failures=chains.convergence_failures + several_modes(model, laplace)
+        )
     summary = summarise(model.to_theta(chains.u), model.parameter_names)
-    return Posterior(model, chains, summary, chains.missing + shortcomings(summary), seed)
+    return Posterior(
+        model, chains, summary, chains.convergence_failures + failed_diagnostics(summary), seed
+    )
 
 
 def drawn_exactly(model: Model) -> bool:
     """Return whether a posterior is drawn from exactly: a power law of very many textures."""
     many = isinstance(model.form, PowerLaw) and len(model.form.textures) > N_TEXTURE_WALKED
-    return many and model.is_plain
+    return many and model.is_iid_gaussian

@@ -1,7 +1,7 @@
-"""The three accuracies that commands offer of posteriors: what each promises, and how it is reached.
+"""The three accuracies of posteriors that commands offer: target errors, and how they are reached.
 
-Those of loads are `ridgebayes.simulate.presets`. They are points of the curves that `ridgebayes cost` measures. docs/performance.md holds what the
-errors were measured to be.
+Those of loads are in `simulate.presets`. `ridgebayes cost` measures the curves that they are
+points of; docs/performance.md holds the measured errors.
 """
 
 from dataclasses import dataclass

@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from ridgebayes._types import FloatArray
+from ridgebayes.model.conditional_offsets import weighted_products
 from ridgebayes.model.rows import RowGroups, Rows
 from ridgebayes.model.tails import Tail
-from ridgebayes.model.woodbury import weighted_products
 
 
 class IndependentRows:

@@ -12,10 +12,16 @@ import math
 import numpy as np
 
 from ridgebayes._types import FloatArray
+from ridgebayes.model.conditional_offsets import (
+    Design,
+    OffsetPosterior,
+    Root,
+    given_rows,
+    products_given,
+)
 from ridgebayes.model.rows import Rows
 from ridgebayes.model.shared_offsets import Offsets, OffsetsGiven
 from ridgebayes.model.tails import Tail
-from ridgebayes.model.woodbury import Design, Root, ScoresGiven, given_rows, products_given
 
 _LOG_2PI = math.log(2 * math.pi)
 _PASSES = 3  # outliers' weights settle; what is left is the sampler's to correct
@@ -76,7 +82,9 @@ class SampledOffsets:
         df = eta[..., -1] if self._tail.parameter_names else None
         return self._rows.log_likelihood(log_rates, eta[..., 0], self._tail, df, offset, after)
 
-    def _approximation(self, log_rates: FloatArray, eta: FloatArray) -> tuple[Root, ScoresGiven]:
+    def _approximation(
+        self, log_rates: FloatArray, eta: FloatArray
+    ) -> tuple[Root, OffsetPosterior]:
         """Return L, and the scores given the rows taken as normal."""
         root, residual = self._offsets.root(eta), self._residual(log_rates)
         weight = 1 / self._rows.normal_variance(eta, self._tail)

@@ -5,18 +5,18 @@ import math
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.model.rows import RowGroups, Rows
-from ridgebayes.model.shared_offsets import Offsets, OffsetsGiven, SmoothOffsets
-from ridgebayes.model.woodbury import (
+from ridgebayes.model.conditional_offsets import (
     Design,
+    OffsetPosterior,
     Root,
-    ScoresGiven,
     cholesky_or_nan,
     given_rows,
     precision_root,
     products_given,
     solve_lower,
 )
+from ridgebayes.model.rows import RowGroups, Rows
+from ridgebayes.model.shared_offsets import Offsets, OffsetsGiven, SmoothOffsets
 
 _LOG_2PI = math.log(2 * math.pi)
 _WORKED_OUT = ("_last", "_means", "_last_whole")
@@ -110,7 +110,7 @@ class IntegratedOffsets:
         pull = residual / variance
         return 0.5 * (np.log(precision) - _LOG_2PI - pull * pull / precision)
 
-    def _given(self, log_rates: FloatArray, eta: FloatArray) -> tuple[Root, ScoresGiven]:
+    def _given(self, log_rates: FloatArray, eta: FloatArray) -> tuple[Root, OffsetPosterior]:
         root, factor = self._factors(eta)
         weight, residual = self._groups.n / self._variance(eta), self._residual(log_rates)
         return root, given_rows(self._design, root, weight, residual, factor)

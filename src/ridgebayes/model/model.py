@@ -132,7 +132,7 @@ class Model:
         return (*self.parameter_names, *(f"offset {level}" for level in levels))
 
     @property
-    def is_plain(self) -> bool:
+    def is_iid_gaussian(self) -> bool:
         """Whether rows are exact with independent normal errors: the case with short cuts."""
         return isinstance(self.likelihood, IndependentNormalRows)
 

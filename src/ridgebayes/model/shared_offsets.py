@@ -15,9 +15,15 @@ import numpy as np
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import ComputationError
+from ridgebayes.model.conditional_offsets import (
+    DiagonalRoot,
+    FullRoot,
+    OffsetPosterior,
+    Root,
+    cholesky_or_nan,
+)
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.woodbury import DiagonalRoot, FullRoot, Root, ScoresGiven, cholesky_or_nan
 
 # Variance of a smooth offset that is its place's own, relative to tau_step^2: what lets double
 # precision factorise the covariance of a function as smooth as the half-plane's residual.
@@ -214,13 +220,13 @@ class OffsetsGiven:
     eta: FloatArray
     root: Root
     mean: FloatArray
-    spread: ScoresGiven | None
+    spread: OffsetPosterior | None
 
     def at(self, texture: Texture, Q: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
         loading, variance = self.offsets.loading(self.eta, texture, Q, self.root)
         if self.spread is not None:
-            variance = variance + self.spread.variance_again(loading)
+            variance = variance + self.spread.variance_cached(loading)
         return np.einsum("dl,dlq->dq", self.mean, loading), variance
 
 

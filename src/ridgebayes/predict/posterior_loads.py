@@ -46,7 +46,7 @@ class PosteriorLoads:
     theta: FloatArray
     offsets: OffsetsGiven | None
     weight: FloatArray | None = None
-    even: FloatArray | None = None
+    uniform: FloatArray | None = None
 
     @classmethod
     def of(cls, fit: Posterior, n: int) -> "PosteriorLoads":
@@ -73,7 +73,7 @@ class PosteriorLoads:
         found = nodes_of(fit, _N_CURVE if kind == "curve" else n)
         if found is None:
             return None
-        return cls(fit, found.theta, None, found.weight, found.even)
+        return cls(fit, found.theta, None, found.weight, found.uniform)
 
     def average(self, values: FloatArray) -> FloatArray:
         """Return the mean over draws of values (n_draw, ...), shape (n_answer, ...).
@@ -126,9 +126,9 @@ class PosteriorLoads:
         form = PowerLaw().bind((texture,))
         prior = default_priors(form)[form.parameter_names[0]]
         rng = stream(fit.seed, "new texture", form.parameter_names[0])
-        if self.even is None:
+        if self.uniform is None:
             return form, prior.rvs(rng, len(theta))[:, None]
-        return form, prior.value_at(ndtri(self.even))[:, None]
+        return form, prior.value_at(ndtri(self.uniform))[:, None]
 
 
 # Stride and offsets of a fit's draws, as long as there is the fit: they must not refer to it.

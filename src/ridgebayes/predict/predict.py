@@ -21,7 +21,7 @@ from ridgebayes.model.forms.base import even_counts, loads, widths
 from ridgebayes.predict.load_distribution import LoadDistribution
 from ridgebayes.predict.posterior_loads import PosteriorLoads
 from ridgebayes.predict.q_distribution import QDistribution, shares
-from ridgebayes.predict.reached import OfDraws, OfNodes
+from ridgebayes.predict.reached import DrawAverage, NodeAverage
 
 KINDS = ("curve", "simulation")
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
@@ -53,7 +53,7 @@ def predict_q(
     kind : str, optional
         ``simulation`` with the error model, ``curve`` for the form's own count.
     compressed : bool, optional
-        Whether weighted nodes stand for the posterior where they can, see `ridgebayes.predict.qmc_nodes`:
+        Whether weighted nodes stand for the posterior where they can, see `predict.qmc_nodes`:
         more accurate than draws, faster, and with an error of their own.
 
     Returns
@@ -232,7 +232,7 @@ def _survival(
     if draws is None:
         n_draw = len(fit.draws) if fit.model.offsets is None else N_LOAD_DRAWS
         draws = PosteriorLoads.of(fit, n_draw if fit.noise.tail == "normal" else N_LOAD_DRAWS // 2)
-    reached = OfDraws(draws, kind) if draws.weight is None else OfNodes(draws, kind)
+    reached = DrawAverage(draws, kind) if draws.weight is None else NodeAverage(draws, kind)
     columns = [np.ones(len(p))]
     last = _LARGEST_Q if draws.df is None else _widest(texture)
     for first in range(4, last + 2, 2 * _BLOCK):

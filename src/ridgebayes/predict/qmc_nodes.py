@@ -47,7 +47,7 @@ class Nodes:
     u: FloatArray
     theta: FloatArray
     weight: FloatArray
-    even: FloatArray
+    uniform: FloatArray
 
 
 _known: "WeakKeyDictionary[Posterior, dict[int, Nodes | None]]" = WeakKeyDictionary()
@@ -104,8 +104,8 @@ def made_nodes(fit: Posterior, n: int) -> Nodes | None:
         here = slice(side * half, (side + 1) * half)
         relative = np.exp(log_weight[here] - log_weight[here].max())
         relative /= relative.sum()
-        even = 1 / (relative @ relative) / half
-        if not even > _LEAST_EVEN or not pareto_k(log_weight[here]) < K_MAX:
+        uniform = 1 / (relative @ relative) / half
+        if not uniform > _LEAST_EVEN or not pareto_k(log_weight[here]) < K_MAX:
             return None
         weight[here, side] = relative
     return Nodes(u, model.to_theta(u), weight, cube[:, d])

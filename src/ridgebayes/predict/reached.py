@@ -14,7 +14,7 @@ _SMOOTHED = 0.2  # of a curve's spread: width of the kernel that nodes are smoot
 _ALIKE = 1e-10  # of log loads: two counts' tables are one but for a shift
 
 
-class OfDraws:
+class DrawAverage:
     """Plain means over draws.
 
     Parameters
@@ -58,7 +58,7 @@ class OfDraws:
         return result
 
 
-class OfNodes:
+class NodeAverage:
     """Weighted means over the two halves of the nodes, and what these differ by.
 
     Parameters

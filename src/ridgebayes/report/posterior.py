@@ -123,7 +123,9 @@ def convergence_section(comparison: Comparison) -> Section:
         ),
     ]
     for name, fit in comparison.fits.items():
-        blocks += [Text(f"{form_name(name)}: {what}", "warning") for what in fit.missing]
+        blocks += [
+            Text(f"{form_name(name)}: {what}", "warning") for what in fit.convergence_failures
+        ]
     return Section("Convergence", "convergence", tuple(blocks))
 
 

@@ -18,7 +18,7 @@ _PER_WORKER = 4
 _UNKNOWN = 1_000  # tasks under way on an executor that does not say how many workers it has
 
 
-def in_order(
+def map_ordered(
     function: Callable[[_Task], _T],
     tasks: Iterable[_Task],
     executor: Executor | None,
@@ -91,7 +91,7 @@ def in_order(
             future.cancel()
 
 
-def begun(
+def submit_or_defer(
     executor: Executor | None, function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs
 ) -> Callable[[], _T]:
     """Have a worker begin a call, and return what waits for its result.

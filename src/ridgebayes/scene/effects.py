@@ -16,7 +16,7 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.contact import halfplane, hertz
-from ridgebayes.contact.pressed import Pressed, load_factor, pressed
+from ridgebayes.contact.contact_solution import ContactSolution, load_factor, solve_contact
 from ridgebayes.contact.reaching import nearest_gap
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
@@ -141,7 +141,7 @@ def plan(scene: Scene) -> list[Plan]:
     Notes
     -----
     *Accuracy.* What is neglected changes loads by no more than the accuracy wanted, and estimates
-    are at most ten times the truth: checked on scenes all over the space (`ridgebayes.checks.plan_check`).
+    are at most ten times the truth: checked on scenes all over the space (`checks.plan_check`).
     *Cost.* Some tens of milliseconds a texture.
 
     Examples
@@ -215,7 +215,7 @@ class _Base:
     texture: Texture
     sharp: Profile
     W: FloatArray  # of all transitions under the scene's load, at least one
-    last: Pressed  # at the highest of them
+    last: ContactSolution  # at the highest of them
     W_max: float  # of the scene, or of the first transition if that is higher
 
     @classmethod
@@ -232,7 +232,7 @@ class _Base:
         W = W[: max(int(np.searchsorted(W, W_max, side="right")), 1)]
         # Of very many ridges those looked at stand for all: what is beyond is smoother still.
         top = min(max(W_max, float(W[-1])), 1.2 * float(W[-1]) + sharp.pitch**2)
-        last = pressed(sharp, top, rel_tol=_ROUGH)
+        last = solve_contact(sharp, top, rel_tol=_ROUGH)
         return cls(scene, texture, sharp, W, last, max(W_max, float(W[-1])))
 
     @property
@@ -249,12 +249,12 @@ class _Base:
         found = self.last
         if self.given.corner:
             round_ones = replace(self.sharp, corner=self.given.corner)
-            found = pressed(round_ones, self.last.W, rel_tol=_ROUGH)
+            found = solve_contact(round_ones, self.last.W, rel_tol=_ROUGH)
         solutions = [one for one in (self.last, found) if one.status == "ok"]
         if not solutions:
             raise _too_narrow(self.texture, found.status)
         deepest = max(
-            one.penetration(groove) for one in solutions for groove in range(-1, len(one.lands))
+            one.penetration(groove) for one in solutions for groove in range(-1, len(one.segments))
         )
         # Beyond the ridges looked at it grows as the pressure in the middle: with the root of W.
         return deepest * math.sqrt(self.W_max / self.last.W)
@@ -296,8 +296,8 @@ class _Base:
     def _shift_of(self, other: Profile, k: int) -> float:
         """Gap at the load of event k, over its slope: one Newton step from here to there."""
         W, land = float(self.W[k - 1]), other.ridge(k)
-        first = pressed(other, W, rel_tol=_ROUGH, ridges=range(k))
-        second = pressed(other, W * (1 + _STEP), rel_tol=_ROUGH, start=first, ridges=range(k))
+        first = solve_contact(other, W, rel_tol=_ROUGH, ridges=range(k))
+        second = solve_contact(other, W * (1 + _STEP), rel_tol=_ROUGH, start=first, ridges=range(k))
         if first.status != "ok" or second.status != "ok":
             return math.nan
         gap, later = nearest_gap(first, land), nearest_gap(second, land)

@@ -8,11 +8,17 @@ from typing import Any
 
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
-from ridgebayes.runtime.ordered import in_order
+from ridgebayes.runtime.ordered import map_ordered
 from ridgebayes.scene.effects import Plan, given_profile, plan
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.presets import LoadPreset
-from ridgebayes.simulate.solvers import Pressed, curves_of, friction_refused, given_names, versions
+from ridgebayes.simulate.solvers import (
+    CylinderVisitor,
+    friction_refused,
+    given_names,
+    transition_curves,
+    versions,
+)
 from ridgebayes.table.curves import Curve, frame_of
 from ridgebayes.table.table import ContactTable
 
@@ -25,7 +31,7 @@ def generate(
     solver: str = "auto",
     rel_tol: float | None = None,
     accuracy: str = "standard",
-    pressed: "Pressed | None" = None,
+    pressed: "CylinderVisitor | None" = None,
     executor: Executor | None = None,
     journal: Journal | None = None,
     progress: Callable[[str], None] | None = None,
@@ -37,7 +43,7 @@ def generate(
     scene : Scene
         Textures, Poisson's ratio, highest load.
     solver : {"auto", "hertz", "half-plane", "cylinder-fe"}
-        ``"auto"`` simulates the effects that the scene calls for, see `ridgebayes.scene.effects.plan`;
+        ``"auto"`` simulates the effects that the scene calls for, see `scene.effects.plan`;
         ``"half-plane"`` all that the scene gives but friction, at small strain; ``"hertz"`` is the
         smooth closed form in ridge units; ``"cylinder-fe"`` all that the scene gives on the whole
         cylinder, neo-Hookean at finite strain, by finite elements.
@@ -174,7 +180,7 @@ def _tasks(scene: Scene, solver: str, rel_tol: float, meshes: tuple[int, ...]) -
 
 def _all_found(
     tasks: Sequence[_Task],
-    pressed: "Pressed | None",
+    pressed: "CylinderVisitor | None",
     executor: Executor | None,
     journal: Journal | None,
     progress: Callable[[str], None] | None,
@@ -187,13 +193,13 @@ def _all_found(
         nonlocal n_done
         n_done += 1
         if journal is not None and not isinstance(found, str):
-            journal.keep(task.given(), [curve.plain() for curve in found])
+            journal.keep(task.given(), [curve.to_dict() for curve in found])
         if progress is not None:
             progress(f"{n_done} of {len(tasks)} textures")
 
     solve = _solved if pressed is None else functools.partial(_solved, pressed=pressed)
     others = [task for task in tasks if task.number not in kept]
-    computed = in_order(solve, others, executor, name=lambda task: task.where, done=done)
+    computed = map_ordered(solve, others, executor, name=lambda task: task.where, done=done)
     for task in tasks:
         yield kept[task.number] if task.number in kept else next(computed)
 
@@ -202,13 +208,13 @@ def _kept(tasks: Sequence[_Task], journal: Journal) -> dict[int, list[Curve]]:
     """Return the curves that are in the journal, by the texture's number."""
     found = {task.number: journal.find(task.given()) for task in tasks if journal.exists()}
     return {
-        number: [Curve.from_plain(values) for values in curves]
+        number: [Curve.from_dict(values) for values in curves]
         for number, curves in found.items()
         if curves is not None
     }
 
 
-def _solved(task: _Task, *, pressed: "Pressed | None" = None) -> list[Curve] | str:
+def _solved(task: _Task, *, pressed: "CylinderVisitor | None" = None) -> list[Curve] | str:
     """Return the curves of a texture, or why it has none."""
     here = versions()["ridgebayes"]
     if task.version != here:
@@ -223,7 +229,7 @@ def _solved(task: _Task, *, pressed: "Pressed | None" = None) -> list[Curve] | s
     if refused:
         raise InputError(f"scene: {refused}")
     try:
-        curves = curves_of(one, task.scene, task.solver, task.rel_tol, pressed, task.meshes)
+        curves = transition_curves(one, task.scene, task.solver, task.rel_tol, pressed, task.meshes)
         return list(curves)
     except InputError as error:
         return f"{task.where}: {error}"

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from ridgebayes.contact.pressed import Pressed, load_factor, many_pressed
+from ridgebayes.contact.contact_solution import ContactSolution, load_factor, solve_many_contacts
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.scene.effects import given_profile, plan, texture_label
@@ -129,10 +129,10 @@ def ridge_forces(
     for label, load, found in _solved(scene, p_over_E, solver, rel_tol):
         intervals, profile = found.pressing.intervals, found.profile
         grooves = _penetrations(found)
-        if not found.lands:
+        if not found.segments:
             rows.append([label, load, "", -1, *[math.nan] * 5, found.status])
         for i, (land, force) in enumerate(
-            zip(found.lands, found.pressing.forces.tolist(), strict=True)
+            zip(found.segments, found.pressing.forces.tolist(), strict=True)
         ):
             share = force / found.pressing.load
             width = 2 * float(intervals.half_width[i])
@@ -158,7 +158,7 @@ def ridge_forces(
 
 def _solved(
     scene: Scene, p_over_E: ArrayLike, solver: str, rel_tol: float
-) -> list[tuple[str, float, Pressed]]:
+) -> list[tuple[str, float, ContactSolution]]:
     loads = np.atleast_1d(np.asarray(p_over_E, dtype=np.float64))
     within = (loads > 0) & (loads <= LARGEST_LOAD)
     if not np.all(within):
@@ -170,7 +170,7 @@ def _solved(
     found = []
     for texture, profile in _profiles(scene, solver):
         label = texture_label(texture.a_over_R, texture.b_over_R)
-        solutions = many_pressed(profile, load_factor(scene.nu) * loads, rel_tol=rel_tol)
+        solutions = solve_many_contacts(profile, load_factor(scene.nu) * loads, rel_tol=rel_tol)
         found += [(label, p, one) for p, one in zip(loads.tolist(), solutions, strict=True)]
     return found
 
@@ -188,9 +188,9 @@ def _profiles(scene: Scene, solver: str) -> list[tuple[Texture, Profile]]:
     ]
 
 
-def _penetrations(found: Pressed) -> dict[int, float]:
+def _penetrations(found: ContactSolution) -> dict[int, float]:
     """Return how deep the surface hangs into each groove between touched ridges."""
-    numbers = [land.ridge for land in found.lands if land.ridge is not None]
+    numbers = [land.ridge for land in found.segments if land.ridge is not None]
     if not numbers:
         return {}
     first = -1 if found.profile.mirrored and min(numbers) >= 0 else min(numbers)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact import halfplane, hertz
-from ridgebayes.contact.pressed import load_factor
+from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
@@ -30,7 +30,7 @@ _Rows: TypeAlias = tuple[IntArray, FloatArray, tuple[str, ...]]
 # The first n transitions: loads and status.
 _Solver: TypeAlias = Callable[[Texture, float, int, float], tuple[FloatArray, tuple[str, ...]]]
 # Is given each cylinder and its transitions.
-Pressed: TypeAlias = "Callable[[Texture, Cylinder, Sequence[Reached]], None]"
+CylinderVisitor: TypeAlias = "Callable[[Texture, Cylinder, Sequence[Reached]], None]"
 
 
 @functools.cache
@@ -40,12 +40,12 @@ def versions() -> dict[str, str]:
     return {name: importlib.metadata.version(name) for name in names}
 
 
-def curves_of(
+def transition_curves(
     one: Plan,
     scene: Scene,
     solver: str,
     rel_tol: float,
-    pressed: "Pressed | None",
+    pressed: "CylinderVisitor | None",
     meshes: Sequence[int] = STANDARD_MESHES,
 ) -> Iterator[Curve]:
     """Yield the curves of a texture: one, or several where its offset is any, or meshes change.

@@ -64,14 +64,14 @@ class Curve:
     source: str
     edges: int
 
-    def plain(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the curve in values that JSON has: a load that is NaN is None."""
         loads = [None if math.isnan(load) else load for load in self.p_over_E]
         return asdict(self) | {"p_over_E": loads}
 
     @classmethod
-    def from_plain(cls, values: dict[str, Any]) -> "Curve":
-        """Return the curve of what `plain` gave, the same to the last bit."""
+    def from_dict(cls, values: dict[str, Any]) -> "Curve":
+        """Return the curve of what `to_dict` gave, the same to the last bit."""
         loads = tuple(math.nan if load is None else load for load in values["p_over_E"])
         rows = {"Q": tuple(values["Q"]), "status": tuple(values["status"]), "p_over_E": loads}
         return cls(**(values | rows))

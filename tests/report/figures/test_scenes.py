@@ -9,7 +9,7 @@ import pytest
 from matplotlib.colors import to_rgba
 
 from ridgebayes.checks.plan_check import CHECK_COLUMNS
-from ridgebayes.contact.pressed import pressed
+from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.drawing.style import as_bytes
@@ -38,7 +38,7 @@ TEXTURES = {
 
 
 def found(name):
-    solution = pressed(PROFILES[name], W, rel_tol=1e-5)
+    solution = solve_contact(PROFILES[name], W, rel_tol=1e-5)
     assert solution.status == "ok"
     return solution
 
@@ -127,7 +127,7 @@ def test_plot_pressed__draws_the_surface_of_the_solution_on_the_ridges(name):
 
 @pytest.mark.parametrize("offset", [0.2, -0.3])
 def test_plot_pressed__draws_pressures_that_carry_the_load(offset):
-    solution = pressed(Profile(A, B, corner=6e-3, offset=offset), W, rel_tol=1e-5)
+    solution = solve_contact(Profile(A, B, corner=6e-3, offset=offset), W, rel_tol=1e-5)
     _, below = plot_pressed(solution).axes
     assert len(below.lines) == solution.Q
     carried = 0.0

@@ -339,8 +339,8 @@ class _Sizes:
             resolution = Resolution(edge, _ARC, SEGMENT * edge, edge)
             return cls(edge, edge, resolution, SEGMENT * edge, SEGMENT * edge, spans, spans)
         edge = min(profile.a, 4 * profile.b, 0.5 * reach) / fineness.edges
-        lands = [profile.ridge(k) for k in _ridges_within(profile, reach)]
-        spans = np.array([sorted((abs(one.start), abs(one.stop))) for one in lands])
+        segments = [profile.ridge(k) for k in _ridges_within(profile, reach)]
+        spans = np.array([sorted((abs(one.start), abs(one.stop))) for one in segments])
         at_corner, arc = edge, _ARC
         if profile.corner:
             quarter = profile.corner * math.pi / 2

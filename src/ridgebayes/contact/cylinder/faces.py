@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.contact.rigid_profile import Land, Profile
+from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
 _GAUSS = 3  # points between kinks, where the gap is smooth
 _GROWTH = 0.25  # of segments, with distance from the nearest corner
@@ -214,7 +214,7 @@ class Corner:
 def first_height(profile: Profile) -> float:
     """Return the height of the ridges' tops at which they touch the disk of radius 1."""
     heights = []
-    for land in profile.lands(3 * profile.pitch):
+    for land in profile.segments(3 * profile.pitch):
         low, high = land.flat
         if low <= 0.0 <= high:
             heights.append(-1.0 + land.depth)
@@ -292,7 +292,9 @@ def plate(width: float, segment: float, *, mirrored: bool, above: bool) -> Face:
     return Face(np.array([0.0, -1.0]), 0.0, 0.0, breaks, 0)
 
 
-def _ridge(profile: Profile, land: Land, height: float, resolution: Resolution) -> Iterator[Face]:
+def _ridge(
+    profile: Profile, land: RigidSegment, height: float, resolution: Resolution
+) -> Iterator[Face]:
     r, number = land.corner, land.ridge
     depth = min(profile.depth, max(_WALL * profile.b, 2 * r))
     at_corner = r * math.pi / 2 / resolution.arc if r else resolution.corner

@@ -132,7 +132,7 @@ def held_out_figure(loads: pd.DataFrame) -> Figure:
     Parameters
     ----------
     loads : pandas.DataFrame
-        Rows of `ridgebayes.comparison.bands.loads_table` that were held out, kind_of_band simulation.
+        Rows of `comparison.bands.loads_table` that were held out, kind_of_band simulation.
 
     Returns
     -------

@@ -16,7 +16,7 @@ from ridgebayes.contact.cylinder.faces import first_height
 from ridgebayes.contact.cylinder.fields import nodal_fields, surface_table
 from ridgebayes.contact.cylinder.surface import shapes
 from ridgebayes.contact.cylinder.touching import State
-from ridgebayes.contact.rigid_profile import Land
+from ridgebayes.contact.rigid_profile import RigidSegment
 from ridgebayes.drawing.style import COLOURS, WIDTH, new_figure, styled
 from ridgebayes.errors import InputError
 
@@ -193,7 +193,7 @@ def _rigid(axes: Axes, cylinder: Cylinder, state: State) -> None:
         axes.axhspan(1.0, top, color=_RIDGE, linewidth=0)
 
 
-def _outline(ridge: Land, height: float, bottom: float) -> FloatArray:
+def _outline(ridge: RigidSegment, height: float, bottom: float) -> FloatArray:
     (start, stop), r = ridge.flat, ridge.corner
     out, up = r * np.sin(_ARC), height - r + r * np.cos(_ARC)
     top = np.concatenate(

@@ -148,7 +148,7 @@ def slope_figure(slopes: pd.DataFrame) -> Figure:
     Parameters
     ----------
     slopes : pandas.DataFrame
-        As `ridgebayes.checks.load_errors.slopes_table` returns it, without Classic: its intercept differs.
+        As `checks.load_errors.slopes_table` returns it, without Classic: its intercept differs.
 
     Returns
     -------

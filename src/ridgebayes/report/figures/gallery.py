@@ -30,7 +30,7 @@ from ridgebayes.report.figures.posterior import corner_figure, trace_figure
 from ridgebayes.report.figures.predictive_checks import plot_posterior_checks, plot_prior_bands
 from ridgebayes.results import Fit
 from ridgebayes.runtime.atomic import cannot_write, replacing
-from ridgebayes.runtime.ordered import begun
+from ridgebayes.runtime.ordered import submit_or_defer
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,9 @@ def begin_gallery(comparison: Comparison, executor: Executor) -> None:
     # What rows tell of shared offsets is worked out once for those that predict.
     tasks = [["bands", "held-out"]]
     tasks += [[name] for name in _recipes(comparison) if name not in tasks[0]]
-    _under_way[comparison] = [begun(executor, _prints, comparison, names) for names in tasks]
+    _under_way[comparison] = [
+        submit_or_defer(executor, _prints, comparison, names) for names in tasks
+    ]
 
 
 def _prints(comparison: Comparison, names: Sequence[str]) -> list[Print]:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from ridgebayes._types import FloatArray
-from ridgebayes.contact.pressed import Pressed
+from ridgebayes.contact.contact_solution import ContactSolution
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.drawing.style import COLOURS, WIDTH, new_figure, plain, styled
 
@@ -23,7 +23,7 @@ _EFFECTS = {
 
 
 @styled()
-def plot_pressed(found: Pressed) -> Figure:
+def plot_pressed(found: ContactSolution) -> Figure:
     """Draw a body pressed on ridges, and the pressure below it.
 
     Parameters
@@ -73,7 +73,7 @@ def _rigid(profile: Profile, x: FloatArray, depth: float) -> FloatArray:
     return height
 
 
-def _pressure(axes: Axes, found: Pressed, sign: int) -> None:
+def _pressure(axes: Axes, found: ContactSolution, sign: int) -> None:
     # Towards a sharp corner pressure has no bound: the last thousandth is left out.
     s = np.cos(np.linspace(0.03, math.pi - 0.03, 200))
     values = found.pressing.pressure(s) * 0.5 * math.pi / np.sqrt(1 - s * s)

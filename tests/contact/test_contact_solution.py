@@ -11,7 +11,12 @@ from hypothesis import strategies as st
 from scipy import integrate, linalg
 
 from ridgebayes.contact import hertz
-from ridgebayes.contact.pressed import _checked, load_factor, many_pressed, pressed
+from ridgebayes.contact.contact_solution import (
+    _checked,
+    load_factor,
+    solve_contact,
+    solve_many_contacts,
+)
 from ridgebayes.contact.rigid_profile import Profile
 
 A, B = 0.012, 0.03
@@ -32,7 +37,7 @@ def press_on(W, *, scale=1.0, start=None, **shape):
         long["depth"] = shape["depth"] * scale**2
     m = 40 if "depth" in shape else None
     profile = Profile(scale * A, scale * B, **long)
-    return pressed(profile, scale**2 * W, n_coefficients=m, start=start)
+    return solve_contact(profile, scale**2 * W, n_coefficients=m, start=start)
 
 
 def on_a_grid(profile, W, n):
@@ -42,8 +47,8 @@ def on_a_grid(profile, W, n):
     x = -reach + dx * (np.arange(n) + 0.5)
     height = np.full(n, profile.depth)
     n_ridge = math.ceil(reach / profile.pitch) + 2
-    lands = [profile.ridge(number) for number in range(-n_ridge, n_ridge + 1)]
-    for land in lands:
+    segments = [profile.ridge(number) for number in range(-n_ridge, n_ridge + 1)]
+    for land in segments:
         on = (x > land.start) & (x < land.stop)
         height[on] = land.height(x[on])
     distance = dx * np.arange(n)
@@ -73,7 +78,8 @@ def on_a_grid(profile, W, n):
     whole[at] = q
     floors = [profile.floor_after(number) for number in range(-n_ridge, n_ridge)]
     forces = {
-        land.start: whole[(x > land.start) & (x < land.stop)].sum() * dx for land in lands + floors
+        land.start: whole[(x > land.start) & (x < land.stop)].sum() * dx
+        for land in segments + floors
     }
     return approach, forces
 
@@ -101,12 +107,12 @@ def worst_penetration(found):
     ends = {
         land.start: (low, high)
         for land, low, high in zip(
-            found.lands, pressing.intervals.left, pressing.intervals.right, strict=True
+            found.segments, pressing.intervals.left, pressing.intervals.right, strict=True
         )
     }
     clustered = 0.5 * (1 - np.cos(np.linspace(0, math.pi, 61)))
     deepest = 0.0
-    for land in profile.lands(1.3 * math.sqrt(2 * found.W) + profile.pitch):
+    for land in profile.segments(1.3 * math.sqrt(2 * found.W) + profile.pitch):
         low, high = ends.get(land.start, (land.stop, land.stop))
         x = np.concatenate(
             (land.start + (low - land.start) * clustered, high + (land.stop - high) * clustered)
@@ -127,7 +133,7 @@ def smallest_strength(found):
 
 @pytest.mark.parametrize("W", [1e-10, 1e-6, 1e-3, 0.1])
 def test_pressed__over_a_wide_ridge_is_hertz(W):
-    found = pressed(Profile(3.0, 1.0, offset=0.5), W)
+    found = solve_contact(Profile(3.0, 1.0, offset=0.5), W)
     w = math.sqrt(2 * W)
     assert (found.status, found.Q, found.contact_fraction) == ("ok", 1, 1.0)
     # Tolerance: ends are asked for to 1e-8 of the width, and Newton's last step squares.
@@ -140,7 +146,7 @@ def test_pressed__over_a_wide_ridge_is_hertz(W):
 
 def test_pressed__a_narrow_ridge_alone_is_the_flat_punch_under_a_parabola():
     W, w = 1e-3, 0.5 * A
-    found = pressed(Profile(A, B, offset=0.5), W, ridges=range(1))
+    found = solve_contact(Profile(A, B, offset=0.5), W, ridges=range(1))
     assert found.status == "ok"
     assert found.approach == pytest.approx(0.25 * w**2 + W * math.log(2 / w), rel=1e-12)  # rounding
     expected = (W - 0.5 * w**2) / math.pi
@@ -150,7 +156,7 @@ def test_pressed__a_narrow_ridge_alone_is_the_flat_punch_under_a_parabola():
 @pytest.mark.parametrize("W", [1e-8, 1e-5, 1e-4, 3e-4])
 def test_pressed__two_ridges_are_covered_as_far_as_their_closed_form_says(W):
     """In t = x^2 two mirrored ridges are one punch: W = (beta^2 - alpha^2)/2 at a free end."""
-    found = pressed(Profile(A, B), W, ridges=range(-1, 1))
+    found = solve_contact(Profile(A, B), W, ridges=range(-1, 1))
     alpha = 0.5 * B
     beta = min(math.sqrt(alpha**2 + 2 * W), alpha + A)
     middle, half = 0.5 * (beta**2 + alpha**2), 0.5 * (beta**2 - alpha**2)
@@ -170,7 +176,7 @@ def test_pressed__a_rounded_ridge_has_the_closed_load_of_its_width(share, W):
     """W = int x f'(x) / (pi sqrt(w^2 - x^2)) dx of x^2/2 + (|x| - c)^2/(2r), both ends free."""
     r = share * 0.5 * A
     c = 0.5 * A - r
-    found = pressed(Profile(A, B, corner=r, offset=0.5), W, ridges=range(1))
+    found = solve_contact(Profile(A, B, corner=r, offset=0.5), W, ridges=range(1))
     w = float(found.pressing.intervals.right[0])
     load = 0.5 * w**2
     if w > c:
@@ -184,14 +190,14 @@ def test_pressed__a_rounded_ridge_has_the_closed_load_of_its_width(share, W):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_pressed__is_what_a_grid_converges_to(shape):
     profile, W = Profile(A, B, **shape), 5e-3
-    found = pressed(profile, W, rel_tol=1e-6)
+    found = solve_contact(profile, W, rel_tol=1e-6)
     assert found.status == "ok"
     errors = []
     for n in (500, 1500):
         approach, forces = on_a_grid(profile, W, n)
         misses = [
             forces[land.start] - force
-            for land, force in zip(found.lands, found.pressing.forces, strict=True)
+            for land, force in zip(found.segments, found.pressing.forces, strict=True)
         ]
         errors.append((abs(approach - found.approach), np.abs(misses).max()))
     # Discretisation: first order in the cell, which scatters as corners fall within cells.
@@ -204,7 +210,7 @@ def test_pressed__is_what_a_grid_converges_to(shape):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_pressed__pressures_integrate_to_the_load(shape):
     W = 2e-3
-    found = pressed(Profile(A, B, **shape), W, rel_tol=1e-6)
+    found = solve_contact(Profile(A, B, **shape), W, rel_tol=1e-6)
     total = 0.0
     for i, (w, weight) in enumerate(
         zip(found.pressing.intervals.half_width, found.pressing.intervals.weight, strict=True)
@@ -284,7 +290,7 @@ def test_pressed__half_of_a_mirrored_problem_is_the_whole_of_it(shape, offset):
     # Tolerance: of the ends, 1e-8.
     assert half.approach == pytest.approx(whole.approach, rel=1e-8)
     assert half.contact_fraction == pytest.approx(whole.contact_fraction, rel=1e-7)
-    n = len(half.lands)
+    n = len(half.segments)
     np.testing.assert_allclose(half.pressing.forces, whole.pressing.forces[-n:], rtol=1e-6)
 
 
@@ -308,21 +314,21 @@ def test_pressed__scales_with_the_length(shape, scale):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_pressed__contact_only_grows_with_the_load(shape):
     """Exact: the charge that a load adds to a fixed set is positive everywhere."""
-    found = many_pressed(Profile(A, B, **shape), np.geomspace(1e-5, 1e-2, 16), rel_tol=1e-6)
+    found = solve_many_contacts(Profile(A, B, **shape), np.geomspace(1e-5, 1e-2, 16), rel_tol=1e-6)
     assert {one.status for one in found} == {"ok"}
     assert np.all(np.diff([one.Q for one in found]) >= 0)
     assert np.all(np.diff([one.approach for one in found]) > 0)
     for less, more in itertools.pairwise(found):
-        held = dict(zip(more.lands, more.pressing.forces, strict=True))
+        held = dict(zip(more.segments, more.pressing.forces, strict=True))
         ends = dict(
             zip(
-                more.lands,
+                more.segments,
                 zip(more.pressing.intervals.left, more.pressing.intervals.right, strict=True),
                 strict=True,
             )
         )
         for land, force, low, high in zip(
-            less.lands,
+            less.segments,
             less.pressing.forces,
             less.pressing.intervals.left,
             less.pressing.intervals.right,
@@ -335,10 +341,10 @@ def test_pressed__contact_only_grows_with_the_load(shape):
 
 
 def test_pressed__small_corners_tend_to_sharp_ones():
-    sharp = pressed(Profile(A, B, offset=0.2), 5e-3)
+    sharp = solve_contact(Profile(A, B, offset=0.2), 5e-3)
     misses = []
     for corner in (1e-4, 1e-5, 1e-6):
-        found = pressed(Profile(A, B, corner=corner, offset=0.2), 5e-3, rel_tol=1e-6)
+        found = solve_contact(Profile(A, B, corner=corner, offset=0.2), 5e-3, rel_tol=1e-6)
         assert found.status == "ok"
         misses.append(np.abs(found.pressing.forces / sharp.pressing.forces - 1).max())
     # Order: measured between the corner's first power and its square root.
@@ -347,14 +353,14 @@ def test_pressed__small_corners_tend_to_sharp_ones():
 
 
 def test_pressed__a_floor_out_of_reach_changes_nothing():
-    bare = pressed(Profile(A, B, offset=0.2), 5e-3)
+    bare = solve_contact(Profile(A, B, offset=0.2), 5e-3)
     hangs = max(bare.penetration(groove) for groove in range(-4, 4))
-    deep = pressed(Profile(A, B, depth=1.02 * hangs, offset=0.2), 5e-3)
-    touched = pressed(Profile(A, B, depth=0.98 * hangs, offset=0.2), 5e-3)
+    deep = solve_contact(Profile(A, B, depth=1.02 * hangs, offset=0.2), 5e-3)
+    touched = solve_contact(Profile(A, B, depth=0.98 * hangs, offset=0.2), 5e-3)
     assert deep.status == touched.status == "ok"
     assert np.array_equal(deep.pressing.coefficients, bare.pressing.coefficients)
     assert deep.approach == bare.approach
-    assert any(land.ridge is None for land in touched.lands)
+    assert any(land.ridge is None for land in touched.segments)
     assert touched.approach < bare.approach
 
 
@@ -365,7 +371,9 @@ def test_pressed__very_shallow_grooves_are_no_grooves():
     misses = []
     depths = np.array([1e-4, 3e-5, 1e-5])
     for depth in depths.tolist():
-        found = pressed(Profile(A, A, depth=depth, offset=0.5), W, rel_tol=1e-4, n_coefficients=40)
+        found = solve_contact(
+            Profile(A, A, depth=depth, offset=0.5), W, rel_tol=1e-4, n_coefficients=40
+        )
         assert found.status == "ok"
         misses.append(found.approach - smooth)
     # The mean depth of floors that are half of it all; measured 0.41, 0.46, 0.48 so far.
@@ -380,33 +388,33 @@ def test_pressed__a_start_nearby_changes_the_work_not_the_answer(shape):
     for W in (1e-3, 8e-3):
         begun = press_on(3e-3, start=press_on(W, **shape), **shape)
         assert begun.status == plain.status == "ok"
-        assert begun.lands == plain.lands
+        assert begun.segments == plain.segments
         np.testing.assert_allclose(begun.pressing.forces, plain.pressing.forces, rtol=1e-6)
 
 
 def test_many_pressed__keeps_the_order_asked_for():
     W = [3e-3, 1e-4, 8e-3]
-    found = many_pressed(Profile(A, B, offset=0.2), W)
+    found = solve_many_contacts(Profile(A, B, offset=0.2), W)
     np.testing.assert_allclose([one.W for one in found], W, rtol=1e-10)  # rounding: the balance
-    alone = [pressed(Profile(A, B, offset=0.2), one) for one in W]
+    alone = [solve_contact(Profile(A, B, offset=0.2), one) for one in W]
     assert [one.Q for one in found] == [one.Q for one in alone]
 
 
 def test_pressed__only_the_ridges_given_are_there():
-    found = pressed(Profile(A, B, offset=0.2), 5e-3, ridges=range(-1, 1))
-    assert [land.ridge for land in found.lands] == [-1, 0]
+    found = solve_contact(Profile(A, B, offset=0.2), 5e-3, ridges=range(-1, 1))
+    assert [land.ridge for land in found.segments] == [-1, 0]
     assert found.Q == 2
 
 
 def test_pressed__too_many_unknowns_are_said():
-    found = pressed(Profile(1e-3, 1e-3), 0.1, n_coefficients=100)
+    found = solve_contact(Profile(1e-3, 1e-3), 0.1, n_coefficients=100)
     assert found.status.startswith("not computed: ")
     assert "cap 4000" in found.status
 
 
 def test_pressed__too_few_coefficients_are_said_or_made_more():
     profile = Profile(A, 1e-4)
-    found, usual = pressed(profile, 1e-3, n_coefficients=3), pressed(profile, 1e-3)
+    found, usual = solve_contact(profile, 1e-3, n_coefficients=3), solve_contact(profile, 1e-3)
     assert usual.status == "ok"
     if found.status == "ok":
         assert found.approach == pytest.approx(usual.approach, rel=1e-8)  # tolerance
@@ -415,11 +423,11 @@ def test_pressed__too_few_coefficients_are_said_or_made_more():
 
 
 def test_penetration__is_the_depth_at_which_the_floor_begins_to_touch():
-    bare = pressed(Profile(A, B), 1e-3)
+    bare = solve_contact(Profile(A, B), 1e-3)
     depth = bare.penetration(-1)
     for factor, touches in ((1.0001, False), (0.9999, True)):
-        found = pressed(Profile(A, B, depth=factor * depth), 1e-3)
-        assert any(land.ridge is None for land in found.lands) == touches
+        found = solve_contact(Profile(A, B, depth=factor * depth), 1e-3)
+        assert any(land.ridge is None for land in found.segments) == touches
 
 
 def profile_of(pitch, share, offset, depth, corner):
@@ -448,7 +456,7 @@ def test_pressed__ok_is_no_penetration_no_tension_and_balance(
 ):
     profile = profile_of(pitch, share, offset, depth, corner)
     W, rel_tol = math.exp(log_W), 1e-6
-    found = pressed(profile, W, rel_tol=rel_tol)
+    found = solve_contact(profile, W, rel_tol=rel_tol)
     event(found.status.split(":")[0])
     if found.status != "ok":
         return
@@ -467,13 +475,13 @@ def test_pressed__is_ok_for_almost_every_ordinary_profile():
         corner = rng.choice([None, rng.uniform(1e-3, 0.5)])
         offset = float(rng.choice([0.0, 0.5, rng.uniform(-0.5, 0.5)]))
         profile = profile_of(pitch, share, offset, depth, corner)
-        status.append(pressed(profile, 10 ** rng.uniform(-7, -2), rel_tol=1e-6).status)
+        status.append(solve_contact(profile, 10 ** rng.uniform(-7, -2), rel_tol=1e-6).status)
     assert np.mean([one == "ok" for one in status]) >= 0.9
 
 
 @pytest.mark.parametrize("field", ["lands", "pressing", "status"])
 def test_pressed__cannot_be_written(field):
-    found = pressed(Profile(A, B), 1e-3)
+    found = solve_contact(Profile(A, B), 1e-3)
     with pytest.raises(dataclasses.FrozenInstanceError):
         setattr(found, field, None)
 
@@ -493,7 +501,7 @@ def test_pressed__tension_beyond_a_tenth_of_the_roots_tolerance_is_refused(
 ):
     """q sqrt(1 - s^2) = 1 - (1 + t) T_2 is lowest at the ends: -t of the mean."""
     tension = share * 0.1 * math.sqrt(rel_tol)
-    found = pressed(Profile(A, B, offset=0.5), 1e-4, ridges=range(1)).pressing
+    found = solve_contact(Profile(A, B, offset=0.5), 1e-4, ridges=range(1)).pressing
     series = np.zeros_like(found.coefficients)
     series[0, 0] = found.coefficients[0, 0]
     series[0, 2] = -(1 + tension) * series[0, 0]

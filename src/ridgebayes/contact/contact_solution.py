@@ -15,12 +15,12 @@ from scipy import optimize
 from ridgebayes._types import FloatArray
 from ridgebayes.contact.intervals import (
     Intervals,
-    Pressing,
+    PressureSolution,
     chebyshev_coefficients,
     chebyshev_points,
-    press,
+    solve_pressure,
 )
-from ridgebayes.contact.rigid_profile import Land, Profile
+from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 from ridgebayes.errors import InputError
 
 _MAX_ITERATIONS = 80
@@ -38,7 +38,7 @@ def load_factor(nu: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Pressed:
+class ContactSolution:
     """A body pressed on ridges.
 
     Parameters
@@ -54,8 +54,8 @@ class Pressed:
     """
 
     profile: Profile
-    lands: tuple[Land, ...]
-    pressing: Pressing
+    segments: tuple[RigidSegment, ...]
+    pressing: PressureSolution
     status: str
 
     @property
@@ -66,14 +66,14 @@ class Pressed:
     @property
     def Q(self) -> int:
         """Ridges in contact: each at its proximal corner, one below the centre with any part."""
-        touched = [land.ridge is not None for land in self.lands]
+        touched = [land.ridge is not None for land in self.segments]
         return int(np.sum(self.pressing.intervals.weight[touched]))
 
     @property
     def ends(self) -> tuple[float, float]:
         """Outermost ends of contact, left and right; NaN where nothing was solved."""
         intervals = self.pressing.intervals
-        if not self.lands:
+        if not self.segments:
             return math.nan, math.nan
         last = float(intervals.right[-1])
         return -last if self.profile.mirrored else float(intervals.left[0]), last
@@ -106,15 +106,15 @@ class Pressed:
         return float(-lowest.fun)
 
 
-def pressed(
+def solve_contact(
     profile: Profile,
     W: float,
     *,
     rel_tol: float = 1e-8,
     n_coefficients: int | None = None,
-    start: Pressed | None = None,
+    start: ContactSolution | None = None,
     ridges: range | None = None,
-) -> Pressed:
+) -> ContactSolution:
     """Press a parabola on ridges by a load.
 
     Parameters
@@ -156,12 +156,12 @@ def pressed(
         )
     within = [
         land
-        for land in profile.lands(1.3 * hertz + 3 * profile.pitch)
+        for land in profile.segments(1.3 * hertz + 3 * profile.pitch)
         if ridges is None or land.ridge is None or land.ridge in ridges
     ]
     state = _State(profile, within, rel_tol)
     state.begin(W, hertz, start)
-    found, lands = None, []
+    found, segments = None, []
     status = "not converged: contact ends still move"
     for _ in range(_MAX_ITERATIONS):
         intervals = state.intervals()
@@ -169,8 +169,8 @@ def pressed(
             status = f"not computed: {len(intervals.left) * m} unknowns; cap {_MAX_UNKNOWNS}"
             break
         try:
-            found = press(intervals, _heights(state.touched, intervals), W, m)
-            lands = state.touched
+            found = solve_pressure(intervals, _heights(state.touched, intervals), W, m)
+            segments = state.touched
         except np.linalg.LinAlgError:
             status = "not converged: singular equations"
             break
@@ -187,14 +187,14 @@ def pressed(
         return _nothing(profile, m, status)
     if status == "ok":
         status = _checked(found, W, rel_tol)
-    return Pressed(profile, tuple(lands), found, status)
+    return ContactSolution(profile, tuple(segments), found, status)
 
 
-def _nothing(profile: Profile, m: int, status: str) -> Pressed:
+def _nothing(profile: Profile, m: int, status: str) -> ContactSolution:
     """Return a record without a solution, which says why there is none."""
     nothing = Intervals(np.empty(0), np.empty(0), profile.mirrored)
-    empty = Pressing(nothing, np.empty((0, m)), math.nan, np.empty(0), m)
-    return Pressed(profile, (), empty, status)
+    empty = PressureSolution(nothing, np.empty((0, m)), math.nan, np.empty(0), m)
+    return ContactSolution(profile, (), empty, status)
 
 
 def coefficients_for(profile: Profile, rel_tol: float) -> int:
@@ -205,47 +205,47 @@ def coefficients_for(profile: Profile, rel_tol: float) -> int:
     return math.ceil(1.15 * sharp)
 
 
-def _heights(lands: Sequence[Land], intervals: Intervals) -> FloatArray:
+def _heights(segments: Sequence[RigidSegment], intervals: Intervals) -> FloatArray:
     """Return the Chebyshev coefficients of each land's depth on its interval."""
-    if not any(land.corner for land in lands):
-        return np.array([[land.depth] for land in lands])
+    if not any(land.corner for land in segments):
+        return np.array([[land.depth] for land in segments])
     # Enough for the narrowest layer beyond a kink: at an angle of phi orders of 1/phi see it.
     angles = [np.pi]
-    for land, centre, half in zip(lands, intervals.centre, intervals.half_width, strict=True):
+    for land, centre, half in zip(segments, intervals.centre, intervals.half_width, strict=True):
         for kink in land.flat if land.corner else ():
             s = (kink - centre) / half
             if -1 < s < 1:
                 angles.append(min(math.acos(s), math.pi - math.acos(s)))
     n = int(min(max(_PER_LAYER / max(min(angles), 1e-9), 128), _MOST_ORDERS))
     points = chebyshev_points(intervals, n)
-    values = [land.height(x) for land, x in zip(lands, points, strict=True)]
+    values = [land.height(x) for land, x in zip(segments, points, strict=True)]
     return chebyshev_coefficients(np.stack(values))
 
 
 class _State:
     """Which lands are in contact, from where to where, and which ends are stuck at a corner."""
 
-    def __init__(self, profile: Profile, lands: Sequence[Land], rel_tol: float) -> None:
-        self._profile, self._lands, self._tol = profile, list(lands), rel_tol
-        self._ends: dict[Land, tuple[float, float]] = {}
+    def __init__(self, profile: Profile, segments: Sequence[RigidSegment], rel_tol: float) -> None:
+        self._profile, self._lands, self._tol = profile, list(segments), rel_tol
+        self._ends: dict[RigidSegment, tuple[float, float]] = {}
 
     @property
-    def touched(self) -> list[Land]:
+    def touched(self) -> list[RigidSegment]:
         return sorted(self._ends, key=lambda land: land.start)
 
     def intervals(self) -> Intervals:
         ends = np.array([self._ends[land] for land in self.touched]).reshape(-1, 2)
         return Intervals(ends[:, 0].copy(), ends[:, 1].copy(), self._profile.mirrored)
 
-    def begin(self, W: float, hertz: float, start: Pressed | None) -> None:
+    def begin(self, W: float, hertz: float, start: ContactSolution | None) -> None:
         """Begin with a solution nearby, or with what Hertz's contact covers."""
-        if start is not None and len(start.lands):
+        if start is not None and len(start.segments):
             known = set(self._lands)
             intervals = start.pressing.intervals
             self._ends = {
                 land: (float(low), float(high))
                 for land, low, high in zip(
-                    start.lands, intervals.left, intervals.right, strict=True
+                    start.segments, intervals.left, intervals.right, strict=True
                 )
                 if land in known
             }
@@ -260,7 +260,7 @@ class _State:
             near = min(tops, key=lambda land: min(abs(land.start), abs(land.stop)))
             self._ends[near] = self._first(near, W)
 
-    def _first(self, land: Land, W: float) -> tuple[float, float]:
+    def _first(self, land: RigidSegment, W: float) -> tuple[float, float]:
         """Guess a new contact: at the land's nearest point to the centre."""
         low, high = land.flat
         at = min(max(0.0, low), high)
@@ -271,14 +271,14 @@ class _State:
             return self._within(land, land.start if land.corner == 0 else low - width, low + width)
         return self._within(land, high - width, land.stop if land.corner == 0 else high + width)
 
-    def _within(self, land: Land, low: float, high: float) -> tuple[float, float]:
+    def _within(self, land: RigidSegment, low: float, high: float) -> tuple[float, float]:
         low, high = max(low, land.start), min(high, land.stop)
         if self._profile.mirrored and land.start < 0 < land.stop:
             high = max(high, -low)
             low = -high
         return low, high
 
-    def move(self, found: Pressing) -> bool:
+    def move(self, found: PressureSolution) -> bool:
         """Move free ends by Newton's step, drop what shrinks to nothing; whether any did."""
         moved = False
         width = 2 * found.intervals.half_width
@@ -324,7 +324,7 @@ class _State:
             self._ends[land] = ends[0], ends[1]
         return moved
 
-    def add_penetrated(self, found: Pressing) -> bool:
+    def add_penetrated(self, found: PressureSolution) -> bool:
         """Begin a contact on every land that the surface penetrates; whether there was any."""
         added = False
         scale = max(self._tol * found.load, 1e-15)
@@ -355,7 +355,7 @@ class _State:
 
 
 def _with_vertex(
-    found: Pressing, land: Land, x: FloatArray, gap: FloatArray
+    found: PressureSolution, land: RigidSegment, x: FloatArray, gap: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return places and gaps with the lowest point of the parabola through the lowest three."""
     if len(x) < 3:
@@ -375,7 +375,7 @@ def _with_vertex(
     return np.insert(x, place, at), np.insert(gap, place, lowest[0])
 
 
-def _checked(found: Pressing, W: float, rel_tol: float) -> str:
+def _checked(found: PressureSolution, W: float, rel_tol: float) -> str:
     """Return ``ok``, or which condition does not hold."""
     if not abs(found.load / W - 1) <= 1e-10:
         return f"forces not in balance: {found.load / W - 1:.1e}"
@@ -387,12 +387,12 @@ def _checked(found: Pressing, W: float, rel_tol: float) -> str:
     return "ok"
 
 
-def _resolved(found: Pressing, rel_tol: float) -> bool:
+def _resolved(found: PressureSolution, rel_tol: float) -> bool:
     """Return whether coefficients have decayed: loads err by under tail^2."""
     return found.tail**2 <= rel_tol
 
 
-def smallest_pressure(found: Pressing) -> float:
+def smallest_pressure(found: PressureSolution) -> float:
     """Return the smallest q sqrt(1 - s^2) of any interval over its mean: negative is tension."""
     pressure, m = found.pressure_at_points(), found.coefficients.shape[1]
     if m > found.n_coupled:  # a kink's series says nothing of the last few of its own waves
@@ -407,13 +407,13 @@ def smallest_pressure(found: Pressing) -> float:
     return float((pressure.min(axis=1) / mean)[counts].min(initial=np.inf))
 
 
-def many_pressed(
+def solve_many_contacts(
     profile: Profile, W: Sequence[float] | FloatArray, *, rel_tol: float = 1e-8
-) -> list[Pressed]:
+) -> list[ContactSolution]:
     """Press by each of several loads; each begins where the next lower one ended."""
     order = np.argsort(W)
-    found: dict[int, Pressed] = {}
+    found: dict[int, ContactSolution] = {}
     last = None
     for i in order.tolist():
-        found[i] = last = pressed(profile, float(W[i]), rel_tol=rel_tol, start=last)
+        found[i] = last = solve_contact(profile, float(W[i]), rel_tol=rel_tol, start=last)
     return [found[i] for i in range(len(order))]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import linalg, stats
 
-from ridgebayes.model.woodbury import (
+from ridgebayes.model.conditional_offsets import (
     Design,
     DiagonalRoot,
     FullRoot,
@@ -81,7 +81,7 @@ def test_given_rows__has_mean_precision_and_variances_of_dense_algebra(case):
     covariance = t(loading) @ np.linalg.inv(M) @ loading
     expected = np.diagonal(covariance, axis1=-2, axis2=-1)
     np.testing.assert_allclose(given.variance(loading), expected, rtol=1e-10)
-    np.testing.assert_allclose(given.variance_again(loading), expected, rtol=1e-10)
+    np.testing.assert_allclose(given.variance_cached(loading), expected, rtol=1e-10)
 
 
 def test_given_rows__integrates_the_scores_out_as_the_module_says(case):
@@ -113,7 +113,7 @@ def test_scores_given__at_and_normals_of_invert_each_other_and_have_the_covarian
 
 @pytest.mark.parametrize("most", [0, 64])
 def test_full_root__solve_is_the_inverse_of_times(monkeypatch, most):
-    monkeypatch.setattr("ridgebayes.model.woodbury._INVERTED", most)
+    monkeypatch.setattr("ridgebayes.model.conditional_offsets._INVERTED", most)
     rng = np.random.default_rng(2)
     x = rng.standard_normal((*BATCH, N_LEVEL, 2))
     found = FullRoot(FACTOR).solve(x)

@@ -73,7 +73,7 @@ class Design:
 
 
 @dataclass(frozen=True, eq=False)
-class ScoresGiven:
+class OffsetPosterior:
     """Normal distribution of the scores given rows, for each of many draws of the parameters.
 
     Parameters
@@ -119,7 +119,7 @@ class ScoresGiven:
         """R^-1 of the factor M = R R', shape (..., n_level, n_level)."""
         return _inverse(self.root)
 
-    def variance_again(self, loading: FloatArray) -> FloatArray:
+    def variance_cached(self, loading: FloatArray) -> FloatArray:
         """Return what `variance` does; quicker where it is asked for again and again."""
         if self._diagonal or self.root.shape[-1] > _INVERTED:
             return self.variance(loading)
@@ -235,7 +235,7 @@ def given_rows(
     weight: FloatArray,
     residual: FloatArray,
     factor: FloatArray | None = None,
-) -> ScoresGiven:
+) -> OffsetPosterior:
     """Return the scores' distribution given rows.
 
     Parameters
@@ -252,9 +252,9 @@ def given_rows(
     factor = precision_root(design, root, weight) if factor is None else factor
     pull = root.transposed_times(design.gather(weight * residual))
     if factor.ndim == pull.ndim:
-        return ScoresGiven(pull / factor**2, factor)
+        return OffsetPosterior(pull / factor**2, factor)
     half = solve_lower(factor, pull[..., None])
-    return ScoresGiven(solve_lower(factor, half, transposed=True)[..., 0], factor)
+    return OffsetPosterior(solve_lower(factor, half, transposed=True)[..., 0], factor)
 
 
 def products_given(
