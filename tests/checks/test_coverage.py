@@ -166,7 +166,7 @@ def test_bad_input_is_refused(table):
     with pytest.raises(InputError, match=r"texture a/R = 0\.01, b/R = 0\.03 was fitted"):
         coverage_of(fit, table)
     for probs in ([], [0.5, 1.0]):
-        with pytest.raises(InputError, match="rule: each 0 < prob < 1, at least one"):
+        with pytest.raises(InputError, match="expected each 0 < prob < 1, at least one"):
             coverage_of(fit, simulated(1, 2, seed=1, first=99), probs=probs)
     with pytest.raises(InputError, match="at least two"):
         coverage(simulated(1, 2, seed=1), [Modified()], ["iid"])

@@ -54,9 +54,9 @@ def test_folds_of__gives_each_a_seed_of_its_own_names(data, observed):
 
 
 def test_folds_of__refuses_unknown_words_and_a_single_fold(data):
-    with pytest.raises(InputError, match=r"leave: 'fold' given; rule: one of texture, step, row"):
+    with pytest.raises(InputError, match=r"leave: expected one of texture, step, row, got 'fold'"):
         folds_of(data, Hybrid(), IID, leave="fold")
-    with pytest.raises(InputError, match="rule: rows of at least two"):
+    with pytest.raises(InputError, match="expected rows of at least two"):
         folds_of(data.take(data.texture == 0), Hybrid(), IID)
 
 

@@ -101,7 +101,7 @@ def test_spread_scenes__are_the_same_twice_and_others_with_another_seed():
 
 @pytest.mark.parametrize("n", [0, -1])
 def test_spread_scenes__none_at_all_are_bad_input(n):
-    with pytest.raises(InputError, match=f"n: {n} given; rule: at least 1"):
+    with pytest.raises(InputError, match=f"n: expected at least 1, got {n}"):
         spread_scenes(n)
 
 

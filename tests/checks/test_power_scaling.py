@@ -123,5 +123,5 @@ def test_table__tells_strong_priors_and_conflicts(paper, fits):
 def test_threshold__decides_what_counts(fits):
     lowest = power_scaling(fits["hybrid"], threshold=1e-6)
     assert set(lowest["diagnosis"]) == {CONFLICT}
-    with pytest.raises(InputError, match="threshold: 0 given; rule: > 0"):
+    with pytest.raises(InputError, match="threshold: expected > 0, got 0"):
         power_scaling(fits["hybrid"], threshold=0)

@@ -127,11 +127,11 @@ BAD_TABLES = {
     "semicolons": (HEADER.replace(",", ";") + "0.01;0.02;4;0.001\n", ["separated by commas"]),
     "a lateral offset": (
         HEADER[:-1] + ",offset_over_R\n0.01,0.02,4,0.001,0.002\n",
-        ["row 1: offset_over_R = 0.002", "rule: this version fits centred bodies"],
+        ["row 1: offset_over_R = 0.002", "expected this version fits centred bodies"],
     ),
     "nothing to fit": (
         HEADER[:-1] + ",role\n0.01,0.02,4,0.001,held-out\n",
-        ["no row with role calibration and status ok", "rule: at least 1"],
+        ["no row with role calibration and status ok", "expected at least 1"],
     ),
 }
 
@@ -180,7 +180,7 @@ COMPARE = ("compare", SWEEP)
         ((*FIT, "half-plane"), ["41 calibration rows have solver 'half-plane'", "circular"]),
         ((*COMPARE, "--forms", "classic,half-plane"), ["solver 'half-plane'", "circular"]),
         (("run", "--forms", "half-plane"), ["embedded sweep", "circular"]),
-        ((*FIT, "hybrid", "--noise", "loud"), ["noise 'loud'", "rule: STRUCTURE"]),
+        ((*FIT, "hybrid", "--noise", "loud"), ["noise 'loud'", "expected STRUCTURE"]),
         (("run", "--noise", "iid:cauchy"), ["noise 'iid:cauchy'", "one of iid, texture"]),
         ((*FIT, "hybrid", "--seed", "-1"), ["--seed", "0"]),
         ((*COMPARE, "--seed", "1.5"), ["--seed", "integer"]),
@@ -200,7 +200,7 @@ TEXTURES = ["0.01;0.02", "0.01", "0.01,0.02,0.03", "a,b", "", "-0.01,0.02", "0,0
 
 @pytest.mark.parametrize("text", TEXTURES)
 def test_texture__typed_wrongly_is_refused(refused, run, text):
-    told = (f"--texture {text!r}", "rule: ")
+    told = (f"--texture {text!r}", "expected ")
     refused(["generate", "--texture", text, "-o", "t.csv"], *told)
     refused(["predict", run, "--texture", text, *OVER, "-o", "b.csv"], *told)
 
@@ -227,18 +227,18 @@ def test_texture__typed_wrongly_is_refused(refused, run, text):
 )
 def test_loads__typed_wrongly_are_refused(refused, run, text):
     words = ["predict", run, *AT, "--p-over-E", text, "-o", "b.csv"]
-    refused(words, f"--p-over-E {text!r}", "rule: LO:HI:N or log:LO:HI:N", "0.001:0.02:50")
+    refused(words, f"--p-over-E {text!r}", "expected LO:HI:N or log:LO:HI:N", "0.001:0.02:50")
 
 
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (("--prob", "2"), ["prob: 2.0", "rule: 0 < prob < 1"]),
-        (("--prob", "0"), ["prob: 0.0", "rule: 0 < prob < 1"]),
-        (("--prob", "nan"), ["prob: nan", "rule: 0 < prob < 1"]),
+        (("--prob", "2"), ["prob: 2.0", "expected 0 < prob < 1"]),
+        (("--prob", "0"), ["prob: 0.0", "expected 0 < prob < 1"]),
+        (("--prob", "nan"), ["prob: nan", "expected 0 < prob < 1"]),
         (("--prob", "most"), ["--prob", "number"]),
-        (("--nu", "0.7"), ["nu: ", "0.7", "rule: 0 <= nu <= 0.5"]),
-        (("--nu", "nan"), ["nu: ", "nan", "rule: 0 <= nu <= 0.5"]),
+        (("--nu", "0.7"), ["nu: ", "0.7", "expected 0 <= nu <= 0.5"]),
+        (("--nu", "nan"), ["nu: ", "nan", "expected 0 <= nu <= 0.5"]),
         (("--form", "hybrid"), ["form 'hybrid': not in this run", "modified, classic, average"]),
         (("--form", "cubic"), ["form 'cubic': not in this run"]),
     ],
@@ -283,7 +283,7 @@ def test_run_folder__what_is_none_is_refused(refused, name):
     Path("thesis/chapter.tex").write_text("years of work")
     Path("letter").write_text("mine")
     told = f"{name}: no run.json in it"
-    refused(["predict", name, *AT, *OVER, "-o", "b.csv"], told, "rule: a folder written by")
+    refused(["predict", name, *AT, *OVER, "-o", "b.csv"], told, "expected a folder written by")
     refused(["report", name], told)
 
 
@@ -342,7 +342,7 @@ def test_generate__a_bad_scene_is_refused(refused, text, expected):
     ("words", "expected"),
     [
         (("no.toml",), ["no.toml", "No such file"]),
-        (("my.toml", "--texture", "0.01,0.02"), ["SCENE and --texture", "rule: one of them"]),
+        (("my.toml", "--texture", "0.01,0.02"), ["SCENE and --texture", "expected one of them"]),
         (("--texture", "0.02,0.02", "--p-max", "nan"), ["p_over_E = nan", "finite"]),
         (("--texture", "0.02,0.02", "--p-max", "-1"), ["p_over_E = -1.0", "greater than 0"]),
         (("--texture", "0.02,0.02", "--p-max", "1e-9"), ["no transition under p/E = 1e-09"]),
@@ -444,7 +444,7 @@ def test_generate__fields_of_the_cylinder_are_kept(command):
 
 def test_generate__fields_without_finite_elements_are_refused(refused):
     words = ("--texture", "0.06,0.02", "--fields", "found", "-o", "t.csv")
-    refused(["generate", *words], "--fields found", "rule: --solver cylinder-fe")
+    refused(["generate", *words], "--fields found", "expected --solver cylinder-fe")
 
 
 # --- what is done ---------------------------------------------------------------------------------

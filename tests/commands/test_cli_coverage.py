@@ -110,7 +110,7 @@ def test_coverage__replaces_its_own_folders_only_and_only_when_told(command, can
     before = Path("out/coverage.json").read_bytes()
     refused = command(*words)
     assert refused.code == 2
-    assert "out: exists; rule: another -o, or --force" in refused.err
+    assert "out: exists; use another -o, or --force" in refused.err
     assert Path("out/coverage.json").read_bytes() == before
     assert command(*words, "--force", "--seed", 1).code == 0
     assert json.loads(Path("out/coverage.json").read_text())["seed"] == 1
@@ -134,11 +134,11 @@ def test_coverage__that_failed_somewhere_is_written_and_says_so(command, canned)
     [
         (("--noise", "nois"), "noise 'nois': not an error model; rule:"),
         (("--noise", "iid,,step"), "--noise 'iid,,step': an empty name"),
-        (("--noise", "iid,iid"), "noise: iid, iid given; rule: each once"),
+        (("--noise", "iid,iid"), "noise: expected each once, got iid, iid"),
         (("--forms", "hybrid,cubic"), "cubic"),
         (("--forms", "half-plane"), "circular"),
         (("nowhere.csv",), "nowhere.csv"),
-        (("one.csv", "--workers", "1"), "rule: rows of at least two"),
+        (("one.csv", "--workers", "1"), "expected rows of at least two"),
         (("--workers", "0"), "--workers"),
     ],
 )

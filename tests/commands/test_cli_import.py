@@ -158,8 +158,8 @@ def test_export_deck__says_how_to_import_it(command):
 @pytest.mark.parametrize(
     ("change", "words", "expected"),
     [
-        (("0.49", "0.5"), (), "my.toml: nu = 0.5: rule: at most 0.499 for CalculiX"),
-        (("", ""), ("--format", "ansys"), "my.toml: --format ansys: rule: calculix or abaqus"),
+        (("0.49", "0.5"), (), "my.toml: nu = 0.5: expected at most 0.499 for CalculiX"),
+        (("", ""), ("--format", "ansys"), "my.toml: --format ansys: expected calculix or abaqus"),
         (("[load]", "offset = 0.2\n[load]"), (), "my.toml: offset = 0.2"),
     ],
 )

@@ -87,7 +87,7 @@ def test_plan__refuses_an_existing_file_unless_told(command):
     Path("plan.csv").write_text("mine")
     said = command("scene.toml", "-o", "plan.csv")
     assert (said.code, said.out) == (2, "")
-    assert "plan.csv: exists; rule: another -o, or --force to replace it" in said.err
+    assert "plan.csv: exists; use another -o, or --force to replace it" in said.err
     assert Path("plan.csv").read_text() == "mine"
     assert command("scene.toml", "-o", "plan.csv", "--force").code == 0
     assert Path("plan.csv").read_text().startswith("effect,number,")
@@ -120,11 +120,11 @@ def test_plan__of_the_same_scene_is_the_same_bytes(command):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ((), "SCENE: missing; rule: a scene file, or --verify"),
+        ((), "SCENE: missing; expected a scene file, or --verify"),
         (("--verify",), "--verify: needs -o, a folder to make, and takes no scene"),
         (("scene.toml", "--verify", "-o", "out"), "--verify: needs -o, a folder to make, and"),
         (("nowhere.toml",), "nowhere.toml: cannot be read: No such file"),
-        (("scene.toml", "-o", "."), ".: a folder; rule: -o names a file"),
+        (("scene.toml", "-o", "."), ".: a folder; -o names a file"),
         (("scene.toml", "-o", "no/plan.csv"), "no/plan.csv: folder no does not exist"),
         (("--verify", "-o", "out", "--scenes", "0"), "--scenes"),
         (("--verify", "-o", "out", "--seed", "x"), "--seed"),
@@ -218,7 +218,7 @@ def test_plan__replaces_folders_of_a_check_only_and_only_when_told(command, cann
     assert command(*words).code == 0
     refused = command(*words)
     assert refused.code == 2
-    assert "out: exists; rule: another -o, or --force" in refused.err
+    assert "out: exists; use another -o, or --force" in refused.err
     assert command(*words, "--force").code == 0
     Path("out/plan-check.csv").rename("out/mine.csv")
     refused = command(*words, "--force")

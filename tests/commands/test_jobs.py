@@ -301,7 +301,7 @@ def test_run__force_replaces_a_run(tmp_path, table, monkeypatch, no_pages, runs)
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"forms": ["quadratic"]}, "form 'quadratic': unknown; rule: one of classic"),
+        ({"forms": ["quadratic"]}, "form 'quadratic': unknown; expected one of classic"),
         ({"noise": "student"}, "noise 'student'"),
         ({"forms": ["classic", "half-plane"]}, "41 calibration rows have solver 'half-plane'"),
     ],

@@ -150,7 +150,7 @@ def test_new_folder__a_failure_with_force_leaves_the_old_run_alone(tmp_path, err
 def test_new_folder__an_existing_one_needs_force(tmp_path):
     old = run_folder(tmp_path / "out")
     with (
-        pytest.raises(InputError, match=r"out: exists; rule: another -o, or --force"),
+        pytest.raises(InputError, match=r"out: exists; use another -o, or --force"),
         new_folder(old),
     ):
         pytest.fail("went on")
@@ -422,7 +422,9 @@ def test_read_run__a_comparison_of_one_form_has_no_factors(comparison, tmp_path)
 def test_read_run__of_what_is_no_run_is_refused(tmp_path, name):
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(InputError, match=rf"{name}: no run.json in it; rule: a folder written by"):
+    with pytest.raises(
+        InputError, match=rf"{name}: no run.json in it; expected a folder written by"
+    ):
         read_run(tmp_path / name)
 
 
@@ -471,7 +473,7 @@ def test_read_run__a_broken_json_is_refused(run, content):
     ("key", "value", "message"),
     [
         ("noise", "student", "noise 'student': not an error model"),
-        ("forms", ["classic", "quadratic"], "form 'quadratic'; rule: one of classic"),
+        ("forms", ["classic", "quadratic"], "form 'quadratic'; expected one of classic"),
     ],
 )
 def test_read_run__a_name_that_this_version_does_not_know_is_told(run, key, value, message):

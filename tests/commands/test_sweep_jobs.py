@@ -149,7 +149,7 @@ def test_sweep__workers_of_another_version_are_refused(monkeypatch):
 def test_generate__fields_come_from_one_process_alone(tmp_path):
     with workers(2) as pool, pytest.raises(InputError, match="pressed: given with executor"):
         generate(SCENE, pressed=print, executor=pool)
-    with pytest.raises(InputError, match="or journal; rule: neither"):
+    with pytest.raises(InputError, match="or journal; expected neither"):
         generate(SCENE, pressed=print, journal=Journal(tmp_path / "j"))
 
 
@@ -420,7 +420,7 @@ def test_generate__its_options_reach_the_sweep(command, monkeypatch):
         ),
         (("generate", "-o", "t.csv", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler"),
         (("generate", "-o", "t.csv", "--fields", "f", "--workers", "2"), "--fields: with --work"),
-        (("generate", "-o", "t.csv", "--fields", "f", "--resume"), "rule: without"),
+        (("generate", "-o", "t.csv", "--fields", "f", "--resume"), "expected without"),
         (("coverage", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler answers"),
         (("run", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler answers"),
     ],

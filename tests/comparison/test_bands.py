@@ -280,14 +280,14 @@ def test_bands__flag_what_lies_beyond_the_calibrated_range(comparison, paper):
 
 @pytest.mark.parametrize("prob", [0.0, 1.0, 2.0, -0.5, math.nan])
 def test_bands__probability_outside_0_to_1_is_refused(comparison, prob):
-    with pytest.raises(InputError, match=r"prob: \S+ given; rule: 0 < prob < 1"):
+    with pytest.raises(InputError, match=r"prob: expected 0 < prob < 1, got \S+"):
         bands_table(comparison, prob=prob)
 
 
 def test_bands__a_form_that_was_not_fitted_is_refused(comparison):
     with pytest.raises(
         InputError,
-        match=r"form 'power-law': not in this run; rule: one of classic, modified, hybrid, average",
+        match=r"'power-law': not in this run; expected one of classic, modified, hybrid, average",
     ):
         bands_table(comparison, loads=np.array([0.01]), forms=["hybrid", "power-law"])
 

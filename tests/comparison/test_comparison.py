@@ -429,7 +429,7 @@ def test_complete__needs_every_form_fitted_and_converged(comparison, fits):
 @pytest.mark.parametrize("names", [[], ["hybrid", "classic", "hybrid"]])
 def test_forms__none_or_one_twice_is_refused(paper, names):
     forms = {"hybrid": rb.Hybrid(), "classic": rb.Classic()}
-    with pytest.raises(InputError, match="rule: at least one, each once"):
+    with pytest.raises(InputError, match="expected at least one, each once"):
         compare(paper, [forms[name] for name in names])
 
 
@@ -442,7 +442,7 @@ def test_half_plane__on_its_own_rows_is_refused_before_any_sampling(paper, monke
 
 
 def test_noise__of_another_name_is_refused(paper):
-    with pytest.raises(InputError, match=r"noise 'student': .*rule: STRUCTURE"):
+    with pytest.raises(InputError, match=r"noise 'student': .*expected STRUCTURE"):
         compare(paper, [rb.Modified()], noise="student")
 
 

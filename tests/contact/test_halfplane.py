@@ -5,7 +5,7 @@ import pytest
 
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.halfplane import smooth_load, transition_loads
-from ridgebayes.contact.intervals import Intervals, press
+from ridgebayes.contact.intervals import Intervals, solve_pressure
 from ridgebayes.contact.logkernel import log_ellipse
 from ridgebayes.contact.strips import StripSolution, _smallest_pressure, solve_strips
 from ridgebayes.errors import InputError
@@ -143,13 +143,13 @@ def test_error_falls_as_the_ellipse_says():
 
 
 def test_coefficient_tails_and_pressures_are_those_of_collocation_at_the_same_loads():
-    """Against `intervals.press`: no symmetry used within a strip, no Galerkin, a given load."""
+    """Against `intervals.solve_pressure`: no symmetry used within a strip, no Galerkin, a given load."""
     a, b, m = 1.0, 0.1, 10
     found = solve_strips(2 * b / a, 3, m)
     for k in (1, 2, 3):
         left = np.arange(k) * (a + b) + 0.5 * b
         load = 4 / math.pi * found.F[k - 1] * (a + b) ** 2
-        pressing = press(Intervals(left, left + a, True), np.zeros((k, 1)), load, m + 20)
+        pressing = solve_pressure(Intervals(left, left + a, True), np.zeros((k, 1)), load, m + 20)
         q, mean = pressing.coefficients, pressing.coefficients[:, 0].mean()
         tail = np.abs(q[:, m - 2 : m]).max() / mean
         # Discretisation: ten coefficients; the error is of the next two.

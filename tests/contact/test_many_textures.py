@@ -26,7 +26,9 @@ def test_load_function__reaches_its_own_ends_and_not_further():
         [transition_loads(2.0, 1.0, 3).F, transition_loads(1.0, 2.0, 3).F],
         rtol=1e-7,  # discretisation: as asked
     )
-    with pytest.raises(InputError, match=r"texture 2: groove over ridge 2.1; rule: from 0.5 to 2$"):
+    with pytest.raises(
+        InputError, match=r"texture 2: groove over ridge 2.1; expected from 0.5 to 2$"
+    ):
         loads([1.0, 1.0], [1.0, 2.1])
 
 

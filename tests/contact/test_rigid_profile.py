@@ -33,7 +33,7 @@ A, B = 0.012, 0.03
     ],
 )
 def test_profile__a_value_that_breaks_its_rule_is_named(name, value):
-    with pytest.raises(InputError, match=rf"^{name} = .*; rule: "):
+    with pytest.raises(InputError, match=rf"^{name} = .*; expected "):
         Profile(**({"a": A, "b": B} | {name: value}))
 
 
@@ -41,7 +41,9 @@ def test_profile__the_ends_of_each_rule_are_kept():
     assert Profile(A, B, depth=math.inf, corner=0.5 * A, offset=-0.5).pitch == A + B
     # As deep as round corners are: their parabola falls by half the radius.
     assert Profile(A, B, depth=0.25 * A, corner=0.5 * A).depth == 0.25 * A
-    with pytest.raises(InputError, match=r"^depth = .*; rule: at least half the corners' radius"):
+    with pytest.raises(
+        InputError, match=r"^depth = .*; expected at least half the corners' radius"
+    ):
         Profile(A, B, depth=0.2499 * A, corner=0.5 * A)
 
 

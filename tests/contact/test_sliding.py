@@ -54,5 +54,5 @@ def test_sliding_counts__does_not_mind_the_profiles_own_offset():
 
 @pytest.mark.parametrize(("W", "n"), [([0.0], 4), ([np.nan], 4), ([], 4), ([1e-3], 0)])
 def test_sliding_counts__refuses_bad_input(W, n):
-    with pytest.raises(InputError, match="rule: "):
+    with pytest.raises(InputError, match="expected "):
         sliding_counts(PROFILE, W, n_offset=n)

@@ -216,16 +216,16 @@ def changed_row(new):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (changed_row("         50      1,5E-03  2.0E-03"), "'1,5E-03': rule: a finite number"),
-        (changed_row("         50      1E999  2.0E-03"), "'1E999': rule: a finite number"),
-        (changed_row("         50      ********  2.0E-03"), r"'\*+': rule: a finite number"),
-        (changed_row("         50  TR  1.5E-03  2.0E-03"), "rule: node, U1, U2, in global"),
-        (changed_row("         50      1.5E-03"), "rule: node, U1, U2"),
-        (changed_row("         49      1.5E-03  2.0E-03"), "node 49: rule: once a table"),
+        (changed_row("         50      1,5E-03  2.0E-03"), "'1,5E-03': expected a finite number"),
+        (changed_row("         50      1E999  2.0E-03"), "'1E999': expected a finite number"),
+        (changed_row("         50      ********  2.0E-03"), r"'\*+': expected a finite number"),
+        (changed_row("         50  TR  1.5E-03  2.0E-03"), "expected node, U1, U2, in global"),
+        (changed_row("         50      1.5E-03"), "expected node, U1, U2"),
+        (changed_row("         49      1.5E-03  2.0E-03"), "node 49: expected once a table"),
         (changed_row("        900      1.5E-03  2.0E-03"), "node 900 is not in the deck's RIM"),
         (changed_row("         50      1.5E-03  9.0"), "MAXIMUM .* is not that of the rows"),
         (PRINTED.replace(" SUMMARY", " SHORT"), "a table before its increment"),
-        (re.sub("MAXIMUM +", "MAXIMUM 1. ", PRINTED, count=1), "3 values; rule: 2"),
+        (re.sub("MAXIMUM +", "MAXIMUM 1. ", PRINTED, count=1), "3 values; expected 2"),
         (PRINTED.replace("SET RIM", "SET PART_RIM"), "the tables are .*U1 U2 of PART_RIM"),
         ("", "no increment with U1 and U2 of RIM"),
         ("0.1;0.2\n", "no increment with U1 and U2 of RIM"),
@@ -262,7 +262,7 @@ def test_finite__reads_what_fortran_prints(word, value):
 
 @pytest.mark.parametrize("word", ["1_0", "nan", "inf", "1e999", "0x10", "\u0661", "", "1,5", "."])
 def test_finite__refuses_what_python_alone_would_read(word):
-    with pytest.raises(InputError, match=r"a, line 7: .*rule: a finite number"):
+    with pytest.raises(InputError, match=r"a, line 7: .*expected a finite number"):
         finite(Path("a"), 7, word)
 
 

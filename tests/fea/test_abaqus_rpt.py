@@ -164,17 +164,20 @@ def changed_row(change):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (changed_row(lambda row: row.replace(".", ",")), "rule: a finite number"),
-        (changed_row(lambda row: row[:-8] + "1E999"), "rule: a finite number"),
-        (changed_row(lambda row: row[:-10] + " NoValue"), "'NoValue': rule: a finite number"),
-        (changed_row(lambda row: row + " 1."), "6 values; rule: node, COORD.COOR1"),
+        (changed_row(lambda row: row.replace(".", ",")), "expected a finite number"),
+        (changed_row(lambda row: row[:-8] + "1E999"), "expected a finite number"),
+        (changed_row(lambda row: row[:-10] + " NoValue"), "'NoValue': expected a finite number"),
+        (changed_row(lambda row: row + " 1."), "6 values; expected node, COORD.COOR1"),
         (changed_row(lambda row: row.replace("   50 ", "   49 ")), "node 49 again in BODY-1.RIM"),
-        (changed_row(lambda row: row.replace("   50 ", " 50.5 ")), "'50.5'; rule: a whole number"),
-        (PRINTED.replace("   ODB: /", "   ODB: /2", 1), "rule: one run"),
+        (
+            changed_row(lambda row: row.replace("   50 ", " 50.5 ")),
+            "'50.5'; expected a whole number",
+        ),
+        (PRINTED.replace("   ODB: /", "   ODB: /2", 1), "expected one run"),
         (PRINTED.replace("RF.RF2", "RF.RF3"), "no RF.RF2: left out"),
         (PRINTED.replace("U.U1", "UT.U1"), "no U.U1, U.U2, COORD.COOR1"),
         (WRITER.rpt_text(*ARRAYS, coordinates=None), "no U.U1, U.U2, COORD.COOR1"),
-        (re.sub(r"COOR1(.*)COOR2", r"COOR2\1COOR1", PRINTED), "rule: one of them does not"),
+        (re.sub(r"COOR1(.*)COOR2", r"COOR2\1COOR1", PRINTED), "expected one of them does not"),
         ("", "no 'Field Output Report'"),
         ("0.1;0.2\n", "no 'Field Output Report'"),
         (PRINTED.encode("utf-16"), "UTF-8"),
@@ -201,7 +204,7 @@ def test_read_abaqus_rpt__forces_that_cancel_are_refused(tmp_path):
         PRINTED,
     )
     with pytest.raises(
-        InputError, match="cancels to 0; rule: name a region where the load is read"
+        InputError, match="cancels to 0; expected name a region where the load is read"
     ):
         read(tmp_path, text)
 
@@ -211,7 +214,7 @@ def test_read_abaqus_rpt__regions_with_the_same_columns_have_to_be_named(tmp_pat
     other = WRITER.rpt_text(
         run["force"], RUN["nodes"], RUN["position"], regions=("BODY-2.RIM", "BODY-2.TOP")
     )
-    with pytest.raises(InputError, match=r"of BODY-1\.RIM, BODY-2\.RIM; rule: name one"):
+    with pytest.raises(InputError, match=r"of BODY-1\.RIM, BODY-2\.RIM; name one"):
         read(tmp_path, PRINTED + other)
     found = loads(tmp_path, PRINTED + other, surface="BODY-2.RIM", reaction="BODY-2.TOP")
     np.testing.assert_allclose(found, 3 * loads(tmp_path), rtol=1e-4)  # six digits are printed
@@ -219,7 +222,9 @@ def test_read_abaqus_rpt__regions_with_the_same_columns_have_to_be_named(tmp_pat
 
 def test_read_abaqus_rpt__one_frame_cannot_tell_what_coordinates_are(tmp_path):
     one = PRINTED[: PRINTED.index("*" * 80, 100)]
-    with pytest.raises(InputError, match="between 1 frames; rule: one of them does not, or a deck"):
+    with pytest.raises(
+        InputError, match="between 1 frames; expected one of them does not, or a deck"
+    ):
         read(tmp_path, one)
 
 
@@ -292,16 +297,16 @@ def test_read_xy__names_hold_blanks_and_are_wrapped(tmp_path):
         ("X F\n", "no rows"),
         ("1. 2.\n", "line 1: numbers before a header"),
         ("X F\n0. 1. 2.\n", "line 2: 3 values below the names"),
-        ("X F\n0. 1.\n1.\n", "line 3: 1 values; rule: 2"),
-        ("X F\n0. nan\n", "line 2: 'nan': rule: a finite number"),
+        ("X F\n0. 1.\n1.\n", "line 3: 1 values; expected 2"),
+        ("X F\n0. nan\n", "line 2: 'nan': expected a finite number"),
         ("X F\n0. 1e999\n", "line 2: '1e999'"),
-        ("X;F\n0,1;0,2\n", "line 2: '0,1': rule: a finite number"),
+        ("X;F\n0,1;0,2\n", "line 2: '0,1': expected a finite number"),
         ("X   F\n0,1   0,2\n", "line 2: 3 values below the names"),
-        ("X\tF\n0,1\t0,2\n", "line 2: '0,1': rule: a finite number"),
+        ("X\tF\n0,1\t0,2\n", "line 2: '0,1': expected a finite number"),
         ("X,F\n0,1,0,2\n", "line 2: 4 values below the names"),
         ("X F\n1_0 2\n", "line 2: '1_0'"),
         ("X  F  F\n0. 1. 2.\n", "'F' again in the header"),
-        ("X F\n0. 1.\n\nX F\n0. 1.\n", "line 5: 'F' again; rule: once a name"),
+        ("X F\n0. 1.\n\nX F\n0. 1.\n", "line 5: 'F' again; expected once a name"),
         ("X F\n0. 1.\n\nX G\n1. 1.\n", "line 5: another X"),
         ("X F\n0. 1.\n\nX G\n0. 1.\n1. 1.\n", "line 5: another X"),
         ("X F\n0. 1.\n".encode("utf-16"), "UTF-8"),

@@ -65,7 +65,7 @@ def test_arrow__what_is_no_number_is_refused(refusal, column):
 
 def test_arrow__infinite_numbers_are_refused(refusal):
     words = refusal({"p_over_E": [0.001, float("inf")]})
-    assert "mine.parquet, row 2, column 'p_over_E' = 'inf': rule: a finite number" in words
+    assert "mine.parquet, row 2, column 'p_over_E' = 'inf': expected a finite number" in words
 
 
 def test_arrow__own_columns_of_lists_are_left_out_and_said(read):
@@ -74,12 +74,12 @@ def test_arrow__own_columns_of_lists_are_left_out_and_said(read):
 
 
 def test_arrow__a_contract_column_of_lists_is_refused(refusal):
-    assert "column 'series', series: rule: numbers or text" in refusal({"series": [[1], [2]]})
+    assert "column 'series', series: expected numbers or text" in refusal({"series": [[1], [2]]})
 
 
 def test_arrow__absurdly_many_rows_are_refused(refusal, monkeypatch):
     monkeypatch.setattr(arrow, "MOST_CELLS", 7)
-    assert "2 rows of 4 columns; rule: at most 7 cells" in refusal({})
+    assert "2 rows of 4 columns; expected at most 7 cells" in refusal({})
 
 
 def test_arrow__rules_of_the_contract_name_the_row(refusal):

@@ -136,11 +136,15 @@ def test_read_calculix__wrong_sets_are_refused(tmp_path, options, message):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("for set TOP and time  0.2000000E+01", "for set TOP and time  nan", "'nan': rule: a fin"),
-        ("E-03  0.000000E+00\n         3", "E-03\n         3", "rule: node, vx, vy, vz"),
-        ("\n         3 ", "\n         2 ", "node '2'; rule: a whole number, once a level"),
-        ("\n         3 ", "\n       3,5 ", "'3,5': rule: a finite number"),
-        ("\n         3 ", "\n     1e999 ", "'1e999': rule: a finite number"),
+        (
+            "for set TOP and time  0.2000000E+01",
+            "for set TOP and time  nan",
+            "'nan': expected a fin",
+        ),
+        ("E-03  0.000000E+00\n         3", "E-03\n         3", "expected node, vx, vy, vz"),
+        ("\n         3 ", "\n         2 ", "node '2'; expected a whole number, once a level"),
+        ("\n         3 ", "\n       3,5 ", "'3,5': expected a finite number"),
+        ("\n         3 ", "\n     1e999 ", "'1e999': expected a finite number"),
     ],
 )
 def test_read_calculix__a_line_that_cannot_be_understood_is_named(tmp_path, old, new, message):

@@ -195,15 +195,15 @@ def test_read_calculix_contact__a_face_over_two_ridges_leaves_the_increment_open
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("slave element+face", "slave node", "rule: of faces, TYPE=SURFACE TO SURFACE"),
-        ("          3  1.0", "          2  1.0", "rule: a side of a plane element"),
+        ("slave element+face", "slave node", "expected of faces, TYPE=SURFACE TO SURFACE"),
+        ("          3  1.0", "          2  1.0", "expected a side of a plane element"),
         ("          3  1.0", "          7  1.0", "has no side 5"),
         ("         5          3  1.0", "    900000          3  1.0", "no element 900000"),
-        ("         5          3  1.0", "       5.5          3  1.0", "rule: a side of a plane"),
-        ("          3  1.000000E-01", "          3  1,000000E-01", "rule: a finite number"),
-        ("          3  1.000000E-01", "  1.000000E-01", "rule: element, face, press"),
-        (" 0.\n", "\n", "rule: fx, fy, fz"),
-        ("E-02\n", "E-02x\n", "rule: a finite number|no level"),
+        ("         5          3  1.0", "       5.5          3  1.0", "expected a side of a plane"),
+        ("          3  1.000000E-01", "          3  1,000000E-01", "expected a finite number"),
+        ("          3  1.000000E-01", "  1.000000E-01", "expected element, face, press"),
+        (" 0.\n", "\n", "expected fx, fy, fz"),
+        ("E-02\n", "E-02x\n", "expected a finite number|no level"),
     ],
 )
 def test_read_calculix_contact__what_cannot_be_understood_is_named(tmp_path, old, new, message):
@@ -253,5 +253,5 @@ def test_read_pressed__forces_of_each_node_stand_once(tmp_path, row):
     (level,) = read_pressed(tmp_path / "run.dat", reaction="NTOP")
     assert level.force == pytest.approx(-0.3)
     (tmp_path / "run.dat").write_text(f"{good}{row}\n")
-    with pytest.raises(InputError, match=r"line 5: node .* rule: a whole number, once a level"):
+    with pytest.raises(InputError, match=r"line 5: node .* expected a whole number, once a level"):
         read_pressed(tmp_path / "run.dat", reaction="NTOP")

@@ -75,12 +75,12 @@ def test_read_sta__marks_and_line_ends_change_nothing(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "no increments; rule: a .sta of CalculiX"),
+        ("", "no increments; expected a .sta of CalculiX"),
         (HEAD, "no increments"),
-        (HEAD + "1 1 1 5 0.1 0.1\n", "line 3: '1 1 1 5 0.1 0.1'; rule: STEP, INC"),
+        (HEAD + "1 1 1 5 0.1 0.1\n", "line 3: '1 1 1 5 0.1 0.1'; expected STEP, INC"),
         (HEAD + "1 1 1X 5 0.1 0.1 0.1\n", "line 3"),
-        (HEAD + "1 1 1 5 0,1 0,1 0,1\n", "line 3: '0,1': rule: a finite number"),
-        (HEAD + "1 1 1 5 nan 0.1 0.1\n", "line 3: 'nan': rule: a finite number"),
+        (HEAD + "1 1 1 5 0,1 0,1 0,1\n", "line 3: '0,1': expected a finite number"),
+        (HEAD + "1 1 1 5 nan 0.1 0.1\n", "line 3: 'nan': expected a finite number"),
         (HEAD + "1 1 1 5 1e999 0.1 0.1\n", "line 3: '1e999'"),
         (HEAD + "1 2 1 5 0.2 0.1 0.1\n1 1 1 5 0.1 0.1 0.1\n", "line 4: step 1, increment 1 at"),
         (HEAD + "1 1 1 5 0.1 0.1 0.1\n1 1 1 5 0.1 0.1 0.1\n", "line 4: step 1, increment 1 at"),

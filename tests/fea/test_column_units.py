@@ -68,7 +68,7 @@ def test_column_unit__converts_exactly(key, header, explicit, factor):
     ],
 )
 def test_column_unit__what_is_no_such_unit_is_refused(key, header, explicit):
-    with pytest.raises(InputError, match=r"^mine\.csv, header .*rule: "):
+    with pytest.raises(InputError, match=r"^mine\.csv, header .*expected "):
         column_unit(key, header, explicit, "mine.csv")
 
 

@@ -164,7 +164,7 @@ def test_read_columns__a_header_that_is_not_there_is_named_with_those_that_are(r
 
 @pytest.mark.parametrize("key", ["A", "p_over_R", "gap", "Q=", "x Q=4"])
 def test_read_columns__unknown_keys_are_refused(refusal, key):
-    assert "rule: " in refusal(LONG, {key: "Q"})
+    assert "expected " in refusal(LONG, {key: "Q"})
 
 
 def test_read_columns__own_columns_survive_in_long_tables(read):
@@ -231,9 +231,9 @@ def test_read_columns__bad_values_are_refused(refusal, values, words):
 
 def test_read_columns__bad_cells_name_line_column_value_and_rule(refusal):
     text = refusal(LONG.replace("0.0087", "-1").replace("0.1,", ","), MAP, values=BODY)
-    assert "line 4, column 'Ridge width [mm]' = '': rule: not empty" in text
+    assert "line 4, column 'Ridge width [mm]' = '': expected not empty" in text
     text = refusal(LONG.replace("0.0087", "-1"), MAP, values=BODY)
-    assert text.endswith("line 3, column 'Load (N/mm)' = '-1': rule: above 0")
+    assert text.endswith("line 3, column 'Load (N/mm)' = '-1': expected above 0")
 
 
 def test_read_columns__of_many_bad_cells_20_are_listed_and_the_rest_counted(refusal):
@@ -363,7 +363,7 @@ def test_read_columns__corners_reached_together_leave_the_inner_one(read):
 def test_read_columns__corners_in_the_wrong_order_are_refused(refusal):
     text = history(("status Q=6,status Q=4", lambda i: f"{int(i > 2)},{int(i > 4)}"))
     words = refusal(text)
-    assert "Q = 6 is touched at p/E = 0.003, before Q = 4; rule: inner corners first" in words
+    assert "Q = 6 is touched at p/E = 0.003, before Q = 4; expected inner corners first" in words
 
 
 def test_read_columns__increments_that_failed_are_left_out(read):
@@ -375,7 +375,7 @@ def test_read_columns__increments_that_failed_are_left_out(read):
 
 def test_read_columns__codes_of_contact_programs_are_refused(refusal):
     text = history(("status Q=4", lambda i: min(i, 3)))
-    assert "= '2': rule: open or 0, closed or 1" in refusal(text)
+    assert "= '2': expected open or 0, closed or 1" in refusal(text)
 
 
 def test_read_columns__pressures_below_0_are_refused(refusal):
@@ -412,7 +412,7 @@ def test_read_columns__workbooks_with_macros_are_refused_by_suffix(refusal, name
 
 @pytest.mark.parametrize("name", ["mine.pkl", "mine.json", "mine.ods", "mine.feather"])
 def test_read_columns__other_suffixes_are_refused(refusal, name):
-    assert "rule: one of .csv" in refusal(CONTRACT, name=name)
+    assert "expected one of .csv" in refusal(CONTRACT, name=name)
 
 
 @pytest.mark.parametrize(

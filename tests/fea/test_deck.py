@@ -74,7 +74,7 @@ def test_read_deck__an_include_from_elsewhere_is_refused(tmp_path, name):
     inside.mkdir()
     (tmp_path / "b.inp").write_text(NODES)
     (inside / "link.inp").symlink_to(tmp_path / "b.inp")
-    with pytest.raises(InputError, match=r"line 5: \*INCLUDE.*rule: a file in the deck's own"):
+    with pytest.raises(InputError, match=r"line 5: \*INCLUDE.*expected a file in the deck's own"):
         read(inside, f"{NODES}*INCLUDE, INPUT={name}\n")
 
 
@@ -86,10 +86,10 @@ def test_read_deck__a_deck_that_includes_itself_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("*NODE\n1, 0.\n", "line 2: 2 values; rule: at least 3"),
+        ("*NODE\n1, 0.\n", "line 2: 2 values; expected at least 3"),
         ("*NODE\n1, 0,5; 1\n", "line 2, value 3 = '5; 1'"),
-        ("*NODE\n1.5, 0., 1.\n", "line 2: 1.5: rule: a whole number"),
-        ("*NODE\n1, nan, 1.\n", "line 2, value 2 = 'nan': rule: a finite number"),
+        ("*NODE\n1.5, 0., 1.\n", "line 2: 1.5: expected a whole number"),
+        ("*NODE\n1, nan, 1.\n", "line 2, value 2 = 'nan': expected a finite number"),
         ("*NODE\n1, 1e999, 1.\n", "line 2, value 2 = '1e999'"),
         ("*NODE\n-3, 0., 1.\n", "line 2: -3: rule"),
         (NODES + "*NSET\n1\n", r"\*NSET without a name"),

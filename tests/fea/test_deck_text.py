@@ -62,12 +62,12 @@ def test_deck__of_abaqus_may_be_incompressible(deck):
 
 
 def test_deck__of_calculix_may_not():
-    with pytest.raises(InputError, match=r"nu = 0\.5: rule: at most 0\.499 for CalculiX"):
+    with pytest.raises(InputError, match=r"nu = 0\.5: expected at most 0\.499 for CalculiX"):
         deck_text(disk(nu=0.5), "calculix")
 
 
 def test_deck__of_another_program_is_refused():
-    with pytest.raises(InputError, match="--format ansys: rule: calculix or abaqus"):
+    with pytest.raises(InputError, match="--format ansys: expected calculix or abaqus"):
         deck_text(disk(), "ansys")
 
 

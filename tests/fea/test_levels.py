@@ -90,7 +90,7 @@ def test_table_of__a_wrong_E_is_that_factor_of_load():
     ("changes", "message"),
     [
         ({"R": 1.01}, r"off a circle of R = 1\.01.*circle through them has R = 1\)"),
-        ({"symmetry": "full"}, r"one side of the axis only; rule: --symmetry half"),
+        ({"symmetry": "full"}, r"one side of the axis only; use --symmetry half"),
         ({"a_over_R": 0.045}, r"no rigid nodes at the corners.* 0\.015.* 0\.09 .*or --top"),
         ({"top": -1.2}, r"no corner is reached"),
     ],
@@ -104,17 +104,17 @@ def test_table_of__what_contradicts_the_run_is_refused(changes, message):
 
 def test_table_of__a_full_run_called_half_is_refused():
     run = WRITER.pressed(full=True)
-    with pytest.raises(InputError, match="both sides of the axis; rule: --symmetry full"):
+    with pytest.raises(InputError, match="both sides of the axis; use --symmetry full"):
         table(run, Body(run["a"], run["b"]))
 
 
 def test_table_of__few_nodes_and_no_circle_are_refused():
     run = WRITER.pressed()
     short = {"undeformed": run["nodes"][:4], "position": run["position"][:, :4]}
-    with pytest.raises(InputError, match="4 surface nodes; rule: at least 5"):
+    with pytest.raises(InputError, match="4 surface nodes; expected at least 5"):
         table(run, **short)
     bent = run["nodes"] * [1.0, 0.9]
-    with pytest.raises(InputError, match="rule: the undeformed surface of a cylinder"):
+    with pytest.raises(InputError, match="expected the undeformed surface of a cylinder"):
         table(run, undeformed=bent)
 
 
@@ -162,7 +162,7 @@ def test_table_of__nodes_beyond_the_axis_of_a_half_mesh_are_said_to_be_left_out(
     ("name", "scale", "message"),
     [
         ("undeformed", 1e200, r"coordinates within 1e\+100"),
-        ("force", 1e308, r"run: force .*; rule: p/E at most"),
+        ("force", 1e308, r"run: force .*; expected p/E at most"),
     ],
 )
 def test_table_of__numbers_beyond_what_can_be_computed_with_are_refused(name, scale, message):

@@ -27,7 +27,7 @@ def test_parse_map__splits_keys_from_headers(text, key, header):
 
 @pytest.mark.parametrize("texts", [["a"], ["=x"], ["a="], ["a=x", "a=y"], [""]])
 def test_parse_map__refuses_what_is_no_pair(texts):
-    with pytest.raises(InputError, match=r"^--map .*rule: "):
+    with pytest.raises(InputError, match=r"^--map .*expected "):
         parse_map(texts)
 
 

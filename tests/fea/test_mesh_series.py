@@ -162,12 +162,12 @@ def test_read_series__appended_data_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("paths", "loads", "message"),
     [
-        (1, None, r"1 \.vtu with no loads; rule: several, each one state"),
-        (1, [0.1], r"1 \.vtu with 1 loads; rule: several"),
+        (1, None, r"1 \.vtu with no loads; expected several, each one state"),
+        (1, [0.1], r"1 \.vtu with 1 loads; expected several"),
         (2, None, r"2 \.vtu with no loads"),
         (2, [0.1], r"2 \.vtu with 1 loads"),
-        (2, [0.1, np.nan], "loads .* rule: finite numbers"),
-        (2, [0.1, -0.2], r"1\.vtu: loads of -0\.2; rule: finite numbers, 0 to"),
+        (2, [0.1, np.nan], "loads .* expected finite numbers"),
+        (2, [0.1, -0.2], r"1\.vtu: loads of -0\.2; expected finite numbers, 0 to"),
     ],
 )
 def test_read_series__one_state_and_missing_loads_are_refused(tmp_path, paths, loads, message):
@@ -198,7 +198,7 @@ ARRAY = r'(Name="displacement"[^>]*>)[^<]*'
         (lambda t: re.sub(ARRAY, r"\g<1>" + block((2**32 - 1, 1, 1), b""), t), "bytes of data"),
         (lambda t: re.sub(ARRAY, r"\g<1>AAAA", t), "cannot be unpacked"),
         (lambda t: re.sub(ARRAY, r"\g<1>???", t), "cannot be unpacked"),
-        (lambda t: t.replace("vtkZLib", "vtkLZMA"), "rule: vtkZLibDataCompressor"),
+        (lambda t: t.replace("vtkZLib", "vtkLZMA"), "expected vtkZLibDataCompressor"),
         (lambda t: re.sub(r'NumberOfPoints="\d+"', 'NumberOfPoints="999999999"', t), "at most"),
         (lambda t: re.sub(r'NumberOfPoints="\d+"', 'NumberOfPoints="-1"', t), "whole number"),
         (
@@ -206,9 +206,12 @@ ARRAY = r'(Name="displacement"[^>]*>)[^<]*'
             "no point data 'displacement'; there are 'u'",
         ),
         (lambda t: t.replace("Float64", "String"), "type 'String'"),
-        (lambda t: t.replace('format="binary"', 'format="raw"'), "rule: ascii, binary or appended"),
+        (
+            lambda t: t.replace('format="binary"', 'format="raw"'),
+            "expected ascii, binary or appended",
+        ),
         (lambda t: t.replace("<Piece", "<P").replace("</Piece", "</P"), "0 pieces"),
-        (lambda t: t[: len(t) // 2], "rule: XML"),
+        (lambda t: t[: len(t) // 2], "expected XML"),
     ],
 )
 def test_read_series__vtu_that_states_what_it_is_not_is_refused(tmp_path, change, message):
@@ -220,7 +223,7 @@ def test_read_series__vtu_of_other_points_are_refused(tmp_path):
     paths = vtu(tmp_path)
     points, cells, data = mesh(RUN, 1)
     meshio.vtu.write(paths[1], meshio.Mesh(1.5 * points, cells, point_data=data))
-    with pytest.raises(InputError, match=r"points are not those of .*0\.vtu; rule: one mesh"):
+    with pytest.raises(InputError, match=r"points are not those of .*0\.vtu; expected one mesh"):
         read_series(paths, BODY, loads=[0.001, 0.002])
 
 
@@ -239,38 +242,47 @@ BOMB = '<!DOCTYPE x [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>'
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: BOMB + t, r"run\.xdmf, line 1: <!DOCTYPE; rule: XML without it"),
+        (lambda t: BOMB + t, r"run\.xdmf, line 1: <!DOCTYPE; expected XML without it"),
         (lambda t: "\n<!doctype x>" + t, "line 2: <!DOCTYPE"),
         (lambda t: t.replace("<Domain>", "<!ENTITY a 'b'><Domain>"), "line 1: <!ENTITY"),
-        (lambda t: '<?xml version="1.0" encoding="latin-1"?>' + t, "encoding 'latin-1'; rule: UTF"),
+        (
+            lambda t: '<?xml version="1.0" encoding="latin-1"?>' + t,
+            "encoding 'latin-1'; expected UTF",
+        ),
         (lambda t: t.encode("utf-16"), "UTF-8"),
         (lambda t: t.encode() + b"\xff", "0xff is not UTF-8"),
-        (lambda t: t[:500], r"run\.xdmf, line 1: .*; rule: XML"),
-        (lambda t: t.replace("run.h5:", "/etc/passwd:"), "rule: a file in the same folder"),
-        (lambda t: t.replace("run.h5:", "../run.h5:"), "rule: a file in the same folder"),
-        (lambda t: t.replace("run.h5:", "C:\\run.h5:"), "rule: a file in the same folder"),
-        (lambda t: t.replace("run.h5:", "\\\\host\\run.h5:"), "rule: a file in the same folder"),
-        (lambda t: t.replace("run.h5:", "link.h5:"), "rule: a file in the same folder"),
+        (lambda t: t[:500], r"run\.xdmf, line 1: .*; expected XML"),
+        (lambda t: t.replace("run.h5:", "/etc/passwd:"), "expected a file in the same folder"),
+        (lambda t: t.replace("run.h5:", "../run.h5:"), "expected a file in the same folder"),
+        (lambda t: t.replace("run.h5:", "C:\\run.h5:"), "expected a file in the same folder"),
+        (lambda t: t.replace("run.h5:", "\\\\host\\run.h5:"), "expected a file in the same folder"),
+        (lambda t: t.replace("run.h5:", "link.h5:"), "expected a file in the same folder"),
         (lambda t: t.replace("run.h5:", "a" * 5000 + ":"), "rule|cannot be read"),
-        (lambda t: t.replace("run.h5:", "other.h5:"), "no such file; rule: move both together"),
-        (lambda t: t.replace("run.h5:/data0", "run.h5"), r"rule: FILE\.h5:/PATH"),
+        (lambda t: t.replace("run.h5:", "other.h5:"), "no such file; move both together"),
+        (lambda t: t.replace("run.h5:/data0", "run.h5"), r"expected FILE\.h5:/PATH"),
         (lambda t: t.replace("run.h5:/data0", "run.h5:/none"), "no '/none'"),
         (lambda t: t.replace("run.h5:/data0", "run.h5:/soft"), "'/soft' is a link"),
         (lambda t: t.replace("run.h5:/data0", "run.h5:/external"), "'/external' is a link"),
-        (lambda t: t.replace("run.h5:/data0", "run.h5:/virtual"), "rule: a dataset of numbers"),
-        (lambda t: t.replace("run.h5:/data0", "run.h5:/raw"), "rule: a dataset of numbers"),
-        (lambda t: t.replace("run.h5:/data0", "run.h5:/text"), "rule: a dataset of numbers"),
-        (lambda t: t.replace("run.h5:/data0", "run.h5:/group"), "rule: a dataset of numbers"),
-        (lambda t: t.replace("run.h5:/data0", "run.h5:/data1"), "is .*; rule: "),
+        (lambda t: t.replace("run.h5:/data0", "run.h5:/virtual"), "expected a dataset of numbers"),
+        (lambda t: t.replace("run.h5:/data0", "run.h5:/raw"), "expected a dataset of numbers"),
+        (lambda t: t.replace("run.h5:/data0", "run.h5:/text"), "expected a dataset of numbers"),
+        (lambda t: t.replace("run.h5:/data0", "run.h5:/group"), "expected a dataset of numbers"),
+        (lambda t: t.replace("run.h5:/data0", "run.h5:/data1"), "is .*; expected "),
         (lambda t: t.replace("run.h5:/data0", "run.h5:/nan"), "not all finite"),
-        (lambda t: t.replace("run.h5:/data9", "run.h5:/huge"), r"up to 1e\+99; rule: within 4 R"),
+        (
+            lambda t: t.replace("run.h5:/data9", "run.h5:/huge"),
+            r"up to 1e\+99; expected within 4 R",
+        ),
         (
             lambda t: re.sub('Dimensions="209 3"', 'Dimensions="9999999999 3"', t),
             "at most 2147483648",
         ),
         (lambda t: re.sub('Dimensions="209 3"', 'Dimensions="-8 3"', t), "Dimensions '-8 3'"),
         (lambda t: re.sub('Dimensions="209 3"', 'Dimensions="1,5"', t), "Dimensions '1,5'"),
-        (lambda t: t.replace('Format="HDF"', 'Format="Binary"'), "Format 'Binary'; rule: XML or"),
+        (
+            lambda t: t.replace('Format="HDF"', 'Format="Binary"'),
+            "Format 'Binary'; expected XML or",
+        ),
         (
             lambda t: t.replace("<DataItem ", '<DataItem ItemType="Function" '),
             "one plain <DataItem>",
@@ -280,13 +292,13 @@ BOMB = '<!DOCTYPE x [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>'
         (lambda t: t.replace('"Temporal"', '"Spatial"'), "0 time series"),
         (
             lambda t: re.sub('Value="[^"]*"', 'Value="0,1"', t),
-            "state 1: time '0,1'; rule: a finite",
+            "state 1: time '0,1'; expected a finite",
         ),
         (lambda t: re.sub('Value="[^"]*"', 'Value="nan"', t), "state 1: time 'nan'"),
         (lambda t: re.sub("<Time[^>]*>", "", t), "state 1: no <Time"),
-        (lambda t: t.replace('"XYZ"', '"VXVYVZ"'), "geometry 'VXVYVZ'; rule: XY or XYZ"),
-        (lambda t: t.replace('"XYZ"', '"XY"'), r"points of shape \(209, 3\); rule: \(n, 2\)"),
-        (lambda t: "", "rule: XML"),
+        (lambda t: t.replace('"XYZ"', '"VXVYVZ"'), "geometry 'VXVYVZ'; expected XY or XYZ"),
+        (lambda t: t.replace('"XYZ"', '"XY"'), r"points of shape \(209, 3\); expected \(n, 2\)"),
+        (lambda t: "", "expected XML"),
         (lambda t: "<a/>", "0 time series"),
     ],
 )
@@ -324,8 +336,8 @@ def test_read_series__a_broken_hdf5_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: t.replace("e-0", "e-x", 1), "rule: numbers between blanks"),
-        (lambda t: re.sub(r"\n0\.0", r"\n0,0", t, count=1), "rule: numbers between blanks"),
+        (lambda t: t.replace("e-0", "e-x", 1), "expected numbers between blanks"),
+        (lambda t: re.sub(r"\n0\.0", r"\n0,0", t, count=1), "expected numbers between blanks"),
         (lambda t: re.sub(r'(Dimensions="209 3"[^>]*>)\s*\S+', r"\1", t, count=1), "as many"),
         (lambda t: re.sub(r'(Dimensions="209 3"[^>]*>)\s*\S+', r"\1 1_0", t, count=1), "numbers b"),
     ],
@@ -338,14 +350,14 @@ def test_read_series__two_geometries_are_refused(tmp_path):
     path = write(tmp_path)
     geometry = re.search("<Geometry.*?</Geometry>", path.read_text())[0]
     moved = geometry.replace("data0", "data1")
-    refused(path, lambda t: t.replace(geometry, geometry + moved), "2 geometries; rule: one")
+    refused(path, lambda t: t.replace(geometry, geometry + moved), "2 geometries; expected one")
 
 
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        ({"R": 0.5}, "rule: a disk, undeformed"),
-        ({"R": 1.5}, "surface nodes; rule: at least 5"),
+        ({"R": 0.5}, "expected a disk, undeformed"),
+        ({"R": 1.5}, "surface nodes; expected at least 5"),
         ({"symmetry": "full"}, "--symmetry half"),
         ({"top": -1.3}, "no corner is reached"),
         ({"top": None, "a_over_R": 1e-5}, "no rim node over the first ridge"),
@@ -361,7 +373,7 @@ def test_read_series__a_mesh_in_space_is_refused(tmp_path):
     path = write(tmp_path)
     with h5py.File(tmp_path / "run.h5", "a") as file:
         file["data0"][:, 2] = np.arange(209)
-    with pytest.raises(InputError, match="rule: a plane mesh"):
+    with pytest.raises(InputError, match="expected a plane mesh"):
         read_series(path, BODY)
 
 
@@ -369,13 +381,13 @@ def test_read_series__a_mesh_in_space_is_refused(tmp_path):
     ("names", "options", "message"),
     [
         ([], {}, "no files"),
-        (["a.stl"], {}, r"rule: one \.xdmf, or several \.vtu"),
-        (["a.xdmf", "b.xdmf"], {}, r"rule: one \.xdmf"),
-        (["a.xdmf", "b.vtu"], {}, r"rule: one \.xdmf"),
+        (["a.stl"], {}, r"expected one \.xdmf, or several \.vtu"),
+        (["a.xdmf", "b.xdmf"], {}, r"expected one \.xdmf"),
+        (["a.xdmf", "b.vtu"], {}, r"expected one \.xdmf"),
         (["a.xdmf"], {}, "no such file"),
         (["a" * 5000 + ".xdmf"], {}, "cannot be read|no such file"),
-        (["a.xdmf"], {"loads": [1.0]}, "rule: its times"),
-        (["a.xdmf"], {"time": "s"}, "time = 's'; rule: p_over_E or line"),
+        (["a.xdmf"], {"loads": [1.0]}, "expected its times"),
+        (["a.xdmf"], {"time": "s"}, "time = 's'; expected p_over_E or line"),
     ],
 )
 def test_read_series__wrong_paths_and_options_are_refused(tmp_path, names, options, message):

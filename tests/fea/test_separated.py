@@ -60,12 +60,15 @@ def test_read__text_columns_may_hold_both_marks():
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
-        ("0,03;0.01;4", "line 2, column 'a' = '0,03': but line 2, column 'b' = '0.01': rule: one"),
+        (
+            "0,03;0.01;4",
+            "line 2, column 'a' = '0,03': but line 2, column 'b' = '0.01': expected one",
+        ),
         ("1,234;2;4\n5,678;2;6", "column 'a' = '1,234': may be a decimal comma or a thousands"),
-        ("1.234,5;1;4", "column 'a' = '1.234,5': rule: a finite number"),
-        ("1,234,567;1;4", "column 'a' = '1,234,567': rule: a finite number"),
-        ("1 234;1;4", "column 'a' = '1 234': rule: a finite number"),
-        ("1'234;1;4", "rule: a finite number"),
+        ("1.234,5;1;4", "column 'a' = '1.234,5': expected a finite number"),
+        ("1,234,567;1;4", "column 'a' = '1,234,567': expected a finite number"),
+        ("1 234;1;4", "column 'a' = '1 234': expected a finite number"),
+        ("1'234;1;4", "expected a finite number"),
     ],
 )
 def test_read__marks_that_could_mean_two_things_are_refused(rows, words):
@@ -74,7 +77,7 @@ def test_read__marks_that_could_mean_two_things_are_refused(rows, words):
 
 def test_read__quoted_decimal_commas_between_commas_are_refused():
     text = refusal('a,b,Q\n"0,03",1,4\n')
-    assert "line 2, column 'a' = '0,03': rule: a point for decimals" in text
+    assert "line 2, column 'a' = '0,03': expected a point for decimals" in text
 
 
 @pytest.mark.parametrize(
@@ -83,7 +86,7 @@ def test_read__quoted_decimal_commas_between_commas_are_refused():
 @pytest.mark.parametrize("other", ["1", "0", "0.5"])
 def test_read__what_is_no_finite_number_is_refused_with_line_and_column(cell, other):
     text = refusal(f"a,b,Q\n{other},1,4\n{cell},2,6\n")
-    assert f"mine.csv, line 3, column 'a' = {cell!r}: rule: a finite number" in text
+    assert f"mine.csv, line 3, column 'a' = {cell!r}: expected a finite number" in text
 
 
 def test_read__a_quoted_line_break_moves_the_lines_below():
@@ -114,7 +117,7 @@ def test_separated__an_equals_sign_within_text_is_none():
 
 def test_separated__ragged_rows_name_their_lines():
     text = refusal("a,b,Q\n1,2,3\n1,2\n\n1,2,3,4\n")
-    assert "line 3: '1,2' has 2 cells: rule: 3 cells" in text
+    assert "line 3: '1,2' has 2 cells: expected 3 cells" in text
     assert "line 5: '1,2,3,4' has 4 cells" in text
 
 
@@ -129,8 +132,8 @@ def test_separated__ragged_rows_name_their_lines():
         (b"a,b\n", "no rows below the header"),
         (b"a,b\n\n,\n", "no rows below the header"),
         (b"a\n1\n", "one column only"),
-        (b"a,a\n1,2\n", "column 2 = 'a': rule: each header once"),
-        (b"a, a \n1,2\n", "rule: each header once"),
+        (b"a,a\n1,2\n", "column 2 = 'a': expected each header once"),
+        (b"a, a \n1,2\n", "expected each header once"),
         (b"a,\n1,2\n", "column 2 has cells but no header"),
         (b"a,=b\n1,2\n", "formulas"),
         (b'a,b\n1,"2\n', "not CSV"),
@@ -144,8 +147,8 @@ def test_separated__what_is_no_table_is_refused_in_words(content, words):
 @pytest.mark.parametrize(
     ("header", "words"),
     [
-        (",".join(map(str, range(2001))), "2001 columns; rule: at most 2000"),
-        ("a," + 501 * "_", "rule: at most 500 characters"),
+        (",".join(map(str, range(2001))), "2001 columns; expected at most 2000"),
+        ("a," + 501 * "_", "expected at most 500 characters"),
     ],
 )
 def test_separated__absurd_headers_are_refused(header, words):

@@ -104,7 +104,7 @@ def test_spreadsheet__what_is_no_number_is_refused_with_its_cell(refusal, cell):
         content = workbook([HEADER, ROWS[1], [0.03, 0.01, 6, cell, "x"]])
     words = refusal(content)
     assert "cell D3, column 'p_over_E' = " in words
-    assert "rule: " in words
+    assert "expected " in words
 
 
 def test_spreadsheet__rules_of_the_contract_name_rows_of_the_sheet(refusal):
@@ -114,7 +114,7 @@ def test_spreadsheet__rules_of_the_contract_name_rows_of_the_sheet(refusal):
 
 def test_spreadsheet__several_sheets_need_a_name(read, refusal):
     content = workbook(other=[*ROWS[:2]], empty=[])
-    assert "2 sheets have cells: 'loads', 'other'; rule: --sheet" in refusal(content)
+    assert "2 sheets have cells: 'loads', 'other'; use --sheet" in refusal(content)
     assert len(read(content, sheet="other").table) == 1
     assert "no sheet 'third'; the sheets are 'loads', 'other', 'empty'" in refusal(
         content, sheet="third"
@@ -158,7 +158,7 @@ def test_spreadsheet__what_unpacks_to_absurdly_much_is_refused(refusal):
 
 def test_spreadsheet__what_unpacks_to_over_a_gigabyte_is_refused(refusal, monkeypatch):
     monkeypatch.setattr(spreadsheet, "LARGEST", 1000)
-    assert "rule: at most 1000" in refusal(workbook())
+    assert "expected at most 1000" in refusal(workbook())
 
 
 def test_spreadsheet__a_row_number_beyond_the_format_does_not_take_for_ever(refusal):
@@ -180,7 +180,7 @@ def test_spreadsheet__numbers_that_only_python_reads_are_refused(refusal, value)
     def odd(data):
         return data.replace(b"<v>4</v>", f"<v>{value}</v>".encode())
 
-    assert "rule: a number" in refusal(changed(workbook(), "sheet1", odd))
+    assert "expected a number" in refusal(changed(workbook(), "sheet1", odd))
 
 
 def test_spreadsheet__macros_within_are_refused(refusal):

@@ -187,7 +187,7 @@ def improper_priors():
         )
         for fields in several
     ]
-    said = [refused(make, rb.InputError, "prior:", "given; rule: finite") for make in makers]
+    said = [refused(make, rb.InputError, "prior:", "given; expected finite") for make in makers]
     return f"{len(said)} refused; {said[0].removeprefix('refused: ')}"
 
 

@@ -303,7 +303,7 @@ def disk_full(folder):
             place(here)
             limit = "" if is_small else LIMIT.format(size=size // 3)
             done = compared(here, before=limit)
-            message = done.refused(1, str(here), ": cannot be written: ", "; rule: room in a")
+            message = done.refused(1, str(here), ": cannot be written: ", "; expected room in a")
             assert not (here / "out").exists()
             left = {path.name for path in here.glob(".out.partial/*")}
             assert not any("partial" in name for name in left), left
@@ -326,7 +326,7 @@ def disk_full(folder):
         "Journal.keep = keeping\n"
     )
     done = ran(here, *SWEEP, before=full)
-    done.refused(1, ".t.csv.journal/", "cannot be written: File too large", "rule: room")
+    done.refused(1, ".t.csv.journal/", "cannot be written: File too large", "expected room")
     assert "3 of 10 textures are in .t.csv.journal: --resume goes on" in done.err
     assert textures_done(here) == 3
     assert ran(here, *SWEEP, "--resume").code == 0
@@ -355,7 +355,7 @@ def disk_full_at_the_end(folder):
         (folder / name).write_text("old", encoding="utf-8")
         before = set(folder.iterdir())
         done = ran(folder, *words, name, before=LIMIT.format(size=300))
-        done.refused(1, f"{name}: cannot be written: File too large; rule: room in a folder")
+        done.refused(1, f"{name}: cannot be written: File too large; expected room in a folder")
         assert (folder / name).read_text(encoding="utf-8") == "old"
         assert set(folder.iterdir()) == before
     return "4 commands: exit 1, the old file stays"
@@ -391,7 +391,7 @@ def read_only_folder(folder):
     with read_only(closed) as own:
         for words in commands:
             done = ran(folder, *words, before=own + works)
-            done.refused(2, "closed", "cannot be", "rule: ")
+            done.refused(2, "closed", "cannot be", "expected ")
         assert list(closed.iterdir()) == []
     return f"{len(commands)} commands: exit 2 before any work"
 
@@ -413,7 +413,7 @@ def saving(self, walk):
 Checkpoint.save = saving
 """
     done = compared(here, before=gone)
-    done.refused(1, f"{here}/out: its folder {here}/.out.partial is gone; rule: ")
+    done.refused(1, f"{here}/out: its folder {here}/.out.partial is gone; expected ")
     assert {path.name for path in here.iterdir()} == {"few.csv"}
     return "exit 1, its folder is gone"
 
@@ -448,7 +448,7 @@ def two_at_once(folder):
         before = contents(here)
         for more in ([], ["--force"], ["--resume"] if name == "t.csv" else []):
             done = ran(here, *words, *more)
-            done.refused(2, f"{name}: another process is working on it; rule: another -o")
+            done.refused(2, f"{name}: another process is working on it; use another -o")
         assert contents(here).keys() >= before.keys()
         first.send(signal.SIGKILL).end()
         (here / "at work").unlink()
@@ -512,7 +512,7 @@ def damaged_chain(folder):
             )
     for message in told:
         assert message.startswith(f"{path}: not a readable chain file (")
-        assert message.endswith("; rule: remove it, and --resume makes it anew")
+        assert message.endswith("; remove it, and --resume makes it anew")
         assert "\n" not in message
     here = place(folder, "resumed")
     (here / ".out.partial").mkdir()
@@ -569,8 +569,8 @@ def damaged_run(folder):
     about = json.loads(files["run.json"])
     (folder / "run" / "run.json").write_text(json.dumps({**about, "forms": ["../../x"]}))
     bands = ("--texture", "0.02,0.02", "--p-over-E", "0.001:0.01:5", "-o", "b.csv")
-    ran(folder, "predict", "run", *bands).refused(2, "run.json: form '../../x'; rule: one of")
-    ran(folder, "report", "run").refused(2, "run.json: form '../../x'; rule: one of")
+    ran(folder, "predict", "run", *bands).refused(2, "run.json: form '../../x'; expected one of")
+    ran(folder, "report", "run").refused(2, "run.json: form '../../x'; expected one of")
     assert same < n / 3
     return f"{n} damaged files: {n - same} refused, {same} of no consequence"
 
@@ -620,7 +620,7 @@ def killed_worker(folder):
                 ComputationError,
                 "evidence of classic, texture: 3 worker processes died on it",
                 "signal 9",
-                "rule: enough memory",
+                "expected enough memory",
             )
     finally:
         error_models._first_look = look

@@ -486,12 +486,12 @@ def large_hdf5(folder):
             spoil(file)
         xdmf = disk_xdmf(folder, "s.h5:/x")
         call = functools.partial(bounded, functools.partial(import_series, xdmf))
-        seen.append(refused(call, InputError, "s.h5", "rule: "))
+        seen.append(refused(call, InputError, "s.h5", "expected "))
         run = put(folder / f"run{number}")
         with h5py.File(run / "posterior-modified.nc", "r+") as file:
             spoil(file)
         call = functools.partial(bounded, functools.partial(read_run, run))
-        seen.append(refused(call, InputError, "posterior-modified.nc: '/x'", "rule: "))
+        seen.append(refused(call, InputError, "posterior-modified.nc: '/x'", "expected "))
     # A chunk with a sound size but packed longer than numbers can be.
     small = zlib.compress(np.ones((1, 2)).tobytes())
     with h5py.File(folder / "s.h5", "w") as file:
@@ -538,7 +538,7 @@ def zip_bombs(folder):
         path.write_text(vtu, encoding="utf-8")
     given = Given(texture=(0.02, 0.02), nu="0.5", symmetry="half", loads=(0.001, 0.002))
     call = functools.partial(bounded, lambda: import_files(paths, given), 2**26)
-    seen.append(refused(call, InputError, "1.vtu", "rule: "))
+    seen.append(refused(call, InputError, "1.vtu", "expected "))
     return f"{len(seen)} refused"
 
 

@@ -116,7 +116,7 @@ def undefined_rates():
             rb.ComputationError,
             f"own: rate = {broken} given at c = 1.",
             "a/R = 0.012",
-            "rule: a finite number",
+            "expected a finite number",
         )
         for broken, above in (("nan", 1.41), ("inf", 1.41), ("nan", 1.45), ("inf", 1.45))
     ]

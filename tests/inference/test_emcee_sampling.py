@@ -198,16 +198,16 @@ def test_sample__refuses_a_density_that_is_nowhere_positive(affine):
     def nowhere(u):
         return np.full(len(u), -np.inf)
 
-    rule = "sample: no starting points of positive density; rule: a feasible centre"
+    rule = "sample: no starting points of positive density; expected a feasible centre"
     with pytest.raises(InputError, match=rule):
         sample(nowhere, affine([0.0], [[1.0]]), seed=1, names=("x",), settings=SHORT)
 
 
 def test_sample_settings__refuse_too_few_ensembles_and_odd_walkers():
-    with pytest.raises(InputError, match="n_ensemble: 3 given; rule: at least 4"):
+    with pytest.raises(InputError, match="n_ensemble: expected at least 4, got 3"):
         SampleSettings(n_ensemble=3)
     for bad in (2, 33):
-        with pytest.raises(InputError, match=f"n_walker: {bad} given; rule: even and at least 4"):
+        with pytest.raises(InputError, match=f"n_walker: expected even and at least 4, got {bad}"):
             SampleSettings(n_walker=bad)
 
 
@@ -218,7 +218,7 @@ def test_sample__starts_more_walkers_than_a_round_of_adaptation_has_draws(affine
 
 
 @pytest.mark.parametrize(
-    ("n_texture", "is_plain", "expected"),
+    ("n_texture", "is_iid_gaussian", "expected"),
     [(9, True, 512), (9, False, 128), (500, True, 128), (5_000, True, 32), (5_000, False, 32)],
 )
 def test_walkers_for__takes_many_where_densities_are_cheap(n_texture, is_iid_gaussian, expected):

@@ -137,7 +137,7 @@ def test_write_netcdf__leaves_nothing_behind_when_it_fails(fits, tmp_path, monke
 
 
 def test_read_netcdf__refuses_a_file_that_is_not_there(tmp_path):
-    rule = r"none.nc: no such file; rule: a posterior written by ridgebayes"
+    rule = r"none.nc: no such file; expected a posterior written by ridgebayes"
     with pytest.raises(InputError, match=rule):
         read_netcdf(tmp_path / "none.nc")
 
@@ -161,7 +161,7 @@ def test_read_netcdf__refuses_a_cut_off_file(files, tmp_path):
 def test_read_netcdf__refuses_somebody_elses_file(tmp_path):
     path = tmp_path / "other.nc"
     xr.Dataset({"x": ("n", [1.0, 2.0])}).to_netcdf(path, engine="h5netcdf")
-    rule = r"other.nc: no ridgebayes_version attribute; rule: written by ridgebayes"
+    rule = r"other.nc: no ridgebayes_version attribute; expected written by ridgebayes"
     with pytest.raises(InputError, match=rule):
         read_netcdf(path)
 

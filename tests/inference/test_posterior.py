@@ -105,7 +105,7 @@ def test_repr__tells_form_numbers_and_state(fits):
 
 def test_calibrate__refuses_the_half_plane_on_rows_that_it_made(paper, fe_fits):
     rule = (
-        "41 calibration rows have solver 'half-plane'; rule: the half-plane form is not "
+        "41 calibration rows have solver 'half-plane'; expected the half-plane form is not "
         "compared on rows that its own equation generated, that would be circular"
     )
     with pytest.raises(InputError, match=rule):
@@ -130,7 +130,7 @@ def test_calibrate__refuses_rows_without_misfit(paper):
 def test_calibrate__refuses_unknown_noise_and_seeds(paper):
     with pytest.raises(InputError, match="noise 'cauchy': not an error model"):
         calibrate(paper, Modified(), noise="cauchy")
-    with pytest.raises(InputError, match="rng: -3 given; rule: a non-negative integer"):
+    with pytest.raises(InputError, match="rng: expected a non-negative integer, got -3"):
         calibrate(paper, Modified(), rng=-3)
 
 
@@ -207,7 +207,7 @@ def test_calibrate__goes_on_from_a_checkpoint_and_ends_with_the_same_bytes(paper
     assert path.is_file()
     again = calibrate(paper, Modified(), rng=6, settings=longer, checkpoint=path)
     assert straight.draws.tobytes() == kept.draws.tobytes() == again.draws.tobytes()
-    rule = r"chain.h5: cannot resume, seed was '6' and is '7'; rule: the same run"
+    rule = r"chain.h5: cannot resume, seed was '6' and is '7'; expected the same run"
     with pytest.raises(InputError, match=rule):
         calibrate(paper, Modified(), rng=7, settings=longer, checkpoint=path)
 

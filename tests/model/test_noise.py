@@ -12,13 +12,11 @@ def test_noise__default_is_independent_rows_with_one_parameter_and_a_caution():
 
 
 def test_noise__refuses_an_error_model_that_it_does_not_know():
-    rule = (
-        "noise: structure 'cauchy' given; rule: one of iid, texture, step, texture.step, step-smo"
-    )
+    rule = "expected one of iid, texture, step, texture.step, step-smooth, got structure 'cauchy'"
     with pytest.raises(InputError, match=rule):
         Noise("cauchy")
     with pytest.raises(
-        InputError, match="noise: tail 'cauchy' given; rule: one of normal, student"
+        InputError, match="noise: expected one of normal, student, got tail 'cauchy'"
     ):
         Noise("step", "cauchy")
 
@@ -38,7 +36,9 @@ def test_every__holds_each_structure_with_each_tail_once():
 
 @pytest.mark.parametrize("name", ["", "cauchy", "step:", "step:cauchy", ":student", "step+texture"])
 def test_named__refuses_what_is_no_structure_and_tail(name):
-    with pytest.raises(InputError, match="rule: STRUCTURE or STRUCTURE:student, STRUCTURE one of "):
+    with pytest.raises(
+        InputError, match="expected STRUCTURE or STRUCTURE:student, STRUCTURE one of "
+    ):
         Noise.named(name)
 
 

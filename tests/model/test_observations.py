@@ -52,7 +52,7 @@ def test_from_table__takes_calibration_rows_alone(paper):
 
 
 def test_from_table__refuses_a_table_with_nothing_to_fit(paper):
-    rule = r"no row with role calibration and status ok; rule: at least 1"
+    rule = r"no row with role calibration and status ok; expected at least 1"
     with pytest.raises(InputError, match=rule):
         Observations.from_table(paper.held_out)
 
@@ -83,11 +83,11 @@ def test_from_table__takes_counts():
 
 def test_from_table__refuses_bodies_that_are_not_centred():
     frame = frame_of().assign(offset_over_R=[0.0, 0.001, 0.0, 0.002, 0.0, 0.0])
-    rule = r"mine.csv, row 2 and 1 more rows: offset_over_R = 0.001; rule: .*centred bodies"
+    rule = r"mine.csv, row 2 and 1 more rows: offset_over_R = 0.001; expected .*centred bodies"
     with pytest.raises(InputError, match=rule):
         observations(frame)
     one = frame.assign(offset_over_R=[0.0, 0.001, 0.0, 0.0, 0.0, 0.0])
-    with pytest.raises(InputError, match=r"mine.csv, row 2: offset_over_R = 0.001; rule: "):
+    with pytest.raises(InputError, match=r"mine.csv, row 2: offset_over_R = 0.001; expected "):
         observations(one)
 
 

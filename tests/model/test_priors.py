@@ -213,10 +213,10 @@ def test_prior__refuses_scales_that_are_not_positive_and_finite(bad):
         ("normal prior: sd", lambda: Normal(0.0, bad)),
         ("half-normal prior: sd", lambda: HalfNormal(bad)),
     ):
-        with pytest.raises(InputError, match=rf"{name} = {bad} given; rule: finite and > 0"):
+        with pytest.raises(InputError, match=rf"{name} = {bad} given; expected finite and > 0"):
             make()
 
 
 def test_prior__refuses_a_mean_that_is_not_finite():
-    with pytest.raises(InputError, match="normal prior: mean = nan given; rule: finite"):
+    with pytest.raises(InputError, match="normal prior: expected finite, got mean = nan"):
         Normal(np.nan, 1.0)

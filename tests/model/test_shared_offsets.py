@@ -209,6 +209,6 @@ def test_given__textures_of_one_ratio_share_the_smooth_offset(data, observed):
 
 def test_offsets_of__refuses_more_smooth_places_than_it_can_serve(observed):
     steps = 2 * np.arange(2, LARGEST_SMOOTH + 3)
-    rule = f"step-smooth: {LARGEST_SMOOTH + 1} places of Q and a/pitch; rule: at most"
+    rule = f"step-smooth: {LARGEST_SMOOTH + 1} places of Q and a/pitch; expected at most"
     with pytest.raises(ComputationError, match=rule):
         offsets_of(Noise("step-smooth"), observed(np.zeros_like(steps), steps, -8.0))

@@ -263,7 +263,7 @@ def test_quantile__reaches_the_ends_and_keeps_to_the_middle():
 
 def test_quantile__refuses_what_is_no_probability():
     for tail, df in KINDS:
-        with pytest.raises(InputError, match=r"prob: 1.5 given; rule: 0 <= prob <= 1"):
+        with pytest.raises(InputError, match=r"prob: expected 0 <= prob <= 1, got 1.5"):
             tail.quantile(1.5, df)
         with pytest.raises(InputError, match="prob: nan given"):
             tail.quantile(np.nan, df)
@@ -315,5 +315,7 @@ def test_tail_named__knows_both_and_refuses_others():
     assert tail_named("student") == STUDENT
     assert STUDENT.parameter_names == ("df",)
     assert NORMAL.parameter_names == ()
-    with pytest.raises(InputError, match=r"tail 'cauchy': unknown; rule: one of normal, student"):
+    with pytest.raises(
+        InputError, match=r"tail 'cauchy': unknown; expected one of normal, student"
+    ):
         tail_named("cauchy")

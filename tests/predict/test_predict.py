@@ -222,33 +222,33 @@ def test_mix_q__flags_what_a_part_that_counts_flags(fits):
 @pytest.mark.parametrize("bad", [0.0, -0.01, np.nan, np.inf])
 def test_predict__refuses_widths_that_are_not_positive(fits, predict, bad):
     for a, b, name in ((bad, B, "a_over_R"), (A, bad, "b_over_R")):
-        with pytest.raises(InputError, match=rf"{name}: {bad} given; rule: finite and > 0"):
+        with pytest.raises(InputError, match=rf"{name}: expected finite and > 0, got {bad}"):
             predict(fits["modified"], a, b, 4)
 
 
 @pytest.mark.parametrize("bad", [-1e-3, np.nan, np.inf])
 def test_predict_q__refuses_loads_that_are_negative_or_not_finite(fits, bad):
-    with pytest.raises(InputError, match=rf"p_over_E: {bad} given; rule: finite and >= 0"):
+    with pytest.raises(InputError, match=rf"p_over_E: expected finite and >= 0, got {bad}"):
         predict_q(fits["modified"], A, B, bad)
 
 
 @pytest.mark.parametrize("bad", [2, 5, np.nan])
 def test_predict_load__refuses_counts_that_need_no_load_or_do_not_exist(fits, bad):
-    with pytest.raises(InputError, match=rf"Q: {bad} given; rule: even and at least 4"):
+    with pytest.raises(InputError, match=rf"Q: expected even and at least 4, got {bad}"):
         predict_load(fits["modified"], A, B, bad)
 
 
 def test_predict__refuses_other_kinds_and_poissons_ratios(fits):
     fit = fits["modified"]
     for predict, what in ((predict_q, 0.01), (predict_load, 4)):
-        with pytest.raises(InputError, match="kind: 'band' given; rule: one of curve, simulation"):
+        with pytest.raises(InputError, match="kind: expected one of curve, simulation, got 'band'"):
             predict(fit, A, B, what, kind="band")
-        with pytest.raises(InputError, match=r"nu: 0.6 given; rule: 0 <= nu <= 0.5"):
+        with pytest.raises(InputError, match=r"nu: expected 0 <= nu <= 0.5, got 0.6"):
             predict(fit, A, B, what, nu=0.6)
 
 
 def test_predict_q__refuses_counts_that_would_never_end(fits):
-    rule = r"p_over_E: counts above 20000 at a/R, b/R = \(0.022, 0.02\); rule: fewer"
+    rule = r"p_over_E: counts above 20000 at a/R, b/R = \(0.022, 0.02\); expected fewer"
     with pytest.raises(InputError, match=rule):
         predict_q(fits["modified"], A, B, 1e6, kind="curve")
 

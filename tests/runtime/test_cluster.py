@@ -133,7 +133,9 @@ def test_cluster__without_the_package_is_told_to_install_it(address, tmp_path, m
     (tmp_path / "only_here.py").write_text("def one(x):\n    return 1\n")
     monkeypatch.syspath_prepend(tmp_path)
     one = importlib.import_module("only_here").one
-    expected = r"lacks .* \(No module named 'only_here'\); rule: the same ridgebayes on its sched"
+    expected = (
+        r"lacks .* \(No module named 'only_here'\); expected the same ridgebayes on its sched"
+    )
     with (
         executor_for(None, address) as executor,
         pytest.raises(rb.InputError, match=expected),

@@ -37,10 +37,10 @@ def test_n_cpu__is_what_this_process_may_use():
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
-        ((0, None), r"^--workers 0: rule: at least 1$"),
-        ((2, "tcp://127.0.0.1:1"), r"^--workers and --scheduler: both given; rule: one of them$"),
+        ((0, None), r"^--workers 0: expected at least 1$"),
+        ((2, "tcp://127.0.0.1:1"), r"^--workers and --scheduler: expected one of them$, got both"),
         ((None, "tcp://127.0.0.1:1"), r"^--scheduler tcp://127.0.0.1:1: no Dask scheduler answers"),
-        ((None, "nowhere"), r"^--scheduler nowhere: .* rule: tcp://HOST:PORT"),
+        ((None, "nowhere"), r"^--scheduler nowhere: .* expected tcp://HOST:PORT"),
         ((None, "http://127.0.0.1:1"), r"not tcp://HOST:PORT"),
         ((None, "tcp://:8786"), r"not tcp://HOST:PORT"),
         ((None, "tcp://127.0.0.1:99999999"), r"no Dask scheduler answers"),
@@ -61,6 +61,6 @@ def test_executor_for__says_what_to_install(monkeypatch):
 
     monkeypatch.delitem(sys.modules, "distributed", raising=False)
     monkeypatch.setattr(builtins, "__import__", without_dask)
-    expected = r"distributed is not installed; rule: pip install 'ridgebayes\[dask\]'"
+    expected = r"distributed is not installed; run pip install 'ridgebayes\[dask\]'"
     with pytest.raises(InputError, match=expected), executor_for(None, "tcp://127.0.0.1:1"):
         pass

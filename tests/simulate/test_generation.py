@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.contact import halfplane, hertz
-from ridgebayes.contact.contact_solution import pressed
+from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.cylinder import cylinder
 from ridgebayes.contact.cylinder.cylinder import Reached
 from ridgebayes.contact.rigid_profile import Profile
@@ -173,7 +173,7 @@ def test_rows_of_other_effects_are_the_events_of_their_profile(changed):
     # Each load is where the count of a separate solution changes.
     for Q, p in zip(table["Q"], table["p_over_E"], strict=True):
         counts = [
-            pressed(profile, 4 / math.pi * 0.75 * p * (1 + change), rel_tol=1e-7).Q
+            solve_contact(profile, 4 / math.pi * 0.75 * p * (1 + change), rel_tol=1e-7).Q
             for change in (-1e-5, 1e-5)  # tolerance asked for: 1e-6
         ]
         assert counts[0] < Q == counts[1]

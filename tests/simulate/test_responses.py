@@ -76,9 +76,9 @@ def test_contact_at_loads__are_those_of_the_profile():
 
 def test_contact_at_loads__refuse_bad_input():
     for loads in ([0.0], [-1.0], [math.nan]):
-        with pytest.raises(InputError, match="rule: finite and > 0"):
+        with pytest.raises(InputError, match="expected finite and > 0"):
             contact_at_loads(scene_with(), loads)
-    with pytest.raises(InputError, match="rule: auto or half-plane"):
+    with pytest.raises(InputError, match="expected auto or half-plane"):
         contact_at_loads(scene_with(), [0.01], solver="hertz")
     with pytest.raises(InputError, match="sliding_counts"):
         contact_at_loads(scene_with(offset="uniform"), [0.01])

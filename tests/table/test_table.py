@@ -181,7 +181,7 @@ def test_as_numbers__takes_nothing_for_a_number_that_is_none(cell) -> None:
 # --- every rule, broken ----------------------------------------------------------------------
 
 CELL = {
-    # rule: (header, rows, line of the message after the file's name)
+    # expected (header, rows, line of the message after the file's name)
     "text as a texture": (
         HEADER,
         "0.01;0.02,0.01,4,0.001",

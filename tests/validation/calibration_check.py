@@ -293,9 +293,9 @@ def sbc(
     """
     engine = ENGINES.get(fit) if isinstance(fit, str) else fit
     if engine is None:
-        raise InputError(f"fit: {fit!r} given; rule: one of {', '.join(ENGINES)}, or a callable")
+        raise InputError(f"fit: expected one of {', '.join(ENGINES)}, or a callable, got {fit!r}")
     if n_replicate < 1:
-        raise InputError(f"n_replicate: {n_replicate} given; rule: at least 1")
+        raise InputError(f"n_replicate: expected at least 1, got {n_replicate}")
     error_model, places = as_noise(noise), exact_places(data)
     run = _Replication(places, form, error_model, priors, engine, n_draw, seed_of(rng))
     ranks: list[dict[str, object]] = []
@@ -345,7 +345,7 @@ def independent_draws(fit: Fit, n: int, rng: np.random.Generator) -> FloatArray:
     gap = math.ceil(_GAP * tau) if math.isfinite(tau) else chains.n_step
     pool = chains.u[:, ::-1][:, :: max(gap, 1)].reshape(-1, fit.model.n_coordinate)
     if len(pool) < n:
-        raise InputError(f"n_draw: {n} given; rule: at most {len(pool)}, all that are independent")
+        raise InputError(f"n_draw: expected at most {len(pool)}, all that are independent, got {n}")
     return pool[rng.choice(len(pool), n, replace=False)]
 
 

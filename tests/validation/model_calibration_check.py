@@ -115,7 +115,7 @@ class ModelSBC:
             each being true with the bin's mean probability).
         """
         if n_bin < 1:
-            raise InputError(f"n_bin: {n_bin} given; rule: at least 1")
+            raise InputError(f"n_bin: expected at least 1, got {n_bin}")
         rows = []
         for form, own in self._by_form():
             place = np.minimum((own["probability"] * n_bin).astype(int), n_bin - 1)
@@ -187,7 +187,7 @@ class _Replication:
             theta = np.array([prior.rvs(rng, 1)[0] for prior in model.priors.values()])
             if is_possible(model, theta):
                 return simulated(self.places, simulate_log_loads(model, theta, rng)[0]), form.name
-        raise ComputationError("no form has rows under its prior; rule: positive rates")
+        raise ComputationError("no form has rows under its prior; expected positive rates")
 
     def _model(self, rows: Observations, form: Form) -> Model:
         names = Model(rows, form, self.noise).priors
@@ -247,9 +247,11 @@ def model_sbc(
     """
     names = tuple(form.name for form in forms)
     if len(names) < 2 or len(set(names)) < len(names):
-        raise InputError(f"forms: {', '.join(names) or 'none'} given; rule: two or more, each once")
+        raise InputError(
+            f"forms: expected two or more, each once, got {', '.join(names) or 'none'}"
+        )
     if n_replicate < 2:
-        raise InputError(f"n_replicate: {n_replicate} given; rule: at least 2")
+        raise InputError(f"n_replicate: expected at least 2, got {n_replicate}")
     error_model = as_noise(noise)
     places = exact_places(data)
     run = _Replication(places, tuple(forms), error_model, priors or {}, weigh, seed_of(rng))

@@ -189,7 +189,7 @@ def test_draws_come_from_steps_far_apart(fits):
     gap = int(np.ceil(5 * chains.tau.max()))
     last = chains.n_step - 1
     assert np.mean((last - np.array(steps)) % gap == 0) > 0.6
-    with pytest.raises(InputError, match="n_draw: 1000000 given; rule: at most"):
+    with pytest.raises(InputError, match="n_draw: expected at most, got 1000000"):
         independent_draws(fit, 1_000_000, np.random.default_rng(1))
 
 
@@ -203,8 +203,8 @@ def test_places_are_exact_rows_without_counts_of_2(observed):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"fit": "guess"}, "fit: 'guess' given; rule: one of walk, importance, or a callable"),
-        ({"n": 0}, "n_replicate: 0 given; rule: at least 1"),
+        ({"fit": "guess"}, "fit: expected one of walk, importance, or a callable, got 'guess'"),
+        ({"n": 0}, "n_replicate: expected at least 1, got 0"),
     ],
 )
 def test_wrong_options_are_refused(data, wrong, message):

@@ -116,9 +116,9 @@ def test_calibration_counts_by_hand():
 
 
 def test_wrong_options_are_refused(data):
-    with pytest.raises(InputError, match="forms: classic given; rule: two or more, each once"):
+    with pytest.raises(InputError, match="forms: expected two or more, each once, got classic"):
         model_sbc(data, [Classic()])
-    with pytest.raises(InputError, match="n_replicate: 1 given; rule: at least 2"):
+    with pytest.raises(InputError, match="n_replicate: expected at least 2, got 1"):
         model_sbc(data, FORMS, n_replicate=1)
     found = model_sbc(data, FORMS, n_replicate=2, weigh=exact_evidence)
     with pytest.raises(InputError, match="n_bin: 0 given"):

@@ -239,19 +239,19 @@ def test_ranks_to_pit__takes_small_and_unsigned_integers():
 
 @pytest.mark.parametrize("bad", [-1, 4, 1.5, np.nan])
 def test_ranks_to_pit__refuses_what_is_no_rank(bad):
-    with pytest.raises(InputError, match=rf"ranks: {bad} given; rule: a whole number from 0 to 3"):
+    with pytest.raises(InputError, match=rf"ranks: expected a whole number from 0 to 3, got {bad}"):
         ranks_to_pit([0, bad], 3)
 
 
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"n": 0}, "n: 0 given; rule: a whole number, at least 1"),
+        ({"n": 0}, "n: expected a whole number, at least 1, got 0"),
         ({"n": 2.5}, "n: 2.5 given"),
-        ({"prob": 1.0}, "prob: 1.0 given; rule: 0 < prob < 1"),
+        ({"prob": 1.0}, "prob: expected 0 < prob < 1, got 1.0"),
         ({"prob": math.nan}, "prob: nan given"),
-        ({"n_point": 1}, "n_point: 1 given; rule: a whole number, at least 2"),
-        ({"n_draw": 0}, "n_draw: 0 given; rule: a whole number, at least 1"),
+        ({"n_point": 1}, "n_point: expected a whole number, at least 2, got 1"),
+        ({"n_draw": 0}, "n_draw: expected a whole number, at least 1, got 0"),
         ({"n_draw": True}, "n_draw: True given"),
     ],
 )
@@ -263,12 +263,12 @@ def test_band__refuses_numbers_outside_their_range(wrong, message):
 @pytest.mark.parametrize(
     ("pit", "n_draw", "message"),
     [
-        ([], None, r"pit: shape \(0,\) given; rule: one axis, at least one value"),
+        ([], None, r"pit: expected one axis, at least one value, got shape \(0,\)"),
         ([[0.5]], None, r"pit: shape \(1, 1\) given"),
-        ([0.5, 1.1], None, "pit: 1.1 given; rule: from 0 to 1"),
+        ([0.5, 1.1], None, "pit: expected from 0 to 1, got 1.1"),
         ([0.5, np.nan], None, "pit: nan given"),
-        ([0.5, 0.3], 3, "pit: 0.3 given; rule: a multiple of 1/4, as ranks_to_pit returns"),
-        ([0.5, 0.0], 3, "pit: 0.0 given; rule: a multiple of 1/4"),
+        ([0.5, 0.3], 3, "pit: expected a multiple of 1/4, as ranks_to_pit returns, got 0.3"),
+        ([0.5, 0.0], 3, "pit: expected a multiple of 1/4, got 0.0"),
     ],
 )
 def test_uniformity__refuses_what_is_no_sample(pit, n_draw, message):

@@ -92,5 +92,5 @@ def test_equal_records_give_equal_bytes_whatever_the_user_has_set(kind):
 
 
 def test_no_results_are_bad_input():
-    with pytest.raises(InputError, match="results: none given; rule: at least one"):
+    with pytest.raises(InputError, match="results: expected at least one, got none"):
         plot_uniformity({})

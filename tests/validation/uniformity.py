@@ -174,10 +174,10 @@ def uniformity(
     """
     values = np.asarray(pit, dtype=float)
     if values.ndim != 1 or not len(values):
-        raise InputError(f"pit: shape {values.shape} given; rule: one axis, at least one value")
+        raise InputError(f"pit: expected one axis, at least one value, got shape {values.shape}")
     bad = values[~((values >= 0) & (values <= 1))]
     if len(bad):
-        raise InputError(f"pit: {bad[0]} given; rule: from 0 to 1")
+        raise InputError(f"pit: expected from 0 to 1, got {bad[0]}")
     n = len(values)
     band = simultaneous_band(n, prob, n_point=n_point, n_draw=n_draw)
     if n_draw is not None:
@@ -185,7 +185,8 @@ def uniformity(
         bad = values[(rank < 0) | ((rank + 1) / (n_draw + 1) != values)]
         if len(bad):
             raise InputError(
-                f"pit: {bad[0]} given; rule: a multiple of 1/{n_draw + 1}, as ranks_to_pit returns"
+                f"pit: {bad[0]} given; expected a multiple of 1/{n_draw + 1}, as ranks_to_pit "
+                "returns"
             )
     grid = _grid(n, n_point, n_draw)
     count = np.searchsorted(np.sort(values), grid.z, side="right")
@@ -239,7 +240,7 @@ def ranks_to_pit(ranks: ArrayLike, n_draw: int) -> FloatArray:
         whole = (values >= 0) & (values <= n_draw) & (values == np.rint(values))
     if not whole.all():
         bad = values[~whole].ravel()[0]
-        raise InputError(f"ranks: {bad} given; rule: a whole number from 0 to {n_draw}")
+        raise InputError(f"ranks: expected a whole number from 0 to {n_draw}, got {bad}")
     return (values.astype(float) + 1) / (n_draw + 1)
 
 
@@ -317,7 +318,7 @@ def _adjusted(n: int, prob: float, n_point: int | None, n_draw: int | None) -> t
 def _check(n: int, prob: float, n_point: int | None, n_draw: int | None) -> None:
     _check_whole("n", n, 1)
     if not 0 < prob < 1:
-        raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1")
+        raise InputError(f"prob: expected 0 < prob < 1, got {prob!r}")
     if n_point is not None:
         _check_whole("n_point", n_point, 2)
     if n_draw is not None:
@@ -327,4 +328,4 @@ def _check(n: int, prob: float, n_point: int | None, n_draw: int | None) -> None
 def _check_whole(name: str, value: int, least: int) -> None:
     whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not whole or value < least:
-        raise InputError(f"{name}: {value!r} given; rule: a whole number, at least {least}")
+        raise InputError(f"{name}: expected a whole number, at least {least}, got {value!r}")

@@ -46,7 +46,7 @@ def plot_uniformity(results: Mapping[str, Uniformity]) -> Figure:
         If there are no results.
     """
     if not results:
-        raise InputError("results: none given; rule: at least one")
+        raise InputError("results: expected at least one, got none")
     n_column = min(3, len(results))
     n_row = -(-len(results) // n_column)
     figure = new_figure(WIDTH, 1.3 + 2.1 * n_row)

@@ -147,13 +147,13 @@ def coverage_of(
     if seen:
         a, b = seen[0]
         raise InputError(
-            f"{table.where}: texture a/R = {a}, b/R = {b} was fitted; rule: unseen textures only"
+            f"{table.where}: texture a/R = {a}, b/R = {b} was fitted; expected unseen textures only"
         )
     # The rows of an unseen texture have no role to play in a fit.
     everything = ContactTable.from_frame(table.frame.assign(role="calibration"), where=table.where)
     data = Observations.from_table(everything)
     if not data.is_exact.any():
-        raise InputError(f"{table.where}: no row gives a load; rule: at least one transition")
+        raise InputError(f"{table.where}: no row gives a load; expected at least one transition")
     found = _found(fit, data.take(data.is_exact), probs)
     return _counted(fit.form.name, fit.noise.name, probs, [found], {})
 
@@ -244,4 +244,4 @@ def _joined(parts: Sequence[FloatArray] | Sequence[BoolArray]) -> FloatArray:
 
 def _check_probs(probs: Sequence[float]) -> None:
     if not probs or not all(0 < prob < 1 for prob in probs):
-        raise InputError(f"probs: {tuple(probs)} given; rule: each 0 < prob < 1, at least one")
+        raise InputError(f"probs: expected each 0 < prob < 1, at least one, got {tuple(probs)}")

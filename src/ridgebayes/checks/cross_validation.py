@@ -211,10 +211,10 @@ def stacked(results: Mapping[str, CrossValidation]) -> dict[str, float]:
     """
     sound = {name: found for name, found in results.items() if not found.failures}
     if not sound:
-        raise InputError("results: none without a failed fold; rule: at least one")
+        raise InputError("results: none without a failed fold; expected at least one")
     folds = [found.folds[["fold", "n_row"]] for found in sound.values()]
     if not all(other.equals(folds[0]) for other in folds):
-        raise InputError("results: folds differ; rule: one table, one `leave`")
+        raise InputError("results: folds differ; expected one table, one `leave`")
     scores = np.stack([found.folds["log_score"].to_numpy() for found in sound.values()])
     weights = dict(zip(sound, stacking_weights(scores).tolist(), strict=True))
     return {name: weights.get(name, 0.0) for name in results}
@@ -278,7 +278,7 @@ def joint_log_densities(fit: Posterior, data: Observations) -> FloatArray:
     """
     whole = Model(data, fit.form, fit.noise)
     if whole.is_latent or whole.parameter_names != fit.model.parameter_names:
-        raise InputError(f"fit: {fit!r} given; rule: closed-form offsets, no further coefficients")
+        raise InputError(f"fit: expected closed-form offsets, no further coefficients, got {fit!r}")
     parts = [
         whole.log_likelihood(theta) - fit.model.log_likelihood(theta)
         for theta in np.split(fit.draws, range(_BATCH, len(fit.draws), _BATCH))

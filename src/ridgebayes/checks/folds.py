@@ -102,10 +102,10 @@ def folds_of(
         If `leave` is none of the three, or there would be one fold only.
     """
     if leave not in LEAVES:
-        raise InputError(f"leave: {leave!r} given; rule: one of {', '.join(LEAVES)}")
+        raise InputError(f"leave: expected one of {', '.join(LEAVES)}, got {leave!r}")
     codes, names = _codes(data, leave)
     if len(names) < 2:
-        raise InputError(f"leave: {leave!r} given; rule: rows of at least two, to leave one out")
+        raise InputError(f"leave: expected rows of at least two, to leave one out, got {leave!r}")
     folds = []
     for code, name in enumerate(names):
         own = int(stream(seed, form.name, noise.name, f"leave {name}").integers(2**63))

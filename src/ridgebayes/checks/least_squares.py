@@ -79,7 +79,8 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     start = form.printed
     if start is None or len(frame) < len(start):
         raise InputError(
-            f"{form.name}: {len(frame)} rows given; rule: a form with printed coefficients and at "
+            f"{form.name}: {len(frame)} rows given; expected a form with printed coefficients "
+            "and at "
             "least as many rows as coefficients"
         )
     p, a, b, nu = (frame[c].to_numpy() for c in ("p_over_E", "a_over_R", "b_over_R", "nu"))

@@ -62,7 +62,7 @@ def spread_scenes(n: int = 32, *, rng: Rng = 0) -> list[Scene]:
         0.3 to 10 %.
     """
     if n < 1:
-        raise InputError(f"n: {n} given; rule: at least 1")
+        raise InputError(f"n: expected at least 1, got {n}")
     sequence = qmc.Sobol(8, rng=np.random.default_rng(seed_of(rng)))
     points = sequence.random_base2(math.ceil(math.log2(n)))[:n]
     low = np.array([0.003, 0.1, 0.01, 0.001, 0.0003, 0.0, 1.2, 0.003])

@@ -64,7 +64,7 @@ def power_scaling(fit: Posterior, *, threshold: float = THRESHOLD) -> pd.DataFra
     ['', '', '']
     """
     if not threshold > 0:
-        raise InputError(f"threshold: {threshold!r} given; rule: > 0")
+        raise InputError(f"threshold: expected > 0, got {threshold!r}")
     model, theta = fit.model, fit.draws
     by_prior = sensitivities(theta, model.log_prior(theta))
     by_likelihood = sensitivities(theta, model.log_likelihood(theta))

@@ -73,7 +73,7 @@ class PredictiveChecks:
             p_value, two_sided: twice the smaller of p_value and its complement.
         """
         if not 0 < prob < 1:
-            raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1")
+            raise InputError(f"prob: expected 0 < prob < 1, got {prob!r}")
         ends = np.quantile(self.replicated, [0.5 - prob / 2, 0.5 + prob / 2], axis=0)
         rows = [
             {
@@ -125,11 +125,11 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
     Gelman, Meng & Stern (1996), Statistica Sinica 6, 733-807.
     """
     if n_draw < 1:
-        raise InputError(f"n_draw: {n_draw} given; rule: at least 1")
+        raise InputError(f"n_draw: expected at least 1, got {n_draw}")
     model = fit.model
     exact = model.data.is_exact
     if not exact.any():
-        raise InputError("fit: no row gives its load exactly; rule: at least one")
+        raise InputError("fit: no row gives its load exactly; expected at least one")
     seed = seed_of(rng)
     # Evenly over the ensembles, whichever number is asked for.
     places = np.linspace(0, len(fit.draws) - 1, min(n_draw, len(fit.draws))).astype(int)
@@ -179,7 +179,7 @@ def prior_bands(
         If hardly any prior draw has positive rates.
     """
     if not 0 < prob < 1:
-        raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1")
+        raise InputError(f"prob: expected 0 < prob < 1, got {prob!r}")
     data, seed = model.data, seed_of(rng)
     theta = prior_draws(model, stream(seed, "prior"), n_draw)
     loads = simulate_log_loads(model, theta, stream(seed, "rows"))[0]

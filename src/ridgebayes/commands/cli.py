@@ -130,7 +130,7 @@ def generate(
 
     _refuse_existing(out, force)
     if scene is not None and texture:
-        raise InputError("SCENE and --texture: both given; rule: one of them")
+        raise InputError("SCENE and --texture: expected one of them, got both")
     if scene is not None:
         wanted = Scene.from_toml(scene)
     elif texture:
@@ -153,7 +153,7 @@ def generate(
         from ridgebayes.commands.sweep_jobs import fields_job
 
         if workers is not None or scheduler is not None or resume:
-            raise InputError("--fields: with --workers, --scheduler or --resume; rule: without")
+            raise InputError("--fields: with --workers, --scheduler or --resume; expected without")
         table, left_out = fields_job(
             out, wanted, fields, solver=solver, rel_tol=tol, accuracy=accuracy, force=force
         )
@@ -328,7 +328,7 @@ def plan(
             raise ComputationError(f"{int((~found['honest']).sum())} are not, see {out}/report.md")
         return
     if scene is None:
-        raise InputError("SCENE: missing; rule: a scene file, or --verify")
+        raise InputError("SCENE: missing; expected a scene file, or --verify")
     if out is not None:
         _refuse_existing(out, force)
     plans = plan_job(Scene.from_toml(scene), out=out, figures=figures)
@@ -452,7 +452,7 @@ def import_(
     from ridgebayes.fea.read import Given, import_files
 
     if out is None and not dry_run:
-        raise InputError("-o: missing; rule: the table to write, or --dry-run")
+        raise InputError("-o: missing; expected the table to write, or --dry-run")
     if out is not None and not dry_run:
         _refuse_existing(out, force)
     given = Given(
@@ -573,21 +573,25 @@ def _finish(done: "Comparison", out: Path, then: str = "") -> None:
 
 def _refuse_existing(path: Path, force: bool) -> None:
     if path.is_dir():
-        raise InputError(f"{path}: a folder; rule: -o names a file")
+        raise InputError(f"{path}: a folder; -o names a file")
     if not path.absolute().parent.is_dir():
-        raise InputError(f"{path}: folder {path.parent} does not exist; rule: an existing folder")
+        raise InputError(
+            f"{path}: folder {path.parent} does not exist; expected an existing folder"
+        )
     if path.exists() and not force:
-        raise InputError(f"{path}: exists; rule: another -o, or --force to replace it")
+        raise InputError(f"{path}: exists; use another -o, or --force to replace it")
     if not os.access(path.absolute().parent, os.W_OK):  # told before the work, not after it
         raise InputError(
-            f"{path}: folder {path.parent} cannot be written to; rule: one that can be"
+            f"{path}: folder {path.parent} cannot be written to; expected one that can be"
         )
 
 
 def _names(text: str, option: str = "--forms") -> list[str]:
     names = [name.strip() for name in text.split(",")] if text else []
     if not all(names):
-        raise InputError(f"{option} {text!r}: an empty name; rule: names with commas between them")
+        raise InputError(
+            f"{option} {text!r}: an empty name; expected names with commas between them"
+        )
     return names
 
 
@@ -596,10 +600,10 @@ def _texture(text: str) -> tuple[float, float]:
         a, b = (float(part) for part in text.split(","))
     except ValueError:
         raise InputError(
-            f"--texture {text!r}: rule: A,B, two numbers with one comma, such as 0.022,0.02"
+            f"--texture {text!r}: expected A,B, two numbers with one comma, such as 0.022,0.02"
         ) from None
     if not (0 < a < float("inf") and 0 < b < float("inf")):
-        raise InputError(f"--texture {text!r}: rule: both widths finite and > 0")
+        raise InputError(f"--texture {text!r}: expected both widths finite and > 0")
     return a, b
 
 
@@ -607,7 +611,7 @@ def _numbers(option: str, text: str) -> tuple[float, ...]:
     try:
         return tuple(float(one) for one in text.split(",")) if text else ()
     except ValueError:
-        raise InputError(f"{option} {text!r}: rule: numbers with commas between them") from None
+        raise InputError(f"{option} {text!r}: expected numbers with commas between them") from None
 
 
 def _loads(text: str) -> "FloatArray":
@@ -618,7 +622,7 @@ def _loads(text: str) -> "FloatArray":
     try:
         low, high, n = float(parts[0]), float(parts[1]), int(parts[2])
     except (ValueError, IndexError):
-        raise InputError(f"--p-over-E {text!r}: rule: {rule}") from None
+        raise InputError(f"--p-over-E {text!r}: expected {rule}") from None
     if len(parts) != 3 or not 0 < low <= high < float("inf") or n < 1:
-        raise InputError(f"--p-over-E {text!r}: rule: {rule}")
+        raise InputError(f"--p-over-E {text!r}: expected {rule}")
     return np.geomspace(low, high, n) if text.startswith("log:") else np.linspace(low, high, n)

@@ -79,7 +79,7 @@ def cost_job(
         Columns `ridgebayes.checks.cost.measured.COST_COLUMNS`, and ``pareto``.
     """
     if not repeats >= 1:
-        raise InputError(f"--repeats {repeats}: rule: at least 1")
+        raise InputError(f"--repeats {repeats}: expected at least 1")
     if texture is None:
         textures = table.calibration.textures
         texture = textures[len(textures) // 2]

@@ -59,7 +59,7 @@ def generate_fields(
         table = generate(scene, solver=solver, rel_tol=rel_tol, accuracy=accuracy, pressed=files)
         if not files.n_seen:
             raise InputError(
-                f"--fields {folder}: no texture is simulated by finite elements; rule: --solver "
+                f"--fields {folder}: no texture is simulated by finite elements; use --solver "
                 "cylinder-fe, or a scene whose `relative` calls for them"
             )
         table.write(partial / LOADS_CSV)

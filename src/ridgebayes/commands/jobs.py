@@ -14,6 +14,7 @@ import pandas as pd
 
 from ridgebayes.checks.coverage import coverage
 from ridgebayes.checks.left_out import left_out_scores
+from ridgebayes.commands.pages import begin_figures, write_pages
 from ridgebayes.commands.run_folder import (
     REFERENCE,
     new_folder,
@@ -254,7 +255,7 @@ def coverage_job(
     """
     chosen, _, data = _checked(table, forms, None)
     if len(set(noises)) < len(noises):
-        raise InputError(f"noise: {', '.join(noises)} given; rule: each once")
+        raise InputError(f"noise: expected each once, got {', '.join(noises)}")
     models = [Noise.named(name) for name in noises] or list(Noise.every())
     with (
         new_folder(folder, force=force, about=COVERAGE_JSON) as unfinished,
@@ -289,31 +290,11 @@ def report_job(folder: Path) -> None:
     write_pages(comparison, folder, reference)
 
 
-def begin_figures(comparison: Comparison, executor: Executor | None) -> None:
-    """Have workers, if there are any, begin to draw what `write_pages` will ask for."""
-    if executor is not None:
-        from ridgebayes.report.figures import begin_gallery
-
-        begin_gallery(comparison, executor)
-
-
-def write_pages(comparison: Comparison, folder: Path, reference: Comparison | None) -> None:
-    """Write figures, report.html and report.md into a folder."""
-    from ridgebayes.report import write_reports
-    from ridgebayes.report.figures import save_figures
-
-    save_figures(comparison, folder / "figures")
-    if reference is not None and (folder / REFERENCE).is_dir():
-        save_figures(reference, folder / REFERENCE / "figures")
-        write_reports(reference, folder / REFERENCE)
-    write_reports(comparison, folder, reference=reference)
-
-
 def _checked(
     table: Path | None, forms: Sequence[str], noise: str | None
 ) -> tuple[list[Form], Noise | None, ContactTable]:
     if len(set(forms)) < len(forms):
-        raise InputError(f"forms: {', '.join(forms)} given; rule: each once")
+        raise InputError(f"forms: expected each once, got {', '.join(forms)}")
     chosen = [form_named(name) for name in forms] or list(DEFAULT_FORMS)
     error_model = None if noise is None else Noise.named(noise)
     data = replace(paper_sweep(), where=EMBEDDED) if table is None else read_table(table)

@@ -46,7 +46,7 @@ def plan_job(scene: Scene, *, out: Path | None = None, figures: Path | None = No
         One per texture.
     """
     if figures is not None and figures.exists() and not figures.is_dir():
-        raise InputError(f"{figures}: not a folder; rule: --figures names one")
+        raise InputError(f"{figures}: not a folder; --figures names one")
     plans = plan(scene)
     if out is not None:
         write_csv(plan_table(plans), out)

@@ -92,10 +92,10 @@ def new_folder(
 def _refuse_occupied(path: Path, force: bool, about: str) -> None:
     if os.path.lexists(path):  # a link that leads nowhere is in the way as well
         if not force:
-            raise InputError(f"{path}: exists; rule: another -o, or --force to replace it")
+            raise InputError(f"{path}: exists; use another -o, or --force to replace it")
         if not path.is_dir() or (any(path.iterdir()) and not (path / about).is_file()):
             raise InputError(
-                f"{path}: not a run folder (no {about} in it); rule: --force replaces only those"
+                f"{path}: not a run folder (no {about} in it); --force replaces only those"
             )
 
 
@@ -117,7 +117,7 @@ def _made(path: Path, resume: bool) -> Iterator[Path]:
     except (RidgebayesError, OSError) as error:
         if not partial.is_dir():
             raise OutputError(
-                f"{path}: its folder {partial} is gone; rule: leave it alone until the end"
+                f"{path}: its folder {partial} is gone; leave it alone until the end"
             ) from None
         if isinstance(error, InputError):
             if not resumed:
@@ -281,7 +281,7 @@ def read_run(folder: Path) -> Comparison:
             path = folder / f"posterior-{name}.nc"
             fits[name] = Fit.from_netcdf(path)
             if fits[name].form.name != name:
-                raise InputError(f"{path}: holds form {fits[name].form.name!r}; rule: {name!r}")
+                raise InputError(f"{path}: holds form {fits[name].form.name!r}; expected {name!r}")
     return Comparison(
         replace(read_table(folder / "table.csv"), where=about["table"]),
         Noise.named(about["noise"]),
@@ -301,7 +301,7 @@ def read_run(folder: Path) -> Comparison:
 def _read_about(folder: Path) -> dict[str, Any]:
     path = folder / RUN_JSON
     if not path.is_file():
-        raise InputError(f"{folder}: no {RUN_JSON} in it; rule: a folder written by ridgebayes")
+        raise InputError(f"{folder}: no {RUN_JSON} in it; expected a folder written by ridgebayes")
     content = read_bytes(path, LARGEST_TEXT)
     try:
         about = json.loads(content.decode("utf-8"))
@@ -323,7 +323,7 @@ def _read_about(folder: Path) -> dict[str, Any]:
         raise InputError(f"{path}: damaged, not what ridgebayes writes; run again")
     for name in about["forms"]:  # part of a file's name below, which must not lead elsewhere
         if name not in FORMS:
-            raise InputError(f"{path}: form {clipped(name)}; rule: one of {', '.join(FORMS)}")
+            raise InputError(f"{path}: form {clipped(name)}; expected one of {', '.join(FORMS)}")
     return about
 
 
@@ -344,7 +344,7 @@ def _read_csv(
             f"{path}: missing or damaged ({one_line_message(error)}); run again"
         ) from None
     if list(frame.columns) != list(columns):
-        raise InputError(f"{path}: damaged; rule: columns {', '.join(columns)}; run again")
+        raise InputError(f"{path}: damaged; expected columns {', '.join(columns)}; run again")
     if "failed" in frame:  # no failure is an empty text, not a missing one
         frame["failed"] = frame["failed"].fillna("")
     for name in columns:

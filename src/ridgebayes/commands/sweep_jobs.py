@@ -88,7 +88,7 @@ def _swept(
     journal = journal_of(out)
     if journal.exists() and not resume and not force:
         raise InputError(
-            f"{journal.folder}: an earlier sweep left it; rule: --resume to go on, or --force to "
+            f"{journal.folder}: an earlier sweep left it; use --resume to go on, or --force to "
             "begin anew"
         )
     with who as executor:

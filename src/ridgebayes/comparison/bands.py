@@ -65,7 +65,7 @@ def bands_table(
         If a form was not fitted, or `prob` is not between 0 and 1.
     """
     if not 0 < prob < 1:
-        raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1")
+        raise InputError(f"prob: expected 0 < prob < 1, got {prob!r}")
     if nu is not None:
         reduced_load(1.0, nu)  # refuses a Poisson's ratio by its own value, not as an array
     chosen = comparison.table.textures if textures is None else tuple(textures)
@@ -168,7 +168,7 @@ def _with_average(
             yield name, parts[name]
         else:
             fitted = ", ".join([*comparison.fits, AVERAGE])
-            raise InputError(f"form {name!r}: not in this run; rule: one of {fitted}")
+            raise InputError(f"form {name!r}: not in this run; expected one of {fitted}")
 
 
 def _band_rows(

@@ -228,7 +228,7 @@ def compare(
     names = [form.name for form in forms]
     if not names or len(set(names)) < len(names):
         raise InputError(
-            f"forms: {', '.join(names) or 'none'} given; rule: at least one, each once"
+            f"forms: {', '.join(names) or 'none'} given; expected at least one, each once"
         )
     for form in forms:
         refuse_circular(table, form)

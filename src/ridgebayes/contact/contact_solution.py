@@ -144,7 +144,7 @@ def solve_contact(
         If the load is not finite and positive.
     """
     if not 0 < W < math.inf:
-        raise InputError(f"W = {W!r}; rule: finite and > 0")
+        raise InputError(f"W = {W!r}; expected finite and > 0")
     if profile.corner < rel_tol * profile.a:  # loads change by less than the corner over a
         profile = replace(profile, corner=0.0)
     m = n_coefficients or coefficients_for(profile, rel_tol)

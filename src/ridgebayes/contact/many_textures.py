@@ -51,7 +51,7 @@ class LoadFunction:
         if outside.any():
             i = int(np.argmax(outside))
             raise InputError(
-                f"texture {i + 1}: groove over ridge {float(b[i] / a[i])!r}; rule: from "
+                f"texture {i + 1}: groove over ridge {float(b[i] / a[i])!r}; expected from "
                 f"{np.exp(self.ends[0]):.6g} to {np.exp(self.ends[-1]):.6g}"
             )
         piece = np.clip(np.searchsorted(self.ends, x) - 1, 0, len(self.ends) - 2)
@@ -103,7 +103,9 @@ def load_function(
     True
     """
     if not (0 < ratio_min <= ratio_max < np.inf):
-        raise InputError(f"ratios {ratio_min!r} to {ratio_max!r}: rule: positive, finite, in order")
+        raise InputError(
+            f"ratios {ratio_min!r} to {ratio_max!r}: expected positive, finite, in order"
+        )
     if not 0.0 < rel_tol <= 0.1:
         raise InputError(f"rel_tol = {rel_tol!r}: must be in (0, 0.1]")
     nodes = chebyshev.chebpts1(_DEGREE + 1)
@@ -129,7 +131,7 @@ def load_function(
         if half < _LEAST:
             raise ComputationError(
                 f"groove over ridge {np.exp(middle):.6g}: the table misses {rel_tol:g} by "
-                f"{error:.1g}; rule: a looser tolerance"
+                f"{error:.1g}; expected a looser tolerance"
             )
         return pieces(low, middle) + pieces(middle, high)
 

@@ -90,7 +90,7 @@ class Profile:
             ("offset", self.offset, -0.5 <= self.offset <= 0.5, "-0.5 to 0.5 pitches"),
         ):
             if not holds:
-                raise InputError(f"{name} = {value!r}; rule: {rule}")
+                raise InputError(f"{name} = {value!r}; expected {rule}")
 
     @property
     def pitch(self) -> float:

@@ -54,9 +54,11 @@ def sliding_counts(
     """
     loads = np.asarray(W, dtype=np.float64)
     if n_offset < 1:
-        raise InputError(f"n_offset: {n_offset} given; rule: at least 1")
+        raise InputError(f"n_offset: expected at least 1, got {n_offset}")
     if loads.size == 0 or not np.all((loads > 0) & np.isfinite(loads)):
-        raise InputError("W: a load is missing, or not finite and > 0; rule: each finite and > 0")
+        raise InputError(
+            "W: a load is missing, or not finite and > 0; expected each finite and > 0"
+        )
     counts = np.empty((n_offset, loads.size))
     for i in range(n_offset):
         here = replace(profile, offset=(i + 0.5) / (2 * n_offset))

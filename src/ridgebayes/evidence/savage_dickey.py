@@ -63,10 +63,10 @@ def savage_dickey(fit: Posterior) -> LogEvidence:
     """
     model = fit.model
     if model.form.name != "hybrid":
-        raise InputError(f"form {model.form.name!r} given; rule: hybrid")
+        raise InputError(f"form {model.form.name!r} given; expected hybrid")
     nested = default_priors(Modified())["c"]
     if model.priors["c1"] != nested:
-        raise InputError(f"prior of 'c1': {model.priors['c1']} given; rule: Modified's, {nested}")
+        raise InputError(f"prior of 'c1': expected Modified's, {nested}, got {model.priors['c1']}")
     if model.is_latent:
         reason = "offsets are sampled: no conditional density of c2 alone"
         return LogEvidence("savage-dickey", math.nan, math.nan, reason)

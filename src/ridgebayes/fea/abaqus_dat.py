@@ -127,7 +127,7 @@ def read_abaqus_dat(
     if not force:
         printed = {f"{' '.join(t.columns)} of {t.nodes}" for one in increments for t in one.tables}
         raise InputError(
-            f"{path}: no increment with U1 and U2 of {surface} and RF2 of {reaction}; rule: "
+            f"{path}: no increment with U1 and U2 of {surface} and RF2 of {reaction}; expected "
             "*NODE PRINT of U on the one and of RF on the other; the tables are "
             + (", ".join(sorted(printed)[:5]) or "none")
             + "".join(f"; {line}" for line in said[:3])
@@ -166,7 +166,7 @@ def _short(path: Path, table: _Table, asked: dict[str, set[int]]) -> str:
         # Numbers of an assembly's instances are not those of the deck's parts.
         raise InputError(
             f"{path}, line {table.line}: node {min(strange)} is not in the deck's "
-            f"{table.nodes}; rule: the deck of this run, without parts and instances"
+            f"{table.nodes}; expected the deck of this run, without parts and instances"
         )
     missing = len(nodes) - len(table.rows)
     if missing and not table.whole:
@@ -180,7 +180,7 @@ def _short(path: Path, table: _Table, asked: dict[str, set[int]]) -> str:
             if pick(row[column] for row in found) != value:
                 raise InputError(
                     f"{path}, line {table.line}: {table.columns[column]} of {table.nodes}: "
-                    f"{name} {value:g} is not that of the rows; rule: whole tables"
+                    f"{name} {value:g} is not that of the rows; expected whole tables"
                 )
     return ""
 
@@ -243,7 +243,8 @@ def _opened(
         return None
     if increment is None:
         raise InputError(
-            f"{path}, line {number}: a table before its increment; rule: INCREMENT n SUMMARY first"
+            f"{path}, line {number}: a table before its increment; expected INCREMENT n SUMMARY "
+            "first"
         )
     for one in increment.tables:
         # A new page begins: the table goes on.
@@ -259,7 +260,7 @@ def _row(path: Path, number: int, words: list[str], table: _Table) -> None:
             values = tuple(finite(path, number, word) for word in words[1:])
             if len(values) != len(table.columns):
                 raise InputError(
-                    f"{path}, line {number}: {len(values)} values; rule: {len(table.columns)}"
+                    f"{path}, line {number}: {len(values)} values; expected {len(table.columns)}"
                 )
             if words[0] == "TOTAL":
                 table.total = values
@@ -275,12 +276,12 @@ def _row(path: Path, number: int, words: list[str], table: _Table) -> None:
         return  # counts of messages at the end of the file
     if len(words) != len(table.columns) + 1:
         raise InputError(
-            f"{path}, line {number}: {' '.join(words)[:60]!r}; rule: node, "
+            f"{path}, line {number}: {' '.join(words)[:60]!r}; expected node, "
             f"{', '.join(table.columns)}, in global directions (no footnotes)"
         )
     node = int(words[0])
     if node in table.rows:
-        raise InputError(f"{path}, line {number}: node {node}: rule: once a table")
+        raise InputError(f"{path}, line {number}: node {node}: expected once a table")
     table.rows[node] = tuple(finite(path, number, word) for word in words[1:])
     for name, word, value in zip(table.columns, words[1:], table.rows[node], strict=True):
         if name in ("U1", "U2") and value:

@@ -116,8 +116,8 @@ def read_abaqus_rpt(
         kept.append((one, rim, _force(path, pushed, reaction, sheet)))
     if not kept:
         raise InputError(
-            f"{path}: no frame with {', '.join(names)} and RF.RF2; rule: nodal field output of both"
-            + "".join(f"; {line}" for line in said[:3])
+            f"{path}: no frame with {', '.join(names)} and RF.RF2; expected nodal field output "
+            "of both" + "".join(f"; {line}" for line in said[:3])
         )
     moved = np.array([rim.of(nodes, "U.U1", "U.U2") for _, rim, _ in kept])
     digits = 0.5 * 10.0 ** (1 - max(rim.digits for _, rim, _ in kept)) * float(np.abs(moved).max())
@@ -184,24 +184,27 @@ def read_xy(path: Path) -> pd.DataFrame:
             tables.append((_columns(path, number, header, line), [], []))
             header = []
         if not tables:
-            raise InputError(f"{path}, line {number}: numbers before a header; rule: X and names")
+            raise InputError(
+                f"{path}, line {number}: numbers before a header; expected X and names"
+            )
         if len(words) != len(tables[-1][0]):
             raise InputError(
-                f"{path}, line {number}: {len(words)} values; rule: {len(tables[-1][0])} as in the "
+                f"{path}, line {number}: {len(words)} values; expected {len(tables[-1][0])} as "
+                "in the "
                 "header, with decimal points"
             )
         tables[-1][1].append(number)
         tables[-1][2].append([finite(path, number, word) for word in words])
     if not tables:
-        raise InputError(f"{path}: no rows; rule: a header, X and names, and rows of numbers")
+        raise InputError(f"{path}: no rows; expected a header, X and names, and rows of numbers")
     names, lines, rows = tables[0]
     frame = pd.DataFrame(np.array(rows), columns=names, index=pd.Index(lines, name="line"))
     for names, lines, rows in tables[1:]:
         values = np.array(rows)
         if not np.array_equal(values[:, 0], frame[frame.columns[0]]):
-            raise InputError(f"{path}, line {lines[0]}: another X; rule: tables of the same X")
+            raise InputError(f"{path}, line {lines[0]}: another X; expected tables of the same X")
         if twice := set(names[1:]) & set(frame.columns):
-            raise InputError(f"{path}, line {lines[0]}: {min(twice)!r} again; rule: once a name")
+            raise InputError(f"{path}, line {lines[0]}: {min(twice)!r} again; expected once a name")
         for i, name in enumerate(names[1:], start=1):
             frame[name] = values[:, i]
     return frame
@@ -231,11 +234,13 @@ def _columns(path: Path, number: int, header: list[str], row: str) -> list[str]:
     if len(names) != n or not all(names):
         raise InputError(
             f"{path}, line {number}: {n} values below the names {', '.join(map(repr, names))}; "
-            "rule: as many names"
+            "expected as many names"
         )
     if len(set(names)) < n:
         twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"{path}, line {number}: {twice!r} again in the header; rule: once a name")
+        raise InputError(
+            f"{path}, line {number}: {twice!r} again in the header; expected once a name"
+        )
     return names
 
 
@@ -269,7 +274,7 @@ def _frames(path: Path) -> tuple[list[_Frame], list[str]]:
         elif text.startswith("ODB: "):
             if database and text != database:
                 raise InputError(
-                    f"{path}, line {number}: {text}, and above {database}; rule: one run"
+                    f"{path}, line {number}: {text}, and above {database}; expected one run"
                 )
             database = text
         elif text.startswith("Step: "):
@@ -309,7 +314,7 @@ def _frames(path: Path) -> tuple[list[_Frame], list[str]]:
                 _add(path, number, table, pending)
                 pending = []
     if not reports:
-        raise InputError(f"{path}: no {_TITLE!r}; rule: a field report of Abaqus/Viewer")
+        raise InputError(f"{path}: no {_TITLE!r}; expected a field report of Abaqus/Viewer")
     said = [f"not used: {', '.join(sorted(others))}"] if others else []
     return [found[key] for key in sorted(found)], said
 
@@ -323,14 +328,14 @@ def _names(header: list[str]) -> list[str]:
 def _add(path: Path, number: int, table: _Table, words: list[str]) -> None:
     if len(words) != 1 + len(table.columns):
         raise InputError(
-            f"{path}, line {number}: {len(words)} values; rule: node, {', '.join(table.columns)}"
+            f"{path}, line {number}: {len(words)} values; expected node, {', '.join(table.columns)}"
         )
     if not (words[0].isascii() and words[0].isdigit() and len(words[0]) < 19):
-        raise InputError(f"{path}, line {number}: node {words[0][:40]!r}; rule: a whole number")
+        raise InputError(f"{path}, line {number}: node {words[0][:40]!r}; expected a whole number")
     node = int(words[0])
     if node in table.rows:
         raise InputError(
-            f"{path}, line {number}: node {node} again in {table.region}; rule: nodal values, "
+            f"{path}, line {number}: node {node} again in {table.region}; expected nodal values, "
             "averaged where elements meet"
         )
     table.rows[node] = [finite(path, number, word) for word in words[1:]]
@@ -356,7 +361,7 @@ def _pick(
     if len(regions) > 1:
         raise InputError(
             f"{path}, line {some[-1].line}: {', '.join(columns)} of {', '.join(sorted(regions))}; "
-            "rule: name one of these regions"
+            "expected name one of these regions"
         )
     return some[-1], ""
 
@@ -382,11 +387,11 @@ def _force(path: Path, table: _Table, name: str | None, sheet: Deck | None) -> f
         if abs(total - force) > _AGREE * size:
             raise InputError(
                 f"{path}, line {table.line}: RF.RF2 of {table.region} adds up to {force:.6g}, and "
-                f"the total is {total:.6g}; rule: whole tables"
+                f"the total is {total:.6g}; expected whole tables"
             )
     if size > 0 and abs(force) < _AGREE * size:
         raise InputError(
-            f"{path}, line {table.line}: RF.RF2 of {table.region} cancels to {force:.3g}; rule: "
+            f"{path}, line {table.line}: RF.RF2 of {table.region} cancels to {force:.3g}; expected "
             "name a region where the load is read: the driven nodes alone"
         )
     return force
@@ -404,7 +409,7 @@ def _undeformed(path: Path, at: FloatArray, moved: FloatArray) -> tuple[FloatArr
     if len(at) < 2 or spread[how] > _MOVED * largest + digits or largest < 10 * digits:
         raise InputError(
             f"{path}: COORD changes by {spread['undeformed']:.3g} and COORD - U by "
-            f"{spread['deformed']:.3g} between {len(at)} frames; rule: one of them does not, or "
+            f"{spread['deformed']:.3g} between {len(at)} frames; expected one of them does not, or "
             "a deck for the coordinates"
         )
     base = at[0] if how == "undeformed" else np.median(at - moved, axis=0)

@@ -46,7 +46,7 @@ class Arrow:
             n_row = sum(file.metadata.row_group(i).num_rows for i in groups)
             if n_row * max(len(file.schema_arrow), 1) > MOST_CELLS:
                 raise InputError(
-                    f"{self.where}: {n_row} rows of {len(file.schema_arrow)} columns; rule: at "
+                    f"{self.where}: {n_row} rows of {len(file.schema_arrow)} columns; expected at "
                     f"most {MOST_CELLS} cells"
                 )
             self._table = file.read()
@@ -106,7 +106,7 @@ class Arrow:
                 return column.cast("float64", safe=False).to_numpy().astype(np.float64)
             return column.to_numpy()
         if is_number and not types.is_null(kind):
-            raise InputError(f"{self.where}, column {name!r}: holds {kind}: rule: numbers")
+            raise InputError(f"{self.where}, column {name!r}: holds {kind}: expected numbers")
         if types.is_null(kind):
             return np.full(len(column), np.nan) if is_number else [""] * len(column)
         if types.is_string(kind) or types.is_large_string(kind):

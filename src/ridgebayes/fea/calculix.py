@@ -90,7 +90,7 @@ def read_calculix(
     if not whole:
         raise InputError(
             f"{path}: no level with displacements of {surface} and a total force of {reaction}; "
-            "rule: *NODE PRINT of U on the one and of RF, TOTALS=ONLY, on the other"
+            "expected *NODE PRINT of U on the one and of RF, TOTALS=ONLY, on the other"
         )
     moved = np.array([[one.moved[node] for node in nodes] for one in whole])
     rigid = sheet.coordinates(rigid_nodes(sheet, nodes), str(deck))
@@ -152,24 +152,27 @@ def read_levels(path: Path, surface: str, reaction: str) -> tuple[list[Level], l
         if block == "moved":
             if len(words) != 4:
                 raise InputError(
-                    f"{path}, line {number}: {line.strip()[:60]!r}; rule: node, vx, vy, vz"
+                    f"{path}, line {number}: {line.strip()[:60]!r}; expected node, vx, vy, vz"
                 )
             values = [finite(path, number, word) for word in words]
             node = int(values[0])
             if node != values[0] or node in level.moved:
                 raise InputError(
-                    f"{path}, line {number}: node {words[0]!r}; rule: a whole number, once a level"
+                    f"{path}, line {number}: node {words[0]!r}; expected a whole number, once a "
+                    "level"
                 )
             level.moved[node] = (values[1], values[2])
         elif block == "total force":
             if len(words) != 3:
-                raise InputError(f"{path}, line {number}: {line.strip()[:60]!r}; rule: fx, fy, fz")
+                raise InputError(
+                    f"{path}, line {number}: {line.strip()[:60]!r}; expected fx, fy, fz"
+                )
             level.force = [finite(path, number, word) for word in words][1]
             block = "done"
         elif block == "forces":
             if len(words) != 4:
                 raise InputError(
-                    f"{path}, line {number}: {line.strip()[:60]!r}; rule: node, fx, fy, fz"
+                    f"{path}, line {number}: {line.strip()[:60]!r}; expected node, fx, fy, fz"
                 )
             level.force = (level.force or 0.0) + [finite(path, number, w) for w in words][2]
     said = [f"not used: {', '.join(sorted(others))}"] if others else []

@@ -126,7 +126,7 @@ def read_calculix_contact(
     if not whole:
         raise InputError(
             f"{path}: no level with contact stress and a total force of {reaction}, and "
-            f"displacements of {surface} whole or not printed; rule: *CONTACT PRINT of CSTR and "
+            f"displacements of {surface} whole or not printed; expected *CONTACT PRINT of CSTR and "
             "*NODE PRINT of RF, TOTALS=ONLY"
         )
     undeformed = sheet.coordinates(nodes, str(deck))
@@ -137,7 +137,7 @@ def read_calculix_contact(
     farthest = max((float(one[:, 1].max()) for one in placed if len(one)), default=0.0)
     if farthest > _FARTHEST * rim.R:
         raise InputError(
-            f"{path}: a face {farthest:.3g} from the axis, R = {rim.R:.6g}; rule: within "
+            f"{path}: a face {farthest:.3g} from the axis, R = {rim.R:.6g}; expected within "
             f"{_FARTHEST:g} R"
         )
     gap = _history(placed, body.a_over_R * rim.R, body.b_over_R * rim.R)
@@ -199,7 +199,7 @@ def read_pressed(path: Path, surface: str = "", reaction: str = "") -> list[Pres
             # damage, and rows after it would be lost.
             if block and _HEAD.match(line) is None and _is_among(lines, number):
                 raise InputError(
-                    f"{path}, line {number}: {line.strip()[:60]!r} among rows of {block}; rule: "
+                    f"{path}, line {number}: {line.strip()[:60]!r} among rows of {block}; expected "
                     "rows, a blank line, a heading"
                 )
             block, level = _head(path, number, line, found, level, surface, reaction)
@@ -210,7 +210,7 @@ def read_pressed(path: Path, surface: str = "", reaction: str = "") -> list[Pres
             whole = values[0] == int(values[0]) and values[1] == int(values[1])
             if not whole or (values[2] > 0 and side < 1):
                 raise InputError(
-                    f"{path}, line {number}: face {words[1]} of {words[0]}; rule: a side of a "
+                    f"{path}, line {number}: face {words[1]} of {words[0]}; expected a side of a "
                     "plane element"
                 )
             if values[2] > 0 and level.faces is not None:
@@ -222,7 +222,8 @@ def read_pressed(path: Path, surface: str = "", reaction: str = "") -> list[Pres
         elif block == "total force":
             if level.force is not None:
                 raise InputError(
-                    f"{path}, line {number}: {line.strip()[:60]!r}; rule: one total force a level"
+                    f"{path}, line {number}: {line.strip()[:60]!r}; expected one total force a "
+                    "level"
                 )
             level.force = _values(path, number, words, "fx, fy, fz")[1]
         elif block == "forces":
@@ -244,7 +245,7 @@ def _once(path: Path, number: int, word: str, value: float, seen: set[int]) -> i
     node = int(value)
     if node != value or node in seen:
         raise InputError(
-            f"{path}, line {number}: node {word[:40]!r}; rule: a whole number, once a level"
+            f"{path}, line {number}: node {word[:40]!r}; expected a whole number, once a level"
         )
     seen.add(node)
     return node
@@ -277,7 +278,8 @@ def _head(
     what, columns, name, word = match.groups()
     if what == "contact stress" and not columns.startswith(_FACES):
         raise InputError(
-            f"{path}, line {number}: contact stress by ({columns}); rule: of faces, TYPE=SURFACE "
+            f"{path}, line {number}: contact stress by ({columns}); expected of faces, "
+            "TYPE=SURFACE "
             "TO SURFACE"
         )
     name = (name or "").upper()
@@ -300,7 +302,7 @@ def _head(
 
 def _values(path: Path, number: int, words: list[str], columns: str) -> list[float]:
     if len(words) != columns.count(",") + 1:
-        raise InputError(f"{path}, line {number}: {' '.join(words)[:60]!r}; rule: {columns}")
+        raise InputError(f"{path}, line {number}: {' '.join(words)[:60]!r}; expected {columns}")
     return [finite(path, number, word) for word in words]
 
 
@@ -316,7 +318,8 @@ def _intervals(level: Pressed, sheet: Deck, axis: float, path: Path, deck: Path)
         if None in moved:
             raise InputError(
                 f"{path}, line {level.line}: side {side} of element {element} is pressed, and node "
-                f"{ends[moved.index(None)]} of it was not printed; rule: a surface with the nodes "
+                f"{ends[moved.index(None)]} of it was not printed; expected a surface with the "
+                "nodes "
                 "of all pressed faces"
             )
         x = [sheet.nodes[node][0] + (u or 0.0) - axis for node, u in zip(ends, moved, strict=True)]
@@ -328,12 +331,12 @@ def _intervals(level: Pressed, sheet: Deck, axis: float, path: Path, deck: Path)
 def _corners_of(element: int, sheet: Deck, deck: Path) -> tuple[int, ...]:
     nodes = sheet.elements.get(element)
     if nodes is None:
-        raise InputError(f"{deck}: no element {element}, which is pressed; rule: the run's deck")
+        raise InputError(f"{deck}: no element {element}, which is pressed; expected the run's deck")
     n = {3: 3, 6: 3, 4: 4, 8: 4}.get(len(nodes))
     places = [sheet.nodes.get(node) for node in nodes]
     if n is None or None in places or len(set(places)) < len(nodes):
         raise InputError(
-            f"{deck}: element {element} of {len(nodes)} nodes; rule: plane triangles and "
+            f"{deck}: element {element} of {len(nodes)} nodes; expected plane triangles and "
             "quadrilaterals"
         )
     return nodes[:n]

@@ -98,7 +98,7 @@ def read_sta(path: Path) -> Status:
         match = _LINE.match(line)
         if match is None:
             raise InputError(
-                f"{path}, line {number}: {line.strip()[:60]!r}; rule: STEP, INC, ATT, ITRS and "
+                f"{path}, line {number}: {line.strip()[:60]!r}; expected STEP, INC, ATT, ITRS and "
                 "three times, as CalculiX's .sta has them"
             )
         times = [finite(path, number, word) for word in match.groups()[5:]]
@@ -110,9 +110,9 @@ def read_sta(path: Path) -> Status:
         if key in found or times[0] < last:
             raise InputError(
                 f"{path}, line {number}: step {key[0]}, increment {key[1]} at time {times[0]:g}; "
-                "rule: each once, in the order of time"
+                "expected each once, in the order of time"
             )
         found[key] = last = times[0]
     if not found and not tail:
-        raise InputError(f"{path}: no increments; rule: a .sta of CalculiX")
+        raise InputError(f"{path}: no increments; expected a .sta of CalculiX")
     return Status(path, np.array(list(found.values())), cut_backs, tail)

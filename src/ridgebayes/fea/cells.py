@@ -13,8 +13,8 @@ from ridgebayes.errors import InputError
 
 SHOWN = 20  # cells a message lists; the rest is counted
 NUMBER = re.compile(r"\s*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?\s*", re.A)
-FINITE = "rule: a finite number, with a point for decimals, or an empty cell"
-FORMULA = "rule: values, not formulas"
+FINITE = "expected a finite number, with a point for decimals, or an empty cell"
+FORMULA = "expected values, not formulas"
 MOST_COLUMNS = 2000
 LONGEST_HEADER = 500
 _PLAIN = r"-?(?:0|[1-9]\d{0,14})(?:\.\d+)?(?:[eE][+-]?\d{1,2})?|"
@@ -75,7 +75,7 @@ class Cells:
         for i, (name, one) in enumerate(empty.items(), start=1):
             if name == _UNNAMED.format(i) and not one.all():
                 raise InputError(
-                    f"{self.where}: column {i} has cells but no header; rule: a header for each "
+                    f"{self.where}: column {i} has cells but no header; expected a header for each "
                     "column"
                 )
         named = [n for i, n in enumerate(self.frame, start=1) if n != _UNNAMED.format(i)]
@@ -122,21 +122,21 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
     """
     headers: list[str] = []
     if len(names) > MOST_COLUMNS:
-        raise InputError(f"{where}: {len(names)} columns; rule: at most {MOST_COLUMNS}")
+        raise InputError(f"{where}: {len(names)} columns; expected at most {MOST_COLUMNS}")
     for i, name in enumerate(names, start=1):
         text = "" if name is None else " ".join(str(name).split())
         place = f"{where}, header, column {i} = {text[:60]!r}"
         if text.startswith("="):
             raise InputError(f"{place}: {FORMULA}")
         if re.search(r"[\x00-\x1f\x7f]", text):
-            raise InputError(f"{place}: rule: no control characters")
+            raise InputError(f"{place}: expected no control characters")
         if len(text) > LONGEST_HEADER:
-            raise InputError(f"{place}: rule: at most {LONGEST_HEADER} characters")
+            raise InputError(f"{place}: expected at most {LONGEST_HEADER} characters")
         if text and text in headers:
-            raise InputError(f"{place}: rule: each header once")
+            raise InputError(f"{place}: expected each header once")
         headers.append(text or _UNNAMED.format(i))
     if all(name == _UNNAMED.format(i) for i, name in enumerate(headers, start=1)):
-        raise InputError(f"{where}: no header; rule: a header for each column")
+        raise InputError(f"{where}: no header; expected a header for each column")
     return tuple(headers)
 
 
@@ -145,8 +145,8 @@ def refusal(where: str, bad: Sequence[tuple[str, str, str, str]], n: int) -> Inp
 
     Examples
     --------
-    >>> print(refusal("a.csv", [("a.csv, line 2", "p", "x", "rule: a number")], 1))
-    a.csv, line 2, column 'p' = 'x': rule: a number
+    >>> print(refusal("a.csv", [("a.csv, line 2", "p", "x", "expected a number")], 1))
+    a.csv, line 2, column 'p' = 'x': expected a number
     """
     lines = [
         f"{place}, column {name!r} = {_clipped(cell)}: {rule}"

@@ -127,14 +127,14 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
         dimension = DIMENSIONS[key]
         own = unit_factor(unit, dimension)
         if own is not None and own != unit_factor(explicit, dimension):
-            raise InputError(f"{place}: the mapping says {explicit!r}; rule: one unit a column")
+            raise InputError(f"{place}: the mapping says {explicit!r}; expected one unit a column")
     if explicit is not None:
         unit = explicit.strip()
     if key not in DIMENSIONS:
         if unit == "%":
             return "%", Fraction(1, 100)
         if is_unit(unit) or (explicit is not None and unit not in _NONE):
-            raise InputError(f"{place}: unit {unit!r}: rule: {key} is a plain number, or in %")
+            raise InputError(f"{place}: unit {unit!r}: expected {key} is a plain number, or in %")
         return "", Fraction(1)
     dimension = DIMENSIONS[key]
     if unit in _NONE:
@@ -142,14 +142,14 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
         last = re.split(r"[\s_/]+", words)[-1]
         if explicit is None and last != words and unit_factor(last, dimension) is not None:
             raise InputError(
-                f"{place}: {last!r} may be its unit: rule: name it, as {key}={header};{last}, or 1 "
+                f"{place}: {last!r} may be its unit: name it, as {key}={header};{last}, or 1 "
                 "for none"
             )
         return "", Fraction(1)
     factor = unit_factor(unit, dimension)
     if factor is None or factor <= 0:
         raise InputError(
-            f"{place}: {unit!r} is no unit of {dimension}: rule: a unit such as [mm], [kPa] or "
+            f"{place}: {unit!r} is no unit of {dimension}: expected a unit such as [mm], [kPa] or "
             f"[N/mm], or in the mapping {key}={header};1 for none"
         )
     return unit, factor
@@ -168,7 +168,8 @@ def everywhere_or_nowhere(quantities: Iterable[Quantity], where: str) -> bool:
     bare = [one.name for one in quantities if not one.unit]
     if have and bare:
         raise InputError(
-            f"{where}: {', '.join(have)}, but {', '.join(bare)} without a unit; rule: units on all "
+            f"{where}: {', '.join(have)}, but {', '.join(bare)} without a unit; expected units "
+            "on all "
             "columns and values that have dimensions, or on none"
         )
     return bool(have)

@@ -102,7 +102,9 @@ def read_columns(
     cells = source.read({use.header for use in uses if use.is_number})
     for use in uses:
         if use.header not in cells.frame:
-            raise InputError(f"{where}, column {use.header!r}, {use.name}: rule: numbers or text")
+            raise InputError(
+                f"{where}, column {use.header!r}, {use.name}: expected numbers or text"
+            )
     taken = ColumnInterpreter(cells, uses, values, is_history=bool(corners))
     if corners:
         frame, line, said = taken.history(corners, brackets=brackets)
@@ -145,23 +147,25 @@ def _source(path: Path, sheet: str | None) -> Source:
     """Return the file, by its suffix; nothing in it is run."""
     suffix = path.suffix.lower()
     if suffix in _OLD:
-        raise InputError(f"{path}: {suffix} may hold macros and is not read; rule: save as .xlsx")
+        raise InputError(f"{path}: {suffix} may hold macros and is not read; save as .xlsx")
     if suffix not in SUFFIXES:
         raise InputError(
-            f"{path}: ends in {path.suffix or 'no suffix'!r}; rule: one of {', '.join(SUFFIXES)}"
+            f"{path}: ends in {path.suffix or 'no suffix'!r}; expected one of {', '.join(SUFFIXES)}"
         )
     if sheet is not None and suffix != ".xlsx":
-        raise InputError(f"{path}: sheet {sheet!r}: rule: --sheet for .xlsx files only")
+        raise InputError(f"{path}: sheet {sheet!r}: expected --sheet for .xlsx files only")
     content = read_bytes(path)
     for beginning, what in _DISGUISED:
         if content.startswith(beginning):
-            raise InputError(f"{path}: the content is {what}; rule: a {suffix} file")
+            raise InputError(f"{path}: the content is {what}; expected a {suffix} file")
     if not content:
         raise InputError(f"{path}: the file is empty")
     for beginning, what in ((b"PK\x03\x04", ".xlsx"), (b"PAR1", ".parquet")):
         if content.startswith(beginning) != (suffix == what):
             is_it = "begins as" if content.startswith(beginning) else "does not begin as"
-            raise InputError(f"{path}: {is_it} a {what} file; rule: a suffix that tells the format")
+            raise InputError(
+                f"{path}: {is_it} a {what} file; expected a suffix that tells the format"
+            )
     # Each format's module when it is needed: openpyxl and pyarrow are extras.
     if suffix == ".xlsx":
         from ridgebayes.fea.spreadsheet import Spreadsheet

@@ -84,7 +84,7 @@ def read_deck(path: Path) -> Deck:
     deck = Deck()
     _read(path, deck, 0)
     if not deck.nodes:
-        raise InputError(f"{path}: no *NODE block; rule: an Abaqus or CalculiX input deck")
+        raise InputError(f"{path}: no *NODE block; expected an Abaqus or CalculiX input deck")
     return deck
 
 
@@ -107,12 +107,12 @@ def check_material(deck: Deck, E: float, nu: float, path: Path) -> None:
     """
     if deck.E is not None and not math.isclose(deck.E, E, rel_tol=1e-3):
         raise InputError(
-            f"{path}: the material has E = {deck.E:.6g}, and {E:g} was given; rule: --E as in "
+            f"{path}: the material has E = {deck.E:.6g}, and {E:g} was given; use --E as in "
             "the deck"
         )
     if deck.nu is not None and abs(deck.nu - nu) > 1e-3:
         raise InputError(
-            f"{path}: the material has nu = {deck.nu:.6g}, and {nu:g} was given; rule: --nu "
+            f"{path}: the material has nu = {deck.nu:.6g}, and {nu:g} was given; use --nu "
             "as in the deck"
         )
 
@@ -188,7 +188,7 @@ def _block(
             new = (values[1], values[2])
             if deck.nodes.setdefault(name, new) != new:
                 raise InputError(
-                    f"{path}, line {number}: node {name} stands at two places; rule: a deck "
+                    f"{path}, line {number}: node {name} stands at two places; expected a deck "
                     "without parts, each node once"
                 )
         if "NSET" in options:
@@ -207,7 +207,9 @@ def _block(
                 deck.elements[element] = tuple(nodes)
                 flat = []
         if flat:
-            raise InputError(f"{path}, line {rows[-1][0]}: an element ends in a comma; rule: nodes")
+            raise InputError(
+                f"{path}, line {rows[-1][0]}: an element ends in a comma; expected nodes"
+            )
     elif rows and (keyword == "HYPERELASTIC" or (keyword == "ELASTIC" and deck.E is None)):
         # Rubber is the body even where the ridges' metal stands before it.
         _material(path, deck, keyword, options, *rows[0])
@@ -217,14 +219,16 @@ def _block(
         line = rows[0][0]
         if not given or target.is_absolute() or ".." in target.parts:
             raise InputError(
-                f"{path}, line {line}: *INCLUDE of {given!r}: rule: a file in the deck's own folder"
+                f"{path}, line {line}: *INCLUDE of {given!r}: expected a file in the deck's own "
+                "folder"
             )
         if depth >= _DEEPEST:
-            raise InputError(f"{path}, line {line}: *INCLUDE: rule: at most {_DEEPEST} deep")
+            raise InputError(f"{path}, line {line}: *INCLUDE: expected at most {_DEEPEST} deep")
         inside = path.parent / target
         if not inside.resolve().is_relative_to(path.parent.resolve()):
             raise InputError(
-                f"{path}, line {line}: *INCLUDE of {given!r}: rule: a file in the deck's own folder"
+                f"{path}, line {line}: *INCLUDE of {given!r}: expected a file in the deck's own "
+                "folder"
             )
         _read(inside, deck, depth + 1)
 
@@ -235,7 +239,7 @@ def _nset(
     name = options.get("NSET", "")
     if not name:
         line = rows[0][0] if rows else 0
-        raise InputError(f"{path}, line {line}: *NSET without a name; rule: NSET=name")
+        raise InputError(f"{path}, line {line}: *NSET without a name; expected NSET=name")
     some = deck.nsets.setdefault(name.upper(), [])
     for number, cells in rows:
         cells = [cell for cell in cells if cell]
@@ -245,7 +249,7 @@ def _nset(
             new = range(values[0], values[1] + 1, step)
             if len(some) + len(new) > _MOST_NODES:
                 raise InputError(
-                    f"{path}, line {number}: GENERATE of {len(new)} nodes: rule: at most "
+                    f"{path}, line {number}: GENERATE of {len(new)} nodes: expected at most "
                     f"{_MOST_NODES} in a set"
                 )
             some += new
@@ -270,7 +274,9 @@ def _material(
         return
     c10, d1 = _numbers(path, number, cells[:2], at_least=2)
     if not (c10 > 0 and d1 >= 0):
-        raise InputError(f"{path}, line {number}: C10 = {c10:g}, D1 = {d1:g}; rule: > 0 and >= 0")
+        raise InputError(
+            f"{path}, line {number}: C10 = {c10:g}, D1 = {d1:g}; expected > 0 and >= 0"
+        )
     mu = 2 * c10
     if d1 == 0:
         deck.E, deck.nu = 3 * mu, 0.5
@@ -283,11 +289,11 @@ def _material(
 def _numbers(path: Path, line: int, cells: list[str], *, at_least: int = 1) -> list[float]:
     found = [finite(path, line, cell, column) for column, cell in enumerate(cells, start=1)]
     if len(found) < at_least:
-        raise InputError(f"{path}, line {line}: {len(found)} values; rule: at least {at_least}")
+        raise InputError(f"{path}, line {line}: {len(found)} values; expected at least {at_least}")
     return found
 
 
 def _integer(path: Path, line: int, value: float) -> int:
     if value != int(value) or not 0 < value < 2**53:
-        raise InputError(f"{path}, line {line}: {value:g}: rule: a whole number above 0")
+        raise InputError(f"{path}, line {line}: {value:g}: expected a whole number above 0")
     return int(value)

@@ -45,11 +45,12 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
     integration, so that it is reduced.
     """
     if program not in FORMATS:
-        raise InputError(f"--format {program}: rule: {' or '.join(FORMATS)}")
+        raise InputError(f"--format {program}: expected {' or '.join(FORMATS)}")
     calculix = program == "calculix"
     if calculix and disk.nu > 0.499:
         raise InputError(
-            f"nu = {disk.nu:g}: rule: at most 0.499 for CalculiX, whose elements have no pressure "
+            f"nu = {disk.nu:g}: expected at most 0.499 for CalculiX, whose elements have no "
+            "pressure "
             "of their own; 0.49 is within 1.4 % in load, or --format abaqus"
         )
     lines = [f"** {line}" for line in disk.title]

@@ -19,7 +19,7 @@ _CLOSED = (
     *("stick", "sticking", "slip", "slipping", "sliding"),
 )
 STATUS_RULE = (
-    "rule: open or 0, closed or 1, or an empty cell (codes of contact programs beyond 0 and 1 "
+    "expected open or 0, closed or 1, or an empty cell (codes of contact programs beyond 0 and 1 "
     "have to be told apart before)"
 )
 
@@ -57,7 +57,8 @@ class Histories:
         n_run = int(run.max()) + 1
         if n_run > MOST:
             raise InputError(
-                f"{where}: increments of {n_run} runs; rule: at most {MOST} (texture, nu, offset, "
+                f"{where}: increments of {n_run} runs; expected at most {MOST} (texture, nu, "
+                "offset, "
                 "series, solver and source are constant in a run)"
             )
         frames, said, failed = [], [], []
@@ -94,7 +95,7 @@ class Histories:
         for i in np.flatnonzero(np.diff(first) < 0).tolist():
             raise InputError(
                 f"Q = {self.Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before "
-                f"Q = {self.Q[i]}; rule: inner corners first"
+                f"Q = {self.Q[i]}; expected inner corners first"
             )
 
 

@@ -88,7 +88,8 @@ class Body:
         }
         if bad := [name for name, holds in rules.items() if not holds]:
             raise InputError(
-                f"{', '.join(bad)}: rule: --texture, --R, --E and --thickness above 0, --nu from 0 "
+                f"{', '.join(bad)}: expected --texture, --R, --E and --thickness above 0, --nu "
+                "from 0 "
                 "to 0.5, --symmetry half or full, --corner from 0 to half a ridge"
             )
 
@@ -175,7 +176,8 @@ def loads_of(force: FloatArray, body: Body, R: float, where: str) -> FloatArray:
         p_over_E = np.abs(force) * load / body.thickness / (2 * R * body.E)
     if (bad := p_over_E > HUGE).any():  # of forces that are not numbers: increments are left out
         raise InputError(
-            f"{where}: force {force[bad][0]:.6g}, p/E = {p_over_E[bad][0]:.6g}; rule: p/E at most "
+            f"{where}: force {force[bad][0]:.6g}, p/E = {p_over_E[bad][0]:.6g}; expected p/E at "
+            "most "
             f"{HUGE:g}"
         )
     return np.asarray(p_over_E)
@@ -187,7 +189,8 @@ def _corners(levels: Levels, body: Body, rim: Rim, where: str) -> tuple[FloatArr
     farthest = np.abs(levels.position[..., 0] - rim.centre[0]).max()
     if not farthest <= _FARTHEST * rim.R:
         raise InputError(
-            f"{where}: a surface node {farthest:.3g} from the axis, R = {rim.R:.6g}; rule: within "
+            f"{where}: a surface node {farthest:.3g} from the axis, R = {rim.R:.6g}; expected "
+            "within "
             f"{_FARTHEST:g} R"
         )
     n = max(math.ceil((farthest - body.b_over_R * rim.R / 2) / pitch), 2)
@@ -206,7 +209,8 @@ def _corners(levels: Levels, body: Body, rim: Rim, where: str) -> tuple[FloatArr
     if len(heights) < 2:
         raise InputError(
             f"{where}: no rigid nodes at the corners, {flat[0]:.6g} and {flat[1]:.6g} from the "
-            "axis; rule: a deck with the ridges' nodes and the --texture that they make, or --top, "
+            "axis; expected a deck with the ridges' nodes and the --texture that they make, or "
+            "--top, "
             "the height of the ridges' tops"
         )
     tops = f"tops at y = {heights[0]:.6g} in the deck, {len(heights)} ridges a side"

@@ -29,10 +29,10 @@ def parse_map(texts: Iterable[str]) -> dict[str, str]:
     for text in texts:
         match = re.fullmatch(r"\s*((?:\w+[\s:]+)?Q?\s*=?\s*\d+|[^=]*?)\s*=\s*(.*?)\s*", text, re.S)
         if match is None or not match.group(1) or not match.group(2):
-            raise InputError(f"--map {text!r}: rule: KEY=HEADER, or KEY=HEADER;UNIT")
+            raise InputError(f"--map {text!r}: expected KEY=HEADER, or KEY=HEADER;UNIT")
         key, header = match.groups()
         if key in found:
-            raise InputError(f"--map {text!r}: rule: each key once")
+            raise InputError(f"--map {text!r}: expected each key once")
         found[key] = header
     return found
 
@@ -64,14 +64,14 @@ def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
     tables: dict[str, dict[str, str]] = {"columns": {}, "values": {}}
     for name, entries in content.items():
         if name not in tables or not isinstance(entries, dict):
-            raise InputError(f"{path}: {name[:_SHOWN]}: rule: tables [columns] and [values]")
+            raise InputError(f"{path}: {name[:_SHOWN]}: expected tables [columns] and [values]")
         for key, value in entries.items():
             number = isinstance(value, int | float) and not isinstance(value, bool)
             text = value if isinstance(value, str) else _text(value)
             if not (isinstance(value, str) or (number and text and name == "values")):
                 raise InputError(
                     f"{path}: [{name}] {key[:_SHOWN]} = {text[:_SHOWN] or 'what is too long'}: "
-                    "rule: text in quotes"
+                    "expected text in quotes"
                 )
             tables[name][key] = text
     return tables["columns"], tables["values"]

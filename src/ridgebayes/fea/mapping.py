@@ -122,7 +122,7 @@ def assign(
     for header in headers:
         if header in values:
             raise InputError(
-                f"{where}: {header} is given as a value, and as column {header!r}; rule: once"
+                f"{where}: {header} is given as a value, and as column {header!r}; expected once"
             )
         if header in NAMES and header not in taken and header not in used:
             if header == "Q" and (wide or force_wide):
@@ -151,7 +151,7 @@ def check_constants(values: Mapping[str, object], where: str) -> None:
     for key in values:
         if key not in _CONSTANTS or key in _NO_CONSTANTS:
             allowed = [name for name in _CONSTANTS if name not in _NO_CONSTANTS]
-            raise InputError(f"{where}: value {key!r}: rule: one of {', '.join(allowed)}")
+            raise InputError(f"{where}: value {key!r}: expected one of {', '.join(allowed)}")
 
 
 def _mapped(name: str, text: str, headers: list[str], where: str) -> list[Use]:
@@ -161,7 +161,7 @@ def _mapped(name: str, text: str, headers: list[str], where: str) -> list[Use]:
         key, Q = (match.group(1) or "load", int(match.group(2))) if match else (key, None)
         if match is None or key not in _PER_Q:
             raise InputError(
-                f"{where}: mapping key {name!r}: rule: one of {', '.join(KEYS)}, or of "
+                f"{where}: mapping key {name!r}: expected one of {', '.join(KEYS)}, or of "
                 f"{', '.join(CORNERS)} with a corner, as 'gap Q=4'"
             )
     header, unit = text, None
@@ -179,14 +179,14 @@ def _mapped(name: str, text: str, headers: list[str], where: str) -> list[Use]:
             f"{header!r}; the columns are {', '.join(map(repr, headers[:50]))}"
         )
     if Q is None and key in CORNERS and key not in KEYS:
-        raise InputError(f"{where}: mapping {name}={text}: rule: with a corner, as '{key} Q=4'")
+        raise InputError(f"{where}: mapping {name}={text}: expected with a corner, as '{key} Q=4'")
     return [Use(key, found[0], unit, Q)]
 
 
 def _starred(key: str, header: str, unit: str | None, headers: list[str], where: str) -> list[Use]:
     if header.count("*") != 1 or key not in _PER_Q:
         raise InputError(
-            f"{where}: mapping {key}={header}: rule: one * in a header of {', '.join(_PER_Q)}"
+            f"{where}: mapping {key}={header}: expected one * in a header of {', '.join(_PER_Q)}"
         )
     left, right = map(re.escape, header.split("*"))
     pattern = re.compile(rf"{left}(\d{{1,6}}){right}")
@@ -262,14 +262,15 @@ def _once(uses: list[Use], values: Mapping[str, object], where: str) -> None:
         for key in _rivals(use.key) if use.key not in CORNERS else {use.key}:
             if key in values:
                 raise InputError(
-                    f"{where}: {key} is given as a value, and as column {use.header!r}; rule: once"
+                    f"{where}: {key} is given as a value, and as column {use.header!r}; expected "
+                    "once"
                 )
         group = min(_rivals(use.key)) if use.Q is None or use.key not in CORNERS else "corner"
         place = (group, use.Q)
         if place in seen:
             raise InputError(
                 f"{where}: columns {seen[place]!r} and {use.header!r} could both be {use.key}"
-                f"{'' if use.Q is None else f' of Q = {use.Q}'}; rule: name one with --map"
+                f"{'' if use.Q is None else f' of Q = {use.Q}'}; name one with --map"
             )
         seen[place] = use.header
 

@@ -57,7 +57,8 @@ class _Budget:
         self.left -= 8 * math.prod(shape)
         if self.left < 0:
             raise InputError(
-                f"{path}: {' x '.join(map(str, shape))} numbers; rule: at most {LARGEST} bytes in "
+                f"{path}: {' x '.join(map(str, shape))} numbers; expected at most {LARGEST} "
+                "bytes in "
                 "all"
             )
 
@@ -112,26 +113,26 @@ def read_series(
         UTF-8, numbers elsewhere than in its folder, or more than 2 GiB of them.
     """
     if time not in ("p_over_E", "line"):
-        raise InputError(f"time = {time!r}; rule: p_over_E or line")
+        raise InputError(f"time = {time!r}; expected p_over_E or line")
     paths = [path] if isinstance(path, Path) else list(path)
     if not paths:
-        raise InputError("no files; rule: one .xdmf, or several .vtu")
+        raise InputError("no files; expected one .xdmf, or several .vtu")
     where = str(paths[0])
     suffixes = {one.suffix.lower() for one in paths}
     if suffixes == {".xdmf"} and len(paths) == 1:
         if loads is not None:
-            raise InputError(f"{where}: loads of a series; rule: its times")
+            raise InputError(f"{where}: loads of a series; expected its times")
         series = _xdmf(paths[0], field)
     elif suffixes == {".vtu"}:
         series = _vtus(paths, field, loads)
     else:
-        raise InputError(f"{where}: rule: one .xdmf, or several .vtu")
+        raise InputError(f"{where}: expected one .xdmf, or several .vtu")
     points, moved = (np.asarray(one, dtype=float) for one in (series.points, series.moved))
     nodes, R = _rim(points, body, where)
     most = np.abs(moved).max(axis=(1, 2))
     if not most.max() <= _FARTHEST * R:
         raise InputError(
-            f"{series.places[most.argmax()]}: {field!r} up to {most.max():.3g}; rule: within "
+            f"{series.places[most.argmax()]}: {field!r} up to {most.max():.3g}; expected within "
             f"{_FARTHEST:g} R"
         )
     digits = float(np.finfo(series.moved.dtype).eps * most.max())
@@ -156,21 +157,23 @@ def read_series(
 def _rim(points: FloatArray, body: Body, where: str) -> tuple[np.ndarray, float]:
     """Return the nodes of the lower rim, and R."""
     if not len(points) or points.shape[1] not in (2, 3):
-        raise InputError(f"{where}: points of shape {points.shape}; rule: (n, 2 or 3), n above 0")
+        raise InputError(
+            f"{where}: points of shape {points.shape}; expected (n, 2 or 3), n above 0"
+        )
     if not (most := float(np.abs(points).max())) <= HUGE:
-        raise InputError(f"{where}: a point {most:.3g} away; rule: coordinates within {HUGE:g}")
+        raise InputError(f"{where}: a point {most:.3g} away; expected coordinates within {HUGE:g}")
     if points.shape[1] == 3 and np.ptp(points[:, 2]) > 0:
-        raise InputError(f"{where}: z from {points[:, 2].min():g}; rule: a plane mesh")
+        raise InputError(f"{where}: z from {points[:, 2].min():g}; expected a plane mesh")
     lowest = points[np.argmin(points[:, 1])]
     R = body.R if body.R is not None else float(np.abs(points[:, 0] - lowest[0]).max())
     if not R >= 1 / HUGE:
-        raise InputError(f"{where}: points within {R:.3g}; rule: a disk, or --R")
+        raise InputError(f"{where}: points within {R:.3g}; expected a disk, or --R")
     centre = lowest[:2] + np.array([0.0, R])
     away = np.hypot(*(points[:, :2] - centre).T)
     if not away.max() <= R * (1 + _ROUND):
         raise InputError(
             f"{where}: a node {away.max():.6g} from ({centre[0]:.4g}, {centre[1]:.4g}), and "
-            f"R = {R:.6g}; rule: a disk, undeformed, its lowest node below its centre; or --R"
+            f"R = {R:.6g}; expected a disk, undeformed, its lowest node below its centre; or --R"
         )
     on = (away >= R * (1 - _ROUND)) & (points[:, 1] <= centre[1] + _ROUND * R)
     return np.flatnonzero(on), R
@@ -187,7 +190,7 @@ def _at_rest(levels: Levels, body: Body, where: str) -> Levels:
         if not over.any():
             raise InputError(
                 f"{where}, state {k + 1}: no rim node over the first ridge, {near:.4g} to "
-                f"{far:.4g} from the axis; rule: its texture and a mesh as fine, or --top"
+                f"{far:.4g} from the axis; expected its texture and a mesh as fine, or --top"
             )
         # Nodes at rest scatter about the top by what the mesh leaves: their median does not.
         heights = position[k, over, 1]
@@ -212,21 +215,21 @@ def _xdmf(path: Path, field: str) -> _Series:
         if grid.get("GridType") == "Collection" and grid.get("CollectionType") == "Temporal"
     ]
     if root.tag != "Xdmf" or len(series) != 1:
-        raise InputError(f"{path}: {len(series)} time series; rule: one <Grid> of a collection")
+        raise InputError(f"{path}: {len(series)} time series; expected one <Grid> of a collection")
     grids = series[0].findall("Grid")
     shapes = list(root.iter("Geometry"))
     if not shapes or not grids:
-        raise InputError(f"{path}: no geometry or no states; rule: XDMF of a mesh over time")
+        raise InputError(f"{path}: no geometry or no states; expected XDMF of a mesh over time")
     shape, *others = ((one.attrib, item.attrib, item.text) for one, item in _items(path, shapes))
     if any(one != shape for one in others):
-        raise InputError(f"{path}: {len(shapes)} geometries; rule: one, undeformed")
+        raise InputError(f"{path}: {len(shapes)} geometries; expected one, undeformed")
     kind = shapes[0].get("GeometryType", shapes[0].get("Type", "XYZ"))
     if kind not in ("XY", "XYZ"):
-        raise InputError(f"{path}: geometry {_short(kind)}; rule: XY or XYZ")
+        raise InputError(f"{path}: geometry {_short(kind)}; expected XY or XYZ")
     budget = _Budget()
     points = _finite(str(path), "points", _numbers(path, shapes[0], budget))
     if points.ndim != 2 or points.shape[1] != len(kind):
-        raise InputError(f"{path}: points of shape {points.shape}; rule: (n, {len(kind)})")
+        raise InputError(f"{path}: points of shape {points.shape}; expected (n, {len(kind)})")
     moved, times, places = [], [], []
     for number, grid in enumerate(grids, start=1):
         here = f"{path}, state {number}"
@@ -234,7 +237,7 @@ def _xdmf(path: Path, field: str) -> _Series:
         if not clocks or not clocks[0].get("Value"):
             raise InputError(f"{here}: no <Time Value=...>")
         if len(clocks) > 1:
-            raise InputError(f"{here}: {len(clocks)} times; rule: one")
+            raise InputError(f"{here}: {len(clocks)} times; expected one")
         times.append(_number(path, here, clocks[0].get("Value", "")))
         given = grid.findall("Attribute")
         data = [one for one in given if one.get("Center") == "Node"]
@@ -253,7 +256,7 @@ def _named(
         names = ", ".join(sorted({_short(one.get("Name")) for one in given})[:_MOST_NAMES])
         raise InputError(f"{here}: no point data {field!r}; {are} {names or 'none'}")
     if len(found) > 1:
-        raise InputError(f"{here}: {len(found)} point data {field!r}; rule: one of a name")
+        raise InputError(f"{here}: {len(found)} point data {field!r}; expected one of a name")
     return found[0]
 
 
@@ -268,7 +271,7 @@ def _items(path: Path, parents: Sequence[ET.Element]) -> list[tuple[ET.Element, 
             or len(items[0])
             or items[0].get("ItemType", "Uniform") != "Uniform"
         ):
-            raise InputError(f"{path}: <{parent.tag}>; rule: one plain <DataItem>")
+            raise InputError(f"{path}: <{parent.tag}>; expected one plain <DataItem>")
         found.append((parent, items[0]))
     return found
 
@@ -280,7 +283,8 @@ def _numbers(path: Path, parent: ET.Element, budget: _Budget) -> FloatArray:
     words = (item.get("Dimensions") or "").split()
     if len(words) not in (1, 2) or not all(re.fullmatch("[0-9]{1,15}", word) for word in words):
         raise InputError(
-            f"{path}: Dimensions {_short(item.get('Dimensions'))}; rule: whole numbers, of points "
+            f"{path}: Dimensions {_short(item.get('Dimensions'))}; expected whole numbers, of "
+            "points "
             "and components"
         )
     shape = tuple(int(word) for word in words)
@@ -289,12 +293,12 @@ def _numbers(path: Path, parent: ET.Element, budget: _Budget) -> FloatArray:
         return _from_text(path, text, item.get("Precision", "4")).reshape(_fits(path, text, shape))
     if item.get("Format") == "HDF":
         return _from_hdf5(path, text, shape)
-    raise InputError(f"{path}: Format {_short(item.get('Format'))}; rule: XML or HDF")
+    raise InputError(f"{path}: Format {_short(item.get('Format'))}; expected XML or HDF")
 
 
 def _fits(path: Path, text: str, shape: tuple[int, ...]) -> tuple[int, ...]:
     if (n := len(text.split())) != math.prod(shape):
-        raise InputError(f"{path}: {n} numbers, and Dimensions {shape}; rule: as many")
+        raise InputError(f"{path}: {n} numbers, and Dimensions {shape}; expected as many")
     return shape
 
 
@@ -305,7 +309,7 @@ def _from_text(path: Path, text: str, precision: str) -> FloatArray:
         numbers = np.array(text.split(), dtype=np.float64)
     except ValueError as error:
         raise InputError(
-            f"{path}: {one_line_message(error)}; rule: numbers between blanks"
+            f"{path}: {one_line_message(error)}; expected numbers between blanks"
         ) from None
     with np.errstate(over="ignore"):  # to infinity, which is refused where it belongs
         return numbers.astype(np.float32) if precision == "4" else numbers
@@ -320,7 +324,7 @@ def _from_hdf5(path: Path, text: str, shape: tuple[int, ...]) -> FloatArray:
     shown = _short(inner)
     try:
         if len(keys) < 2 or keys[0] or not all(keys[1:]):
-            raise InputError(f"{path}: numbers in {_short(text)}; rule: FILE.h5:/PATH")
+            raise InputError(f"{path}: numbers in {_short(text)}; expected FILE.h5:/PATH")
         folder = path.parent.resolve()
         target = folder / name
         if (
@@ -330,22 +334,24 @@ def _from_hdf5(path: Path, text: str, shape: tuple[int, ...]) -> FloatArray:
             or ".." in (*PurePosixPath(name).parts, *PureWindowsPath(name).parts)
             or not target.resolve().is_relative_to(folder)
         ):
-            raise InputError(f"{path}: numbers in {_short(text)}; rule: a file in the same folder")
-        if not target.is_file():
             raise InputError(
-                f"{path}: numbers in {_short(name)}: no such file; rule: move both together"
+                f"{path}: numbers in {_short(text)}; expected a file in the same folder"
             )
+        if not target.is_file():
+            raise InputError(f"{path}: numbers in {_short(name)}: no such file; move both together")
         with h5py.File(target, "r") as file:
             here = file
             for key in keys[1:]:
                 if not isinstance(here, h5py.Group) or key not in here:
                     raise InputError(f"{target}: no {shown}")
                 if not isinstance(here.get(key, getlink=True), h5py.HardLink):
-                    raise InputError(f"{target}: {shown} is a link; rule: a dataset")
+                    raise InputError(f"{target}: {shown} is a link; expected a dataset")
                 here = here[key]
             check_inside(here, f"{target}: {shown}")
             if here.shape != shape:
-                raise InputError(f"{target}: {shown} is {here.shape}; rule: {shape}, as in {path}")
+                raise InputError(
+                    f"{target}: {shown} is {here.shape}; expected {shape}, as in {path}"
+                )
             check_stored(here, f"{target}: {shown}")
             return _floating(here[()])
     # TypeError: a type of HDF5 that NumPy has not.
@@ -362,28 +368,29 @@ def _vtus(paths: Sequence[Path], field: str, loads: Sequence[float] | None) -> _
     if len(paths) < 2 or loads is None or len(loads) != len(paths):
         given = "no" if loads is None else f"{len(loads)}"
         raise InputError(
-            f"{paths[0]}: {len(paths)} .vtu with {given} loads; rule: several, each one state, and "
+            f"{paths[0]}: {len(paths)} .vtu with {given} loads; expected several, each one "
+            "state, and "
             "a load for each; or an .xdmf series"
         )
     for path, load in zip(paths, loads, strict=True):
         if not 0 <= load <= HUGE:
-            raise InputError(f"{path}: loads of {load:g}; rule: finite numbers, 0 to {HUGE:g}")
+            raise InputError(f"{path}: loads of {load:g}; expected finite numbers, 0 to {HUGE:g}")
     budget = _Budget()
     points, moved = None, []
     for path in paths:
         root = _xml(path)
         pieces = root.findall("UnstructuredGrid/Piece")
         if root.tag != "VTKFile" or len(pieces) != 1:
-            raise InputError(f"{path}: {len(pieces)} pieces; rule: an unstructured grid of one")
+            raise InputError(f"{path}: {len(pieces)} pieces; expected an unstructured grid of one")
         n = _whole(path, pieces[0].get("NumberOfPoints"))
         at = pieces[0].findall("Points/DataArray")
         if len(at) != 1:
-            raise InputError(f"{path}: {len(at) or 'no'} points; rule: one array of them")
+            raise InputError(f"{path}: {len(at) or 'no'} points; expected one array of them")
         data = pieces[0].findall("PointData/DataArray")
         item = _named(str(path), field, data, "there are", data)
         here = _finite(str(path), "points", _array(path, root, at[0], n, budget))
         if points is not None and not np.array_equal(here, points):
-            raise InputError(f"{path}: points are not those of {paths[0]}; rule: one mesh")
+            raise InputError(f"{path}: points are not those of {paths[0]}; expected one mesh")
         points = here
         moved.append(_checked(str(path), field, _array(path, root, item, n, budget), points))
     assert points is not None
@@ -409,11 +416,11 @@ def _array(path: Path, root: ET.Element, item: ET.Element, n: int, budget: _Budg
         data = root.findall("AppendedData")
         text = (data[0].text or "").strip() if data else ""
         if len(data) != 1 or data[0].get("encoding") != "base64" or not text.startswith("_"):
-            raise InputError(f"{path}: appended data; rule: one of encoding base64, after a _")
+            raise InputError(f"{path}: appended data; expected one of encoding base64, after a _")
         text = text[1 + _whole(path, item.get("offset")) :]
     elif item.get("format") != "binary":
         raise InputError(
-            f"{path}: format {_short(item.get('format'))}; rule: ascii, binary or appended"
+            f"{path}: format {_short(item.get('format'))}; expected ascii, binary or appended"
         )
     size = math.prod(shape) * dtype.itemsize
     compressor = root.get("compressor")
@@ -424,13 +431,14 @@ def _array(path: Path, root: ET.Element, item: ET.Element, n: int, budget: _Budg
             content = _unzipped(path, text, head, size)
         else:
             raise InputError(
-                f"{path}: compressor {_short(compressor)}; rule: vtkZLibDataCompressor"
+                f"{path}: compressor {_short(compressor)}; expected vtkZLibDataCompressor"
             )
     except (binascii.Error, zlib.error, ValueError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(
-            f"{path}: data cannot be unpacked: {one_line_message(error)}; rule: base64, and what "
+            f"{path}: data cannot be unpacked: {one_line_message(error)}; expected base64, and "
+            "what "
             "its "
             "header says"
         ) from None
@@ -445,7 +453,7 @@ def _stated(path: Path, text: str, head: np.dtype, size: int) -> bytes:
         raise ValueError(f"{len(content)} bytes of a header of {head.itemsize}")
     stated = int(np.frombuffer(content[: head.itemsize], dtype=head)[0])
     if stated != size or len(content) < head.itemsize + size:
-        raise InputError(f"{path}: {stated} bytes of data; rule: {size}, as the mesh has it")
+        raise InputError(f"{path}: {stated} bytes of data; expected {size}, as the mesh has it")
     return content[head.itemsize : head.itemsize + size]
 
 
@@ -464,7 +472,7 @@ def _unzipped(path: Path, text: str, head: np.dtype, size: int) -> bytes:
     n_block, block, last = numbers(3)
     total = (n_block - (last > 0)) * block + last
     if total != size or n_block > 1 + size:
-        raise InputError(f"{path}: {total} bytes of data; rule: {size}, as the mesh has it")
+        raise InputError(f"{path}: {total} bytes of data; expected {size}, as the mesh has it")
     packed = numbers(3 + n_block)[3:]
     begin = encoded((3 + n_block) * head.itemsize)
     content = base64.b64decode(text[begin : begin + encoded(sum(packed))], validate=True)
@@ -475,10 +483,10 @@ def _unzipped(path: Path, text: str, head: np.dtype, size: int) -> bytes:
         part = unpack.decompress(content[at : at + one], most + 1)
         if len(part) != most:
             raise InputError(
-                f"{path}: a block of {len(part)} bytes or more; rule: {most}, as stated"
+                f"{path}: a block of {len(part)} bytes or more; expected {most}, as stated"
             )
         if not unpack.eof:  # else its checksum was not seen
-            raise InputError(f"{path}: a block of data is cut short; rule: whole ones")
+            raise InputError(f"{path}: a block of data is cut short; expected whole ones")
         parts.append(part)
         at += one
     return b"".join(parts)
@@ -488,32 +496,32 @@ def _xml(path: Path) -> ET.Element:
     """Parse a file that declares no types and no entities: those can grow without end."""
     text = read_text(path)
     if len(text) > _LARGEST_XML:
-        raise InputError(f"{path}: {len(text)} bytes; rule: at most {_LARGEST_XML}, with HDF5")
+        raise InputError(f"{path}: {len(text)} bytes; expected at most {_LARGEST_XML}, with HDF5")
     for word in ("<!DOCTYPE", "<!ENTITY"):
         if (at := text.upper().find(word)) >= 0:
             line = text.count("\n", 0, at) + 1
-            raise InputError(f"{path}, line {line}: {word}; rule: XML without it")
+            raise InputError(f"{path}, line {line}: {word}; expected XML without it")
     said = _ENCODING.match(text)
     if said is not None and said[1].upper() not in ("UTF-8", "UTF8", "ASCII", "US-ASCII"):
-        raise InputError(f"{path}, line 1: encoding {_short(said[1])}; rule: UTF-8")
+        raise InputError(f"{path}, line 1: encoding {_short(said[1])}; expected UTF-8")
     try:
         return ET.fromstring(text)
     except ET.ParseError as error:
-        raise InputError(f"{path}, line {error.position[0]}: {error}; rule: XML") from None
+        raise InputError(f"{path}, line {error.position[0]}: {error}; expected XML") from None
 
 
 def _checked(where: str, field: str, values: FloatArray, points: FloatArray) -> FloatArray:
     """Return displacements if they are finite, and two or three a point."""
     if values.ndim != 2 or len(values) != len(points) or values.shape[1] not in (2, 3):
         raise InputError(
-            f"{where}: {field!r} of shape {values.shape}; rule: ({len(points)}, 2 or 3)"
+            f"{where}: {field!r} of shape {values.shape}; expected ({len(points)}, 2 or 3)"
         )
     return _finite(where, repr(field), values)[:, :2]
 
 
 def _finite(where: str, what: str, values: FloatArray) -> FloatArray:
     if not np.isfinite(values).all():
-        raise InputError(f"{where}: {what} are not all finite; rule: finite numbers")
+        raise InputError(f"{where}: {what} are not all finite; expected finite numbers")
     return values
 
 
@@ -527,21 +535,21 @@ def _number(path: Path, here: str, word: str) -> float:
     try:
         time = finite(path, 0, word)
     except InputError:
-        raise InputError(f"{here}: time {word[:40]!r}; rule: a finite number") from None
+        raise InputError(f"{here}: time {word[:40]!r}; expected a finite number") from None
     if not 0 <= time <= HUGE:
-        raise InputError(f"{here}: time {word[:40]!r}; rule: a load, from 0 to {HUGE:g}")
+        raise InputError(f"{here}: time {word[:40]!r}; expected a load, from 0 to {HUGE:g}")
     return time
 
 
 def _whole(path: Path, word: str | None) -> int:
     if word is None or not re.fullmatch("[0-9]{1,15}", word):
-        raise InputError(f"{path}: {_short(word)}; rule: a whole number")
+        raise InputError(f"{path}: {_short(word)}; expected a whole number")
     return int(word)
 
 
 def _one_of(path: Path, name: str, word: str | None, words: Sequence[str]) -> str:
     if word is None or word not in words:
-        raise InputError(f"{path}: {name} {_short(word)}; rule: one of {', '.join(words)}")
+        raise InputError(f"{path}: {name} {_short(word)}; expected one of {', '.join(words)}")
     return word
 
 

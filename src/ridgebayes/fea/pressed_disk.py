@@ -94,17 +94,19 @@ def pressed_disk(scene: Scene, *, edges: float = 12.0) -> PressedDisk:
         If the scene has several textures or an offset one, or if ridges lie outside the disk.
     """
     if len(scene.textures) != 1:
-        raise InputError(f"{len(scene.textures)} textures; rule: a deck is of one texture")
+        raise InputError(f"{len(scene.textures)} textures; a deck is of one texture")
     (texture,) = scene.textures
     if texture.offset != 0:
-        raise InputError(f"offset = {texture.offset!r}; rule: a deck's body is centred, offset 0")
+        raise InputError(f"offset = {texture.offset!r}; a deck's body is centred, offset 0")
     if not 2 <= edges <= 200:
-        raise InputError(f"edges = {edges!r}; rule: 2 to 200 on a ridge")
+        raise InputError(f"edges = {edges!r}; expected 2 to 200 on a ridge")
     a, b, r = texture.a_over_R, texture.b_over_R, texture.corner_radius_over_R
     p_max = scene.highest_load(texture)
     widest = 1.1 * float(hertz.half_width(p_max, nu=scene.nu))
     if not widest < 0.9:
-        raise InputError(f"p/E = {p_max:g}: the contact is {widest:.2g} R wide; rule: under 0.9 R")
+        raise InputError(
+            f"p/E = {p_max:g}: the contact is {widest:.2g} R wide; expected under 0.9 R"
+        )
     n_ridge = max(2, math.ceil((widest - b / 2) / (a + b)) + 2)
     starts = b / 2 + (a + b) * np.arange(n_ridge)
     if not starts[-1] + a < 0.98:

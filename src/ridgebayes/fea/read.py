@@ -106,10 +106,12 @@ def import_files(
     """
     path = paths[0]
     if program is not None and program not in FORMATS:
-        raise InputError(f"--format {program}: rule: {', '.join(FORMATS)}")
+        raise InputError(f"--format {program}: expected {', '.join(FORMATS)}")
     name = program or recognise(path)
     if len(paths) > 1 and name != "series":
-        raise InputError(f"{len(paths)} files of format {name}: rule: one, but of a series of .vtu")
+        raise InputError(
+            f"{len(paths)} files of format {name}: expected one, but of a series of .vtu"
+        )
     _check_given(name, given)
     found = _READERS[name](paths, given, brackets)
     if role is not None:
@@ -123,7 +125,7 @@ def _check_given(name: str, given: Given) -> None:
     for option in (*_OF_TABLES, *_OF_RUNS, "deck", "surface", "reaction", *_OF_SERIES):
         value = getattr(given, option)
         if value not in (None, ()) and option not in _ALLOWED[name]:
-            raise InputError(f"--{option}: not for format {name}; rule: leave it out")
+            raise InputError(f"--{option}: not for format {name}; leave it out")
 
 
 def _table(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":
@@ -155,7 +157,9 @@ def _body(given: Given, name: str) -> "Body":
     from ridgebayes.fea.levels import Body
 
     if given.texture is None:
-        raise InputError(f"--texture: missing; rule: A,B, ridge and groove width over R ({name})")
+        raise InputError(
+            f"--texture: missing; expected A,B, ridge and groove width over R ({name})"
+        )
     numbers = {"nu": given.nu, "R": given.R, "E": given.E}
     plain = {}
     for option, text in numbers.items():
@@ -165,13 +169,13 @@ def _body(given: Given, name: str) -> "Body":
             plain[option] = float(text)
         except ValueError:
             raise InputError(
-                f"--{option} {text!r}: rule: a plain number, in the units of the run"
+                f"--{option} {text!r}: expected a plain number, in the units of the run"
             ) from None
     if "nu" not in plain:
-        raise InputError(f"--nu: missing; rule: Poisson's ratio of the run ({name})")
+        raise InputError(f"--nu: missing; expected Poisson's ratio of the run ({name})")
     symmetry = given.symmetry or "half"
     if symmetry not in ("half", "full"):
-        raise InputError(f"--symmetry {symmetry}: rule: half or full")
+        raise InputError(f"--symmetry {symmetry}: expected half or full")
     return Body(
         *given.texture,
         **plain,
@@ -196,7 +200,8 @@ def _run_files(given: Given, name: str) -> _RunFiles:
     ]
     if missing:
         raise InputError(
-            f"{', '.join(missing)}: missing; rule: the run's deck and its node sets of the body's "
+            f"{', '.join(missing)}: missing; expected the run's deck and its node sets of the "
+            "body's "
             f"surface and of the driven nodes ({name})"
         )
     assert given.deck is not None
@@ -252,7 +257,7 @@ def _series(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":
 
     time = given.time or "p_over_E"
     if time not in ("p_over_E", "line"):
-        raise InputError(f"--time {time}: rule: p_over_E or line")
+        raise InputError(f"--time {time}: expected p_over_E or line")
     return read_series(
         paths,
         _body(given, "series"),

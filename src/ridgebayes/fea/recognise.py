@@ -44,6 +44,7 @@ def recognise(path: Path) -> str:
     if suffix in _TABLES:
         return "table"
     raise InputError(
-        f"{path}: its format is not recognised; rule: --format {', '.join(FORMATS)}, or a suffix "
+        f"{path}: its format is not recognised; expected --format {', '.join(FORMATS)}, or a "
+        "suffix "
         f"of {', '.join(_TABLES)}, .dat, .rpt, .vtu or .xdmf"
     )

@@ -67,5 +67,5 @@ def finite(path: Path, line: int, word: str, value: int | None = None) -> float:
         number = float(f"{match[1]}e{match[2] or match[3] or '0'}")
     if not math.isfinite(number):
         where = f"{path}, line {line}" + (f", value {value} =" if value else ":")
-        raise InputError(f"{where} {word[:40]!r}: rule: a finite number")
+        raise InputError(f"{where} {word[:40]!r}: expected a finite number")
     return number

@@ -50,9 +50,9 @@ class Rim:
         """
         at = undeformed
         if len(at) < _LEAST_NODES:
-            raise InputError(f"{where}: {len(at)} surface nodes; rule: at least {_LEAST_NODES}")
+            raise InputError(f"{where}: {len(at)} surface nodes; expected at least {_LEAST_NODES}")
         if not (np.abs(at) <= HUGE).all():
-            raise InputError(f"{where}: surface nodes; rule: coordinates within {HUGE:g}")
+            raise InputError(f"{where}: surface nodes; expected coordinates within {HUGE:g}")
         matrix = np.column_stack([2 * at, np.ones(len(at))])
         (x, y, c), *_ = np.linalg.lstsq(matrix, (at**2).sum(axis=1), rcond=None)
         centre = np.array([x, y])
@@ -66,7 +66,7 @@ class Rim:
         if not off.max() <= _ROUND * R:
             raise InputError(
                 f"{where}: surface nodes lie up to {off.max():.3g} off a circle of R = {R:.6g} "
-                f"about ({x:.4g}, {y:.4g}); rule: the undeformed surface of a cylinder, within "
+                f"about ({x:.4g}, {y:.4g}); expected the undeformed surface of a cylinder, within "
                 f"{_ROUND:g} R (the circle through them has R = {found:.6g})"
             )
         angle = np.arctan2(at[:, 0] - x, y - at[:, 1])
@@ -79,11 +79,11 @@ class Rim:
                 sides.append((some, sign))
         if not sides or (symmetry == "full" and len(sides) < 2):
             raise InputError(
-                f"{where}: surface nodes on one side of the axis only; rule: --symmetry half"
+                f"{where}: surface nodes on one side of the axis only; use --symmetry half"
             )
         if symmetry == "half" and len(sides) > 1:
             raise InputError(
-                f"{where}: surface nodes on both sides of the axis; rule: --symmetry full"
+                f"{where}: surface nodes on both sides of the axis; use --symmetry full"
             )
         return cls(float(R), centre, tuple(sides))
 

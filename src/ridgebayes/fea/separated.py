@@ -123,7 +123,7 @@ class Separated:
                     typed = self._separator.join(cells)
                     shown = typed if len(typed) <= 60 else f"{typed[:57]}..."
                     bad.append(
-                        f"{self.where}, line {line}: {shown!r} has {len(cells)} cells: rule: "
+                        f"{self.where}, line {line}: {shown!r} has {len(cells)} cells: expected "
                         f"{width} cells, as the header (separator {SEPARATORS[self._separator]})"
                     )
         if n == 1:
@@ -222,7 +222,7 @@ class Separated:
         place = f"{self.where}, line {number}, column {name!r} = {cell!r}"
         if self._separator == ",":
             raise InputError(
-                f"{place}: rule: a point for decimals, since commas separate the cells"
+                f"{place}: expected a point for decimals, since commas separate the cells"
             )
         for name in wanted:
             if name not in doubtful and "point" not in first:
@@ -233,13 +233,14 @@ class Separated:
         if "point" in first:
             number, name, cell = first["point"]
             raise InputError(
-                f"{place}: but line {number}, column {name!r} = {cell!r}: rule: one decimal mark "
+                f"{place}: but line {number}, column {name!r} = {cell!r}: expected one decimal "
+                "mark "
                 "in all of the file, and no thousands separators"
             )
         if not sure:
             raise InputError(
                 f"{place}: may be a decimal comma or a thousands separator, and no cell tells "
-                "which: rule: a point for decimals"
+                "which: expected a point for decimals"
             )
         return self._slow(wanted), "comma"
 
@@ -275,7 +276,7 @@ def _utf8(content: bytes, where: str) -> bytes:
     """Return UTF-8 text without its mark, lines ended by LF, no blank ones at its end."""
     for mark, name in ((codecs.BOM_UTF16_LE, "UTF-16"), (codecs.BOM_UTF16_BE, "UTF-16")):
         if content.startswith(mark):
-            raise InputError(f"{where}, line 1: begins as {name} text; rule: UTF-8")
+            raise InputError(f"{where}, line 1: begins as {name} text; expected UTF-8")
     content = content.removeprefix(codecs.BOM_UTF8)
     if b"\0" in content:
         line = content[: content.index(b"\0")].count(b"\n") + 1
@@ -285,7 +286,7 @@ def _utf8(content: bytes, where: str) -> bytes:
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         raise InputError(
-            f"{where}, line {line}: byte {content[error.start]:#04x} is not UTF-8; rule: UTF-8"
+            f"{where}, line {line}: byte {content[error.start]:#04x} is not UTF-8; expected UTF-8"
         ) from None
     content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n").rstrip(b"\n")
     if not content.strip():
@@ -317,5 +318,6 @@ def _separator(content: bytes, where: str) -> str:
     if failed is not None:
         raise failed
     raise InputError(
-        f"{where}, line 1: one column only; rule: columns separated by commas, semicolons or tabs"
+        f"{where}, line 1: one column only; expected columns separated by commas, semicolons or "
+        "tabs"
     )

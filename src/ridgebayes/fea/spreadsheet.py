@@ -68,7 +68,7 @@ class Spreadsheet:
         if not self._rows:
             raise InputError(f"{self.where}: no rows below the header")
         self._check(lambda value, kind: kind == "f" or _is_formula(value), self.headers, FORMULA)
-        self._check(lambda _, kind: kind == "e", self.headers, "rule: no error values")
+        self._check(lambda _, kind: kind == "e", self.headers, "expected no error values")
 
     def read(self, numeric: Collection[str]) -> Cells:
         """Read all rows, the columns of these headers as numbers."""
@@ -153,21 +153,21 @@ def _check_archive(content: bytes, where: str) -> None:
             members = archive.infolist()
             total = sum(one.file_size for one in members)
             if total > LARGEST:
-                raise InputError(f"{where}: unpacks to {total} bytes; rule: at most {LARGEST}")
+                raise InputError(f"{where}: unpacks to {total} bytes; expected at most {LARGEST}")
             if total > 10**6 and total > LARGEST_RATIO * len(content):
                 raise InputError(
-                    f"{where}: unpacks to {total} bytes from {len(content)}; rule: at most "
+                    f"{where}: unpacks to {total} bytes from {len(content)}; expected at most "
                     f"{LARGEST_RATIO} times its size"
                 )
             parsed = [one for one in members if one.filename.lower().endswith((".xml", ".rels"))]
             size = sum(one.file_size for one in parsed)
             if size > LARGEST_XML:
                 raise InputError(
-                    f"{where}: {size} bytes of sheets; rule: at most {LARGEST_XML}, save larger "
+                    f"{where}: {size} bytes of sheets; expected at most {LARGEST_XML}, save larger "
                     "tables as CSV"
                 )
             if any("vbaproject" in one.filename.lower() for one in members):
-                raise InputError(f"{where}: holds macros; rule: a workbook without macros")
+                raise InputError(f"{where}: holds macros; expected a workbook without macros")
             for one in parsed:
                 _check_xml(archive.read(one), one.filename, where)
     except InputError:
@@ -179,17 +179,17 @@ def _check_archive(content: bytes, where: str) -> None:
 
 def _check_xml(text: bytes, name: str, where: str) -> None:
     if text[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0" in text[:100]:
-        raise InputError(f"{where}: {name} is not UTF-8; rule: XML as UTF-8")
+        raise InputError(f"{where}: {name} is not UTF-8; expected XML as UTF-8")
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-        raise InputError(f"{where}: {name} has a document type; rule: XML without DOCTYPE")
+        raise InputError(f"{where}: {name} has a document type; expected XML without DOCTYPE")
     if "worksheets/" in name:
         # The reader passes over rows that are out of order.
         numbers = [int(n) if n.isdigit() else -1 for n in _ROW.findall(text)]
         if any(n < 1 for n in numbers) or any(np.diff(numbers) <= 0):
-            raise InputError(f"{where}: {name}: rule: numbered rows in rising order")
+            raise InputError(f"{where}: {name}: expected numbered rows in rising order")
         if odd := _ODD.search(text):
             cell = odd.group().split(b">")[-1][:60].decode("utf-8", "replace")
-            raise InputError(f"{where}: {name}: value {cell!r}: rule: a number")
+            raise InputError(f"{where}: {name}: value {cell!r}: expected a number")
 
 
 def _grid(content: bytes, where: str, sheet: str | None) -> tuple[str, int, list[list[_Cell]]]:
@@ -229,7 +229,7 @@ def _grid(content: bytes, where: str, sheet: str | None) -> tuple[str, int, list
         raise InputError(f"{where}: no sheet with cells{'' if sheet is None else f' in {sheet!r}'}")
     if len(full) > 1:
         raise InputError(
-            f"{where}: {len(full)} sheets have cells: {', '.join(map(repr, full))}; rule: --sheet"
+            f"{where}: {len(full)} sheets have cells: {', '.join(map(repr, full))}; use --sheet"
         )
     return full[0], *found[full[0]]
 
@@ -242,7 +242,7 @@ def _rows(sheet: Any, where: str) -> tuple[int, list[list[_Cell]]]:
         n_cell += len(row)
         if number > MOST_ROWS or n_cell > MOST_CELLS:
             raise InputError(
-                f"{where}, sheet {sheet.title!r}: more than {MOST_CELLS} cells; rule: save larger "
+                f"{where}, sheet {sheet.title!r}: more than {MOST_CELLS} cells; save larger "
                 "tables as CSV"
             )
         if not first and not any(_is_full(cell.value) for cell in row):

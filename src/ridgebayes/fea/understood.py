@@ -76,7 +76,7 @@ class ColumnInterpreter:
             what = f"column {single[0].header!r}" if single else "no load"
             raise InputError(
                 f"{self.where}: {what} beside columns for each Q ({listed(u.header for u in per_Q)}"
-                "); rule: a load for each Q, or columns Q and load"
+                "); expected a load for each Q, or columns Q and load"
             )
         common = self._curve()
         for key in ("kind", "role", "status"):
@@ -90,7 +90,7 @@ class ColumnInterpreter:
         for use in per_Q:
             if use.Q not in there:
                 raise InputError(
-                    f"{self.where}: column {use.header!r}: no load of Q = {use.Q}; rule: one"
+                    f"{self.where}: column {use.header!r}: no load of Q = {use.Q}; expected one"
                 )
         # By row of the file, and along it by Q.
         table = {
@@ -99,7 +99,7 @@ class ColumnInterpreter:
         }
         row, which = np.nonzero(~np.isnan(table["p_over_E"]))
         if not row.size:
-            raise InputError(f"{self.where}: no load in any column; rule: a load in some cell")
+            raise InputError(f"{self.where}: no load in any column; expected a load in some cell")
         self._say()
         said = self._unused()
         if empty := n * len(loads) - row.size:
@@ -117,7 +117,8 @@ class ColumnInterpreter:
             if use.how == "mapped" and (wrong or use.key in ("Q", "kind", "rel_se", *LOWERS)):
                 raise InputError(
                     f"{self.where}: column {use.header!r} as {use.key} beside "
-                    f"{corners[0].header!r}; rule: increments have a load, and columns of corners"
+                    f"{corners[0].header!r}; expected increments have a load, and columns of "
+                    "corners"
                 )
         curve = self._curve()
         self._text(curve, "role")
@@ -196,15 +197,15 @@ class ColumnInterpreter:
         empty = np.isnan(numbers)
         rules: list[tuple[BoolArray, str, str]] = []
         if use.key in ("a", "b", "R", "E"):
-            rules.append((empty, use.header, "rule: not empty"))
+            rules.append((empty, use.header, "expected not empty"))
         if use.key in ("p", "line") and self._is_history:
             pass
         elif use.key in _ABOVE_0:
-            rules.append((numbers <= 0, use.header, "rule: above 0"))
+            rules.append((numbers <= 0, use.header, "expected above 0"))
         elif use.key in LOWERS:
-            rules.append((numbers < 0, use.header, "rule: 0 or above"))
+            rules.append((numbers < 0, use.header, "expected 0 or above"))
         elif use.key == "pressure":
-            rule = "rule: 0 where open, above 0 where closed"
+            rule = "expected 0 where open, above 0 where closed"
             rules.append((numbers < 0, use.header, rule))
         self.cells.check(*rules)
 
@@ -224,10 +225,10 @@ class ColumnInterpreter:
             assert digits is not None
             number, unit = float(digits.group()), text[digits.end() :].strip()
         else:
-            raise InputError(f"{self.where}: value {key} = {text!r}: rule: a number")
+            raise InputError(f"{self.where}: value {key} = {text!r}: expected a number")
         if not np.isfinite(number) or (key in _ABOVE_0 and number <= 0):
             rule = "above 0" if key in _ABOVE_0 else "finite"
-            raise InputError(f"{self.where}: value {key} = {text!r}: rule: {rule}")
+            raise InputError(f"{self.where}: value {key} = {text!r}: expected {rule}")
         if unit:
             factor = to_si(f"1 {unit}", DIMENSIONS[key])
         found = Quantity(key, np.array(number), unit, factor)
@@ -306,7 +307,7 @@ class ColumnInterpreter:
         if (found := self._quantity(key)) is not None:
             return found
         raise InputError(
-            f"{self.where}: {by} needs {key}; rule: a column, --map '{key}=header', or --{key}"
+            f"{self.where}: {by} needs {key}; expected a column, --map '{key}=header', or --{key}"
         )
 
     def _missing(self, key: str) -> InputError:
@@ -314,7 +315,7 @@ class ColumnInterpreter:
         there = ", ".join(map(repr, list(self.cells.frame)[:50]))
         return InputError(
             f"{self.where}: no column is {key}{f' (or {ways})' if ways else ''}; the columns are "
-            f"{there}; rule: --map '{key}=header' for one that means it"
+            f"{there}; use --map '{key}=header' for one that means it"
         )
 
     def _say(self) -> None:
@@ -330,7 +331,7 @@ class ColumnInterpreter:
         if bare and ("E" in self._values or self._use("E", None) is not None):
             raise InputError(
                 f"{self.where}: column {bare[0].header!r} has no unit, beside E: p/E, pressure or "
-                "line load; rule: name it, as --map 'p_over_E=Q=*', 'p=Q=*;kPa' or 'line=Q=*;N/mm'"
+                "line load; name it, as --map 'p_over_E=Q=*', 'p=Q=*;kPa' or 'line=Q=*;N/mm'"
             )
         given = set(self._values) - self._used
         if given:

@@ -139,7 +139,7 @@ class Checkpoint:
         # Damage turns up as errors of many kinds.
         except Exception as error:
             raise InputError(
-                f"{self.path}: not a readable chain file ({one_line_message(error)}); rule: "
+                f"{self.path}: not a readable chain file ({one_line_message(error)}); expected "
                 "remove it, and "
                 "--resume makes it anew"
             ) from None
@@ -151,7 +151,7 @@ class Checkpoint:
         ]
         if changed:
             raise InputError(
-                f"{self.path}: cannot resume, {'; '.join(changed)}; rule: the same run, or no "
+                f"{self.path}: cannot resume, {'; '.join(changed)}; expected the same run, or no "
                 "--resume to start again"
             )
         states = tuple(

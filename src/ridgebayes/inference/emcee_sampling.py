@@ -58,17 +58,17 @@ class SampleSettings:
 
     def __post_init__(self) -> None:
         if self.n_ensemble < 4:
-            raise InputError(f"n_ensemble: {self.n_ensemble} given; rule: at least 4")
+            raise InputError(f"n_ensemble: expected at least 4, got {self.n_ensemble}")
         for name in ("n_burn", "n_step_max"):
             if not getattr(self, name) >= 1:
-                raise InputError(f"{name}: {getattr(self, name)} given; rule: at least 1")
+                raise InputError(f"{name}: expected at least 1, got {getattr(self, name)}")
         for name in ("n_tau", "tau_change"):
             if not 0 < getattr(self, name) < np.inf:
-                raise InputError(f"{name}: {getattr(self, name)} given; rule: finite and > 0")
+                raise InputError(f"{name}: expected finite and > 0, got {getattr(self, name)}")
         if self.moves not in MOVES:
-            raise InputError(f"moves: {self.moves!r} given; rule: {', '.join(MOVES)}")
+            raise InputError(f"moves: expected {', '.join(MOVES)}, got {self.moves!r}")
         if self.n_walker is not None and (self.n_walker < 4 or self.n_walker % 2):
-            raise InputError(f"n_walker: {self.n_walker} given; rule: even and at least 4")
+            raise InputError(f"n_walker: expected even and at least 4, got {self.n_walker}")
 
 
 def walkers_for(n_texture: int, is_iid_gaussian: bool) -> int:
@@ -270,7 +270,9 @@ def _start(draws: Weighted, rng: np.random.Generator, n_walker: int) -> FloatArr
     by_weight = np.unique(draws.resampled(rng, n_walker))[: n_walker // 2]
     rest = np.setdiff1d(feasible, by_weight)
     if len(by_weight) + len(rest) < n_walker:
-        raise InputError("sample: no starting points of positive density; rule: a feasible centre")
+        raise InputError(
+            "sample: no starting points of positive density; expected a feasible centre"
+        )
     others = rng.permutation(rest)[: n_walker - len(by_weight)]
     return draws.z[np.concatenate([by_weight, others])]
 

@@ -73,7 +73,7 @@ def importance_fit(
     Journal of Machine Learning Research 25(72), for the shape of the weights.
     """
     if n_draw < 128 or n_draw % 128:
-        raise InputError(f"n_draw: {n_draw} given; rule: a multiple of 128")
+        raise InputError(f"n_draw: expected a multiple of 128, got {n_draw}")
     laplace = fit_laplace(model)
     modes = several_modes(model, laplace)
 

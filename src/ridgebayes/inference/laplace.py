@@ -240,7 +240,7 @@ def _start(model: Model) -> FloatArray:
         if np.isfinite(values).any():
             return np.asarray(width * points[np.argmax(values)])
     raise ComputationError(
-        f"{model.form.name}: no point of positive density within some prior sds; rule: priors "
+        f"{model.form.name}: no point of positive density within some prior sds; expected priors "
         "under which the rate of every texture can be positive"
     )
 
@@ -267,7 +267,7 @@ def _check_gradient(model: Model, u: FloatArray) -> None:
         raise InputError(
             f"{model.form.name}: log_rate_gradient gives a change of {claimed[worst]:.6g} of the "
             f"log rate of texture a/R = {a!r}, b/R = {b!r} where the rate itself changes by "
-            f"{change[worst]:.6g}; rule: the derivative of log rate"
+            f"{change[worst]:.6g}; expected the derivative of log rate"
         )
 
 

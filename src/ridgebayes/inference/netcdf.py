@@ -134,7 +134,7 @@ def read_netcdf(path: str | os.PathLike[str]) -> Posterior:
     import h5py
 
     if not Path(path).is_file():
-        raise InputError(f"{path}: no such file; rule: a posterior written by ridgebayes")
+        raise InputError(f"{path}: no such file; expected a posterior written by ridgebayes")
     content = read_bytes(Path(path))
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
@@ -149,7 +149,7 @@ def read_netcdf(path: str | os.PathLike[str]) -> Posterior:
             f"{path}: not a readable NetCDF file ({one_line_message(error)})"
         ) from None
     if "ridgebayes_version" not in tree.attrs:
-        raise InputError(f"{path}: no ridgebayes_version attribute; rule: written by ridgebayes")
+        raise InputError(f"{path}: no ridgebayes_version attribute; expected written by ridgebayes")
     try:
         return _fit_of(tree)
     except Exception as error:

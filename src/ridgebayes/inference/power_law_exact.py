@@ -43,10 +43,10 @@ def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:
         independent normal errors.
     """
     if not isinstance(model.form, PowerLaw):
-        raise InputError(f"form {model.form.name!r} given; rule: power-law")
+        raise InputError(f"form {model.form.name!r} given; expected power-law")
     for name, prior in list(model.priors.items())[:-1]:
         if not isinstance(prior, LogNormal):
-            raise InputError(f"prior of {name!r}: {prior} given; rule: log-normal")
+            raise InputError(f"prior of {name!r}: expected log-normal, got {prior}")
     step, before = 0.5, math.nan
     while step > 1e-4:
         log_sigma = np.arange(-60.0, 20.0, step)
@@ -111,7 +111,8 @@ def _conditional(model: Model, texture: int, sigma: FloatArray) -> tuple[FloatAr
 def _groups(model: Model) -> RowGroups:
     if not isinstance(model.likelihood, IndependentNormalRows):
         raise InputError(
-            f"error model {model.noise.name!r} given; rule: iid and exact rows, which alone leave "
+            f"error model {model.noise.name!r} given; expected iid and exact rows, which alone "
+            "leave "
             "the power law a closed form"
         )
     return model.likelihood.groups

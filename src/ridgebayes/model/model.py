@@ -77,7 +77,7 @@ class Model:
         for name, prior in (priors or {}).items():
             if name not in self.priors or prior.positive != self.priors[name].positive:
                 raise InputError(
-                    f"prior of {name!r}: {prior} given; rule: one of {', '.join(self.priors)}, "
+                    f"prior of {name!r}: {prior} given; expected one of {', '.join(self.priors)}, "
                     "with the support of its default"
                 )
             self.priors[name] = prior
@@ -175,7 +175,7 @@ class Model:
             raise ComputationError(
                 f"{self.form.name}: rate = {float(rate[(*draw, j)])} given at "
                 f"{', '.join(f'{name} = {value!r}' for name, value in at)} for texture "
-                f"a/R = {a!r}, b/R = {b!r}; rule: a finite number, <= 0 where no load reaches "
+                f"a/R = {a!r}, b/R = {b!r}; expected a finite number, <= 0 where no load reaches "
                 "a further ridge"
             )
 

@@ -48,7 +48,7 @@ class Noise:
             ("tail", self.tail, self.tails),
         ):
             if value not in known:
-                raise InputError(f"noise: {kind} {value!r} given; rule: one of {', '.join(known)}")
+                raise InputError(f"noise: expected one of {', '.join(known)}, got {kind} {value!r}")
 
     @classmethod
     def named(cls, name: str) -> "Noise":
@@ -56,7 +56,7 @@ class Noise:
         structure, colon, tail = name.partition(":")
         if structure not in cls.structures or (colon and tail not in cls.tails):
             raise InputError(
-                f"noise {name!r}: not an error model; rule: STRUCTURE or STRUCTURE:student, "
+                f"noise {name!r}: not an error model; expected STRUCTURE or STRUCTURE:student, "
                 f"STRUCTURE one of {', '.join(cls.structures)}"
             )
         return cls(structure, tail or "normal")

@@ -44,7 +44,7 @@ class Prior(ABC):
             positive = name != "mean"
             if not math.isfinite(value) or (positive and value <= 0):
                 rule = "finite and > 0" if positive else "finite"
-                raise InputError(f"{self.kind} prior: {name} = {value!r} given; rule: {rule}")
+                raise InputError(f"{self.kind} prior: expected {rule}, got {name} = {value!r}")
 
     @staticmethod
     @abstractmethod
@@ -391,7 +391,8 @@ def default_priors(
         lost = [name for name in form.parameter_names if name not in known | own]
         if lost:
             raise InputError(
-                f"{form.name}: no prior of {', '.join(map(repr, lost))} given; rule: coefficients "
+                f"{form.name}: no prior of {', '.join(map(repr, lost))} given; expected "
+                "coefficients "
                 f"other than {', '.join(known)} have no default, pass priors={{name: prior}}"
             )
         priors = {name: (own | known)[name] for name in form.parameter_names}

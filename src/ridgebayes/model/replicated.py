@@ -51,7 +51,8 @@ def simulate_log_loads(
     theta = np.asarray(theta, dtype=float)
     if theta.shape[-1:] != (model.n_parameter,):
         raise InputError(
-            f"theta: shape {theta.shape} given; rule: {model.n_parameter} parameters on the last "
+            f"theta: shape {theta.shape} given; expected {model.n_parameter} parameters on the "
+            "last "
             f"axis ({', '.join(model.parameter_names)})"
         )
     eta = theta[..., model.n_coefficient :]
@@ -98,10 +99,10 @@ def simulated(data: Observations, log_load: FloatArray) -> Observations:
     """
     log_load = np.asarray(log_load, dtype=float)
     if log_load.shape != (len(data),):
-        raise InputError(f"log_load: shape {log_load.shape} given; rule: ({len(data)},)")
+        raise InputError(f"log_load: expected ({len(data)},), got shape {log_load.shape}")
     here = np.isfinite(log_load)
     if not here.any():
-        raise InputError("log_load: no finite value given; rule: at least one")
+        raise InputError("log_load: expected at least one, got no finite value")
     kept = data.take(here)
     return Observations(
         textures=kept.textures,
@@ -162,5 +163,5 @@ def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:
             return np.concatenate(found)[:n]
     raise ComputationError(
         f"{model.form.name}: {n_found} of {_ROUNDS_MAX * n} prior draws have positive rates; "
-        f"rule: at least {n}"
+        f"expected at least {n}"
     )

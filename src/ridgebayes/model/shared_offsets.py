@@ -155,7 +155,7 @@ class SmoothOffsets(Offsets):
         self.codes_next = codes.reshape(-1)[len(data) :][None]
         if self.n_level > LARGEST_SMOOTH:
             raise ComputationError(
-                f"step-smooth: {self.n_level} places of Q and a/pitch; rule: at most "
+                f"step-smooth: {self.n_level} places of Q and a/pitch; expected at most "
                 f"{LARGEST_SMOOTH}, since the cost of a likelihood call grows with their cube"
             )
         # The kernel is a product: each factor is worked out on its own few values.

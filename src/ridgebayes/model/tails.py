@@ -104,7 +104,7 @@ class Tail(ABC):
             If a probability is outside 0 to 1.
         """
         if not np.all((np.asarray(prob) >= 0) & (np.asarray(prob) <= 1)):
-            raise InputError(f"prob: {prob!r} given; rule: 0 <= prob <= 1")
+            raise InputError(f"prob: expected 0 <= prob <= 1, got {prob!r}")
         return self._quantile(np.asarray(prob, float), df)
 
     @abstractmethod
@@ -342,7 +342,7 @@ def tail_named(name: str) -> Tail:
     ('df',)
     """
     if name not in TAILS:
-        raise InputError(f"tail {name!r}: unknown; rule: one of {', '.join(TAILS)}")
+        raise InputError(f"tail {name!r}: unknown; expected one of {', '.join(TAILS)}")
     return TAILS[name]
 
 

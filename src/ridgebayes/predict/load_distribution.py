@@ -56,7 +56,7 @@ class LoadDistribution:
         """
         p = np.asarray(p_over_E, dtype=float)
         if np.any(np.isnan(p)):
-            raise InputError(f"p_over_E: {p_over_E!r} given; rule: numbers")
+            raise InputError(f"p_over_E: expected numbers, got {p_over_E!r}")
         with np.errstate(divide="ignore"):
             y = np.log(np.maximum(p, 0))
         return self._cdf(np.broadcast_to(y, self.log_mean.shape[1:]))
@@ -79,7 +79,7 @@ class LoadDistribution:
             no longer tell quantiles apart.
         """
         if not 0 < prob <= _LARGEST_PROB:
-            raise InputError(f"prob: {prob!r} given; rule: 0 < prob < 1, at most 1 - 1e-12")
+            raise InputError(f"prob: expected 0 < prob < 1, at most 1 - 1e-12, got {prob!r}")
         if not self.sd.any():
             return np.exp(_weighted_quantile(self.log_mean, self.weight, prob))
         with np.errstate(over="ignore"):
@@ -98,7 +98,7 @@ class LoadDistribution:
             If `prob` is outside 0 to 1, or nearer to 1 than 2e-12.
         """
         if not 0 <= prob <= 2 * _LARGEST_PROB - 1:
-            raise InputError(f"prob: {prob!r} given; rule: 0 <= prob < 1, at most 1 - 2e-12")
+            raise InputError(f"prob: expected 0 <= prob < 1, at most 1 - 2e-12, got {prob!r}")
         return self.quantile(0.5 - prob / 2), self.quantile(0.5 + prob / 2)
 
     def rvs(self, rng: Rng, size: int = 1) -> FloatArray:

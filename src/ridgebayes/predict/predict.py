@@ -248,7 +248,7 @@ def _survival(
                 return np.stack(columns, axis=-1), reached.error
     if draws.df is not None:
         return np.stack(columns, axis=-1), reached.error
-    raise InputError(f"p_over_E: counts above {_LARGEST_Q} at a/R, b/R = {texture}; rule: fewer")
+    raise InputError(f"p_over_E: counts above {_LARGEST_Q} at a/R, b/R = {texture}; expected fewer")
 
 
 def _widest(texture: Texture) -> int:
@@ -274,4 +274,4 @@ def _by_texture(a: FloatArray, b: FloatArray) -> list[tuple[Texture, IntArray]]:
 
 def _check_kind(kind: str) -> None:
     if kind not in KINDS:
-        raise InputError(f"kind: {kind!r} given; rule: one of {', '.join(KINDS)}")
+        raise InputError(f"kind: expected one of {', '.join(KINDS)}, got {kind!r}")

@@ -68,7 +68,7 @@ class QDistribution:
     def at_least(self, n: float) -> FloatArray:
         """Return P(Q >= n), shape (...); InputError if `n` is NaN."""
         if math.isnan(n):
-            raise InputError(f"n: {n!r} given; rule: a number")
+            raise InputError(f"n: expected a number, got {n!r}")
         step = max((n - 2) / 2, 0)
         if step > self.survival.shape[-1] - 1:
             return np.zeros(self.survival.shape[:-1])
@@ -87,7 +87,7 @@ class QDistribution:
             If `prob` is outside 0 to 1.
         """
         if not 0 <= prob <= 1:
-            raise InputError(f"prob: {prob!r} given; rule: 0 <= prob <= 1")
+            raise InputError(f"prob: expected 0 <= prob <= 1, got {prob!r}")
         # A rounding error of the sum must not push the quantile a step up.
         reached = self.cdf >= prob * (1 - 1e-12)
         return self.q[np.argmax(reached, axis=-1)]
@@ -110,7 +110,7 @@ class QDistribution:
             If `prob` is outside 0 to 1.
         """
         if not 0 <= prob <= 1:
-            raise InputError(f"prob: {prob!r} given; rule: 0 <= prob <= 1")
+            raise InputError(f"prob: expected 0 <= prob <= 1, got {prob!r}")
         return self.quantile(0.5 - prob / 2), self.quantile(0.5 + prob / 2)
 
     def extrapolation(self, prob: float = 0.9) -> BoolArray:
@@ -144,7 +144,7 @@ def shares(weights: Sequence[float]) -> FloatArray:
     """Return weights that sum to 1, or raise InputError where that cannot be."""
     values = np.asarray(weights, dtype=float)
     if not (np.all(values >= 0) and 0 < values.sum() < math.inf):
-        raise InputError(f"weights: {weights!r} given; rule: finite, not negative, one above 0")
+        raise InputError(f"weights: expected finite, not negative, one above 0, got {weights!r}")
     return values / values.sum()
 
 

@@ -69,7 +69,9 @@ def write_report(
     target = Path(path)
     suffix = target.suffix.lower()
     if suffix not in _TEMPLATES:
-        raise InputError(f"{target}: suffix {target.suffix!r}; rule: a report ends in .html or .md")
+        raise InputError(
+            f"{target}: suffix {target.suffix!r}; expected a report ends in .html or .md"
+        )
     _write(target, render_report(comparison, suffix, reference=reference))
 
 

@@ -75,11 +75,11 @@ def cannot_write(path: Path, error: OSError) -> RidgebayesError:
     Examples
     --------
     >>> print(cannot_write(Path("a.csv"), OSError(28, "No space left on device")))
-    a.csv: cannot be written: No space left on device; rule: room in a folder that can be written to
+    a.csv: cannot be written: No space left on device; expected a writable folder with room
     """
     why = " ".join((error.strerror or str(error)).split())
     if isinstance(error, FileNotFoundError | NotADirectoryError) or not path.parent.is_dir():
-        return InputError(f"{path}: cannot be written: {why}; rule: a file in an existing folder")
-    return OutputError(
-        f"{path}: cannot be written: {why}; rule: room in a folder that can be written to"
-    )
+        return InputError(
+            f"{path}: cannot be written: {why}; expected a file in an existing folder"
+        )
+    return OutputError(f"{path}: cannot be written: {why}; expected a writable folder with room")

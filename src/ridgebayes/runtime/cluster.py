@@ -44,7 +44,7 @@ def cluster(address: str) -> Iterator["ClusterExecutor"]:
     except ImportError:
         raise InputError(
             f"--scheduler {address}: distributed is not installed; "
-            "rule: pip install 'ridgebayes[dask]'"
+            "run pip install 'ridgebayes[dask]'"
         ) from None
     try:
         _reach(address)
@@ -52,7 +52,7 @@ def cluster(address: str) -> Iterator["ClusterExecutor"]:
     except (OSError, ValueError) as error:
         raise InputError(
             f"--scheduler {address}: no Dask scheduler answers ({error}); "
-            "rule: tcp://HOST:PORT of one that runs"
+            "expected tcp://HOST:PORT of one that runs"
         ) from None
     # A scheduler that ends is one error of the task that waits for it; Dask would log many.
     logs = [logging.getLogger(name) for name in ("distributed.client", "distributed.core")]
@@ -122,13 +122,13 @@ def _pass_on(inner: "Future[Any]", outer: "Future[Any]") -> None:
     if isinstance(error, KilledWorker):
         error = WorkerLostError(
             f"{error.allowed_failures + 1} workers of the cluster died on it; "
-            "rule: enough memory for each worker"
+            "expected enough memory for each worker"
         )
     # Dask's scheduler reads a task as well, and wraps what it lacks in an error of its own.
     lacking = error if error is None or isinstance(error, ImportError) else error.__cause__
     if isinstance(lacking, ImportError):
         error = InputError(
-            f"--scheduler: the cluster lacks what it is to compute with ({lacking}); rule: the "
+            f"--scheduler: the cluster lacks what it is to compute with ({lacking}); expected the "
             "same ridgebayes on its scheduler and on all its workers"
         )
     if error is None:

@@ -48,11 +48,11 @@ def check_tree(file: "h5py.File", where: str) -> None:
         for key in group:
             here = f"{where}: {_shown(group.name, key)}"
             if not isinstance(group.get(key, getlink=True), h5py.HardLink):
-                raise InputError(f"{here} is a link; rule: none")
+                raise InputError(f"{here} is a link; expected none")
             one = group[key]
             place = h5py.h5o.get_info(one.id).addr
             if place in seen or len(seen) >= _MOST_OBJECTS:
-                raise InputError(f"{here}: rule: each object once, at most {_MOST_OBJECTS}")
+                raise InputError(f"{here}: expected each object once, at most {_MOST_OBJECTS}")
             seen.add(place)
             if isinstance(one, h5py.Group):
                 groups.append(one)
@@ -60,7 +60,7 @@ def check_tree(file: "h5py.File", where: str) -> None:
             check_inside(one, here, text=True)
             left -= one.size * one.dtype.itemsize
             if left < 0:
-                raise InputError(f"{here} is {one.shape}; rule: at most {LARGEST} bytes in all")
+                raise InputError(f"{here} is {one.shape}; expected at most {LARGEST} bytes in all")
             if not bytes(one.attrs.get("NAME", b"")).startswith(_NO_VARIABLE):
                 check_stored(one, here)
 
@@ -89,7 +89,7 @@ def check_inside(data: Any, where: str, *, text: bool = False) -> None:
             return
         if text and (kind.kind == "b" or h5py.check_string_dtype(kind) is not None):
             return
-    raise InputError(f"{where}: rule: a dataset of numbers, in this file")
+    raise InputError(f"{where}: expected a dataset of numbers, in this file")
 
 
 def check_stored(data: "h5py.Dataset", where: str) -> None:
@@ -112,15 +112,15 @@ def check_stored(data: "h5py.Dataset", where: str) -> None:
     if properties.get_layout() != h5py.h5d.CHUNKED:  # a compact one stands in its own header
         compact = properties.get_layout() == h5py.h5d.COMPACT
         if data.size and not compact and data.id.get_offset() is None:
-            raise InputError(f"{where}: 0 of 1 pieces are stored; rule: all of them")
+            raise InputError(f"{where}: 0 of 1 pieces are stored; expected all of them")
         return
     size = data.dtype.itemsize * math.prod(data.chunks)
     if size > max(data.dtype.itemsize * data.size, LARGEST_CHUNK):
-        raise InputError(f"{where}: a chunk of {size} bytes; rule: at most {LARGEST_CHUNK}")
+        raise InputError(f"{where}: a chunk of {size} bytes; expected at most {LARGEST_CHUNK}")
     there = data.id.get_num_chunks()
     pieces = math.prod(-(-n // max(m, 1)) for n, m in zip(data.shape, data.chunks, strict=True))
     if data.size and there < pieces:
-        raise InputError(f"{where}: {there} of {pieces} pieces are stored; rule: all of them")
+        raise InputError(f"{where}: {there} of {pieces} pieces are stored; expected all of them")
     filters = [properties.get_filter(i)[0] for i in range(properties.get_nfilters())]
     if _GZIP in filters:
         _check_unpacked(data, filters, size, where)
@@ -131,15 +131,17 @@ def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: 
     at = filters.index(_GZIP)
     before, after = filters[:at], filters[at + 1 :]
     if not set(before) <= {_SHUFFLE, _FLETCHER32} or not set(after) <= {_FLETCHER32}:
-        raise InputError(f"{where}: filters {filters}; rule: gzip with shuffle and checksums")
+        raise InputError(f"{where}: filters {filters}; expected gzip with shuffle and checksums")
     most = size + 4 * len(before)
 
     def check(chunk: Any) -> None:
         if chunk.size > _PADDED * size + 1024:
-            raise InputError(f"{where}: a chunk of {chunk.size} packed bytes; rule: at most {most}")
+            raise InputError(
+                f"{where}: a chunk of {chunk.size} packed bytes; expected at most {most}"
+            )
         mask, packed = data.id.read_direct_chunk(chunk.chunk_offset)
         if not mask >> at & 1 and not _fits(packed, most):
-            raise InputError(f"{where}: a chunk unpacks to over {most} bytes; rule: as stated")
+            raise InputError(f"{where}: a chunk unpacks to over {most} bytes; expected as stated")
 
     # What is raised inside of HDF5's own loop comes out of it as another error.
     chunks: list[Any] = []

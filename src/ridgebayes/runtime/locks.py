@@ -62,7 +62,7 @@ def _held(path: Path, lock: Path) -> int:
             descriptor = os.open(lock, _FLAGS, 0o666)
         except OSError as error:
             raise InputError(
-                f"{path}: cannot be written: {error.strerror}; rule: a folder that can be "
+                f"{path}: cannot be written: {error.strerror}; expected a folder that can be "
                 "written to"
             ) from None
         if fcntl is None:
@@ -72,7 +72,7 @@ def _held(path: Path, lock: Path) -> int:
         except BlockingIOError:
             os.close(descriptor)
             raise InputError(
-                f"{path}: another process is working on it; rule: another -o, or wait for its end"
+                f"{path}: another process is working on it; use another -o, or wait for its end"
             ) from None
         except OSError:  # a file system without locks
             return descriptor

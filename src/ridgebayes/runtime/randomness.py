@@ -38,7 +38,7 @@ def seed_of(rng: Rng) -> int:
     if isinstance(rng, np.random.Generator):
         return int(rng.integers(2**63))
     if isinstance(rng, bool) or not isinstance(rng, (int, np.integer)) or rng < 0:
-        raise InputError(f"rng: {rng!r} given; rule: a non-negative integer or a numpy Generator")
+        raise InputError(f"rng: expected a non-negative integer or a numpy Generator, got {rng!r}")
     return int(rng)
 
 

@@ -34,7 +34,7 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
         if not S_ISREG(about.st_mode):
             raise InputError(f"{path}: is not a file")
         if about.st_size > most:
-            raise InputError(f"{path}: {about.st_size} bytes; rule: at most {most}")
+            raise InputError(f"{path}: {about.st_size} bytes; expected at most {most}")
         return path.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
@@ -61,6 +61,6 @@ def read_text(path: Path, most: int = LARGEST) -> str:
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         raise InputError(
-            f"{path}, line {line}: byte {content[error.start]:#04x} is not UTF-8; rule: UTF-8"
+            f"{path}, line {line}: byte {content[error.start]:#04x} is not UTF-8; expected UTF-8"
         ) from None
     return text.replace("\r\n", "\n").replace("\r", "\n")

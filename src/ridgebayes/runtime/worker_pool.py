@@ -139,7 +139,7 @@ class WorkerPool(Executor):
                 raise CancelledError
         raise WorkerLostError(
             f"{self._tries} worker processes died on it, the last with {_exit(code)}; "
-            "rule: enough memory for each worker"
+            "expected enough memory for each worker"
         )
 
     def _started(self) -> "_Worker":

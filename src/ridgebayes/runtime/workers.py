@@ -69,10 +69,10 @@ def executor_for(
     """
     if scheduler is not None:
         if n_worker is not None:
-            raise InputError("--workers and --scheduler: both given; rule: one of them")
+            raise InputError("--workers and --scheduler: expected one of them, got both")
         from ridgebayes.runtime.cluster import cluster
 
         return cluster(scheduler)
     if n_worker is not None and n_worker < 1:
-        raise InputError(f"--workers {n_worker}: rule: at least 1")
+        raise InputError(f"--workers {n_worker}: expected at least 1")
     return nullcontext() if n_worker in (None, 1) else workers(n_worker)

@@ -188,7 +188,8 @@ def given_profile(texture: Texture) -> Profile:
 def _too_narrow(texture: Texture, status: str) -> InputError:
     return InputError(
         f"textures: a/R = {texture.a_over_R!r}, b/R = {texture.b_over_R!r}: {status}; "
-        "rule: one the half-plane's equation can be solved for, or no accuracy and no effect given"
+        "expected one the half-plane's equation can be solved for, or no accuracy and no effect "
+        "given"
     )
 
 

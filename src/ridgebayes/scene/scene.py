@@ -271,7 +271,7 @@ def findings(error: ValidationError, where: str) -> list[str]:
         if found["type"] == "extra_forbidden":
             rule = "unknown key"
         elif found["type"] == "missing":
-            rule = "missing; rule: it must be given"
+            rule = "missing; expected it must be given"
         shown = "" if found["type"] == "missing" else f" = {_shown(found['input'])}"
         # A rule between several keys names them itself.
         about = f"{key}{shown}: " if key else ""

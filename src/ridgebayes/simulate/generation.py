@@ -107,7 +107,7 @@ def generate(
         raise InputError(f"solver = {solver!r}: must be one of {', '.join(SOLVERS)}")
     wanted = LoadPreset.named(accuracy)
     if pressed is not None and (executor is not None or journal is not None):
-        raise InputError("pressed: given with executor or journal; rule: neither")
+        raise InputError("pressed: given with executor or journal; expected neither")
     if rel_tol is None:
         rel_tol = min(wanted.load_error, scene.relative or wanted.load_error)
     refused = _not_by_hertz(scene) if solver == "hertz" else []
@@ -219,7 +219,7 @@ def _solved(task: _Task, *, pressed: "CylinderVisitor | None" = None) -> list[Cu
     here = versions()["ridgebayes"]
     if task.version != here:
         raise InputError(
-            f"a worker has ridgebayes {here}, this process {task.version}; rule: the same on all"
+            f"a worker has ridgebayes {here}, this process {task.version}; expected the same on all"
         )
     if task.planned:
         (one,) = plan(task.scene)

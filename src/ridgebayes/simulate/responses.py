@@ -163,10 +163,10 @@ def _solved(
     within = (loads > 0) & (loads <= LARGEST_LOAD)
     if not np.all(within):
         raise InputError(
-            f"p_over_E = {loads[~within][0]}; rule: finite and > 0, at most {LARGEST_LOAD:g}"
+            f"p_over_E = {loads[~within][0]}; expected finite and > 0, at most {LARGEST_LOAD:g}"
         )
     if solver not in ("auto", "half-plane"):
-        raise InputError(f"solver = {solver!r}; rule: auto or half-plane")
+        raise InputError(f"solver = {solver!r}; expected auto or half-plane")
     found = []
     for texture, profile in _profiles(scene, solver):
         label = texture_label(texture.a_over_R, texture.b_over_R)
@@ -178,7 +178,7 @@ def _solved(
 def _profiles(scene: Scene, solver: str) -> list[tuple[Texture, Profile]]:
     for texture in scene.textures:
         if texture.offset == "uniform":
-            raise InputError("offset = 'uniform'; rule: a number here; sliding_counts averages")
+            raise InputError("offset = 'uniform'; expected a number here; sliding_counts averages")
     if solver == "half-plane":
         return [(texture, given_profile(texture)) for texture in scene.textures]
     # Pressures are of the ridges even where transition loads would not notice these.

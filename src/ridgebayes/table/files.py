@@ -151,7 +151,7 @@ def _parquet(content: bytes, where: str) -> RawTable:
         n_row = sum(file.metadata.row_group(i).num_rows for i in groups)
         if n_row * width > MOST_CELLS:
             raise InputError(
-                f"{where}: {n_row} rows of {width} columns; rule: at most {MOST_CELLS} cells"
+                f"{where}: {n_row} rows of {width} columns; expected at most {MOST_CELLS} cells"
             )
         frame = file.read().to_pandas()
     except InputError:

@@ -82,5 +82,5 @@ def test_cost__as_a_command_takes_a_scene(command, monkeypatch):
 
 
 def test_cost_job__without_a_run_is_refused(tmp_path):
-    with pytest.raises(InputError, match="--repeats 0: rule: at least 1"):
+    with pytest.raises(InputError, match="--repeats 0: expected at least 1"):
         cost_job(tmp_path / "out", rb.paper_sweep(), repeats=0)

@@ -61,10 +61,10 @@ def test_small_strain_transitions__serve_the_incompressible_body():
 
 
 def test_transitions__refuse_ridges_the_mesh_does_not_resolve(rim):
-    with pytest.raises(InputError, match=r"a = 0.004, b = 0.02; rule: eight edges of 0.001"):
+    with pytest.raises(InputError, match=r"a = 0.004, b = 0.02; expected eight edges of 0.001"):
         rim.transitions(0.004, 0.02, p_max=0.01)
 
 
 def test_transitions__refuse_loads_beyond_the_rim(rim):
-    with pytest.raises(InputError, match=r"p_max = 0.2; rule: contact within 0.30\d* R"):
+    with pytest.raises(InputError, match=r"p_max = 0.2; expected contact within 0.30\d* R"):
         rim.transitions(0.032, 0.01, p_max=0.2)

@@ -271,13 +271,13 @@ def test_friction__above_leaves_the_plate_without():
 @pytest.mark.parametrize(
     ("values", "rule"),
     [
-        ({"pressed_by": "hand"}, "pressed_by = 'hand'; rule: mid-plane or plate"),
-        ({"friction": -0.1}, "friction = -0.1; rule: >= 0"),
-        ({"friction": math.nan}, "friction = nan; rule: >= 0"),
-        ({"p_max": 0.0}, "p_max = 0.0; rule: over 0 and at most 1"),
-        ({"p_max": 1.1}, "p_max = 1.1; rule: over 0 and at most 1"),
-        ({"p_max": math.nan}, "p_max = nan; rule: over 0 and at most 1"),
-        ({"nu": 0.6}, "nu = 0.6; rule: 0 to 0.5"),
+        ({"pressed_by": "hand"}, "pressed_by = 'hand'; expected mid-plane or plate"),
+        ({"friction": -0.1}, "friction = -0.1; expected >= 0"),
+        ({"friction": math.nan}, "friction = nan; expected >= 0"),
+        ({"p_max": 0.0}, "p_max = 0.0; expected over 0 and at most 1"),
+        ({"p_max": 1.1}, "p_max = 1.1; expected over 0 and at most 1"),
+        ({"p_max": math.nan}, "p_max = nan; expected over 0 and at most 1"),
+        ({"nu": 0.6}, "nu = 0.6; expected 0 to 0.5"),
     ],
 )
 def test_values__against_their_rules_are_refused(values, rule):
@@ -286,7 +286,7 @@ def test_values__against_their_rules_are_refused(values, rule):
 
 
 def test_elements__beyond_the_rule_are_refused():
-    with pytest.raises(InputError, match="elements at 60 edges a ridge; rule: at most 40000"):
+    with pytest.raises(InputError, match="elements at 60 edges a ridge; expected at most 40000"):
         Cylinder(Profile(0.002, 0.002), p_max=0.02, fineness=Fineness(edges=60))
 
 

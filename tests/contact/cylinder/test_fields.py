@@ -115,7 +115,7 @@ def test_xdmf__is_a_series_in_the_load(tmp_path, monkeypatch):
     ("name", "count", "message"),
     [
         ("a.vtk", 1, "unknown suffix"),
-        ("a.vtu", 2, "2 states; rule: one"),
+        ("a.vtu", 2, "2 states; expected one"),
         ("a.vtu", 0, "no state"),
         ("a.xdmf", 0, "no state"),
         ("none/a.vtu", 1, "cannot be written"),

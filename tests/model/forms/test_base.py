@@ -160,12 +160,12 @@ def test_load_and_count__are_nan_at_no_rate_and_at_one_hardly_negative(rate):
 
 
 def test_count__refuses_a_rate_that_is_not_positive():
-    with pytest.raises(InputError, match=r"theta: rate <= 0; rule: .* must be positive"):
+    with pytest.raises(InputError, match=r"theta: rate <= 0; expected .* must be positive"):
         Hybrid().count(0.01, 0.02, 0.03, [1.0, -1.0])
 
 
 def test_count__refuses_counts_that_floats_cannot_tell_apart():
-    with pytest.raises(InputError, match=r"p_over_E: 1e\+30 given; rule: counts up to 2\^52"):
+    with pytest.raises(InputError, match=r"p_over_E: expected counts up to 2\^52, got 1e\+30"):
         Modified().count(1e30, 1e-4, 1e-4)
 
 
@@ -174,7 +174,7 @@ def test_count__is_exact_up_to_two_to_the_52_and_refused_beyond():
     # With K = 1 count Q is reached at (Q - 2)^2: powers of two, without rounding.
     largest = 2**52 - 2.0
     assert form.count(largest**2, 0.01, 0.02, [1.0]) == 2**52
-    with pytest.raises(InputError, match=r"rule: counts up to 2\^52"):
+    with pytest.raises(InputError, match=r"expected counts up to 2\^52"):
         form.count((largest + 1) ** 2, 0.01, 0.02, [1.0])
 
 
@@ -191,21 +191,23 @@ def test_count__is_two_at_no_load():
 
 @pytest.mark.parametrize("Q", [5, 0, -2, np.nan, 2**53 + 2])
 def test_load__refuses_odd_and_small_counts(Q):
-    with pytest.raises(InputError, match=rf"Q: {Q} given; rule: even and at least 2"):
+    with pytest.raises(InputError, match=rf"Q: expected even and at least 2, got {Q}"):
         Hybrid().load(Q, 0.01, 0.01)
 
 
 @pytest.mark.parametrize("bad", [0.0, -0.01, np.nan, np.inf])
 def test_load__refuses_widths_that_are_not_positive_and_finite(bad):
-    with pytest.raises(InputError, match=rf"a_over_R: {bad} given; rule: finite and > 0"):
+    with pytest.raises(InputError, match=rf"a_over_R: expected finite and > 0, got {bad}"):
         Hybrid().load(4, bad, 0.01)
-    with pytest.raises(InputError, match=rf"b_over_R: \[0.01, {bad}\] given; rule: finite and > 0"):
+    with pytest.raises(
+        InputError, match=rf"b_over_R: expected finite and > 0, got \[0.01, {bad}\]"
+    ):
         Hybrid().load(4, 0.01, [0.01, bad])
 
 
 @pytest.mark.parametrize("bad", [-1e-9, np.nan, np.inf])
 def test_continuous_count__refuses_loads_that_are_negative_or_not_finite(bad):
-    with pytest.raises(InputError, match=rf"p_over_E: {bad} given; rule: finite and >= 0"):
+    with pytest.raises(InputError, match=rf"p_over_E: expected finite and >= 0, got {bad}"):
         Hybrid().continuous_count(bad, 0.01, 0.01)
 
 
@@ -215,12 +217,12 @@ def test_reduced_load__is_the_load_itself_where_nothing_is_said_of_poissons_rati
 
 @pytest.mark.parametrize("bad", [-0.1, 0.51, np.nan])
 def test_reduced_load__refuses_poissons_ratios_that_no_such_body_has(bad):
-    with pytest.raises(InputError, match=rf"nu: {bad} given; rule: 0 <= nu <= 0.5"):
+    with pytest.raises(InputError, match=rf"nu: expected 0 <= nu <= 0.5, got {bad}"):
         reduced_load(0.01, bad)
 
 
 def test_load__refuses_a_wrong_number_of_coefficients():
-    rule = r"hybrid: theta has 1 coefficients on its last axis; rule: 2 \(c1, c2\)"
+    rule = r"hybrid: theta has 1 coefficients on its last axis; expected 2 \(c1, c2\)"
     with pytest.raises(InputError, match=rule):
         Hybrid().load(4, 0.01, 0.01, [1.3])
 
@@ -250,7 +252,7 @@ def test_form__is_equal_to_another_of_its_kind_and_cannot_be_changed(form):
 
 def test_form_named__finds_every_form_and_names_them_for_a_wrong_name():
     assert [form_named(name).name for name in FORMS] == list(FORMS)
-    rule = "form 'cubic': unknown; rule: one of classic, power-law, modified, hybrid, half-plane"
+    rule = "form 'cubic': unknown; expected one of classic, power-law, modified, hybrid, half-plane"
     with pytest.raises(InputError, match=rule):
         form_named("cubic")
 

@@ -101,7 +101,7 @@ def test_slope__is_that_of_the_smooth_cylinder():
 
 
 def test_load__refuses_more_pairs_than_the_solver_is_for():
-    rule = r"501 pairs asked of a/R = 0.02, b/R = 0.015; rule: at most 500"
+    rule = r"501 pairs asked of a/R = 0.02, b/R = 0.015; expected at most 500"
     with pytest.raises(InputError, match=rule):
         FORM.load(2 + 2 * 501, 0.02, 0.015)
 
@@ -110,7 +110,7 @@ def test_load__is_there_up_to_the_last_pair_that_the_solver_is_for(monkeypatch):
     expected = FORM.load(8, 0.02, 0.015)
     monkeypatch.setattr(HalfPlane, "n_transition_max", 3)
     assert FORM.load(8, 0.02, 0.015) == expected
-    with pytest.raises(InputError, match=r"4 pairs asked of .* rule: at most 3"):
+    with pytest.raises(InputError, match=r"4 pairs asked of .* expected at most 3"):
         FORM.load(10, 0.02, 0.015)
 
 
@@ -119,6 +119,6 @@ def test_load__refuses_what_the_solver_could_not_compute(monkeypatch):
         return HalfPlaneLoads.not_computed(n_transitions, "too many unknowns")
 
     monkeypatch.setattr(halfplane, "transition_loads", failing)
-    rule = "a/R = 0.02, b/R = 0.015: not computed: too many unknowns; rule: every transition"
+    rule = "a/R = 0.02, b/R = 0.015: not computed: too many unknowns; expected every transition"
     with pytest.raises(InputError, match=rule):
         FORM.load(4, 0.02, 0.015)

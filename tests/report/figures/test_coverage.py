@@ -87,5 +87,5 @@ def test_equal_tables_give_equal_bytes_whatever_the_user_has_set(kind):
 
 
 def test_no_rows_are_bad_input():
-    with pytest.raises(InputError, match="frame: no rows; rule: at least one form"):
+    with pytest.raises(InputError, match="frame: no rows; expected at least one form"):
         plot_coverage(table([], []))

@@ -146,7 +146,7 @@ def test_plot_deformed__at_the_plate_draws_the_whole_body_but_not_the_plates_pre
 
 def test_plot_deformed__says_what_it_cannot_draw():
     cylinder, state = pressed("sharp")
-    with pytest.raises(InputError, match="no 'stress'; rule: von Mises or pressure"):
+    with pytest.raises(InputError, match="no 'stress'; expected von Mises or pressure"):
         plot_deformed(cylinder, state, fields=("pressure", "stress"))
     with pytest.raises(InputError, match="touches nothing"):
         plot_deformed(cylinder, cylinder.unloaded())

@@ -86,5 +86,5 @@ def test_equal_records_give_equal_bytes(bands, kind):
 
 
 def test_no_bands_are_bad_input(bands):
-    with pytest.raises(InputError, match="bands: none given; rule: at least one"):
+    with pytest.raises(InputError, match="bands: expected at least one, got none"):
         plot_prior_bands(pd.DataFrame(columns=bands[0].columns), bands[1], "hybrid")

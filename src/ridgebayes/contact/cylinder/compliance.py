@@ -83,7 +83,9 @@ class RimCompliance:
         *Cost.* Some tens of milliseconds once the compliance is there.
         """
         if min(a, 4 * b) < 8 * self.edge:
-            raise InputError(f"a = {a!r}, b = {b!r}; rule: eight edges of {self.edge:.3g} on each")
+            raise InputError(
+                f"a = {a!r}, b = {b!r}; expected eight edges of {self.edge:.3g} on each"
+            )
         loads: list[float] = []
         weights = np.zeros((0, len(self.x)))
         gap, length = np.zeros(0), np.zeros(0)
@@ -92,7 +94,7 @@ class RimCompliance:
             start = 0.5 * b + len(loads) * (a + b)
             corner = start + a + b
             if corner > self.x[-1]:
-                raise InputError(f"p_max = {p_max!r}; rule: contact within {self.x[-1]:.3g} R")
+                raise InputError(f"p_max = {p_max!r}; expected contact within {self.x[-1]:.3g} R")
             rows, more_gap, more = self._segments(start, start + a)
             weights = np.vstack([weights, rows])
             gap, length = np.append(gap, more_gap), np.append(length, more)

@@ -118,11 +118,11 @@ class Cylinder:
         fineness: Fineness | None = None,
     ) -> None:
         if pressed_by not in ("mid-plane", "plate"):
-            raise InputError(f"pressed_by = {pressed_by!r}; rule: mid-plane or plate")
+            raise InputError(f"pressed_by = {pressed_by!r}; expected mid-plane or plate")
         if not friction >= 0:
-            raise InputError(f"friction = {friction!r}; rule: >= 0")
+            raise InputError(f"friction = {friction!r}; expected >= 0")
         if not 0 < p_max <= 1:
-            raise InputError(f"p_max = {p_max!r}; rule: over 0 and at most 1")
+            raise InputError(f"p_max = {p_max!r}; expected over 0 and at most 1")
         self.profile = profile
         self.mirrored = profile is None or profile.mirrored
         whole = pressed_by == "plate"
@@ -139,7 +139,7 @@ class Cylinder:
         n = mesh.mesh.t.shape[1]
         if n > _MOST_ELEMENTS:
             raise InputError(
-                f"{n} elements at {fineness.edges:g} edges a ridge; rule: at most "
+                f"{n} elements at {fineness.edges:g} edges a ridge; expected at most "
                 f"{_MOST_ELEMENTS}: fewer edges, a lower load or rounder corners need less"
             )
         faces, self._height = self._faces(sizes)

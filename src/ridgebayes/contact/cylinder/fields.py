@@ -47,11 +47,11 @@ def write_fields(cylinder: Cylinder, states: Sequence[State], path: Path) -> Non
         If a file cannot be written, such as on a full disk.
     """
     if path.suffix not in SUFFIXES:
-        raise InputError(f"{path}: unknown suffix; rule: {' or '.join(SUFFIXES)}")
+        raise InputError(f"{path}: unknown suffix; expected {' or '.join(SUFFIXES)}")
     if not states:
         raise InputError(f"{path}: no state to write")
     if path.suffix == ".vtu" and len(states) > 1:
-        raise InputError(f"{path}: {len(states)} states; rule: one in .vtu, several in .xdmf")
+        raise InputError(f"{path}: {len(states)} states; expected one in .vtu, several in .xdmf")
     if path.suffix == ".vtu":
         _write_vtu(cylinder, states[0], path)
     else:

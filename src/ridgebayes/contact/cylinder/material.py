@@ -37,7 +37,7 @@ class Material:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.nu <= 0.5:
-            raise InputError(f"nu = {self.nu!r}; rule: 0 to 0.5")
+            raise InputError(f"nu = {self.nu!r}; expected 0 to 0.5")
 
     @property
     def mu(self) -> float:

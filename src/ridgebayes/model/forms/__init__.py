@@ -57,5 +57,5 @@ def form_named(name: str) -> Form:
     ('c1', 'c2')
     """
     if name not in FORMS:
-        raise InputError(f"form {name!r}: unknown; rule: one of {', '.join(FORMS)}")
+        raise InputError(f"form {name!r}: unknown; expected one of {', '.join(FORMS)}")
     return FORMS[name]()

@@ -208,9 +208,11 @@ class Form(ABC):
         """
         guess = self.continuous_count(p_over_E, a_over_R, b_over_R, theta, nu)
         if np.any(np.isnan(guess)):
-            raise InputError("theta: rate <= 0; rule: the rate of every texture must be positive")
+            raise InputError(
+                "theta: rate <= 0; expected the rate of every texture must be positive"
+            )
         if np.any(guess > 2**52):
-            raise InputError(f"p_over_E: {p_over_E!r} given; rule: counts up to 2^52")
+            raise InputError(f"p_over_E: expected counts up to 2^52, got {p_over_E!r}")
         pairs, p = np.maximum(np.floor(guess / 2 - 1), 0), np.asarray(p_over_E, dtype=float)
         a, b = aligned(p, nu, *widths(a_over_R, b_over_R))
         rate = self.rate(self._theta(theta), a, b)
@@ -253,19 +255,19 @@ class Form(ABC):
     def _theta(self, theta: ArrayLike | None) -> FloatArray:
         if theta is None:
             if self.printed is None:
-                raise InputError(f"{self.name}: no printed coefficients; rule: pass theta")
+                raise InputError(f"{self.name}: no printed coefficients; pass theta")
             theta = self.printed
         values = np.atleast_1d(np.asarray(theta, dtype=float))
         if values.shape[-1] != len(self.parameter_names):
             raise InputError(
                 f"{self.name}: theta has {values.shape[-1]} coefficients on its last axis; "
-                f"rule: {len(self.parameter_names)} ({', '.join(self.parameter_names)})"
+                f"expected {len(self.parameter_names)} ({', '.join(self.parameter_names)})"
             )
         beyond = ~(np.abs(values) <= LARGEST_COEFFICIENT)
         if np.any(beyond):
             raise InputError(
                 f"{self.name}: theta holds {values[beyond][0]!s}; "
-                f"rule: finite, -{LARGEST_COEFFICIENT:g} to {LARGEST_COEFFICIENT:g}"
+                f"expected finite, -{LARGEST_COEFFICIENT:g} to {LARGEST_COEFFICIENT:g}"
             )
         return values
 
@@ -274,7 +276,7 @@ def even_counts(Q: ArrayLike, least: int = 2) -> FloatArray:
     """Return `Q` as floats, or raise InputError naming them if one is odd or out of range."""
     counts = np.asarray(Q, dtype=float)
     if not (np.all((counts >= least) & (counts <= LARGEST_COUNT)) and np.all(counts % 2 == 0)):
-        raise InputError(f"Q: {Q!r} given; rule: even and at least {least}, at most 2^53")
+        raise InputError(f"Q: expected even and at least {least}, at most 2^53, got {Q!r}")
     return counts
 
 
@@ -284,7 +286,7 @@ def widths(a_over_R: ArrayLike, b_over_R: ArrayLike) -> tuple[FloatArray, FloatA
     for name, width in (("a_over_R", a), ("b_over_R", b)):
         if not np.all((width >= LEAST_WIDTH) & (width <= LARGEST_WIDTH)):
             raise InputError(
-                f"{name}: {width.tolist()!r} given; rule: finite and > 0, "
+                f"{name}: {width.tolist()!r} given; expected finite and > 0, "
                 f"{LEAST_WIDTH:g} to {LARGEST_WIDTH:g}"
             )
     return a, b
@@ -295,7 +297,7 @@ def loads(p_over_E: ArrayLike) -> FloatArray:
     p = np.asarray(p_over_E, dtype=float)
     if not np.all((p >= 0) & (p <= LARGEST_LOAD)):
         raise InputError(
-            f"p_over_E: {p_over_E!r} given; rule: finite and >= 0, at most {LARGEST_LOAD:g}"
+            f"p_over_E: {p_over_E!r} given; expected finite and >= 0, at most {LARGEST_LOAD:g}"
         )
     return p
 

@@ -67,14 +67,14 @@ class HalfPlane(OneCoefficient):
             raise InputError(
                 f"half-plane: {n_transition:.4g} pairs asked of a/R = {texture[0]}, "
                 f"b/R = {texture[1]}; "
-                f"rule: at most {self.n_transition_max}"
+                f"expected at most {self.n_transition_max}"
             )
         result = transition_loads(texture[0], texture[1], max(n_transition, 1))
         failed = [status for status in result.status if status != "ok"]
         if failed:
             raise InputError(
                 f"half-plane: a/R = {texture[0]}, b/R = {texture[1]}: {failed[0]}; "
-                "rule: every transition asked for must reach its tolerance"
+                "expected every transition asked for must reach its tolerance"
             )
         pitch = texture[0] + texture[1]
         return np.concatenate([[0.0], pitch * np.sqrt(result.F / REFERENCE)])

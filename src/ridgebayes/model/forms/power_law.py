@@ -65,6 +65,6 @@ class PowerLaw(Form):
             lost = index.index(-1)
             raise InputError(
                 f"power-law: no K for texture a/R = {a.flat[lost]}, b/R = {b.flat[lost]}; "
-                "rule: only textures it was bound to"
+                "expected only textures it was bound to"
             )
         return np.reshape(np.array(index, dtype=np.int64), a.shape)

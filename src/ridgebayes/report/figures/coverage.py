@@ -38,7 +38,7 @@ def plot_coverage(frame: pd.DataFrame) -> Figure:
         If the frame has no rows.
     """
     if frame.empty:
-        raise InputError("frame: no rows; rule: at least one form and error model")
+        raise InputError("frame: no rows; expected at least one form and error model")
     forms, noises = (list(dict.fromkeys(frame[name])) for name in ("form", "noise"))
     probs = sorted(set(frame["prob"].tolist()))
     shades = matplotlib.colormaps["viridis"](np.linspace(0.85, 0.0, len(probs)))

@@ -71,7 +71,7 @@ def plot_deformed(
     """
     for field in fields:
         if field not in _FIELDS:
-            raise InputError(f"fields: no {field!r}; rule: {' or '.join(_FIELDS)}")
+            raise InputError(f"fields: no {field!r}; expected {' or '.join(_FIELDS)}")
     table = surface_table(cylinder, state)
     table = table[table["normal_y"] > -0.5]  # not the plate above
     if table.empty:

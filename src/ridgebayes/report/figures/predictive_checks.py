@@ -95,7 +95,7 @@ def plot_prior_bands(bands: pd.DataFrame, data: Observations, form: str) -> Figu
         If there are no bands.
     """
     if bands.empty:
-        raise InputError("bands: none given; rule: at least one")
+        raise InputError("bands: expected at least one, got none")
     textures = list(dict.fromkeys(zip(bands["a_over_R"], bands["b_over_R"], strict=True)))
     textures = textures[:MOST_TEXTURES]
     n_column = min(3, len(textures))
