@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from ridgebayes.errors import InputError, OutputError
 from ridgebayes.table import files as table_files
-from ridgebayes.table.cells import as_numbers, as_text, row_codes
 from ridgebayes.table.columns import NAMES, REQUIRED
+from ridgebayes.table.rules import as_numbers, as_text, row_codes
 from ridgebayes.table.table import ContactTable, read_table
 
 HEADER = "a_over_R,b_over_R,Q,p_over_E"
@@ -608,11 +608,9 @@ def test_csv__the_slow_way_reads_the_same(tmp_path: Path) -> None:
 def test_csv__older_pandas_is_asked_for_exact_floats() -> None:
     """The reader named at import is the exact one of this pandas, and gives no warning."""
     text = "x\n0.1234567890123456789\n5e-324\n2.2250738585072011e-308\n"
-    from ridgebayes.table.csv import _EXACT
-
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        got = pd.read_csv(io.StringIO(text), dtype=float, **_EXACT)["x"].tolist()
+        got = pd.read_csv(io.StringIO(text), dtype=float, **table_files._EXACT)["x"].tolist()
     assert got == [float(word) for word in text.split()[1:]]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.scene.units import Dimension, to_si
-from ridgebayes.table.cells import row_codes
+from ridgebayes.table.rules import row_codes
 
 DIMENSIONS: dict[str, Dimension] = {
     "a": "length",

@@ -12,9 +12,8 @@ from ridgebayes.fea.mapping import CORNERS, Use, assign, check_constants
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.understood import ColumnInterpreter, listed
 from ridgebayes.runtime.reading import read_bytes
-from ridgebayes.table.cells import as_text
-from ridgebayes.table.columns import NAMES
-from ridgebayes.table.findings import RawTable
+from ridgebayes.table.columns import NAMES, RawTable
+from ridgebayes.table.rules import as_text
 from ridgebayes.table.table import ContactTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".rpt", ".xlsx", ".parquet")

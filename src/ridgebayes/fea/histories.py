@@ -9,7 +9,7 @@ import pandas as pd
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.increments import transitions_of
-from ridgebayes.table.cells import row_codes
+from ridgebayes.table.rules import row_codes
 
 MOST = 2000  # histories in a file: some milliseconds each
 _SHOWN = 20  # remarks on single histories

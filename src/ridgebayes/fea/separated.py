@@ -24,7 +24,7 @@ from ridgebayes.fea.cells import (
     lossless,
     refusal,
 )
-from ridgebayes.table.csv import is_rectangular, records
+from ridgebayes.table.files import is_rectangular, records
 
 SEPARATORS = {"\t": "tab", ";": "';'", ",": "','"}
 _SNIFFED = 50  # records by which a separator is judged

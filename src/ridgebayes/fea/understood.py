@@ -20,8 +20,8 @@ from ridgebayes.fea.column_units import (
 from ridgebayes.fea.histories import STATUS_RULE, Histories, touching
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
 from ridgebayes.scene.units import to_si
-from ridgebayes.table.cells import as_text
 from ridgebayes.table.columns import NAMES, OK
+from ridgebayes.table.rules import as_text
 
 _ABOVE_0 = ("a", "b", "R", "E", "p", "line")
 _SHOWN = 8  # names that a line lists

@@ -1,12 +1,11 @@
 """Where the data that ships with the package lies: inside a wheel, or beside a source checkout."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from ridgebayes.errors import InputError
-
-if TYPE_CHECKING:
-    from ridgebayes.table.table import ContactTable
+from ridgebayes.table.table import ContactTable, read_table
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _ROOTS = (_PACKAGE / "data", _PACKAGE.parents[1] / "data")
@@ -41,7 +40,7 @@ def data_path(name: str) -> Path:
     raise InputError(f"data file {name!r}: not shipped with this installation")
 
 
-def paper_sweep() -> "ContactTable":
+def paper_sweep() -> ContactTable:
     """Return the embedded default table: the paper's nine textures and the held-out extreme one.
 
     Examples
@@ -49,12 +48,10 @@ def paper_sweep() -> "ContactTable":
     >>> len(paper_sweep().calibration)
     41
     """
-    from ridgebayes.table.table import read_table
-
     return read_table(data_path(PAPER_SWEEP))
 
 
-def reference_fe() -> "ContactTable":
+def reference_fe() -> ContactTable:
     """Return the finite-strain finite-element rows that the forms are compared on as well.
 
     Returns
@@ -69,10 +66,6 @@ def reference_fe() -> "ContactTable":
     >>> len(table.calibration.textures), len(table.held_out.textures)
     (9, 2)
     """
-    import pandas as pd
-
-    from ridgebayes.table.table import ContactTable, read_table
-
     own = read_table(data_path(CYLINDER_SWEEP)).frame
     other = read_table(data_path(CALCULIX_FE)).frame.assign(role="held-out")
     where = f"{CYLINDER_SWEEP} and {CALCULIX_FE}"

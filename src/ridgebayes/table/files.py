@@ -1,8 +1,12 @@
 """Contact tables in files: to raw cells, and from a canonical frame."""
 
+import codecs
+import csv
 import hashlib
 import io
 import json
+import re
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -13,10 +17,8 @@ import pandas as pd
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import read_bytes
-from ridgebayes.runtime.text import one_line_message
-from ridgebayes.table.columns import NAMES
-from ridgebayes.table.csv import raw_csv
-from ridgebayes.table.findings import RawTable
+from ridgebayes.runtime.text import clipped, one_line_message
+from ridgebayes.table.columns import NAMES, NUMBERS, SHOWN, RawTable, check_header, listed
 
 SUFFIXES = (".csv", ".parquet")
 MOST_CELLS = 10**8  # of Parquet: a small file of repeated values may hold any number of rows
@@ -165,3 +167,154 @@ def _parquet(content: bytes, where: str) -> RawTable:
     # outside the columns); one without a name only counts rows.
     named = [name for name in frame.index.names if name is not None]
     return RawTable(frame.reset_index(named) if named else frame, where)
+
+
+# From pandas 3.1 the default reader of floats is exact and naming a precision is deprecated.
+_PANDAS = tuple(int(part) for part in pd.__version__.split(".")[:2])
+_EXACT: dict[str, Any] = {} if _PANDAS >= (3, 1) else {"float_precision": "round_trip"}
+# Text that is a number and loses nothing by becoming one: "007" and "+1" stay text.
+_PLAIN_NUMBER = r"-?(?:0|[1-9]\d*)(?:\.\d+)?(?:[eE][+-]?\d+)?|"
+
+_TRUTH = re.compile(rb"(?:true|false)\s*(?:[,\n]|\Z)", re.IGNORECASE)
+
+
+def raw_csv(content: bytes, where: str) -> RawTable:
+    """Read the cells of a CSV file.
+
+    Parameters
+    ----------
+    content : bytes
+        The file: UTF-8 with or without a byte-order mark, commas, one header line. Blank lines are
+        passed over.
+    where : str
+        Name that messages show.
+
+    Returns
+    -------
+    RawTable
+        The cells, unchecked; cells of the user's own columns that are all numbers are numbers.
+
+    Raises
+    ------
+    InputError
+        If the bytes are not UTF-8, hold a NUL, or hold nothing; if a column is missing or stands
+        twice; if a quote is not closed, or a row has another number of cells than the header.
+    """
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{where}: not UTF-8 text: byte 0x{content[error.start]:02x} at position "
+            f"{error.start}; save it as UTF-8"
+        ) from None
+    if b"\0" in content:
+        raise InputError(f"{where}: NUL byte at position {content.index(0)}: not a CSV file")
+    content = content.removeprefix(codecs.BOM_UTF8)
+    if content.count(b"\r") != content.count(b"\r\n"):
+        # pandas reads a row after a lone carriage return one cell off.
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if not content.strip():
+        raise InputError(f"{where}: the file is empty")
+    cells = records(content, where)
+    header = next(cells)[1]
+    # Before the rows: with another separator every row would look ragged.
+    check_header(header, where)
+    if not is_rectangular(np.frombuffer(content, dtype=np.uint8), ",", len(header)):
+        _refuse_ragged(cells, header, where)
+
+    def retyped() -> RawTable:
+        rows = list(records(content, where))[1:]
+        frame = pd.DataFrame([row for _, row in rows], columns=header, dtype=object)
+        return RawTable(_own_numbers(frame), where, [line for line, _ in rows].__getitem__)
+
+    if _TRUTH.search(content):
+        return retyped()  # which pandas would take for 1 and 0
+    numbers = [name for name in header if name in NUMBERS]
+    try:
+        frame = pd.read_csv(
+            io.BytesIO(content),
+            header=0,
+            names=header,
+            index_col=False,
+            dtype={name: (float if name in NUMBERS else str) for name in header},
+            keep_default_na=False,
+            na_values={name: [""] for name in numbers},
+            encoding="utf-8",
+            **_EXACT,
+        )
+    except (ValueError, OverflowError):
+        return retyped()
+    return RawTable(_own_numbers(frame), where, retyped=retyped)
+
+
+def records(content: bytes, where: str, separator: str = ",") -> Iterator[tuple[int, list[str]]]:
+    """Yield the line number and cells of each record that is not blank, header first.
+
+    Raises
+    ------
+    InputError
+        If a quote is not closed or stands inside a cell.
+    """
+    text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", newline="")
+    reader = csv.reader(text, delimiter=separator, strict=True)
+    before = 0
+    try:
+        for cells in reader:
+            if len(cells) > 1 or (cells and cells[0].strip()):
+                yield before + 1, cells
+            before = reader.line_num
+    except csv.Error as error:
+        raise InputError(f"{where}, line {before + 1}: not CSV: {error}") from None
+
+
+def is_rectangular(data: np.ndarray, separator: str, width: int) -> bool:
+    """Count the separators of every line at once; False where quotes or blanks hide the answer.
+
+    Parameters
+    ----------
+    data : ndarray of uint8
+        A file's bytes, lines ended by newlines, with or without carriage returns before them.
+    separator : str
+        One character.
+    width : int
+        Cells that a line should have.
+    """
+    if np.any(data == ord('"')):
+        return False
+    if len(data) and data[-1] != ord("\n"):
+        data = np.append(data, np.uint8(ord("\n")))
+    marks = data[(data == ord(separator)) | (data == ord("\n"))]
+    if len(marks) % width:
+        return False
+    lines = marks.reshape(-1, width)
+    return bool(np.all(lines[:, :-1] == ord(separator)) and np.all(lines[:, -1] == ord("\n")))
+
+
+def _refuse_ragged(records: Iterator[tuple[int, list[str]]], header: list[str], where: str) -> None:
+    lines, bad = [], 0
+    for row, (line, cells) in enumerate(records, start=1):
+        if len(cells) == len(header):
+            continue
+        bad += 1
+        if bad <= SHOWN:
+            short = len(cells) < len(header)
+            column = header[len(cells)] if short else f"beyond {header[-1]}"
+            lines.append(
+                f"{where}, row {row} (line {line}): column {column}: {clipped(','.join(cells))}: "
+                f"must have {len(header)} cells as the header, has {len(cells)}"
+            )
+    if bad:
+        raise InputError(listed(where, lines, bad, bad))
+
+
+def _own_numbers(frame: pd.DataFrame) -> pd.DataFrame:
+    """Turn those of the user's own columns into numbers that lose nothing by it."""
+    own: dict[str, Any] = {}
+    for name in frame.columns:
+        cells = frame[name]
+        if name in NAMES or (cells == "").all() or not cells.str.fullmatch(_PLAIN_NUMBER).all():
+            continue
+        numbers = cells.mask(cells == "", "nan").to_numpy(dtype=object).astype(np.float64)
+        whole = cells.str.fullmatch(r"-?\d{1,15}").all()
+        own[name] = numbers.astype(np.int64) if whole else numbers
+    return frame.assign(**own)

@@ -1,26 +1,28 @@
 """The rules of a contact table: every cell that breaks one is found before anything is said."""
 
+import re
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import BoolArray
-from ridgebayes.table.cells import as_numbers, as_text, row_codes
+from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.table.columns import (
     CALIBRATION,
     COLUMNS,
     COUNT,
+    CURVE,
     HELD_OUT,
     LARGEST_Q,
     NAMES,
     OK,
+    REQUIRED,
     RULES,
     TRANSITION,
     Column,
+    Findings,
+    RawTable,
 )
-from ridgebayes.table.curve_rules import check_curves, check_labels
-from ridgebayes.table.findings import Findings, RawTable
 
 _CONTROL = r"[\x00-\x1f\x7f]"
 
@@ -139,3 +141,208 @@ def _check_cells(typed: dict[str, Any], empty: dict[str, BoolArray], found: Find
     found.add(empty["p_over_E"] & ok, "p_over_E", "must not be empty or NaN where status is 'ok'")
     above = (lower > p) & found.sound("p_over_E")
     found.add(above, "p_over_E_lower", "must not be above p_over_E of its row")
+
+
+def check_labels(typed: dict[str, Any], texture: IntArray, found: Findings) -> None:
+    """Fill empty labels; find one label on two textures, which no result could tell apart.
+
+    `texture` holds a code of (a_over_R, b_over_R) for each row.
+    """
+    a, b, label = typed["a_over_R"], typed["b_over_R"], typed["texture"]
+    first = np.unique(texture, return_index=True)[1]
+    # Python runs per distinct texture, not per row.
+    names = pd.Series([texture_label(a[i], b[i]) for i in first], dtype=object).astype(str)
+    filled = label.mask((label == "").to_numpy(), names.take(texture).reset_index(drop=True))
+    typed["texture"] = filled
+    sound = np.flatnonzero(found.sound("a_over_R", "b_over_R", "texture"))
+    code = pd.factorize(filled)[0]
+    owner = np.full(found.n_row, -1, dtype=np.int64)
+    labels, where_first = np.unique(code[sound], return_index=True)
+    owner[labels] = sound[where_first]
+    other = owner[code]
+    clash = np.zeros(found.n_row, dtype=bool)
+    clash[sound] = texture[sound] != texture[other[sound]]
+    rule = "one label names one texture, and row {other} gives it to another (a_over_R, b_over_R)"
+    found.add(clash, "texture", rule, other)
+
+
+def check_curves(typed: dict[str, Any], texture: IntArray, found: Findings) -> None:
+    """Find what stands twice in a curve, and loads that do not rise with Q; as `check_labels`."""
+    use = (typed["kind"] == TRANSITION).to_numpy() & (typed["status"] == OK).to_numpy()
+    rows = np.flatnonzero(use & found.sound(*REQUIRED, *CURVE, "kind", "status"))
+    if not len(rows):
+        return
+    Q, p = typed["Q"][rows], typed["p_over_E"][rows]
+    others = [name for name in CURVE if name not in ("a_over_R", "b_over_R")]
+    curve = row_codes(texture[rows], *(pd.Series(typed[name]).iloc[rows] for name in others))
+    order = np.lexsort((rows, Q, curve))
+    now, before = order[1:], order[:-1]
+    same_curve = curve[now] == curve[before]
+    same_Q = same_curve & (Q[now] == Q[before])
+    beside = ("p_over_E", "p_over_E_lower", "rel_se", "texture", "role")
+    identical = same_Q
+    if same_Q.any():
+        content = row_codes(*(pd.Series(typed[name]).iloc[rows] for name in beside))
+        identical = same_Q & (content[now] == content[before])
+
+    def tell(pairs: BoolArray, column: str, rule: str) -> None:
+        other: IntArray = np.zeros(found.n_row, dtype=np.int64)
+        broken = np.zeros(found.n_row, dtype=bool)
+        broken[rows[now[pairs]]] = True
+        other[rows[now[pairs]]] = rows[before[pairs]]
+        found.add(broken, column, rule, other)
+
+    tell(identical, "Q", "identical row of one curve twice: row {other} is the same")
+    tell(same_Q, "Q", "each Q must stand once in a curve, and row {other} has it too")
+    falling = same_curve & ~same_Q & ~(p[now] > p[before])
+    tell(falling, "p_over_E", "must rise with Q along a curve: row {other} has a lower Q")
+
+
+# What a person means by a number; `float` alone would also take "1_000" and non-Latin digits.
+_NUMBER = re.compile(
+    r"\s*[+-]?((\d+(?:\.\d*)?|\.\d+)(e[+-]?\d+)?|inf|infinity|nan)\s*", re.I | re.A
+)
+
+
+def shortest(value: float) -> str:
+    """Return the shortest text that reads back as this number.
+
+    Parameters
+    ----------
+    value : float
+        Any number, dimensionless.
+
+    Returns
+    -------
+    str
+        Its `repr` without a trailing ``.0``.
+
+    Examples
+    --------
+    >>> shortest(0.1 + 0.2), shortest(1.0)
+    ('0.30000000000000004', '1')
+    """
+    return repr(float(value)).removesuffix(".0")
+
+
+def texture_label(a_over_R: float, b_over_R: float) -> str:
+    """Return the label of a texture that was given none.
+
+    Parameters
+    ----------
+    a_over_R, b_over_R : float, scalar, dimensionless
+        Ridge and groove width over the radius.
+
+    Returns
+    -------
+    str
+        ``a<A>_b<B>`` from the shortest exact decimals, so that two textures never share it.
+
+    Examples
+    --------
+    >>> texture_label(0.012, 0.09)
+    'a0.012_b0.09'
+    """
+    return f"a{shortest(a_over_R)}_b{shortest(b_over_R)}"
+
+
+def row_codes(*columns: Any) -> IntArray:
+    """Give each row of some columns a number, equal for equal rows, by first appearance.
+
+    Parameters
+    ----------
+    *columns : array_like, shape (n_row,), any unit
+        Numbers or text, one array a column.
+
+    Returns
+    -------
+    codes : numpy.ndarray of int, shape (n_row,), dimensionless
+        Rows with equal cells have equal codes, counted from 0.
+
+    Examples
+    --------
+    >>> row_codes(["x", "y", "x"], [1.0, 1.0, 1.0]).tolist()
+    [0, 1, 0]
+    """
+    codes = np.zeros(len(columns[0]), dtype=np.int64)
+    for column in columns:
+        cell, distinct = pd.factorize(pd.Series(column), use_na_sentinel=False)
+        if len(distinct) == 1:  # as of most optional columns
+            continue
+        # Renumbered after every column, so the product stays below n_row^2 and cannot overflow.
+        codes = pd.factorize(codes * np.int64(len(distinct)) + cell)[0].astype(np.int64)
+    return codes
+
+
+def as_numbers(cells: "pd.Series[Any]") -> tuple[FloatArray, BoolArray, BoolArray]:
+    """Turn the raw cells of a column into numbers.
+
+    Parameters
+    ----------
+    cells : pandas.Series, shape (n_row,)
+        Numbers, text, or a mixture; None, NaN and empty text count as empty cells.
+
+    Returns
+    -------
+    values : numpy.ndarray of float, shape (n_row,), in the unit of the column
+        NaN where there is no number.
+    empty : numpy.ndarray of bool, shape (n_row,)
+        Where the cell is empty.
+    text : numpy.ndarray of bool, shape (n_row,)
+        Where the cell holds something that is not a number (a typed ``nan`` is one: it is
+        neither empty nor text).
+
+    Examples
+    --------
+    >>> values, empty, text = as_numbers(pd.Series(["0.5", "", "1,5"], dtype=object))
+    >>> values.tolist(), empty.tolist(), text.tolist()
+    ([0.5, nan, nan], [False, True, False], [False, False, True])
+    """
+    empty = np.array(cells.isna(), dtype=bool)
+    if cells.dtype.kind in "iuf":
+        values = cells.to_numpy(dtype=np.float64, na_value=np.nan)
+        return values, empty, np.zeros(len(cells), dtype=bool)
+    # One Python call a cell: only columns that are not plain numbers come here.
+    values = np.full(len(cells), np.nan)
+    text = np.zeros(len(cells), dtype=bool)
+    for i, cell in enumerate(cells.astype(object)):
+        if empty[i] or (isinstance(cell, str) and not cell.strip()):
+            empty[i] = True
+        elif isinstance(cell, (bool, np.bool_)) or (
+            isinstance(cell, str) and not _NUMBER.fullmatch(cell)
+        ):
+            text[i] = True
+        else:
+            try:
+                values[i] = float(cell)
+            except (TypeError, ValueError, OverflowError):
+                text[i] = True
+    return values, empty, text
+
+
+def as_text(cells: "pd.Series[Any]") -> "pd.Series[Any]":
+    """Turn the raw cells of a column into text.
+
+    Parameters
+    ----------
+    cells : pandas.Series, shape (n_row,)
+        Anything; numbers become their shortest decimals, so that series 1 and 1.0 are the same.
+
+    Returns
+    -------
+    pandas.Series of str, shape (n_row,)
+        Empty text where a cell is empty.
+
+    Examples
+    --------
+    >>> as_text(pd.Series([1.0, None, "fine"], dtype=object)).tolist()
+    ['1', '', 'fine']
+    """
+    if isinstance(cells.dtype, pd.StringDtype):
+        return cells.fillna("").astype(str)
+    empty = cells.isna().to_numpy(dtype=bool)
+    words = [
+        "" if gone else shortest(cell) if isinstance(cell, float) else str(cell)
+        for cell, gone in zip(cells.astype(object), empty, strict=True)
+    ]
+    return pd.Series(words, index=cells.index, dtype=object).astype(str)

@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.table.columns import CALIBRATION, COLUMNS, HELD_OUT, OK, check_header
+from ridgebayes.table.columns import CALIBRATION, COLUMNS, HELD_OUT, OK, RawTable, check_header
 from ridgebayes.table.files import frame_digest, read_raw, write_frame
-from ridgebayes.table.findings import RawTable
 from ridgebayes.table.rules import checked
 
 
