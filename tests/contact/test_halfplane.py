@@ -143,7 +143,7 @@ def test_error_falls_as_the_ellipse_says():
 
 
 def test_coefficient_tails_and_pressures_are_those_of_collocation_at_the_same_loads():
-    """Against `intervals.solve_pressure`: no symmetry used within a strip, no Galerkin, a given load."""
+    """Against `intervals.solve_pressure`: no symmetry in a strip, no Galerkin, a given load."""
     a, b, m = 1.0, 0.1, 10
     found = solve_strips(2 * b / a, 3, m)
     for k in (1, 2, 3):
