@@ -17,7 +17,7 @@ import numpy as np
 
 import ridgebayes as rb
 from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.presets import PRESETS
 from ridgebayes.model.model import Model
@@ -39,7 +39,7 @@ def all_draws(fit: rb.Fit) -> np.ndarray:
 def main() -> None:
     table = rb.paper_sweep()
     model = Model(Observations.from_table(table), rb.Hybrid())
-    exact = all_draws(importance_fit(model, seed=99, n_draw=262_144)[0])
+    exact = all_draws(importance_posterior(model, seed=99, n_draw=262_144)[0])
     log_evidence = quadrature_evidence(model.log_density, fit_laplace(model)).value
     expected, sd = moments(exact), exact.std(axis=0)
     scene = rb.Scene.of([(0.022, 0.02), (0.012, 0.09), (0.04, 0.004)], p_over_E=0.02)

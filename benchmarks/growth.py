@@ -21,8 +21,8 @@ import ridgebayes as rb
 from ridgebayes.contact.halfplane import forget_loads, transition_loads
 from ridgebayes.contact.many_textures import load_function
 from ridgebayes.drawing.style import new_figure, save, styled
-from ridgebayes.inference.emcee_sampling import SampleSettings
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.chains import SampleSettings
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
 from ridgebayes.predict.predict import predict_q
@@ -79,7 +79,7 @@ def many_textures(n: int) -> Callable[[], object]:
 
 def importance(n: int) -> Callable[[], object]:
     model = Model(Observations.from_table(rb.paper_sweep()), rb.Hybrid())
-    return lambda: importance_fit(model, n_draw=n // 4)
+    return lambda: importance_posterior(model, n_draw=n // 4)
 
 
 def walk(n_walker: int) -> Callable[[], object]:

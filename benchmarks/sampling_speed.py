@@ -27,7 +27,7 @@ import emcee
 import numpy as np
 
 import ridgebayes as rb
-from ridgebayes.inference.autocorrelation import effective_sample_size
+from ridgebayes.inference.diagnostics import effective_sample_size
 from ridgebayes.results import Fit
 
 ROUNDS = 3

@@ -110,7 +110,7 @@ def test_errors__can_be_told_apart_and_caught_together():
 @pytest.mark.parametrize(
     ("library", "home"),
     [
-        ("emcee", "inference/ensemble"),
+        ("emcee", "inference/emcee_sampling"),
         ("arviz", "inference/diagnostics"),
         ("typer", "commands/cli"),
         ("rich", "runtime/progress"),

@@ -31,7 +31,7 @@ import ridgebayes as rb
 from ridgebayes.drawing.style import as_bytes
 from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.inference.diagnostics import import_arviz
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -163,7 +163,7 @@ def reference_of(form: str, rows: Path) -> Reference:
     model = Model(Observations.from_table(rb.paper_sweep()), shape, Noise.named(noise))
     target = Target.of(form, rows)
     check_same_density(model, target)
-    fit, evidence = importance_fit(model, seed=0, n_draw=N_REFERENCE)
+    fit, evidence = importance_posterior(model, seed=0, n_draw=N_REFERENCE)
     theta = fit.model.to_theta(fit.chains.u).reshape(-1, model.n_parameter)
     if model.n_parameter <= 4:
         start = time.process_time()

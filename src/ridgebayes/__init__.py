@@ -38,7 +38,7 @@ _HOME = {
     "Normal": "model.priors",
     "Fit": "results",
     "calibrate": "results",
-    "SampleSettings": "inference.emcee_sampling",
+    "SampleSettings": "inference.chains",
     "QDistribution": "predict.q_distribution",
     "LoadDistribution": "predict.load_distribution",
     "Comparison": "comparison.comparison",
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from ridgebayes._types import __version__
     from ridgebayes.comparison.comparison import Comparison, compare
     from ridgebayes.errors import ComputationError, InputError, RidgebayesError
-    from ridgebayes.inference.emcee_sampling import SampleSettings
+    from ridgebayes.inference.chains import SampleSettings
     from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
     from ridgebayes.model.priors import HalfNormal, LogNormal, Normal
     from ridgebayes.predict.load_distribution import LoadDistribution

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ridgebayes._types import FloatArray, Rng, __version__
+from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import arviz_object
-from ridgebayes.inference.emcee_sampling import SampleSettings, Tell
 from ridgebayes.inference.netcdf import groups_of, read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior, sample_posterior
 from ridgebayes.model.forms import FORMS, Form
@@ -83,7 +83,7 @@ def calibrate(
     priors: Mapping[str, Prior] | None = None,
     rng: Rng = 0,
     settings: SampleSettings | None = None,
-    progress: Tell | None = None,
+    progress: ProgressCallback | None = None,
     checkpoint: Path | None = None,
 ) -> Fit:
     """Sample the posterior of a form's coefficients and error scale given a table.

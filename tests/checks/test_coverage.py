@@ -12,7 +12,7 @@ from ridgebayes.checks import coverage as module
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS, coverage, coverage_of
 from ridgebayes.checks.folds import Fold
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.emcee_sampling import Chains
+from ridgebayes.inference.chains import Chains
 from ridgebayes.model.forms import Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise

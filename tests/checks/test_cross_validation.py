@@ -20,7 +20,7 @@ from ridgebayes.checks.cross_validation import (
 )
 from ridgebayes.checks.folds import Fold
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.emcee_sampling import Chains
+from ridgebayes.inference.chains import Chains
 from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise

@@ -7,7 +7,7 @@ import pytest
 
 from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -64,7 +64,7 @@ def test_refit__is_the_fit_of_the_rows_that_stay(data):
     fold = folds_of(data, Modified(), IID, seed=3, effort=QUICK)[1]
     fit, evidence = pickle.loads(pickle.dumps(fold)).refit()
     rest = Model(data.take(data.texture != 1), Modified(), IID)
-    expected, value = importance_fit(rest, seed=fold.seed, **QUICK)
+    expected, value = importance_posterior(rest, seed=fold.seed, **QUICK)
     assert fit.model.data.textures == (data.textures[0], data.textures[2])
     np.testing.assert_array_equal(fit.draws, expected.draws)
     assert evidence == value

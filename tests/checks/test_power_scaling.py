@@ -12,7 +12,7 @@ from ridgebayes.checks.power_scaling import (
     sensitivities,
 )
 from ridgebayes.errors import InputError
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
 
@@ -98,7 +98,7 @@ def test_no_component_no_sensitivity():
 
 def fitted(table, prior):
     model = Model(Observations.from_table(table), rb.Modified(), priors={"c": prior})
-    return importance_fit(model, seed=1, n_draw=1_280, n_round=3, n_per_round=500)[0]
+    return importance_posterior(model, seed=1, n_draw=1_280, n_round=3, n_per_round=500)[0]
 
 
 def test_table__tells_strong_priors_and_conflicts(paper, fits):

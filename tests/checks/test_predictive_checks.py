@@ -4,7 +4,7 @@ from scipy import stats
 
 from ridgebayes.checks.predictive_checks import QUANTITIES, posterior_checks, prior_bands
 from ridgebayes.errors import InputError
-from ridgebayes.inference.emcee_sampling import Chains
+from ridgebayes.inference.chains import Chains
 from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise

@@ -5,7 +5,8 @@ import pytest
 from scipy import stats
 
 from ridgebayes.evidence import bridge_evidence, quadrature_evidence
-from ridgebayes.inference.emcee_sampling import Chains, SampleSettings, sample
+from ridgebayes.inference.chains import Chains, SampleSettings
+from ridgebayes.inference.emcee_sampling import sample
 
 # Reference: log evidence of the 41 rows, iid, default priors; independent code, printed to 1e-4.
 KNOWN = {"hybrid": 83.3869, "modified": 78.8628, "classic": 19.1987}

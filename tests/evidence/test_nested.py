@@ -7,7 +7,7 @@ from scipy import stats
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.evidence.nested import _Latent, nested_evidence
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
@@ -85,7 +85,7 @@ def test_nested_evidence__of_sampled_offsets_is_the_quadrature_of_narrow_bracket
 def test_nested_evidence__of_student_errors_with_offsets_is_that_in_whitened_coordinates(observed):
     model = sharing(narrow(observed, "texture")[1], "texture", "student")
     assert model.is_latent
-    found, importance = nested(model, n_live=100), importance_fit(model, seed=1)[1]
+    found, importance = nested(model, n_live=100), importance_posterior(model, seed=1)[1]
     assert importance.ok
     se = np.hypot(found.se, importance.se)
     assert found.value == pytest.approx(importance.value, abs=3 * se)  # Monte Carlo

@@ -5,8 +5,8 @@ from scipy.special import logsumexp
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence, savage_dickey
 from ridgebayes.evidence.savage_dickey import _sigma_grid, _zero
-from ridgebayes.inference.emcee_sampling import SampleSettings
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.chains import SampleSettings
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
@@ -64,8 +64,8 @@ def test_savage_dickey__refuses_other_forms(fits):
 
 def test_savage_dickey__given_an_error_model_is_the_ratio_of_evidences(paper):
     data, noise = Observations.from_table(paper), Noise.named("texture")
-    fit, hybrid = importance_fit(Model(data, Hybrid(), noise), seed=1, n_draw=20_480)
-    _, modified = importance_fit(Model(data, Modified(), noise), seed=2)
+    fit, hybrid = importance_posterior(Model(data, Hybrid(), noise), seed=1, n_draw=20_480)
+    _, modified = importance_posterior(Model(data, Modified(), noise), seed=2)
     found = savage_dickey(fit)
     assert found.ok
     se = np.sqrt(found.se**2 + hybrid.se**2 + modified.se**2)
@@ -77,7 +77,7 @@ def test_savage_dickey__given_an_error_model_is_the_ratio_of_evidences(paper):
 def test_savage_dickey__says_where_no_draw_suits_the_nested_form(paper, noise):
     # Without c2 the offsets would be wider: the ratio comes out 10 to 50 too high.
     model = Model(Observations.from_table(paper), Hybrid(), Noise.named(noise))
-    fit, _ = importance_fit(model, seed=1, n_draw=1_280, n_round=4, n_per_round=500)
+    fit, _ = importance_posterior(model, seed=1, n_draw=1_280, n_round=4, n_per_round=500)
     found = savage_dickey(fit)
     assert not found.ok
     assert "Pareto k" in found.status
@@ -91,7 +91,7 @@ def test_sigma_grid__reaches_what_sigma_is_without_c2(error, observed):
     own = error * np.random.default_rng(1).standard_normal(20)
     load = 2 * np.log(Q / 2 - 1) - 2 * rates[texture] + own
     model = Model(observed(texture, Q, load), Hybrid())
-    fit, _ = importance_fit(model, seed=1, n_draw=128, n_round=2, n_per_round=200)
+    fit, _ = importance_posterior(model, seed=1, n_draw=128, n_round=2, n_per_round=200)
     u = fit.chains.u.reshape(-1, 3)
     zero = _zero(fit)
     covariance = np.cov(u.T)

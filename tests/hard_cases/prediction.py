@@ -14,8 +14,8 @@ from scipy.special import ndtr
 
 import ridgebayes as rb
 from ridgebayes.comparison.bands import bands_table
-from ridgebayes.inference.emcee_sampling import Chains
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.chains import Chains
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
@@ -289,7 +289,7 @@ def nodes_of_a_skewed_posterior():
     loads = np.geomspace(5e-4, 0.02, 40)
     q = predict_q(fit, 0.032, 0.01, loads, compressed=True)
     model = Model(Observations.from_table(few), rb.Hybrid())
-    reference, _ = importance_fit(model, seed=5, n_draw=131_072)
+    reference, _ = importance_posterior(model, seed=5, n_draw=131_072)
     theta = reference.model.to_theta(reference.chains.u.reshape(-1, 3))
     worst = 0.0
     for n in (4, 6, 8):

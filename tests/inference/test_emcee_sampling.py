@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.inference.autocorrelation import effective_sample_size
-from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
-from ridgebayes.inference.emcee_sampling import SampleSettings, sample, walkers_for
+from ridgebayes.inference.chains import SampleSettings, walkers_for
+from ridgebayes.inference.diagnostics import effective_sample_size, failed_diagnostics, summarise
+from ridgebayes.inference.emcee_sampling import sample
 
 NAMES = ("x", "y", "z")
 SHORT = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)

@@ -3,8 +3,8 @@ import pytest
 
 from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.inference import importance_sampling as importance
-from ridgebayes.inference.autocorrelation import effective_sample_size
-from ridgebayes.inference.importance_sampling import K_MAX, N_REPEAT, importance_fit
+from ridgebayes.inference.diagnostics import effective_sample_size
+from ridgebayes.inference.importance_sampling import K_MAX, N_REPEAT, importance_posterior
 from ridgebayes.inference.moves import Independence
 from ridgebayes.model.forms import Hybrid
 from ridgebayes.model.model import Model
@@ -20,7 +20,7 @@ def model(paper):
 
 @pytest.fixture(scope="module")
 def found(model):
-    return importance_fit(model, seed=1)
+    return importance_posterior(model, seed=1)
 
 
 def test_importance_fit__evidence_of_the_sweep_is_the_quadrature(model, found, laplaces):
@@ -54,7 +54,7 @@ def test_importance_fit__log_density_is_that_of_the_draws(model, found):
 
 
 def test_importance_fit__same_seed_same_bytes_other_seed_others(model):
-    one, two, other = (importance_fit(model, seed=seed, **QUICK) for seed in (3, 3, 4))
+    one, two, other = (importance_posterior(model, seed=seed, **QUICK) for seed in (3, 3, 4))
     assert one[0].chains.u.tobytes() == two[0].chains.u.tobytes()
     assert one[1] == two[1]
     assert not np.any(one[0].chains.u[:, 0, 0] == other[0].chains.u[:, 0, 0])
@@ -66,7 +66,7 @@ def test_importance_fit__tells_where_weights_are_heavy(model, monkeypatch):
         return Independence(unit.weights, unit.centres, 0.1 * unit.factors, unit.rest), None
 
     monkeypatch.setattr(importance, "adapted", far_too_narrow)
-    fit, evidence = importance_fit(model, seed=1, n_draw=1_280)
+    fit, evidence = importance_posterior(model, seed=1, n_draw=1_280)
     text = fit.chains.convergence_failures[0]
     assert text.startswith("importance weights: Pareto k ")
     assert text.endswith(f", above {K_MAX}")

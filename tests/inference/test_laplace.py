@@ -5,7 +5,7 @@ from scipy import stats
 
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import laplace_evidence
-from ridgebayes.inference.funnel import Funnel
+from ridgebayes.inference.coordinates import Funnel
 from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model

@@ -8,9 +8,10 @@ import xarray as xr
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import bridge_evidence, quadrature_evidence
 from ridgebayes.inference import netcdf as labelled
+from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.diagnostics import import_arviz
-from ridgebayes.inference.emcee_sampling import SampleSettings
 from ridgebayes.inference.netcdf import groups_of, read_netcdf, write_netcdf
+from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.priors import Normal
 from ridgebayes.results import Fit, calibrate
@@ -29,7 +30,7 @@ def files(fits, tmp_path_factory):
 @pytest.mark.parametrize("name", NAMES)
 def test_read_netcdf__brings_back_what_was_written(fits, files, name):
     fit, back = fits[name], read_netcdf(files / f"posterior-{name}.nc")
-    assert isinstance(back, Fit)
+    assert isinstance(back, Posterior)
     assert back.draws.tobytes() == fit.draws.tobytes()
     kept = fit.kept_chains
     assert back.chains.log_density.tobytes() == kept.log_density.tobytes()
@@ -53,7 +54,7 @@ def test_read_netcdf__brings_back_what_was_written(fits, files, name):
 
 
 def test_read_netcdf__gives_a_fit_that_predicts_and_weighs_as_before(fits, files, laplaces):
-    fit, back = fits["hybrid"], read_netcdf(files / "posterior-hybrid.nc")
+    fit, back = fits["hybrid"], Fit.from_netcdf(files / "posterior-hybrid.nc")
     loads = np.geomspace(1e-3, 0.02, 5)
     q, again = (x.predict(0.02, 0.02, loads).survival for x in (fit, back))
     np.testing.assert_array_equal(q, again)

@@ -7,8 +7,8 @@ import pytest
 from scipy import integrate, stats
 
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.autocorrelation import effective_sample_size
-from ridgebayes.inference.emcee_sampling import SampleSettings
+from ridgebayes.inference.chains import SampleSettings
+from ridgebayes.inference.diagnostics import effective_sample_size
 from ridgebayes.inference.posterior import N_KEPT
 from ridgebayes.inference.power_law_exact import log_evidence_given_sigma
 from ridgebayes.model.forms import HalfPlane, Hybrid, Modified, PowerLaw

@@ -10,7 +10,7 @@ from ridgebayes.commands.jobs import run_job
 from ridgebayes.commands.run_folder import read_run
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.presets import PRESETS, QUICK, REFERENCE, STANDARD, Preset
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -38,7 +38,7 @@ def test_accuracies__are_three_each_tighter_than_the_one_before():
 def exact(paper):
     """A quarter of a million draws of Hybrid's posterior, and its evidence by quadrature."""
     model = Model(Observations.from_table(paper), rb.Hybrid(), Noise.named("iid"))
-    fit, _ = importance_fit(model, seed=11, n_draw=65_536)
+    fit, _ = importance_posterior(model, seed=11, n_draw=65_536)
     theta = fit.model.to_theta(fit.chains.u.reshape(-1, 3))
     from ridgebayes.inference.laplace import fit_laplace
 
@@ -80,12 +80,12 @@ def test_quick__walks_where_importance_weights_are_too_uneven(paper, monkeypatch
     assert plain.evidence["method"].tolist() == ["importance"]
 
     def uneven(*args, **options):
-        fit, evidence = importance_fit(*args, **options)
+        fit, evidence = importance_posterior(*args, **options)
         return replace(
             fit, convergence_failures=("importance weights: Pareto k 0.9, above 0.7",)
         ), evidence
 
-    monkeypatch.setattr("ridgebayes.comparison.comparison.importance_fit", uneven)
+    monkeypatch.setattr("ridgebayes.comparison.comparison.importance_posterior", uneven)
     walked = rb.compare(paper, [rb.Modified()], rng=1, accuracy=QUICK)
     assert walked.evidence["method"].tolist()[0] == "bridge"
     assert walked.complete

@@ -13,7 +13,7 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -162,7 +162,7 @@ def test_brackets_beside_exact_rows_are_each_taken_for_what_they_are():
 def test_brackets_with_offsets_per_step_agree_with_the_exact_loads():
     def fitted(table):
         model = Model(Observations.from_table(table), rb.Hybrid(), Noise("step"))
-        fit, _ = importance_fit(model, seed=1)
+        fit, _ = importance_posterior(model, seed=1)
         assert fit.converged
         return model.is_latent, fit.summary.set_index("parameter").loc[["c1", "c2"]]
 

@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 
 from ridgebayes.errors import InputError
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.forms import Hybrid
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -288,7 +288,7 @@ def test_predict_load__lets_go_of_a_fit_that_nobody_needs(paper):
     # What is worked out once for a fit is kept for as long as the fit, and no longer.
     data = Observations.from_table(paper)
     model = Model(data, Hybrid(), Noise.named("texture"))
-    fit, _ = importance_fit(model, seed=1, n_draw=128, n_round=1, n_per_round=200)
+    fit, _ = importance_posterior(model, seed=1, n_draw=128, n_round=1, n_per_round=200)
     predict_load(fit, 0.012, 0.03, 6)
     ended = weakref.ref(fit)
     del fit

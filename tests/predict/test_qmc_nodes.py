@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -17,7 +17,7 @@ LOADS = np.geomspace(5e-4, 0.02, 60)
 def exact(paper):
     """Half a million draws of Hybrid's posterior: their own error is 7e-4 at most."""
     model = Model(Observations.from_table(paper), Hybrid(), Noise.named("iid"))
-    fit, _ = importance_fit(model, seed=11, n_draw=131_072)
+    fit, _ = importance_posterior(model, seed=11, n_draw=131_072)
     return fit.model.to_theta(fit.chains.u.reshape(-1, 3))
 
 
@@ -69,7 +69,7 @@ def test_nodes__are_two_sets_of_weights_that_hold_the_posteriors_moments(fits):
 
 def test_nodes__are_refused_where_offsets_are_sampled(paper):
     model = Model(Observations.from_table(paper), Modified(), Noise.named("step:student"))
-    fit, _ = importance_fit(model, seed=1, n_draw=256, n_round=2, n_per_round=500)
+    fit, _ = importance_posterior(model, seed=1, n_draw=256, n_round=2, n_per_round=500)
     assert nodes_of(fit) is None
     q = predict_q(fit, 0.022, 0.02, LOADS, compressed=True)  # draws serve
     assert np.isnan(q.error)
@@ -78,7 +78,7 @@ def test_nodes__are_refused_where_offsets_are_sampled(paper):
 
 def test_nodes__leave_shared_offsets_to_draws(paper):
     model = Model(Observations.from_table(paper), Hybrid(), Noise.named("step"))
-    fit, _ = importance_fit(model, seed=1, n_draw=256, n_round=2, n_per_round=500)
+    fit, _ = importance_posterior(model, seed=1, n_draw=256, n_round=2, n_per_round=500)
     assert np.isnan(predict_q(fit, 0.022, 0.02, LOADS, compressed=True).error)
 
 

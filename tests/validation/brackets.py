@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 import ridgebayes as rb
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
@@ -47,7 +47,7 @@ def as_exact(table: rb.ContactTable) -> rb.ContactTable:
 def moments(table: rb.ContactTable, noise: str) -> tuple[pd.DataFrame, bool]:
     """Return posterior mean and sd of Hybrid's parameters, and whether it took a walk."""
     model = Model(Observations.from_table(table), rb.Hybrid(), Noise.named(noise))
-    fit, _ = importance_fit(model, seed=1)
+    fit, _ = importance_posterior(model, seed=1)
     walked = not fit.converged
     if walked:
         fit = rb.calibrate(table, rb.Hybrid(), noise=noise, rng=1)

@@ -18,8 +18,8 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, Rng
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.emcee_sampling import SampleSettings, Tell
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.chains import ProgressCallback, SampleSettings
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.posterior import sample_posterior
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
@@ -217,7 +217,7 @@ def _walk(model: Model, *, seed: int) -> Fit:
 
 
 def _importance(model: Model, *, seed: int) -> Fit:
-    return importance_fit(model, seed=seed)[0]
+    return importance_posterior(model, seed=seed)[0]
 
 
 ENGINES: dict[str, Engine] = {"walk": _walk, "importance": _importance}
@@ -235,7 +235,7 @@ def sbc(
     n_draw: int = 199,
     priors: Mapping[str, Prior] | None = None,
     executor: Executor | None = None,
-    progress: Tell | None = None,
+    progress: ProgressCallback | None = None,
 ) -> SBC:
     """Rank true parameters among the draws of their posteriors, over simulated sets of rows.
 
@@ -255,7 +255,7 @@ def sbc(
         Seed; each replicate has a stream of its own.
     fit : str or callable, optional
         ``walk``: the sampler that `calibrate` runs, `SBC_SETTINGS`; ``importance``:
-        `importance_fit`; or what makes a Fit of a Model and a ``seed``.
+        `importance_posterior`; or what makes a Fit of a Model and a ``seed``.
     n_draw : int, optional
         Draws of each posterior that the truth is ranked among.
     priors : mapping of str to Prior, optional

@@ -12,7 +12,7 @@ from scipy.stats import qmc
 from ridgebayes import Hybrid, paper_sweep
 from ridgebayes.checks.coverage import coverage_of
 from ridgebayes.contact.halfplane import transition_loads
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
@@ -50,7 +50,7 @@ def main(names):
     """Print how often bands of each error model hold, and how wide they are."""
     data = Observations.from_table(paper_sweep())
     for name in names:
-        fit, _ = importance_fit(Model(data, Hybrid(), Noise.named(name)), seed=1)
+        fit, _ = importance_posterior(Model(data, Hybrid(), Noise.named(name)), seed=1)
         for title, table in sets().items():
             found = coverage_of(fit, table, probs=(0.5, 0.8, 0.9, 0.95, 0.99))
             print(f"\n{name}: {title}")

@@ -24,7 +24,7 @@ from ridgebayes.errors import RidgebayesError
 from ridgebayes.evidence import LogEvidence, quadrature_evidence
 from ridgebayes.evidence.nested import nested_evidence
 from ridgebayes.evidence.tables import evidences
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model
@@ -69,7 +69,7 @@ def walked(form: str, noise: str, n_live: int) -> Iterator[LogEvidence]:
 
 
 def importance(form: str, noise: str, n_live: int) -> Iterator[LogEvidence]:
-    yield importance_fit(model_of(form, noise), seed=SEED)[1]
+    yield importance_posterior(model_of(form, noise), seed=SEED)[1]
 
 
 def quadrature(form: str, noise: str, n_live: int) -> Iterator[LogEvidence]:

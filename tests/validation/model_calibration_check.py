@@ -17,7 +17,7 @@ from scipy.special import softmax
 
 from ridgebayes._types import Rng
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
@@ -196,7 +196,7 @@ class _Replication:
 
 
 def _by_importance(model: Model, *, seed: int) -> LogEvidence:
-    return importance_fit(model, seed=seed)[1]
+    return importance_posterior(model, seed=seed)[1]
 
 
 def model_sbc(
@@ -227,7 +227,7 @@ def model_sbc(
     priors : mapping of str to Prior, optional
         Replacements for default priors, for the forms that have such a parameter.
     weigh : callable, optional
-        What makes a LogEvidence of a Model and a ``seed``: `importance_fit` if not given.
+        What makes a LogEvidence of a Model and a ``seed``: `importance_posterior` if not given.
     executor : concurrent.futures.Executor, optional
         What replicates are computed on; one after another if not given. The result is the same.
 

@@ -6,9 +6,9 @@ import pandas as pd
 import pytest
 
 from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import summarise
-from ridgebayes.inference.emcee_sampling import Chains
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import simulate_log_loads
@@ -67,7 +67,7 @@ def exact_fit(model, *, seed, spread=1.0):
 
 def light(model, *, seed):
     """Importance sampling with fewer draws: quicker, and exact all the same."""
-    return importance_fit(model, seed=seed, n_draw=384, n_round=2, n_per_round=500)[0]
+    return importance_posterior(model, seed=seed, n_draw=384, n_round=2, n_per_round=500)[0]
 
 
 def run(data, form=None, noise="iid", *, n=200, fit=exact_fit, n_draw=63, **options):

@@ -4,7 +4,7 @@ import pytest
 from scipy.special import logsumexp
 
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.forms import Classic, Modified
 from ridgebayes.model.observations import Observations
@@ -40,7 +40,7 @@ def exact_evidence(model, *, seed, bonus=0.0):
 
 def light(model, *, seed):
     """Importance sampling with fewer draws: quicker."""
-    return importance_fit(model, seed=seed, n_draw=640, n_round=3, n_per_round=500)[1]
+    return importance_posterior(model, seed=seed, n_draw=640, n_round=3, n_per_round=500)[1]
 
 
 def test_probabilities_of_exact_evidences_are_calibrated(data):

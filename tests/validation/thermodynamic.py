@@ -10,9 +10,8 @@ import math
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.inference.adaptation import weighted
 from ridgebayes.inference.log_evidence import LogEvidence
-from ridgebayes.inference.moves import Independence
+from ridgebayes.inference.moves import Independence, weighted
 from ridgebayes.model.model import Model
 from ridgebayes.runtime.randomness import stream
 

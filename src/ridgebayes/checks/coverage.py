@@ -21,7 +21,7 @@ from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable
 
 PROBS = (0.5, 0.8, 0.9, 0.95, 0.99)
-# Less than `importance_fit` takes by itself: a share of 41 rows asks for no second digit.
+# Less than `importance_posterior` takes by itself: a share of 41 rows asks for no second digit.
 EFFORT = {"n_round": 4, "n_per_round": 500, "n_draw": 640}
 COVERAGE_COLUMNS = [
     "form",

@@ -135,7 +135,7 @@ def cross_validate(
     executor : concurrent.futures.Executor, optional
         What folds are computed on; one after another if not given. The result is the same.
     effort : mapping of str to int, optional
-        Passed on to `importance_fit`: fewer draws than its own for a first look.
+        Passed on to `importance_posterior`: fewer draws than its own for a first look.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def cross_validate(
     -----
     *Accuracy.* Nothing is approximated but by Monte Carlo: each fold is fitted anew. Joint scores
     by draws have the standard error given beside them; those by evidences about 0.03.
-    *Cost.* One `importance_fit` per fold, 1 to 18 CPU seconds each.
+    *Cost.* One `importance_posterior` per fold, 1 to 18 CPU seconds each.
 
     Examples
     --------

@@ -8,7 +8,7 @@ import numpy as np
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
@@ -40,7 +40,7 @@ class Fold:
     seed : int
         Seed of this fold alone.
     effort : mapping of str to int, optional
-        Passed on to `importance_fit`: fewer draws than its own for a first look.
+        Passed on to `importance_posterior`: fewer draws than its own for a first look.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Fold:
         if self.left.all():
             raise ComputationError("no row is left to fit")
         model = Model(self.data.take(~self.left), self.form, self.noise)
-        return importance_fit(model, seed=self.seed, **self.effort)
+        return importance_posterior(model, seed=self.seed, **self.effort)
 
 
 def folds_of(
@@ -94,7 +94,7 @@ def folds_of(
     seed : int, optional
         Seed; a fold's own depends on this, the form, the error model and the fold's name alone.
     effort : mapping of str to int, optional
-        Passed on to `importance_fit`.
+        Passed on to `importance_posterior`.
 
     Raises
     ------

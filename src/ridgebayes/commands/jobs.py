@@ -29,7 +29,7 @@ from ridgebayes.commands.run_folder import (
 from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.comparison.comparison import DEFAULT_FORMS, Comparison, compare
 from ridgebayes.errors import InputError
-from ridgebayes.inference.emcee_sampling import SampleSettings
+from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import FORMS, Form, form_named
 from ridgebayes.model.noise import Noise

@@ -17,8 +17,8 @@ from ridgebayes.evidence import LogEvidence
 from ridgebayes.evidence.error_models import chosen_error_model, weigh_error_models
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, evidence_table, evidences
-from ridgebayes.inference.emcee_sampling import SampleSettings, Tell
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.chains import ProgressCallback, SampleSettings
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.posterior import drawn_exactly
 from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import Classic, Form, Hybrid, Modified, PowerLaw
@@ -167,7 +167,7 @@ def compare(
     noise: str | Noise | None = "iid",
     rng: Rng = 0,
     settings: SampleSettings | None = None,
-    progress: Tell | None = None,
+    progress: ProgressCallback | None = None,
     stage: Stage = untimed,
     checkpoints: Path | None = None,
     executor: Executor | None = None,
@@ -341,7 +341,7 @@ def _drawn(
     try:
         model = Model(Observations.from_table(table), form, noise)
         if not drawn_exactly(model):
-            fit, evidence = importance_fit(
+            fit, evidence = importance_posterior(
                 model, seed=seed, n_draw=n_draw, n_round=2, n_per_round=500
             )
             found = (Fit.of(fit), evidence) if fit.converged and evidence.ok else None
@@ -365,5 +365,5 @@ def chain_file(form: str) -> str:
     return f"chains-{form}.h5"
 
 
-def _labelled(progress: Tell, name: str) -> Tell:
+def _labelled(progress: ProgressCallback, name: str) -> ProgressCallback:
     return lambda text: progress(f"{name}: {text}")

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.special import expit
 
 from ridgebayes._types import FloatArray
-from ridgebayes.inference.autocorrelation import effective_sample_size
-from ridgebayes.inference.emcee_sampling import Chains
+from ridgebayes.inference.chains import Chains
+from ridgebayes.inference.diagnostics import effective_sample_size
 from ridgebayes.inference.laplace import Laplace
 from ridgebayes.inference.log_evidence import LogEvidence
 

@@ -23,8 +23,8 @@ from ridgebayes.evidence import (
     quadrature_evidence,
 )
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, used_evidence
-from ridgebayes.inference.emcee_sampling import Tell
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.chains import ProgressCallback
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.model import Model
@@ -47,7 +47,7 @@ def weigh_error_models(
     *,
     seed: int = 0,
     executor: Executor | None = None,
-    progress: Tell | None = None,
+    progress: ProgressCallback | None = None,
     laplace_only: bool = False,
 ) -> pd.DataFrame:
     """Return the log evidence of every form under every error model.
@@ -165,7 +165,7 @@ def _first_look(data: Observations, form: Form, noise: Noise, seed: int) -> LogE
 
 
 def _better_look(data: Observations, form: Form, noise: Noise, seed: int) -> LogEvidence:
-    return importance_fit(Model(data, form, noise), seed=seed, **_EFFORT)[1]
+    return importance_posterior(Model(data, form, noise), seed=seed, **_EFFORT)[1]
 
 
 def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:

@@ -14,8 +14,7 @@ from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.inference.autocorrelation import effective_sample_size
-from ridgebayes.inference.diagnostics import pareto_k
+from ridgebayes.inference.diagnostics import effective_sample_size, pareto_k
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Modified

@@ -1,119 +1,71 @@
-"""Sampling with emcee: independent ensembles, whitened coordinates, the rule that stops them."""
+"""Sampling with emcee: independent ensembles, whitened coordinates, the rule that stops them.
+
+This is the only module that imports emcee; it is loaded when something is sampled.
+"""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
+import emcee
 import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.inference.adaptation import Weighted, adapted
-from ridgebayes.inference.autocorrelation import autocorrelation_time
+from ridgebayes.inference.chains import N_WALKER, Chains, ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint, Walk
+from ridgebayes.inference.diagnostics import autocorrelation_time
 from ridgebayes.inference.laplace import Laplace
-from ridgebayes.inference.moves import MOVES, Independence
+from ridgebayes.inference.moves import MOVES, Independence, Weighted, adapted
 from ridgebayes.runtime.randomness import stream
 
-if TYPE_CHECKING:
-    from ridgebayes.inference.ensemble import Ensemble
 
-Tell = Callable[[str], None]
-N_WALKER = 128
-_MANY, _FEW = 512, 32  # walkers: four times the draws per CPU second of 32; a tenth of the work
-_CHEAP, _DEAR = 100, 2_000  # textures of plain rows
+class Ensemble(emcee.EnsembleSampler):
+    """An ensemble that moves by an independence proposal and by differential evolution.
 
-
-@dataclass(frozen=True)
-class SampleSettings:
-    """How long and with how many walkers to sample.
+    emcee takes the densities of a vectorised function one walker at a time, in Python; here they
+    stay an array.
 
     Parameters
     ----------
-    n_ensemble : int
-        Independently started ensembles; at least four, so that they can disagree.
-    n_walker : int or None
-        Walkers of each; raised to four per coordinate where that is more. None takes many where a
-        density of many points costs little more than one of few, and few where textures are many:
-        see `walkers_for`.
-    n_burn : int
-        Steps thrown away.
-    n_step_max : int
-        Steps after which an ensemble is given up as not converged.
-    n_tau : float
-        Steps must pass this many autocorrelation times.
-    tau_change : float
-        Relative change of each autocorrelation time since the last check that counts as settled.
-    moves : str
-        ``mixture``; or ``independence``, ``differential evolution``, ``stretch`` alone, to compare.
+    log_density : callable
+        (n, n_coordinate) to (n,): log density; not NaN.
+    n_walker, n_coordinate : int
+        Walkers and dimensions.
+    proposal : Independence
+        Fitted proposal.
+    moves : str, optional
+        One of `ridgebayes.inference.moves.MOVES`, which holds the shares of the three kinds.
     """
 
-    n_ensemble: int = 4
-    n_walker: int | None = None
-    n_burn: int = 60
-    n_step_max: int = 20_000
-    n_tau: float = 50.0
-    tau_change: float = 0.01
-    moves: str = "mixture"
+    def __init__(
+        self,
+        log_density: Callable[[FloatArray], FloatArray],
+        n_walker: int,
+        n_coordinate: int,
+        proposal: Independence,
+        moves: str = "mixture",
+    ) -> None:
+        kinds = (emcee.moves.MHMove(proposal), emcee.moves.DEMove(), emcee.moves.StretchMove())
+        shares = [one for one in zip(kinds, MOVES[moves], strict=True) if one[1] > 0]
+        super().__init__(n_walker, n_coordinate, log_density, vectorize=True, moves=shares)
+        self.log_prob_fn = log_density  # emcee's own wrapper prints a traceback on Ctrl-C
 
-    def __post_init__(self) -> None:
-        if self.n_ensemble < 4:
-            raise InputError(f"n_ensemble: expected at least 4, got {self.n_ensemble}")
-        for name in ("n_burn", "n_step_max"):
-            if not getattr(self, name) >= 1:
-                raise InputError(f"{name}: expected at least 1, got {getattr(self, name)}")
-        for name in ("n_tau", "tau_change"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise InputError(f"{name}: expected finite and > 0, got {getattr(self, name)}")
-        if self.moves not in MOVES:
-            raise InputError(f"moves: expected {', '.join(MOVES)}, got {self.moves!r}")
-        if self.n_walker is not None and (self.n_walker < 4 or self.n_walker % 2):
-            raise InputError(f"n_walker: expected even and at least 4, got {self.n_walker}")
-
-
-def walkers_for(n_texture: int, is_iid_gaussian: bool) -> int:
-    """Return how many walkers suit a density.
-
-    Parameters
-    ----------
-    n_texture : int
-        Textures with rows.
-    is_plain : bool
-        Whether rows are exact with independent normal errors.
-    """
-    if n_texture > _DEAR:
-        return _FEW
-    return _MANY if is_iid_gaussian and n_texture <= _CHEAP else N_WALKER
+    def compute_log_prob(self, coords: FloatArray) -> tuple[FloatArray, None]:
+        """Return the log densities at `coords`, shape (n,), and no blobs."""
+        if not np.isfinite(coords).all():
+            raise ValueError("a walker's coordinate is not finite")
+        log_density = self.log_prob_fn(coords)
+        if np.isnan(log_density).any():
+            raise ValueError("the log density is NaN")
+        return log_density, None
 
 
-@dataclass(frozen=True, eq=False)
-class Chains:
-    """Draws of several ensembles.
-
-    Parameters
-    ----------
-    u : ndarray of float, shape (n_ensemble, n_step, n_walker, n_coordinate)
-        Unconstrained coordinates.
-    log_density : ndarray of float, shape (n_ensemble, n_step, n_walker)
-        Log posterior density in those coordinates, not normalised.
-    acceptance : ndarray of float, shape (n_ensemble,)
-        Accepted fraction.
-    tau : ndarray of float, shape (n_coordinate + 1,), steps
-        Autocorrelation times of the coordinates and, last, of the log density.
-    convergence_failures : tuple of str
-        What the stopping rule still lacked when sampling ended; empty if it was met.
-    """
-
-    u: FloatArray
-    log_density: FloatArray
-    acceptance: FloatArray
-    tau: FloatArray
-    convergence_failures: tuple[str, ...]
-
-    @property
-    def n_step(self) -> int:
-        """Steps kept of each ensemble."""
-        return self.u.shape[1]
+def state_at(
+    z: FloatArray, random_state: Any, log_density: FloatArray | None = None
+) -> emcee.State:
+    """Return walkers at `z`, (n_walker, n_coordinate), with the state of a `RandomState`."""
+    # emcee takes the state of a RandomState; such an object it would silently ignore.
+    return emcee.State(z, log_prob=log_density, random_state=random_state)
 
 
 def sample(
@@ -123,7 +75,7 @@ def sample(
     seed: int,
     names: tuple[str, ...],
     settings: SampleSettings | None = None,
-    progress: Tell | None = None,
+    progress: ProgressCallback | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Chains:
     """Sample a density with independently started emcee ensembles until the stopping rule is met.
@@ -161,8 +113,6 @@ def sample(
     Foreman-Mackey et al. (2013), doi:10.1086/670067; ter Braak & Vrugt (2008),
     doi:10.1007/s11222-008-9104-9, for differential evolution.
     """
-    from ridgebayes.inference.ensemble import Ensemble  # emcee takes a while to import
-
     settings = settings or SampleSettings()
     n_coordinate = len(laplace.mode)
     n_walker = max(settings.n_walker or N_WALKER, 4 * n_coordinate)
@@ -181,7 +131,7 @@ def sample(
     while True:
         # With every check the target grows by 5 %, wherever the walk was picked up again.
         before, tau = walk.tau, _mean_tau(walk.u, walk.log_density)
-        convergence_failures = _missing(
+        convergence_failures = _unmet_rules(
             walk.n_step, tau, before, (*names, "log posterior"), settings
         )
         if progress is not None and walk.n_step:
@@ -207,8 +157,6 @@ def _burnt_in(
     settings: SampleSettings,
 ) -> Walk:
     """Fit each ensemble's own proposal, start its walkers from it, and burn them in."""
-    from ridgebayes.inference.ensemble import Ensemble, state_at
-
     states, proposals = [], []
     for i in range(settings.n_ensemble):
         rng = stream(seed, f"ensemble {i}")
@@ -236,11 +184,9 @@ def _burnt_in(
 
 
 def _walked_on(
-    walk: Walk, samplers: "Sequence[Ensemble]", laplace: Laplace, n_step: int, tau: FloatArray
+    walk: Walk, samplers: Sequence[Ensemble], laplace: Laplace, n_step: int, tau: FloatArray
 ) -> Walk:
     """Let every ensemble take `n_step` more steps from where it is."""
-    from ridgebayes.inference.ensemble import state_at
-
     ends = []
     for i, sampler in enumerate(samplers):
         sampler.reset()
@@ -285,7 +231,7 @@ def _mean_tau(u: FloatArray, log_density: FloatArray) -> FloatArray:
     return np.mean([autocorrelation_time(ensemble) for ensemble in everything], axis=0)
 
 
-def _missing(
+def _unmet_rules(
     n_step: int,
     tau: FloatArray,
     before: FloatArray,

@@ -13,11 +13,11 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.inference.adaptation import adapted, weighted
+from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import K_MAX, failed_diagnostics, pareto_k, summarise
-from ridgebayes.inference.emcee_sampling import Chains
 from ridgebayes.inference.laplace import fit_laplace, several_modes
 from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.inference.moves import adapted, weighted
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.model import Model
 from ridgebayes.runtime.randomness import stream
@@ -25,7 +25,7 @@ from ridgebayes.runtime.randomness import stream
 N_REPEAT = 4  # independent proposals
 
 
-def importance_fit(
+def importance_posterior(
     model: Model,
     *,
     seed: int = 0,

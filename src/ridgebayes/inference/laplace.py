@@ -1,8 +1,8 @@
 r"""The normal approximation of a posterior, in coordinates that suit it.
 
 Coefficients are known the better the smaller the errors are: in unconstrained coordinates a
-posterior is a funnel. Coordinates w take that out, by `funnel` where rows are exact, independent
-and normal, by `conditional` otherwise. In w a posterior is nearly normal: there its mode and
+posterior is a funnel. Coordinates w take that out, by `Funnel` where rows are exact, independent
+and normal, by `Conditional` otherwise. In w a posterior is nearly normal: there its mode and
 curvature are found, proposals are fitted, evidences integrated.
 """
 
@@ -15,8 +15,7 @@ from scipy import linalg, optimize
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.conditional import Conditional
-from ridgebayes.inference.funnel import Funnel, FunnelAbout
+from ridgebayes.inference.coordinates import Conditional, Funnel, FunnelAbout
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.model import Model
 

@@ -11,8 +11,8 @@ import xarray as xr
 
 from ridgebayes._types import FloatArray, __version__
 from ridgebayes.errors import InputError
+from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
-from ridgebayes.inference.emcee_sampling import Chains
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model

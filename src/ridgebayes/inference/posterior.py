@@ -1,22 +1,19 @@
-"""`calibrate`: a table and a form in, a posterior out; and `Fit`, the record that holds it."""
+"""The posterior of a model: draws with their diagnostics, and the sampler that suits the model."""
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray
+from ridgebayes.inference.chains import Chains, ProgressCallback, SampleSettings, walkers_for
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
-from ridgebayes.inference.emcee_sampling import Chains, SampleSettings, Tell, sample, walkers_for
 from ridgebayes.inference.laplace import fit_laplace, several_modes
+from ridgebayes.inference.power_law_exact import sample_power_law
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
-
-if TYPE_CHECKING:
-    pass
 
 N_TEXTURE_WALKED = 40  # a power law of more textures is drawn from exactly, without a walk
 N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
@@ -102,7 +99,7 @@ def sample_posterior(
     *,
     seed: int,
     settings: SampleSettings | None = None,
-    progress: Tell | None = None,
+    progress: ProgressCallback | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Posterior:
     """Sample the posterior of a model.
@@ -131,14 +128,15 @@ def sample_posterior(
         If the posterior has no interior mode.
     """
     if drawn_exactly(model):
-        from ridgebayes.inference.power_law_draws import sample_power_law
-
         chains = sample_power_law(model, seed=seed)
     else:
         settings = settings or SampleSettings()
         if settings.n_walker is None:
             n_walker = walkers_for(len(model.data.textures), model.is_iid_gaussian)
             settings = replace(settings, n_walker=n_walker)
+        # emcee takes a while to load, and only sampling needs it.
+        from ridgebayes.inference.emcee_sampling import sample
+
         laplace = fit_laplace(model)
         chains = sample(
             model.log_density,

@@ -7,7 +7,7 @@ points of; docs/performance.md holds the measured errors.
 from dataclasses import dataclass
 
 from ridgebayes.errors import InputError
-from ridgebayes.inference.emcee_sampling import SampleSettings
+from ridgebayes.inference.chains import SampleSettings
 
 
 @dataclass(frozen=True)

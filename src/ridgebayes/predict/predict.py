@@ -19,9 +19,8 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.forms.base import even_counts, loads, widths
 from ridgebayes.predict.load_distribution import LoadDistribution
-from ridgebayes.predict.posterior_loads import PosteriorLoads
+from ridgebayes.predict.predictive_cdf import DrawAverage, NodeAverage, PosteriorLoads
 from ridgebayes.predict.q_distribution import QDistribution, shares
-from ridgebayes.predict.reached import DrawAverage, NodeAverage
 
 KINDS = ("curve", "simulation")
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
@@ -232,7 +231,7 @@ def _survival(
     if draws is None:
         n_draw = len(fit.draws) if fit.model.offsets is None else N_LOAD_DRAWS
         draws = PosteriorLoads.of(fit, n_draw if fit.noise.tail == "normal" else N_LOAD_DRAWS // 2)
-    reached = DrawAverage(draws, kind) if draws.weight is None else NodeAverage(draws, kind)
+    average = DrawAverage(draws, kind) if draws.weight is None else NodeAverage(draws, kind)
     columns = [np.ones(len(p))]
     last = _LARGEST_Q if draws.df is None else _widest(texture)
     for first in range(4, last + 2, 2 * _BLOCK):
@@ -240,14 +239,14 @@ def _survival(
         found = np.empty((len(p), _BLOCK))
         for poisson in np.unique(nu):
             here = nu == poisson
-            found[here] = reached.at(texture, block, p[here], float(poisson))
+            found[here] = average.at(texture, block, p[here], float(poisson))
         for column in found.T:
             # One noise draw cannot reach a further ridge before a nearer one.
             columns.append(np.minimum(column, columns[-1]))
             if columns[-1].max() < NEGLIGIBLE:
-                return np.stack(columns, axis=-1), reached.error
+                return np.stack(columns, axis=-1), average.error
     if draws.df is not None:
-        return np.stack(columns, axis=-1), reached.error
+        return np.stack(columns, axis=-1), average.error
     raise InputError(f"p_over_E: counts above {_LARGEST_Q} at a/R, b/R = {texture}; expected fewer")
 
 

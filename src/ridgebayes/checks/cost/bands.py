@@ -10,7 +10,7 @@ from scipy import special
 from ridgebayes._types import FloatArray
 from ridgebayes.checks.cost.measured import Setting
 from ridgebayes.checks.cost.posteriors import all_draws
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -48,7 +48,7 @@ def band_settings(
     """
     model = Model(Observations.from_table(table), form, Noise.named("iid"))
     k = model.n_coefficient
-    exact = importance_fit(model, seed=seed + 1, n_draw=_LONG)[0]
+    exact = importance_posterior(model, seed=seed + 1, n_draw=_LONG)[0]
     known, reference = all_draws(exact), f"{4 * _LONG} importance draws"
     some = known[:: len(known) // _PLACED]
     # Loads where probabilities change: three standard deviations about each transition.

@@ -9,8 +9,8 @@ from ridgebayes._types import FloatArray
 from ridgebayes.checks.cost.measured import Setting
 from ridgebayes.evidence import bridge_evidence, quadrature_evidence
 from ridgebayes.evidence.nested import nested_evidence
-from ridgebayes.inference.emcee_sampling import SampleSettings
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.chains import SampleSettings
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form
@@ -51,11 +51,11 @@ def posterior_settings(table: ContactTable, form: Form, *, seed: int = 0) -> lis
         Errors are over the posterior sd.
     """
     model = Model(Observations.from_table(table), form, Noise.named("iid"))
-    best = _moments(all_draws(importance_fit(model, seed=seed + 1, n_draw=_LONG)[0]))
+    best = _moments(all_draws(importance_posterior(model, seed=seed + 1, n_draw=_LONG)[0]))
     reference = f"importance sampling, {4 * _LONG} draws"
 
     def sampled(n: int) -> FloatArray:
-        return all_draws(importance_fit(model, seed=seed, n_draw=n)[0])
+        return all_draws(importance_posterior(model, seed=seed, n_draw=n)[0])
 
     def walked(settings: SampleSettings) -> FloatArray:
         return all_draws(calibrate(table, form, rng=seed, settings=settings))
@@ -140,7 +140,7 @@ def evidence_settings(table: ContactTable, form: Form, *, seed: int = 0) -> list
         return quadrature_evidence(model.log_density, laplace, tol=tol).value
 
     def sampled(n: int) -> float:
-        return importance_fit(model, seed=seed, n_draw=n)[1].value
+        return importance_posterior(model, seed=seed, n_draw=n)[1].value
 
     def nested(n: int) -> float:
         return nested_evidence(model, rng=np.random.default_rng(seed), n_live=n).value

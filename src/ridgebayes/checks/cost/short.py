@@ -11,7 +11,7 @@ from ridgebayes.checks.cost.measured import SHORT_COLUMNS
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import best_form
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.importance_sampling import importance_fit
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.scene.scene import Scene
@@ -105,7 +105,7 @@ def _second_looks(
         return float(np.abs((theta.mean(axis=0) - mean) / sd).max()), found.log_evidence
 
     def importance() -> tuple[float, float]:
-        found, evidence = importance_fit(fit.model, seed=fit.seed, n_draw=_FEW, **_ROUNDS)
+        found, evidence = importance_posterior(fit.model, seed=fit.seed, n_draw=_FEW, **_ROUNDS)
         off = np.abs((found.summary["mean"].to_numpy() - mean) / sd)
         return float(off.max()), evidence.value
 

@@ -1,0 +1,107 @@
+"""What a sampler is asked for, and the draws that it returns."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+from ridgebayes.errors import InputError
+from ridgebayes.inference.moves import MOVES
+
+ProgressCallback = Callable[[str], None]  # takes a line of text
+N_WALKER = 128
+_MANY, _FEW = 512, 32  # walkers: four times the draws per CPU second of 32; a tenth of the work
+_CHEAP, _DEAR = 100, 2_000  # textures of plain rows
+
+
+@dataclass(frozen=True)
+class SampleSettings:
+    """How long and with how many walkers to sample.
+
+    Parameters
+    ----------
+    n_ensemble : int
+        Independently started ensembles; at least four, so that they can disagree.
+    n_walker : int or None
+        Walkers of each; raised to four per coordinate where that is more. None takes many where a
+        density of many points costs little more than one of few, and few where textures are many:
+        see `walkers_for`.
+    n_burn : int
+        Steps thrown away.
+    n_step_max : int
+        Steps after which an ensemble is given up as not converged.
+    n_tau : float
+        Steps must pass this many autocorrelation times.
+    tau_change : float
+        Relative change of each autocorrelation time since the last check that counts as settled.
+    moves : str
+        ``mixture``; or ``independence``, ``differential evolution``, ``stretch`` alone, to compare.
+    """
+
+    n_ensemble: int = 4
+    n_walker: int | None = None
+    n_burn: int = 60
+    n_step_max: int = 20_000
+    n_tau: float = 50.0
+    tau_change: float = 0.01
+    moves: str = "mixture"
+
+    def __post_init__(self) -> None:
+        if self.n_ensemble < 4:
+            raise InputError(f"n_ensemble: expected at least 4, got {self.n_ensemble}")
+        for name in ("n_burn", "n_step_max"):
+            if not getattr(self, name) >= 1:
+                raise InputError(f"{name}: expected at least 1, got {getattr(self, name)}")
+        for name in ("n_tau", "tau_change"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise InputError(f"{name}: expected finite and > 0, got {getattr(self, name)}")
+        if self.moves not in MOVES:
+            raise InputError(f"moves: expected {', '.join(MOVES)}, got {self.moves!r}")
+        if self.n_walker is not None and (self.n_walker < 4 or self.n_walker % 2):
+            raise InputError(f"n_walker: expected even and at least 4, got {self.n_walker}")
+
+
+def walkers_for(n_texture: int, is_iid_gaussian: bool) -> int:
+    """Return how many walkers suit a density.
+
+    Parameters
+    ----------
+    n_texture : int
+        Textures with rows.
+    is_iid_gaussian : bool
+        Whether rows are exact with independent normal errors.
+    """
+    if n_texture > _DEAR:
+        return _FEW
+    return _MANY if is_iid_gaussian and n_texture <= _CHEAP else N_WALKER
+
+
+@dataclass(frozen=True, eq=False)
+class Chains:
+    """Draws of several ensembles.
+
+    Parameters
+    ----------
+    u : ndarray of float, shape (n_ensemble, n_step, n_walker, n_coordinate)
+        Unconstrained coordinates.
+    log_density : ndarray of float, shape (n_ensemble, n_step, n_walker)
+        Log posterior density in those coordinates, not normalised.
+    acceptance : ndarray of float, shape (n_ensemble,)
+        Accepted fraction.
+    tau : ndarray of float, shape (n_coordinate + 1,), steps
+        Autocorrelation times of the coordinates and, last, of the log density.
+    convergence_failures : tuple of str
+        What the stopping rule still lacked when sampling ended; empty if it was met.
+    """
+
+    u: FloatArray
+    log_density: FloatArray
+    acceptance: FloatArray
+    tau: FloatArray
+    convergence_failures: tuple[str, ...]
+
+    @property
+    def n_step(self) -> int:
+        """Steps kept of each ensemble."""
+        return self.u.shape[1]

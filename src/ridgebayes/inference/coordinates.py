@@ -1,0 +1,174 @@
+r"""Coordinates in which coefficients do not depend on the error model's parameters.
+
+In unconstrained coordinates (the prior's normal scores) a posterior is a funnel: the smaller the
+errors, the better the coefficients are known. Two maps take that out.
+
+`Conditional` serves any rows. Log loads are nearly linear in the coefficients' coordinates c, and
+given the error model's parameters the rows' covariance is known. With J the rows' derivatives and r
+their residuals at a reference c0, c is then normal with precision P and mean c0 + d,
+
+.. math:: P = I + J' \Sigma^{-1} J, \qquad P d = -(c_0 + J' \Sigma^{-1} r).
+
+Coefficients are measured from that mean, in units of P's Cholesky factor: what is left to search,
+and to fit proposals to, is the error model's few parameters.
+
+`Funnel` serves exact, independent, normal rows. Given sigma, a direction of the coefficients about
+which the rows hold the information d (at error variance 1) has the standard deviation
+
+    s = (d / t^2 + 1)^(-1/2),      t^2 = sigma^2 + the rows' mean known variance,
+
+the 1 being the prior's. Measured in units of its own s, a direction is nearly normal. The Jacobian
+moves the mode from the joint mode, where sigma is too small (and with few rows runs to zero), to
+the mode of sigma's own marginal.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy import linalg
+
+from ridgebayes._types import FloatArray
+from ridgebayes.model.conditional_offsets import cholesky_or_nan, solve_lower
+from ridgebayes.model.model import Model
+
+_BATCH = 1_024  # draws whose covariances are held at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Conditional:
+    """The normal approximation of the coefficients given the error model's parameters.
+
+    Parameters
+    ----------
+    reference : ndarray of float, shape (n_coefficient,)
+        Unconstrained coordinates that rows are linearised about.
+    products : callable
+        Unconstrained coordinates of the error model's parameters, (..., n_noise), to
+        ``[J, r]' inverse(Sigma) [J, r]``, shape (..., n_coefficient + 1, n_coefficient + 1).
+    """
+
+    reference: FloatArray
+    products: Callable[[FloatArray], FloatArray]
+
+    @classmethod
+    def of(cls, model: Model, reference: FloatArray) -> "Conditional":
+        """Linearise a model's rows about coefficients."""
+        columns = model.linearised(reference)
+        return cls(reference, partial(model.products, columns=columns))
+
+    @property
+    def n_coefficient(self) -> int:
+        """Coefficients."""
+        return len(self.reference)
+
+    def forward(self, w: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return coefficients' coordinates of standard normals `w`, and log |du/dw|."""
+        factor, mean = self._factor_and_mean(u_noise)
+        step = solve_lower(factor, w[..., None], transposed=True)[..., 0]
+        return mean + step, _log_volume(factor)
+
+    def inverse(self, u: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the standard normals of coefficients' coordinates: the inverse of `forward`."""
+        factor, mean = self._factor_and_mean(u_noise)
+        return np.einsum("...ji,...j->...i", factor, u - mean), _log_volume(factor)
+
+    def _factor_and_mean(self, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+        lead, k = u_noise.shape[:-1], len(self.reference)
+        flat = u_noise.reshape(math.prod(lead), u_noise.shape[-1])
+        factor, mean = np.empty((len(flat), k, k)), np.empty((len(flat), k))
+        for i in range(0, len(flat), _BATCH):
+            here = slice(i, i + _BATCH)
+            with np.errstate(all="ignore"):
+                products = self.products(flat[here])
+            factor[here] = cholesky_or_nan(products[..., :k, :k] + np.eye(k))
+            half = solve_lower(factor[here], (self.reference + products[..., :k, k])[..., None])
+            step = solve_lower(factor[here], half, transposed=True)[..., 0]
+            mean[here] = self.reference - step
+        return factor.reshape(*lead, k, k), mean.reshape(*lead, k)
+
+
+def _log_volume(factor: FloatArray) -> FloatArray:
+    """Return log |du/dw|; of a covariance that cannot be factorised, that of no volume at all."""
+    value = -np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
+    return np.where(np.isnan(value), -np.inf, value)
+
+
+@dataclass(frozen=True, eq=False)
+class Funnel:
+    """The scale of each direction of the coefficients given sigma.
+
+    Parameters
+    ----------
+    basis : ndarray of float, shape (n_coefficient, n_coefficient)
+        Orthonormal directions, in its columns.
+    information : ndarray of float, shape (n_coefficient,)
+        What the rows know of each at error variance 1.
+    error_variance : callable
+        Unconstrained coordinate of sigma, (..., 1), to t^2, (...).
+    """
+
+    basis: FloatArray
+    information: FloatArray
+    error_variance: Callable[[FloatArray], FloatArray]
+
+    @classmethod
+    def of(cls, model: Model, u: FloatArray) -> "Funnel":
+        """Take the directions from the rows' information at `u`."""
+        information, basis = linalg.eigh(model.information(u))
+        return cls(basis, np.maximum(information, 0.0), model.error_variance)
+
+    def log_scales(self, u_noise: FloatArray) -> FloatArray:
+        """Return log s of each direction, shape ``u_noise.shape[:-1] + (n_coefficient,)``."""
+        variance = self.error_variance(u_noise)[..., None]
+        with np.errstate(divide="ignore"):
+            return 0.5 * (np.log(variance) - np.log(self.information + variance))
+
+    def slope(self, u_noise: FloatArray) -> FloatArray:
+        """Return d/du_noise of the summed log scales, shape (n_noise,)."""
+        h = 1e-4
+        steps = h * np.eye(len(u_noise))
+        up = self.log_scales(u_noise + steps).sum(axis=-1)
+        return (up - self.log_scales(u_noise - steps).sum(axis=-1)) / (2 * h)
+
+    def about(self, mode: FloatArray) -> "FunnelAbout":
+        """Return the map between coefficients and directions in units of their widths."""
+        k = len(self.basis)
+        return FunnelAbout(self, mode[:k], self.log_scales(mode[k:]))
+
+
+@dataclass(frozen=True, eq=False)
+class FunnelAbout:
+    """A funnel seen from a mode, where its scales are 1.
+
+    Parameters
+    ----------
+    funnel : Funnel
+        Scales.
+    centre : ndarray of float, shape (n_coefficient,)
+        Coefficients of the mode.
+    log_scale : ndarray of float, shape (n_coefficient,)
+        Log scales at the mode.
+    """
+
+    funnel: Funnel
+    centre: FloatArray
+    log_scale: FloatArray
+
+    @property
+    def n_coefficient(self) -> int:
+        """Coefficients."""
+        return len(self.centre)
+
+    def forward(self, w: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return coefficients' coordinates at `w`, and log |du/dw|."""
+        basis, log_scale = self.funnel.basis, self.funnel.log_scales(u_noise) - self.log_scale
+        return self.centre + (w @ basis * np.exp(log_scale)) @ basis.T, log_scale.sum(axis=-1)
+
+    def inverse(self, u: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return w of coefficients' coordinates, and log |du/dw|: the inverse of `forward`."""
+        basis, log_scale = self.funnel.basis, self.funnel.log_scales(u_noise) - self.log_scale
+        w = ((u - self.centre) @ basis * np.exp(-log_scale)) @ basis.T
+        return w, log_scale.sum(axis=-1)
