@@ -42,7 +42,7 @@ _HOME = {
     "QDistribution": "predict.q_distribution",
     "LoadDistribution": "predict.load_distribution",
     "Comparison": "comparison.comparison",
-    "compare": "comparison.comparison",
+    "compare": "comparison.compare",
     "write_report": "report",
 }
 __all__ = list(_HOME)
@@ -62,7 +62,8 @@ def __dir__() -> list[str]:
 
 if TYPE_CHECKING:
     from ridgebayes._types import __version__
-    from ridgebayes.comparison.comparison import Comparison, compare
+    from ridgebayes.comparison.compare import compare
+    from ridgebayes.comparison.comparison import Comparison
     from ridgebayes.errors import ComputationError, InputError, RidgebayesError
     from ridgebayes.inference.chains import SampleSettings
     from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw

@@ -34,7 +34,7 @@ def _two_prior_scales():
     """Two prior scales say as much here as nine, in a fifth of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "ridgebayes.comparison.comparison.prior_sensitivity",
+            "ridgebayes.comparison.compare.prior_sensitivity",
             lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known),
         )
         yield

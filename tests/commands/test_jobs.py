@@ -85,7 +85,7 @@ def _two_prior_scales():
     """Two prior scales say as much here as nine, in a fifth of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "ridgebayes.comparison.comparison.prior_sensitivity",
+            "ridgebayes.comparison.compare.prior_sensitivity",
             lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known),
         )
         yield
@@ -257,7 +257,9 @@ def no_pages(monkeypatch):
 
 @pytest.fixture
 def no_sampling(monkeypatch):
-    monkeypatch.setattr("ridgebayes.commands.jobs.compare", lambda *_, **__: pytest.fail("went on"))
+    monkeypatch.setattr(
+        "ridgebayes.commands.jobs.compare_with", lambda *_, **__: pytest.fail("went on")
+    )
 
 
 @pytest.mark.parametrize("place", ["bands_table", "loads_table", "write_run_json", "write_pages"])
@@ -267,7 +269,7 @@ def test_run__that_fails_mid_way_leaves_no_final_folder(
     def fail(*_, **__):
         raise RuntimeError("disk on fire")
 
-    monkeypatch.setattr("ridgebayes.commands.jobs.compare", lambda *_, **__: runs[1]["first"])
+    monkeypatch.setattr("ridgebayes.commands.jobs.compare_with", lambda *_, **__: runs[1]["first"])
     monkeypatch.setattr(f"ridgebayes.commands.jobs.{place}", fail)
     with pytest.raises(RuntimeError, match="disk on fire"):
         # One process: what a test puts in the place of a function is not there in a worker.
@@ -283,7 +285,7 @@ def test_run__that_fails_with_force_leaves_the_old_one(
 
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "run.json").write_text("{}")
-    monkeypatch.setattr("ridgebayes.commands.jobs.compare", fail)
+    monkeypatch.setattr("ridgebayes.commands.jobs.compare_with", fail)
     with pytest.raises(ComputationError):
         run_job(tmp_path / "out", table=table, force=True)
     assert names(tmp_path / "out") == {"run.json"}
@@ -293,7 +295,7 @@ def test_run__force_replaces_a_run(tmp_path, table, monkeypatch, no_pages, runs)
     (tmp_path / "out").mkdir()
     for name in ("run.json", "posterior-classic.nc", "notes.txt"):
         (tmp_path / "out" / name).write_text("{}")
-    monkeypatch.setattr("ridgebayes.commands.jobs.compare", lambda *_, **__: runs[1]["first"])
+    monkeypatch.setattr("ridgebayes.commands.jobs.compare_with", lambda *_, **__: runs[1]["first"])
     run_job(tmp_path / "out", table=table, forms=FORMS, force=True)
     assert names(tmp_path / "out") == names(runs[0] / "first")
 
@@ -397,11 +399,11 @@ def test_compare__writes_the_comparison_without_bands_and_pages(tmp_path, table,
 def test_compare__default_forms_are_the_four_printed_ones(tmp_path, table, monkeypatch):
     asked = []
 
-    def compare(table, forms, **options):
+    def compare(execution, table, forms, **options):
         asked.extend(form.name for form in forms)
         raise ComputationError("enough")
 
-    monkeypatch.setattr("ridgebayes.commands.jobs.compare", compare)
+    monkeypatch.setattr("ridgebayes.commands.jobs.compare_with", compare)
     with pytest.raises(ComputationError, match="enough"):
         compare_job(tmp_path / "out", table)
     assert asked == ["classic", "power-law", "modified", "hybrid"]
@@ -484,7 +486,7 @@ def test_report__of_what_is_no_run_is_refused(tmp_path, no_pages):
 
 def test_resume__after_a_kill_ends_with_the_same_bytes(tmp_path, table, monkeypatch, runs):
     """Killed while the second form is sampled: the first form's chains are kept and used."""
-    from ridgebayes.comparison import comparison as module
+    from ridgebayes.comparison import compare as module
 
     calibrate, calls = module.calibrate, []
 
@@ -495,7 +497,7 @@ def test_resume__after_a_kill_ends_with_the_same_bytes(tmp_path, table, monkeypa
         return calibrate(table, form, **options)
 
     options = {"forms": FORMS, "seed": 5, "settings": QUICK}
-    monkeypatch.setattr("ridgebayes.comparison.comparison.calibrate", killed)
+    monkeypatch.setattr("ridgebayes.comparison.compare.calibrate", killed)
     with pytest.raises(KeyboardInterrupt):
         compare_job(tmp_path / "out", table, **options)
     assert names(tmp_path) == {".out.partial", ".out.partial/chains-modified.h5"}
@@ -511,7 +513,7 @@ def test_resume__of_another_seed_is_refused_and_the_chains_stay(tmp_path, table,
     def killed(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("ridgebayes.comparison.comparison.evidences", killed)
+    monkeypatch.setattr("ridgebayes.comparison.compare.evidences", killed)
     with pytest.raises(KeyboardInterrupt):
         fit_job(tmp_path / "out", table, "modified", seed=1, settings=QUICK, noise="iid")
     monkeypatch.undo()

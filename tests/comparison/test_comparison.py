@@ -11,7 +11,8 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, reading
-from ridgebayes.comparison.comparison import Comparison, compare
+from ridgebayes.comparison.compare import Execution, compare, compare_with
+from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
@@ -29,10 +30,10 @@ def compared(paper, fits, forms, **replaced):
     """Compare without sampling again: the fits are those of the session."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "ridgebayes.comparison.comparison.calibrate", lambda table, form, **_: fits[form.name]
+            "ridgebayes.comparison.compare.calibrate", lambda table, form, **_: fits[form.name]
         )
         for name, value in replaced.items():
-            patch.setattr(f"ridgebayes.comparison.comparison.{name}", value)
+            patch.setattr(f"ridgebayes.comparison.compare.{name}", value)
         return compare(paper, forms)
 
 
@@ -435,7 +436,7 @@ def test_forms__none_or_one_twice_is_refused(paper, names):
 
 def test_half_plane__on_its_own_rows_is_refused_before_any_sampling(paper, monkeypatch):
     monkeypatch.setattr(
-        "ridgebayes.comparison.comparison.calibrate", lambda *_, **__: pytest.fail("sampled")
+        "ridgebayes.comparison.compare.calibrate", lambda *_, **__: pytest.fail("sampled")
     )
     with pytest.raises(InputError, match=r"41 calibration rows.*that would be circular"):
         compare(paper, [rb.Modified(), rb.HalfPlane()])
@@ -510,13 +511,8 @@ def test_stages__are_told_in_order_and_progress_names_the_form(paper):
         yield
         stages.append(f"end {name}")
 
-    compare(
-        paper,
-        [rb.Modified(), rb.Classic()],
-        settings=QUICK,
-        progress=lines.append,
-        stage=stage,
-    )
+    told = Execution(settings=QUICK, progress=lines.append, stage=stage)
+    compare_with(told, paper, [rb.Modified(), rb.Classic()])
     names = [
         "calibrate modified",
         "evidence modified",

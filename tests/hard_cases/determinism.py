@@ -40,12 +40,12 @@ PIPELINE = """
 import sys
 from pathlib import Path
 import ridgebayes as rb
-from ridgebayes.comparison import comparison
+from ridgebayes.comparison import compare
 from ridgebayes.commands import jobs
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.commands.run_folder import write_csv
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
-comparison.prior_sensitivity = lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known)
+compare.prior_sensitivity = lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known)
 textures = [(0.012, 0.03), (0.022, 0.02), (0.032, 0.01)]
 rb.generate(rb.Scene.of(textures, p_over_E=0.01)).write("t.csv")
 done = jobs.compare_job(

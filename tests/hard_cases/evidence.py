@@ -11,6 +11,7 @@ from scipy.special import logsumexp
 
 import ridgebayes as rb
 from ridgebayes.checks.power_scaling import power_scaling
+from ridgebayes.comparison.compare import Execution, compare_with
 from ridgebayes.evidence import (
     LogEvidence,
     bridge_evidence,
@@ -63,7 +64,8 @@ def enormous_factor(folder):
     frame = made(rb.Modified(), [1.4], textures=textures, error=1e-7)
     frame = pd.concat([frame.assign(series=str(i)) for i in range(120)])
     table = rb.read_table(frame)
-    weighed = rb.compare(table, [rb.Modified(), rb.Classic()], rng=1, settings=FEW, scores=False)
+    few = Execution(settings=FEW, scores=False)
+    weighed = compare_with(few, table, [rb.Modified(), rb.Classic()], rng=1)
     row = weighed.bayes_factors.iloc[0]
     truth = by_quadrature(weighed.fits["modified"].model, tol=1e-4)
     truth -= by_quadrature(weighed.fits["classic"].model, tol=1e-4)

@@ -35,11 +35,11 @@ import dataclasses
 from pathlib import Path
 import ridgebayes as rb
 from ridgebayes.commands import cli
-from ridgebayes.comparison import comparison
+from ridgebayes.comparison import compare
 from ridgebayes.commands import jobs
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
-comparison.prior_sensitivity = lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known)
+compare.prior_sensitivity = lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known)
 def job(**options):
     jobs.compare_job(
         Path("out"), Path("few.csv"), forms=["modified", "hybrid"], seed=5,
@@ -235,12 +235,12 @@ def interrupted(folder):
         "from ridgebayes.evidence import error_models\nfrom ridgebayes.commands import jobs\n"
         "from pathlib import Path\n"
         + (
-            "look = error_models.in_order\n"
+            "look = error_models.map_ordered\n"
             "def looking(*given, **known):\n"
             "    for found in look(*given, **known):\n"
             "        Path('begun').touch()\n"
             "        yield found\n"
-            "error_models.in_order = looking\n"
+            "error_models.map_ordered = looking\n"
         )
     )
     program = started(here, *words, before=begun).until((here / "begun").exists)
@@ -373,11 +373,11 @@ def read_only_folder(folder):
     closed.mkdir()
     bands = ("--texture", "0.02,0.02", "--p-over-E", "0.001:0.01:5")
     works = (
-        "from ridgebayes.comparison import comparison\n"
+        "from ridgebayes.comparison import compare\n"
         "from ridgebayes.simulate import generation\n"
         + (
             "def worked(*given, **known):\n    raise SystemExit(99)\n"
-            "comparison.calibrate = generation.generate = worked\n"
+            "compare.calibrate = generation.generate = worked\n"
         )
     )
     commands = [
@@ -420,7 +420,7 @@ Checkpoint.save = saving
 
 HELD = """
 import time
-from ridgebayes import {module}
+from ridgebayes.{package} import {module}
 def held(*given, **known):
     Path("at work").touch()
     time.sleep(100)
@@ -439,11 +439,19 @@ def two_at_once(folder):
     here = place(folder)
     path = "from pathlib import Path\n"
     pairs = [
-        ("out", ("compare", "few.csv", "--accuracy", "quick", "-o", "out"), "comparison", "_drawn"),
-        ("t.csv", tuple(SWEEP), "generation", "in_order"),
+        (
+            "out",
+            ("compare", "few.csv", "--accuracy", "quick", "-o", "out"),
+            "comparison.compare",
+            "_draw_by_importance",
+        ),
+        ("t.csv", tuple(SWEEP), "simulate.generation", "map_ordered"),
     ]
-    for name, words, module, waits in pairs:
-        first = started(here, *words, before=path + HELD.format(module=module, name=waits))
+    for name, words, where, waits in pairs:
+        package, module = where.split(".")
+        first = started(
+            here, *words, before=path + HELD.format(package=package, module=module, name=waits)
+        )
         first.until((here / "at work").exists)
         before = contents(here)
         for more in ([], ["--force"], ["--resume"] if name == "t.csv" else []):

@@ -14,6 +14,7 @@ from scipy.special import ndtr
 
 import ridgebayes as rb
 from ridgebayes.comparison.bands import bands_table
+from ridgebayes.comparison.compare import Execution, compare_with
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.presets import QUICK
@@ -38,9 +39,8 @@ def fitted(name: str, noise: str = "iid") -> rb.Fit:
 
 @functools.cache
 def weighed() -> rb.Comparison:
-    return rb.compare(
-        rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], rng=1, scores=False, accuracy=QUICK
-    )
+    quick = Execution(QUICK, scores=False)
+    return compare_with(quick, rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], rng=1)
 
 
 def single_draw(form: Form, noise: str, theta: list[float]) -> rb.Fit:

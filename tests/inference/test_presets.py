@@ -85,7 +85,7 @@ def test_quick__walks_where_importance_weights_are_too_uneven(paper, monkeypatch
             fit, convergence_failures=("importance weights: Pareto k 0.9, above 0.7",)
         ), evidence
 
-    monkeypatch.setattr("ridgebayes.comparison.comparison.importance_posterior", uneven)
+    monkeypatch.setattr("ridgebayes.comparison.compare.importance_posterior", uneven)
     walked = rb.compare(paper, [rb.Modified()], rng=1, accuracy=QUICK)
     assert walked.evidence["method"].tolist()[0] == "bridge"
     assert walked.complete

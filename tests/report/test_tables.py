@@ -19,8 +19,8 @@ from ridgebayes.checks.smooth import r_squared, smooth_cylinder
 from ridgebayes.comparison.ranking import (
     best_form,
     factors_by_method,
+    forms_by_probability,
     problems,
-    ranked,
     runner_up,
     sensitivity_factors,
 )
@@ -161,7 +161,7 @@ def test_sensitivity_of_an_unknown_form_or_an_empty_table_is_empty(comparison):
 
 
 def test_ranking_and_runner_up(comparison, single):
-    assert ranked(comparison) == ["hybrid", "modified", "power-law", "classic"]
+    assert forms_by_probability(comparison) == ["hybrid", "modified", "power-law", "classic"]
     assert best_form(comparison) == "hybrid"
     second = runner_up(comparison)
     assert (second.form, round(second.ln_bf, 2)) == ("modified", 4.52)

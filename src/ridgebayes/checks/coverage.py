@@ -10,7 +10,7 @@ import pandas as pd
 
 from ridgebayes._types import BoolArray, FloatArray, Rng
 from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
-from ridgebayes.comparison.comparison import DEFAULT_FORMS
+from ridgebayes.comparison.compare import DEFAULT_FORMS
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form

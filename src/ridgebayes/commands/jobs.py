@@ -27,7 +27,8 @@ from ridgebayes.commands.run_folder import (
     write_text,
 )
 from ridgebayes.comparison.bands import bands_table, loads_table
-from ridgebayes.comparison.comparison import DEFAULT_FORMS, Comparison, compare
+from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
+from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.errors import InputError
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.presets import STANDARD, Preset
@@ -325,19 +326,8 @@ def _compared(
             drawing.start()
         return progress.stage(name)
 
-    return compare(
-        table,
-        forms,
-        noise=noise,
-        rng=seed,
-        settings=settings,
-        progress=progress.detail,
-        stage=stage,
-        checkpoints=folder,
-        executor=executor,
-        accuracy=accuracy,
-        scores=scores,
-    )
+    execution = Execution(accuracy, settings, executor, progress.detail, stage, folder, scores)
+    return compare_with(execution, table, forms, noise=noise, rng=seed)
 
 
 def _with_left_out(

@@ -13,7 +13,7 @@ def best_form(comparison: Comparison) -> str | None:
     return comparison.best if comparison.probabilities else None
 
 
-def ranked(comparison: Comparison) -> list[str]:
+def forms_by_probability(comparison: Comparison) -> list[str]:
     """Return the fitted forms, most probable first, those without an evidence last."""
     shares = comparison.probabilities
     return sorted(comparison.fits, key=lambda name: -shares.get(name, -1.0))
@@ -114,7 +114,7 @@ class RunnerUp:
 
 def runner_up(comparison: Comparison) -> RunnerUp | None:
     """Return the second most probable form and its Bayes factor, or None if there is no other."""
-    order = [name for name in ranked(comparison) if name in comparison.probabilities]
+    order = [name for name in forms_by_probability(comparison) if name in comparison.probabilities]
     factors = comparison.own_bayes_factors
     if len(order) < 2 or not len(factors):
         return None

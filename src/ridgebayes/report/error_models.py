@@ -4,7 +4,7 @@ import pandas as pd
 
 from ridgebayes.comparison.bayes_factors import SUMMED
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import ranked
+from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.evidence.error_models import mean_evidence
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.names import form_name, noise_name, said
@@ -36,7 +36,7 @@ def error_models_section(comparison: Comparison) -> Section:
 
 
 def _evidence_table(comparison: Comparison, means: pd.DataFrame) -> Table:
-    forms = [*ranked(comparison), *comparison.failures]
+    forms = [*forms_by_probability(comparison), *comparison.failures]
     usable = comparison.evidence[comparison.evidence["used"]].set_index(["form", "noise"])
     rows = []
     for mean in means.to_dict("records"):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import best_form, ranked, sensitivity_factors
+from ridgebayes.comparison.ranking import best_form, forms_by_probability, sensitivity_factors
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.names import form_name, parameter_name, said
 from ridgebayes.report.numbers import ABSENT, decimals, number, probability, with_error
@@ -37,7 +37,7 @@ def ranking_table(comparison: Comparison) -> Table:
     used = {row["form"]: row for row in comparison.own_evidence.query("used").to_dict("records")}
     best = best_form(comparison)
     rows = []
-    for name in ranked(comparison):
+    for name in forms_by_probability(comparison):
         fit = comparison.fits[name]
         state = "yes" if fit.converged else "NO"
         if name not in used or best is None:
@@ -98,7 +98,7 @@ def agreement_table(comparison: Comparison) -> Table:
     others = [m for m in methods if m != "bridge"]
     check = "importance" if "importance" in others else "quadrature"
     rows = []
-    for name in ranked(comparison):
+    for name in forms_by_probability(comparison):
         rows_of = comparison.own_evidence[comparison.own_evidence["form"] == name]
         own = {row["method"]: row for row in rows_of.to_dict("records")}
         cells = [form_name(name)]

@@ -5,7 +5,7 @@ import numpy as np
 
 from ridgebayes.checks.least_squares import LeastSquares, fit_by_least_squares
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import ranked
+from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.errors import InputError
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.figures.posterior import MOST_PARAMETERS
@@ -20,7 +20,7 @@ def coefficients_section(comparison: Comparison) -> Section:
     """Return every coefficient beside the printed one and beside least squares on Q."""
     rows: list[list[str]] = []
     dropped = 0
-    for name in ranked(comparison):
+    for name in forms_by_probability(comparison):
         fit = comparison.fits[name]
         squares = _least_squares(comparison, fit)
         printed = dict(zip(fit.form.parameter_names, fit.form.printed or (), strict=False))
@@ -80,7 +80,7 @@ def _least_squares(comparison: Comparison, fit: Fit) -> LeastSquares | None:
 def convergence_section(comparison: Comparison) -> Section:
     """Return the diagnostics of every fit, worst parameter of each."""
     rows = []
-    for name in ranked(comparison):
+    for name in forms_by_probability(comparison):
         fit = comparison.fits[name]
         summary, chains = fit.summary, fit.chains
         low, high = chains.acceptance.min(), chains.acceptance.max()
@@ -132,7 +132,7 @@ def convergence_section(comparison: Comparison) -> Section:
 def corner_section(comparison: Comparison) -> Section:
     """Return the corner plot of every fit."""
     pictures = []
-    for name in ranked(comparison):
+    for name in forms_by_probability(comparison):
         n = comparison.fits[name].model.n_parameter
         some = f" {MOST_PARAMETERS} of {n} parameters." if n > MOST_PARAMETERS else ""
         has_printed = comparison.fits[name].form.printed is not None
@@ -158,6 +158,6 @@ def trace_section(comparison: Comparison) -> Section:
             f"{form_name(name)}: a line an ensemble. Grey: where means of independent draws fall "
             "19 times in 20.",
         )
-        for name in ranked(comparison)
+        for name in forms_by_probability(comparison)
     )
     return Section("Traces", "traces", pictures)

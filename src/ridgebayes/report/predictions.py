@@ -6,7 +6,7 @@ from ridgebayes.checks.load_errors import has_slopes, percent_errors, shown_text
 from ridgebayes.checks.smooth import FIG_3_TEXTURE, smooth_cylinder
 from ridgebayes.comparison.bands import AVERAGE
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import best_form, ranked
+from ridgebayes.comparison.ranking import best_form, forms_by_probability
 from ridgebayes.report.blocks import Picture, Section, Table, Text, table
 from ridgebayes.report.names import form_name
 from ridgebayes.report.numbers import ABSENT, count, decimals, number, percent
@@ -58,7 +58,7 @@ def held_out_section(comparison: Comparison) -> Section:
         ),
     ]
     rows = []
-    forms = ranked(comparison)
+    forms = forms_by_probability(comparison)
     for form in forms if len(forms) == 1 else [*forms, AVERAGE]:
         part = loads[loads["form"] == form]
         error = 100 * (part["p_over_E_median"] / part["p_over_E_observed"] - 1)
@@ -116,7 +116,7 @@ def errors_section(comparison: Comparison) -> Section:
     errors = percent_errors(comparison, textures)
     calibrated = errors[errors["coefficients"] == "calibrated"]
     rows = []
-    for name in ranked(comparison):
+    for name in forms_by_probability(comparison):
         cells = [form_name(name)]
         for a, b in textures:
             part = calibrated[

@@ -18,7 +18,12 @@ from ridgebayes.checks.predictive_checks import posterior_checks, prior_bands
 from ridgebayes.checks.smooth import smooth_cylinder
 from ridgebayes.comparison.bands import AVERAGE, bands_table
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import best_form, factors_by_method, ranked, sensitivity_factors
+from ridgebayes.comparison.ranking import (
+    best_form,
+    factors_by_method,
+    forms_by_probability,
+    sensitivity_factors,
+)
 from ridgebayes.drawing.style import as_bytes, styled
 from ridgebayes.errors import InputError
 from ridgebayes.inference.presets import QUICK
@@ -153,7 +158,7 @@ def _recipes(comparison: Comparison) -> dict[str, Callable[[], Figure | None]]:
     found["coverage"] = partial(_coverage, comparison)
     found["posterior-checks"] = partial(_posterior_checks, comparison.fits[shown])
     found["prior-bands"] = partial(_prior_bands, comparison.fits[shown])
-    for name in ranked(comparison):
+    for name in forms_by_probability(comparison):
         found[f"corner-{name}"] = partial(corner_figure, comparison.fits[name])
         found[f"traces-{name}"] = partial(trace_figure, comparison.fits[name])
     return found
