@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from ridgebayes.checks.plan_check import check_plans, spread_scenes
+from ridgebayes.checks.plan_check import check_plans, sobol_scenes
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
@@ -37,7 +37,7 @@ FLOORED = 10  # whose floor changes loads by more than wanted
 
 @pytest.fixture(scope="module")
 def scenes():
-    return spread_scenes(16)
+    return sobol_scenes(16)
 
 
 @pytest.fixture(scope="module")
@@ -62,8 +62,8 @@ def coordinates(scene):
     return [*places, scene.nu / 0.5]
 
 
-def test_spread_scenes__lie_within_the_stated_ranges_and_fill_them():
-    places = np.array([coordinates(scene) for scene in spread_scenes(64, rng=3)])
+def test_sobol_scenes__lie_within_the_stated_ranges_and_fill_them():
+    places = np.array([coordinates(scene) for scene in sobol_scenes(64, rng=3)])
     # Rounding: values go through a logarithm.
     assert places.min() >= -1e-12
     assert places.max() <= 1 + 1e-12
@@ -71,15 +71,15 @@ def test_spread_scenes__lie_within_the_stated_ranges_and_fill_them():
     counts = [np.histogram(place, bins=16, range=(0, 1))[0] for place in places.T]
     # But for the fourth: a corner is no larger than a shallow floor lets it be.
     assert np.array_equal(np.delete(counts, 3, axis=0), np.full((6, 16), 4))
-    for scene in spread_scenes(64, rng=3):
+    for scene in sobol_scenes(64, rng=3):
         (texture,) = scene.textures
         corner, depth = texture.corner_radius_over_R, texture.groove_depth_over_R
         assert corner <= min(0.4 * texture.a_over_R, 2 * depth) * (1 + 1e-12)  # rounding
 
 
-def test_spread_scenes__reach_one_to_six_pitches_and_a_transition():
+def test_sobol_scenes__reach_one_to_six_pitches_and_a_transition():
     pitches = []
-    for scene in spread_scenes(64):
+    for scene in sobol_scenes(64):
         (texture,) = scene.textures
         a, b = texture.a_over_R, texture.b_over_R
         width = float(hertz.half_width(scene.p_over_E, nu=scene.nu))
@@ -92,17 +92,17 @@ def test_spread_scenes__reach_one_to_six_pitches_and_a_transition():
     assert max(pitches) > 5.5
 
 
-def test_spread_scenes__are_the_same_twice_and_others_with_another_seed():
-    assert spread_scenes(8, rng=5) == spread_scenes(8, rng=5)
-    assert spread_scenes(8, rng=5) == spread_scenes(16, rng=5)[:8]
-    assert spread_scenes(8, rng=5) != spread_scenes(8, rng=6)
-    assert spread_scenes(8) == spread_scenes(8, rng=0)
+def test_sobol_scenes__are_the_same_twice_and_others_with_another_seed():
+    assert sobol_scenes(8, rng=5) == sobol_scenes(8, rng=5)
+    assert sobol_scenes(8, rng=5) == sobol_scenes(16, rng=5)[:8]
+    assert sobol_scenes(8, rng=5) != sobol_scenes(8, rng=6)
+    assert sobol_scenes(8) == sobol_scenes(8, rng=0)
 
 
 @pytest.mark.parametrize("n", [0, -1])
-def test_spread_scenes__none_at_all_are_bad_input(n):
+def test_sobol_scenes__none_at_all_are_bad_input(n):
     with pytest.raises(InputError, match=f"n: expected at least 1, got {n}"):
-        spread_scenes(n)
+        sobol_scenes(n)
 
 
 def test_check_plans__finds_estimates_honest(checked):

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from meshio.xdmf import TimeSeriesWriter
 
-from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
+from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.fields import write_fields
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
@@ -108,7 +108,7 @@ def test_read_series__tops_that_rise_are_where_the_body_rests(tmp_path):
 
 def test_read_series__the_packages_own_file_imports(tmp_path):
     a, b = 0.06, 0.02
-    cylinder = Cylinder(Profile(a, b), p_max=0.01, fineness=Fineness(edges=8))
+    cylinder = Cylinder(Profile(a, b), p_max=0.01, edges=8)
     reached = [one for one, _ in zip(cylinder.transitions(0.02), range(2), strict=False)]
     write_fields(cylinder, [one.state for one in reached], tmp_path / "fields.xdmf")
     found = frame(tmp_path / "fields.xdmf", Body(a, b))

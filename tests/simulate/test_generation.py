@@ -6,7 +6,7 @@ import pytest
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.cylinder import cylinder
-from ridgebayes.contact.cylinder.cylinder import Reached
+from ridgebayes.contact.cylinder.cylinder import Transition
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.scene.scene import Scene, Texture
@@ -228,10 +228,10 @@ def stopping(monkeypatch):
     until = {24: 6, 10: 10}
 
     def transition_curve(body, p_max, *, seen):
-        edges = 24 if body.press.solid.mesh.mesh.t.shape[1] > 1000 else 10
+        edges = 24 if body.problem.solid.mesh.mesh.t.shape[1] > 1000 else 10
         Q = np.arange(4, until[edges] + 3, 2)
         for count in Q[:-1]:
-            seen(Reached(count // 2 - 1, int(count), 1e-6 * (100 + edges) * count**2, None))
+            seen(Transition(count // 2 - 1, int(count), 1e-6 * (100 + edges) * count**2, None))
         load = np.where(until[edges] < Q, math.nan, 1e-6 * (100 + edges) * Q**2)
         status = ["ok"] * (len(Q) - 1) + ["not converged: at p/E = 0.001"]
         end = len(Q) if edges == 24 or until[10] < 10 else -1

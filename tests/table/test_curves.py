@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ridgebayes.table.curves import COLUMNS, Curve, frame_of
+from ridgebayes.table.curves import COLUMNS, Curve, curves_to_frame
 
 CURVE = Curve(
     a_over_R=0.1 + 0.2,
@@ -34,9 +34,9 @@ def test_plain__comes_back_from_json_to_the_last_bit():
     assert replace(again, **no_load) == replace(CURVE, **no_load)
 
 
-def test_frame_of__has_the_rows_of_each_curve_in_turn():
+def test_curves_to_frame__has_the_rows_of_each_curve_in_turn():
     other = replace(CURVE, Q=(10,), p_over_E=(0.5,), status=("ok",), a_over_R=0.7)
-    frame = frame_of([CURVE, other])
+    frame = curves_to_frame([CURVE, other])
     assert frame["Q"].tolist() == [4, 6, 8, 10]
     assert frame["a_over_R"].tolist() == [0.1 + 0.2] * 3 + [0.7]
     assert frame["status"].tolist() == [*CURVE.status, "ok"]
@@ -51,8 +51,8 @@ def test_frame_of__has_the_rows_of_each_curve_in_turn():
         ({"edges": 24}, "edges"),
     ],
 )
-def test_frame_of__leaves_out_what_no_curve_has(given, column):
-    assert set(COLUMNS) - set(frame_of([CURVE])) == {"rel_se", "offset_over_R", "edges"}
-    frame = frame_of([CURVE, replace(CURVE, **given)])
+def test_curves_to_frame__leaves_out_what_no_curve_has(given, column):
+    assert set(COLUMNS) - set(curves_to_frame([CURVE])) == {"rel_se", "offset_over_R", "edges"}
+    frame = curves_to_frame([CURVE, replace(CURVE, **given)])
     (value,) = given.values()
     assert frame[column].tolist() == [0] * 3 + [value] * 3

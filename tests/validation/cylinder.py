@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.contact_solution import load_factor
-from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
+from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
@@ -45,7 +45,7 @@ def transitions(
 ) -> pd.DataFrame:
     """Return the transitions of a profile; the last row says why there are no more, if so."""
     start = time.process_time()
-    body = Cylinder(profile, p_max=p_max, fineness=Fineness(edges), **others)
+    body = Cylinder(profile, p_max=p_max, edges=edges, **others)
     rows, status = [], "ok"
     try:
         for one in body.transitions(p_max):
@@ -61,7 +61,7 @@ def transitions(
     if status != "ok":
         last = int(frame["Q"].max()) if len(frame) else 2
         frame.loc[len(frame)] = [last + 2, np.nan, time.process_time() - start, status]
-    frame.insert(0, "elements", body.press.solid.mesh.mesh.nelements)
+    frame.insert(0, "elements", body.problem.solid.mesh.mesh.nelements)
     frame.insert(0, "edges", edges)
     frame.insert(0, "corner_over_a", profile.corner / profile.a)
     return frame
@@ -85,7 +85,7 @@ def meshes() -> pd.DataFrame:
 
 def half_width(body: Cylinder, pressure: np.ndarray) -> float:
     """Return where the contact ends: pressure squared falls to zero there, linear in x^2."""
-    length = body.press.faces.length
+    length = body.problem.faces.length
     x = np.cumsum(length) - 0.5 * length
     inside = np.flatnonzero(pressure > 0)[-9:-2]  # the last two hold part of a contact
     slope, level = np.polyfit(x[inside] ** 2, pressure[inside] ** 2, 1)
@@ -96,7 +96,7 @@ def smooth() -> pd.DataFrame:
     """Press the smooth cylinder, neo-Hookean and linear, to p/E = 0.25."""
     rows = []
     for finite in (True, False):
-        body = Cylinder(None, p_max=0.25, finite=finite, fineness=Fineness(48))
+        body = Cylinder(None, p_max=0.25, finite=finite, edges=48)
         state = body.unloaded()
         for p in (0.005, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1, 0.125, 0.15, 0.175, 0.2, 0.225, 0.25):
             try:
@@ -151,15 +151,15 @@ def energy() -> pd.DataFrame:
     """Integrate the load over the rise in more and more steps, on ridges and on a flat."""
     rows = []
     for name, profile in (("flat", None), ("ridges", Profile(0.06, 0.03, corner=0.0075))):
-        body = Cylinder(profile, p_max=0.01, nu=0.3, fineness=Fineness(16))
+        body = Cylinder(profile, p_max=0.01, nu=0.3, edges=16)
         for n in (10, 20, 40, 80):
             state, rises, loads = body.unloaded(), [0.0], [0.0]
             for rise in 0.02 * (np.arange(n) + 1) / n:
-                state = solve(body.press, state, Control("rise", float(rise)))[0]
+                state = solve(body.problem, state, Control("rise", float(rise)))[0]
                 rises.append(float(rise))
                 loads.append(2 * body.p_over_E(state))
             work = float(np.trapezoid(loads, rises))
-            stored = 2 * body.press.solid.energy(state.u)
+            stored = 2 * body.problem.solid.energy(state.u)
             rows.append({"on": name, "steps": n, "work": work, "stored_over_work": stored / work})
     return pd.DataFrame(rows)
 

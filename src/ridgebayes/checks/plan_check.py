@@ -16,7 +16,7 @@ from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.randomness import seed_of
-from ridgebayes.scene.effects import Plan, given_profile, plan
+from ridgebayes.scene.effects import Plan, full_profile, plan
 from ridgebayes.scene.scene import Scene, Texture
 
 CHECK_COLUMNS = [
@@ -43,7 +43,7 @@ _TOLERANCE = 1e-6
 _FIELDS = {"groove floor": "depth", "corner radius": "corner", "offset": "offset"}
 
 
-def spread_scenes(n: int = 32, *, rng: Rng = 0) -> list[Scene]:
+def sobol_scenes(n: int = 32, *, rng: Rng = 0) -> list[Scene]:
     """Return scenes of one texture each, spread by a Sobol sequence.
 
     Parameters
@@ -135,7 +135,7 @@ def check_plans(
 
 def _rows(number: int, scene: Scene, one: Plan) -> list[dict[str, Any]]:
     texture = one.texture
-    given = given_profile(texture)
+    given = full_profile(texture)
     planned = one.profile or Profile(texture.a_over_R, texture.b_over_R)
     W_max = load_factor(scene.nu) * scene.highest_load(texture)
     base = _loads(planned, 1.3 * W_max)

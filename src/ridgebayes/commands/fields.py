@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from ridgebayes.commands.run_folder import new_folder, write_csv
-from ridgebayes.contact.cylinder.cylinder import Cylinder, Reached
+from ridgebayes.contact.cylinder.cylinder import Cylinder, Transition
 from ridgebayes.contact.cylinder.fields import surface_table, write_fields
 from ridgebayes.drawing.style import save
 from ridgebayes.errors import InputError
@@ -79,7 +79,7 @@ class FieldFiles:
         self._folder = folder
         self.n_seen = 0
 
-    def __call__(self, texture: Texture, body: Cylinder, reached: Sequence[Reached]) -> None:
+    def __call__(self, texture: Texture, body: Cylinder, reached: Sequence[Transition]) -> None:
         """Write one cylinder's: nothing if it has no transition."""
         self.n_seen += 1
         if not reached:

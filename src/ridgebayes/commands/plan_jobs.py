@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ridgebayes.checks.plan_check import check_plans, spread_scenes
+from ridgebayes.checks.plan_check import check_plans, sobol_scenes
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.contact import hertz
 from ridgebayes.contact.contact_solution import load_factor, solve_contact
@@ -13,7 +13,7 @@ from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.runtime.progress import Progress
-from ridgebayes.scene.effects import Plan, given_profile, plan, plan_label, plan_table
+from ridgebayes.scene.effects import Plan, full_profile, plan, plan_label, plan_table
 from ridgebayes.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def plan_check_job(
     from ridgebayes.drawing.style import save
     from ridgebayes.report.figures.scenes import plot_plan_check
 
-    scenes = spread_scenes(n, rng=seed)
+    scenes = sobol_scenes(n, rng=seed)
     with new_folder(folder, force=force, about=CHECK_CSV) as partial, Progress(1) as progress:
         with progress.stage("scenes"):
             found = check_plans(scenes, progress=progress.detail)
@@ -100,14 +100,14 @@ def _figures(scene: Scene, one: Plan) -> dict[str, "Figure"]:
 
     texture, p_max = one.texture, scene.highest_load(one.texture)
     sharp = Profile(texture.a_over_R, texture.b_over_R)
-    profile = one.profile or (given_profile(texture) if one.needs_finite_elements else sharp)
+    profile = one.profile or (full_profile(texture) if one.needs_finite_elements else sharp)
     figures = {
         "deformed": _deformed(profile, scene, one, p_max),
         "effects": plot_effects(plan_table([one]), scene.relative),
     }
     # The same line twice would hide the first: each profile goes by its first name.
     names: dict[Profile, str] = {profile: "as planned"}
-    names.setdefault(given_profile(texture), "all that the scene gives")
+    names.setdefault(full_profile(texture), "all that the scene gives")
     names.setdefault(sharp, "ridges alone")
     found = {name: _curve(each, scene, p_max) for each, name in names.items()}
     curves = {name: curve for name, curve in found.items() if len(curve[0])}
@@ -126,13 +126,11 @@ def _deformed(profile: Profile, scene: Scene, one: Plan, p_max: float) -> "Figur
         return plot_pressed(
             solve_contact(profile, load_factor(scene.nu) * p_max, rel_tol=_TOLERANCE)
         )
-    from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
+    from ridgebayes.contact.cylinder.cylinder import Cylinder
     from ridgebayes.contact.cylinder.newton import NotConvergedError
     from ridgebayes.report.figures.cylinder import plot_deformed
 
-    body = Cylinder(
-        profile, p_max=p_max, nu=scene.nu, friction=scene.friction, fineness=Fineness(_EDGES)
-    )
+    body = Cylinder(profile, p_max=p_max, nu=scene.nu, friction=scene.friction, edges=_EDGES)
     try:
         return plot_deformed(body, body.at_load(p_max, body.unloaded()))
     except NotConvergedError as failed:

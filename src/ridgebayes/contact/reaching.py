@@ -18,7 +18,7 @@ _TINY = np.array([1e-10, 1e-9, 1e-8, 1e-7, 1e-6])
 
 
 @dataclass(frozen=True, eq=False)
-class Reached:
+class TransitionLoads:
     """The loads that reach further ridges, in rising order.
 
     Parameters
@@ -38,7 +38,7 @@ class Reached:
 
 def reaching_loads(
     profile: Profile, *, W_max: float, n_max: int = 10_000, rel_tol: float = 1e-8
-) -> Reached:
+) -> TransitionLoads:
     """Find every load up to a largest one at which a further ridge, or pair of them, is reached.
 
     Parameters
@@ -54,7 +54,7 @@ def reaching_loads(
 
     Returns
     -------
-    Reached
+    TransitionLoads
         What is touched from the smallest load on is no event. Of a mirrored profile each event is
         a pair of ridges.
 
@@ -92,7 +92,7 @@ def reaching_loads(
         start = W
         if why != "ok":
             break
-    return Reached(np.array(loads), np.array(counts, dtype=np.int64), tuple(status))
+    return TransitionLoads(np.array(loads), np.array(counts, dtype=np.int64), tuple(status))
 
 
 def _reach(

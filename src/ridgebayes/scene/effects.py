@@ -174,7 +174,7 @@ def texture_label(a: float, b: float) -> str:
     return f"a{a!r}_b{b!r}"
 
 
-def given_profile(texture: Texture) -> Profile:
+def full_profile(texture: Texture) -> Profile:
     """Return the rigid side with all that a texture gives; a uniform offset is the largest."""
     return Profile(
         texture.a_over_R,
@@ -242,7 +242,7 @@ class _Base:
 
     @cached_property
     def given(self) -> Profile:
-        return given_profile(self.texture)
+        return full_profile(self.texture)
 
     @cached_property
     def penetration(self) -> float:

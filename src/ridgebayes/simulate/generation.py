@@ -9,17 +9,17 @@ from typing import Any
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.ordered import map_ordered
-from ridgebayes.scene.effects import Plan, given_profile, plan
+from ridgebayes.scene.effects import Plan, full_profile, plan
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.presets import LoadPreset
 from ridgebayes.simulate.solvers import (
     CylinderVisitor,
     friction_refused,
-    given_names,
+    optional_effects,
     transition_curves,
     versions,
 )
-from ridgebayes.table.curves import Curve, frame_of
+from ridgebayes.table.curves import Curve, curves_to_frame
 from ridgebayes.table.table import ContactTable
 
 SOLVERS = ("auto", "hertz", "half-plane", "cylinder-fe")
@@ -124,7 +124,7 @@ def generate(
             curves += found
     if problems:
         raise InputError("\n".join(problems))
-    return ContactTable.from_frame(frame_of(curves), where=curves[0].source)
+    return ContactTable.from_frame(curves_to_frame(curves), where=curves[0].source)
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ class _Task:
 
 def _tasks(scene: Scene, solver: str, rel_tol: float, meshes: tuple[int, ...]) -> list[_Task]:
     # There is nothing to plan where every effect given is simulated anyway.
-    plain = not any(given_names(texture) for texture in scene.textures) and not scene.friction
+    plain = not any(optional_effects(texture) for texture in scene.textures) and not scene.friction
     planned = not (plain and (scene.relative is None or solver != "auto"))
     return [
         _Task(
@@ -224,7 +224,7 @@ def _solved(task: _Task, *, pressed: "CylinderVisitor | None" = None) -> list[Cu
     if task.planned:
         (one,) = plan(task.scene)
     else:
-        one = Plan(task.texture, (), given_profile(task.texture))
+        one = Plan(task.texture, (), full_profile(task.texture))
     refused = friction_refused(task.scene, one, task.solver)
     if refused:
         raise InputError(f"scene: {refused}")
@@ -239,5 +239,5 @@ def _not_by_hertz(scene: Scene) -> list[str]:
     return [
         f"textures[{number}]: {name}: is not simulated by 'hertz'"
         for number, texture in enumerate(scene.textures, start=1)
-        for name in given_names(texture)
+        for name in optional_effects(texture)
     ]

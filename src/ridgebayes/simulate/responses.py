@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from ridgebayes.contact.contact_solution import ContactSolution, load_factor, solve_many_contacts
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
-from ridgebayes.scene.effects import given_profile, plan, texture_label
+from ridgebayes.scene.effects import full_profile, plan, texture_label
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.table.columns import LARGEST_LOAD
 
@@ -180,7 +180,7 @@ def _profiles(scene: Scene, solver: str) -> list[tuple[Texture, Profile]]:
         if texture.offset == "uniform":
             raise InputError("offset = 'uniform'; expected a number here; sliding_counts averages")
     if solver == "half-plane":
-        return [(texture, given_profile(texture)) for texture in scene.textures]
+        return [(texture, full_profile(texture)) for texture in scene.textures]
     # Pressures are of the ridges even where transition loads would not notice these.
     return [
         (one.texture, one.profile or Profile(one.texture.a_over_R, one.texture.b_over_R))

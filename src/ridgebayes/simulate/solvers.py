@@ -14,12 +14,12 @@ from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
-from ridgebayes.scene.effects import FINITE_ELEMENT_ERROR, Plan, given_profile
+from ridgebayes.scene.effects import FINITE_ELEMENT_ERROR, Plan, full_profile
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.table.curves import Curve
 
 if TYPE_CHECKING:
-    from ridgebayes.contact.cylinder.cylinder import Cylinder, Reached
+    from ridgebayes.contact.cylinder.cylinder import Cylinder, Transition
 
 STANDARD_MESHES = (24, 10)
 # A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
@@ -30,7 +30,7 @@ _Rows: TypeAlias = tuple[IntArray, FloatArray, tuple[str, ...]]
 # The first n transitions: loads and status.
 _Solver: TypeAlias = Callable[[Texture, float, int, float], tuple[FloatArray, tuple[str, ...]]]
 # Is given each cylinder and its transitions.
-CylinderVisitor: TypeAlias = "Callable[[Texture, Cylinder, Sequence[Reached]], None]"
+CylinderVisitor: TypeAlias = "Callable[[Texture, Cylinder, Sequence[Transition]], None]"
 
 
 @functools.cache
@@ -76,12 +76,12 @@ def transition_curves(
     """
     texture = one.texture
     p_max = scene.highest_load(texture)
-    profile = one.profile if solver == "auto" else given_profile(texture)
+    profile = one.profile if solver == "auto" else full_profile(texture)
     if profile is None and one.needs_finite_elements:
-        profile = given_profile(texture)
+        profile = full_profile(texture)
     smooth = solver == "hertz" or profile is None
     by_elements = _by_elements(one, solver)
-    names = ["ridges", *given_names(texture)]
+    names = ["ridges", *optional_effects(texture)]
     if solver == "auto":
         names = [name for name in names if name in one.simulated or not one.effects]
     if by_elements:
@@ -139,7 +139,7 @@ def _curve(
 UNIFORM = tuple((2 * i + 1) / 32 for i in range(8))  # offsets that stand for any, and their mirrors
 
 
-def given_names(texture: Texture) -> list[str]:
+def optional_effects(texture: Texture) -> list[str]:
     """Return the effects that a texture gives beyond its ridges."""
     given = {
         "offset": texture.offset != 0.0,
@@ -203,17 +203,14 @@ def _events(profile: Profile, scene: Scene, p_max: float, rel_tol: float) -> _Ro
 
 def _elements(
     profile: Profile, scene: Scene, p_max: float, meshes: Sequence[int]
-) -> "Iterator[tuple[_Rows, int, Cylinder, list[Reached]]]":
+) -> "Iterator[tuple[_Rows, int, Cylinder, list[Transition]]]":
     """Yield the transitions by finite elements, mesh by mesh; what was found, and why no more."""
-    from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness, transition_curve
+    from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
 
     last = 3  # a table holds transitions from Q = 4 on
     for edges in meshes:
-        fineness = Fineness(edges)
-        body = Cylinder(
-            profile, p_max=p_max, nu=scene.nu, friction=scene.friction, fineness=fineness
-        )
-        reached: list[Reached] = []
+        body = Cylinder(profile, p_max=p_max, nu=scene.nu, friction=scene.friction, edges=edges)
+        reached: list[Transition] = []
         Q, p_over_E, status = transition_curve(body, p_max, seen=reached.append)
         done = all(text == "ok" for text in status)
         keep = last < Q

@@ -77,7 +77,7 @@ class Curve:
         return cls(**(values | rows))
 
 
-def frame_of(curves: Sequence[Curve]) -> pd.DataFrame:
+def curves_to_frame(curves: Sequence[Curve]) -> pd.DataFrame:
     """Return the rows of curves, one after the other.
 
     Parameters

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.contact import hertz
-from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness, transition_curve
+from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.reaching import reaching_loads
@@ -17,7 +17,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.table.datafiles import CALCULIX_FE, data_path
 from ridgebayes.table.table import read_table
 
-COARSE = Fineness(edges=8)
+COARSE = 8
 A, B = 0.0032, 0.001  # so little that a disk is a half-plane to the discretisation
 WIDE = Profile(0.06, 0.03)
 
@@ -30,13 +30,13 @@ def flat(nu=0.3, *, finite=True, pressed_by="mid-plane", p_max=0.01, edges=8):
         nu=nu,
         finite=finite,
         pressed_by=pressed_by,
-        fineness=Fineness(edges=edges),
+        edges=edges,
     )
 
 
 @functools.cache
 def reached(profile, p_max, *, nu=0.3, edges=8, **others):
-    one = Cylinder(profile, p_max=p_max, nu=nu, fineness=Fineness(edges=edges), **others)
+    one = Cylinder(profile, p_max=p_max, nu=nu, edges=edges, **others)
     return tuple(one.transitions(p_max))
 
 
@@ -46,7 +46,7 @@ def loads(found):
 
 def width(one, state, *, rising=True):
     """Half-width of the contact of a half model: half of the last segment is its error."""
-    faces = one.press.faces
+    faces = one.problem.faces
     return faces.length[(state.pressure > 0) & (faces.rises == rising)].sum()
 
 
@@ -59,14 +59,14 @@ def test_smooth__contact_is_as_wide_as_hertzs(nu):
     state = one.at_load(0.001, one.unloaded())
     # Discretisation: one segment.
     expected = float(hertz.half_width(0.001, nu=nu))
-    assert width(one, state) == pytest.approx(expected, abs=one.press.faces.length[0])
+    assert width(one, state) == pytest.approx(expected, abs=one.problem.faces.length[0])
 
 
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_smooth__pressure_is_hertzs(nu):
     one = flat(nu, p_max=0.001, edges=12)
     state = one.at_load(0.001, one.unloaded())
-    w, length = float(hertz.half_width(0.001, nu=nu)), one.press.faces.length[0]
+    w, length = float(hertz.half_width(0.001, nu=nu)), one.problem.faces.length[0]
     x = length * (np.arange(len(state.pressure)) + 0.5)
     inside = x < 0.8 * w
     expected = 4 * 0.001 / (math.pi * w) * np.sqrt(1 - (x[inside] / w) ** 2)
@@ -83,7 +83,7 @@ def test_smooth__plate_and_mid_plane_press_alike(nu):
     # Discretisation of the upper half alone: it is cut otherwise.
     np.testing.assert_allclose(below, half.pressure, atol=1e-3 * half.pressure.max())
     above = width(plate, whole, rising=False)
-    assert above == pytest.approx(width(plate, whole), abs=1.01 * plate.press.faces.length.max())
+    assert above == pytest.approx(width(plate, whole), abs=1.01 * plate.problem.faces.length.max())
 
 
 def test_smooth__is_pressed_to_a_quarter_of_the_modulus():
@@ -103,11 +103,11 @@ def test_work__of_the_load_is_the_stored_energy(finite):
     rises = 0.5 * 0.03 * (1 - np.cos(np.linspace(0, np.pi, 17)))
     state, works = one.unloaded(), [0.0]
     for rise in rises[1:]:
-        state = solve(one.press, state, Control("rise", rise))[0]
+        state = solve(one.problem, state, Control("rise", rise))[0]
         works.append(2 * one.p_over_E(state))  # line load over E R of both halves
     x, w = rises, np.array(works)
     work = np.sum(np.diff(x) * 0.5 * (w[1:] + w[:-1]))
-    energy = 2 * one.press.solid.energy(state.u)
+    energy = 2 * one.problem.solid.energy(state.u)
     # Trapezium of 16 steps; segments that come into contact one by one.
     assert energy == pytest.approx(work, rel=1e-2)
 
@@ -198,26 +198,26 @@ def test_transitions__of_a_flat_are_none():
 
 
 def test_transition__has_the_state_in_which_its_corner_touches():
-    one = Cylinder(WIDE, p_max=5e-3, nu=0.3, fineness=COARSE)
+    one = Cylinder(WIDE, p_max=5e-3, nu=0.3, edges=COARSE)
     (first,) = one.transitions(5e-3)
     assert one.p_over_E(first.state) == first.p_over_E
-    assert not first.state.pressure[one.press.faces.of_ridge(1)].any()
+    assert not first.state.pressure[one.problem.faces.of_ridge(1)].any()
     beyond = one.at_load(1.2 * first.p_over_E, first.state)
-    assert beyond.pressure[one.press.faces.of_ridge(1)].any()
+    assert beyond.pressure[one.problem.faces.of_ridge(1)].any()
 
 
 def test_transitions__after_too_many_failures_are_given_up(monkeypatch):
     tried = []
 
-    def fails(press, start, control):
+    def fails(problem, start, control):
         tried.append(control.target)
         if len(tried) > 2:
             raise NotConvergedError("no equilibrium")
-        return solve(press, start, control)
+        return solve(problem, start, control)
 
     monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder.solve", fails)
     monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder._MOST_FAILURES", 3)
-    one = Cylinder(WIDE, p_max=5e-3, nu=0.3, fineness=COARSE)
+    one = Cylinder(WIDE, p_max=5e-3, nu=0.3, edges=COARSE)
     Q, p_over_E, status = transition_curve(one, 5e-3)
     assert (Q.tolist(), np.isnan(p_over_E).tolist()) == ([4], [True])
     assert re.fullmatch(r"not converged: at p/E = [\d.e-]+: no equilibrium", status[0])
@@ -225,7 +225,7 @@ def test_transitions__after_too_many_failures_are_given_up(monkeypatch):
 
 
 def test_curve__shows_what_is_found():
-    one, found = Cylinder(WIDE, p_max=5e-3, nu=0.3, fineness=COARSE), []
+    one, found = Cylinder(WIDE, p_max=5e-3, nu=0.3, edges=COARSE), []
     Q, p_over_E, _ = transition_curve(one, 5e-3, seen=found.append)
     assert [(each.Q, each.p_over_E) for each in found] == list(zip(Q, p_over_E, strict=True))
 
@@ -259,10 +259,10 @@ def test_friction__delays_transitions_below_half():
 
 def test_friction__above_leaves_the_plate_without():
     """The plate is frictionless: no friction under it, whatever the ridges have."""
-    one = Cylinder(None, p_max=1e-3, nu=0.3, friction=0.3, pressed_by="plate", fineness=COARSE)
-    state = solve(one.press, one.unloaded(), Control("rise", 1e-3))[0]
-    assert not state.shear[~one.press.faces.rises].any()
-    assert state.shear[one.press.faces.rises].any()
+    one = Cylinder(None, p_max=1e-3, nu=0.3, friction=0.3, pressed_by="plate", edges=COARSE)
+    state = solve(one.problem, one.unloaded(), Control("rise", 1e-3))[0]
+    assert not state.shear[~one.problem.faces.rises].any()
+    assert state.shear[one.problem.faces.rises].any()
 
 
 # ------------------------------------------------------------------------------------------- rules
@@ -287,7 +287,7 @@ def test_values__against_their_rules_are_refused(values, rule):
 
 def test_elements__beyond_the_rule_are_refused():
     with pytest.raises(InputError, match="elements at 60 edges a ridge; expected at most 40000"):
-        Cylinder(Profile(0.002, 0.002), p_max=0.02, fineness=Fineness(edges=60))
+        Cylinder(Profile(0.002, 0.002), p_max=0.02, edges=60)
 
 
 def test_plate__over_a_profile_off_centre_is_refused():

@@ -6,10 +6,10 @@ import meshio
 import numpy as np
 import pytest
 
-from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
+from ridgebayes.contact.cylinder.contact_problem import State
+from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.fields import nodal_fields, surface_table, write_fields
 from ridgebayes.contact.cylinder.newton import Control, solve
-from ridgebayes.contact.cylinder.touching import State
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 
@@ -24,19 +24,18 @@ STRETCH = np.array([[1.1, 0.2], [-0.05, 0.97]])
 
 @functools.cache
 def body(name="sharp", *, finite=True, nu=0.5):
-    fineness = Fineness(edges=8)
-    return Cylinder(PROFILES[name], p_max=0.003, finite=finite, nu=nu, fineness=fineness)
+    return Cylinder(PROFILES[name], p_max=0.003, finite=finite, nu=nu, edges=8)
 
 
 @functools.cache
 def raised(name="sharp", rise=4e-3):
-    press = body(name).press
-    return solve(press, press.unloaded(), Control("rise", rise))[0]
+    problem = body(name).problem
+    return solve(problem, problem.unloaded(), Control("rise", rise))[0]
 
 
 def stretched(cylinder, mean=0.0):
     """A state of one gradient and mean stress everywhere."""
-    solid = cylinder.press.solid
+    solid = cylinder.problem.solid
     still = cylinder.unloaded()
     p = solid.no_pressure()
     p[:, 0] = mean
@@ -54,7 +53,7 @@ def written(tmp_path, name="sharp"):
 
 
 def test_vtu__has_the_state_at_the_undeformed_points(tmp_path):
-    mesh, solid = written(tmp_path), body().press.solid
+    mesh, solid = written(tmp_path), body().problem.solid
     np.testing.assert_array_equal(mesh.points[:, :2], solid.points)
     np.testing.assert_array_equal(mesh.points[:, 2], 0.0)
     (cells,) = mesh.cells
@@ -102,9 +101,9 @@ def test_xdmf__is_a_series_in_the_load(tmp_path, monkeypatch):
     with meshio.xdmf.TimeSeriesReader(tmp_path / "series.xdmf") as series:
         points, cells = series.read_points_cells()
         steps = [series.read_data(i) for i in range(series.num_steps)]
-    np.testing.assert_array_equal(points[:, :2], body().press.solid.points)
+    np.testing.assert_array_equal(points[:, :2], body().problem.solid.points)
     assert [one.type for one in cells] == ["quad9"]
-    np.testing.assert_array_equal(cells[0].data, body().press.solid.nodes)
+    np.testing.assert_array_equal(cells[0].data, body().problem.solid.nodes)
     assert [time for time, _, _ in steps] == [body().p_over_E(one) for one in states]
     for (_, found, _), state in zip(steps, states, strict=True):
         for key, values in nodal_fields(body(), state).items():
@@ -158,7 +157,7 @@ def test_fields__of_a_constant_gradient_are_those_of_the_material(finite, nu):
 def test_fields__of_a_linear_pressure_are_exact_in_rectangles():
     """In the square core of the mesh, where elements are rectangles, at all nine nodes."""
     cylinder = body()
-    solid, still = cylinder.press.solid, cylinder.unloaded()
+    solid, still = cylinder.problem.solid, cylinder.unloaded()
     x, y = solid.points.T
     corners = solid.points[solid.nodes]
     centre, size = corners[:, 8], np.sqrt(solid._weight.sum(axis=1))
@@ -183,8 +182,8 @@ def test_stress__below_a_contact_is_its_pressure():
     """A smooth contact: no shear there, and the normal stress is minus the segment's pressure."""
     table = surface_table(body("flat"), raised("flat"))
     fields = nodal_fields(body("flat"), raised("flat"))
-    place = body("flat").press.solid.points + raised("flat").u
-    nodes = body("flat").press.solid.mesh.rim[:, 0]
+    place = body("flat").problem.solid.points + raised("flat").u
+    nodes = body("flat").problem.solid.mesh.rim[:, 0]
     nodes = nodes[place[nodes, 0] < 0.6 * table["x"].max()]
     assert len(nodes) > 5
     pressure = np.interp(place[nodes, 0], table["x"], table["pressure"])
@@ -218,7 +217,7 @@ def test_surface_table__lies_on_the_deformed_rim(name):
     ]
     assert (table["pressure"] > 0).all()
     assert (table["shear"] == 0).all()
-    x, y = cylinder.press.rim(state)[:, ::2].reshape(-1, 2).T
+    x, y = cylinder.problem.rim(state)[:, ::2].reshape(-1, 2).T
     order = np.argsort(x)
     # Chords of the rim's edges.
     atol = 1e-4 if name != "flat" else 1e-5

@@ -6,31 +6,31 @@ import numpy as np
 import pytest
 
 from ridgebayes.contact.cylinder import newton
-from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
+from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.faces import Corner, proximal_corner
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
 from ridgebayes.contact.rigid_profile import Profile
 
-COARSE = Fineness(edges=8)
+COARSE = 8
 AB = (0.06, 0.03)
 
 
 @functools.cache
 def body(nu=0.3, *, friction=0.0, ab=AB, finite=True):
     profile = Profile(*ab) if ab else None
-    return Cylinder(profile, p_max=0.02, nu=nu, friction=friction, finite=finite, fineness=COARSE)
+    return Cylinder(profile, p_max=0.02, nu=nu, friction=friction, finite=finite, edges=COARSE)
 
 
 @functools.cache
 def pressed(rise=0.01):
     """A ridged state far from its first transition."""
-    return solve(body().press, body().unloaded(), Control("rise", rise))[0]
+    return solve(body().problem, body().unloaded(), Control("rise", rise))[0]
 
 
 def load(one, state):
     """Line load of what is meshed."""
-    touch = one.press.touch(state, state, np.zeros(len(one.press.faces), dtype=bool))
-    return one.press.load(state, touch)
+    gaps = one.problem.gaps(state, state, np.zeros(len(one.problem.faces), dtype=bool))
+    return one.problem.load(state, gaps)
 
 
 def same(one, other):
@@ -42,46 +42,48 @@ def same(one, other):
 def test_load__leads_to_the_state_of_the_rise():
     one = body()
     at = pressed(0.012)
-    same(solve(one.press, pressed(0.01), Control("load", load(one, at)))[0], at)
+    same(solve(one.problem, pressed(0.01), Control("load", load(one, at)))[0], at)
 
 
 @pytest.mark.parametrize("rise", [0.008, 0.02])
 def test_rise__leads_back_without_friction(rise):
-    there = solve(body().press, pressed(), Control("rise", rise))[0]
-    same(solve(body().press, there, Control("rise", pressed().rise))[0], pressed())
+    there = solve(body().problem, pressed(), Control("rise", rise))[0]
+    same(solve(body().problem, there, Control("rise", pressed().rise))[0], pressed())
 
 
 def test_corner__leads_to_the_state_of_its_load_and_rise():
     one = body()
     corner = proximal_corner(one.profile, 1, one._height)
-    apart = one.press.apart(pressed(), corner)[0]
-    by_corner = solve(one.press, pressed(), Control("corner", 0.7 * apart, corner))[0]
-    assert one.press.apart(by_corner, corner)[0] == pytest.approx(0.7 * apart, abs=2e-11)
-    same(solve(one.press, pressed(), Control("load", load(one, by_corner)))[0], by_corner)
-    same(solve(one.press, pressed(), Control("rise", by_corner.rise))[0], by_corner)
+    apart = one.problem.corner_distance(pressed(), corner)[0]
+    by_corner = solve(one.problem, pressed(), Control("corner", 0.7 * apart, corner))[0]
+    assert one.problem.corner_distance(by_corner, corner)[0] == pytest.approx(
+        0.7 * apart, abs=2e-11
+    )
+    same(solve(one.problem, pressed(), Control("load", load(one, by_corner)))[0], by_corner)
+    same(solve(one.problem, pressed(), Control("rise", by_corner.rise))[0], by_corner)
 
 
 def test_corner__lets_its_own_ridge_carry_nothing():
     one = body()
     corner = proximal_corner(one.profile, 1, one._height)
-    found = solve(one.press, pressed(), Control("corner", 0.0, corner))[0]
-    assert not found.pressure[one.press.faces.of_ridge(1)].any()
+    found = solve(one.problem, pressed(), Control("corner", 0.0, corner))[0]
+    assert not found.pressure[one.problem.faces.of_ridge(1)].any()
 
 
 def test_solution__is_in_equilibrium_and_presses_only_where_it_touches():
     one, state = body(), pressed()
-    touch = one.press.touch(state, state, np.zeros(len(one.press.faces), dtype=bool))
-    inner = one.press.solid.assemble(state.u, state.p).force.ravel()
-    outer = one.press.force(state, touch)
+    gaps = one.problem.gaps(state, state, np.zeros(len(one.problem.faces), dtype=bool))
+    inner = one.problem.solid.assemble(state.u, state.p).force.ravel()
+    outer = one.problem.force(state, gaps)
     total = np.abs(outer).sum()
     # The solver's tolerances: 1e-9 of the load, 1e-11 of the gap.
-    assert np.abs((inner - outer)[one.press.free]).max() < 1e-9 * total
+    assert np.abs((inner - outer)[one.problem.free]).max() < 1e-9 * total
     on = state.pressure > 0
     assert 5 < on.sum() < len(on)
-    assert np.abs(touch.gap[on]).max() < 1e-11
-    assert touch.gap[~on].min() > -1e-11
+    assert np.abs(gaps.gap[on]).max() < 1e-11
+    assert gaps.gap[~on].min() > -1e-11
     # The mid-plane holds what the ridges push, and nothing else pushes up.
-    held = np.setdiff1d(np.arange(len(inner)), one.press.free)
+    held = np.setdiff1d(np.arange(len(inner)), one.problem.free)
     up = held[held % 2 == 1]
     assert -inner[up].sum() == pytest.approx(load(one, state), rel=1e-8)
 
@@ -103,9 +105,9 @@ def errors(monkeypatch, run):
 @pytest.mark.parametrize("finite", [True, False])
 def test_newton__converges_quadratically(monkeypatch, kind, finite):
     one = body(ab=None, finite=finite)
-    start = solve(one.press, one.unloaded(), Control("rise", 0.02))[0]
+    start = solve(one.problem, one.unloaded(), Control("rise", 0.02))[0]
     target = 0.0202 if kind == "rise" else 1.01 * load(one, start)
-    found = errors(monkeypatch, lambda: solve(one.press, start, Control(kind, target)))
+    found = errors(monkeypatch, lambda: solve(one.problem, start, Control(kind, target)))
     # Each error at most a thousandth of the one before, which no linear rate near 1 does.
     assert len(found) <= 6
     assert (found[2:-1] < 1e-2 * found[1:-2]).all()
@@ -114,25 +116,25 @@ def test_newton__converges_quadratically(monkeypatch, kind, finite):
 
 def test_no_equilibrium__is_said():
     with pytest.raises(NotConvergedError, match=r"inside out|equilibrium in 30|singular"):
-        solve(body().press, pressed(), Control("rise", 0.9))
+        solve(body().problem, pressed(), Control("rise", 0.9))
 
 
 @pytest.mark.parametrize("rise", [1e-4, 1e-3])
 def test_first_contact__needs_no_state_in_contact(rise):
     one = body()
-    found, steps = solve(one.press, one.unloaded(), Control("rise", rise))
+    found, steps = solve(one.problem, one.unloaded(), Control("rise", rise))
     assert found.pressure.any()
     assert steps < 10
 
 
 def test_load__of_an_untouched_body_is_reached():
     one = body(ab=None)
-    found = solve(one.press, one.unloaded(), Control("load", 1e-6))[0]
+    found = solve(one.problem, one.unloaded(), Control("load", 1e-6))[0]
     assert load(one, found) == pytest.approx(1e-6, rel=1e-8)  # the solver's tolerance
 
 
 def test_control__of_a_corner_leaves_out_its_ridge_alone():
-    faces = body().press.faces
+    faces = body().problem.faces
     out = Control("corner", 0.0, Corner(1, (0.1, -1.0), 0.0)).left_out(faces)
     assert np.array_equal(out, faces.of_ridge(1))
     assert not Control("rise", 0.1).left_out(faces).any()
@@ -146,7 +148,7 @@ def rubbed(friction, ab=AB, nu=0.3):
     one = body(nu, friction=friction, ab=ab)
     state = one.unloaded()
     for rise in (2e-4, 1e-3, 2e-3):
-        state = solve(one.press, state, Control("rise", rise))[0]
+        state = solve(one.problem, state, Control("rise", rise))[0]
     return one, state
 
 
@@ -158,7 +160,7 @@ def test_shear__is_at_most_the_frictions(ab, friction):
     assert np.abs(state.shear).max() > 0
     # Rounding, and what stays of a step of the kinds: 1e-9 of the load.
     excess = np.abs(state.shear) - friction * state.pressure
-    assert (excess * one.press.faces.length).max() < 1e-8 * load(one, state)
+    assert (excess * one.problem.faces.length).max() < 1e-8 * load(one, state)
     assert not state.shear[~on].any()
 
 
@@ -166,8 +168,10 @@ def test_shear__is_at_most_the_frictions(ab, friction):
 def test_friction__of_a_body_below_half_pulls_the_contact_inwards(ab):
     """At nu = 0.3 the surface moves inwards under pressure; friction acts against that."""
     one, state = rubbed(0.3, ab)
-    level = np.array([face.angle == 0.0 for face in one.press.faces.faces])[one.press.faces.face]
-    assert (state.shear * one.press.faces.length)[level].sum() > 0
+    level = np.array([face.angle == 0.0 for face in one.problem.faces.faces])[
+        one.problem.faces.face
+    ]
+    assert (state.shear * one.problem.faces.length)[level].sum() > 0
 
 
 def test_friction__stiffens_and_ends_in_sticking():
@@ -191,4 +195,4 @@ def test_solve__says_that_a_stiffness_is_singular(monkeypatch):
 
     monkeypatch.setattr(newton, "splu", splu)
     with pytest.raises(NotConvergedError, match="the stiffness is singular"):
-        solve(body().press, body().unloaded(), Control("rise", 0.01))
+        solve(body().problem, body().unloaded(), Control("rise", 0.01))

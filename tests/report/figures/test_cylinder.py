@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection, TriMesh
 
-from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness
+from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.fields import surface_table
 from ridgebayes.contact.cylinder.newton import Control, solve
 from ridgebayes.contact.rigid_profile import Profile
@@ -28,8 +28,8 @@ LOADS, RATIOS = np.array([1e-3, 1e-2, 0.1]), np.array([1.0003, 1.004, 1.04])
 
 @functools.cache
 def pressed(name):
-    cylinder = Cylinder(PROFILES[name], p_max=0.003, fineness=Fineness(edges=8))
-    return cylinder, solve(cylinder.press, cylinder.unloaded(), Control("rise", RISE))[0]
+    cylinder = Cylinder(PROFILES[name], p_max=0.003, edges=8)
+    return cylinder, solve(cylinder.problem, cylinder.unloaded(), Control("rise", RISE))[0]
 
 
 def drawn(axes, kind):
@@ -47,7 +47,7 @@ def test_plot_deformed__has_no_text_that_is_clipped_or_lies_on_other_text(name, 
 def test_plot_deformed__draws_the_deformed_body_on_both_sides(name):
     cylinder, state = pressed(name)
     whole, near, _, *_ = plot_deformed(cylinder, state).axes
-    points = cylinder.press.solid.points + state.u
+    points = cylinder.problem.solid.points + state.u
     for axes in (whole, near):
         assert axes.get_aspect() == 1.0
         (coloured,) = drawn(axes, TriMesh)
@@ -72,7 +72,7 @@ def test_plot_deformed__bends_edges_through_their_middle_nodes():
     cylinder, state = pressed("sharp")
     whole = plot_deformed(cylinder, state).axes[0]
     (edges,) = drawn(whole, LineCollection)
-    rim = cylinder.press.rim(state)
+    rim = cylinder.problem.rim(state)
     middles = np.array([one[2] for one in edges.get_segments()])
     for first, middle, last in rim[:: len(rim) // 10]:
         i = np.abs(middles - middle).sum(axis=1).argmin()
@@ -131,8 +131,8 @@ def test_plot_deformed__draws_pressures_that_carry_the_load(name):
 
 
 def test_plot_deformed__at_the_plate_draws_the_whole_body_but_not_the_plates_pressure(faults):
-    cylinder = Cylinder(Profile(A, B), p_max=0.003, pressed_by="plate", fineness=Fineness(edges=4))
-    state = solve(cylinder.press, cylinder.unloaded(), Control("rise", 2e-4))[0]
+    cylinder = Cylinder(Profile(A, B), p_max=0.003, pressed_by="plate", edges=4)
+    state = solve(cylinder.problem, cylinder.unloaded(), Control("rise", 2e-4))[0]
     figure = plot_deformed(cylinder, state)
     whole, _, below, *_ = figure.axes
     assert faults(figure) == ([], [])

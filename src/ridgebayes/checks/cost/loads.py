@@ -8,7 +8,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.checks.cost.measured import Setting
 from ridgebayes.contact import halfplane
-from ridgebayes.contact.cylinder.cylinder import Cylinder, Fineness, transition_curve
+from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
 from ridgebayes.contact.homogenised import beyond
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.contact.strips import solve_strips
@@ -164,7 +164,7 @@ def _half_plane(a: float, b: float, n: int) -> FloatArray:
 
 
 def _elements(a: float, b: float, p_max: float, edges: float, *, finite: bool = True) -> FloatArray:
-    body = Cylinder(Profile(a, b), p_max=p_max, finite=finite, fineness=Fineness(edges))
+    body = Cylinder(Profile(a, b), p_max=p_max, finite=finite, edges=edges)
     _, loads, _ = transition_curve(body, p_max)
     return loads[np.isfinite(loads)]
 

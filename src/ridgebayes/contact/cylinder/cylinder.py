@@ -13,6 +13,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact import hertz
+from ridgebayes.contact.cylinder.contact_problem import ContactProblem, State
 from ridgebayes.contact.cylinder.faces import (
     Corner,
     Face,
@@ -27,7 +28,6 @@ from ridgebayes.contact.cylinder.material import Material
 from ridgebayes.contact.cylinder.mesh import disk_mesh
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
 from ridgebayes.contact.cylinder.solid import Solid
-from ridgebayes.contact.cylinder.touching import Press, State
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 
@@ -42,24 +42,8 @@ _MOST_ELEMENTS = 40_000
 _LOOSER = 0.3  # growth of edges away from ridges
 
 
-@dataclass(frozen=True)
-class Fineness:
-    """How fine the mesh is.
-
-    Parameters
-    ----------
-    edges : float
-        Edges of the rim over a ridge's width.
-    refine : int
-        Makes elements inside smaller by this factor.
-    """
-
-    edges: float = 24.0
-    refine: int = 1
-
-
 @dataclass(frozen=True, eq=False)
-class Reached:
+class Transition:
     """A transition: the body just touches a further ridge.
 
     Parameters
@@ -97,8 +81,8 @@ class Cylinder:
         Coulomb's coefficient.
     pressed_by : {"mid-plane", "plate"}
         The flat mid-plane pushes half a cylinder down, or a flat frictionless plate the whole.
-    fineness : Fineness, optional
-        Of the mesh.
+    edges : float, optional
+        Edges of the rim over a ridge's width.
 
     Raises
     ------
@@ -115,7 +99,7 @@ class Cylinder:
         finite: bool = True,
         friction: float = 0.0,
         pressed_by: str = "mid-plane",
-        fineness: Fineness | None = None,
+        edges: float = 24.0,
     ) -> None:
         if pressed_by not in ("mid-plane", "plate"):
             raise InputError(f"pressed_by = {pressed_by!r}; expected mid-plane or plate")
@@ -128,18 +112,15 @@ class Cylinder:
         whole = pressed_by == "plate"
         if whole and not self.mirrored:
             raise InputError("pressed_by = 'plate': a plate does not hold a body off centre")
-        fineness = fineness or Fineness()
         material = Material(nu, finite)
         # Wider than the half-plane's: bodies on ridges reach further, and mesh costs little there.
         self._reach = min(1.2 * float(hertz.half_width(p_max, nu=nu)) + 0.02, 1.2)
-        sizes = _Sizes.of(profile, self._reach, fineness, p_max)
-        mesh = disk_mesh(
-            sizes.at, refine=fineness.refine, both_sides=not self.mirrored, whole=whole
-        )
+        sizes = _Sizes.of(profile, self._reach, edges, p_max)
+        mesh = disk_mesh(sizes.at, both_sides=not self.mirrored, whole=whole)
         n = mesh.mesh.t.shape[1]
         if n > _MOST_ELEMENTS:
             raise InputError(
-                f"{n} elements at {fineness.edges:g} edges a ridge; expected at most "
+                f"{n} elements at {edges:g} edges a ridge; expected at most "
                 f"{_MOST_ELEMENTS}: fewer edges, a lower load or rounder corners need less"
             )
         faces, self._height = self._faces(sizes)
@@ -154,7 +135,7 @@ class Cylinder:
             held[np.intersect1d(mesh.axis, mesh.mid_plane), 0] = True
         if not whole:
             held[mesh.mid_plane, 1] = True
-        self.press = Press(solid, Faces(faces), held, friction=friction)
+        self.problem = ContactProblem(solid, Faces(faces), held, friction=friction)
         # A half model carries half the load; p is line load over 2 R.
         self._per_load = 1.0 if self.mirrored else 0.5
 
@@ -169,12 +150,12 @@ class Cylinder:
 
     def unloaded(self) -> State:
         """Return the state in which the ridges just touch the undeformed body."""
-        return self.press.unloaded()
+        return self.problem.unloaded()
 
     def p_over_E(self, state: State) -> float:
         """Return the load of a state."""
-        touch = self.press.touch(state, state, np.zeros(len(self.press.faces), dtype=bool))
-        return self._per_load * self.press.load(state, touch)
+        gaps = self.problem.gaps(state, state, np.zeros(len(self.problem.faces), dtype=bool))
+        return self._per_load * self.problem.load(state, gaps)
 
     @property
     def first_count(self) -> int:
@@ -195,7 +176,7 @@ class Cylinder:
         while now != p_over_E:
             goal = now + step if abs(p_over_E - now - step) > 1e-12 else p_over_E
             try:
-                found, n = solve(self.press, state, Control("load", goal / self._per_load))
+                found, n = solve(self.problem, state, Control("load", goal / self._per_load))
             except NotConvergedError as failed:
                 step /= 3
                 if abs(step) < 1e-3 * p_over_E:
@@ -205,7 +186,7 @@ class Cylinder:
             step = min(step * (2.0 if n < 7 else 1.0), p_over_E - now, key=abs)
         return state
 
-    def transitions(self, p_max: float) -> Iterator[Reached]:
+    def transitions(self, p_max: float) -> Iterator[Transition]:
         """Yield the transitions up to a load, in order.
 
         Raises
@@ -227,7 +208,7 @@ class Cylinder:
             low, high = min(low, corner.ridge), max(high, corner.ridge)
             count = self.first_count + (2 * high if self.mirrored else high - low)
             load = self.p_over_E(state)
-            yield Reached(corner.ridge, count, load, state)
+            yield Transition(corner.ridge, count, load, state)
             # Loads grow by more than the square of the corners' distance: a smooth body's do so,
             # grooves make it more, and at finite strain it is still 1 % more at p/E = 0.06.
             corners = self._ahead(profile, low, high)
@@ -245,7 +226,7 @@ class Cylinder:
     ) -> tuple[State, Corner] | None:
         """Return the state that touches one of some corners first; None beyond the load."""
         step = _STEP if state.rise else _FIRST_STEP
-        apart = [self.press.apart(state, one)[0] for one in corners]
+        apart = [self.problem.corner_distance(state, one)[0] for one in corners]
         which = int(np.argmin(apart))
         whole, now = apart[which], 1.0
         failures = 0
@@ -253,7 +234,7 @@ class Cylinder:
             goal = max(now - step, 0.0)
             control = Control("corner", goal * whole, corners[which])
             try:
-                found, n = solve(self.press, state, control)
+                found, n = solve(self.problem, state, control)
             except NotConvergedError as failed:
                 step /= 3
                 failures += 1
@@ -261,12 +242,12 @@ class Cylinder:
                     why = f"at p/E = {self.p_over_E(state):.5g}: {failed}"
                     raise NotConvergedError(why) from None
                 continue
-            apart = [self.press.apart(found, one)[0] for one in corners]
+            apart = [self.problem.corner_distance(found, one)[0] for one in corners]
             sooner = int(np.argmin(apart))
             if sooner != which and apart[sooner] < 0:
                 # Another corner came first: from the state before, towards that one.
                 which = sooner
-                whole, now = self.press.apart(state, corners[which])[0], 1.0
+                whole, now = self.problem.corner_distance(state, corners[which])[0], 1.0
                 step = _STEP
                 continue
             state, now = found, goal
@@ -278,7 +259,7 @@ class Cylinder:
 
 
 def transition_curve(
-    body: Cylinder, p_max: float, *, seen: Callable[[Reached], None] | None = None
+    body: Cylinder, p_max: float, *, seen: Callable[[Transition], None] | None = None
 ) -> tuple[IntArray, FloatArray, tuple[str, ...]]:
     """Return all transitions up to a load as a curve.
 
@@ -330,21 +311,19 @@ class _Sizes:
     windows: FloatArray = field(repr=False)  # of what meets their corners, (n, 2)
 
     @classmethod
-    def of(
-        cls, profile: Profile | None, reach: float, fineness: Fineness, p_max: float
-    ) -> "_Sizes":
+    def of(cls, profile: Profile | None, reach: float, edges: float, p_max: float) -> "_Sizes":
         if profile is None:
-            edge = reach / (6 * fineness.edges)
+            edge = reach / (6 * edges)
             spans = np.array([[0.0, reach]])
             resolution = Resolution(edge, _ARC, SEGMENT * edge, edge)
             return cls(edge, edge, resolution, SEGMENT * edge, SEGMENT * edge, spans, spans)
-        edge = min(profile.a, 4 * profile.b, 0.5 * reach) / fineness.edges
+        edge = min(profile.a, 4 * profile.b, 0.5 * reach) / edges
         segments = [profile.ridge(k) for k in _ridges_within(profile, reach)]
         spans = np.array([sorted((abs(one.start), abs(one.stop))) for one in segments])
         at_corner, arc = edge, _ARC
         if profile.corner:
             quarter = profile.corner * math.pi / 2
-            arc = max(round(_ARC * fineness.edges / 24), 2, math.ceil(quarter / (SEGMENT * edge)))
+            arc = max(round(_ARC * edges / 24), 2, math.ceil(quarter / (SEGMENT * edge)))
             at_corner = min(quarter / arc / SEGMENT, edge)
         resolution = Resolution(CORNER * edge, arc, SEGMENT * edge, edge)
         # What lies on a corner under load was nearer the axis before, by some 0.25 to 0.5 p/E of

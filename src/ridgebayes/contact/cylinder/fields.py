@@ -11,10 +11,10 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefQuad
 
 from ridgebayes._types import FloatArray
+from ridgebayes.contact.cylinder.contact_problem import State
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.material import jacobian
 from ridgebayes.contact.cylinder.solid import Solid
-from ridgebayes.contact.cylinder.touching import State
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import replacing
 
@@ -77,7 +77,7 @@ def nodal_fields(cylinder: Cylinder, state: State) -> dict[str, FloatArray]:
         are bilinear fits in each element to its quadrature points, averaged where elements meet;
         near a sharp corner they depend on the mesh.
     """
-    solid = cylinder.press.solid
+    solid = cylinder.problem.solid
     F, mean = solid.gradients(state.u), solid.pressures(state.p)
     plane = solid.material.stress(F, mean)
     if solid.material.finite:
@@ -114,7 +114,7 @@ def surface_table(cylinder: Cylinder, state: State) -> pd.DataFrame:
         ``pressure``, on the body along that normal, and ``shear``, on it along (normal_y,
         -normal_x), over E. Of a mirrored profile the right half.
     """
-    faces, parts = cylinder.press.faces, []
+    faces, parts = cylinder.problem.faces, []
     for face in faces.faces:
         point, normal = face.at(0.5 * (face.breaks[1:] + face.breaks[:-1]))
         part = pd.DataFrame({"ridge": pd.array([face.ridge] * len(point), dtype="Int64")})
@@ -130,7 +130,7 @@ def surface_table(cylinder: Cylinder, state: State) -> pd.DataFrame:
 def _write_vtu(cylinder: Cylinder, state: State, path: Path) -> None:
     import meshio
 
-    points, cells = _mesh(cylinder.press.solid)
+    points, cells = _mesh(cylinder.problem.solid)
     mesh = meshio.Mesh(points, cells, point_data=nodal_fields(cylinder, state))
     with replacing(path) as partial:
         mesh.write(partial, file_format="vtu")
@@ -146,7 +146,7 @@ def _write_xdmf(cylinder: Cylinder, states: Sequence[State], path: Path) -> None
         # Entered as a context it would open a file in the current folder, named as the partial one.
         writer.h5_filename, writer.h5_file = side.name, h5py.File(content, "w")
         with writer.h5_file:
-            writer.write_points_cells(*_mesh(cylinder.press.solid))
+            writer.write_points_cells(*_mesh(cylinder.problem.solid))
             for state in states:
                 writer.write_data(cylinder.p_over_E(state), nodal_fields(cylinder, state))
             writer.__exit__()

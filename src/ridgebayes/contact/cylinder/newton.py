@@ -17,10 +17,10 @@ import scipy.sparse as sparse
 from scipy.sparse.linalg import splu
 
 from ridgebayes._types import FloatArray
+from ridgebayes.contact.cylinder.contact_problem import ContactProblem, Gaps, State
 from ridgebayes.contact.cylinder.faces import Corner, Faces
 from ridgebayes.contact.cylinder.material import jacobian
 from ridgebayes.contact.cylinder.solid import Assembled, InvertedError
-from ridgebayes.contact.cylinder.touching import Press, State, Touch
 
 # Stiffness of condensed multipliers, in E per length of a segment: its inverse is the error of a
 # step, its size times rounding that of the linear solve.
@@ -65,11 +65,11 @@ class Control:
             return np.zeros(len(faces), dtype=bool)
         return faces.of_ridge(self.corner.ridge)
 
-    def missing(self, press: Press, state: State, touch: Touch) -> float:
+    def missing(self, problem: ContactProblem, state: State, gaps: Gaps) -> float:
         """Return target minus value."""
         if self.corner is not None:
-            return self.target - press.apart(state, self.corner)[0]
-        return self.target - (press.load(state, touch) if self.kind == "load" else state.rise)
+            return self.target - problem.corner_distance(state, self.corner)[0]
+        return self.target - (problem.load(state, gaps) if self.kind == "load" else state.rise)
 
     @property
     def tolerance(self) -> float:
@@ -77,12 +77,12 @@ class Control:
         return _FORCE_TOL * abs(self.target) if self.kind == "load" else _GAP_TOL
 
 
-def solve(press: Press, start: State, control: Control) -> tuple[State, int]:
+def solve(problem: ContactProblem, start: State, control: Control) -> tuple[State, int]:
     """Find the equilibrium in which the control is met.
 
     Parameters
     ----------
-    press : Press
+    problem : ContactProblem
         Body and rigid side.
     start : State
         Where to begin, and what slip is counted from.
@@ -99,25 +99,25 @@ def solve(press: Press, start: State, control: Control) -> tuple[State, int]:
     NotConvergedError
         If none was found.
     """
-    left_out = control.left_out(press.faces)
+    left_out = control.left_out(problem.faces)
     state = replace(start, pressure=np.where(left_out, 0.0, start.pressure))
     active, damping, last = state.pressure > 0, 0.0, math.inf
     # Segments change between sticking and sliding on the way: damping has to wait for them.
-    more = _FRICTION_STEPS if press.friction else 0
-    kind, settled = np.zeros(len(press.faces)), True
+    more = _FRICTION_STEPS if problem.friction else 0
+    kind, settled = np.zeros(len(problem.faces)), True
     for step in range(_MOST_STEPS + more):
-        touch = press.touch(state, start, left_out)
+        gaps = problem.gaps(state, start, left_out)
         if step == 0 and not active.any():
-            active = _nearest(press, touch)
+            active = _nearest(problem, gaps)
         try:
-            inner = press.solid.assemble(state.u, state.p)
+            inner = problem.solid.assemble(state.u, state.p)
         except InvertedError as inverted:
             raise NotConvergedError(str(inverted)) from None
-        if press.friction and step:
+        if problem.friction and step:
             before = kind
-            kind = _changed(press, state, touch, kind, one_by_one=step >= _ALL_AT_ONCE)
+            kind = _changed(problem, state, gaps, kind, one_by_one=step >= _ALL_AT_ONCE)
             settled = np.array_equal(kind, before)
-        error = _error(press, state, touch, inner, kind, control)
+        error = _error(problem, state, gaps, inner, kind, control)
         error = error if settled else max(error, _LOOSE)
         if error < (_LOOSE if damping else 1.0):
             return state, step
@@ -126,65 +126,65 @@ def solve(press: Press, start: State, control: Control) -> tuple[State, int]:
         if step >= _UNDAMPED + more:
             damping = min(damping * min(max(error / last, 0.3), 2.0), 10.0) or _DAMPING
         last = error
-        moved, active = _Step(press, state, touch, inner, active, kind, control, damping).solve()
+        moved, active = _Step(problem, state, gaps, inner, active, kind, control, damping).solve()
         if not (np.isfinite(moved.u).all() and math.isfinite(moved.rise)):
             raise NotConvergedError("the stiffness is singular")
-        state = _guarded(press, state, moved)
+        state = _guarded(problem, state, moved)
     raise NotConvergedError(f"no equilibrium in {_MOST_STEPS + more} Newton steps")
 
 
-def _nearest(press: Press, touch: Touch) -> np.ndarray:
+def _nearest(problem: ContactProblem, gaps: Gaps) -> np.ndarray:
     """Return the segments that touch first, below and above: nothing else holds a loose body."""
-    found = np.zeros(len(touch.gap), dtype=bool)
-    for side in (press.faces.rises, ~press.faces.rises):
-        least = np.where(side, touch.gap, math.inf).min(initial=math.inf)
+    found = np.zeros(len(gaps.gap), dtype=bool)
+    for side in (problem.faces.rises, ~problem.faces.rises):
+        least = np.where(side, gaps.gap, math.inf).min(initial=math.inf)
         if math.isfinite(least):
-            found |= side & (touch.gap <= least + _GAP_TOL)
+            found |= side & (gaps.gap <= least + _GAP_TOL)
     return found
 
 
 def _error(
-    press: Press,
+    problem: ContactProblem,
     state: State,
-    touch: Touch,
+    gaps: Gaps,
     inner: Assembled,
     kind: FloatArray,
     control: Control,
 ) -> float:
     """Return the largest residual over its tolerance."""
-    outside = press.force(state, touch)
-    residual = (inner.force.ravel() - outside)[press.free]
+    outside = problem.force(state, gaps)
+    residual = (inner.force.ravel() - outside)[problem.free]
     total = max(float(np.abs(outside).sum()), 1e-12)
-    gap = np.where(state.pressure > 0, touch.gap, np.minimum(touch.gap, 0.0))
-    missing = control.missing(press, state, touch)
+    gap = np.where(state.pressure > 0, gaps.gap, np.minimum(gaps.gap, 0.0))
+    missing = control.missing(problem, state, gaps)
     worst = max(
         float(np.abs(residual).max()) / (_FORCE_TOL * total),
         float(np.abs(gap).max()) / _GAP_TOL,
         float(np.abs(inner.volume).max()) / _VOLUME_TOL,
         abs(missing) / max(control.tolerance, 1e-300),
     )
-    if press.friction:
+    if problem.friction:
         on = state.pressure > 0
-        slip = np.where(on & (kind == 0), touch.slip, 0.0) / press.faces.length
-        off = np.where(kind == 0, 0.0, state.shear - kind * press.friction * state.pressure)
+        slip = np.where(on & (kind == 0), gaps.slip, 0.0) / problem.faces.length
+        off = np.where(kind == 0, 0.0, state.shear - kind * problem.friction * state.pressure)
         worst = max(
             worst,
             float(np.abs(slip).max()) / _GAP_TOL,
-            float(np.abs(off * press.faces.length).max()) / (_FORCE_TOL * total),
+            float(np.abs(off * problem.faces.length).max()) / (_FORCE_TOL * total),
         )
     return worst
 
 
 def _changed(
-    press: Press, state: State, touch: Touch, kind: FloatArray, *, one_by_one: bool
+    problem: ContactProblem, state: State, gaps: Gaps, kind: FloatArray, *, one_by_one: bool
 ) -> FloatArray:
     """Return which segments stick, 0, or slide, with the sign of their shear.
 
     What sticks begins to slide beyond the friction; what slides against its shear has stopped.
     """
-    limit = press.friction * state.pressure
+    limit = problem.friction * state.pressure
     excess = np.abs(state.shear) - limit * (1 + _SURE)
-    along = kind * touch.slip / press.faces.length
+    along = kind * gaps.slip / problem.faces.length
     slides = (kind == 0) & (excess > 0)
     stops = (kind != 0) & (along > _GAP_TOL)
     on = state.pressure > 0
@@ -192,16 +192,16 @@ def _changed(
     fresh = np.where(on, fresh, 0.0)
     wrong = np.flatnonzero((fresh != kind) & on)
     if one_by_one and len(wrong):
-        by = np.where(slides, excess / np.maximum(limit, 1e-300), along / press.faces.length)
+        by = np.where(slides, excess / np.maximum(limit, 1e-300), along / problem.faces.length)
         fresh = np.where(np.arange(len(kind)) == wrong[np.argmax(by[wrong])], fresh, kind * on)
     return fresh
 
 
-def _guarded(press: Press, state: State, moved: State) -> State:
+def _guarded(problem: ContactProblem, state: State, moved: State) -> State:
     """Take a step, or the part of it that turns no element inside out."""
     part, found = 1.0, moved
     for _ in range(6):
-        solid = press.solid
+        solid = problem.solid
         if not solid.material.finite or jacobian(solid.gradients(found.u)).min() > _LEAST_VOLUME:
             return found
         part *= 0.5
@@ -221,43 +221,43 @@ class _Step:
 
     def __init__(
         self,
-        press: Press,
+        problem: ContactProblem,
         state: State,
-        touch: Touch,
+        gaps: Gaps,
         inner: Assembled,
         active: np.ndarray,
         kind: FloatArray,
         control: Control,
         damping: float,
     ) -> None:
-        self._press, self._state, self._touch, self._inner = press, state, touch, inner
+        self._problem, self._state, self._gaps, self._inner = problem, state, gaps, inner
         self._control, self._kind = control, kind
-        length = press.faces.length
-        self._candidate = np.isfinite(touch.gap)
+        length = problem.faces.length
+        self._candidate = np.isfinite(gaps.gap)
         self._reference = active & self._candidate
-        self._gap = np.where(self._candidate, touch.gap, 0.0) * length
+        self._gap = np.where(self._candidate, gaps.gap, 0.0) * length
         self._scale = _STIFF / length**2
-        self._C = touch.normal
+        self._C = gaps.normal
         # Rising ridges are the whole rim sinking, for those segments that rise.
-        self._lift = -(press.faces.rises * (self._C @ press.up))
-        self._slip_lift = -(press.faces.rises * (touch.along @ press.up))
-        self._bent = np.asarray(press.bending(state, touch, rising=True) @ press.up)
-        K = inner.stiffness - press.bending(state, touch)
+        self._lift = -(problem.faces.rises * (self._C @ problem.up))
+        self._slip_lift = -(problem.faces.rises * (gaps.along @ problem.up))
+        self._bent = np.asarray(problem.contact_stiffness(state, gaps, rising=True) @ problem.up)
+        K = inner.stiffness - problem.contact_stiffness(state, gaps)
         Ca, scale = self._C[self._reference], self._scale[self._reference]
         K = K + Ca.T @ sparse.diags_array(scale) @ Ca
         rest = -(inner.force.ravel() + inner.condensed.ravel())
         by_rise = self._bent
-        if press.friction:
+        if problem.friction:
             stiffness, force, rubbed = self._rubbing()
             K, rest, by_rise = K + stiffness, rest + force, by_rise + rubbed
         if damping:
             K = K + damping * sparse.eye_array(K.shape[0])
-        free = press.free
+        free = problem.free
         try:
             self._factor = splu(
                 sparse.csc_array(K)[free][:, free],
                 permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=1e-3 if press.friction else 0.0,
+                diag_pivot_thresh=1e-3 if problem.friction else 0.0,
             )
         except RuntimeError:  # as SuperLU has it where a pivot is exactly zero
             raise NotConvergedError("the stiffness is singular") from None
@@ -267,15 +267,15 @@ class _Step:
 
     def _rubbing(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
         """Return friction's stiffness, its force on the nodes, and that by the rise."""
-        press, state, touch = self._press, self._state, self._touch
+        problem, state, gaps = self._problem, self._state, self._gaps
         kind, scale, on = self._kind, self._scale, self._reference
         stuck, slid = np.flatnonzero(on & (kind == 0)), np.flatnonzero(on & (kind != 0))
-        T, Ts = touch.along[stuck], touch.along[slid]
+        T, Ts = gaps.along[stuck], gaps.along[slid]
         lift = self._slip_lift
         stiffness = T.T @ sparse.diags_array(scale[stuck]) @ T
-        shear = state.shear[stuck] - scale[stuck] * touch.slip[stuck]
+        shear = state.shear[stuck] - scale[stuck] * gaps.slip[stuck]
         by_rise = T.T @ (scale[stuck] * lift[stuck])
-        rate = press.friction * kind[slid]
+        rate = problem.friction * kind[slid]
         Cs, normal = self._C[slid], self._scale[slid]
         stiffness = stiffness + Ts.T @ sparse.diags_array(rate * normal) @ Cs
         pressed = rate * (state.pressure[slid] - normal * self._gap[slid])
@@ -311,16 +311,16 @@ class _Step:
     def _moved(
         self, du: FloatArray, rise: float, pressure: FloatArray, active: np.ndarray
     ) -> State:
-        press, state, touch = self._press, self._state, self._touch
+        problem, state, gaps = self._problem, self._state, self._gaps
         shear = np.zeros_like(pressure)
-        if press.friction:
+        if problem.friction:
             kind, scale = self._kind, self._scale
-            slip = touch.slip + touch.along @ du + rise * self._slip_lift
+            slip = gaps.slip + gaps.along @ du + rise * self._slip_lift
             shear = np.where(
-                kind == 0, state.shear - scale * slip, kind * press.friction * pressure
+                kind == 0, state.shear - scale * slip, kind * problem.friction * pressure
             )
             shear = np.where(active & self._reference, shear, 0.0)
-        dp = self._inner.pressure_step(du, press.solid.dofs)
+        dp = self._inner.pressure_step(du, problem.solid.dofs)
         u = state.u + du.reshape(-1, 2)
         return State(u, state.p + dp, pressure, shear, state.rise + rise)
 
@@ -344,28 +344,28 @@ class _Step:
         moved = self._gap + self._C @ du + rise * self._lift
         pressure = np.zeros(len(active))
         pressure[on] = old - scale * moved[on]
-        return du, rise, pressure, moved / self._press.faces.length
+        return du, rise, pressure, moved / self._problem.faces.length
 
     def _rise(self, first: FloatArray, second: FloatArray, on: np.ndarray) -> float:
         """Return the rise with which the control is met, du being first + rise second."""
-        control, press, state = self._control, self._press, self._state
+        control, problem, state = self._control, self._problem, self._state
         if control.corner is not None:
-            value, row = press.apart(state, control.corner)
-            slope = row @ second - row @ press.up
+            value, row = problem.corner_distance(state, control.corner)
+            slope = row @ second - row @ problem.up
             return float((control.target - value - row @ first) / slope)
         if control.kind == "rise":
             return control.target - state.rise
         # The load is the force of what rises, along the rise: minus lift . pressure.
         C, scale, lift = self._C[on], self._scale[on], self._lift[on]
         pressure = state.pressure[on] - scale * (self._gap[on] + C @ first)
-        rubbing = press.up @ (self._touch.along.T @ (press.faces.rises * state.shear))
+        rubbing = problem.up @ (self._gaps.along.T @ (problem.faces.rises * state.shear))
         now = -lift @ pressure + self._bent @ first + rubbing
-        slope = lift @ (scale * (C @ second + lift)) + self._bent @ (second - press.up)
+        slope = lift @ (scale * (C @ second + lift)) + self._bent @ (second - problem.up)
         return float((control.target - now) / slope)
 
     def _solved(self, right: FloatArray) -> FloatArray:
         found = np.zeros(len(right))
-        found[self._press.free] = self._factor.solve(right[self._press.free])
+        found[self._problem.free] = self._factor.solve(right[self._problem.free])
         return found
 
     def _column(self, j: int) -> FloatArray:

@@ -11,11 +11,11 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from ridgebayes._types import FloatArray
+from ridgebayes.contact.cylinder.contact_problem import State
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.faces import first_height
 from ridgebayes.contact.cylinder.fields import nodal_fields, surface_table
 from ridgebayes.contact.cylinder.surface import shapes
-from ridgebayes.contact.cylinder.touching import State
 from ridgebayes.contact.rigid_profile import RigidSegment
 from ridgebayes.drawing.style import COLOURS, WIDTH, new_figure, styled
 from ridgebayes.errors import InputError
@@ -135,7 +135,7 @@ class _Body:
     """The deformed mesh with its mirror image, and what colours it."""
 
     def __init__(self, cylinder: Cylinder, state: State, mean: float) -> None:
-        solid, self._mean = cylinder.press.solid, mean
+        solid, self._mean = cylinder.problem.solid, mean
         self.points = solid.points + state.u
         elements = solid.nodes
         found = nodal_fields(cylinder, state)
@@ -189,7 +189,7 @@ def _rigid(axes: Axes, cylinder: Cylinder, state: State) -> None:
         axes.add_collection(PolyCollection(ridges, color=_RIDGE, linewidths=0), autolim=False)
         if height - profile.depth > bottom:
             axes.axhspan(bottom, height - profile.depth, color=_RIDGE, linewidth=0)
-    if not cylinder.press.faces.rises.all():
+    if not cylinder.problem.faces.rises.all():
         axes.axhspan(1.0, top, color=_RIDGE, linewidth=0)
 
 

@@ -40,7 +40,7 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
-class Touch:
+class Gaps:
     """Gaps of all segments in one state, and their derivatives.
 
     Parameters
@@ -65,7 +65,7 @@ class Touch:
     _kinks: FloatArray  # and their part of the second derivative, shape (n, 2, 2)
 
 
-class Press:
+class ContactProblem:
     """A body, the rigid faces under it, and where it is held.
 
     Parameters
@@ -98,7 +98,7 @@ class Press:
         """Return the node positions of the deformed rim's edges, shape (n_edge, 3, 2)."""
         return (self.solid.points + state.u)[self._rim]
 
-    def touch(self, state: State, before: State, left_out: np.ndarray) -> Touch:
+    def gaps(self, state: State, before: State, left_out: np.ndarray) -> Gaps:
         """Measure the gaps of all segments.
 
         Parameters
@@ -139,7 +139,7 @@ class Press:
             there[:, 1] += np.where(self.faces.rises[segment], state.rise - before.rise, 0.0)
             moved = np.einsum("ni,ni->n", hits.tangent, rays.point[hits.ray] - there)
             slip += np.bincount(segment, rubs * moved, n)
-        return Touch(
+        return Gaps(
             gap,
             self._rows(segment, hits.edge, weight[:, None, None] * hits.gradient),
             self._rows(segment, hits.edge, along),
@@ -152,26 +152,28 @@ class Press:
             jump[:, None, None] * tangent[:, :, None] * tangent[:, None, :],
         )
 
-    def force(self, state: State, touch: Touch) -> FloatArray:
+    def force(self, state: State, gaps: Gaps) -> FloatArray:
         """Return the force of the rigid side on the nodes, shape (2 n_node,)."""
-        return np.asarray(touch.normal.T @ state.pressure + touch.along.T @ state.shear)
+        return np.asarray(gaps.normal.T @ state.pressure + gaps.along.T @ state.shear)
 
-    def load(self, state: State, touch: Touch) -> float:
+    def load(self, state: State, gaps: Gaps) -> float:
         """Return the force of what rises, upwards: the line load over E R of what is meshed."""
         rises = self.faces.rises
-        pushing = touch.normal.T @ (rises * state.pressure)
-        rubbing = touch.along.T @ (rises * state.shear)
+        pushing = gaps.normal.T @ (rises * state.pressure)
+        rubbing = gaps.along.T @ (rises * state.shear)
         return float((pushing + rubbing) @ self.up)
 
-    def bending(self, state: State, touch: Touch, *, rising: bool = False) -> sparse.csr_array:
+    def contact_stiffness(
+        self, state: State, gaps: Gaps, *, rising: bool = False
+    ) -> sparse.csr_array:
         """Return the second derivative of the pressures' work, of all faces or those that rise."""
         pressure = state.pressure * self.faces.rises if rising else state.pressure
-        on_hit, on_kink = pressure[touch._segment], pressure[touch._kink_segment]
+        on_hit, on_kink = pressure[gaps._segment], pressure[gaps._kink_segment]
         keep, kept = np.flatnonzero(on_hit), np.flatnonzero(on_kink)
-        hessian = (touch._weight * on_hit)[keep, None, None] * touch._hits.hessian[keep]
-        dofs = self._dofs(touch._hits.edge[keep])
-        pair = np.stack([2 * touch._node[kept], 2 * touch._node[kept] + 1], axis=-1)
-        kinks = on_kink[kept, None, None] * touch._kinks[kept]
+        hessian = (gaps._weight * on_hit)[keep, None, None] * gaps._hits.hessian[keep]
+        dofs = self._dofs(gaps._hits.edge[keep])
+        pair = np.stack([2 * gaps._node[kept], 2 * gaps._node[kept] + 1], axis=-1)
+        kinks = on_kink[kept, None, None] * gaps._kinks[kept]
         rows = [np.repeat(dofs, 6, axis=1).ravel(), np.repeat(pair, 2, axis=1).ravel()]
         columns = [np.tile(dofs, (1, 6)).ravel(), np.tile(pair, (1, 2)).ravel()]
         values = np.concatenate([hessian.ravel(), kinks.ravel()])
@@ -180,7 +182,7 @@ class Press:
             (values, (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)
         )
 
-    def apart(self, state: State, corner: Corner) -> tuple[float, FloatArray]:
+    def corner_distance(self, state: State, corner: Corner) -> tuple[float, FloatArray]:
         """Return the distance of a corner from the body, and its derivative by the nodes."""
         at = np.array([corner.centre[0], corner.centre[1] + state.rise])
         value, edge, gradient = distance(self.rim(state), at)
