@@ -38,14 +38,13 @@ import pyarrow.parquet
 from ridgebayes.errors import InputError
 from ridgebayes.fea.abaqus_dat import read_abaqus_dat
 from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
-from ridgebayes.fea.calculix import read_calculix
+from ridgebayes.fea.calculix import read_calculix, read_sta
 from ridgebayes.fea.calculix_contact import read_calculix_contact
-from ridgebayes.fea.calculix_sta import read_sta
 from ridgebayes.fea.columns import read_columns
-from ridgebayes.fea.levels import Body
-from ridgebayes.fea.map_file import read_mapping
+from ridgebayes.fea.mapping import read_mapping
 from ridgebayes.fea.mesh_series import read_series
 from ridgebayes.fea.record import Imported
+from ridgebayes.fea.surface import Body
 
 SLOWEST = 5.0  # seconds that any file of this size may take
 _UNITS = pint.UnitRegistry()
@@ -105,7 +104,7 @@ def attack(target: Target, n: int, rng: np.random.Generator, folder: Path) -> Co
         else:
             counts["same bytes" if mutant == target.content else "read"] += 1
             assert len(found.table), target.name
-            assert found.said, target.name
+            assert found.messages, target.name
             doubt = target.doubt(mutant, found)
             assert not doubt, f"{target.name}: {doubt}"
         took = time.perf_counter() - began
@@ -236,10 +235,10 @@ def inside_zip(content: bytes, rng: np.random.Generator) -> bytes:
 # --- what stands in a mutant, read as plainly as can be ----------------------------------------
 
 
-def plain_rows(content: bytes, said: str) -> list[dict[str, str]]:
+def plain_rows(content: bytes, messages: str) -> list[dict[str, str]]:
     """Return the cells of a text file by header."""
     separator = {"tab": "\t", "';'": ";", "','": ","}[
-        re.search(r"separator (tab|';'|',')", said).group(1)  # type: ignore[union-attr]
+        re.search(r"separator (tab|';'|',')", messages).group(1)  # type: ignore[union-attr]
     ]
     text = content.decode("utf-8-sig").removeprefix("\ufeff")
     records = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
@@ -248,22 +247,22 @@ def plain_rows(content: bytes, said: str) -> list[dict[str, str]]:
     return [dict(zip(header, one, strict=True)) for one in records[1:]]
 
 
-def number(cell: str, said: str) -> float:
-    mark = re.search(r"decimal (point|comma)", said).group(1)  # type: ignore[union-attr]
+def number(cell: str, messages: str) -> float:
+    mark = re.search(r"decimal (point|comma)", messages).group(1)  # type: ignore[union-attr]
     assert not (mark == "point" and "," in cell), cell
     return float(cell.replace(",", ".")) if cell.strip() else float("nan")
 
 
-def _value(row: dict[str, str], words: str, said: str) -> float:
+def _value(row: dict[str, str], words: str, messages: str) -> float:
     """Return a number in SI units by the header's unit in brackets."""
-    if guess := re.search(rf"^{words}: column (['\"])(.*)\1, a guess$", said, re.M):
+    if guess := re.search(rf"^{words}: column (['\"])(.*)\1, a guess$", messages, re.M):
         words = guess.group(2)
     for header, cell in row.items():
         match = re.fullmatch(rf"{re.escape(words)}(?:\s*\[([^\]]*)\])?", header)
         if match is not None:
             unit = match.group(1) or "1"
             one = 1.0 if unit in ("1", "-") else _UNITS(unit).to_base_units().magnitude
-            return number(cell, said) * float(one)
+            return number(cell, messages) * float(one)
     return float("nan")
 
 
@@ -278,40 +277,42 @@ def _same(found: Imported, plain: list[tuple[float, ...]]) -> str:
 
 
 def _long(content: bytes, found: Imported) -> str:
-    said = "\n".join(found.said)
+    messages = "\n".join(found.messages)
     rows = []
-    for row in plain_rows(content, said):
+    for row in plain_rows(content, messages):
         R, E, a, b, line = (
-            _value(row, name, said) for name in ("Radius", "E", "Ridge", "Groove", "P")
+            _value(row, name, messages) for name in ("Radius", "E", "Ridge", "Groove", "P")
         )
-        rows.append((a / R, b / R, _value(row, "Q", said), line / (2 * R * E)))
+        rows.append((a / R, b / R, _value(row, "Q", messages), line / (2 * R * E)))
     return _same(found, rows)
 
 
 def _contract(content: bytes, found: Imported) -> str:
-    said = "\n".join(found.said)
+    messages = "\n".join(found.messages)
     names = ("a_over_R", "b_over_R", "Q", "p_over_E")
-    rows = [tuple(_value(r, name, said) for name in names) for r in plain_rows(content, said)]
+    rows = [
+        tuple(_value(r, name, messages) for name in names) for r in plain_rows(content, messages)
+    ]
     return _same(found, rows)
 
 
 def _wide(content: bytes, found: Imported) -> str:
-    said = "\n".join(found.said)
+    messages = "\n".join(found.messages)
     rows = []
-    for row in plain_rows(content, said):
+    for row in plain_rows(content, messages):
         loads = {
-            int(m.group(1)): number(cell, said)
+            int(m.group(1)): number(cell, messages)
             for header, cell in row.items()
             if (m := re.fullmatch(r"Q[\s_]*=?[\s_]*(\d{1,6})", header)) and cell.strip()
         }
-        a, b = (_value(row, name, said) for name in ("a_over_R", "b_over_R"))
+        a, b = (_value(row, name, messages) for name in ("a_over_R", "b_over_R"))
         rows += [(a, b, Q, loads[Q]) for Q in sorted(loads)]
     return _same(found, rows)
 
 
 def _history(content: bytes, found: Imported) -> str:
-    said = "\n".join(found.said)
-    loads = {_value(row, "p_over_E", said) for row in plain_rows(content, said)} | {0.0}
+    messages = "\n".join(found.messages)
+    loads = {_value(row, "p_over_E", messages) for row in plain_rows(content, messages)} | {0.0}
     ends = {
         *found.table.column("p_over_E").tolist(),
         *found.table.column("p_over_E_lower").tolist(),
@@ -1063,12 +1064,12 @@ class _Other:
     """What is read from a file that holds no loads."""
 
     table: tuple[Any, ...]
-    said: tuple[str, ...]
+    messages: tuple[str, ...]
 
 
 def _sta(path: Path) -> _Other:
     status = read_sta(path)
-    return _Other((status,), (status.said(),))
+    return _Other((status,), (status.summary(),))
 
 
 def _doubt_sta(content: bytes, found: _Other) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.calculix import read_calculix
-from ridgebayes.fea.levels import Body
+from ridgebayes.fea.surface import Body
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
 RUN = WRITER.pressed()
@@ -47,7 +47,7 @@ def test_read_calculix__finds_the_loads(tmp_path, full, R, E):
     np.testing.assert_allclose(found["p_over_E"], run["load"], rtol=6e-3)  # second order
     assert (np.abs(found["p_over_E"] / run["load"] - 1) < 3 * found["rel_se"]).all()
     assert found["source"].str.contains("run.dat sha256=[0-9a-f]{16} deck=run.inp").all()
-    assert any("34 levels with RIM and TOP" in line for line in done.said)
+    assert any("34 levels with RIM and TOP" in line for line in done.messages)
 
 
 def test_read_calculix__forces_of_single_nodes_are_summed(tmp_path):
@@ -67,13 +67,13 @@ def test_read_calculix__forces_of_single_nodes_are_summed(tmp_path):
 def test_read_calculix__a_level_cut_off_is_left_out(tmp_path):
     cut = PRINTED[: PRINTED.rindex("\n", 0, len(PRINTED) - 200) + 1]
     done = read(tmp_path, cut)
-    assert any("of 241 nodes: left out" in line for line in done.said)
+    assert any("of 241 nodes: left out" in line for line in done.messages)
     assert done.table.frame["Q"].tolist() == [4, 6, 8]
 
 
 def test_read_calculix__a_level_without_a_force_is_left_out(tmp_path):
     text = PRINTED + " displacements (vx,vy,vz) for set RIM and time  0.9900000E+02\n\n"
-    assert any("no total force: left out" in line for line in read(tmp_path, text).said)
+    assert any("no total force: left out" in line for line in read(tmp_path, text).messages)
 
 
 def test_read_calculix__a_time_printed_again_counts_once_as_last(tmp_path):
@@ -81,7 +81,7 @@ def test_read_calculix__a_time_printed_again_counts_once_as_last(tmp_path):
     wrong = re.sub(r"-?\d\.\d+E-0\d", "9.000000E-03", first)
     text = PRINTED.replace(first, wrong + first)
     done = read(tmp_path, text)
-    assert "1 levels of a time printed again: the later one counts" in done.said
+    assert "1 levels of a time printed again: the later one counts" in done.messages
     found, expected = done.table.frame["p_over_E"], read(tmp_path).table.frame["p_over_E"]
     np.testing.assert_array_equal(found, expected)
 
@@ -96,7 +96,7 @@ def test_read_calculix__other_blocks_are_not_used_and_said(tmp_path):
     text = (
         PRINTED + "\n displacements (vx,vy,vz) for set REST and time  0.1000000E+01\n\n 1 2 3 4\n"
     )
-    assert "not used: displacements of REST" in read(tmp_path, text).said
+    assert "not used: displacements of REST" in read(tmp_path, text).messages
 
 
 @pytest.mark.parametrize("change", [lambda t: "\ufeff" + t, lambda t: t.replace("\n", "\r\n")])
@@ -142,7 +142,7 @@ def test_read_calculix__wrong_sets_are_refused(tmp_path, options, message):
             "'nan': expected a fin",
         ),
         ("E-03  0.000000E+00\n         3", "E-03\n         3", "expected node, vx, vy, vz"),
-        ("\n         3 ", "\n         2 ", "node '2'; expected a whole number, once a level"),
+        ("\n         3 ", "\n         2 ", "node '2'; expected a whole number, each node once"),
         ("\n         3 ", "\n       3,5 ", "'3,5': expected a finite number"),
         ("\n         3 ", "\n     1e999 ", "'1e999': expected a finite number"),
     ],
@@ -166,7 +166,7 @@ def test_read_calculix__another_encoding_is_refused(tmp_path):
 
 def test_read_calculix__a_last_line_without_its_end_is_left_out(tmp_path):
     done = read(tmp_path, PRINTED.rstrip()[:-5])
-    assert any("240 of 241 nodes: left out" in line for line in done.said)
+    assert any("240 of 241 nodes: left out" in line for line in done.messages)
 
 
 def test_read_calculix__nodes_far_away_are_refused(tmp_path):
@@ -187,7 +187,7 @@ def test_read_calculix__levels_that_never_converged_are_left_out(tmp_path):
     rows.append(f"{len(times) - 2:5d} {1:10d} {1:4d}U {9:5d} {times[-3]:.6E} 0.1E+01 0.1E+01")
     (tmp_path / "run.sta").write_text("\n".join(["SUMMARY OF JOB INFORMATION", *rows, ""]))
     done = read(tmp_path, sta=tmp_path / "run.sta")
-    assert "3 levels of no converged increment: left out" in done.said
-    assert any("stopped after 1 attempts without convergence" in line for line in done.said)
+    assert "3 levels that did not converge: left out" in done.messages
+    assert any("stopped after 1 attempts without convergence" in line for line in done.messages)
     n = len(done.table)
     assert done.table.frame["p_over_E"].tolist() == whole.table.frame["p_over_E"].tolist()[:n]

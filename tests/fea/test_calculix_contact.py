@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.calculix_contact import read_calculix_contact, read_pressed
-from ridgebayes.fea.levels import Body
+from ridgebayes.fea.calculix import read_levels
+from ridgebayes.fea.calculix_contact import read_calculix_contact
+from ridgebayes.fea.surface import Body
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
 RUN = WRITER.pressed()
@@ -103,12 +104,12 @@ def test_read_calculix_contact__a_level_is_an_increment_of_the_run(tmp_path):
         # Seven digits of a force are printed.
         assert row.p_over_E == pytest.approx(levels[k], rel=1e-6)
         assert row.p_over_E_lower == pytest.approx(levels[k - 1], rel=1e-6)
-    assert "kept: 3 transitions, Q = 4 to 8, all as brackets" in done.said
+    assert "kept: 3 transitions, Q = 4 to 8, all as brackets" in done.messages
 
 
 def test_read_calculix_contact__without_displacements_faces_are_where_they_were(tmp_path):
     done = read(tmp_path, dat_text(RUN, moved=False))
-    assert "34 levels without displacements of RIM: faces where they were" in done.said
+    assert "34 levels without displacements of RIM: faces where they were" in done.messages
     found = done.table.frame
     assert found["Q"].tolist() == [4, 6, 8]
 
@@ -137,10 +138,10 @@ def test_read_calculix_contact__a_level_without_some_displacements_is_left_out(t
     at = [m.start() for m in re.finditer(r"\n 6 ", text)][3]
     done = read(tmp_path, text[: at + 1] + text[text.index("\n", at + 1) + 1 :])
     line = text[: text.index("time  4.0000000E-02")].count("\n") + 1
-    assert f"line {line}: a level with displacements of 240 of 241 nodes: left out" in done.said
-    assert any("33 increments to p/E" in one for one in done.said)
+    assert f"line {line}: a level with displacements of 240 of 241 nodes: left out" in done.messages
+    assert any("33 increments to p/E" in one for one in done.messages)
     none = re.sub(r"(displacements .* 4.0000000E-02\n\n)( \d+ \S+ \S+ 0\.\n)+", r"\1", text)
-    assert any("displacements of 0 of 241" in one for one in read(tmp_path, none).said)
+    assert any("displacements of 0 of 241" in one for one in read(tmp_path, none).messages)
 
 
 def test_read_calculix_contact__a_pressed_face_beyond_the_set_is_refused(tmp_path):
@@ -155,7 +156,8 @@ def test_read_calculix_contact__a_pressed_face_beyond_the_set_is_refused(tmp_pat
 def test_read_calculix_contact__levels_printed_again_are_counted(tmp_path):
     text = dat_text(RUN)
     assert (
-        "34 levels of a time printed again: the later one counts" in read(tmp_path, 2 * text).said
+        "34 levels of a time printed again: the later one counts"
+        in read(tmp_path, 2 * text).messages
     )
 
 
@@ -168,14 +170,14 @@ def test_read_calculix_contact__levels_that_did_not_converge_are_left_out(tmp_pa
     lines = [f"1 {k} 1 5 {k / 100:.6E} 0.1 0.1" for k in range(1, 31)]
     sta = "\n".join([*lines, "1 31 1U 60 3.000000E-01 0.1 0.1", ""])
     done = read(tmp_path, sta=sta)
-    assert "4 levels that did not converge: left out" in done.said
-    assert any("30 converged increments" in line for line in done.said)
-    assert f"30 increments to p/E = {RUN['force'][29]:.5g}" in " ".join(done.said)
+    assert "4 levels that did not converge: left out" in done.messages
+    assert any("30 converged increments" in line for line in done.messages)
+    assert f"30 increments to p/E = {RUN['force'][29]:.5g}" in " ".join(done.messages)
 
 
 def test_read_calculix_contact__a_level_without_contact_print_is_left_out(tmp_path):
     text = dat_text(RUN) + "\n total force (fx,fy,fz) for set TOP and time  0.9E+01\n\n 0. 1. 0.\n"
-    assert any("no contact stress: left out" in line for line in read(tmp_path, text).said)
+    assert any("no contact stress: left out" in line for line in read(tmp_path, text).messages)
     with pytest.raises(InputError, match="no level with contact stress and a total force of TOP"):
         read(tmp_path, dat_text(RUN, pressed=False))
 
@@ -230,28 +232,28 @@ def test_read_calculix_contact__what_contradicts_is_refused(tmp_path, options, m
         read(tmp_path, **options)
 
 
-def test_read_pressed__reads_lines_of_a_real_run(tmp_path):
+def test_read_levels__reads_lines_of_a_real_run(tmp_path):
     (tmp_path / "run.dat").write_text(REAL)
-    (level,) = read_pressed(tmp_path / "run.dat", reaction="NTOP")
+    ((level,), _) = read_levels(tmp_path / "run.dat", "", "NTOP", contact=True)
     assert level.time == 0.1
     assert level.faces == {(16, 2), (104, 4)}
     assert level.force == -2.167576e-3
 
 
-def test_read_pressed__a_time_printed_again_counts_as_last(tmp_path):
+def test_read_levels__a_time_printed_again_counts_as_last(tmp_path):
     again = re.sub("1.468460E-01", "0.000000E+00", REAL)
     (tmp_path / "run.dat").write_text(REAL + again)
-    (level,) = read_pressed(tmp_path / "run.dat", reaction="NTOP")
+    ((level,), _) = read_levels(tmp_path / "run.dat", "", "NTOP", contact=True)
     assert level.faces == {(104, 4)}
 
 
 @pytest.mark.parametrize("row", [" 7 0. -0.1 0.", " 8.5 0. -0.1 0."])
-def test_read_pressed__forces_of_each_node_stand_once(tmp_path, row):
+def test_read_levels__forces_of_each_node_stand_once(tmp_path, row):
     head = " forces (fx,fy,fz) for set NTOP and time  0.1000000E+00"
     good = f"{head}\n\n 7 0. -0.1 0.\n 8 0. -0.2 0.\n"
     (tmp_path / "run.dat").write_text(good)
-    (level,) = read_pressed(tmp_path / "run.dat", reaction="NTOP")
+    ((level,), _) = read_levels(tmp_path / "run.dat", "", "NTOP", contact=True)
     assert level.force == pytest.approx(-0.3)
     (tmp_path / "run.dat").write_text(f"{good}{row}\n")
-    with pytest.raises(InputError, match=r"line 5: node .* expected a whole number, once a level"):
-        read_pressed(tmp_path / "run.dat", reaction="NTOP")
+    with pytest.raises(InputError, match=r"line 5: node .* a whole number, each node once"):
+        read_levels(tmp_path / "run.dat", "", "NTOP", contact=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.calculix_sta import read_sta
+from ridgebayes.fea.calculix import read_sta
 
 HEAD = """SUMMARY OF JOB INFORMATION
   STEP      INC     ATT  ITRS     TOT TIME     STEP TIME      INC TIME
@@ -34,8 +34,8 @@ def read(tmp_path, text):
 def test_read_sta__counts_increments_cut_backs_and_the_tail(tmp_path):
     status = read(tmp_path, CUT)
     assert status.times.tolist() == [0.25, 0.5, 0.75]
-    assert (status.n, status.cut_backs, status.tail) == (3, 4, 2)
-    assert status.said().endswith(
+    assert (len(status.times), status.cut_backs, status.tail) == (3, 4, 2)
+    assert status.summary().endswith(
         "run.sta: 3 converged increments, the last at time 0.75, 4 cut-backs; it stopped after 2 "
         "attempts without convergence"
     )
@@ -45,7 +45,7 @@ def test_read_sta__steps_go_on_in_total_time(tmp_path):
     text = HEAD + "".join(f" {k} 1 1 5 0.{k}00000E+01 0.1E+01 0.1E+01\n" for k in (1, 2, 3))
     status = read(tmp_path, text)
     assert status.times.tolist() == [1.0, 2.0, 3.0]
-    assert status.said().endswith("3 converged increments, the last at time 3, 0 cut-backs")
+    assert status.summary().endswith("3 converged increments, the last at time 3, 0 cut-backs")
 
 
 def test_converged__is_told_in_the_digits_of_both_files(tmp_path):
@@ -56,15 +56,14 @@ def test_converged__is_told_in_the_digits_of_both_files(tmp_path):
 
 def test_read_sta__a_run_that_never_converged_has_no_increments(tmp_path):
     status = read(tmp_path, "\n".join(CUT.split("\n")[:4]) + "\n")
-    assert (status.n, status.cut_backs, status.tail) == (0, 0, 2)
+    assert (len(status.times), status.cut_backs, status.tail) == (0, 0, 2)
     assert not status.converged(np.array([0.25])).any()
-    assert "0 converged increments, 0 cut-backs; it stopped after 2" in status.said()
+    assert "0 converged increments, 0 cut-backs; it stopped after 2" in status.summary()
 
 
 def test_read_sta__a_line_without_an_end_is_not_read(tmp_path):
-    assert (
-        read(tmp_path, CUT[: CUT.index("0.500000E+00  0.250000E+00\n     1          3") + 3]).n == 1
-    )
+    text = CUT[: CUT.index("0.500000E+00  0.250000E+00\n     1          3") + 3]
+    assert len(read(tmp_path, text).times) == 1
 
 
 def test_read_sta__marks_and_line_ends_change_nothing(tmp_path):

@@ -84,7 +84,7 @@ def test_read_columns__numbers_without_any_unit_are_one_system(read):
     text = "w,g,Q,load\n0.24,0.08,4,0.0021\n"
     found = read(text, {"a": "w", "b": "g", "line": "load"}, values={"R": 8, "E": "0.06"})
     assert column(found, "p_over_E") == [0.0021875]
-    assert "units: on none, taken as one consistent system" in found.said
+    assert "units: on none, taken as one consistent system" in found.messages
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_read_columns__guesses_are_said_aloud(read):
     text = text.replace("Line load / N/mm", "Line load [N/mm]")
     found = read(text, values=BODY)
     assert column(found, "a_over_R") == [0.03]
-    assert "a: column 'Ridge width (mm)' in mm, a guess" in found.said
+    assert "a: column 'Ridge width (mm)' in mm, a guess" in found.messages
 
 
 def test_read_columns__nothing_is_guessed_beside_a_mapping(refusal):
@@ -170,7 +170,7 @@ def test_read_columns__unknown_keys_are_refused(refusal, key):
 def test_read_columns__own_columns_survive_in_long_tables(read):
     found = read(LONG, MAP, values=BODY)
     assert found.table.frame["Note"].tolist() == ["x", "y", "z"]
-    assert "kept as they are: 'Note'" in found.said
+    assert "kept as they are: 'Note'" in found.messages
 
 
 def test_read_columns__an_own_column_that_clashes_is_left_out_and_said(read):
@@ -179,7 +179,7 @@ def test_read_columns__an_own_column_that_clashes_is_left_out_and_said(read):
     )
     found = read(text, {"p": "p"}, values={"E": 6000})
     assert column(found, "p_over_E") == [0.01, 0.015]
-    assert "left out: column 'p_over_E', which the mapping gives otherwise" in found.said
+    assert "left out: column 'p_over_E', which the mapping gives otherwise" in found.messages
 
 
 def test_read_columns__source_names_file_digest_mapping_and_keeps_the_files_own(read):
@@ -208,7 +208,7 @@ def test_read_columns__series_and_solver_come_from_values(read):
 
 
 def test_read_columns__values_that_are_not_needed_are_said(read):
-    assert "not needed: E" in read(CONTRACT, values={"E": "60 kPa"}).said
+    assert "not needed: E" in read(CONTRACT, values={"E": "60 kPa"}).messages
 
 
 @pytest.mark.parametrize(
@@ -274,7 +274,7 @@ def test_read_columns__wide_tables_have_a_row_for_each_Q_that_was_reached(
     np.testing.assert_allclose(
         found.table.column("p_over_E"), np.array([1, 4, 2, 9]) / scale, rtol=1e-15
     )
-    assert "2 empty cells: not reached" in found.said
+    assert "2 empty cells: not reached" in found.messages
 
 
 def test_read_columns__plain_loads_of_wide_tables_are_p_over_E_unless_there_is_an_E(read, refusal):
@@ -357,7 +357,7 @@ def test_read_columns__corners_reached_together_leave_the_inner_one(read):
     text = history(("status Q=4,status Q=6", lambda i: f"{int(i > 2)},{int(i > 2)}"))
     found = read(text)
     assert column(found, "Q") == [4]
-    assert any("Q = 6: reached in the increment of Q = 4" in line for line in found.said)
+    assert any("Q = 6: reached in the increment of Q = 4" in line for line in found.messages)
 
 
 def test_read_columns__corners_in_the_wrong_order_are_refused(refusal):
@@ -370,7 +370,7 @@ def test_read_columns__increments_that_failed_are_left_out(read):
     text = history(("status Q=4,status", lambda i: f"{int(i >= 3)},{'ok' if i != 3 else 'cut'}"))
     found = read(text)
     assert column(found, "p_over_E") == [0.004]
-    assert "left out: 1 increments whose status is not 'ok'" in found.said
+    assert "left out: 1 increments whose status is not 'ok'" in found.messages
 
 
 def test_read_columns__codes_of_contact_programs_are_refused(refusal):

@@ -474,7 +474,7 @@ def import_(
         loads=_numbers("--loads", loads),
     )
     found = import_files(file, given, program=program, brackets=brackets, role=role)
-    for line in found.said:
+    for line in found.messages:
         print(line)
     if out is not None and not dry_run:
         found.table.write(out)

@@ -1,1 +1,21 @@
-"""fea."""
+r"""Output of other finite element programs to contact tables, and scenes to their input decks.
+
+One module a format: `calculix` and `calculix_contact`, `abaqus_dat`, `abaqus_rpt` and `xy_report`,
+`mesh_series` (XDMF, VTU), and tables of any columns (`columns`, over `delimited`, `spreadsheet` and
+`parquet`). `read` recognises a file and calls them; `surface` and `transitions` make loads of what
+they read; `pressed_disk` and `deck_text` write decks. It knows tables and scenes, and nothing of
+models. What a file holds comes out as one record, a table with messages about it:
+
+>>> from pathlib import Path
+>>> from tempfile import TemporaryDirectory
+>>> from ridgebayes.fea.read import Given, import_files
+>>> text = "Ridge width [um],Groove width [um],Q,P [N/mm]\n240,80,4,1e-3\n240,80,6,4e-3\n"
+>>> with TemporaryDirectory() as folder:
+...     path = Path(folder, "mine.csv")
+...     _ = path.write_text(text)
+...     found = import_files([path], Given(map=("line=P",), R="8 mm", E="60 kPa"))
+>>> found.table.column("p_over_E").round(9).tolist()
+[0.001041667, 0.004166667]
+>>> found.messages[-1]
+'kept: 2 rows, Q = 4 to 6, 0 as brackets'
+"""

@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.deck import check_material, read_deck, rigid_nodes
-from ridgebayes.fea.levels import Body, Levels, table_of
-from ridgebayes.fea.record import NUMBER, Imported, finite, provenance
-from ridgebayes.runtime.reading import read_text
+from ridgebayes.fea.deck import RunDeck
+from ridgebayes.fea.lines import NUMBER, Line, is_label, read_lines
+from ridgebayes.fea.record import Imported
+from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
 _SUMMARY = re.compile(r"\s*INCREMENT\s+(\d{1,9})\s+SUMMARY\s*$")
 _STEP = re.compile(r"\s*S T E P\s+(\d{1,9})\s")
 _PAGE = re.compile(r".*\bSTEP\s+(\d{1,9})\s+INCREMENT\s+\d+\b")
+_PAGE_REST = re.compile(r"\s*1\s*$|.*TIME COMPLETED IN THIS STEP")
+_PERTURBATION = re.compile(".*LINEAR PERTURBATION STEP")
 _ALL = "ALL NODES"
 _TABLE = re.compile(
     r"\s*THE FOLLOWING TABLE IS PRINTED FOR (?:(ALL NODES)|NODES BELONGING TO NODE SET ?(\S*))\s*$"
@@ -85,7 +87,7 @@ def read_abaqus_dat(
     surface, reaction : str
         Node sets: the body's rim, and where the load is read.
     brackets : bool, optional
-        As `ridgebayes.fea.increments.transitions_of`.
+        As `ridgebayes.fea.transitions.transitions_of`.
 
     Returns
     -------
@@ -101,53 +103,48 @@ def read_abaqus_dat(
     Abaqus leaves out rows of zeros. A node that is not there has moved by nothing where its table
     ends in a summary (``MAXIMUM``, ``TOTAL``), without which the level is left out.
     """
-    sheet = read_deck(deck)
-    nodes = list(dict.fromkeys(sheet.nodes_of(surface, str(deck))))
-    driven = dict.fromkeys(sheet.nodes_of(reaction, str(deck)))
-    asked = {surface.upper(): set(nodes), reaction.upper(): set(driven), _ALL: set(sheet.nodes)}
-    undeformed = sheet.coordinates(nodes, str(deck))
-    increments, said = _increments(path)
+    run = RunDeck.read(deck, surface, reaction, E=body.E, nu=body.nu)
+    asked = {
+        surface.upper(): set(run.nodes),
+        reaction.upper(): set(run.driven),
+        _ALL: set(run.deck.nodes),
+    }
+    increments, messages = _increments(path)
     force, moved, unit = [], [], 0.0
     for one in increments:
-        rim, pushed = _table(one, surface, "U1", "U2"), _table(one, reaction, "RF2")
+        rim, driven = _table(one, surface, "U1", "U2"), _table(one, reaction, "RF2")
         if one.perturbation:
-            said.append(f"line {one.line}: a perturbation step: left out")
-        elif rim is None or pushed is None:
+            messages.append(f"line {one.line}: a perturbation step: left out")
+        elif rim is None or driven is None:
             what = f"U1 and U2 of {surface}" if rim is None else f"RF2 of {reaction}"
-            said.append(f"line {one.line}: an increment without {what}: left out")
-        elif short := _short(path, rim, asked) or _short(path, pushed, asked):
-            said.append(f"line {one.line}: {short}: left out")
+            messages.append(f"line {one.line}: an increment without {what}: left out")
+        elif short := _short(path, rim, asked) or _short(path, driven, asked):
+            messages.append(f"line {one.line}: {short}: left out")
         else:
-            moved.append([rim.of(node, "U1", "U2") for node in nodes])
+            moved.append([rim.of(node, "U1", "U2") for node in run.nodes])
             unit = max(unit, rim.unit)
-            if pushed.total is not None and pushed.nodes == reaction.upper():
-                force.append(pushed.total[pushed.columns.index("RF2")])
+            if driven.total is not None and driven.nodes == reaction.upper():
+                force.append(driven.total[driven.columns.index("RF2")])
             else:
-                force.append(math.fsum(pushed.of(node, "RF2")[0] for node in driven))
+                force.append(math.fsum(driven.of(node, "RF2")[0] for node in run.driven))
     if not force:
         printed = {f"{' '.join(t.columns)} of {t.nodes}" for one in increments for t in one.tables}
         raise InputError(
             f"{path}: no increment with U1 and U2 of {surface} and RF2 of {reaction}; expected "
             "*NODE PRINT of U on the one and of RF on the other; the tables are "
             + (", ".join(sorted(printed)[:5]) or "none")
-            + "".join(f"; {line}" for line in said[:3])
+            + "".join(f"; {line}" for line in messages[:3])
         )
-    position = undeformed + np.array(moved)
-    check_material(sheet, body.E, body.nu, deck)
-    levels = Levels(
+    history = SurfaceHistory(
         np.array(force),
-        undeformed,
-        position,
-        sheet.coordinates(rigid_nodes(sheet, nodes), str(deck)),
+        run.undeformed,
+        run.undeformed + np.array(moved),
+        run.rigid,
         digits=unit / 2,
-        said=(f"{path}: {len(force)} increments with {surface} and {reaction}", *said),
+        messages=(f"{path}: {len(force)} increments with {surface} and {reaction}", *messages),
     )
-    source = provenance(
-        path, "abaqus-dat", f"deck={deck.name}", f"surface={surface}", f"reaction={reaction}"
-    )
-    return table_of(
-        levels, body, where=str(path), solver="abaqus", source=source, brackets=brackets
-    )
+    origin = Origin(str(path), "abaqus", run.provenance(path, "abaqus-dat"))
+    return table_from_history(history, body, origin, brackets=brackets)
 
 
 def _table(increment: _Increment, nodes: str, *columns: str) -> _Table | None:
@@ -187,81 +184,103 @@ def _short(path: Path, table: _Table, asked: dict[str, set[int]]) -> str:
 
 def _increments(path: Path) -> tuple[list[_Increment], list[str]]:
     """Return the increments of a file in its order; one printed again counts once, as last."""
-    found: dict[tuple[int, int], _Increment] = {}
-    step, perturbation, repeated, others = 0, False, 0, set[str]()
-    increment: _Increment | None = None
-    table: _Table | None = None
-    wrapped = False
-    lines = read_text(path).split("\n")
-    cut = len(lines) if lines[-1] else 0  # a last line without an end may be half of one
-    for number, line in enumerate(lines, start=1):
-        words = line.split()
-        if not words or number == cut:
-            if table is not None and table.rows:
-                table.below = True
-            continue
-        if wrapped:
-            # A long name stands on the next line.
-            wrapped, table = False, _Table(number, words[0].upper())
-        elif (match := _SUMMARY.match(line)) is not None:
-            key = (step, int(match[1]))
-            repeated += key in found
-            found.pop(key, None)
-            increment, table = _Increment(number, perturbation=perturbation), None
-            found[key] = increment
-        elif (match := _STEP.match(line)) is not None:
-            step, perturbation, increment, table = int(match[1]), False, None, None
-        elif (match := _PAGE.match(line)) is not None:
-            # A page's head; it may stand in the middle of a table.
-            step = int(match[1])
-        elif words == ["1"] or "TIME COMPLETED IN THIS STEP" in line:
-            pass  # the other lines of that head
-        elif "LINEAR PERTURBATION STEP" in line:
-            perturbation = True
-        elif (match := _TABLE.match(line)) is not None:
-            name = _ALL if match[1] else match[2].upper()
-            wrapped, table = not name, _Table(number, name) if name else None
-        elif (match := _HEADER.match(line)) is not None and table is not None:
-            table.columns = tuple(match[1].split())
-            table = _opened(path, number, increment, table, others)
-        elif table is not None and table.columns:
-            _row(path, number, words, table)
-    said = [f"not used: {', '.join(sorted(others))}"] if others else []
-    if repeated:
-        said.append(f"{repeated} increments printed again: the later one counts")
+    reader = _Dat()
+    lines = read_lines(path, unfinished=True)
+    cut = lines[-1].number if lines and not lines[-1].ended else 0
+    for line in lines:
+        if line.words and line.number != cut:
+            reader.take(line)
+        elif reader.table is not None and reader.table.rows:
+            reader.table.below = True
+    found = reader.found
+    messages = [f"not used: {', '.join(sorted(reader.others))}"] if reader.others else []
+    if reader.repeated:
+        messages.append(f"{reader.repeated} increments printed again: the later one counts")
     if cut and found:
-        said.append(f"line {cut}: the last one, without an end: not read")
-    return list(found.values()), said
+        messages.append(f"line {cut}: the last one, without an end: not read")
+    return list(found.values()), messages
 
 
-def _opened(
-    path: Path, number: int, increment: _Increment | None, table: _Table, others: set[str]
-) -> _Table | None:
-    """Return the table that rows below a header belong to."""
-    if not table.has("U1", "U2") and not table.has("RF2"):
-        others.add(f"{' '.join(table.columns)} of {table.nodes}")
-        return None
-    if increment is None:
-        raise InputError(
-            f"{path}, line {number}: a table before its increment; expected INCREMENT n SUMMARY "
-            "first"
+class _Dat:
+    """What has been read of a file: increments, and the table that lines belong to."""
+
+    def __init__(self) -> None:
+        self.found: dict[tuple[int, int], _Increment] = {}
+        self.others: set[str] = set()
+        self.repeated = 0
+        self.table: _Table | None = None
+        self._step, self._perturbation = 0, False
+        self._increment: _Increment | None = None
+        self._is_name = False  # whether the next line is the long name of a set
+        self._kinds = (
+            (_SUMMARY, self._summary),
+            (_STEP, self._new_step),
+            (_PAGE, self._page),
+            (_PAGE_REST, lambda line, match: None),
+            (_PERTURBATION, self._perturbation_step),
+            (_TABLE, self._title),
+            (_HEADER, self._header),
         )
-    for one in increment.tables:
-        # A new page begins: the table goes on.
-        if (one.nodes, one.columns) == (table.nodes, table.columns) and not one.whole:
-            return one
-    increment.tables.append(table)
-    return table
+
+    def take(self, line: Line) -> None:
+        """Read a line that is not blank."""
+        if self._is_name:
+            self._is_name, self.table = False, _Table(line.number, line.words[0].upper())
+            return
+        for pattern, handle in self._kinds:
+            if (match := pattern.match(line.text)) is not None:
+                handle(line, match)
+                return
+        if self.table is not None and self.table.columns:
+            _row(line, self.table)
+
+    def _summary(self, line: Line, match: re.Match[str]) -> None:
+        key = (self._step, int(match[1]))
+        self.repeated += key in self.found
+        self.found.pop(key, None)
+        self._increment = _Increment(line.number, perturbation=self._perturbation)
+        self.found[key], self.table = self._increment, None
+
+    def _new_step(self, line: Line, match: re.Match[str]) -> None:
+        self._step, self._perturbation = int(match[1]), False
+        self._increment = self.table = None
+
+    def _page(self, line: Line, match: re.Match[str]) -> None:
+        # A page's head; it may stand in the middle of a table.
+        self._step = int(match[1])
+
+    def _perturbation_step(self, line: Line, match: re.Match[str]) -> None:
+        self._perturbation = True
+
+    def _title(self, line: Line, match: re.Match[str]) -> None:
+        name = _ALL if match[1] else match[2].upper()
+        self._is_name, self.table = not name, _Table(line.number, name) if name else None
+
+    def _header(self, line: Line, match: re.Match[str]) -> None:
+        """Take the columns of a table, and go on with it if it began on the page before."""
+        if (table := self.table) is None:
+            return
+        table.columns, self.table = tuple(match[1].split()), None
+        if not table.has("U1", "U2") and not table.has("RF2"):
+            self.others.add(f"{' '.join(table.columns)} of {table.nodes}")
+            return
+        if self._increment is None:
+            raise line.error("a table before its increment; expected INCREMENT n SUMMARY first")
+        for one in self._increment.tables:
+            if (one.nodes, one.columns) == (table.nodes, table.columns) and not one.whole:
+                self.table = one
+                return
+        self._increment.tables.append(table)
+        self.table = table
 
 
-def _row(path: Path, number: int, words: list[str], table: _Table) -> None:
+def _row(line: Line, table: _Table) -> None:
+    words = line.words
     if words[0] in _TRAILERS:
         if words[0] != "AT":
-            values = tuple(finite(path, number, word) for word in words[1:])
+            values = tuple(line.finite(word) for word in words[1:])
             if len(values) != len(table.columns):
-                raise InputError(
-                    f"{path}, line {number}: {len(values)} values; expected {len(table.columns)}"
-                )
+                raise line.error(f"{len(values)} values; expected {len(table.columns)}")
             if words[0] == "TOTAL":
                 table.total = values
             else:
@@ -270,19 +289,16 @@ def _row(path: Path, number: int, words: list[str], table: _Table) -> None:
     if " ".join(words) == _ZERO:
         table.zero = True
         return
-    if not (words[0].isascii() and words[0].isdigit() and len(words[0]) < 19) or table.whole:
+    if not is_label(words[0]) or table.whole:
         return  # NOTE below the header, a page's head, or what follows the table
     if table.below and not all(NUMBER.fullmatch(word) for word in words):
         return  # counts of messages at the end of the file
     if len(words) != len(table.columns) + 1:
-        raise InputError(
-            f"{path}, line {number}: {' '.join(words)[:60]!r}; expected node, "
-            f"{', '.join(table.columns)}, in global directions (no footnotes)"
+        raise line.unexpected(
+            f"node, {', '.join(table.columns)}, in global directions (no footnotes)"
         )
-    node = int(words[0])
-    if node in table.rows:
-        raise InputError(f"{path}, line {number}: node {node}: expected once a table")
-    table.rows[node] = tuple(finite(path, number, word) for word in words[1:])
+    node = line.node(words[0], table.rows)
+    table.rows[node] = tuple(line.finite(word) for word in words[1:])
     for name, word, value in zip(table.columns, words[1:], table.rows[node], strict=True):
         if name in ("U1", "U2") and value:
             table.unit = max(table.unit, _last_digit(word))

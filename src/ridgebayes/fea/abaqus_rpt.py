@@ -1,30 +1,30 @@
-"""Reports of Abaqus/Viewer: nodal values frame by frame, and columns of X-Y data."""
+"""Field output reports of Abaqus/Viewer: nodal values frame by frame."""
 
-import csv
 import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.deck import Deck, check_material, read_deck, rigid_nodes
-from ridgebayes.fea.levels import Body, Levels, table_of
-from ridgebayes.fea.record import Imported, finite, provenance
-from ridgebayes.runtime.reading import read_text
+from ridgebayes.fea.deck import Deck, read_deck
+from ridgebayes.fea.lines import Line, is_label, read_lines
+from ridgebayes.fea.record import Imported, provenance
+from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
-_TITLE = "Field Output Report"
+_TITLE = re.compile(r"\s*Field Output Report(?!.*reported at)")
+_DATABASE = re.compile(r"\s*(ODB: .*\S)")
+_STEP = re.compile(r"\s*Step: (.*\S)")
 _FRAME = re.compile(r"\s*Frame: Increment\s+(\d{1,9}): Step Time =\s*(\S+)")
+_OTHER_FRAME = re.compile(r"\s*Frame: .*\S")
+_OUTPUT = re.compile(r"\s*Field Output reported at")
 _REGION = re.compile(r"\s*Field Output reported at nodes for (?:part|region): (.*\S)")
 _DASHES = re.compile(r"\s*-{9,}\s*$")
 _AGREE = 1e-4  # of the sum of sizes: how far a total may be off its rows
 _MOVED = 1e-4  # of the largest displacement: how far undeformed coordinates may differ
 _GAP = re.compile(r"\s{2,}")
-_BEGINS = "+-.0123456789"
-_SEPARATORS = (";", "\t", ",")
 
 
 @dataclass
@@ -81,7 +81,7 @@ def read_abaqus_rpt(
     deck : pathlib.Path or None, optional
         The run's ``.inp`` file.
     brackets : bool, optional
-        As `ridgebayes.fea.increments.transitions_of`.
+        As `ridgebayes.fea.transitions.transitions_of`.
 
     Returns
     -------
@@ -98,7 +98,7 @@ def read_abaqus_rpt(
     makes undeformed coordinates the same in all frames.
     """
     sheet = read_deck(deck) if deck is not None else None
-    frames, said = _frames(path)
+    frames, messages = _frames(path)
     names = ["U.U1", "U.U2"] + ([] if sheet else ["COORD.COOR1", "COORD.COOR2"])
     kept: list[tuple[_Frame, _Table, float]] = []
     nodes: list[int] = []
@@ -106,217 +106,140 @@ def read_abaqus_rpt(
         rim, lacks = _pick(path, one, surface, sheet, names)
         pushed, lack = _pick(path, one, reaction, sheet, ["RF.RF2"])
         if rim is None or pushed is None:
-            said.append(f"{one.name}, line {one.line}: {lacks or lack}: left out")
+            messages.append(f"{one.name}, line {one.line}: {lacks or lack}: left out")
             continue
         listed = _listed(rim, surface, sheet)
         nodes = nodes or listed
         if missing := set(nodes) - rim.rows.keys():
-            said.append(f"{one.name}, line {one.line}: {len(missing)} nodes missing: left out")
+            messages.append(f"{one.name}, line {one.line}: {len(missing)} nodes missing: left out")
             continue
         kept.append((one, rim, _force(path, pushed, reaction, sheet)))
     if not kept:
         raise InputError(
             f"{path}: no frame with {', '.join(names)} and RF.RF2; expected nodal field output "
-            "of both" + "".join(f"; {line}" for line in said[:3])
+            "of both" + "".join(f"; {line}" for line in messages[:3])
         )
     moved = np.array([rim.of(nodes, "U.U1", "U.U2") for _, rim, _ in kept])
     digits = 0.5 * 10.0 ** (1 - max(rim.digits for _, rim, _ in kept)) * float(np.abs(moved).max())
     if sheet is not None and deck is not None:
-        check_material(sheet, body.E, body.nu, deck)
+        sheet.check_material(body.E, body.nu, deck)
         undeformed = sheet.coordinates(nodes, str(deck))
-        rigid = sheet.coordinates(rigid_nodes(sheet, nodes), str(deck))
+        rigid = sheet.coordinates(sheet.rigid_nodes(nodes), str(deck))
     else:
         at = np.array([rim.of(nodes, "COORD.COOR1", "COORD.COOR2") for _, rim, _ in kept])
         undeformed, how = _undeformed(path, at, moved)
-        said.append(how)
+        messages.append(how)
         rigid = np.zeros((0, 2))
-    levels = Levels(
+    history = SurfaceHistory(
         np.array([force for _, _, force in kept]),
         undeformed,
         undeformed + moved,
         rigid,
         digits=digits,
-        said=(f"{path}: {len(kept)} frames, {kept[0][0].name} to {kept[-1][0].name}", *said),
+        messages=(
+            f"{path}: {len(kept)} frames, {kept[0][0].name} to {kept[-1][0].name}",
+            *messages,
+        ),
     )
     details = [f"deck={deck.name}"] if deck is not None else []
     details += [f"surface={surface}"] if surface else []
     details += [f"reaction={reaction}"] if reaction else []
     source = provenance(path, "abaqus-rpt", *details)
-    return table_of(
-        levels, body, where=str(path), solver="abaqus", source=source, brackets=brackets
-    )
-
-
-def read_xy(path: Path) -> pd.DataFrame:
-    """Read an X-Y report, or X-Y data as CSV.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        A header, ``X`` and the curves' names, on one line or wrapped over several, then rows of
-        numbers: set in columns by blanks, or separated by commas, semicolons or tabs. Several
-        tables with the same X become one.
-
-    Returns
-    -------
-    DataFrame
-        A column of float for each curve, ``X`` first; the index, ``line``, is that of the file.
-
-    Raises
-    ------
-    InputError
-        With the line, if the header has another number of columns than the rows, a name stands
-        twice, a cell is no number, or there are no rows.
-    """
-    tables: list[tuple[list[str], list[int], list[list[float]]]] = []
-    header: list[str] = []
-    closed = False  # whether a blank line came below the header
-    for number, line in enumerate(read_text(path).split("\n"), start=1):
-        if not line.strip() or _DASHES.match(line):
-            closed = True
-            continue
-        if line.lstrip()[0] not in _BEGINS:
-            # Names; or what stands below the rows, such as a minimum, which no rows follow.
-            header, closed = [line] if closed else [*header, line], False
-            continue
-        words = _cells(line)
-        if header:
-            tables.append((_columns(path, number, header, line), [], []))
-            header = []
-        if not tables:
-            raise InputError(
-                f"{path}, line {number}: numbers before a header; expected X and names"
-            )
-        if len(words) != len(tables[-1][0]):
-            raise InputError(
-                f"{path}, line {number}: {len(words)} values; expected {len(tables[-1][0])} as "
-                "in the "
-                "header, with decimal points"
-            )
-        tables[-1][1].append(number)
-        tables[-1][2].append([finite(path, number, word) for word in words])
-    if not tables:
-        raise InputError(f"{path}: no rows; expected a header, X and names, and rows of numbers")
-    names, lines, rows = tables[0]
-    frame = pd.DataFrame(np.array(rows), columns=names, index=pd.Index(lines, name="line"))
-    for names, lines, rows in tables[1:]:
-        values = np.array(rows)
-        if not np.array_equal(values[:, 0], frame[frame.columns[0]]):
-            raise InputError(f"{path}, line {lines[0]}: another X; expected tables of the same X")
-        if twice := set(names[1:]) & set(frame.columns):
-            raise InputError(f"{path}, line {lines[0]}: {min(twice)!r} again; expected once a name")
-        for i, name in enumerate(names[1:], start=1):
-            frame[name] = values[:, i]
-    return frame
-
-
-def _cells(line: str) -> list[str]:
-    """Return the words of a row."""
-    for separator in _SEPARATORS:
-        if separator in line:
-            return [cell.strip() for cell in line.strip().removesuffix(separator).split(separator)]
-    return line.split()
-
-
-def _columns(path: Path, number: int, header: list[str], row: str) -> list[str]:
-    """Return the names above a row."""
-    n, last = len(_cells(row)), header[-1].strip()
-    separator = next((one for one in _SEPARATORS if one in row), None)
-    if separator is not None:
-        names = next(csv.reader([last.removesuffix(separator)], delimiter=separator))
-        names = [name.strip() for name in names]
-    else:
-        # Names hold single blanks, and may be wrapped over several lines.
-        names = _GAP.split(last)
-        names = names if len(names) == n else last.split()
-        if len(header) > 1 or len(names) != n:
-            names = _wrapped(header, row)
-    if len(names) != n or not all(names):
-        raise InputError(
-            f"{path}, line {number}: {n} values below the names {', '.join(map(repr, names))}; "
-            "expected as many names"
-        )
-    if len(set(names)) < n:
-        twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(
-            f"{path}, line {number}: {twice!r} again in the header; expected once a name"
-        )
-    return names
-
-
-def _wrapped(header: list[str], row: str) -> list[str]:
-    """Return names over several lines: each piece belongs to the number next to it."""
-    middles = [(m.start() + m.end()) / 2 for m in re.finditer(r"\S+", row)]
-    names: list[list[str]] = [[] for _ in middles]
-    for line in header:
-        for piece in re.finditer(r"\S+(?: \S+)*", line):
-            middle = (piece.start() + piece.end()) / 2
-            names[int(np.argmin([abs(middle - one) for one in middles]))].append(piece[0])
-    return [" ".join(pieces) for pieces in names]
+    origin = Origin(str(path), "abaqus", source)
+    return table_from_history(history, body, origin, brackets=brackets)
 
 
 def _frames(path: Path) -> tuple[list[_Frame], list[str]]:
     """Return the frames of a file in the order of steps and increments."""
-    found: dict[tuple[int, int], _Frame] = {}
-    steps: list[str] = []
-    step, database, reports = "", "", 0
-    frame: _Frame | None = None
-    table: _Table | None = None
-    others = set[str]()
-    header: list[str] = []
-    pending: list[str] = []  # a row so far: wide ones are wrapped
-    lines = read_text(path).split("\n")
-    lines.pop()  # nothing, or a last line without an end: half of one
-    for number, line in enumerate(lines, start=1):
-        text = line.strip()
-        if text.startswith(_TITLE) and "reported at" not in text:
-            reports, frame, table = reports + 1, None, None
-        elif text.startswith("ODB: "):
-            if database and text != database:
-                raise InputError(
-                    f"{path}, line {number}: {text}, and above {database}; expected one run"
-                )
-            database = text
-        elif text.startswith("Step: "):
-            step = text.removeprefix("Step: ")
-        elif (match := _FRAME.match(line)) is not None:
-            finite(path, number, match[2])
-            if step not in steps:
-                steps.append(step)
-            key = (steps.index(step), int(match[1]))
-            frame = found.setdefault(key, _Frame(number, f"{step} {match[1]}"))
-        elif text.startswith("Frame: "):
-            frame = None
-            others.add(text)
-        elif text.startswith("Field Output reported at"):
-            match = _REGION.match(line)
-            header, pending, table = [], [], None
-            if match is None:
-                others.add(text)
-            elif frame is not None:
-                table = _Table(number, match[1])
-                frame.tables.append(table)
-        elif table is None:
-            continue
-        elif _DASHES.match(line):
+    report = _Report()
+    for line in read_lines(path):
+        report.take(line)
+    if not report.n:
+        raise InputError(
+            f"{path}: no 'Field Output Report'; expected a field report of Abaqus/Viewer"
+        )
+    messages = [f"not used: {', '.join(sorted(report.others))}"] if report.others else []
+    return [report.found[key] for key in sorted(report.found)], messages
+
+
+class _Report:
+    """What has been read of a file: frames, and the table that lines belong to."""
+
+    def __init__(self) -> None:
+        self.n = 0
+        self.found: dict[tuple[int, int], _Frame] = {}
+        self.others: set[str] = set()
+        self._database, self._steps, self._step = "", dict[str, int](), ""
+        self._frame: _Frame | None = None
+        self._table: _Table | None = None
+        self._header: list[str] = []
+        self._pending: list[str] = []  # a row so far: wide ones are wrapped
+        self._kinds = (
+            (_TITLE, self._title),
+            (_DATABASE, self._run),
+            (_STEP, self._new_step),
+            (_FRAME, self._new_frame),
+            (_OTHER_FRAME, self._other_frame),
+            (_OUTPUT, self._region),
+        )
+
+    def take(self, line: Line) -> None:
+        for pattern, handle in self._kinds:
+            if (match := pattern.match(line.text)) is not None:
+                handle(line, match)
+                return
+        if self._table is not None:
+            self._content(line, self._table)
+
+    def _title(self, line: Line, match: re.Match[str]) -> None:
+        self.n += 1
+        self._frame = self._table = None
+
+    def _run(self, line: Line, match: re.Match[str]) -> None:
+        if self._database and match[1] != self._database:
+            raise line.error(f"{match[1]}, and above {self._database}; expected one run")
+        self._database = match[1]
+
+    def _new_step(self, line: Line, match: re.Match[str]) -> None:
+        self._step = match[1]
+
+    def _new_frame(self, line: Line, match: re.Match[str]) -> None:
+        line.finite(match[2])
+        key = (self._steps.setdefault(self._step, len(self._steps)), int(match[1]))
+        new = _Frame(line.number, f"{self._step} {match[1]}")
+        self._frame = self.found.setdefault(key, new)
+
+    def _other_frame(self, line: Line, match: re.Match[str]) -> None:
+        self._frame = None
+        self.others.add(match[0].strip())
+
+    def _region(self, line: Line, match: re.Match[str]) -> None:
+        self._header, self._pending, self._table = [], [], None
+        region = _REGION.match(line.text)
+        if region is None:
+            self.others.add(line.text.strip())
+        elif self._frame is not None:
+            self._table = _Table(line.number, region[1])
+            self._frame.tables.append(self._table)
+
+    def _content(self, line: Line, table: _Table) -> None:
+        """Take a line of a table: its header, a row or a piece of one, or what stands below."""
+        text = line.text.strip()
+        if _DASHES.match(text):
             # A wide table has a second header, over its second lines.
-            table.columns += _names(header)
-            header = []
-        elif not table.rows and not pending and (not table.columns or not text[:1].isdigit()):
-            header = [*header, text] if text else []
+            table.columns += _names(self._header)
+            self._header = []
+        elif not table.rows and not self._pending and (not table.columns or not text[:1].isdigit()):
+            self._header = [*self._header, text] if text else []
         elif not text or text[0].isalpha():
-            table.whole = table.whole or not pending
+            table.whole = table.whole or not self._pending
             if text.startswith("Total"):
-                table.total = [finite(path, number, word) for word in text.split()[1:]]
+                table.total = [line.finite(word) for word in line.words[1:]]
         elif not table.whole:
-            pending += text.split()
-            if len(pending) > len(table.columns):
-                _add(path, number, table, pending)
-                pending = []
-    if not reports:
-        raise InputError(f"{path}: no {_TITLE!r}; expected a field report of Abaqus/Viewer")
-    said = [f"not used: {', '.join(sorted(others))}"] if others else []
-    return [found[key] for key in sorted(found)], said
+            self._pending += line.words
+            if len(self._pending) > len(table.columns):
+                _add(line, table, self._pending)
+                self._pending = []
 
 
 def _names(header: list[str]) -> list[str]:
@@ -325,20 +248,18 @@ def _names(header: list[str]) -> list[str]:
     return names[1:] if names and names[0] in ("Node", "Node Label") else names
 
 
-def _add(path: Path, number: int, table: _Table, words: list[str]) -> None:
+def _add(line: Line, table: _Table, words: list[str]) -> None:
     if len(words) != 1 + len(table.columns):
-        raise InputError(
-            f"{path}, line {number}: {len(words)} values; expected node, {', '.join(table.columns)}"
-        )
-    if not (words[0].isascii() and words[0].isdigit() and len(words[0]) < 19):
-        raise InputError(f"{path}, line {number}: node {words[0][:40]!r}; expected a whole number")
+        raise line.error(f"{len(words)} values; expected node, {', '.join(table.columns)}")
+    if not is_label(words[0]):
+        raise line.error(f"node {words[0][:40]!r}; expected a whole number")
     node = int(words[0])
     if node in table.rows:
-        raise InputError(
-            f"{path}, line {number}: node {node} again in {table.region}; expected nodal values, "
-            "averaged where elements meet"
+        raise line.error(
+            f"node {node} again in {table.region}; expected nodal values, averaged where elements "
+            "meet"
         )
-    table.rows[node] = [finite(path, number, word) for word in words[1:]]
+    table.rows[node] = [line.finite(word) for word in words[1:]]
     for word in words[1:]:
         mantissa = re.split("[EeDd]", word)[0]
         table.digits = max(table.digits, len(mantissa.strip("+-").replace(".", "").lstrip("0")))
@@ -361,7 +282,7 @@ def _pick(
     if len(regions) > 1:
         raise InputError(
             f"{path}, line {some[-1].line}: {', '.join(columns)} of {', '.join(sorted(regions))}; "
-            "expected name one of these regions"
+            "name one of these regions"
         )
     return some[-1], ""
 
@@ -392,7 +313,7 @@ def _force(path: Path, table: _Table, name: str | None, sheet: Deck | None) -> f
     if size > 0 and abs(force) < _AGREE * size:
         raise InputError(
             f"{path}, line {table.line}: RF.RF2 of {table.region} cancels to {force:.3g}; expected "
-            "name a region where the load is read: the driven nodes alone"
+            "a region of the driven nodes alone, where the load is read"
         )
     return force
 
@@ -409,8 +330,8 @@ def _undeformed(path: Path, at: FloatArray, moved: FloatArray) -> tuple[FloatArr
     if len(at) < 2 or spread[how] > _MOVED * largest + digits or largest < 10 * digits:
         raise InputError(
             f"{path}: COORD changes by {spread['undeformed']:.3g} and COORD - U by "
-            f"{spread['deformed']:.3g} between {len(at)} frames; expected one of them does not, or "
-            "a deck for the coordinates"
+            f"{spread['deformed']:.3g} between {len(at)} frames; expected one of the two to stay, "
+            "or --deck for the coordinates"
         )
     base = at[0] if how == "undeformed" else np.median(at - moved, axis=0)
     return np.asarray(base, dtype=float), f"COORD: of {how} nodes, as all frames have it"

@@ -1,4 +1,4 @@
-"""CalculiX runs: printed displacements and total forces of a ``.dat`` with its deck."""
+"""CalculiX runs: displacements and forces of a ``.dat``, with its deck and its ``.sta``."""
 
 import re
 from dataclasses import dataclass, field
@@ -6,28 +6,57 @@ from pathlib import Path
 
 import numpy as np
 
+from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.calculix_sta import read_sta
-from ridgebayes.fea.deck import check_material, read_deck, rigid_nodes
-from ridgebayes.fea.levels import Body, Levels, table_of
-from ridgebayes.fea.record import Imported, finite, provenance
-from ridgebayes.runtime.reading import read_text
+from ridgebayes.fea.deck import RunDeck
+from ridgebayes.fea.lines import Line, read_lines
+from ridgebayes.fea.record import Imported
+from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
 _HEAD = re.compile(
-    r" ?(total force|forces|displacements|relative contact displacement|contact stress)"
-    r" \(([^)]*)\) for (?:set (\S+)|all \S+ ?\S*) and time +(\S+)"
+    r"\s*(total force|forces|displacements|relative contact displacement|contact stress)"
+    r" \(([^)]*)\) for (?:set (\S+)|all \S+ ?\S*) and time +(\S+)\s*$"
 )
+_FACES = "slave element+face"
+# CalculiX makes a plane element one layer of a solid, whose first two faces are its sides.
+_SIDES = 2
 _DIGITS = 5e-7  # of a displacement: seven are printed
+# Of a .sta: step, increment, attempt (U where it did not converge), iterations, three times.
+_ATTEMPT = re.compile(
+    r"\s*(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})(U?)\s+(\d{1,9})\s+(\S+)\s+(\S+)\s+(\S+)\s*$"
+)
+_HEADS = ("SUMMARY OF JOB INFORMATION", "STEP")
+_PRINTED = 2e-6  # of a time: six digits are printed here, seven in the .dat
 
 
-@dataclass
+@dataclass(eq=False)
 class Level:
-    """What was printed at one time."""
+    """What was printed at one time.
+
+    Parameters
+    ----------
+    line : int
+        Where it begins.
+    time : float
+        Total time.
+    faces : set of (int, int), or None
+        Element and side, counted from 1 as in the deck, of each slave face with pressure at one of
+        its points; None if contact stress was not printed.
+    moved : dict of int to (float, float), or None
+        Displacements of the surface's nodes; None if they were not printed.
+    force : float or None
+        Vertical force on the driven set.
+    again : bool
+        Whether the time had been printed before.
+    """
 
     line: int
-    time: float = 0.0
+    time: float
+    faces: set[tuple[int, int]] | None = None
+    moved: dict[int, tuple[float, float]] | None = None
     force: float | None = None
-    moved: dict[int, tuple[float, float]] = field(default_factory=dict)
+    again: bool = False
+    printed: set[str] = field(default_factory=set)
 
 
 def read_calculix(
@@ -56,7 +85,7 @@ def read_calculix(
     sta : pathlib.Path or None, optional
         The run's ``.sta``: levels whose increment it does not have as converged are left out.
     brackets : bool, optional
-        As `ridgebayes.fea.increments.transitions_of`.
+        As `ridgebayes.fea.transitions.transitions_of`.
 
     Returns
     -------
@@ -67,115 +96,271 @@ def read_calculix(
     InputError
         If a file cannot be understood, with file and line; if a set is missing.
     """
-    sheet = read_deck(deck)
-    nodes = sheet.nodes_of(surface, str(deck))
-    sheet.nodes_of(reaction, str(deck))
-    nodes = list(dict.fromkeys(nodes))
-    undeformed = sheet.coordinates(nodes, str(deck))
-    levels, said = read_levels(path, surface.upper(), reaction.upper())
-    whole = [one for one in levels if one.force is not None and _complete(one, nodes)]
-    for one in levels:
-        if one.force is None or not _complete(one, nodes):
-            has = (
-                "no total force" if one.force is None else f"{len(one.moved)} of {len(nodes)} nodes"
-            )
-            said.append(f"line {one.line}: a level with {has}: left out")
-    if sta is not None:
-        status = read_sta(sta)
-        said.append(status.said())
-        sure = status.converged(np.array([one.time for one in whole]))
-        if n := int((~sure).sum()):
-            said.append(f"{n} levels of no converged increment: left out")
-        whole = [one for one, keep in zip(whole, sure, strict=True) if keep]
-    if not whole:
+    run = RunDeck.read(deck, surface, reaction, E=body.E, nu=body.nu)
+    levels, messages = whole_levels(path, run, sta, contact=False)
+    if not levels:
         raise InputError(
             f"{path}: no level with displacements of {surface} and a total force of {reaction}; "
             "expected *NODE PRINT of U on the one and of RF, TOTALS=ONLY, on the other"
         )
-    moved = np.array([[one.moved[node] for node in nodes] for one in whole])
-    rigid = sheet.coordinates(rigid_nodes(sheet, nodes), str(deck))
-    taken = Levels(
-        np.array([one.force for one in whole], dtype=float),
-        undeformed,
-        undeformed + moved,
-        rigid,
+    moved = np.array([[(one.moved or {})[node] for node in run.nodes] for one in levels])
+    history = SurfaceHistory(
+        np.array([one.force for one in levels], dtype=float),
+        run.undeformed,
+        run.undeformed + moved,
+        run.rigid,
         digits=float(_DIGITS * np.abs(moved).max()),
-        said=(f"{path}: {len(whole)} levels with {surface} and {reaction}", *said),
+        messages=(f"{path}: {len(levels)} levels with {surface} and {reaction}", *messages),
     )
-    check_material(sheet, body.E, body.nu, deck)
-    source = provenance(
-        path, "calculix", f"deck={deck.name}", f"surface={surface}", f"reaction={reaction}"
-    )
-    return table_of(
-        taken, body, where=str(path), solver="calculix", source=source, brackets=brackets
-    )
+    origin = Origin(str(path), "calculix", run.provenance(path, "calculix"))
+    return table_from_history(history, body, origin, brackets=brackets)
 
 
-def _complete(level: Level, nodes: list[int]) -> bool:
-    return level.moved.keys() >= set(nodes)
+def whole_levels(
+    path: Path, run: RunDeck, sta: Path | None, *, contact: bool
+) -> tuple[list[Level], list[str]]:
+    """Return the levels of a run that converged and were printed whole, and what was left out.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The ``.dat`` file.
+    run : RunDeck
+        Its sets.
+    sta : pathlib.Path or None
+        The ``.sta`` file.
+    contact : bool
+        Whether contact stress makes a level whole, rather than displacements.
+    """
+    levels, messages = read_levels(path, run.surface, run.reaction, contact=contact)
+    if sta is not None:
+        status = read_sta(sta)
+        messages.append(status.summary())
+        sure = status.converged(np.array([one.time for one in levels]))
+        if n := int((~sure).sum()):
+            messages.append(f"{n} levels that did not converge: left out")
+        levels = [one for one, keep in zip(levels, sure, strict=True) if keep]
+    whole = []
+    for one in levels:
+        n = sum(node in (one.moved or {}) for node in run.nodes)
+        if one.force is None:
+            lacks = "no total force"
+        elif contact and one.faces is None:
+            lacks = "no contact stress"
+        elif n < len(run.nodes) and not (contact and one.moved is None):
+            lacks = f"displacements of {n} of {len(run.nodes)} nodes"
+        else:
+            whole.append(one)
+            continue
+        messages.append(f"line {one.line}: a level with {lacks}: left out")
+    return whole, messages
 
 
-def read_levels(path: Path, surface: str, reaction: str) -> tuple[list[Level], list[str]]:
-    """Return what was printed of the two sets, by time in the order of the file."""
-    found: dict[float, Level] = {}
-    repeated, others = 0, set[str]()
-    block, level = "", None
-    summed: dict[float, float] = {}
-    # A line without its end was being written when the run was stopped.
-    lines = read_text(path).split("\n")[:-1]
-    for number, line in enumerate(lines, start=1):
-        head = _HEAD.match(line)
-        if head is not None:
-            what, _, name, time_text = head.groups()
-            block, level = "", None
-            name = (name or "").upper()
-            time = finite(path, number, time_text)
-            if what == "displacements" and name == surface:
-                block = "moved"
-            elif what in ("total force", "forces") and name == reaction:
-                block = what
-            else:
-                others.add(f"{what} of {name or 'all'}")
-                continue
-            level = found.get(time)
-            again = level is not None and (
-                level.moved if block == "moved" else level.force is not None and block != "forces"
+def read_levels(
+    path: Path, surface: str, reaction: str, *, contact: bool = False
+) -> tuple[list[Level], list[str]]:
+    """Read what was printed of two node sets, and of contact.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The ``.dat`` file.
+    surface, reaction : str
+        Node sets whose displacements and forces are read.
+    contact : bool, optional
+        Whether to read contact stress.
+
+    Returns
+    -------
+    list of Level
+        By time; of a time printed again the later one.
+    list of str
+        What was not used.
+
+    Raises
+    ------
+    InputError
+        If a line cannot be understood, with its number.
+    """
+    reader = _Dat(surface.upper(), reaction.upper(), contact=contact)
+    before, lines = Line(path, 0, ""), read_lines(path)
+    for line, after in zip(lines, [*lines[1:], before], strict=False):
+        text = line.text.strip()
+        if text and text[0].isalpha():
+            match = _HEAD.match(line.text)
+            # CalculiX prints headings between blank lines: another line of letters among rows is
+            # damage, and rows after it would be lost.
+            if reader.block and match is None and (before.text.strip() or after.text.strip()):
+                raise line.error(
+                    f"{text[:60]!r} among rows of {reader.block}; expected rows, a blank line, "
+                    "a heading"
+                )
+            reader.block = "" if match is None else reader.head(line, *match.groups())
+        elif text and reader.block:
+            reader.rows[reader.block](line)
+        before = line
+    levels = [reader.found[time] for time in sorted(reader.found)]
+    messages = [f"not used: {', '.join(sorted(reader.others))}"] if reader.others else []
+    if n := sum(one.again for one in levels):
+        messages.append(f"{n} levels of a time printed again: the later one counts")
+    return levels, messages
+
+
+class _Dat:
+    """Blocks of a ``.dat``: a heading, and the rows below it."""
+
+    def __init__(self, surface: str, reaction: str, *, contact: bool) -> None:
+        self.wanted = {"displacements": surface, "total force": reaction, "forces": reaction}
+        self.wanted |= {"contact stress": ""} if contact else {}
+        self.rows = {
+            "contact stress": self._face,
+            "displacements": self._displacement,
+            "total force": self._total_force,
+            "forces": self._nodal_force,
+        }
+        self.found: dict[float, Level] = {}
+        self.others: set[str] = set()
+        self.block = ""
+        self._level = Level(0, 0.0)
+        self._seen: set[int] = set()
+
+    def head(self, line: Line, block: str, columns: str, name: str | None, time: str) -> str:
+        """Begin a block; return its name, and nothing for one that is not used."""
+        name = (name or "").upper()
+        if self.wanted.get(block) != name:
+            self.others.add(f"{block} of {name or 'all'}")
+            return ""
+        if block == "contact stress" and not columns.startswith(_FACES):
+            raise line.error(
+                f"contact stress by ({columns}); expected of faces, TYPE=SURFACE TO SURFACE"
             )
-            if level is None or again:
-                repeated += level is not None
-                level = found[time] = Level(number, time)
-                summed[time] = 0.0
-            continue
-        words = line.split()
-        if not words or level is None:
-            continue
-        if block == "moved":
-            if len(words) != 4:
-                raise InputError(
-                    f"{path}, line {number}: {line.strip()[:60]!r}; expected node, vx, vy, vz"
-                )
-            values = [finite(path, number, word) for word in words]
-            node = int(values[0])
-            if node != values[0] or node in level.moved:
-                raise InputError(
-                    f"{path}, line {number}: node {words[0]!r}; expected a whole number, once a "
-                    "level"
-                )
-            level.moved[node] = (values[1], values[2])
+        at = line.finite(time)
+        self._level = self.found.setdefault(at, Level(line.number, at))
+        if block in self._level.printed:
+            self._level = self.found[at] = Level(line.number, at, again=True)
+        self._level.printed.add(block)
+        self._seen = set()
+        if block == "contact stress":
+            self._level.faces = set()
+        elif block == "displacements":
+            self._level.moved = {}
         elif block == "total force":
-            if len(words) != 3:
-                raise InputError(
-                    f"{path}, line {number}: {line.strip()[:60]!r}; expected fx, fy, fz"
-                )
-            level.force = [finite(path, number, word) for word in words][1]
-            block = "done"
-        elif block == "forces":
-            if len(words) != 4:
-                raise InputError(
-                    f"{path}, line {number}: {line.strip()[:60]!r}; expected node, fx, fy, fz"
-                )
-            level.force = (level.force or 0.0) + [finite(path, number, w) for w in words][2]
-    said = [f"not used: {', '.join(sorted(others))}"] if others else []
-    if repeated:
-        said.append(f"{repeated} levels of a time printed again: the later one counts")
-    return [found[time] for time in sorted(found)], said
+            self._level.force = None  # in place of the sum over nodes
+        return block
+
+    def _face(self, line: Line) -> None:
+        element, face, pressure, *_ = line.values("element, face, press, tang1, tang2")
+        side = int(face) - _SIDES
+        is_whole = element == int(element) and face == int(face)
+        if not is_whole or (pressure > 0 and side < 1):
+            raise line.error(f"face {face:g} of {element:g}; expected a side of a plane element")
+        if pressure > 0 and self._level.faces is not None:
+            self._level.faces.add((int(element), side))
+
+    def _displacement(self, line: Line) -> None:
+        _, x, y, _ = line.values("node, vx, vy, vz")
+        if self._level.moved is not None:
+            self._level.moved[line.node(line.words[0], self._level.moved)] = (x, y)
+
+    def _total_force(self, line: Line) -> None:
+        if self._level.force is not None:
+            raise line.unexpected("one total force a level")
+        self._level.force = line.values("fx, fy, fz")[1]
+
+    def _nodal_force(self, line: Line) -> None:
+        force = line.values("node, fx, fy, fz")[2]
+        self._seen.add(line.node(line.words[0], self._seen))
+        if "total force" not in self._level.printed:
+            self._level.force = (self._level.force or 0.0) + force
+
+
+@dataclass(frozen=True, eq=False)
+class Status:
+    """What a ``.sta`` says.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    times : ndarray of float, shape (n,)
+        Total time at the end of each converged increment.
+    cut_backs : int
+        Attempts that did not converge and were followed by another.
+    tail : int
+        Attempts at the end that did not converge: the run stopped there.
+    """
+
+    path: Path
+    times: FloatArray
+    cut_backs: int
+    tail: int
+
+    def converged(self, times: FloatArray) -> np.ndarray:
+        """Tell which times are those of converged increments.
+
+        Parameters
+        ----------
+        times : ndarray of float, shape (n_level,)
+            Total times, as a ``.dat`` prints them.
+
+        Returns
+        -------
+        ndarray of bool, shape (n_level,)
+        """
+        far = np.abs(np.asarray(times, dtype=float)[:, None] - self.times)
+        return np.asarray((far <= _PRINTED * np.abs(self.times)).any(axis=1))
+
+    def summary(self) -> str:
+        """Return one line about the run."""
+        n = len(self.times)
+        last = f", the last at time {self.times[-1]:.6g}" if n else ""
+        tail = f"; it stopped after {self.tail} attempts without convergence" if self.tail else ""
+        return f"{self.path}: {n} converged increments{last}, {self.cut_backs} cut-backs{tail}"
+
+
+def read_sta(path: Path) -> Status:
+    """Read a ``.sta``.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+
+    Returns
+    -------
+    Status
+
+    Raises
+    ------
+    InputError
+        If a line cannot be understood, with its number, or there is none.
+
+    Notes
+    -----
+    A last line without an end is that of a run still going on: it is not read.
+    """
+    found: dict[tuple[int, int], float] = {}
+    cut_backs, tail, last = 0, 0, 0.0
+    for line in read_lines(path):
+        if not line.text.strip() or line.text.strip().startswith(_HEADS):
+            continue
+        match = _ATTEMPT.match(line.text)
+        if match is None:
+            raise line.unexpected(
+                "STEP, INC, ATT, ITRS and three times, as CalculiX's .sta has them"
+            )
+        time, *_ = [line.finite(word) for word in match.groups()[5:]]
+        if match[4]:
+            tail += 1
+            continue
+        cut_backs, tail = cut_backs + tail, 0
+        key = (int(match[1]), int(match[2]))
+        if key in found or time < last:
+            raise line.error(
+                f"step {key[0]}, increment {key[1]} at time {time:g}; expected each once, in the "
+                "order of time"
+            )
+        found[key] = last = time
+    if not found and not tail:
+        raise InputError(f"{path}: no increments; expected a .sta of CalculiX")
+    return Status(path, np.array(list(found.values())), cut_backs, tail)

@@ -37,7 +37,7 @@ class Cells:
         Rows and headers to the cells as typed.
     line : callable or None
         Row from 0 to the file's line, where it has lines.
-    said : tuple of str
+    messages : tuple of str
         Format, separator, decimal mark, blank rows.
     """
 
@@ -46,7 +46,7 @@ class Cells:
     place: Callable[[int, str], str]
     typed: Callable[[Sequence[tuple[int, str]]], list[str]]
     line: Callable[[int], int] | None
-    said: tuple[str, ...]
+    messages: tuple[str, ...]
 
     def check(self, *rules: tuple[BoolArray, str, str]) -> None:
         """Refuse the cells where a mask of shape (n_row,) is true; each with header and rule."""
@@ -79,11 +79,11 @@ class Cells:
                     "column"
                 )
         named = [n for i, n in enumerate(self.frame, start=1) if n != _UNNAMED.format(i)]
-        frame, said = self.frame[named], self.said
+        frame, messages = self.frame[named], self.messages
         if blank.all():
             raise InputError(f"{self.where}: no rows below the header")
         if not blank.any():
-            return Cells(self.where, frame, self.place, self.typed, self.line, said)
+            return Cells(self.where, frame, self.place, self.typed, self.line, messages)
         kept = np.flatnonzero(~blank)
         line = self.line
         return Cells(
@@ -92,7 +92,7 @@ class Cells:
             lambda row, name: self.place(int(kept[row]), name),
             lambda wanted: self.typed([(int(kept[row]), name) for row, name in wanted]),
             None if line is None else lambda row: line(int(kept[row])),
-            (*said, f"{int(blank.sum())} rows with nothing in them: passed over"),
+            (*messages, f"{int(blank.sum())} rows with nothing in them: passed over"),
         )
 
 

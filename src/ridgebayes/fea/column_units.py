@@ -142,8 +142,8 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
         last = re.split(r"[\s_/]+", words)[-1]
         if explicit is None and last != words and unit_factor(last, dimension) is not None:
             raise InputError(
-                f"{place}: {last!r} may be its unit: name it, as {key}={header};{last}, or 1 "
-                "for none"
+                f"{place}: {last!r} may be its unit; expected --map '{key}={header};{last}', or "
+                "1 in its place for no unit"
             )
         return "", Fraction(1)
     factor = unit_factor(unit, dimension)

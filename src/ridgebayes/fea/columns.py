@@ -8,9 +8,9 @@ import numpy as np
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import Source
+from ridgebayes.fea.interpret import ColumnInterpreter, listed
 from ridgebayes.fea.mapping import CORNERS, Use, assign, check_constants
 from ridgebayes.fea.record import Imported, provenance
-from ridgebayes.fea.understood import ColumnInterpreter, listed
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.table.columns import NAMES, RawTable
 from ridgebayes.table.rules import as_text
@@ -63,7 +63,7 @@ def read_columns(
     sheet : str or None
         Worksheet; None takes the only one with cells.
     brackets : bool, optional
-        For increments, as `ridgebayes.fea.increments.transitions_of`.
+        For increments, as `ridgebayes.fea.transitions.transitions_of`.
 
     Returns
     -------
@@ -106,11 +106,11 @@ def read_columns(
             )
     taken = ColumnInterpreter(cells, uses, values, is_history=bool(corners))
     if corners:
-        frame, line, said = taken.history(corners, brackets=brackets)
+        frame, line, messages = taken.history(corners, brackets=brackets)
     elif any(use.Q is not None for use in uses):
-        frame, line, said = taken.wide()
+        frame, line, messages = taken.wide()
     else:
-        frame, line, said = taken.long()
+        frame, line, messages = taken.long()
     told = _told(taken.told, values)
     details = [f"sheet={sheet}"] if sheet else []
     origin = provenance(path, "columns", *details, *([told] if told else []))
@@ -121,10 +121,10 @@ def read_columns(
         frame["source"] = origin
     ordered = [name for name in NAMES if name in frame]
     frame = frame[[*ordered, *(name for name in frame if name not in ordered)]]
-    said = [*cells.said, *taken.said, *said]
+    messages = [*cells.messages, *taken.messages, *messages]
     del cells, taken, source  # of a million rows: 0.2 GB that validating needs
     table = ContactTable._validated(RawTable(frame, where, line))
-    return Imported(table, (*said, *_kept(table)))
+    return Imported(table, (*messages, *_kept(table)))
 
 
 def _told(uses: list[Use], values: Mapping[str, str | float]) -> str:
@@ -171,16 +171,16 @@ def _source(path: Path, sheet: str | None) -> Source:
 
         return Spreadsheet(path, content, sheet)
     if suffix == ".parquet":
-        from ridgebayes.fea.arrow import Arrow
+        from ridgebayes.fea.parquet import ParquetTable
 
-        return Arrow(path, content)
-    from ridgebayes.fea.separated import Separated
+        return ParquetTable(path, content)
+    from ridgebayes.fea.delimited import DelimitedText
 
     if suffix == ".rpt":
-        from ridgebayes.fea.abaqus_rpt import read_xy
+        from ridgebayes.fea.xy_report import read_xy
 
         content = read_xy(path).to_csv(index=False).encode()
-    return Separated(path, content)
+    return DelimitedText(path, content)
 
 
 def _kept(table: ContactTable) -> list[str]:
@@ -188,8 +188,8 @@ def _kept(table: ContactTable) -> list[str]:
     n_bracket = int(np.isfinite(table.column("p_over_E_lower")).sum())
     n_not_ok = len(table.left_out)
     Q = table.column("Q")
-    said = [
+    messages = [
         f"textures: {len(labels)}: {listed(labels)}",
         f"kept: {len(table)} rows, Q = {Q.min()} to {Q.max()}, {n_bracket} as brackets",
     ]
-    return said if not n_not_ok else [*said, f"{n_not_ok} rows whose status is not 'ok'"]
+    return messages if not n_not_ok else [*messages, f"{n_not_ok} rows whose status is not 'ok'"]

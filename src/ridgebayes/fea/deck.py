@@ -1,6 +1,7 @@
 """Input decks of Abaqus and CalculiX, as far as nodes, sets and a material go."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -8,8 +9,8 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.record import finite
-from ridgebayes.runtime.reading import read_text
+from ridgebayes.fea.lines import Line, read_lines
+from ridgebayes.fea.record import provenance
 
 _DEEPEST = 4  # *INCLUDEs within *INCLUDEs
 _MOST_NODES = 1_000_000  # of a set
@@ -63,6 +64,102 @@ class Deck:
             raise InputError(f"{where}: node {missing[0]} is not in the deck")
         return np.array([self.nodes[number] for number in numbers], dtype=float).reshape(-1, 2)
 
+    def check_material(self, E: float, nu: float, path: Path) -> None:
+        """Refuse an E off by a thousandth, or a nu off by 0.001.
+
+        Parameters
+        ----------
+        E, nu : float
+            What the user says.
+        path : pathlib.Path
+            The deck's, for messages.
+
+        Raises
+        ------
+        InputError
+        """
+        if self.E is not None and not math.isclose(self.E, E, rel_tol=1e-3):
+            raise InputError(
+                f"{path}: the material has E = {self.E:.6g}, and {E:g} was given; use --E as in "
+                "the deck"
+            )
+        if self.nu is not None and abs(self.nu - nu) > 1e-3:
+            raise InputError(
+                f"{path}: the material has nu = {self.nu:.6g}, and {nu:g} was given; use --nu as "
+                "in the deck"
+            )
+
+    def rigid_nodes(self, body: list[int]) -> list[int]:
+        """List the nodes that no chain of elements joins to some nodes of the body."""
+        meets: dict[int, list[int]] = {}
+        for number, some in self.elements.items():
+            for node in some:
+                meets.setdefault(node, []).append(number)
+        found, seen, ahead = set(body), set[int](), list(body)
+        while ahead:
+            for number in meets.get(ahead.pop(), ()):
+                if number not in seen:
+                    seen.add(number)
+                    new = [node for node in self.elements[number] if node not in found]
+                    found.update(new)
+                    ahead += new
+        return [node for node in self.nodes if node not in found]
+
+
+@dataclass(frozen=True, eq=False)
+class RunDeck:
+    """The deck of a run, with the node sets that its results are printed for.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The ``.inp`` file.
+    deck : Deck
+        As read.
+    surface, reaction : str
+        Node sets: the body's surface, and where the load is read.
+    nodes, driven : list of int
+        Their nodes, each once.
+    """
+
+    path: Path
+    deck: Deck
+    surface: str
+    reaction: str
+    nodes: list[int]
+    driven: list[int]
+
+    @classmethod
+    def read(cls, path: Path, surface: str, reaction: str, *, E: float, nu: float) -> "RunDeck":
+        """Read a deck whose material is of E and nu.
+
+        Raises
+        ------
+        InputError
+            If it cannot be understood, has other sets, or another material.
+        """
+        deck = read_deck(path)
+        nodes, driven = (
+            list(dict.fromkeys(deck.nodes_of(name, str(path)))) for name in (surface, reaction)
+        )
+        deck.check_material(E, nu, path)
+        return cls(path, deck, surface, reaction, nodes, driven)
+
+    @property
+    def undeformed(self) -> FloatArray:
+        """Coordinates of the surface's nodes, shape (n_node, 2)."""
+        return self.deck.coordinates(self.nodes, str(self.path))
+
+    @property
+    def rigid(self) -> FloatArray:
+        """Coordinates of nodes that are not the body's, shape (n, 2)."""
+        return self.deck.coordinates(self.deck.rigid_nodes(self.nodes), str(self.path))
+
+    def provenance(self, path: Path, importer: str) -> str:
+        """Return where rows of a run's results come from."""
+        names = (f"surface={self.surface}", f"reaction={self.reaction}")
+        return provenance(path, importer, f"deck={self.path.name}", *names)
+
 
 def read_deck(path: Path) -> Deck:
     """Read a deck.
@@ -88,195 +185,106 @@ def read_deck(path: Path) -> Deck:
     return deck
 
 
-def check_material(deck: Deck, E: float, nu: float, path: Path) -> None:
-    """Refuse an E or nu that is not the deck's.
+@dataclass
+class _Block:
+    """A keyword with its options, and the lines below it."""
 
-    Parameters
-    ----------
-    deck : Deck
-        As read.
-    E, nu : float
-        What the user says.
-    path : pathlib.Path
-        The deck's, for messages.
+    line: Line
+    keyword: str
+    options: dict[str, str]
+    rows: list[Line] = field(default_factory=list)
 
-    Raises
-    ------
-    InputError
-        If E is off by a thousandth, or nu by 0.001.
-    """
-    if deck.E is not None and not math.isclose(deck.E, E, rel_tol=1e-3):
-        raise InputError(
-            f"{path}: the material has E = {deck.E:.6g}, and {E:g} was given; use --E as in "
-            "the deck"
+    @classmethod
+    def of(cls, line: Line) -> "_Block":
+        keyword, *rest = line.text.strip()[1:].split(",")
+        options = (one.partition("=") for one in rest)
+        return cls(
+            line,
+            keyword.strip().upper(),
+            {key.strip().upper(): value.strip() for key, _, value in options},
         )
-    if deck.nu is not None and abs(deck.nu - nu) > 1e-3:
-        raise InputError(
-            f"{path}: the material has nu = {deck.nu:.6g}, and {nu:g} was given; use --nu "
-            "as in the deck"
-        )
-
-
-def rigid_nodes(deck: Deck, body: list[int]) -> list[int]:
-    """List the nodes that no chain of elements joins to the body's.
-
-    Parameters
-    ----------
-    deck : Deck
-        As read.
-    body : list of int
-        Some nodes of the body.
-
-    Returns
-    -------
-    list of int
-    """
-    meets: dict[int, list[int]] = {}
-    for number, some in deck.elements.items():
-        for node in some:
-            meets.setdefault(node, []).append(number)
-    found, seen, ahead = set(body), set[int](), list(body)
-    while ahead:
-        for number in meets.get(ahead.pop(), ()):
-            if number not in seen:
-                seen.add(number)
-                new = [node for node in deck.elements[number] if node not in found]
-                found.update(new)
-                ahead += new
-    return [node for node in deck.nodes if node not in found]
 
 
 def _read(path: Path, deck: Deck, depth: int) -> None:
-    keyword, options, rows = "", dict[str, str](), list[tuple[int, list[str]]]()
-    for number, line in enumerate(read_text(path).split("\n"), start=1):
-        text = line.strip()
+    block: _Block | None = None
+    blocks: list[_Block] = []
+    for line in read_lines(path, unfinished=True):
+        text = line.text.strip()
         if not text or text.startswith("**"):
             continue
         if text.startswith("*"):
-            _block(path, deck, keyword, options, rows, depth)
-            keyword, options = _keyword(text)
-            rows = [(number, [])] if keyword == "INCLUDE" else []
-        elif keyword in _READ:
-            rows.append((number, [cell.strip() for cell in text.split(",")]))
-    _block(path, deck, keyword, options, rows, depth)
+            block = _Block.of(line)
+            blocks.append(block)
+        elif block is not None and block.keyword in _READERS:
+            block.rows.append(line)
+    for block in blocks:
+        if block.keyword == "INCLUDE":
+            _include(block, deck, depth)
+        elif block.keyword in _READERS:
+            _READERS[block.keyword](block, deck)
 
 
-_READ = ("NODE", "NSET", "ELEMENT", "HYPERELASTIC", "ELASTIC", "INCLUDE")
-
-
-def _keyword(text: str) -> tuple[str, dict[str, str]]:
-    name, *rest = text[1:].split(",")
-    options = {}
-    for one in rest:
-        key, _, value = one.partition("=")
-        options[key.strip().upper()] = value.strip()
-    return name.strip().upper(), options
-
-
-def _block(
-    path: Path,
-    deck: Deck,
-    keyword: str,
-    options: dict[str, str],
-    rows: list[tuple[int, list[str]]],
-    depth: int,
-) -> None:
-    if keyword == "NODE":
-        for number, cells in rows:
-            values = _numbers(path, number, cells[:3], at_least=3)
-            name = _integer(path, number, values[0])
-            new = (values[1], values[2])
-            if deck.nodes.setdefault(name, new) != new:
-                raise InputError(
-                    f"{path}, line {number}: node {name} stands at two places; expected a deck "
-                    "without parts, each node once"
-                )
-        if "NSET" in options:
-            some = deck.nsets.setdefault(options["NSET"].upper(), [])
-            some += [_integer(path, n, *_numbers(path, n, cells[:1])) for n, cells in rows]
-    elif keyword == "NSET":
-        _nset(path, deck, options, rows)
-    elif keyword == "ELEMENT":
-        flat: list[str] = []
-        for number, cells in rows:
-            # A line that ends in a comma goes on.
-            goes_on = cells[-1] == ""
-            flat += [cell for cell in cells if cell]
-            if not goes_on:
-                element, *nodes = (_integer(path, number, v) for v in _numbers(path, number, flat))
-                deck.elements[element] = tuple(nodes)
-                flat = []
-        if flat:
-            raise InputError(
-                f"{path}, line {rows[-1][0]}: an element ends in a comma; expected nodes"
+def _nodes(block: _Block, deck: Deck) -> None:
+    found = []
+    for line in block.rows:
+        number, x, y = _numbers(line, _cells(line)[:3], at_least=3)
+        node = _integer(line, number)
+        if deck.nodes.setdefault(node, (x, y)) != (x, y):
+            raise line.error(
+                f"node {node} stands at two places; expected a deck without parts, each node once"
             )
-    elif rows and (keyword == "HYPERELASTIC" or (keyword == "ELASTIC" and deck.E is None)):
-        # Rubber is the body even where the ridges' metal stands before it.
-        _material(path, deck, keyword, options, *rows[0])
-    elif keyword == "INCLUDE":
-        given = options.get("INPUT", "").strip("\"'")
-        target = Path(given)
-        line = rows[0][0]
-        if not given or target.is_absolute() or ".." in target.parts:
-            raise InputError(
-                f"{path}, line {line}: *INCLUDE of {given!r}: expected a file in the deck's own "
-                "folder"
-            )
-        if depth >= _DEEPEST:
-            raise InputError(f"{path}, line {line}: *INCLUDE: expected at most {_DEEPEST} deep")
-        inside = path.parent / target
-        if not inside.resolve().is_relative_to(path.parent.resolve()):
-            raise InputError(
-                f"{path}, line {line}: *INCLUDE of {given!r}: expected a file in the deck's own "
-                "folder"
-            )
-        _read(inside, deck, depth + 1)
+        found.append(node)
+    if "NSET" in block.options:
+        deck.nsets.setdefault(block.options["NSET"].upper(), []).extend(found)
 
 
-def _nset(
-    path: Path, deck: Deck, options: dict[str, str], rows: list[tuple[int, list[str]]]
-) -> None:
-    name = options.get("NSET", "")
+def _nset(block: _Block, deck: Deck) -> None:
+    name = block.options.get("NSET", "")
     if not name:
-        line = rows[0][0] if rows else 0
-        raise InputError(f"{path}, line {line}: *NSET without a name; expected NSET=name")
+        raise block.line.error("*NSET without a name; expected NSET=name")
     some = deck.nsets.setdefault(name.upper(), [])
-    for number, cells in rows:
-        cells = [cell for cell in cells if cell]
-        if "GENERATE" in options:
-            values = [_integer(path, number, v) for v in _numbers(path, number, cells, at_least=2)]
-            step = values[2] if len(values) > 2 else 1
-            new = range(values[0], values[1] + 1, step)
+    for line in block.rows:
+        cells = [cell for cell in _cells(line) if cell]
+        if "GENERATE" in block.options:
+            first, last, *step = _integers(line, cells, at_least=2)
+            new = range(first, last + 1, step[0] if step else 1)
             if len(some) + len(new) > _MOST_NODES:
-                raise InputError(
-                    f"{path}, line {number}: GENERATE of {len(new)} nodes: expected at most "
-                    f"{_MOST_NODES} in a set"
+                raise line.error(
+                    f"GENERATE of {len(new)} nodes: expected at most {_MOST_NODES} in a set"
                 )
             some += new
             continue
         for cell in cells:
-            if cell.upper() in deck.nsets:
-                some += deck.nsets[cell.upper()]
-            else:
-                (value,) = _numbers(path, number, [cell])
-                some.append(_integer(path, number, value))
+            known = deck.nsets.get(cell.upper())
+            some += _integers(line, [cell]) if known is None else known
 
 
-def _material(
-    path: Path, deck: Deck, keyword: str, options: dict[str, str], number: int, cells: list[str]
-) -> None:
-    if keyword == "ELASTIC":
-        if any(cell for cell in cells):
-            values = _numbers(path, number, cells[:2], at_least=2)
-            deck.E, deck.nu = values[0], values[1]
+def _elements(block: _Block, deck: Deck) -> None:
+    flat: list[str] = []
+    for line in block.rows:
+        cells = _cells(line)
+        flat += [cell for cell in cells if cell]
+        if cells[-1]:  # a line that ends in a comma goes on
+            element, *nodes = _integers(line, flat)
+            deck.elements[element] = tuple(nodes)
+            flat = []
+    if flat:
+        raise block.rows[-1].error("an element ends in a comma; expected nodes")
+
+
+def _elastic(block: _Block, deck: Deck) -> None:
+    # Rubber is the body even where the ridges' metal stands before it.
+    if deck.E is None and block.rows and any(cells := _cells(block.rows[0])):
+        deck.E, deck.nu = _numbers(block.rows[0], cells[:2], at_least=2)
+
+
+def _hyperelastic(block: _Block, deck: Deck) -> None:
+    if not block.rows or not any(n.replace(" ", "-") == "NEO-HOOKE" for n in block.options):
         return
-    if not any(name.replace(" ", "-") == "NEO-HOOKE" for name in options):
-        return
-    c10, d1 = _numbers(path, number, cells[:2], at_least=2)
+    line = block.rows[0]
+    c10, d1 = _numbers(line, _cells(line)[:2], at_least=2)
     if not (c10 > 0 and d1 >= 0):
-        raise InputError(
-            f"{path}, line {number}: C10 = {c10:g}, D1 = {d1:g}; expected > 0 and >= 0"
-        )
+        raise line.error(f"C10 = {c10:g}, D1 = {d1:g}; expected > 0 and >= 0")
     mu = 2 * c10
     if d1 == 0:
         deck.E, deck.nu = 3 * mu, 0.5
@@ -286,14 +294,47 @@ def _material(
         deck.nu = (3 * bulk - 2 * mu) / (2 * (3 * bulk + mu))
 
 
-def _numbers(path: Path, line: int, cells: list[str], *, at_least: int = 1) -> list[float]:
-    found = [finite(path, line, cell, column) for column, cell in enumerate(cells, start=1)]
+def _include(block: _Block, deck: Deck, depth: int) -> None:
+    given = block.options.get("INPUT", "").strip("\"'")
+    folder = block.line.path.parent
+    target = folder / given
+    if (
+        not given
+        or Path(given).is_absolute()
+        or ".." in Path(given).parts
+        or not target.resolve().is_relative_to(folder.resolve())
+    ):
+        raise block.line.error(f"*INCLUDE of {given!r}: expected a file in the deck's own folder")
+    if depth >= _DEEPEST:
+        raise block.line.error(f"*INCLUDE: expected at most {_DEEPEST} deep")
+    _read(target, deck, depth + 1)
+
+
+_READERS: dict[str, Callable[[_Block, Deck], None]] = {
+    "NODE": _nodes,
+    "NSET": _nset,
+    "ELEMENT": _elements,
+    "HYPERELASTIC": _hyperelastic,
+    "ELASTIC": _elastic,
+}
+
+
+def _cells(line: Line) -> list[str]:
+    return [cell.strip() for cell in line.text.strip().split(",")]
+
+
+def _numbers(line: Line, cells: list[str], *, at_least: int = 1) -> list[float]:
+    found = [line.finite(cell, column) for column, cell in enumerate(cells, start=1)]
     if len(found) < at_least:
-        raise InputError(f"{path}, line {line}: {len(found)} values; expected at least {at_least}")
+        raise line.error(f"{len(found)} values; expected at least {at_least}")
     return found
 
 
-def _integer(path: Path, line: int, value: float) -> int:
+def _integers(line: Line, cells: list[str], *, at_least: int = 1) -> list[int]:
+    return [_integer(line, value) for value in _numbers(line, cells, at_least=at_least)]
+
+
+def _integer(line: Line, value: float) -> int:
     if value != int(value) or not 0 < value < 2**53:
-        raise InputError(f"{path}, line {line}: {value:g}: expected a whole number above 0")
+        raise line.error(f"{value:g}: expected a whole number above 0")
     return int(value)

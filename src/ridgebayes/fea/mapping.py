@@ -1,12 +1,93 @@
 """Which column of a file is which of the contract: by a mapping, by name, or by a clear guess."""
 
 import re
-from collections.abc import Mapping, Sequence
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import DIMENSIONS, column_unit, split_header, unit_factor
+from ridgebayes.runtime.reading import LARGEST_TEXT, read_text
+from ridgebayes.runtime.text import one_line_message
 from ridgebayes.table.columns import NAMES, NUMBERS
+
+_SHOWN = 80  # characters of a key or a value that messages show
+
+
+def parse_map(texts: Iterable[str]) -> dict[str, str]:
+    """Return a mapping from texts ``key=header``, ``key=header;unit`` or ``gap Q=4=header``.
+
+    Raises
+    ------
+    InputError
+        If a text has no key or header, or a key stands twice.
+
+    Examples
+    --------
+    >>> parse_map(["a=Ridge width;mm", "gap Q=4=Gap 1 [mm]", "Q=4=First", "p=Load Q=* [kPa]"])
+    {'a': 'Ridge width;mm', 'gap Q=4': 'Gap 1 [mm]', 'Q=4': 'First', 'p': 'Load Q=* [kPa]'}
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        match = re.fullmatch(r"\s*((?:\w+[\s:]+)?Q?\s*=?\s*\d+|[^=]*?)\s*=\s*(.*?)\s*", text, re.S)
+        if match is None or not match.group(1) or not match.group(2):
+            raise InputError(f"--map {text!r}: expected KEY=HEADER, or KEY=HEADER;UNIT")
+        key, header = match.groups()
+        if key in found:
+            raise InputError(f"--map {text!r}: expected each key once")
+        found[key] = header
+    return found
+
+
+def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
+    """Read a mapping that is kept beside the data.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        A TOML file: ``[columns]`` of key and header (``a = "Ridge width [mm]"``), and optionally
+        ``[values]`` of key and value (``R = "8 mm"``).
+
+    Returns
+    -------
+    mapping, values : dict of str to str
+        As `ridgebayes.fea.columns.read_columns` takes them.
+
+    Raises
+    ------
+    InputError
+        If it is not TOML, or has other keys, or others than text in columns.
+    """
+    try:
+        content = tomllib.loads(read_text(path, LARGEST_TEXT))
+    # A thousand brackets in each other: RecursionError.
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        raise InputError(f"{path}: not TOML: {one_line_message(error, 200)}") from None
+    tables: dict[str, dict[str, str]] = {"columns": {}, "values": {}}
+    for name, entries in content.items():
+        if name not in tables or not isinstance(entries, dict):
+            raise InputError(f"{path}: {name[:_SHOWN]}: expected tables [columns] and [values]")
+        for key, value in entries.items():
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            text = value if isinstance(value, str) else _text(value)
+            if not (isinstance(value, str) or (number and text and name == "values")):
+                raise InputError(
+                    f"{path}: [{name}] {key[:_SHOWN]} = {text[:_SHOWN] or 'what is too long'}: "
+                    "expected text in quotes"
+                )
+            tables[name][key] = text
+    return tables["columns"], tables["values"]
+
+
+def _text(value: object) -> str:
+    """Return a value of TOML other than text as Python writes it, or nothing if it cannot."""
+    try:
+        return repr(value)
+    # An integer of thousands of digits, or thousands of tables in each other.
+    except (ValueError, RecursionError):
+        return ""
+
 
 TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
 LOADS = ("p_over_E", "p", "line")
@@ -19,7 +100,7 @@ _CONSTANTS = ("R", "E", "a", "b", "offset", *NUMBERS, *TEXTS)
 _NO_CONSTANTS = ("Q", "p_over_E", "p_over_E_lower", "source")
 _WIDE = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
-# Words in place of keys, where nothing else is said.
+# Words in place of keys, where nothing else is messages.
 _GUESSES = {
     "ridge width": "a",
     "groove width": "b",

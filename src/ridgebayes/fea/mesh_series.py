@@ -13,16 +13,15 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Literal
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.levels import Body, Levels, table_of
-from ridgebayes.fea.record import HUGE, Imported, finite, provenance
-from ridgebayes.fea.rim import Rim
+from ridgebayes.fea.lines import parse_number
+from ridgebayes.fea.record import HUGE, Imported, provenance
+from ridgebayes.fea.surface import Body, CylinderSurface, Origin, SurfaceHistory, table_from_history
 from ridgebayes.runtime.hdf5_files import check_inside, check_stored
 from ridgebayes.runtime.reading import LARGEST, read_text
 from ridgebayes.runtime.text import one_line_message
@@ -78,7 +77,7 @@ def read_series(
     body: Body,
     *,
     field: str = "displacement",
-    time: Literal["p_over_E", "line"] = "p_over_E",
+    time: str = "p_over_E",
     loads: Sequence[float] | None = None,
     brackets: bool = False,
 ) -> Imported:
@@ -100,7 +99,7 @@ def read_series(
     loads : sequence of float, optional
         The same for each of several ``.vtu`` files, which have no time.
     brackets : bool, optional
-        As `ridgebayes.fea.increments.transitions_of`.
+        As `ridgebayes.fea.transitions.transitions_of`.
 
     Returns
     -------
@@ -113,7 +112,7 @@ def read_series(
         UTF-8, numbers elsewhere than in its folder, or more than 2 GiB of them.
     """
     if time not in ("p_over_E", "line"):
-        raise InputError(f"time = {time!r}; expected p_over_E or line")
+        raise InputError(f"--time {time}: expected p_over_E or line")
     paths = [path] if isinstance(path, Path) else list(path)
     if not paths:
         raise InputError("no files; expected one .xdmf, or several .vtu")
@@ -139,19 +138,21 @@ def read_series(
     body = replace(body, R=R)
     half = 2.0 if body.symmetry == "half" else 1.0
     scale = 2 * R * body.E if time == "p_over_E" else 1.0
-    levels = Levels(
+    levels = SurfaceHistory(
         series.loads * (scale * body.thickness / half),
         points[nodes, :2],
         points[nodes, :2] + moved[:, nodes, :2],
         np.zeros((0, 2)),
         digits=digits,
-        said=(f"{where}: {len(moved)} states, {len(nodes)} of {len(points)} nodes are the rim",),
+        messages=(
+            f"{where}: {len(moved)} states, {len(nodes)} of {len(points)} nodes are the rim",
+        ),
     )
     if body.top is None:
         levels = _at_rest(levels, body, where)
         body = replace(body, top=0.0)
     source = provenance(paths[0], "series", f"field={field}", *(one.name for one in paths[1:]))
-    return table_of(levels, body, where=where, solver="series", source=source, brackets=brackets)
+    return table_from_history(levels, body, Origin(where, "series", source), brackets=brackets)
 
 
 def _rim(points: FloatArray, body: Body, where: str) -> tuple[np.ndarray, float]:
@@ -179,9 +180,9 @@ def _rim(points: FloatArray, body: Body, where: str) -> tuple[np.ndarray, float]
     return np.flatnonzero(on), R
 
 
-def _at_rest(levels: Levels, body: Body, where: str) -> Levels:
+def _at_rest(levels: SurfaceHistory, body: Body, where: str) -> SurfaceHistory:
     """Return levels seen from the ridges: tops at y = 0, where the body rests on the first."""
-    rim = Rim.of(levels.undeformed, where, R=body.R, symmetry=body.symmetry)
+    rim = CylinderSurface.of(levels.undeformed, where, R=body.R, symmetry=body.symmetry)
     near, far = (rim.R * (body.b_over_R / 2 + part * body.a_over_R) for part in _INSIDE)
     away = np.abs(levels.position[..., 0] - rim.centre[0])
     position = levels.position.copy()
@@ -202,7 +203,10 @@ def _at_rest(levels: Levels, body: Body, where: str) -> Levels:
         levels,
         position=position,
         digits=math.hypot(levels.digits, _REST * rim.R),
-        said=(*levels.said, "tops: where the body rests on the first ridge, state by state"),
+        messages=(
+            *levels.messages,
+            "tops: where the body rests on the first ridge, state by state",
+        ),
     )
 
 
@@ -238,7 +242,7 @@ def _xdmf(path: Path, field: str) -> _Series:
             raise InputError(f"{here}: no <Time Value=...>")
         if len(clocks) > 1:
             raise InputError(f"{here}: {len(clocks)} times; expected one")
-        times.append(_number(path, here, clocks[0].get("Value", "")))
+        times.append(_number(here, clocks[0].get("Value", "")))
         given = grid.findall("Attribute")
         data = [one for one in given if one.get("Center") == "Node"]
         one = _named(here, field, data, "the fields are", given)
@@ -501,9 +505,9 @@ def _xml(path: Path) -> ET.Element:
         if (at := text.upper().find(word)) >= 0:
             line = text.count("\n", 0, at) + 1
             raise InputError(f"{path}, line {line}: {word}; expected XML without it")
-    said = _ENCODING.match(text)
-    if said is not None and said[1].upper() not in ("UTF-8", "UTF8", "ASCII", "US-ASCII"):
-        raise InputError(f"{path}, line 1: encoding {_short(said[1])}; expected UTF-8")
+    declared = _ENCODING.match(text)
+    if declared is not None and declared[1].upper() not in ("UTF-8", "UTF8", "ASCII", "US-ASCII"):
+        raise InputError(f"{path}, line 1: encoding {_short(declared[1])}; expected UTF-8")
     try:
         return ET.fromstring(text)
     except ET.ParseError as error:
@@ -531,11 +535,10 @@ def _floating(values: np.ndarray) -> FloatArray:
     return np.asarray(values, dtype=kind)
 
 
-def _number(path: Path, here: str, word: str) -> float:
-    try:
-        time = finite(path, 0, word)
-    except InputError:
-        raise InputError(f"{here}: time {word[:40]!r}; expected a finite number") from None
+def _number(here: str, word: str) -> float:
+    time = parse_number(word)
+    if not math.isfinite(time):
+        raise InputError(f"{here}: time {word[:40]!r}; expected a finite number")
     if not 0 <= time <= HUGE:
         raise InputError(f"{here}: time {word[:40]!r}; expected a load, from 0 to {HUGE:g}")
     return time

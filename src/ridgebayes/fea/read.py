@@ -3,26 +3,33 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.recognise import FORMATS, recognise
+from ridgebayes.fea.abaqus_dat import read_abaqus_dat
+from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
+from ridgebayes.fea.calculix import read_calculix
+from ridgebayes.fea.calculix_contact import read_calculix_contact
+from ridgebayes.fea.columns import read_columns
+from ridgebayes.fea.mapping import parse_map, read_mapping
+from ridgebayes.fea.mesh_series import read_series
+from ridgebayes.fea.record import Imported
+from ridgebayes.fea.surface import Body
+from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.table.table import ContactTable
 
-if TYPE_CHECKING:
-    from ridgebayes.fea.levels import Body
-    from ridgebayes.fea.record import Imported
+FORMATS = ("table", "calculix", "calculix-contact", "abaqus-dat", "abaqus-rpt", "series")
+_TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".parquet", ".rpt")
+_LOOKED_AT = 20_000  # bytes
+
 
 _OF_TABLES = ("map", "sheet")
-_OF_RUNS = ("texture", "symmetry", "top", "thickness", "corner")
+_OF_BODIES = ("texture", "symmetry", "top", "thickness", "corner")
+_OF_RUNS = ("deck", "surface", "reaction")
 _OF_SERIES = ("field", "time", "loads")
 _ALLOWED = {
     "table": (*_OF_TABLES, "texture"),
-    "calculix": (*_OF_RUNS, "deck", "surface", "reaction"),
-    "calculix-contact": (*_OF_RUNS, "deck", "surface", "reaction"),
-    "abaqus-dat": (*_OF_RUNS, "deck", "surface", "reaction"),
-    "abaqus-rpt": (*_OF_RUNS, "deck", "surface", "reaction"),
-    "series": (*_OF_RUNS, *_OF_SERIES),
+    **dict.fromkeys(FORMATS[1:5], (*_OF_BODIES, *_OF_RUNS)),
+    "series": (*_OF_BODIES, *_OF_SERIES),
 }
 
 
@@ -79,7 +86,7 @@ def import_files(
     program: str | None = None,
     brackets: bool = False,
     role: str | None = None,
-) -> "Imported":
+) -> Imported:
     """Read a file, or the files of a series.
 
     Parameters
@@ -89,7 +96,7 @@ def import_files(
     given : Given
         What they do not say.
     program : str or None
-        One of `ridgebayes.fea.recognise.FORMATS`; None looks.
+        One of `ridgebayes.fea.read.FORMATS`; None looks.
     brackets : bool, optional
         Give the increment in which a ridge was reached, even where gaps tell the load within.
     role : str or None
@@ -109,35 +116,103 @@ def import_files(
         raise InputError(f"--format {program}: expected {', '.join(FORMATS)}")
     name = program or recognise(path)
     if len(paths) > 1 and name != "series":
-        raise InputError(
-            f"{len(paths)} files of format {name}: expected one, but of a series of .vtu"
-        )
+        raise InputError(f"{len(paths)} files of format {name}: expected one (several of .vtu)")
     _check_given(name, given)
-    found = _READERS[name](paths, given, brackets)
+    found = _read(name, paths, given, brackets=brackets)
     if role is not None:
         frame = found.table.frame.assign(role=role)
         table = ContactTable.from_frame(frame, where=found.table.where)
-        found = replace(found, table=table, said=(*found.said, f"role: {role}"))
-    return replace(found, said=(f"format: {name}", *found.said))
+        found = replace(found, table=table, messages=(*found.messages, f"role: {role}"))
+    return replace(found, messages=(f"format: {name}", *found.messages))
+
+
+def recognise(path: Path) -> str:
+    """Return the format of a file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+
+    Returns
+    -------
+    str
+        One of `FORMATS`.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is none that is known.
+    """
+    suffix = path.suffix.lower()
+    content = read_bytes(path)
+    head = content[:_LOOKED_AT]
+    if suffix in (".vtu", ".xdmf", ".xmf"):
+        return "series"
+    if b"Field Output Report" in head:
+        return "abaqus-rpt"
+    if suffix == ".dat":
+        if b"THE FOLLOWING TABLE IS PRINTED" in head or b"A B A Q U S" in head or b"Abaqus" in head:
+            return "abaqus-dat"
+        if b"displacements (" in head or b"contact stress (" in head or b") for set " in head:
+            # Contact stresses alone tell which faces carry; displacements tell more.
+            return "calculix" if b"displacements (" in content else "calculix-contact"
+    if suffix in _TABLES:
+        return "table"
+    raise InputError(
+        f"{path}: its format is not recognised; expected --format {', '.join(FORMATS)}, or a "
+        f"suffix of {', '.join(_TABLES)}, .dat, .rpt, .vtu or .xdmf"
+    )
 
 
 def _check_given(name: str, given: Given) -> None:
-    for option in (*_OF_TABLES, *_OF_RUNS, "deck", "surface", "reaction", *_OF_SERIES):
-        value = getattr(given, option)
-        if value not in (None, ()) and option not in _ALLOWED[name]:
+    for option in (*_OF_TABLES, *_OF_BODIES, *_OF_RUNS, *_OF_SERIES):
+        if getattr(given, option) not in (None, ()) and option not in _ALLOWED[name]:
             raise InputError(f"--{option}: not for format {name}; leave it out")
 
 
-def _table(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":
-    from ridgebayes.fea.columns import read_columns
-
-    mapping, values = _mapping(given)
-    return read_columns(paths[0], mapping, values=values, sheet=given.sheet, brackets=brackets)
+def _read(name: str, paths: Sequence[Path], given: Given, *, brackets: bool) -> Imported:
+    path = paths[0]
+    if name == "table":
+        mapping, values = _mapping(given)
+        return read_columns(path, mapping, values=values, sheet=given.sheet, brackets=brackets)
+    body = _body(given, name)
+    if name == "series":
+        return read_series(
+            paths,
+            body,
+            field=given.field or "displacement",
+            time=given.time or "p_over_E",
+            loads=given.loads or None,
+            brackets=brackets,
+        )
+    deck, surface, reaction = given.deck, given.surface, given.reaction
+    if name == "abaqus-rpt":
+        return read_abaqus_rpt(
+            path, body, surface=surface, reaction=reaction, deck=deck, brackets=brackets
+        )
+    if deck is None or surface is None or reaction is None:
+        missing = [f"--{option}" for option in _OF_RUNS if getattr(given, option) is None]
+        raise InputError(
+            f"{', '.join(missing)}: missing; expected the run's deck and its node sets of the "
+            f"body's surface and of the driven nodes ({name})"
+        )
+    if name == "abaqus-dat":
+        return read_abaqus_dat(
+            path, body, deck=deck, surface=surface, reaction=reaction, brackets=brackets
+        )
+    # CalculiX writes its status beside its results.
+    sta = path.with_suffix(".sta") if path.with_suffix(".sta").is_file() else None
+    if name == "calculix-contact":
+        return read_calculix_contact(
+            path, body, deck=deck, surface=surface, reaction=reaction, sta=sta
+        )
+    return read_calculix(
+        path, body, deck=deck, surface=surface, reaction=reaction, sta=sta, brackets=brackets
+    )
 
 
 def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
-    from ridgebayes.fea.map_file import parse_map, read_mapping
-
     mapping: dict[str, str] = {}
     values: dict[str, str | float] = {}
     for file in (one for one in given.map if one.endswith(".toml") and "=" not in one):
@@ -153,9 +228,7 @@ def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
     return mapping, values
 
 
-def _body(given: Given, name: str) -> "Body":
-    from ridgebayes.fea.levels import Body
-
+def _body(given: Given, name: str) -> Body:
     if given.texture is None:
         raise InputError(
             f"--texture: missing; expected A,B, ridge and groove width over R ({name})"
@@ -184,95 +257,3 @@ def _body(given: Given, name: str) -> "Body":
         thickness=1.0 if given.thickness is None else given.thickness,
         corner_over_R=given.corner or 0.0,
     )
-
-
-class _RunFiles(TypedDict):
-    deck: Path
-    surface: str
-    reaction: str
-
-
-def _run_files(given: Given, name: str) -> _RunFiles:
-    missing = [
-        f"--{option}"
-        for option in ("deck", "surface", "reaction")
-        if getattr(given, option) is None
-    ]
-    if missing:
-        raise InputError(
-            f"{', '.join(missing)}: missing; expected the run's deck and its node sets of the "
-            "body's "
-            f"surface and of the driven nodes ({name})"
-        )
-    assert given.deck is not None
-    return {"deck": given.deck, "surface": str(given.surface), "reaction": str(given.reaction)}
-
-
-def _sta(path: Path) -> Path | None:
-    """Return the status file that CalculiX writes beside its results, if it is there."""
-    beside = path.with_suffix(".sta")
-    return beside if beside.is_file() else None
-
-
-def _calculix(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":
-    from ridgebayes.fea.calculix import read_calculix
-
-    body = _body(given, "calculix")
-    files = _run_files(given, "calculix")
-    return read_calculix(paths[0], body, **files, sta=_sta(paths[0]), brackets=brackets)
-
-
-def _calculix_contact(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":
-    from ridgebayes.fea.calculix_contact import read_calculix_contact
-
-    body = _body(given, "calculix-contact")
-    files = _run_files(given, "calculix-contact")
-    return read_calculix_contact(paths[0], body, **files, sta=_sta(paths[0]))
-
-
-def _abaqus_dat(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":
-    from ridgebayes.fea.abaqus_dat import read_abaqus_dat
-
-    body = _body(given, "abaqus-dat")
-    files = _run_files(given, "abaqus-dat")
-    return read_abaqus_dat(paths[0], body, **files, brackets=brackets)
-
-
-def _abaqus_rpt(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":
-    from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
-
-    body = _body(given, "abaqus-rpt")
-    return read_abaqus_rpt(
-        paths[0],
-        body,
-        surface=given.surface,
-        reaction=given.reaction,
-        deck=given.deck,
-        brackets=brackets,
-    )
-
-
-def _series(paths: Sequence[Path], given: Given, brackets: bool) -> "Imported":
-    from ridgebayes.fea.mesh_series import read_series
-
-    time = given.time or "p_over_E"
-    if time not in ("p_over_E", "line"):
-        raise InputError(f"--time {time}: expected p_over_E or line")
-    return read_series(
-        paths,
-        _body(given, "series"),
-        field=given.field or "displacement",
-        time="line" if time == "line" else "p_over_E",
-        loads=given.loads or None,
-        brackets=brackets,
-    )
-
-
-_READERS = {
-    "table": _table,
-    "calculix": _calculix,
-    "calculix-contact": _calculix_contact,
-    "abaqus-dat": _abaqus_dat,
-    "abaqus-rpt": _abaqus_rpt,
-    "series": _series,
-}

@@ -1,4 +1,4 @@
-"""What the columns of a table mean together: ratios, transitions, and what was said of them."""
+"""What the columns of a table mean together: ratios, transitions, and messages about them."""
 
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
@@ -17,8 +17,8 @@ from ridgebayes.fea.column_units import (
     divided,
     everywhere_or_nowhere,
 )
-from ridgebayes.fea.histories import STATUS_RULE, Histories, touching
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
+from ridgebayes.fea.transitions import STATUS_RULE, Histories, touching
 from ridgebayes.scene.units import to_si
 from ridgebayes.table.columns import NAMES, OK
 from ridgebayes.table.rules import as_text
@@ -44,7 +44,7 @@ class ColumnInterpreter:
         self._is_history = is_history
         self.told: list[Use] = []
         self._dimensional: list[Quantity] = []
-        self.said: list[str] = []
+        self.messages: list[str] = []
         self._used: set[str] = set()
         self._checked: set[Use] = set()
 
@@ -61,11 +61,13 @@ class ColumnInterpreter:
         own = [name for name in left if name not in NAMES]
         clash = [name for name in left if name in NAMES]
         frame = self._framed(found)
-        self._say()
-        said = [f"left out: column {name!r}, which the mapping gives otherwise" for name in clash]
+        self._summarize()
+        messages = [
+            f"left out: column {name!r}, which the mapping gives otherwise" for name in clash
+        ]
         if own:
-            said.append(f"kept as they are: {listed(own)}")
-        return frame.assign(**{n: self.cells.frame[n] for n in own}), self.cells.line, said
+            messages.append(f"kept as they are: {listed(own)}")
+        return frame.assign(**{n: self.cells.frame[n] for n in own}), self.cells.line, messages
 
     def wide(self) -> tuple[pd.DataFrame, Any, list[str]]:
         """Return the rows of a table with one column for each Q."""
@@ -100,15 +102,15 @@ class ColumnInterpreter:
         row, which = np.nonzero(~np.isnan(table["p_over_E"]))
         if not row.size:
             raise InputError(f"{self.where}: no load in any column; expected a load in some cell")
-        self._say()
-        said = self._unused()
+        self._summarize()
+        messages = self._unused()
         if empty := n * len(loads) - row.size:
-            said.append(f"{empty} empty cells: not reached")
+            messages.append(f"{empty} empty cells: not reached")
         line = self.cells.line
         frame = self._framed(common).iloc[row].reset_index(drop=True)
         frame = frame.assign(Q=np.array(loads, dtype=float)[which])
         frame = frame.assign(**{key: numbers[row, which] for key, numbers in table.items()})
-        return frame, None if line is None else lambda i: line(int(row[i])), said
+        return frame, None if line is None else lambda i: line(int(row[i])), messages
 
     def history(self, corners: list[Use], *, brackets: bool) -> tuple[pd.DataFrame, Any, list[str]]:
         """Return the transitions of tables whose rows are increments of runs."""
@@ -136,7 +138,7 @@ class ColumnInterpreter:
                 left_out.append(f"left out: {n} increments whose status is not 'ok'")
             if not keep.any():
                 raise InputError(f"{self.where}: no increment whose status is 'ok'")
-        self._say()
+        self._summarize()
         frame = self._framed(curve)[keep].reset_index(drop=True)
         # In a run the empty cells of a column are its default; NaN would tell rows apart.
         runs = Histories(frame, load[keep], gaps[keep], [use.Q or 0 for use in corners])
@@ -187,7 +189,7 @@ class ColumnInterpreter:
             how = {"mapped": "", "named": "", "guessed": ", a guess"}[use.how]
             in_unit = f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else ""
             if use.name != use.header or key in DIMENSIONS or unit or how:
-                self.said.append(f"{use.name}: column {use.header!r}{in_unit}{how}")
+                self.messages.append(f"{use.name}: column {use.header!r}{in_unit}{how}")
         found = Quantity(f"{key} ({use.header!r})", numbers, unit, factor)
         if key in DIMENSIONS:
             self._dimensional.append(found)
@@ -235,7 +237,7 @@ class ColumnInterpreter:
         if key in DIMENSIONS:
             self._dimensional.append(found)
         if key not in self._used:
-            self.said.append(f"{key}: {text}, as given")
+            self.messages.append(f"{key}: {text}, as given")
         self._used.add(key)
         return found
 
@@ -273,13 +275,13 @@ class ColumnInterpreter:
     def _gap(self, use: Use) -> FloatArray:
         if use.key == "status":
             self.told.append(use)
-            self.said.append(f"{use.name}: column {use.header!r}")
+            self.messages.append(f"{use.name}: column {use.header!r}")
             gap, bad = touching(as_text(self.cells.frame[use.header]))
             self.cells.check((bad, use.header, STATUS_RULE))
             return gap
         if use.key == "pressure":
             self.told.append(use)
-            self.said.append(f"{use.name}: column {use.header!r}, contact pressure")
+            self.messages.append(f"{use.name}: column {use.header!r}, contact pressure")
             numbers = self.cells.frame[use.header].to_numpy(dtype=float)
             self._check(use, numbers)
             return np.where(np.isnan(numbers), np.nan, np.where(numbers > 0, -np.inf, np.inf))
@@ -297,11 +299,11 @@ class ColumnInterpreter:
             self.told.append(use)
             found[key] = as_text(self.cells.frame[use.header])
             if key != use.header:
-                self.said.append(f"{key}: column {use.header!r}")
+                self.messages.append(f"{key}: column {use.header!r}")
         elif key in self._values:
             self._used.add(key)
             found[key] = str(self._values[key])
-            self.said.append(f"{key}: {self._values[key]}, as given")
+            self.messages.append(f"{key}: {self._values[key]}, as given")
 
     def _needed(self, key: str, by: str) -> Quantity:
         if (found := self._quantity(key)) is not None:
@@ -318,14 +320,14 @@ class ColumnInterpreter:
             f"{there}; use --map '{key}=header' for one that means it"
         )
 
-    def _say(self) -> None:
+    def _summarize(self) -> None:
         plain = [use.header for use in self.told if use.header in NAMES and use.key == use.header]
         if plain:
-            self.said.insert(0, f"as their names say: {', '.join(plain)}")
+            self.messages.insert(0, f"as their names say: {', '.join(plain)}")
         if everywhere_or_nowhere(_distinct(self._dimensional), self.where):
-            self.said.append("units: on all, converted exactly")
+            self.messages.append("units: on all, converted exactly")
         elif self._dimensional:
-            self.said.append("units: on none, taken as one consistent system")
+            self.messages.append("units: on none, taken as one consistent system")
         loads = [use for use in self.told if use.key == "p_over_E" and use.header != "p_over_E"]
         bare = [use for use in loads if "p_over_E" not in use.header and use.how == "named"]
         if bare and ("E" in self._values or self._use("E", None) is not None):
@@ -335,7 +337,7 @@ class ColumnInterpreter:
             )
         given = set(self._values) - self._used
         if given:
-            self.said.append(f"not needed: {', '.join(sorted(given))}")
+            self.messages.append(f"not needed: {', '.join(sorted(given))}")
 
     def _unused(self) -> list[str]:
         mine = {use.header for use in self.told}

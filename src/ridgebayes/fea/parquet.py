@@ -14,7 +14,7 @@ from ridgebayes.fea.cells import FINITE, Cells, clean_headers
 MOST_CELLS = 10**8  # a small file of repeated values may hold any number of rows
 
 
-class Arrow:
+class ParquetTable:
     """A Parquet file.
 
     Parameters
@@ -64,7 +64,7 @@ class Arrow:
     def read(self, numeric: Collection[str]) -> Cells:
         """Read all rows, the columns of these headers as numbers."""
         wanted = set(numeric)
-        said = [f"{self.where}: Parquet, {self._table.num_rows} rows"]
+        messages = [f"{self.where}: Parquet, {self._table.num_rows} rows"]
         columns: dict[str, Any] = {}
         for name, column in zip(self.headers, self._table.columns, strict=True):
             try:
@@ -75,7 +75,7 @@ class Arrow:
                 reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
                 raise InputError(f"{self.where}, column {name!r}: {reason}") from None
             if values is None:
-                said.append(f"left out: column {name!r}, of type {column.type}")
+                messages.append(f"left out: column {name!r}, of type {column.type}")
             else:
                 columns[name] = values
         frame = pd.DataFrame(columns)
@@ -89,7 +89,7 @@ class Arrow:
             lambda row, _: f"{self.where}, row {row + 1}",
             typed,
             None,
-            tuple(said),
+            tuple(messages),
         )
         cells.check(
             *((np.isinf(frame[n].to_numpy()), n, FINITE) for n in self.headers if n in wanted)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.separated import Separated
+from ridgebayes.fea.delimited import DelimitedText
 
 GOOD = "a,b,Q\n0.03,0.01,4\n0.02,0.04,6\n"
 
 
 def read(text, numeric=("a", "b", "Q"), path="mine.csv"):
     content = text if isinstance(text, bytes) else text.encode()
-    return Separated(path, content).read(set(numeric))
+    return DelimitedText(path, content).read(set(numeric))
 
 
 def refusal(text, **options):
@@ -37,7 +37,7 @@ def test_read__decimal_commas_are_recognised_and_said():
     cells = read("a;b;Q\n0,032;1e-2;4\n+1,5;,25;6\n")
     assert cells.frame["a"].tolist() == [0.032, 1.5]
     assert cells.frame["b"].tolist() == [0.01, 0.25]
-    assert "decimal comma" in cells.said[0]
+    assert "decimal comma" in cells.messages[0]
 
 
 def test_read__decimal_commas_are_the_numbers_python_reads():
@@ -107,15 +107,15 @@ def test_read__an_empty_first_cell_stays_where_it_is(row):
 
 
 @pytest.mark.parametrize("cell", ["=1+1", " =A1", '"=1,5"'])
-def test_separated__formulas_are_refused_in_any_column(cell):
+def test_delimited__formulas_are_refused_in_any_column(cell):
     assert "line 3, column 'n' = '" in refusal(f"a,b,n\n1,2,ok=1\n1,2,{cell}\n")
 
 
-def test_separated__an_equals_sign_within_text_is_none():
+def test_delimited__an_equals_sign_within_text_is_none():
     assert read("a,b,n\n1,2,x=1\n1,2,a;=b\n", ("a", "b")).frame["n"].tolist() == ["x=1", "a;=b"]
 
 
-def test_separated__ragged_rows_name_their_lines():
+def test_delimited__ragged_rows_name_their_lines():
     text = refusal("a,b,Q\n1,2,3\n1,2\n\n1,2,3,4\n")
     assert "line 3: '1,2' has 2 cells: expected 3 cells" in text
     assert "line 5: '1,2,3,4' has 4 cells" in text
@@ -140,7 +140,7 @@ def test_separated__ragged_rows_name_their_lines():
         (b'a,b\n1,"2"x\n', "line 2: not CSV"),
     ],
 )
-def test_separated__what_is_no_table_is_refused_in_words(content, words):
+def test_delimited__what_is_no_table_is_refused_in_words(content, words):
     assert words in refusal(content, numeric=())
 
 
@@ -151,7 +151,7 @@ def test_separated__what_is_no_table_is_refused_in_words(content, words):
         ("a," + 501 * "_", "expected at most 500 characters"),
     ],
 )
-def test_separated__absurd_headers_are_refused(header, words):
+def test_delimited__absurd_headers_are_refused(header, words):
     assert words in refusal(f"{header}\n1,2\n", numeric=())
 
 
@@ -160,7 +160,7 @@ def test_read__a_long_cell_of_digits_is_refused_soon():
     assert "column 'a'" in refusal(f"a,b,Q\n{130_000 * '9'}x,1,4\n")
 
 
-def test_separated__a_cell_without_end_is_refused():
+def test_delimited__a_cell_without_end_is_refused():
     assert "field larger" in refusal('a,b\n1,"' + 200_000 * "x" + '"\n', numeric=("a",))
 
 

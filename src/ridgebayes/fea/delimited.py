@@ -36,7 +36,7 @@ _PANDAS = tuple(int(part) for part in pd.__version__.split(".")[:2])
 _EXACT: dict[str, Any] = {} if _PANDAS >= (3, 1) else {"float_precision": "round_trip"}
 
 
-class Separated:
+class DelimitedText:
     """A text file of cells between separators.
 
     Parameters
@@ -76,7 +76,7 @@ class Separated:
             frame, mark = self._decimal_comma(wanted)
         text: dict[str, Any] = {n: lossless(frame[n]) for n in self.headers if n not in wanted}
         name = "TSV" if self._separator == "\t" else "CSV"
-        said = f"{name}, separator {SEPARATORS[self._separator]}, decimal {mark}"
+        dialect = f"{name}, separator {SEPARATORS[self._separator]}, decimal {mark}"
         lines = self._lines
         offset = self._header_line + 1
 
@@ -89,7 +89,7 @@ class Separated:
             lambda row, _: f"{self.where}, line {line(row)}",
             self._typed,
             line,
-            (f"{self.where}: {said}, {len(frame)} rows",),
+            (f"{self.where}: {dialect}, {len(frame)} rows",),
         ).without_blank_rows()
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:

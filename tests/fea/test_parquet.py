@@ -9,7 +9,7 @@ import pyarrow.parquet
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea import arrow
+from ridgebayes.fea import parquet
 from ridgebayes.fea.columns import read_columns
 
 ROWS = {
@@ -40,7 +40,7 @@ def refusal(read):
     return words
 
 
-def test_arrow__numbers_come_back_as_they_are(read):
+def test_parquet__numbers_come_back_as_they_are(read):
     found = read({"p [kPa]": [0.06, 0.24]}, mapping={"p": "p"}, values={"E": "60 kPa"})
     assert found.table.column("p_over_E").tolist() == [0.001, 0.004]
 
@@ -48,45 +48,45 @@ def test_arrow__numbers_come_back_as_they_are(read):
 @pytest.mark.parametrize(
     "kind", [pyarrow.int8(), pyarrow.uint64(), pyarrow.float32(), pyarrow.decimal128(25, 2)]
 )
-def test_arrow__whole_numbers_of_any_type_are_counts(read, kind):
+def test_parquet__whole_numbers_of_any_type_are_counts(read, kind):
     column = pyarrow.array([4, 6]).cast(kind)
     assert read({"Q": column}).table.column("Q").tolist() == [4, 6]
 
 
-def test_arrow__text_may_be_encoded_as_a_dictionary(read):
+def test_parquet__text_may_be_encoded_as_a_dictionary(read):
     column = pyarrow.array(["s1", None]).dictionary_encode()
     assert read({"series": column}).table.frame["series"].tolist() == ["s1", ""]
 
 
 @pytest.mark.parametrize("column", [["4", "6"], [True, False], [[4], [6]], [b"4", b"6"]])
-def test_arrow__what_is_no_number_is_refused(refusal, column):
+def test_parquet__what_is_no_number_is_refused(refusal, column):
     assert "column 'Q'" in refusal({"Q": column})
 
 
-def test_arrow__infinite_numbers_are_refused(refusal):
+def test_parquet__infinite_numbers_are_refused(refusal):
     words = refusal({"p_over_E": [0.001, float("inf")]})
     assert "mine.parquet, row 2, column 'p_over_E' = 'inf': expected a finite number" in words
 
 
-def test_arrow__own_columns_of_lists_are_left_out_and_said(read):
-    said = "\n".join(read({"extra": [[1], [2]]}).said)
-    assert "left out: column 'extra', of type list" in said
+def test_parquet__own_columns_of_lists_are_left_out_and_said(read):
+    messages = "\n".join(read({"extra": [[1], [2]]}).messages)
+    assert "left out: column 'extra', of type list" in messages
 
 
-def test_arrow__a_contract_column_of_lists_is_refused(refusal):
+def test_parquet__a_contract_column_of_lists_is_refused(refusal):
     assert "column 'series', series: expected numbers or text" in refusal({"series": [[1], [2]]})
 
 
-def test_arrow__absurdly_many_rows_are_refused(refusal, monkeypatch):
-    monkeypatch.setattr(arrow, "MOST_CELLS", 7)
+def test_parquet__absurdly_many_rows_are_refused(refusal, monkeypatch):
+    monkeypatch.setattr(parquet, "MOST_CELLS", 7)
     assert "2 rows of 4 columns; expected at most 7 cells" in refusal({})
 
 
-def test_arrow__rules_of_the_contract_name_the_row(refusal):
+def test_parquet__rules_of_the_contract_name_the_row(refusal):
     assert "row 2: p_over_E = 0.0001: must rise" in refusal({"p_over_E": [0.001, 0.0001]})
 
 
-def test_arrow__without_pyarrow_the_extra_is_named(tmp_path, monkeypatch):
+def test_parquet__without_pyarrow_the_extra_is_named(tmp_path, monkeypatch):
     out = io.BytesIO()
     pd.DataFrame(ROWS).to_parquet(out)
     (tmp_path / "mine.parquet").write_bytes(out.getvalue())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.increments import transitions_of
+from ridgebayes.fea.transitions import transitions_of
 
 LOAD = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
 
@@ -15,10 +15,10 @@ def straight(zero, load=LOAD):
 
 
 def test_transitions_of__a_straight_gap_is_zero_at_its_load():
-    rows, said = transitions_of(LOAD, straight(0.37), np.array([4]))
+    rows, messages = transitions_of(LOAD, straight(0.37), np.array([4]))
     assert rows["p_over_E"].iloc[0] == pytest.approx(0.37, rel=1e-12)  # rounding
     assert np.isnan(rows["p_over_E_lower"].iloc[0])
-    assert said == []
+    assert messages == []
 
 
 def test_transitions_of__a_curved_gap_is_off_by_no_more_than_three_errors():
@@ -43,10 +43,10 @@ def test_transitions_of__a_first_increment_in_contact_is_bracketed_from_zero():
 def test_transitions_of__cut_backs_repeats_and_unloading_change_nothing():
     load = np.array([0.1, 0.2, 0.15, 0.2, 0.3, 0.3, 0.25, 0.4, np.nan, -0.1, 0.5])
     gap = straight(0.37, np.where(np.isnan(load), 9.0, load))  # the NaN would be in contact
-    rows, said = transitions_of(load, gap, np.array([4]))
+    rows, messages = transitions_of(load, gap, np.array([4]))
     expected, _ = transitions_of(LOAD, straight(0.37), np.array([4]))
     assert rows["p_over_E"].iloc[0] == pytest.approx(expected["p_over_E"].iloc[0], rel=1e-12)
-    assert said == [
+    assert messages == [
         "2 increments without a load above 0: left out",
         "2 increments repeat a load: left out",
         "2 increments unload, or were cut back: left out",
@@ -62,16 +62,16 @@ def test_transitions_of__contact_seen_only_while_unloading_does_not_count():
 
 def test_transitions_of__lost_contact_is_said_and_the_first_one_counts():
     gap = np.array([[0.2], [0.1], [0.0], [0.1], [0.0]])
-    rows, said = transitions_of(LOAD, gap, np.array([4]), brackets=True)
+    rows, messages = transitions_of(LOAD, gap, np.array([4]), brackets=True)
     assert rows["p_over_E"].iloc[0] == 0.3
-    assert said == ["Q = 4: contact is lost again at p/E = 0.4"]
+    assert messages == ["Q = 4: contact is lost again at p/E = 0.4"]
 
 
 def test_transitions_of__a_gap_that_jumps_is_bracketed():
     gap = np.array([[0.05], [0.3], [0.2], [-0.1], [-0.2]])  # grows, then would close at 0.5
-    rows, said = transitions_of(LOAD, gap, np.array([4]))
+    rows, messages = transitions_of(LOAD, gap, np.array([4]))
     assert rows[["p_over_E_lower", "p_over_E"]].iloc[0].tolist() == [0.3, 0.4]
-    assert said == ["Q = 4: the gap before contact is not smooth enough: bracketed"]
+    assert messages == ["Q = 4: the gap before contact is not smooth enough: bracketed"]
 
 
 def test_transitions_of__a_gap_that_would_close_outside_its_increment_is_bracketed():
@@ -82,10 +82,10 @@ def test_transitions_of__a_gap_that_would_close_outside_its_increment_is_bracket
 
 def test_transitions_of__known_signs_alone_make_brackets():
     gap = np.where(LOAD[:, None] > [0.25, 0.45], -np.inf, np.inf)
-    rows, said = transitions_of(LOAD, gap, np.array([4, 6]))
+    rows, messages = transitions_of(LOAD, gap, np.array([4, 6]))
     assert rows["p_over_E_lower"].tolist() == [0.2, 0.4]
     assert rows["p_over_E"].tolist() == [0.3, 0.5]
-    assert said == []
+    assert messages == []
 
 
 def test_transitions_of__an_unknown_gap_is_no_end_of_a_bracket():
@@ -102,10 +102,10 @@ def test_transitions_of__errors_of_the_gap_are_errors_of_the_load():
 
 def test_transitions_of__corners_come_in_the_order_of_Q():
     gap = np.hstack([straight(0.45), straight(0.25)])
-    rows, said = transitions_of(LOAD, gap, np.array([6, 4]), brackets=True)
+    rows, messages = transitions_of(LOAD, gap, np.array([6, 4]), brackets=True)
     assert rows["Q"].tolist() == [4, 6]
     assert rows["p_over_E"].tolist() == [0.3, 0.5]
-    assert said == []
+    assert messages == []
 
 
 def test_transitions_of__without_increments_says_so():
@@ -116,12 +116,12 @@ def test_transitions_of__without_increments_says_so():
 def test_transitions_of__two_corners_in_one_increment_are_one_row():
     load = np.array([0.1, 0.2])
     gap = np.array([[0.1, 0.2], [-0.1, -0.01]])
-    rows, said = transitions_of(load, gap, np.array([4, 6]), brackets=True)
+    rows, messages = transitions_of(load, gap, np.array([4, 6]), brackets=True)
     assert rows["Q"].tolist() == [4]
-    assert said == ["Q = 6: reached in the increment of Q = 4: left out"]
+    assert messages == ["Q = 6: reached in the increment of Q = 4: left out"]
 
 
 def test_transitions_of__what_lies_ahead_is_said_in_one_line():
     gap = np.array([[-0.1, 0.2, 0.4]])
-    _, said = transitions_of(np.array([0.1]), gap, np.array([4, 6, 8]))
-    assert said == ["Q = 6 to 8: not reached"]
+    _, messages = transitions_of(np.array([0.1]), gap, np.array([4, 6, 8]))
+    assert messages == ["Q = 6 to 8: not reached"]

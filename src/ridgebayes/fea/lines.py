@@ -1,0 +1,130 @@
+"""Lines of text files of other programs: numbers and nodes in them, refused with file and line."""
+
+import math
+import re
+from collections.abc import Container
+from dataclasses import dataclass
+from pathlib import Path
+
+from ridgebayes.errors import InputError
+from ridgebayes.runtime.reading import read_text
+
+# A number as programs print it: Fortran drops the E of an exponent of three digits.
+NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]?([+-]\d+)|[EeDd](\d+))?")
+_SHOWN, _LONGEST_NODE = 60, 18  # characters
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line of a file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file, for messages.
+    number : int
+        From 1.
+    text : str
+        Without its end.
+    ended : bool, optional
+        Whether it has one: the last line of a run that was stopped may be half.
+    """
+
+    path: Path
+    number: int
+    text: str
+    ended: bool = True
+
+    @property
+    def words(self) -> list[str]:
+        """What stands between blanks."""
+        return self.text.split()
+
+    def error(self, message: str) -> InputError:
+        """Return an error that names the file and the line."""
+        return InputError(f"{self.path}, line {self.number}: {message}")
+
+    def unexpected(self, expected: str) -> InputError:
+        """Return an error that shows the line."""
+        return self.error(f"{self.text.strip()[:_SHOWN]!r}; expected {expected}")
+
+    def finite(self, word: str, value: int | None = None) -> float:
+        """Return a printed number.
+
+        Parameters
+        ----------
+        word : str
+            Digits with a point; an exponent may lack its E, as Fortran prints it.
+        value : int or None, optional
+            Which value of the line it is, for messages.
+
+        Raises
+        ------
+        InputError
+            If it is no finite number, such as with a comma for the point.
+        """
+        number = parse_number(word)
+        if not math.isfinite(number):
+            where = f"{self.path}, line {self.number}" + (f", value {value} =" if value else ":")
+            raise InputError(f"{where} {word[:40]!r}: expected a finite number")
+        return number
+
+    def values(self, columns: str) -> list[float]:
+        """Return the line's numbers, as many as there are columns between commas."""
+        words = self.words
+        if len(words) != columns.count(",") + 1:
+            raise self.unexpected(columns)
+        return [self.finite(word) for word in words]
+
+    def node(self, word: str, seen: Container[int]) -> int:
+        """Return a node's number, which is whole and has not been seen.
+
+        Raises
+        ------
+        InputError
+        """
+        number = self.finite(word)
+        if number != int(number) or int(number) in seen:
+            raise self.error(f"node {word[:40]!r}; expected a whole number, each node once")
+        return int(number)
+
+
+def is_label(word: str) -> bool:
+    """Return whether a word is the number of a node, in digits alone."""
+    return word.isascii() and word.isdigit() and len(word) <= _LONGEST_NODE
+
+
+def parse_number(word: str) -> float:
+    """Return a printed number, NaN if it is none.
+
+    Examples
+    --------
+    >>> parse_number("1.5-101"), parse_number("1,5"), parse_number("1D2")
+    (1.5e-101, nan, 100.0)
+    """
+    match = NUMBER.fullmatch(word) if word.isascii() else None
+    return float(f"{match[1]}e{match[2] or match[3] or '0'}") if match is not None else math.nan
+
+
+def read_lines(path: Path, *, unfinished: bool = False) -> list[Line]:
+    """Read a text file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    unfinished : bool, optional
+        Whether to return a last line without an end too.
+
+    Returns
+    -------
+    list of Line
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is not UTF-8.
+    """
+    *texts, last = read_text(path).split("\n")
+    lines = [Line(path, number, text) for number, text in enumerate(texts, start=1)]
+    return [*lines, Line(path, len(lines) + 1, last, ended=False)] if unfinished and last else lines

@@ -1,0 +1,267 @@
+"""From increments to transitions: at which load each corner was reached."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes.errors import InputError
+from ridgebayes.table.rules import row_codes
+
+MOST = 2000  # histories in a file: some milliseconds each
+_SHOWN = 20  # remarks on single histories
+_OPEN = ("open", "0", "0.0", "no", "false", "off", "free", "separated", "not in contact")
+_CLOSED = (
+    *("closed", "1", "1.0", "yes", "true", "on", "touched", "contact", "in contact"),
+    *("stick", "sticking", "slip", "slipping", "sliding"),
+)
+STATUS_RULE = (
+    "expected open or 0, closed or 1, or an empty cell (codes of contact programs beyond 0 and 1 "
+    "have to be told apart before)"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Histories:
+    """Increments of runs.
+
+    Parameters
+    ----------
+    curve : DataFrame, n_row rows
+        Columns that are constant in a run, by contract name; one run each distinct row.
+    load : ndarray of float, shape (n_row,), dimensionless
+        p/E.
+    gap : ndarray of float, shape (n_row, n_corner)
+        As `ridgebayes.fea.transitions.transitions_of`.
+    Q : sequence of int, length n_corner
+        Rising.
+    """
+
+    curve: pd.DataFrame
+    load: FloatArray
+    gap: FloatArray
+    Q: Sequence[int]
+
+    def transitions(self, where: str, *, brackets: bool) -> tuple[pd.DataFrame, list[str]]:
+        """Return a row for each corner that was reached, and remarks.
+
+        Raises
+        ------
+        InputError
+            If no corner of any run was reached, or there are over 2000 runs.
+        """
+        run = row_codes(*(self.curve[name] for name in self.curve))
+        n_run = int(run.max()) + 1
+        if n_run > MOST:
+            raise InputError(
+                f"{where}: increments of {n_run} runs; expected at most {MOST} (texture, nu, "
+                "offset, "
+                "series, solver and source are constant in a run)"
+            )
+        frames, messages, failed = [], [], []
+        order = np.argsort(run, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(run[order])) + 1):
+            one = self.curve.iloc[int(rows[0])]
+            name = "" if n_run == 1 else f"{_label(one)}: "
+            try:
+                frame, odd = self._run(rows, brackets=brackets)
+            except InputError as error:
+                failed.append(f"{name}{error}")
+                continue
+            messages += [f"{name}{text}" for text in odd]
+            frames.append(frame.assign(**{str(key): one[str(key)] for key in self.curve}))
+        if not frames:
+            raise InputError(f"{where}: {failed[0]}")
+        messages += [f"left out: {text}" for text in failed]
+        if len(messages) > _SHOWN:
+            messages = [*messages[:_SHOWN], f"and {len(messages) - _SHOWN} more remarks on runs"]
+        return pd.concat(frames, ignore_index=True), [f"{n_run} runs of increments", *messages]
+
+    def _run(self, rows: IntArray, *, brackets: bool) -> tuple[pd.DataFrame, list[str]]:
+        Q = np.array(self.Q, dtype=np.int64)
+        # Absurd numbers overflow where loads are extrapolated, and then are not used.
+        with np.errstate(all="ignore"):
+            load, gap = self.load[rows], self.gap[rows]
+            self._check_order(load, gap)
+            return transitions_of(load, gap, Q, brackets=brackets)
+
+    def _check_order(self, load: FloatArray, gap: FloatArray) -> None:
+        """Refuse outer corners that touch in an increment before inner ones: columns exchanged."""
+        touched = gap <= 0
+        first = np.where(touched.any(axis=0), touched.argmax(axis=0), len(load))
+        for i in np.flatnonzero(np.diff(first) < 0).tolist():
+            raise InputError(
+                f"Q = {self.Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before "
+                f"Q = {self.Q[i]}; expected inner corners first"
+            )
+
+
+def touching(words: "pd.Series[str]") -> tuple[FloatArray, BoolArray]:
+    """Return gaps of which only the sign is known, and the cells that are no status.
+
+    Examples
+    --------
+    >>> gap, bad = touching(pd.Series(["open", "Closed", "", "maybe"]))
+    >>> gap.tolist(), bad.tolist()
+    ([inf, -inf, nan, nan], [False, False, False, True])
+    """
+    plain = words.str.strip().str.lower()
+    is_open, closed = plain.isin(_OPEN).to_numpy(bool), plain.isin(_CLOSED).to_numpy(bool)
+    gap = np.where(is_open, np.inf, np.where(closed, -np.inf, np.nan))
+    return gap, ~(is_open | closed | (plain == "").to_numpy(bool))
+
+
+def _label(one: "pd.Series[str]") -> str:
+    texture = str(one.get("texture", "")) or f"a/R = {one['a_over_R']:g}, b/R = {one['b_over_R']:g}"
+    series = str(one.get("series", ""))
+    return f"{texture}, {series}" if series else texture
+
+
+_SHOWN = 5  # loads a message lists
+
+
+def transitions_of(
+    load: FloatArray,
+    gap: FloatArray,
+    Q: IntArray,
+    *,
+    brackets: bool = False,
+    gap_error: FloatArray | float = 0.0,
+) -> tuple[pd.DataFrame, list[str]]:
+    """Find the load at which each of several corners was reached.
+
+    Parameters
+    ----------
+    load : ndarray of float, shape (n_increment,), dimensionless
+        p/E of each converged increment, in the order of the run.
+    gap : ndarray of float, shape (n_increment, n_corner), over R
+        How far the body is from each corner: 0 or less where it touches. Infinite, with its sign,
+        where only that is known.
+    Q : ndarray of int, shape (n_corner,)
+        Ridges touched once that corner is.
+    brackets : bool, optional
+        Whether to give the increment, ``p_over_E_lower < load <= p_over_E``, even where gaps are
+        smooth enough to tell the load within it.
+    gap_error : float or ndarray of float, shape (n_increment, n_corner), over R, optional
+        How far the gaps may be off, such as by a penalty's overlap or by printed digits.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``Q``, ``p_over_E``, ``p_over_E_lower`` (NaN where the load is told) and
+        ``rel_se`` (0 with a bracket); a row for each corner that was reached.
+    list of str
+        What was left out or looks odd.
+
+    Raises
+    ------
+    InputError
+        If no corner was reached.
+
+    Notes
+    -----
+    *Validity.* Increments whose load is not above all before them are left out: repeats, cut-backs
+    and unloading. A gap is extrapolated from the two increments before contact, on the side where
+    a penalty has no say; the load has to lie within the increment, else the bracket stands.
+
+    *Accuracy.* `rel_se` is the change that one more increment makes, by a parabola, with the gap's
+    error beside it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> load = np.array([0.1, 0.2, 0.3, 0.4])
+    >>> gap = np.array([[0.25], [0.15], [0.05], [-0.001]])
+    >>> rows, _ = transitions_of(load, gap, np.array([4]))
+    >>> round(float(rows["p_over_E"].iloc[0]), 12)
+    0.35
+    """
+    load, gap = np.asarray(load, dtype=float), np.asarray(gap, dtype=float)
+    error = np.broadcast_to(np.asarray(gap_error, dtype=float), gap.shape)
+    order, messages = _rising(load)
+    load, gap, error = load[order], gap[order], error[order]
+    rows: list[dict[str, Any]] = []
+    ahead: list[int] = []
+    for j in np.argsort(Q):
+        known = ~np.isnan(gap[:, j])
+        touched = known & (gap[:, j] <= 0)
+        if not touched.any():
+            ahead.append(int(Q[j]))
+            continue
+        first = int(np.argmax(touched))
+        lost = load[first:][known[first:] & (gap[first:, j] > 0)]
+        if lost.size:
+            messages.append(f"Q = {Q[j]}: contact is lost again at p/E = {_listed(lost)}")
+        before = np.flatnonzero(known[:first])
+        lower = float(load[before[-1]]) if before.size else 0.0
+        row = {
+            "Q": int(Q[j]),
+            "p_over_E": float(load[first]),
+            "p_over_E_lower": lower,
+            "rel_se": 0.0,
+        }
+        told = None if brackets else _told(load, gap[:, j], error[:, j], before, float(load[first]))
+        if told is not None:
+            row |= {"p_over_E": told[0], "p_over_E_lower": math.nan, "rel_se": told[1]}
+        elif not brackets and np.isfinite(gap[before, j]).any():
+            messages.append(f"Q = {Q[j]}: the gap before contact is not smooth enough: bracketed")
+        if rows and row["p_over_E"] <= rows[-1]["p_over_E"]:
+            # One increment went over two corners: its load is known for the first alone.
+            messages.append(
+                f"Q = {Q[j]}: reached in the increment of Q = {rows[-1]['Q']}: left out"
+            )
+            continue
+        rows.append(row)
+    if ahead:
+        to = f" to {ahead[-1]}" if len(ahead) > 1 else ""
+        messages.append(f"Q = {ahead[0]}{to}: not reached")
+    if not rows:
+        top = f"the highest load is p/E = {load[-1]:.5g}" if load.size else "no increment is left"
+        raise InputError(f"no corner is reached: {top}; {'; '.join(messages)}")
+    return pd.DataFrame(rows), messages
+
+
+def _rising(load: FloatArray) -> tuple[IntArray, list[str]]:
+    """Return the increments whose load is above all before; what the others are."""
+    finite = np.isfinite(load) & (load > 0)
+    above = np.maximum.accumulate(np.where(finite, load, 0.0))
+    before = np.concatenate([[0.0], above[:-1]])
+    keep = finite & (load > before)
+    messages = []
+    if n := int((~finite).sum()):
+        messages.append(f"{n} increments without a load above 0: left out")
+    repeated = finite & (load == before)
+    if n := int(repeated.sum()):
+        messages.append(f"{n} increments repeat a load: left out")
+    if n := int((finite & (load < before)).sum()):
+        messages.append(f"{n} increments unload, or were cut back: left out")
+    return np.flatnonzero(keep), messages
+
+
+def _told(
+    load: FloatArray, gap: FloatArray, error: FloatArray, before: IntArray, upper: float
+) -> tuple[float, float] | None:
+    """Return the load of zero gap and its relative error, from the last increments before it."""
+    last = before[-3:]
+    g, p = gap[last], load[last]
+    if last.size < 3 or not np.isfinite(g).all() or not (np.diff(g) < 0).all():
+        return None
+    slope = (g[2] - g[1]) / (p[2] - p[1])
+    straight = p[2] - g[2] / slope
+    # Inverse quadratic interpolation: the load as a parabola of the gap, at gap 0.
+    weights = [np.prod([g[k] / (g[k] - g[i]) for k in range(3) if k != i]) for i in range(3)]
+    curved = float(np.dot(weights, p))
+    doubt = math.hypot(curved - straight, error[last[-1]] / abs(slope))
+    if not (p[2] < straight <= upper * (1 + 1e-12) + doubt):
+        return None
+    found = min(straight, upper)
+    return found, max(doubt / found, 1e-12)
+
+
+def _listed(loads: FloatArray) -> str:
+    shown = ", ".join(f"{one:.5g}" for one in loads[:_SHOWN])
+    return f"{shown} and {loads.size - _SHOWN} more" if loads.size > _SHOWN else shown

@@ -1,0 +1,135 @@
+"""X-Y reports of Abaqus/Viewer, and X-Y data as CSV."""
+
+import csv
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes.errors import InputError
+from ridgebayes.fea.lines import Line, read_lines
+
+_DASHES = re.compile(r"\s*-{9,}\s*$")
+_GAP = re.compile(r"\s{2,}")
+_BEGINS = "+-.0123456789"
+_SEPARATORS = (";", "\t", ",")
+
+
+def read_xy(path: Path) -> pd.DataFrame:
+    """Read an X-Y report, or X-Y data as CSV.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        A header, ``X`` and the curves' names, on one line or wrapped over several, then rows of
+        numbers: set in columns by blanks, or separated by commas, semicolons or tabs. Several
+        tables with the same X become one.
+
+    Returns
+    -------
+    DataFrame
+        A column of float for each curve, ``X`` first; the index, ``line``, is that of the file.
+
+    Raises
+    ------
+    InputError
+        With the line, if the header has another number of columns than the rows, a name stands
+        twice, a cell is no number, or there are no rows.
+    """
+    tables: list[_Table] = []
+    header: list[str] = []
+    closed = False  # whether a blank line came below the header
+    for line in read_lines(path, unfinished=True):
+        text = line.text
+        if not text.strip() or _DASHES.match(text):
+            closed = True
+        elif text.lstrip()[0] not in _BEGINS:
+            # Names; or what stands below the rows, such as a minimum, which no rows follow.
+            header, closed = [text] if closed else [*header, text], False
+        else:
+            if header:
+                tables.append(_Table(_columns(line, header)))
+                header = []
+            if not tables:
+                raise line.error("numbers before a header; expected X and names")
+            tables[-1].add(line)
+    if not tables:
+        raise InputError(f"{path}: no rows; expected a header, X and names, and rows of numbers")
+    first, *others = tables
+    frame = pd.DataFrame(
+        np.array(first.rows),
+        columns=first.names,
+        index=pd.Index([line.number for line in first.lines], name="line"),
+    )
+    for one in others:
+        values = np.array(one.rows)
+        if not np.array_equal(values[:, 0], frame[frame.columns[0]]):
+            raise one.lines[0].error("another X; expected tables of the same X")
+        if twice := set(one.names[1:]) & set(frame.columns):
+            raise one.lines[0].error(f"{min(twice)!r} again; expected each name once")
+        frame = frame.assign(**dict(zip(one.names[1:], values.T[1:], strict=True)))
+    return frame
+
+
+@dataclass
+class _Table:
+    """Rows below a header."""
+
+    names: list[str]
+    lines: list[Line] = field(default_factory=list)
+    rows: list[list[float]] = field(default_factory=list)
+
+    def add(self, line: Line) -> None:
+        words = _cells(line.text)
+        if len(words) != len(self.names):
+            raise line.error(
+                f"{len(words)} values; expected {len(self.names)} as in the header, with decimal "
+                "points"
+            )
+        self.lines.append(line)
+        self.rows.append([line.finite(word) for word in words])
+
+
+def _cells(line: str) -> list[str]:
+    """Return the words of a row."""
+    for separator in _SEPARATORS:
+        if separator in line:
+            return [cell.strip() for cell in line.strip().removesuffix(separator).split(separator)]
+    return line.split()
+
+
+def _columns(line: Line, header: list[str]) -> list[str]:
+    """Return the names above a row."""
+    row, last = line.text, header[-1].strip()
+    n = len(_cells(row))
+    separator = next((one for one in _SEPARATORS if one in row), None)
+    if separator is not None:
+        names = next(csv.reader([last.removesuffix(separator)], delimiter=separator))
+        names = [name.strip() for name in names]
+    else:
+        # Names hold single blanks, and may be wrapped over several lines.
+        names = _GAP.split(last)
+        names = names if len(names) == n else last.split()
+        if len(header) > 1 or len(names) != n:
+            names = _wrapped(header, row)
+    if len(names) != n or not all(names):
+        raise line.error(
+            f"{n} values below the names {', '.join(map(repr, names))}; expected as many names"
+        )
+    if len(set(names)) < n:
+        twice = next(name for name in names if names.count(name) > 1)
+        raise line.error(f"{twice!r} again in the header; expected each name once")
+    return names
+
+
+def _wrapped(header: list[str], row: str) -> list[str]:
+    """Return names over several lines: each piece belongs to the number next to it."""
+    middles = [(m.start() + m.end()) / 2 for m in re.finditer(r"\S+", row)]
+    names: list[list[str]] = [[] for _ in middles]
+    for line in header:
+        for piece in re.finditer(r"\S+(?: \S+)*", line):
+            middle = (piece.start() + piece.end()) / 2
+            names[int(np.argmin([abs(middle - one) for one in middles]))].append(piece[0])
+    return [" ".join(pieces) for pieces in names]
