@@ -27,8 +27,7 @@ import numpy as np
 import psutil  # comes with distributed
 
 import ridgebayes as rb
-from ridgebayes.runtime.ordered import map_ordered
-from ridgebayes.runtime.workers import executor_for, workers
+from ridgebayes.runtime.pool import executor_for, map_ordered, workers
 from ridgebayes.scene.scene import Scene
 from ridgebayes.simulate.generation import generate
 

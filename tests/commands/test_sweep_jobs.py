@@ -15,7 +15,7 @@ import pytest
 from ridgebayes.commands.sweep_jobs import journal_of, sweep_job
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.runtime.journal import Journal
-from ridgebayes.runtime.workers import workers
+from ridgebayes.runtime.pool import workers
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate import generation
 from ridgebayes.simulate.generation import generate

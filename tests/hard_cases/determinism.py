@@ -25,7 +25,7 @@ from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
-from ridgebayes.runtime.workers import workers
+from ridgebayes.runtime.pool import workers
 from ridgebayes.simulate.generation import generate
 from tests.hard_cases.case import hard_case
 from tests.hard_cases.machine import ROOT, run_contents

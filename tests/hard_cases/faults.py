@@ -17,7 +17,7 @@ from ridgebayes.commands.run_folder import read_run
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import error_models
 from ridgebayes.inference.checkpoint import Checkpoint
-from ridgebayes.runtime.workers import workers
+from ridgebayes.runtime.pool import workers
 from tests.hard_cases.case import hard_case, refused
 from tests.hard_cases.machine import (
     contents,
@@ -413,7 +413,7 @@ def saving(self, walk):
 Checkpoint.save = saving
 """
     done = compared(here, before=gone)
-    done.refused(1, f"{here}/out: its folder {here}/.out.partial is gone; expected ")
+    done.refused(1, f"{here}/out: its folder {here}/.out.partial is gone; leave it alone")
     assert {path.name for path in here.iterdir()} == {"few.csv"}
     return "exit 1, its folder is gone"
 

@@ -186,7 +186,7 @@ def no_execution():
                 calls += 1
                 assert ast.unparse(node.func) not in FORBIDDEN, (path.name, node.lineno)
                 assert "allow_pickle" not in [one.arg for one in node.keywords], path.name
-    assert pickled == {"worker_pool.py"}
+    assert pickled == {"pool.py"}
     for name, content in sound_run().items():
         assert not re.match(rb"\x80[\x02-\x05]", content), name
         assert b"cnumpy" not in content, name

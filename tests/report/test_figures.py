@@ -18,7 +18,7 @@ from ridgebayes.report.figures.evidence import forest_figure
 from ridgebayes.report.figures.forms import percent_error_figure, slope_figure
 from ridgebayes.report.figures.gallery import _drawn
 from ridgebayes.report.figures.posterior import corner_figure
-from ridgebayes.runtime.workers import workers
+from ridgebayes.runtime.pool import workers
 
 FORMS = ("classic", "power-law", "modified", "hybrid")
 NAMES = (

@@ -19,9 +19,7 @@ from ridgebayes.checks.coverage import coverage
 from ridgebayes.commands.sweep_jobs import sweep_job
 from ridgebayes.errors import ComputationError
 from ridgebayes.model.forms import Modified
-from ridgebayes.runtime.ordered import map_ordered
-from ridgebayes.runtime.worker_pool import WorkerLostError
-from ridgebayes.runtime.workers import executor_for
+from ridgebayes.runtime.pool import WorkerLostError, executor_for, map_ordered
 from ridgebayes.scene.scene import Scene
 from ridgebayes.simulate.generation import generate
 

@@ -23,7 +23,7 @@ def test_seed_of__draws_from_a_generator_reproducibly_and_moves_it_on():
 
 @pytest.mark.parametrize("bad", [-1, 1.5, True, None, "7"])
 def test_seed_of__refuses_what_is_no_seed(bad):
-    rule = rf"rng: {bad!r} given; expected a non-negative integer or a numpy Generator"
+    rule = rf"rng: expected a non-negative integer or a numpy Generator, got {bad!r}"
     with pytest.raises(InputError, match=rule):
         seed_of(bad)
 

@@ -28,7 +28,7 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import Prior
 from ridgebayes.model.replicated import prior_draws, simulate_log_loads, simulated
 from ridgebayes.results import Fit
-from ridgebayes.runtime.ordered import map_ordered
+from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
 from tests.validation.uniformity import Uniformity, ranks_to_pit, uniformity
 

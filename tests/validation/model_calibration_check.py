@@ -25,7 +25,7 @@ from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import Prior
 from ridgebayes.model.replicated import is_possible, simulate_log_loads, simulated
-from ridgebayes.runtime.ordered import map_ordered
+from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
 from tests.validation.calibration_check import FAILURE_COLUMNS, exact_places
 

@@ -16,7 +16,7 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.runtime.ordered import map_ordered
+from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable
 

@@ -19,7 +19,7 @@ from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.runtime.ordered import map_ordered
+from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.table.table import ContactTable
 

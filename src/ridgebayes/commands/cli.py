@@ -76,10 +76,11 @@ def run(
     scheduler: Scheduler = None,
 ) -> None:
     """Do the main job: calibrate, weigh the evidence, predict, report."""
-    from ridgebayes.runtime.worker_pool import start_server
+    from ridgebayes.runtime.pool import start_server
 
     if scheduler is None and workers != 1:
-        start_server()
+        # Modules that workers need, in time to be imported while this process imports them too.
+        start_server(("ridgebayes.commands.jobs", "ridgebayes.report.figures", "arviz", "corner"))
     from ridgebayes.commands.jobs import run_job
 
     done = run_job(

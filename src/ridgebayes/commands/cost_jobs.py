@@ -18,9 +18,8 @@ from ridgebayes.drawing.style import save
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms import Hybrid
 from ridgebayes.report.figures.costs import plot_cost
-from ridgebayes.runtime.ordered import map_ordered
+from ridgebayes.runtime.pool import executor_for, map_ordered
 from ridgebayes.runtime.progress import Progress
-from ridgebayes.runtime.workers import executor_for
 from ridgebayes.table.table import ContactTable
 
 COST_CSV = "cost.csv"
@@ -70,7 +69,7 @@ def cost_job(
     repeats, seed, force
         Timed runs of each quick setting, seed of all draws, whether a folder may be replaced.
     workers, scheduler : optional
-        As for `runtime.workers.executor_for`: who measures loads, posteriors, evidences, bands.
+        As for `runtime.pool.executor_for`: who measures loads, posteriors, evidences, bands.
         What is measured side by side takes longer than alone.
 
     Returns

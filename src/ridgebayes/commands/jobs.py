@@ -35,9 +35,8 @@ from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import FORMS, Form, form_named
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.runtime.ordered import submit_or_defer
+from ridgebayes.runtime.pool import executor_for, n_cpu, submit_or_defer
 from ridgebayes.runtime.progress import Progress
-from ridgebayes.runtime.workers import executor_for, n_cpu
 from ridgebayes.table.datafiles import paper_sweep, reference_fe
 from ridgebayes.table.table import ContactTable, read_table
 
@@ -87,7 +86,7 @@ def run_job(
         highest evidence by Laplace's approximation, leaves no textures out, compares no finite
         elements and draws the five figures that hold the answer.
     workers, scheduler : optional
-        As for `runtime.workers.executor_for`: what weighs error models and refits folds; all
+        As for `runtime.pool.executor_for`: what weighs error models and refits folds; all
         processors of this machine if neither is given. The numbers do not depend on them.
 
     Returns
@@ -242,7 +241,7 @@ def coverage_job(
     force : bool, optional
         Whether an existing folder of this command may be replaced.
     workers, scheduler : optional
-        As for `ridgebayes.runtime.workers.executor_for`; the numbers do not depend on them.
+        As for `ridgebayes.runtime.pool.executor_for`; the numbers do not depend on them.
 
     Returns
     -------

@@ -26,8 +26,7 @@ from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.noise import Noise
 from ridgebayes.results import Fit
-from ridgebayes.runtime.atomic import replacing
-from ridgebayes.runtime.locks import exclusive_lock
+from ridgebayes.runtime.atomic import exclusive_lock, replacing
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
 from ridgebayes.runtime.text import clipped, one_line_message
 from ridgebayes.table.table import read_table

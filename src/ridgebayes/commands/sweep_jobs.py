@@ -8,11 +8,10 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 from ridgebayes.errors import InputError, RidgebayesError
+from ridgebayes.runtime.atomic import exclusive_lock
 from ridgebayes.runtime.journal import Journal
-from ridgebayes.runtime.locks import exclusive_lock
-from ridgebayes.runtime.ordered import map_ordered
+from ridgebayes.runtime.pool import executor_for, map_ordered
 from ridgebayes.runtime.progress import Progress
-from ridgebayes.runtime.workers import executor_for
 from ridgebayes.scene.effects import Plan, plan
 from ridgebayes.scene.scene import Scene
 from ridgebayes.simulate import generation
@@ -43,7 +42,7 @@ def sweep_job(
     scene, solver, rel_tol, accuracy
         As for `ridgebayes.generate`.
     workers, scheduler : optional
-        As for `ridgebayes.runtime.workers.executor_for`.
+        As for `ridgebayes.runtime.pool.executor_for`.
     resume : bool, optional
         Whether to take what an earlier sweep left in the journal.
     force : bool, optional

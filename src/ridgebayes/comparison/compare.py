@@ -28,7 +28,7 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.results import Fit, calibrate
-from ridgebayes.runtime.ordered import map_ordered, submit_or_defer
+from ridgebayes.runtime.pool import map_ordered, submit_or_defer
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.table.table import ContactTable
 

@@ -30,7 +30,7 @@ from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.runtime.ordered import map_ordered
+from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import stream
 from ridgebayes.table.table import ContactTable
 

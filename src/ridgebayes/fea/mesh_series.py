@@ -22,8 +22,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import parse_number
 from ridgebayes.fea.record import HUGE, Imported, provenance
 from ridgebayes.fea.surface import Body, CylinderSurface, Origin, SurfaceHistory, table_from_history
-from ridgebayes.runtime.hdf5_files import check_inside, check_stored
-from ridgebayes.runtime.reading import LARGEST, read_text
+from ridgebayes.runtime.reading import LARGEST, check_inside, check_stored, read_text
 from ridgebayes.runtime.text import one_line_message
 
 _LARGEST_XML = 64 * 2**20  # bytes: more would take a parser longer than a user waits

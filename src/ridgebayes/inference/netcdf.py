@@ -20,8 +20,7 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import priors_from_json, priors_to_json
 from ridgebayes.runtime.atomic import replacing
-from ridgebayes.runtime.hdf5_files import check_tree
-from ridgebayes.runtime.reading import read_bytes
+from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import one_line_message
 
 LARGEST_LOG_LIKELIHOOD = 30_000_000  # numbers; beyond it the group is left out and LOO says so

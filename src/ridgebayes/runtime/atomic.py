@@ -1,9 +1,12 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, and outputs that one process at a time works on."""
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from ridgebayes.errors import InputError, OutputError, RidgebayesError
 
@@ -83,3 +86,53 @@ def cannot_write(path: Path, error: OSError) -> RidgebayesError:
             f"{path}: cannot be written: {why}; expected a file in an existing folder"
         )
     return OutputError(f"{path}: cannot be written: {why}; expected a writable folder with room")
+
+
+@contextmanager
+def exclusive_lock(path: Path) -> Iterator[None]:
+    """Keep every other process from working on an output while the block lasts.
+
+    Parameters
+    ----------
+    path : Path
+        The output. The lock is held on ``.<name>.lock`` beside it.
+
+    Raises
+    ------
+    InputError
+        If another process holds it, or the folder cannot be written to.
+
+    Notes
+    -----
+    The system releases the lock when a process ends, however it ended: the file that a killed
+    process leaves behind blocks nobody. On file systems without locks nothing is kept apart.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with exclusive_lock(Path(folder, "t.csv")):
+    ...         print([path.name for path in Path(folder).iterdir()])
+    ...     print(list(Path(folder).iterdir()))
+    ['.t.csv.lock']
+    []
+    """
+    lock = FileLock(path.with_name(f".{path.name}.lock"))
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        raise InputError(
+            f"{path}: another process is working on it; use another -o, or wait for its end"
+        ) from None
+    except OSError as error:
+        if error.errno not in (errno.ENOLCK, errno.ENOTSUP):  # a file system without locks
+            raise InputError(
+                f"{path}: cannot be written: {error.strerror}; expected a folder that can be "
+                "written to"
+            ) from None
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # a folder that is gone, or can only be read by now
+            Path(lock.lock_file).unlink(missing_ok=True)
+        lock.release()

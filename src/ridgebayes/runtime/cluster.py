@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ridgebayes.errors import InputError
-from ridgebayes.runtime.worker_pool import WorkerLostError
+from ridgebayes.runtime.pool import WorkerLostError
 
 if TYPE_CHECKING:
     from distributed import Client

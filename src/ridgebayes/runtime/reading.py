@@ -1,12 +1,29 @@
-"""Bytes and text of files that somebody else may have made: bounded before they are read."""
+"""Files that somebody else may have made: bytes, text and HDF5, bounded before they are read.
 
+Nothing is followed out of an HDF5 file, and a dataset costs no more memory than its numbers: HDF5
+itself trusts stated sizes, makes zeros of what was never written, and unpacks a chunk to whatever
+length comes out. h5py is imported where it is used: most commands read no such file.
+"""
+
+import math
+import zlib
 from pathlib import Path
 from stat import S_ISREG
+from typing import TYPE_CHECKING, Any
 
 from ridgebayes.errors import InputError
 
+if TYPE_CHECKING:
+    import h5py
+
 LARGEST = 2 * 2**30  # bytes of a file: more is not read into memory
 LARGEST_TEXT = 64 * 2**20  # bytes of TOML or JSON: more takes a parser minutes
+LARGEST_CHUNK = 64 * 2**20  # bytes: a whole one is unpacked for a part of it
+_MOST_OBJECTS = 10_000  # groups and datasets; a posterior has thirty
+_STEP = 2**20  # bytes that are unpacked at a time, to be counted
+_NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
+_GZIP, _SHUFFLE, _FLETCHER32 = 1, 2, 3  # numbers of HDF5's filters
+_PADDED = 4 / 3  # of a chunk: gzip and checksums never make one longer than that
 
 
 def read_bytes(path: Path, most: int = LARGEST) -> bytes:
@@ -64,3 +81,147 @@ def read_text(path: Path, most: int = LARGEST) -> str:
             f"{path}, line {line}: byte {content[error.start]:#04x} is not UTF-8; expected UTF-8"
         ) from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def check_tree(file: "h5py.File", where: str) -> None:
+    """Refuse a file with anything but groups and datasets of numbers and text, all of them in it.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Open for reading.
+    where : str
+        Name that messages show.
+
+    Raises
+    ------
+    InputError
+        If it has links, virtual or external data, objects or types of other kinds, too many or too
+        large datasets, or datasets of which parts are missing.
+    """
+    import h5py
+
+    left, groups = LARGEST, [file["/"]]
+    seen: set[int] = set()
+    while groups:
+        group = groups.pop()
+        for key in group:
+            here = f"{where}: {_shown(group.name, key)}"
+            if not isinstance(group.get(key, getlink=True), h5py.HardLink):
+                raise InputError(f"{here} is a link; expected none")
+            one = group[key]
+            place = h5py.h5o.get_info(one.id).addr
+            if place in seen or len(seen) >= _MOST_OBJECTS:
+                raise InputError(f"{here}: expected each object once, at most {_MOST_OBJECTS}")
+            seen.add(place)
+            if isinstance(one, h5py.Group):
+                groups.append(one)
+                continue
+            check_inside(one, here, text=True)
+            left -= one.size * one.dtype.itemsize
+            if left < 0:
+                raise InputError(f"{here} is {one.shape}; expected at most {LARGEST} bytes in all")
+            if not bytes(one.attrs.get("NAME", b"")).startswith(_NO_VARIABLE):
+                check_stored(one, here)
+
+
+def check_inside(data: Any, where: str, *, text: bool = False) -> None:
+    """Refuse what is not a dataset of plain numbers in this file.
+
+    Parameters
+    ----------
+    data : h5py.Dataset
+        Or anything else that stands in a file.
+    where : str
+        Name that messages show.
+    text : bool, optional
+        Whether text will do as well.
+
+    Raises
+    ------
+    InputError
+    """
+    import h5py
+
+    if isinstance(data, h5py.Dataset) and not data.is_virtual and not data.external:
+        kind = data.dtype
+        if kind.kind in "fiu" and kind.itemsize <= 8:
+            return
+        if text and (kind.kind == "b" or h5py.check_string_dtype(kind) is not None):
+            return
+    raise InputError(f"{where}: expected a dataset of numbers, in this file")
+
+
+def check_stored(data: "h5py.Dataset", where: str) -> None:
+    """Refuse a dataset of which parts are not there, or one that costs more than its numbers.
+
+    Parameters
+    ----------
+    data : h5py.Dataset
+        In the file itself, see `check_inside`.
+    where : str
+        Name that messages show.
+
+    Raises
+    ------
+    InputError
+    """
+    import h5py
+
+    properties = data.id.get_create_plist()
+    if properties.get_layout() != h5py.h5d.CHUNKED:  # a compact one stands in its own header
+        compact = properties.get_layout() == h5py.h5d.COMPACT
+        if data.size and not compact and data.id.get_offset() is None:
+            raise InputError(f"{where}: 0 of 1 pieces are stored; expected all of them")
+        return
+    size = data.dtype.itemsize * math.prod(data.chunks)
+    if size > max(data.dtype.itemsize * data.size, LARGEST_CHUNK):
+        raise InputError(f"{where}: a chunk of {size} bytes; expected at most {LARGEST_CHUNK}")
+    there = data.id.get_num_chunks()
+    pieces = math.prod(-(-n // max(m, 1)) for n, m in zip(data.shape, data.chunks, strict=True))
+    if data.size and there < pieces:
+        raise InputError(f"{where}: {there} of {pieces} pieces are stored; expected all of them")
+    filters = [properties.get_filter(i)[0] for i in range(properties.get_nfilters())]
+    if _GZIP in filters:
+        _check_unpacked(data, filters, size, where)
+
+
+def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: str) -> None:
+    """Refuse gzip that unpacks to more than its chunk, before HDF5 does it."""
+    at = filters.index(_GZIP)
+    before, after = filters[:at], filters[at + 1 :]
+    if not set(before) <= {_SHUFFLE, _FLETCHER32} or not set(after) <= {_FLETCHER32}:
+        raise InputError(f"{where}: filters {filters}; expected gzip with shuffle and checksums")
+    most = size + 4 * len(before)
+
+    def check(chunk: Any) -> None:
+        if chunk.size > _PADDED * size + 1024:
+            raise InputError(
+                f"{where}: a chunk of {chunk.size} packed bytes; expected at most {most}"
+            )
+        mask, packed = data.id.read_direct_chunk(chunk.chunk_offset)
+        if not mask >> at & 1 and not _fits(packed, most):
+            raise InputError(f"{where}: a chunk unpacks to over {most} bytes; expected as stated")
+
+    # What is raised inside of HDF5's own loop comes out of it as another error.
+    chunks: list[Any] = []
+    data.id.chunk_iter(chunks.append)
+    for chunk in chunks:
+        check(chunk)
+
+
+def _fits(packed: bytes, most: int) -> bool:
+    unpack, n = zlib.decompressobj(), 0
+    try:
+        while packed and not unpack.eof:
+            n += len(unpack.decompress(packed, _STEP))
+            if n > most:
+                return False
+            packed = unpack.unconsumed_tail
+    except zlib.error:
+        return True  # which HDF5 refuses
+    return True
+
+
+def _shown(*words: str) -> str:
+    return repr("/".join(words).replace("//", "/")[:80])

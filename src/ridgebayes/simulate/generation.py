@@ -8,7 +8,7 @@ from typing import Any
 
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
-from ridgebayes.runtime.ordered import map_ordered
+from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.scene.effects import Plan, full_profile, plan
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.presets import LoadPreset
@@ -57,7 +57,7 @@ def generate(
         the states there, such as `ridgebayes.commands.fields.FieldFiles` writes to files. In this
         process only: not with an executor or a journal.
     executor : concurrent.futures.Executor, optional
-        What textures are computed on, such as `ridgebayes.runtime.workers.workers` gives; one after
+        What textures are computed on, such as `ridgebayes.runtime.pool.workers` gives; one after
         another if not given. The result is the same.
     journal : Journal, optional
         Where each texture is kept when it is done. What is there already, of the same texture,

@@ -35,7 +35,7 @@ from ridgebayes.report.figures.posterior import corner_figure, trace_figure
 from ridgebayes.report.figures.predictive_checks import plot_posterior_checks, plot_prior_bands
 from ridgebayes.results import Fit
 from ridgebayes.runtime.atomic import cannot_write, replacing
-from ridgebayes.runtime.ordered import submit_or_defer
+from ridgebayes.runtime.pool import submit_or_defer
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,382 @@
+"""Who computes: this process, worker processes beside it, or a cluster; and results in order.
+
+A worker that dies takes nothing along but the task it was given, which another one does again. In
+one `ProcessPoolExecutor` of many workers a death breaks all that was submitted, and nobody knows on
+which task: here each worker is such an executor of its own, and a thread waits for it.
+"""
+
+import itertools
+import multiprocessing
+import os
+import pickle
+import queue
+import signal
+import sys
+import threading
+import weakref
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
+from multiprocessing import forkserver, resource_tracker
+from typing import Any, ParamSpec, TypeVar
+
+from ridgebayes.errors import ComputationError, InputError
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+_Task = TypeVar("_Task")
+# A server that has imported everything forks workers in milliseconds; without one (Windows) each
+# worker imports for itself.
+_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+_PACKAGE = __name__.partition(".")[0]
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_starting = threading.Lock()
+_TRIES = 3  # a task that has killed as many workers would kill the next
+# Tasks under way for each worker: one at work, the others at hand when that is done.
+_PER_WORKER = 4
+_UNKNOWN = 1_000  # tasks under way on an executor that does not say how many workers it has
+
+
+class WorkerLostError(ComputationError):
+    """Every worker that was given a task died on it."""
+
+
+class WorkerPool(Executor):
+    """Processes that compute what is submitted; a task whose worker died is done again.
+
+    Parameters
+    ----------
+    n_worker : int
+        Processes at most; each is started when there is work for it.
+
+    Notes
+    -----
+    *Cost.* Some 0.2 ms a task, and what pickling takes.
+    """
+
+    def __init__(self, n_worker: int) -> None:
+        self.n_worker = n_worker
+        self._threads = ThreadPoolExecutor(n_worker)
+        self._workers: dict[int, ProcessPoolExecutor] = {}  # by the thread that waits for it
+        self._futures: weakref.WeakSet[Future[Any]] = weakref.WeakSet()
+        self._lock = threading.Lock()
+        self._stopped = False
+        start_server()
+
+    def submit(
+        self, function: Callable[..., _T], /, *args: object, **kwargs: object
+    ) -> "Future[_T]":
+        """Have a worker call a function; all has to be picklable."""
+        future = self._threads.submit(self._compute, function, args, kwargs)
+        self._futures.add(future)
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Take no more tasks, and end the workers when those there are done, or dropped."""
+        if cancel_futures:  # rather than by the threads' own shutdown, which tells no waiter
+            for future in list(self._futures):
+                future.cancel()
+        self._threads.shutdown(wait)
+        while wait and self._workers:
+            self._workers.popitem()[1].shutdown()
+
+    def stop(self) -> None:
+        """End the workers at once, whatever they are at."""
+        with self._lock:
+            self._stopped = True
+            for worker in self._workers.values():
+                for process in worker._processes.values():  # from Python 3.14 on: kill_workers
+                    process.kill()
+        self.shutdown(cancel_futures=True)
+
+    def _compute(
+        self, function: Callable[..., _T], args: tuple[object, ...], kwargs: dict[str, object]
+    ) -> _T:
+        """Have this thread's worker call a function, or fresh ones in its place if it dies."""
+        message = pickle.dumps((function, args, kwargs))
+        me, code = threading.get_ident(), None
+        for _ in range(_TRIES):
+            try:
+                with self._lock:
+                    if self._stopped:
+                        raise CancelledError
+                    if me not in self._workers:
+                        self._workers[me] = _started()
+                    future = self._workers[me].submit(_call, message)
+                return future.result()
+            except BrokenExecutor:
+                with self._lock:
+                    worker = self._workers.pop(me)
+                (process,) = worker._processes.values()
+                worker.shutdown()
+                code = process.exitcode
+        raise WorkerLostError(
+            f"{_TRIES} worker processes died on it, the last with {_exit(code)}; "
+            "expected enough memory for each worker"
+        )
+
+
+def start_server(preload: Sequence[str] = ()) -> None:
+    """Start, once, the process that imports what workers need and forks them.
+
+    It imports while this process goes on with its own work: the earlier, the less is waited for.
+
+    Parameters
+    ----------
+    preload : sequence of str, optional
+        Modules to import; those of this package that are loaded by now if not given.
+    """
+    if _METHOD != "forkserver":
+        return
+    # Ctrl-C reaches the whole group of processes: server and workers start with it held back. The
+    # tracker is started before, because that start ends with the signal let through.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        with _one_thread_each():
+            loaded = [name for name in sys.modules if name.startswith(f"{_PACKAGE}.")]
+            forkserver.set_forkserver_preload(list(preload) or loaded)
+            forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def n_cpu() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def workers(n: int) -> Iterator[WorkerPool]:
+    """Start n worker processes with one BLAS thread each, and stop them at the end.
+
+    Parameters
+    ----------
+    n : int
+        Processes.
+
+    Yields
+    ------
+    WorkerPool
+        An executor; what is not begun when the block is left is dropped, and if it is left by an
+        error also what is under way. Workers never outlive their parent.
+    """
+    pool = WorkerPool(n)
+    try:
+        yield pool
+        pool.shutdown(cancel_futures=True)
+    finally:
+        pool.stop()
+
+
+def executor_for(
+    n_worker: int | None = None, scheduler: str | None = None
+) -> AbstractContextManager[Executor | None]:
+    """Give what computes tasks, as two options of a command name it.
+
+    Parameters
+    ----------
+    n_worker : int, optional
+        Processes on this machine.
+    scheduler : str, optional
+        Address of a Dask scheduler, such as ``tcp://10.0.0.1:8786``.
+
+    Returns
+    -------
+    context manager
+        Of an executor, or of None where this process computes by itself: neither given, or one
+        process.
+
+    Raises
+    ------
+    InputError
+        If both are given, there would be no process, distributed is not installed, or no
+        scheduler answers.
+
+    Examples
+    --------
+    >>> with executor_for(1) as executor:
+    ...     print(executor)
+    None
+    """
+    if scheduler is not None:
+        if n_worker is not None:
+            raise InputError("--workers and --scheduler: expected one of them, got both")
+        # Needs an optional extra.
+        from ridgebayes.runtime.cluster import cluster
+
+        return cluster(scheduler)
+    if n_worker is not None and n_worker < 1:
+        raise InputError(f"--workers {n_worker}: expected at least 1")
+    return nullcontext() if n_worker in (None, 1) else workers(n_worker)
+
+
+def map_ordered(
+    function: Callable[[_Task], _T],
+    tasks: Iterable[_Task],
+    executor: Executor | None,
+    *,
+    name: Callable[[_Task], str] | None = None,
+    done: Callable[[_Task, _T], None] | None = None,
+) -> Iterator[_T]:
+    """Yield what a function makes of each task, in their order, wherever they are computed.
+
+    Parameters
+    ----------
+    function : callable
+        Of one task; picklable if there is an executor.
+    tasks : iterable
+        Taken as they are needed: no more than four for each worker are under way at a time.
+    executor : concurrent.futures.Executor or None
+        What computes; None is this process, one task after the other.
+    name : callable, optional
+        Gives a task's name to errors; "task 3" if not given.
+    done : callable, optional
+        Called with a task and its result as soon as that is there, in any order.
+
+    Yields
+    ------
+    object
+        Results. Those that come early wait for their turn, and keep no worker waiting.
+
+    Raises
+    ------
+    ComputationError
+        If workers die, so that a task cannot be computed; it is named. Whatever else a task
+        raises is passed on as soon as it comes.
+    """
+    if executor is None:
+        for task in tasks:
+            result = function(task)
+            if done is not None:
+                done(task, result)
+            yield result
+        return
+    numbered = enumerate(tasks)
+    under_way: dict[Future[_T], tuple[int, _Task]] = {}
+    early: dict[int, _T] = {}
+    ended: queue.SimpleQueue[Future[_T]] = queue.SimpleQueue()
+    turn = 0
+    try:
+        while True:
+            room = _room(executor) - len(under_way)
+            for number, task in itertools.islice(numbered, max(room, 0)):
+                future = executor.submit(function, task)
+                under_way[future] = number, task
+                future.add_done_callback(ended.put)
+            if not under_way:
+                return
+            future = ended.get()
+            number, task = under_way.pop(future)
+            try:
+                early[number] = result = future.result()
+            except (WorkerLostError, BrokenExecutor, CancelledError) as error:
+                called = f"task {number + 1}" if name is None else name(task)
+                why = str(error) or "its worker ended before it was done"
+                raise ComputationError(f"{called}: {why}") from None
+            if done is not None:
+                done(task, result)
+            while turn in early:
+                yield early.pop(turn)
+                turn += 1
+    finally:
+        for future in under_way:
+            future.cancel()
+
+
+def submit_or_defer(
+    executor: Executor | None, function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs
+) -> Callable[[], _T]:
+    """Have a worker begin a call, and return what waits for its result.
+
+    Parameters
+    ----------
+    executor : concurrent.futures.Executor or None
+        What computes; None is this process, when the result is asked for.
+    function : callable
+        With its arguments picklable if there is an executor.
+    *args, **kwargs
+        Its arguments.
+
+    Returns
+    -------
+    callable
+        Without arguments; returns the result, or raises what the call raised.
+
+    Examples
+    --------
+    >>> power = submit_or_defer(None, pow, 2, 10)
+    >>> power()
+    1024
+    """
+    if executor is None:
+        return partial(function, *args, **kwargs)
+    return executor.submit(function, *args, **kwargs).result
+
+
+def _room(executor: Executor) -> int:
+    n_worker = getattr(executor, "n_worker", None)
+    return _UNKNOWN if n_worker is None else _PER_WORKER * max(n_worker, 1)
+
+
+def _started() -> ProcessPoolExecutor:
+    worker = ProcessPoolExecutor(1, multiprocessing.get_context(_METHOD), _begin)
+    with _one_thread_each():
+        worker.submit(int)  # which starts the process
+    return worker
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Have processes started here load a BLAS of one thread: several would fight for processors."""
+    with _starting:
+        before = {name: os.environ.get(name) for name in _THREADS}
+        os.environ.update(dict.fromkeys(_THREADS, "1"))
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value
+
+
+def _begin() -> None:
+    """Leave Ctrl-C to the parent, and end when it does, however that ended: in a fresh worker."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_follow, daemon=True).start()
+
+
+def _follow() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # only the process that asked has none
+    parent.join()
+    os._exit(1)
+
+
+def _call(message: bytes) -> Any:
+    """Call a function: in a worker, which an error in reading the call would end."""
+    try:
+        function, args, kwargs = pickle.loads(message)
+        return function(*args, **kwargs)
+    except Exception as error:
+        try:
+            pickle.loads(pickle.dumps(error))  # some errors go but do not come back
+        except Exception:
+            raise RuntimeError(f"{type(error).__name__}: {error}") from error
+        raise
+
+
+def _exit(code: int | None) -> str:
+    if code is not None and code < 0:
+        return f"signal {-code} ({signal.strsignal(-code)})"
+    return f"exit code {code}"
