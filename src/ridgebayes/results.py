@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +34,7 @@ class Fit(Posterior):
     @classmethod
     def of(cls, posterior: Posterior) -> "Fit":
         """Return a posterior as a fit."""
-        p = posterior
-        return cls(p.model, p.chains, p.summary, p.convergence_failures, p.seed)
+        return cls(**{f.name: getattr(posterior, f.name) for f in fields(posterior) if f.init})
 
     def predict(
         self,

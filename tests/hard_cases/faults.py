@@ -594,10 +594,10 @@ def weighed(executor, noises=("iid", "texture", "step")) -> pd.DataFrame:
     )
 
 
-def deadly(data, form, noise, seed):
-    if noise.name == "texture":
+def deadly(task):
+    if task.noise.name == "texture":
         os.kill(os.getpid(), signal.SIGKILL)
-    return error_models._first_look(data, form, noise, seed)
+    return error_models._evaluate(task)
 
 
 @hard_case(
@@ -619,10 +619,10 @@ def killed_worker(folder):
         assert not Path(f"/proc/{victim}").exists()
     pd.testing.assert_frame_equal(shared, alone, check_exact=True)
 
-    look = error_models._first_look
+    evaluate = error_models._evaluate
     try:
         with workers(1) as pool:
-            error_models._first_look = deadly
+            error_models._evaluate = deadly
             message = refused(
                 lambda: weighed(pool),
                 ComputationError,
@@ -631,5 +631,5 @@ def killed_worker(folder):
                 "expected enough memory",
             )
     finally:
-        error_models._first_look = look
+        error_models._evaluate = evaluate
     return message

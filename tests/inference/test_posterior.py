@@ -1,4 +1,5 @@
 import json
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -7,13 +8,16 @@ import pytest
 from scipy import integrate, stats
 
 from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.evidence.tables import evidences
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.diagnostics import effective_sample_size
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.posterior import N_KEPT
 from ridgebayes.inference.power_law_exact import log_evidence_given_sigma
 from ridgebayes.model.forms import HalfPlane, Hybrid, Modified, PowerLaw
+from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.observations import refuse_circular
+from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.priors import HalfNormal, LogNormal, Normal, priors_from_json, priors_to_json
 from ridgebayes.results import Fit, calibrate
 from ridgebayes.table.table import ContactTable
@@ -236,3 +240,28 @@ def test_from_netcdf__brings_a_fit_back(fits, tmp_path):
     back = Fit.from_netcdf(path)
     assert back.draws.tobytes() == fit.draws.tobytes()
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("noise", ["iid", "step"])
+def test_posterior__hands_its_approximation_on_and_leaves_what_follows_from_it_behind(paper, noise):
+    model = Model(Observations.from_table(paper), Modified(), Noise.named(noise))
+    posterior, _ = importance_posterior(model, seed=1, n_draw=256, n_round=2, n_per_round=500)
+    assert posterior.laplace is posterior.approximation
+    stride, offsets = posterior.offsets_given(2)
+    assert posterior.offsets_given(1) == (stride, offsets) == (2, offsets)
+    back = pickle.loads(pickle.dumps(posterior))
+    assert "_derived" in vars(posterior)
+    assert "_derived" not in vars(back)
+    assert back.laplace is back.approximation
+    z = np.random.default_rng(2).standard_normal((5, model.n_coordinate))
+    for one, other in zip(back.laplace.unwhiten(z), posterior.laplace.unwhiten(z), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12)  # rounding
+
+
+def test_evidences__look_for_no_mode_that_sampling_has_found(fits, monkeypatch):
+    def search(*_, **__):
+        raise AssertionError("searched again")
+
+    monkeypatch.setattr("ridgebayes.inference.posterior.fit_laplace", search)
+    monkeypatch.setattr("ridgebayes.inference.laplace.several_modes", search)
+    assert [one.method for one in evidences(fits["hybrid"])] == ["bridge", "quadrature", "laplace"]

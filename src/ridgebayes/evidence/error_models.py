@@ -7,9 +7,9 @@ summed out, every one as probable as the next.
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -25,7 +25,7 @@ from ridgebayes.evidence import (
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, used_evidence
 from ridgebayes.inference.chains import ProgressCallback
 from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -35,7 +35,7 @@ from ridgebayes.runtime.randomness import stream
 from ridgebayes.table.table import ContactTable
 
 # Error models differ by whole units, and the chosen one is then walked: Laplace's approximation
-# finds those worth a better look, which importance sampling gives.
+# screens for those worth refining, which importance sampling does.
 _CLOSE = 4.0
 _EFFORT = {"n_draw": 1_024, "n_round": 4, "n_per_round": 1_000}
 
@@ -92,13 +92,14 @@ def weigh_error_models(
     seeds = [int(stream(seed, f.name, n.name).integers(2**63)) for f, n in pairs]
     tell = progress or (lambda text: None)
 
-    def look(method: Callable[..., LogEvidence], chosen: Sequence[int]) -> list[LogEvidence]:
-        if chosen:
-            tell(f"{len(chosen)} evidences")
-        tasks = [_Weighing(method, data, *pairs[i], seeds[i]) for i in chosen]
-        return list(map_ordered(_weighed, tasks, executor, name=lambda task: task.name))
+    def evaluated(tasks: Sequence["_Weighing"]) -> list["_Weighed"]:
+        if tasks:
+            tell(f"{len(tasks)} evidences")
+        return list(map_ordered(_evaluate, tasks, executor, name=lambda task: task.name))
 
-    found = look(_first_look, range(len(pairs)))
+    tasks = [_Weighing(data, *pair, one) for pair, one in zip(pairs, seeds, strict=True)]
+    screened = evaluated(tasks)
+    found = [one.evidence for one in screened]
     means = mean_evidence(_frame(forms, pairs, found)).set_index("noise")["log_mean_evidence"]
     close = (
         []
@@ -110,8 +111,9 @@ def weigh_error_models(
             and means.get(noise.name, -math.inf) > means.max() - _CLOSE
         ]
     )
-    for i, better in zip(close, look(_better_look, close), strict=True):
-        found[i] = better if better.ok else found[i]
+    refined = evaluated([replace(tasks[i], laplace=screened[i].laplace) for i in close])
+    for i, one in zip(close, refined, strict=True):
+        found[i] = one.evidence if one.evidence.ok else found[i]
     frame = _frame(forms, pairs, found)
     for noise in frame["noise"].unique():
         here = (frame["noise"] == noise) & frame["used"]
@@ -132,40 +134,55 @@ def _frame(
 
 @dataclass(frozen=True, eq=False)
 class _Weighing:
-    """One evidence to be found; holds all that a process of its own needs."""
+    """One evidence to be found; holds all that a process of its own needs.
 
-    method: Callable[[Observations, Form, Noise, int], LogEvidence]
+    With the approximation that its screening found, the evidence is refined.
+    """
+
     data: Observations
     form: Form
     noise: Noise
     seed: int
+    laplace: Laplace | None = None
 
     @property
     def name(self) -> str:
         return f"evidence of {self.form.name}, {self.noise.name}"
 
 
-def _weighed(task: _Weighing) -> LogEvidence:
-    return task.method(task.data, task.form, task.noise, task.seed)
+@dataclass(frozen=True, eq=False)
+class _Weighed:
+    """An evidence, and the normal approximation that was found on the way."""
+
+    evidence: LogEvidence
+    laplace: Laplace | None = None
 
 
-def _first_look(data: Observations, form: Form, noise: Noise, seed: int) -> LogEvidence:
+def _evaluate(task: _Weighing) -> _Weighed:
+    """Screen an evidence, or refine it where the approximation is known."""
+    if task.laplace is not None:
+        return _refined(task, task.laplace)
     try:
-        model = Model(data, form, noise)
-        if model.is_iid_gaussian and isinstance(model.form, PowerLaw):
-            return power_law_evidence(model)
-        laplace = fit_laplace(model)
-        if model.is_iid_gaussian:
-            found = quadrature_evidence(model.log_density, laplace)
-            if found.ok:
-                return found
-        return laplace_evidence(laplace)
+        return _screened(Model(task.data, task.form, task.noise))
     except ComputationError as error:
-        return LogEvidence("laplace", math.nan, math.nan, str(error))
+        return _Weighed(LogEvidence("laplace", math.nan, math.nan, str(error)))
 
 
-def _better_look(data: Observations, form: Form, noise: Noise, seed: int) -> LogEvidence:
-    return importance_posterior(Model(data, form, noise), seed=seed, **_EFFORT)[1]
+def _screened(model: Model) -> _Weighed:
+    if model.is_iid_gaussian and isinstance(model.form, PowerLaw):
+        return _Weighed(power_law_evidence(model))
+    laplace = fit_laplace(model)
+    if model.is_iid_gaussian:
+        found = quadrature_evidence(model.log_density, laplace)
+        if found.ok:
+            return _Weighed(found)
+    return _Weighed(laplace_evidence(laplace), laplace)
+
+
+def _refined(task: _Weighing, laplace: Laplace) -> _Weighed:
+    model = Model(task.data, task.form, task.noise)
+    laplace = replace(laplace, other_modes=several_modes(model, laplace))
+    return _Weighed(importance_posterior(model, laplace, seed=task.seed, **_EFFORT)[1])
 
 
 def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:

@@ -9,7 +9,6 @@ import pandas as pd
 
 from ridgebayes.evidence.bridge import bridge_evidence
 from ridgebayes.evidence.quadrature import quadrature_evidence
-from ridgebayes.inference.laplace import fit_laplace, several_modes
 from ridgebayes.inference.log_evidence import LogEvidence, laplace_evidence
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.inference.power_law_exact import power_law_evidence
@@ -50,7 +49,7 @@ def evidences(fit: Posterior, *, n_bridge: int | None = None) -> list[LogEvidenc
     """
     if drawn_exactly(fit.model):
         return [power_law_evidence(fit.model)]
-    model, laplace = fit.model, fit_laplace(fit.model)
+    model, laplace = fit.model, fit.laplace
     is_cheap = model.is_iid_gaussian and len(model.data.textures) <= _MANY
     found = [
         bridge_evidence(
@@ -66,8 +65,8 @@ def evidences(fit: Posterior, *, n_bridge: int | None = None) -> list[LogEvidenc
     elif model.is_iid_gaussian:
         found.append(quadrature_evidence(model.log_density, laplace))
     found.append(laplace_evidence(laplace))
-    if modes := several_modes(model, laplace):
-        found = [replace(evidence, status=modes[0]) for evidence in found]
+    if laplace.other_modes:
+        found = [replace(evidence, status=laplace.other_modes[0]) for evidence in found]
     return found
 
 

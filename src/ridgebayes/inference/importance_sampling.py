@@ -14,11 +14,11 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.inference.chains import Chains
-from ridgebayes.inference.diagnostics import K_MAX, failed_diagnostics, pareto_k, summarise
-from ridgebayes.inference.laplace import fit_laplace, several_modes
+from ridgebayes.inference.diagnostics import K_MAX, pareto_k
+from ridgebayes.inference.laplace import Laplace, fit_laplace
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.moves import adapted, weighted
-from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.posterior import Posterior, posterior_of
 from ridgebayes.model.model import Model
 from ridgebayes.runtime.randomness import stream
 
@@ -27,6 +27,8 @@ N_REPEAT = 4  # independent proposals
 
 def importance_posterior(
     model: Model,
+    laplace: Laplace | None = None,
+    /,
     *,
     seed: int = 0,
     n_draw: int = 2_560,
@@ -39,6 +41,8 @@ def importance_posterior(
     ----------
     model : Model
         Posterior.
+    laplace : Laplace, optional
+        Its normal approximation, with other modes searched for, where it is known.
     seed : int, optional
         Seed.
     n_draw : int, optional
@@ -74,8 +78,8 @@ def importance_posterior(
     """
     if n_draw < 128 or n_draw % 128:
         raise InputError(f"n_draw: expected a multiple of 128, got {n_draw}")
-    laplace = fit_laplace(model)
-    modes = several_modes(model, laplace)
+    laplace = laplace or fit_laplace(model, search_others=True)
+    modes = laplace.other_modes
 
     def in_z(z: FloatArray) -> FloatArray:
         u, log_jacobian = laplace.unwhiten(z)
@@ -102,10 +106,7 @@ def importance_posterior(
         np.ones(model.n_coordinate + 1),
         _heavy(shapes) + modes,
     )
-    summary = summarise(model.to_theta(chains.u), model.parameter_names)
-    posterior = Posterior(
-        model, chains, summary, chains.convergence_failures + failed_diagnostics(summary), seed
-    )
+    posterior = posterior_of(model, chains, laplace, seed=seed)
     evidence = _evidence(np.array(log_means), np.array(variances), shapes)
     return posterior, replace(evidence, status=modes[0]) if modes else evidence
 

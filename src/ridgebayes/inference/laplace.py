@@ -8,7 +8,7 @@ curvature are found, proposals are fitted, evidences integrated.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg, optimize
@@ -50,6 +50,8 @@ class Laplace:
         Parameters of the error model.
     is_mode : bool
         Whether the mode was found; else the coordinates are useful all the same.
+    other_modes : tuple of str
+        What `several_modes` said, where it was asked.
     """
 
     mode: FloatArray
@@ -58,6 +60,7 @@ class Laplace:
     frame: FunnelAbout | Conditional
     n_noise: int
     is_mode: bool = True
+    other_modes: tuple[str, ...] = ()
 
     def unwhiten(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return u at w = factor z, and log |du/dw|.
@@ -127,16 +130,15 @@ class Laplace:
         return slice(self._n_coefficient, self._n_coefficient + self.n_noise)
 
 
-def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
+def fit_laplace(model: Model, *, search_others: bool = False) -> Laplace:
     """Find the posterior's mode and its curvature there.
 
     Parameters
     ----------
     model : Model
         Posterior.
-    tol : float, optional
-        Largest distance from the mode that is accepted, in posterior standard deviations, where
-        gradients are analytic.
+    search_others : bool, optional
+        Whether other modes are searched for, see `several_modes`; `other_modes` tells of them.
 
     Returns
     -------
@@ -164,9 +166,15 @@ def fit_laplace(model: Model, *, tol: float = 1e-4) -> Laplace:
     """
     start = _start(model)
     _check_gradient(model, start)
-    return (
-        _fit_plain(model, tol, start) if model.is_iid_gaussian else _fit_conditional(model, start)
-    )
+    found = _fit(model, start)
+    return replace(found, other_modes=several_modes(model, found)) if search_others else found
+
+
+def _fit(model: Model, start: FloatArray, tol: float = 1e-4) -> Laplace:
+    """Search from a start; `tol` is the distance from the mode, in posterior sds, of plain rows."""
+    if model.is_iid_gaussian:
+        return _fit_plain(model, tol, start)
+    return _fit_conditional(model, start)
 
 
 def several_modes(model: Model, laplace: Laplace) -> tuple[str, ...]:
@@ -208,9 +216,7 @@ def several_modes(model: Model, laplace: Laplace) -> tuple[str, ...]:
             theta[k] = np.sqrt(np.mean(residual**2))
             u = model.to_unconstrained(theta)
         try:
-            other = (
-                _fit_plain(model, 1e-2, u) if model.is_iid_gaussian else _fit_conditional(model, u)
-            )
+            other = _fit(model, u, tol=1e-2)
         except ComputationError:
             continue
         apart = float(np.linalg.norm(laplace.whiten(other.mode)[0][: model.n_parameter]))

@@ -1,6 +1,8 @@
 """The posterior of a model: draws with their diagnostics, and the sampler that suits the model."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,11 +11,13 @@ from ridgebayes._types import FloatArray
 from ridgebayes.inference.chains import Chains, ProgressCallback, SampleSettings, walkers_for
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
-from ridgebayes.inference.laplace import fit_laplace, several_modes
+from ridgebayes.inference.laplace import Laplace, fit_laplace
 from ridgebayes.inference.power_law_exact import sample_power_law
+from ridgebayes.inference.qmc_nodes import Nodes, compress
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
+from ridgebayes.model.shared_offsets import OffsetsGiven
 
 N_TEXTURE_WALKED = 40  # a power law of more textures is drawn from exactly, without a walk
 N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
@@ -35,6 +39,8 @@ class Posterior:
         What the fit lacks of convergence; empty if it converged.
     seed : int
         Seed of the run.
+    approximation : Laplace, optional
+        The normal approximation that it was sampled by; a posterior read from a file has none.
     """
 
     model: Model
@@ -42,10 +48,15 @@ class Posterior:
     summary: pd.DataFrame
     convergence_failures: tuple[str, ...]
     seed: int
+    approximation: Laplace | None = field(default=None, repr=False)
     _kept: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_kept", self.model.to_theta(self.kept_chains.u))
+
+    def __getstate__(self) -> dict[str, object]:
+        """Leave behind what can be worked out again: it may be many times the rest."""
+        return {name: value for name, value in vars(self).items() if name != "_derived"}
 
     def __repr__(self) -> str:
         state = "converged" if self.converged else f"NOT converged: {self.convergence_failures[0]}"
@@ -93,6 +104,36 @@ class Posterior:
         """The same draws in unconstrained coordinates, shape (n_draw, n_coordinate)."""
         return self.kept_chains.u.reshape(-1, self.model.n_coordinate)
 
+    @cached_property
+    def laplace(self) -> Laplace:
+        """The normal approximation, with other modes searched for; found once.
+
+        ComputationError if there is no interior mode.
+        """
+        return self.approximation or fit_laplace(self.model, search_others=True)
+
+    @cached_property
+    def _derived(self) -> dict[object, Any]:
+        return {}
+
+    def nodes(self, n: int) -> Nodes | None:
+        """Return n weighted nodes that stand for the draws; see `qmc_nodes.compress`. Kept."""
+        if n not in self._derived:
+            model, coordinates = self.model, self.coordinates
+            self._derived[n] = compress(model, self.laplace, coordinates, n, seed=self.seed)
+        return self._derived[n]
+
+    def offsets_given(self, stride: int) -> tuple[int, OffsetsGiven | None]:
+        """Return what the rows tell of shared offsets at every n-th draw, and n.
+
+        n is `stride`, or more where fewer draws have been worked out before. Kept.
+        """
+        kept = self._derived.get("offsets")
+        if kept is None or kept[0] < stride:
+            kept = stride, self.model.offsets_given(self.coordinates[::stride])
+            self._derived["offsets"] = kept
+        return kept
+
 
 def sample_posterior(
     model: Model,
@@ -127,6 +168,7 @@ def sample_posterior(
     ComputationError
         If the posterior has no interior mode.
     """
+    laplace: Laplace | None = None
     if drawn_exactly(model):
         chains = sample_power_law(model, seed=seed)
     else:
@@ -137,7 +179,7 @@ def sample_posterior(
         # emcee takes a while to load, and only sampling needs it.
         from ridgebayes.inference.emcee_sampling import sample
 
-        laplace = fit_laplace(model)
+        laplace = fit_laplace(model, search_others=True)
         chains = sample(
             model.log_density,
             laplace,
@@ -148,12 +190,16 @@ def sample_posterior(
             checkpoint=checkpoint,
         )
         chains = replace(
-            chains, convergence_failures=chains.convergence_failures + several_modes(model, laplace)
+            chains, convergence_failures=chains.convergence_failures + laplace.other_modes
         )
+    return posterior_of(model, chains, laplace, seed=seed)
+
+
+def posterior_of(model: Model, chains: Chains, laplace: Laplace | None, *, seed: int) -> Posterior:
+    """Return the posterior that draws of a model stand for, with their diagnostics."""
     summary = summarise(model.to_theta(chains.u), model.parameter_names)
-    return Posterior(
-        model, chains, summary, chains.convergence_failures + failed_diagnostics(summary), seed
-    )
+    convergence_failures = chains.convergence_failures + failed_diagnostics(summary)
+    return Posterior(model, chains, summary, convergence_failures, seed, laplace)
 
 
 def drawn_exactly(model: Model) -> bool:

@@ -52,7 +52,7 @@ def predict_q(
     kind : str, optional
         ``simulation`` with the error model, ``curve`` for the form's own count.
     compressed : bool, optional
-        Whether weighted nodes stand for the posterior where they can, see `predict.qmc_nodes`:
+        Whether weighted nodes stand for the posterior where they can, see `inference.qmc_nodes`:
         more accurate than draws, faster, and with an error of their own.
 
     Returns

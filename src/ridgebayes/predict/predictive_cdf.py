@@ -2,11 +2,10 @@
 
 `PosteriorLoads` gives location and scale of each draw's log load; `DrawAverage` and `NodeAverage`
 average P(load(Q) <= p) of one texture over draws, or over the weighted nodes of
-`ridgebayes.predict.qmc_nodes`.
+`ridgebayes.inference.qmc_nodes`.
 """
 
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import interpolate
@@ -18,7 +17,6 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.priors import default_priors
 from ridgebayes.model.shared_offsets import OffsetsGiven
-from ridgebayes.predict.qmc_nodes import nodes_of
 from ridgebayes.runtime.randomness import stream
 
 Counts = IntArray | FloatArray
@@ -40,8 +38,8 @@ class PosteriorLoads:
     offsets : OffsetsGiven or None
         Of the same draws.
     weight : ndarray of float, shape (n_draw, 2), or None
-        Of nodes, see `ridgebayes.predict.qmc_nodes.Nodes`; draws have none.
-    even : ndarray of float, shape (n_draw,), or None
+        Of nodes, see `ridgebayes.inference.qmc_nodes.Nodes`; draws have none.
+    uniform : ndarray of float, shape (n_draw,), or None
         Of nodes: a further coordinate, uniform from 0 to 1, for what is not in the posterior.
     """
 
@@ -57,11 +55,7 @@ class PosteriorLoads:
         stride = -(-len(fit.draws) // n)
         if fit.model.offsets is None:
             return cls(fit, fit.draws[::stride], None)
-        kept = _prepared.get(fit)
-        if kept is None or kept[0] < stride:  # worked out once for all textures
-            kept = stride, fit.model.offsets_given(fit.coordinates[::stride])
-            _prepared[fit] = kept
-        stride, offsets = kept
+        stride, offsets = fit.offsets_given(stride)
         return cls(fit, fit.draws[::stride], offsets)
 
     @classmethod
@@ -73,7 +67,7 @@ class PosteriorLoads:
         if fit.model.offsets is not None:
             return None
         n = _N_NODE if fit.model.n_coordinate <= _FEW else _N_MANY
-        found = nodes_of(fit, _N_CURVE if kind == "curve" else n)
+        found = fit.nodes(_N_CURVE if kind == "curve" else n)
         if found is None:
             return None
         return cls(fit, found.theta, None, found.weight, found.uniform)
@@ -132,10 +126,6 @@ class PosteriorLoads:
         if self.uniform is None:
             return form, prior.rvs(rng, len(theta))[:, None]
         return form, prior.value_at(ndtri(self.uniform))[:, None]
-
-
-# Stride and offsets of a fit's draws, as long as there is the fit: they must not refer to it.
-_prepared: "WeakKeyDictionary[Posterior, tuple[int, OffsetsGiven | None]]" = WeakKeyDictionary()
 
 
 _SATURATED = 8.3  # standard deviations beyond which a normal distribution function is 0 or 1

@@ -11,11 +11,11 @@ from ridgebayes._types import FloatArray
 from ridgebayes.checks.cost.measured import Setting
 from ridgebayes.checks.cost.posteriors import all_draws
 from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.inference.qmc_nodes import Nodes, compress
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.predict.qmc_nodes import Nodes, made_nodes
 from ridgebayes.table.table import ContactTable
 
 _LONG = 131_072  # draws of each of four proposals: errors of probabilities of 7e-4
@@ -76,7 +76,9 @@ def band_settings(
         return probabilities(known[np.random.default_rng(seed).choice(len(known), n)])
 
     def nodes(n: int) -> tuple[FloatArray, FloatArray]:
-        found: Nodes | None = made_nodes(exact, n)
+        found: Nodes | None = compress(
+            exact.model, exact.laplace, exact.coordinates, n, seed=exact.seed
+        )
         if found is None:
             raise ValueError("no nodes stand for this posterior")
         return probabilities(found.theta, found.weight.mean(axis=1))

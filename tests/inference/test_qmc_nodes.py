@@ -8,7 +8,6 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.predict.predict import predict_q
-from ridgebayes.predict.qmc_nodes import nodes_of
 
 LOADS = np.geomspace(5e-4, 0.02, 60)
 
@@ -54,7 +53,7 @@ def test_nodes__are_more_accurate_than_draws(fits, exact):
 
 def test_nodes__are_two_sets_of_weights_that_hold_the_posteriors_moments(fits):
     fit = fits["hybrid"]
-    nodes = nodes_of(fit, 4_096)
+    nodes = fit.nodes(4_096)
     np.testing.assert_allclose(nodes.weight.sum(axis=0), 1, rtol=1e-12)  # rounding
     assert not np.any((nodes.weight[:, 0] > 0) & (nodes.weight[:, 1] > 0))
     mean, sd = fit.summary["mean"].to_numpy(), fit.summary["sd"].to_numpy()
@@ -64,13 +63,13 @@ def test_nodes__are_two_sets_of_weights_that_hold_the_posteriors_moments(fits):
         assert np.all(np.abs(weight @ nodes.theta - mean) < 4 * mcse + 0.01 * sd)
         spread = np.sqrt(weight @ (nodes.theta - weight @ nodes.theta) ** 2)
         np.testing.assert_allclose(spread, sd, rtol=0.03)
-    assert nodes_of(fit, 4_096) is nodes
+    assert fit.nodes(4_096) is nodes
 
 
 def test_nodes__are_refused_where_offsets_are_sampled(paper):
     model = Model(Observations.from_table(paper), Modified(), Noise.named("step:student"))
     fit, _ = importance_posterior(model, seed=1, n_draw=256, n_round=2, n_per_round=500)
-    assert nodes_of(fit) is None
+    assert fit.nodes(2_048) is None
     q = predict_q(fit, 0.022, 0.02, LOADS, compressed=True)  # draws serve
     assert np.isnan(q.error)
     np.testing.assert_array_equal(q.survival, predict_q(fit, 0.022, 0.02, LOADS).survival)

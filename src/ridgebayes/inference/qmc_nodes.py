@@ -9,21 +9,20 @@ halves, each shifted at random on its own, tell what it is.
 import inspect
 import math
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import special
 
 from ridgebayes._types import FloatArray
 from ridgebayes.inference.diagnostics import K_MAX, pareto_k
-from ridgebayes.inference.laplace import fit_laplace
-from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.laplace import Laplace
+from ridgebayes.model.model import Model
 from ridgebayes.runtime.randomness import stream
 
 _DF = 8.0
 _SCALE = 1.1  # tails wider than the posterior's, so that no weight is large
 _MOST_COORDINATES = 40
-_LEAST_EVEN = 0.3  # of the nodes: effective number below which weights are too uneven
+_LEAST_EFFECTIVE = 0.3  # of the nodes: effective number below which weights are too uneven
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +38,7 @@ class Nodes:
     weight : ndarray of float, shape (n, 2)
         Weights of the first half and of the second half of the nodes, each summing to 1, zero on
         the other half: two answers, whose mean is the estimate and half their difference its error.
-    even : ndarray of float, shape (n,)
+    uniform : ndarray of float, shape (n,)
         A further coordinate, uniform from 0 to 1 and independent of the posterior, for predictions
         that need one.
     """
@@ -50,51 +49,46 @@ class Nodes:
     uniform: FloatArray
 
 
-_known: "WeakKeyDictionary[Posterior, dict[int, Nodes | None]]" = WeakKeyDictionary()
-
-
-def nodes_of(fit: Posterior, n: int = 2_048) -> Nodes | None:
+def compress(
+    model: Model, laplace: Laplace, coordinates: FloatArray, n: int, *, seed: int
+) -> Nodes | None:
     """Compress a posterior.
 
     Parameters
     ----------
-    fit : Posterior
-        Posterior with draws, which tell where it lies and how wide it is.
-    n : int, optional
+    model : Model
+        Posterior.
+    laplace : Laplace
+        Its approximation: nodes are made in its whitened coordinates.
+    coordinates : ndarray of float, shape (n_draw, n_coordinate)
+        Draws, which tell where it lies and how wide it is.
+    n : int
         Nodes of both halves together: twice a power of two.
+    seed : int
+        Seed of the shifts.
 
     Returns
     -------
     Nodes or None
         None where nodes cannot stand for it: offsets are sampled, coordinates are more than 40, or
-        weights are too uneven. Kept as long as the fit is.
+        weights are too uneven.
 
     Notes
     -----
     *Accuracy.* On the paper's sweep under 1e-3 in each probability with 2,048, see
-    tests/predict/test_qmc_nodes.py.
+    tests/inference/test_qmc_nodes.py.
 
     References
     ----------
     Owen (2013), Monte Carlo theory, methods and examples, chapters 9 and 17.
     """
-    kept = _known.setdefault(fit, {})
-    if n not in kept:
-        kept[n] = made_nodes(fit, n)
-    return kept[n]
-
-
-def made_nodes(fit: Posterior, n: int) -> Nodes | None:
-    """Return what `nodes_of` keeps, made anew."""
-    model = fit.model
     d = model.n_coordinate
     if model.is_latent or d > _MOST_COORDINATES:
         return None
-    laplace = fit_laplace(model)
-    z = laplace.whiten(fit.coordinates)[0]
+    z = laplace.whiten(coordinates)[0]
     centre, factor = z.mean(axis=0), np.linalg.cholesky(np.cov(z.T).reshape(d, d))
     half = n // 2
-    cube = np.concatenate([_sobol(d + 1, half, stream(fit.seed, f"nodes {i}")) for i in range(2)])
+    cube = np.concatenate([_sobol(d + 1, half, stream(seed, f"nodes {i}")) for i in range(2)])
     t = special.stdtrit(_DF, cube[:, :d])
     u, log_jacobian = laplace.unwhiten(centre + _SCALE * t @ factor.T)
     log_proposal = -0.5 * (_DF + 1) * np.log1p(t * t / _DF).sum(axis=1)
@@ -104,8 +98,8 @@ def made_nodes(fit: Posterior, n: int) -> Nodes | None:
         here = slice(side * half, (side + 1) * half)
         relative = np.exp(log_weight[here] - log_weight[here].max())
         relative /= relative.sum()
-        uniform = 1 / (relative @ relative) / half
-        if not uniform > _LEAST_EVEN or not pareto_k(log_weight[here]) < K_MAX:
+        effective = 1 / (relative @ relative) / half
+        if not effective > _LEAST_EFFECTIVE or not pareto_k(log_weight[here]) < K_MAX:
             return None
         weight[here, side] = relative
     return Nodes(u, model.to_theta(u), weight, cube[:, d])
