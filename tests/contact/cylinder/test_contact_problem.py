@@ -7,7 +7,7 @@ import pytest
 
 from ridgebayes.contact.cylinder.contact_problem import State
 from ridgebayes.contact.cylinder.cylinder import Cylinder
-from ridgebayes.contact.cylinder.faces import Corner, plate
+from ridgebayes.contact.cylinder.faces import Corner
 from ridgebayes.contact.rigid_profile import Profile
 
 COARSE = 8
@@ -157,12 +157,3 @@ def test_apart__has_the_derivative_by_the_nodes_and_falls_with_the_rise():
     assert (higher - lower) / (2 * STEP) == pytest.approx(-row @ problem.up, rel=1e-6)
     sharp = problem.corner_distance(one, Corner(1, corner.centre, 0.0))[0]
     assert value == pytest.approx(sharp - 0.01, abs=1e-15)  # rounding
-
-
-def test_plate__above_is_a_mirror_image_of_the_one_below():
-    above = plate(0.5, 0.1, mirrored=False, above=True)
-    below = plate(0.5, 0.1, mirrored=False, above=False)
-    points, normals = above.at(above.breaks)
-    images, opposite = below.at(below.breaks)
-    np.testing.assert_allclose(points[::-1], images * [1, -1], atol=1e-15)  # rounding
-    np.testing.assert_allclose(normals, -opposite, atol=1e-15)

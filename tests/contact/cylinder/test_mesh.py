@@ -10,8 +10,6 @@ from ridgebayes.contact.cylinder.mesh import disk_mesh
 PARTS = [
     pytest.param({}, id="quarter"),
     pytest.param({"both_sides": True}, id="lower half"),
-    pytest.param({"whole": True}, id="right half"),
-    pytest.param({"both_sides": True, "whole": True}, id="disk"),
 ]
 
 
@@ -73,15 +71,15 @@ def test_mesh__interior_edges_have_two_elements_and_the_others_lie_on_the_bounda
     assert set(counts) == {1, 2}
     outer = sides[counts == 1]
     on_axis = (np.abs(x) < 1e-12) & ("both_sides" not in part)  # rounding
-    on_middle = (np.abs(y) < 1e-12) & ("whole" not in part)  # rounding
+    on_middle = np.abs(y) < 1e-12  # rounding
     on_rim = on_circle(found.points)
     lies = [on[outer].all(axis=1) for on in (on_axis, on_middle, on_rim)]
     assert np.logical_or.reduce(lies).all()
     # Each straight side is covered, once: rounding of a sum of lengths.
     lengths = np.linalg.norm(found.points[outer[:, 0]] - found.points[outer[:, 1]], axis=1)
     wanted = [
-        0.0 if "both_sides" in part else 2.0 if "whole" in part else 1.0,
-        0.0 if "whole" in part else 2.0 if "both_sides" in part else 1.0,
+        0.0 if "both_sides" in part else 1.0,
+        2.0 if "both_sides" in part else 1.0,
     ]
     assert [lengths[on].sum() for on in lies[:2]] == pytest.approx(wanted, abs=1e-13)
     rim = np.sort(found.rim[:, [0, 2]], axis=1)
@@ -113,8 +111,6 @@ def test_mesh__jacobians_are_positive(size, part):
     [
         ({}, math.pi / 4),
         ({"both_sides": True}, math.pi / 2),
-        ({"whole": True}, math.pi / 2),
-        ({"both_sides": True, "whole": True}, math.pi),
     ],
 )
 def test_area__is_the_disks_to_fourth_order(part, area):
@@ -147,13 +143,13 @@ def test_rim__is_one_line_counter_clockwise(part):
     for a, b in ((first, middle), (middle, last)):
         assert (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] > 0).all()
     start = 1.0 if "both_sides" in part else 0.0
-    start *= math.pi if "whole" in part else math.pi / 2
-    stop = math.pi if "whole" in part else math.pi / 2
+    start *= math.pi / 2
+    stop = math.pi / 2
     # Rounding.
     assert abs(angle_of(first[0])) == pytest.approx(start, abs=1e-15)
     assert abs(angle_of(last[-1])) == pytest.approx(stop, abs=1e-15)
     turned = np.arcsin(first[:, 0] * last[:, 1] - first[:, 1] * last[:, 0])
-    wanted = (2 if "both_sides" in part else 1) * (2 if "whole" in part else 1) * math.pi / 2
+    wanted = (2 if "both_sides" in part else 1) * math.pi / 2
     assert turned.sum() == pytest.approx(wanted, abs=1e-12)  # rounding of a sum
 
 
@@ -231,9 +227,6 @@ def test_refine__leaves_the_rim_its_size():
     ("part", "mirror"),
     [
         ({"both_sides": True}, (-1.0, 1.0)),
-        ({"whole": True}, (1.0, -1.0)),
-        ({"both_sides": True, "whole": True}, (-1.0, 1.0)),
-        ({"both_sides": True, "whole": True}, (1.0, -1.0)),
     ],
 )
 def test_mirrored__mesh_is_its_own_image(part, mirror):
@@ -250,7 +243,7 @@ def test_mirrored__mesh_is_its_own_image(part, mirror):
 @pytest.mark.parametrize("part", PARTS[1:])
 def test_mirrored__mesh_contains_the_quarter(part):
     quarter, found = disk_mesh(shallow), disk_mesh(shallow, **part)
-    times = (2 if "both_sides" in part else 1) * (2 if "whole" in part else 1)
+    times = 2 if "both_sides" in part else 1
     assert found.mesh.nelements == times * quarter.mesh.nelements
     assert len(found.rim) == times * len(quarter.rim)
 
@@ -270,6 +263,5 @@ def test_axis_and_mid_plane__hold_the_nodes_of_the_straight_lines(part):
         others = np.setdiff1d(np.arange(len(across)), nodes)
         assert np.abs(across[others]).min() > 1e-5
         along = found.points[nodes, 1 - i]
-        two = "whole" if i == 0 else "both_sides"
-        reach = [-1.0 if i == 0 or two in part else 0.0, 1.0 if i == 1 or two in part else 0.0]
+        reach = [-1.0 if i == 0 or "both_sides" in part else 0.0, 1.0 if i == 1 else 0.0]
         assert [along.min(), along.max()] == pytest.approx(reach, abs=1e-15)  # rounding

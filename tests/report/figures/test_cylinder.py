@@ -130,20 +130,6 @@ def test_plot_deformed__draws_pressures_that_carry_the_load(name):
     assert low < ends.min() < ends.max() < high
 
 
-def test_plot_deformed__at_the_plate_draws_the_whole_body_but_not_the_plates_pressure(faults):
-    cylinder = Cylinder(Profile(A, B), p_max=0.003, pressed_by="plate", edges=4)
-    state = solve(cylinder.problem, cylinder.unloaded(), Control("rise", 2e-4))[0]
-    figure = plot_deformed(cylinder, state)
-    whole, _, below, *_ = figure.axes
-    assert faults(figure) == ([], [])
-    assert whole.get_ylim()[1] > 1.0
-    (plate,) = whole.patches
-    assert plate.get_y() == 1.0
-    (bars,) = drawn(below, PolyCollection)
-    carried = sum(np.ptp(one.vertices, axis=0).prod() for one in bars.get_paths())
-    assert carried == pytest.approx(2 * cylinder.p_over_E(state), rel=1e-9)
-
-
 def test_plot_deformed__says_what_it_cannot_draw():
     cylinder, state = pressed("sharp")
     with pytest.raises(InputError, match="no 'stress'; expected von Mises or pressure"):

@@ -129,16 +129,14 @@ class ContactProblem:
             rim[edge, 2], rays.face[hits.ray[after]], state.rise
         )
         jump = kink(rim, edge, tangent, normal) * per_length
-        # The plate above has no friction.
-        rubs = np.where(self.faces.rises[segment], weight, 0.0)
-        along = rubs[:, None, None] * shapes(hits.s)[:, :, None] * hits.tangent[:, None, :]
+        along = weight[:, None, None] * shapes(hits.s)[:, :, None] * hits.tangent[:, None, :]
         slip = np.zeros(n)
         if self.friction:
             # The body that is here now was there before, both as the ridges see it.
             there = np.einsum("nk,nki->ni", shapes(hits.s), self.rim(before)[hits.edge])
-            there[:, 1] += np.where(self.faces.rises[segment], state.rise - before.rise, 0.0)
+            there[:, 1] += state.rise - before.rise
             moved = np.einsum("ni,ni->n", hits.tangent, rays.point[hits.ray] - there)
-            slip += np.bincount(segment, rubs * moved, n)
+            slip += np.bincount(segment, weight * moved, n)
         return Gaps(
             gap,
             self._rows(segment, hits.edge, weight[:, None, None] * hits.gradient),
@@ -157,18 +155,12 @@ class ContactProblem:
         return np.asarray(gaps.normal.T @ state.pressure + gaps.along.T @ state.shear)
 
     def load(self, state: State, gaps: Gaps) -> float:
-        """Return the force of what rises, upwards: the line load over E R of what is meshed."""
-        rises = self.faces.rises
-        pushing = gaps.normal.T @ (rises * state.pressure)
-        rubbing = gaps.along.T @ (rises * state.shear)
-        return float((pushing + rubbing) @ self.up)
+        """Return the force upwards: the line load over E R of what is meshed."""
+        return float(self.force(state, gaps) @ self.up)
 
-    def contact_stiffness(
-        self, state: State, gaps: Gaps, *, rising: bool = False
-    ) -> sparse.csr_array:
-        """Return the second derivative of the pressures' work, of all faces or those that rise."""
-        pressure = state.pressure * self.faces.rises if rising else state.pressure
-        on_hit, on_kink = pressure[gaps._segment], pressure[gaps._kink_segment]
+    def contact_stiffness(self, state: State, gaps: Gaps) -> sparse.csr_array:
+        """Return the second derivative of the pressures' work."""
+        on_hit, on_kink = state.pressure[gaps._segment], state.pressure[gaps._kink_segment]
         keep, kept = np.flatnonzero(on_hit), np.flatnonzero(on_kink)
         hessian = (gaps._weight * on_hit)[keep, None, None] * gaps._hits.hessian[keep]
         dofs = self._dofs(gaps._hits.edge[keep])

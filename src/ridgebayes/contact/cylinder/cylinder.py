@@ -79,8 +79,6 @@ class Cylinder:
         Finite strain, neo-Hookean; or a linear material that follows the contact as it moves.
     friction : float, optional
         Coulomb's coefficient.
-    pressed_by : {"mid-plane", "plate"}
-        The flat mid-plane pushes half a cylinder down, or a flat frictionless plate the whole.
     edges : float, optional
         Edges of the rim over a ridge's width.
 
@@ -98,25 +96,19 @@ class Cylinder:
         nu: float = 0.5,
         finite: bool = True,
         friction: float = 0.0,
-        pressed_by: str = "mid-plane",
         edges: float = 24.0,
     ) -> None:
-        if pressed_by not in ("mid-plane", "plate"):
-            raise InputError(f"pressed_by = {pressed_by!r}; expected mid-plane or plate")
         if not friction >= 0:
             raise InputError(f"friction = {friction!r}; expected >= 0")
         if not 0 < p_max <= 1:
             raise InputError(f"p_max = {p_max!r}; expected over 0 and at most 1")
         self.profile = profile
         self.mirrored = profile is None or profile.mirrored
-        whole = pressed_by == "plate"
-        if whole and not self.mirrored:
-            raise InputError("pressed_by = 'plate': a plate does not hold a body off centre")
         material = Material(nu, finite)
         # Wider than the half-plane's: bodies on ridges reach further, and mesh costs little there.
         self._reach = min(1.2 * float(hertz.half_width(p_max, nu=nu)) + 0.02, 1.2)
         sizes = _Sizes.of(profile, self._reach, edges, p_max)
-        mesh = disk_mesh(sizes.at, both_sides=not self.mirrored, whole=whole)
+        mesh = disk_mesh(sizes.at, both_sides=not self.mirrored)
         n = mesh.mesh.t.shape[1]
         if n > _MOST_ELEMENTS:
             raise InputError(
@@ -124,8 +116,6 @@ class Cylinder:
                 f"{_MOST_ELEMENTS}: fewer edges, a lower load or rounder corners need less"
             )
         faces, self._height = self._faces(sizes)
-        if whole:
-            faces.append(plate(0.7, sizes.plate, mirrored=self.mirrored, above=True))
         solid = Solid(mesh, material)
         held = np.zeros((solid.n_node, 2), dtype=bool)
         if self.mirrored:
@@ -133,8 +123,7 @@ class Cylinder:
         else:
             # The mid-plane may widen, but its middle stays where it is.
             held[np.intersect1d(mesh.axis, mesh.mid_plane), 0] = True
-        if not whole:
-            held[mesh.mid_plane, 1] = True
+        held[mesh.mid_plane, 1] = True
         self.problem = ContactProblem(solid, Faces(faces), held, friction=friction)
         # A half model carries half the load; p is line load over 2 R.
         self._per_load = 1.0 if self.mirrored else 0.5
@@ -143,7 +132,7 @@ class Cylinder:
         profile = self.profile
         if profile is None:
             width = min(self._reach, 1.0)
-            return [plate(width, sizes.segment, mirrored=True, above=False)], -1.0
+            return [plate(width, sizes.segment)], -1.0
         numbers = _ridges_within(profile, self._reach)
         height = first_height(profile)
         return ridge_faces(profile, numbers, height, sizes.resolution), height
@@ -306,7 +295,6 @@ class _Sizes:
     at_corner: float
     resolution: Resolution
     segment: float
-    plate: float
     spans: FloatArray = field(repr=False)  # of ridges on the right half, (n, 2)
     windows: FloatArray = field(repr=False)  # of what meets their corners, (n, 2)
 
@@ -316,7 +304,7 @@ class _Sizes:
             edge = reach / (6 * edges)
             spans = np.array([[0.0, reach]])
             resolution = Resolution(edge, _ARC, SEGMENT * edge, edge)
-            return cls(edge, edge, resolution, SEGMENT * edge, SEGMENT * edge, spans, spans)
+            return cls(edge, edge, resolution, SEGMENT * edge, spans, spans)
         edge = min(profile.a, 4 * profile.b, 0.5 * reach) / edges
         segments = [profile.ridge(k) for k in _ridges_within(profile, reach)]
         spans = np.array([sorted((abs(one.start), abs(one.stop))) for one in segments])
@@ -333,7 +321,7 @@ class _Sizes:
         windows = np.column_stack(
             [far - around - 0.6 * p_max * far, far + around + 0.1 * np.minimum(far, 1.0) ** 3]
         )
-        return cls(edge, at_corner, resolution, SEGMENT * edge, reach / 60, spans, windows)
+        return cls(edge, at_corner, resolution, SEGMENT * edge, spans, windows)
 
     def at(self, theta: FloatArray) -> FloatArray:
         """Return wanted lengths at angles: fine where ridges press, finer at their corners."""

@@ -1,4 +1,4 @@
-"""The rigid side as faces cut into segments: tops, round corners, walls, floors, a plate above.
+"""The rigid side as faces cut into segments: tops, round corners, walls and floors.
 
 Contact pressure lives on these segments, constant on each. The ends of a top are ends of segments:
 a sharp corner needs no node of the body's mesh under it, wherever the body slides to.
@@ -59,9 +59,7 @@ class Face:
         Ends of segments, rising: distance from the origin along (cos, -sin) of the angle, or
         the normal's angle itself.
     ridge : int or None
-        Number of the ridge it belongs to; None of floors and plates.
-    rises : bool
-        Whether it moves up with the ridges.
+        Number of the ridge it belongs to; None of floors.
     below : float or None
         Height of the sharp corner that a wall hangs from. A body that has slipped into the ridge
         by less than its depth under the corner has come through the wall, by more from above.
@@ -72,7 +70,6 @@ class Face:
     radius: float
     breaks: FloatArray
     ridge: int | None
-    rises: bool = True
     below: float | None = None
 
     @property
@@ -126,12 +123,10 @@ class Faces:
         self.length: FloatArray = np.concatenate(
             [face.measure * np.diff(face.breaks) for face in self.faces]
         )
-        self.rises: np.ndarray = np.repeat([face.rises for face in self.faces], counts)
         self.face: IntArray = np.repeat(np.arange(len(counts)), counts)
         self._radius = np.array([face.radius for face in self.faces])
         self._angle = np.array([face.angle for face in self.faces])
         self._origin = np.array([face.origin for face in self.faces])
-        self._face_rises = np.array([face.rises for face in self.faces])
 
     def __len__(self) -> int:
         return len(self.length)
@@ -161,9 +156,8 @@ class Faces:
         per_length : ndarray of float, shape (n,)
             How far the projection moves on the face as the point moves along it.
         """
-        radius, origin = self._radius[face], self._origin[face].copy()
-        origin[:, 1] += np.where(self._face_rises[face], rise, 0.0)
-        out = point - origin
+        radius = self._radius[face]
+        out = point - self._origin[face] - np.array([0.0, rise])
         far = np.hypot(out[:, 0], out[:, 1])
         is_round = radius > 0
         angle = np.where(is_round, np.arctan2(out[:, 0], out[:, 1]), self._angle[face])
@@ -183,8 +177,8 @@ class Faces:
         """
         x, w = np.polynomial.legendre.leggauss(_GAUSS)
         some: list[tuple[FloatArray, ...]] = []
+        up = np.array([0.0, rise])
         for number, face in enumerate(self.faces):
-            up = np.array([0.0, rise if face.rises else 0.0])
             place, apart = face.of(nodes - up)
             kinks = place[np.abs(apart) < _NEAR]
             kinks = kinks[(kinks > face.breaks[0]) & (kinks < face.breaks[-1])]
@@ -269,26 +263,9 @@ def ridge_faces(
     return found
 
 
-def plate(width: float, segment: float, *, mirrored: bool, above: bool) -> Face:
-    """Cut a flat plate at y = 1 above the disk, or at y = -1 below it.
-
-    Parameters
-    ----------
-    width : float
-        Half its width.
-    segment : float
-        Length of segments.
-    mirrored : bool
-        Cut the right half alone.
-    above : bool
-        Whether it is above the disk and stays, or below and rises.
-    """
-    n = math.ceil(width / segment)
-    breaks = np.linspace(0.0, width, n + 1)
-    if not mirrored:
-        breaks = np.concatenate([-breaks[:0:-1], breaks])
-    if above:
-        return Face(np.array([0.0, 1.0]), math.pi, 0.0, -breaks[::-1], None, rises=False)
+def plate(width: float, segment: float) -> Face:
+    """Cut the right half of a flat under the disk, of a width, into segments of a length."""
+    breaks = np.linspace(0.0, width, math.ceil(width / segment) + 1)
     return Face(np.array([0.0, -1.0]), 0.0, 0.0, breaks, 0)
 
 

@@ -1,4 +1,4 @@
-"""A pressed cylinder for other programs: VTU and XDMF files, and a table of its contact."""
+"""A pressed cylinder for other programs: XDMF files, and a table of its contact."""
 
 import io
 from collections.abc import Sequence
@@ -18,7 +18,6 @@ from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import replacing
 
-SUFFIXES = (".vtu", ".xdmf")
 _ORDER = 5  # of the solid's quadrature
 
 
@@ -32,30 +31,35 @@ def write_fields(cylinder: Cylinder, states: Sequence[State], path: Path) -> Non
     cylinder : Cylinder
         The body.
     states : sequence of State
-        One for ``.vtu``; of ``.xdmf`` a time series, whose time is p/E.
+        A time series, whose time is p/E.
     path : pathlib.Path
-        Ends in ``.vtu`` or ``.xdmf``; an existing file is replaced. Numbers of an ``.xdmf`` are in
-        a file beside it, of the same name but ``.h5``: move both together. Each appears whole or
-        not at all, the ``.h5`` first.
+        Ends in ``.xdmf``; an existing file is replaced. Its numbers are in a file beside it, of
+        the same name but ``.h5``: move both together. Each appears whole or not at all, the
+        ``.h5`` first.
 
     Raises
     ------
     InputError
-        If the suffix is unknown, there is no state, or several for ``.vtu``, or the folder does
-        not exist.
+        If there is no state, or the folder does not exist.
     OutputError
         If a file cannot be written, such as on a full disk.
     """
-    if path.suffix not in SUFFIXES:
-        raise InputError(f"{path}: unknown suffix; expected {' or '.join(SUFFIXES)}")
     if not states:
         raise InputError(f"{path}: no state to write")
-    if path.suffix == ".vtu" and len(states) > 1:
-        raise InputError(f"{path}: {len(states)} states; expected one in .vtu, several in .xdmf")
-    if path.suffix == ".vtu":
-        _write_vtu(cylinder, states[0], path)
-    else:
-        _write_xdmf(cylinder, states, path)
+    import h5py
+    from meshio.xdmf import TimeSeriesWriter
+
+    side, content = path.with_suffix(".h5"), io.BytesIO()  # a full disk ends HDF5 on a file
+    with replacing(path) as partial, replacing(side) as numbers:
+        writer = TimeSeriesWriter(partial)
+        # Entered as a context it would open a file in the current folder, named as the partial one.
+        writer.h5_filename, writer.h5_file = side.name, h5py.File(content, "w")
+        with writer.h5_file:
+            writer.write_points_cells(*_mesh(cylinder.problem.solid))
+            for state in states:
+                writer.write_data(cylinder.p_over_E(state), nodal_fields(cylinder, state))
+            writer.__exit__()
+        numbers.write_bytes(content.getbuffer())
 
 
 def nodal_fields(cylinder: Cylinder, state: State) -> dict[str, FloatArray]:
@@ -109,7 +113,7 @@ def surface_table(cylinder: Cylinder, state: State) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        A row a segment: ``ridge``, its number, missing on floors and plates above; ``x``, ``y``,
+        A row a segment: ``ridge``, its number, missing on floors; ``x``, ``y``,
         its middle, over R; ``length``, over R; ``normal_x``, ``normal_y``, towards the body;
         ``pressure``, on the body along that normal, and ``shear``, on it along (normal_y,
         -normal_x), over E. Of a mirrored profile the right half.
@@ -118,39 +122,13 @@ def surface_table(cylinder: Cylinder, state: State) -> pd.DataFrame:
     for face in faces.faces:
         point, normal = face.at(0.5 * (face.breaks[1:] + face.breaks[:-1]))
         part = pd.DataFrame({"ridge": pd.array([face.ridge] * len(point), dtype="Int64")})
-        part["x"], part["y"] = point[:, 0], point[:, 1] + (state.rise if face.rises else 0.0)
+        part["x"], part["y"] = point[:, 0], point[:, 1] + state.rise
         part["normal_x"], part["normal_y"] = normal.T
         parts.append(part)
     table = pd.concat(parts, ignore_index=True)
     table.insert(3, "length", faces.length)
     table["pressure"], table["shear"] = state.pressure, state.shear
     return table[table["pressure"] > 0].reset_index(drop=True)
-
-
-def _write_vtu(cylinder: Cylinder, state: State, path: Path) -> None:
-    import meshio
-
-    points, cells = _mesh(cylinder.problem.solid)
-    mesh = meshio.Mesh(points, cells, point_data=nodal_fields(cylinder, state))
-    with replacing(path) as partial:
-        mesh.write(partial, file_format="vtu")
-
-
-def _write_xdmf(cylinder: Cylinder, states: Sequence[State], path: Path) -> None:
-    import h5py
-    from meshio.xdmf import TimeSeriesWriter
-
-    side, content = path.with_suffix(".h5"), io.BytesIO()  # a full disk ends HDF5 on a file
-    with replacing(path) as partial, replacing(side) as numbers:
-        writer = TimeSeriesWriter(partial)
-        # Entered as a context it would open a file in the current folder, named as the partial one.
-        writer.h5_filename, writer.h5_file = side.name, h5py.File(content, "w")
-        with writer.h5_file:
-            writer.write_points_cells(*_mesh(cylinder.problem.solid))
-            for state in states:
-                writer.write_data(cylinder.p_over_E(state), nodal_fields(cylinder, state))
-            writer.__exit__()
-        numbers.write_bytes(content.getbuffer())
 
 
 def _mesh(solid: Solid) -> tuple[FloatArray, list[tuple[str, np.ndarray]]]:

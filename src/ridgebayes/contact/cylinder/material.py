@@ -88,24 +88,6 @@ class Material:
             p[..., None, None, None, None] * _COFACTOR
         )
 
-    def energy(self, F: FloatArray) -> FloatArray:
-        """Return the stored energy density W where the volume may change; shape (...)."""
-        if not self.finite:
-            H = F - _IDENTITY
-            trace = np.trace(H, axis1=-2, axis2=-1)
-            strain = 0.5 * (H + np.swapaxes(H, -1, -2))
-            squares = np.einsum("...ij,...ij->...", strain, strain) - trace**2 / 3.0
-            shear = self.mu * squares
-            volume = trace
-        else:
-            J = jacobian(F)
-            first = np.einsum("...ij,...ij->...", F, F) + 1.0
-            shear = 0.5 * self.mu * (J ** (-2.0 / 3.0) * first - 3.0)
-            volume = J - 1.0
-        if self.compressibility == 0.0:
-            return shear
-        return shear + 0.5 / self.compressibility * volume**2
-
 
 def jacobian(F: FloatArray) -> FloatArray:
     """Return det F of plane gradients, which is J in plane strain."""

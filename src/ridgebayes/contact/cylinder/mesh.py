@@ -52,9 +52,8 @@ def disk_mesh(
     *,
     refine: int = 1,
     both_sides: bool = False,
-    whole: bool = False,
 ) -> DiskMesh:
-    """Mesh a quarter of a disk, its lower half or all of it.
+    """Mesh a quarter of a disk, or its lower half.
 
     Parameters
     ----------
@@ -65,8 +64,6 @@ def disk_mesh(
         Makes the core's elements smaller by at least this factor, the rim's being given by `size`.
     both_sides : bool, optional
         Mesh x < 0 too, the mirror image.
-    whole : bool, optional
-        Mesh y > 0 too, the mirror image.
 
     Returns
     -------
@@ -106,8 +103,6 @@ def disk_mesh(
     quads = np.concatenate([_core(n_core), ring])
     if both_sides:
         quads = np.concatenate([quads, (quads * [-1.0, 1.0])[:, ::-1]])
-    if whole:
-        quads = np.concatenate([quads, (quads * [1.0, -1.0])[:, ::-1]])
     return _joined(quads)
 
 

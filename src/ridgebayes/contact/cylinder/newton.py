@@ -108,7 +108,7 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
     for step in range(_MOST_STEPS + more):
         gaps = problem.gaps(state, start, left_out)
         if step == 0 and not active.any():
-            active = _nearest(problem, gaps)
+            active = _nearest(gaps)
         try:
             inner = problem.solid.assemble(state.u, state.p)
         except InvertedError as inverted:
@@ -133,14 +133,9 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
     raise NotConvergedError(f"no equilibrium in {_MOST_STEPS + more} Newton steps")
 
 
-def _nearest(problem: ContactProblem, gaps: Gaps) -> np.ndarray:
-    """Return the segments that touch first, below and above: nothing else holds a loose body."""
-    found = np.zeros(len(gaps.gap), dtype=bool)
-    for side in (problem.faces.rises, ~problem.faces.rises):
-        least = np.where(side, gaps.gap, math.inf).min(initial=math.inf)
-        if math.isfinite(least):
-            found |= side & (gaps.gap <= least + _GAP_TOL)
-    return found
+def _nearest(gaps: Gaps) -> np.ndarray:
+    """Return the segments that touch first: nothing else holds a loose body."""
+    return np.isfinite(gaps.gap) & (gaps.gap <= gaps.gap.min() + _GAP_TOL)
 
 
 def _error(
@@ -238,11 +233,12 @@ class _Step:
         self._gap = np.where(self._candidate, gaps.gap, 0.0) * length
         self._scale = _STIFF / length**2
         self._C = gaps.normal
-        # Rising ridges are the whole rim sinking, for those segments that rise.
-        self._lift = -(problem.faces.rises * (self._C @ problem.up))
-        self._slip_lift = -(problem.faces.rises * (gaps.along @ problem.up))
-        self._bent = np.asarray(problem.contact_stiffness(state, gaps, rising=True) @ problem.up)
-        K = inner.stiffness - problem.contact_stiffness(state, gaps)
+        # Rising ridges are the whole rim sinking.
+        self._lift = -(self._C @ problem.up)
+        self._slip_lift = -(gaps.along @ problem.up)
+        bending = problem.contact_stiffness(state, gaps)
+        self._bent = np.asarray(bending @ problem.up)
+        K = inner.stiffness - bending
         Ca, scale = self._C[self._reference], self._scale[self._reference]
         K = K + Ca.T @ sparse.diags_array(scale) @ Ca
         rest = -(inner.force.ravel() + inner.condensed.ravel())
@@ -358,7 +354,7 @@ class _Step:
         # The load is the force of what rises, along the rise: minus lift . pressure.
         C, scale, lift = self._C[on], self._scale[on], self._lift[on]
         pressure = state.pressure[on] - scale * (self._gap[on] + C @ first)
-        rubbing = problem.up @ (self._gaps.along.T @ (problem.faces.rises * state.shear))
+        rubbing = problem.up @ (self._gaps.along.T @ state.shear)
         now = -lift @ pressure + self._bent @ first + rubbing
         slope = lift @ (scale * (C @ second + lift)) + self._bent @ (second - problem.up)
         return float((control.target - now) / slope)

@@ -110,10 +110,6 @@ class Solid:
         stress = self.material.stress(self.gradients(u), self.pressures(p))
         return self._scattered(self._element_force(stress))
 
-    def energy(self, u: FloatArray) -> float:
-        """Return the stored energy over E R^2 and unit length."""
-        return float(np.sum(self._weight * self.material.energy(self.gradients(u))))
-
     def volume_residual(self, u: FloatArray, p: FloatArray) -> FloatArray:
         """Return the residual of J - 1 - p/K = 0, shape (n_element, 3)."""
         change = self._volume_change(self.gradients(u))

@@ -73,7 +73,6 @@ def plot_deformed(
         if field not in _FIELDS:
             raise InputError(f"fields: no {field!r}; expected {' or '.join(_FIELDS)}")
     table = surface_table(cylinder, state)
-    table = table[table["normal_y"] > -0.5]  # not the plate above
     if table.empty:
         raise InputError("the body touches nothing: no contact to draw")
     mean = float(np.average(table["pressure"], weights=table["length"]))
@@ -177,7 +176,7 @@ class _Body:
 
 
 def _rigid(axes: Axes, cylinder: Cylinder, state: State) -> None:
-    bottom, top = axes.get_ylim()
+    bottom = axes.get_ylim()[0]
     right = axes.get_xlim()[1]
     profile = cylinder.profile
     if profile is None:
@@ -189,8 +188,6 @@ def _rigid(axes: Axes, cylinder: Cylinder, state: State) -> None:
         axes.add_collection(PolyCollection(ridges, color=_RIDGE, linewidths=0), autolim=False)
         if height - profile.depth > bottom:
             axes.axhspan(bottom, height - profile.depth, color=_RIDGE, linewidth=0)
-    if not cylinder.problem.faces.rises.all():
-        axes.axhspan(1.0, top, color=_RIDGE, linewidth=0)
 
 
 def _outline(ridge: RigidSegment, height: float, bottom: float) -> FloatArray:

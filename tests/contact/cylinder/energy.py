@@ -1,0 +1,27 @@
+"""Stored energy of the material and of a meshed body, to check stresses and forces against."""
+
+import numpy as np
+
+from ridgebayes.contact.cylinder.material import jacobian
+
+
+def energy_density(material, F):
+    """Return the stored energy over E where the volume may change; shape (...)."""
+    if material.finite:
+        J = jacobian(F)
+        first = np.einsum("...ij,...ij->...", F, F) + 1.0
+        shear = 0.5 * material.mu * (J ** (-2.0 / 3.0) * first - 3.0)
+        volume = J - 1.0
+    else:
+        H = F - np.eye(2)
+        volume = np.trace(H, axis1=-2, axis2=-1)
+        strain = 0.5 * (H + np.swapaxes(H, -1, -2))
+        shear = material.mu * (np.einsum("...ij,...ij->...", strain, strain) - volume**2 / 3.0)
+    if material.compressibility == 0.0:
+        return shear
+    return shear + 0.5 / material.compressibility * volume**2
+
+
+def stored_energy(solid, u):
+    """Return the energy over E R^2 and unit length, of displacements of the nodes."""
+    return float(np.sum(solid._weight * energy_density(solid.material, solid.gradients(u))))
