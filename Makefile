@@ -1,23 +1,29 @@
-# Two commands do everything, set-up included:
-#   make run    the main job on the embedded sweep, into ridgebayes-out/
-#   make test   lint, types, all tests, doctests, the notebook and the README's code blocks
+# Set-up included, each of these is one command:
+#   make run        the main job on the embedded sweep, into ridgebayes-out/
+#   make fast       lint, types, and the tests that need no sub-process, CalculiX or long chain
+#   make test       lint, types, all tests, doctests, the notebook and the README's code blocks
+#   make test-long  make test's tests on every Python of PYTHONS, and the validation tools once
+#   make hard-cases, make mutation, make architecture: the pages of docs/ that are made by running code
 # Another Python: make test PYTHON=python3.12 VENV=.venv-3.12
 
-PYTHON ?= python3
-VENV   ?= .venv
-OUT    ?= ridgebayes-out
-BIN     = $(VENV)/bin
-# One BLAS thread: the matrices are small, and threads only fight over two cores.
+PYTHON  ?= python3
+PYTHONS ?= python3.11 python3.12 python3.13
+VENV    ?= .venv
+OUT     ?= ridgebayes-out
+BIN      = $(VENV)/bin
+PYTEST   = $(BIN)/python -m pytest -n auto --dist worksteal
+# One BLAS thread: the matrices are small, and threads only fight over the cores.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: setup run test lint types clean
+.PHONY: setup run lint types fast test test-long hard-cases mutation architecture clean
 
 setup: $(VENV)/.installed
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[dev]'
 	touch $@
 
 run: setup
@@ -26,12 +32,41 @@ run: setup
 lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+	$(BIN)/python docs/check_docstrings.py
 
 types: setup
 	$(BIN)/mypy
 
+fast: lint types
+	$(PYTEST) -q -m "not slow and not process and not ccx"
+
 test: lint types
-	$(BIN)/python -m pytest
+	$(PYTEST)
+
+# One environment for each Python; one that is not there is an error, not a silent skip.
+test-long: setup
+	set -e; for python in $(PYTHONS); do \
+	    $(MAKE) --no-print-directory test-python PYTHON=$$python VENV=.venv-$$(basename $$python); \
+	done
+	$(BIN)/python -m tests.fea.fuzzing --n 200 --seed 1
+
+.PHONY: test-python
+test-python: setup
+	$(PYTEST) -q
+
+hard-cases: setup
+	$(BIN)/python -m tests.hard_cases.page
+
+mutation: setup
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[dev,mutation]'
+	$(BIN)/python -m tests.mutation.run
+	$(BIN)/python -m tests.mutation.page
+
+architecture: setup
+	$(BIN)/python docs/architecture/figure.py
+	$(BIN)/python docs/architecture/walk.py
+	$(BIN)/python docs/architecture/code_lines.py
 
 clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) .venv-* .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
