@@ -13,9 +13,10 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands import cli
-from ridgebayes.commands.jobs import compare_job
-from ridgebayes.commands.run_folder import read_run
+from ridgebayes.commands.compare import compare_job
+from ridgebayes.commands.parsing import parse_loads
+from ridgebayes.commands.request import FitRequest
+from ridgebayes.commands.run_files import read_run
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
@@ -79,7 +80,7 @@ def quick(monkeypatch):
 def finished(tmp_path_factory):
     """A run folder of two forms."""
     folder = tmp_path_factory.mktemp("finished") / "run"
-    compare_job(folder, SWEEP, forms=["modified", "classic"], settings=QUICK)
+    compare_job(folder, FitRequest(SWEEP, ["modified", "classic"], settings=QUICK))
     return folder
 
 
@@ -551,11 +552,11 @@ def test_rows_that_are_not_ok__are_counted_aloud(command, quick, paper):
 def test_run__passes_every_option_on(command, monkeypatch, finished):
     asked = {}
 
-    def run_job(folder, **options):
-        asked.update(options, folder=folder)
+    def run_job(folder, request, **options):
+        asked.update(vars(request), **options, folder=folder)
         return read_run(finished)
 
-    monkeypatch.setattr("ridgebayes.commands.jobs.run_job", run_job)
+    monkeypatch.setattr("ridgebayes.commands.run.run_job", run_job)
     words = ("--table", "t.csv", "--forms", "classic,hybrid", "--noise", "iid", "--seed", "7")
     words += ("--workers", "3", "--scheduler", "tcp://host:1")
     said = command("run", *words, "--force", "--resume", "-o", "out")
@@ -568,6 +569,7 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
         "force": True,
         "resume": True,
         "accuracy": "standard",
+        "settings": None,
         "workers": 3,
         "scheduler": "tcp://host:1",
     }
@@ -578,11 +580,11 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
 def test_run__nothing_named_is_the_embedded_sweep_with_seed_0(command, monkeypatch, finished):
     asked = {}
 
-    def run_job(folder, **options):
-        asked.update(options, folder=folder)
+    def run_job(folder, request, **options):
+        asked.update(vars(request), **options, folder=folder)
         raise ComputationError("enough")
 
-    monkeypatch.setattr("ridgebayes.commands.jobs.run_job", run_job)
+    monkeypatch.setattr("ridgebayes.commands.run.run_job", run_job)
     said = command("run")
     assert (said.code, said.err) == (1, "ridgebayes: enough\n")
     assert asked["folder"] == Path("ridgebayes-out")
@@ -593,7 +595,9 @@ def test_run__nothing_named_is_the_embedded_sweep_with_seed_0(command, monkeypat
 
 def test_report__is_written_again(command, monkeypatch, run):
     asked = []
-    monkeypatch.setattr("ridgebayes.commands.jobs.write_pages", lambda *words: asked.append(words))
+    monkeypatch.setattr(
+        "ridgebayes.commands.report.write_pages", lambda *words: asked.append(words)
+    )
     said = command("report", run)
     assert (said.code, said.out) == (0, f"read {run / 'report.html'}\n")
     assert asked[0][1:] == (run, None)
@@ -647,7 +651,7 @@ def test_predict__defaults_are_the_average_at_one_half_and_90_percent(command, r
     ],
 )
 def test_loads__as_typed(text, loads):
-    found = cli._loads(text)
+    found = parse_loads(text)
     # Algebra: logarithmic grids round, their ends do not.
     np.testing.assert_allclose(found, loads, rtol=1e-14)
     assert (found[0], found[-1]) == (loads[0], loads[-1])
@@ -687,7 +691,7 @@ def test_interrupted__is_not_a_traceback(command, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("ridgebayes.commands.jobs.run_job", interrupted)
+    monkeypatch.setattr("ridgebayes.commands.run.run_job", interrupted)
     said = command("run")
     assert said.code == 130
     assert "Traceback" not in said.err

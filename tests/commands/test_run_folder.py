@@ -11,17 +11,15 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands.run_folder import (
-    new_folder,
+from ridgebayes.commands.run_files import (
     read_run,
     summary_table,
     verdicts,
     write_comparison,
-    write_csv,
     write_fits,
     write_run_json,
-    write_text,
 )
+from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, bayes_factor_table
 from ridgebayes.comparison.comparison import Comparison
@@ -335,7 +333,7 @@ def test_run_json__a_package_that_is_not_installed_is_unknown(comparison, tmp_pa
             raise PackageNotFoundError(name)
         return "1.0"
 
-    monkeypatch.setattr("ridgebayes.commands.run_folder.version", version)
+    monkeypatch.setattr("ridgebayes.commands.run_files.version", version)
     about(tmp_path, comparison)
     versions = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["versions"]
     assert (versions["matplotlib"], versions["numpy"]) == ("unknown", "1.0")

@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 
 import ridgebayes as rb
-from ridgebayes.commands.jobs import run_job
+from ridgebayes.commands.request import FitRequest
+from ridgebayes.commands.run import run_job
 from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.forms import form_named
@@ -41,17 +42,17 @@ import sys
 from pathlib import Path
 import ridgebayes as rb
 from ridgebayes.comparison import compare
-from ridgebayes.commands import jobs
+from ridgebayes.commands.compare import compare_job
+from ridgebayes.commands.request import FitRequest
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.commands.run_folder import write_csv
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
 compare.prior_sensitivity = lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known)
 textures = [(0.012, 0.03), (0.022, 0.02), (0.032, 0.01)]
 rb.generate(rb.Scene.of(textures, p_over_E=0.01)).write("t.csv")
-done = jobs.compare_job(
-    Path("out"), Path("t.csv"), forms=["modified", "hybrid"], seed=3,
-    settings=rb.SampleSettings(n_walker=16, n_step_max=300),
-)
+settings = rb.SampleSettings(n_walker=16, n_step_max=300)
+request = FitRequest(Path("t.csv"), ["modified", "hybrid"], seed=3, settings=settings)
+done = compare_job(Path("out"), request)
 write_csv(bands_table(done), Path("out", "bands.csv"))
 rb.write_report(done, "out/report.md")
 """
@@ -134,9 +135,11 @@ def run_shared_out(folder):
     generate(SCENE).write(folder / "t.csv")
     found = {}
     for n in (1, 2):
-        options = {"forms": ["modified", "hybrid"], "accuracy": "quick", "workers": n}
         # With shared offsets, which is where factors are kept.
-        run_job(folder / str(n), table=folder / "t.csv", noise="step-smooth", **options)
+        asked = FitRequest(
+            folder / "t.csv", ["modified", "hybrid"], noise="step-smooth", accuracy="quick"
+        )
+        run_job(folder / str(n), asked, workers=n)
         found[n] = run_contents(folder / str(n))
     assert found[1] == found[2]
     return f"{len(found[1])} files, the same bytes"

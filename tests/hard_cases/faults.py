@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 import ridgebayes as rb
-from ridgebayes.commands.run_folder import read_run
+from ridgebayes.commands.run_files import read_run
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import error_models
 from ridgebayes.inference.checkpoint import Checkpoint
@@ -36,15 +36,15 @@ from pathlib import Path
 import ridgebayes as rb
 from ridgebayes.commands import cli
 from ridgebayes.comparison import compare
-from ridgebayes.commands import jobs
+from ridgebayes.commands import compare as command
+from ridgebayes.commands.request import FitRequest
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
 compare.prior_sensitivity = lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known)
 def job(**options):
-    jobs.compare_job(
-        Path("out"), Path("few.csv"), forms=["modified", "hybrid"], seed=5,
-        settings=rb.SampleSettings(n_walker=16, n_step_max=400), **options
-    )
+    settings = rb.SampleSettings(n_walker=16, n_step_max=400)
+    request = FitRequest(Path("few.csv"), ["modified", "hybrid"], seed=5, settings=settings)
+    command.compare_job(Path("out"), request, **options)
 """
 RUN = "cli.app = lambda: job({options})\ncli.main()\n"
 
@@ -126,8 +126,8 @@ def writing(path, content):
 Path.write_bytes = writing
 """,
     "when the posteriors are written": f"""
-from ridgebayes.commands import run_folder as runfolder
-runfolder.summary_table = lambda fits: {KILL}
+from ridgebayes.commands import run_files
+run_files.summary_table = lambda fits: {KILL}
 """,
     "with the old run set aside and the new one not yet named": f"""
 rename = Path.rename
@@ -232,7 +232,7 @@ def interrupted(folder):
     here = place(folder, "weighing")
     words = ("run", "--table", "few.csv", "--forms", "modified", "--workers", "2", "-o", "out")
     begun = (
-        "from ridgebayes.evidence import error_models\nfrom ridgebayes.commands import jobs\n"
+        "from ridgebayes.evidence import error_models\nfrom ridgebayes.commands import run\n"
         "from pathlib import Path\n"
         + (
             "look = error_models.map_ordered\n"

@@ -23,8 +23,11 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands.jobs import compare_job, report_job, run_job
-from ridgebayes.commands.run_folder import read_run
+from ridgebayes.commands.compare import compare_job
+from ridgebayes.commands.report import report_job
+from ridgebayes.commands.request import FitRequest
+from ridgebayes.commands.run import run_job
+from ridgebayes.commands.run_files import read_run
 from ridgebayes.errors import InputError
 from ridgebayes.fea.read import Given, import_files
 from ridgebayes.report import render_report
@@ -73,7 +76,8 @@ def sound_run() -> dict[str, bytes]:
     with tempfile.TemporaryDirectory() as scratch:
         rb.ContactTable.from_frame(frame[chosen]).write(Path(scratch, "t.csv"))
         out = Path(scratch, "out")
-        compare_job(out, Path(scratch, "t.csv"), forms=["modified", "hybrid"], accuracy="quick")
+        table = Path(scratch, "t.csv")
+        compare_job(out, FitRequest(table, ["modified", "hybrid"], accuracy="quick"))
         return {path.name: path.read_bytes() for path in out.iterdir()}
 
 
@@ -301,7 +305,7 @@ def hostile_run() -> tuple[str, str, dict[str, bytes]]:
         path, out = Path(scratch, "t|`<img src=x onerror=alert(1)>$\u202e.csv"), Path(scratch, "o")
         table.write(path)
         forms = ["power-law", "modified"]
-        run_job(out, table=path, forms=forms, accuracy="quick", noise="iid")
+        run_job(out, FitRequest(path, forms, accuracy="quick"))
         back = rb.read_table(out / "table.csv")
         assert back.digest() == table.digest()
         assert {one.name for one in Path(scratch).iterdir()} == {path.name, "o"}

@@ -6,8 +6,9 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands.jobs import run_job
-from ridgebayes.commands.run_folder import read_run
+from ridgebayes.commands.request import FitRequest
+from ridgebayes.commands.run import run_job
+from ridgebayes.commands.run_files import read_run
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.inference.importance_sampling import importance_posterior
@@ -92,7 +93,7 @@ def test_quick__walks_where_importance_weights_are_too_uneven(paper, monkeypatch
 
 
 def test_quick_run__chooses_the_same_error_model_and_form(tmp_path):
-    cmp = run_job(tmp_path / "out", accuracy="quick")
+    cmp = run_job(tmp_path / "out", FitRequest(noise=None, accuracy="quick"))
     assert cmp.complete
     assert (cmp.noise.name, cmp.best) == ("step-smooth", "hybrid")
     assert not (tmp_path / "out/reference-fe").exists()

@@ -16,7 +16,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.checks.coverage import coverage
-from ridgebayes.commands.sweep_jobs import sweep_job
+from ridgebayes.commands.generate import sweep_job
 from ridgebayes.errors import ComputationError
 from ridgebayes.model.forms import Modified
 from ridgebayes.runtime.pool import WorkerLostError, executor_for, map_ordered

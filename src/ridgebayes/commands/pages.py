@@ -3,7 +3,7 @@
 from concurrent.futures import Executor
 from pathlib import Path
 
-from ridgebayes.commands.run_folder import REFERENCE
+from ridgebayes.commands.run_files import REFERENCE
 from ridgebayes.comparison.comparison import Comparison
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from ridgebayes.commands.sweep_jobs import journal_of, sweep_job
+from ridgebayes.commands.generate import journal_of, sweep_job
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import workers
@@ -376,7 +376,7 @@ def test_sweep__a_failed_computation_keeps_what_is_done(tmp_path, monkeypatch, c
 def test_sweep__tells_now_and_then_where_there_is_no_terminal(tmp_path, monkeypatch, capsys):
     sweep(tmp_path / "quick.csv")
     assert capsys.readouterr().err == ""
-    monkeypatch.setattr("ridgebayes.commands.sweep_jobs._EVERY_S", 0.0)
+    monkeypatch.setattr("ridgebayes.commands.generate._EVERY_S", 0.0)
     sweep(tmp_path / "long.csv")
     assert f"{N} of {N} textures\n" in capsys.readouterr().err
 
@@ -391,7 +391,7 @@ def test_generate__its_options_reach_the_sweep(command, monkeypatch):
         asked.update(options, out=out, scene=scene)
         raise ComputationError("enough")
 
-    monkeypatch.setattr("ridgebayes.commands.sweep_jobs.sweep_job", sweep_job)
+    monkeypatch.setattr("ridgebayes.commands.generate.sweep_job", sweep_job)
     SCENE.to_toml("my.toml")
     words = ("--solver", "half-plane", "--tol", "1e-6", "--workers", "3", "--resume", "--force")
     words += ("--accuracy", "quick")

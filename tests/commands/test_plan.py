@@ -43,7 +43,7 @@ def canned(monkeypatch):
         rows.append(row | {"simulated": False, "honest": asked["honest"]})
         return pd.DataFrame(rows, columns=CHECK_COLUMNS)
 
-    monkeypatch.setattr("ridgebayes.commands.plan_jobs.check_plans", check_plans)
+    monkeypatch.setattr("ridgebayes.commands.plan.check_plans", check_plans)
     return asked
 
 

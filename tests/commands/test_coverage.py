@@ -48,7 +48,7 @@ def canned(monkeypatch):
         frame = pd.DataFrame(rows, columns=COVERAGE_COLUMNS)
         return frame.assign(**asked.get("failure", {}))
 
-    monkeypatch.setattr("ridgebayes.commands.jobs.coverage", coverage)
+    monkeypatch.setattr("ridgebayes.commands.coverage.coverage", coverage)
     return asked
 
 

@@ -13,8 +13,10 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands.jobs import EMBEDDED, compare_job, fit_job, report_job, run_job
-from ridgebayes.commands.run_folder import read_run
+from ridgebayes.commands import compare, fit, run
+from ridgebayes.commands.report import report_job
+from ridgebayes.commands.request import EMBEDDED, FitRequest
+from ridgebayes.commands.run_files import read_run
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
 from ridgebayes.runtime.progress import Progress
@@ -22,6 +24,7 @@ from ridgebayes.runtime.progress import Progress
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
 QUICK = rb.SampleSettings(n_walker=16, n_step_max=100)
 FORMS = ["modified", "hybrid"]
+COMPARE = "ridgebayes.commands.request.compare_with"
 COLUMNS = {
     "summary.csv": "form,noise,parameter,mean,sd,eti_lower,eti_upper,prob,ess_bulk,ess_tail,"
     "r_hat,mcse_mean",
@@ -57,6 +60,18 @@ def names(folder):
 
 def about(folder):
     return json.loads((folder / "run.json").read_text(encoding="utf-8"))
+
+
+def run_job(folder, *, noise=None, force=False, workers=None, **request):
+    return run.run_job(folder, FitRequest(noise=noise, **request), force=force, workers=workers)
+
+
+def compare_job(folder, table, *, resume=False, **request):
+    return compare.compare_job(folder, FitRequest(table, **request), resume=resume)
+
+
+def fit_job(folder, table, form, *, resume=False, **request):
+    return fit.fit_job(folder, FitRequest(table, [form], **request), resume=resume)
 
 
 class Pages:
@@ -108,8 +123,8 @@ def runs(tmp_path_factory, table):
     folder, pages = tmp_path_factory.mktemp("runs"), Pages()
     Counted.made = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ridgebayes.commands.jobs.write_pages", pages)
-        patch.setattr("ridgebayes.commands.jobs.Progress", Counted)
+        patch.setattr("ridgebayes.commands.run.write_pages", pages)
+        patch.setattr("ridgebayes.commands.run.Progress", Counted)
         done = {
             name: run_job(
                 folder / name, table=table, forms=FORMS, seed=seed, settings=QUICK, noise="iid"
@@ -251,15 +266,14 @@ def test_run__announces_as_many_stages_as_come(runs):
 @pytest.fixture
 def no_pages(monkeypatch):
     pages = Pages()
-    monkeypatch.setattr("ridgebayes.commands.jobs.write_pages", pages)
+    for command in ("run", "report"):
+        monkeypatch.setattr(f"ridgebayes.commands.{command}.write_pages", pages)
     return pages
 
 
 @pytest.fixture
 def no_sampling(monkeypatch):
-    monkeypatch.setattr(
-        "ridgebayes.commands.jobs.compare_with", lambda *_, **__: pytest.fail("went on")
-    )
+    monkeypatch.setattr(COMPARE, lambda *_, **__: pytest.fail("went on"))
 
 
 @pytest.mark.parametrize("place", ["bands_table", "loads_table", "write_run_json", "write_pages"])
@@ -269,8 +283,8 @@ def test_run__that_fails_mid_way_leaves_no_final_folder(
     def fail(*_, **__):
         raise RuntimeError("disk on fire")
 
-    monkeypatch.setattr("ridgebayes.commands.jobs.compare_with", lambda *_, **__: runs[1]["first"])
-    monkeypatch.setattr(f"ridgebayes.commands.jobs.{place}", fail)
+    monkeypatch.setattr(COMPARE, lambda *_, **__: runs[1]["first"])
+    monkeypatch.setattr(f"ridgebayes.commands.run.{place}", fail)
     with pytest.raises(RuntimeError, match="disk on fire"):
         # One process: what a test puts in the place of a function is not there in a worker.
         run_job(tmp_path / "out", table=table, forms=FORMS, settings=QUICK, noise="iid", workers=1)
@@ -285,7 +299,7 @@ def test_run__that_fails_with_force_leaves_the_old_one(
 
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "run.json").write_text("{}")
-    monkeypatch.setattr("ridgebayes.commands.jobs.compare_with", fail)
+    monkeypatch.setattr(COMPARE, fail)
     with pytest.raises(ComputationError):
         run_job(tmp_path / "out", table=table, force=True)
     assert names(tmp_path / "out") == {"run.json"}
@@ -295,7 +309,7 @@ def test_run__force_replaces_a_run(tmp_path, table, monkeypatch, no_pages, runs)
     (tmp_path / "out").mkdir()
     for name in ("run.json", "posterior-classic.nc", "notes.txt"):
         (tmp_path / "out" / name).write_text("{}")
-    monkeypatch.setattr("ridgebayes.commands.jobs.compare_with", lambda *_, **__: runs[1]["first"])
+    monkeypatch.setattr(COMPARE, lambda *_, **__: runs[1]["first"])
     run_job(tmp_path / "out", table=table, forms=FORMS, force=True)
     assert names(tmp_path / "out") == names(runs[0] / "first")
 
@@ -331,7 +345,7 @@ def default(tmp_path_factory):
     """The main job with nothing named but one form, so that the second comparison is the rest."""
     folder, pages = tmp_path_factory.mktemp("default") / "run", Pages()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ridgebayes.commands.jobs.write_pages", pages)
+        patch.setattr("ridgebayes.commands.run.write_pages", pages)
         done = run_job(folder, forms=["modified"], settings=QUICK, noise="iid")
     return folder, done, pages
 
@@ -403,7 +417,7 @@ def test_compare__default_forms_are_the_four_printed_ones(tmp_path, table, monke
         asked.extend(form.name for form in forms)
         raise ComputationError("enough")
 
-    monkeypatch.setattr("ridgebayes.commands.jobs.compare_with", compare)
+    monkeypatch.setattr(COMPARE, compare)
     with pytest.raises(ComputationError, match="enough"):
         compare_job(tmp_path / "out", table)
     assert asked == ["classic", "power-law", "modified", "hybrid"]
@@ -423,7 +437,8 @@ def test_fit__writes_one_posterior_with_its_evidence(tmp_path, table):
 @pytest.mark.parametrize("n_form", [1, 2])
 def test_jobs__announce_as_many_stages_as_come(tmp_path, table, monkeypatch, n_form):
     Counted.made = []
-    monkeypatch.setattr("ridgebayes.commands.jobs.Progress", Counted)
+    for command in ("fit", "compare"):
+        monkeypatch.setattr(f"ridgebayes.commands.{command}.Progress", Counted)
     if n_form == 1:
         fit_job(tmp_path / "out", table, "modified", settings=QUICK, noise="iid")
     else:

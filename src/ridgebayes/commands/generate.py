@@ -1,13 +1,15 @@
-"""The job behind `generate`: loads of many textures, shared out, kept as they come, one table."""
+"""`ridgebayes generate`: transition loads of many textures, kept as they come, in one table."""
 
 import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from ridgebayes.errors import InputError, RidgebayesError
+from ridgebayes.commands.parsing import parse_texture, refuse_existing
+from ridgebayes.errors import ComputationError, InputError, RidgebayesError
 from ridgebayes.runtime.atomic import exclusive_lock
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import executor_for, map_ordered
@@ -21,17 +23,65 @@ from ridgebayes.table.table import ContactTable
 _EVERY_S = 30.0  # a line where there is no terminal to draw a bar on
 
 
+def command(
+    *,
+    out: Path,
+    scene: Path | None,
+    texture: list[str] | None,
+    p_max: float,
+    nu: float,
+    solver: str,
+    tol: float | None,
+    accuracy: str,
+    fields: Path | None,
+    workers: int | None,
+    scheduler: str | None,
+    force: bool,
+    resume: bool,
+) -> None:
+    """Do what the command line asks for."""
+    refuse_existing(out, force)
+    if scene is not None and texture:
+        raise InputError("SCENE and --texture: expected one of them, got both")
+    if scene is not None:
+        wanted = Scene.from_toml(scene)
+    elif texture:
+        textures = [parse_texture(text) for text in texture]
+        wanted = Scene.of(textures, p_over_E=p_max, nu=nu)
+    else:
+        wanted = Scene.paper()
+    solving: dict[str, Any] = {"solver": solver, "rel_tol": tol, "accuracy": accuracy}
+    if fields is None:
+        table, left_out = sweep_job(
+            out,
+            wanted,
+            workers=workers,
+            scheduler=scheduler,
+            resume=resume,
+            force=force,
+            **solving,
+        )
+    else:
+        if workers is not None or scheduler is not None or resume:
+            raise InputError("--fields: expected without --workers, --scheduler and --resume")
+        table, left_out = fields_job(out, wanted, fields, force=force, **solving)
+    failed = len(table.left_out)
+    print(f"{out}: {len(table)} rows, {len(table.textures)} textures, {failed} not ok")
+    for line in left_out:
+        print(line)
+    if failed:
+        raise ComputationError(f"{failed} rows are not ok, see column status of {out}")
+
+
 def sweep_job(
     out: Path,
     scene: Scene,
     *,
-    solver: str = "auto",
-    rel_tol: float | None = None,
-    accuracy: str = "standard",
     workers: int | None = None,
     scheduler: str | None = None,
     resume: bool = False,
     force: bool = False,
+    **solving: Any,
 ) -> tuple[ContactTable, list[str]]:
     """Write the transition loads of a scene's textures as a table.
 
@@ -39,14 +89,16 @@ def sweep_job(
     ----------
     out : Path
         The table. Until it is written, finished textures lie in ``.<name>.journal`` beside it.
-    scene, solver, rel_tol, accuracy
-        As for `ridgebayes.generate`.
+    scene : Scene
+        Textures and loads.
     workers, scheduler : optional
         As for `ridgebayes.runtime.pool.executor_for`.
     resume : bool, optional
         Whether to take what an earlier sweep left in the journal.
     force : bool, optional
         Whether a journal may be dropped.
+    **solving
+        Solver, rel_tol and accuracy, as for `ridgebayes.generate`.
 
     Returns
     -------
@@ -67,72 +119,43 @@ def sweep_job(
         If the disk is full. What is finished stays in the journal.
     """
     check_name(out)
-    with exclusive_lock(out):
-        return _swept(
-            out, scene, solver, rel_tol, accuracy, executor_for(workers, scheduler), resume, force
-        )
-
-
-def _swept(
-    out: Path,
-    scene: Scene,
-    solver: str,
-    rel_tol: float | None,
-    accuracy: str,
-    who: AbstractContextManager[Executor | None],
-    resume: bool,
-    force: bool,
-) -> tuple[ContactTable, list[str]]:
-    """Do what `sweep_job` does, with the lock held."""
+    who = executor_for(workers, scheduler)
     journal = journal_of(out)
-    if journal.exists() and not resume and not force:
-        raise InputError(
-            f"{journal.folder}: an earlier sweep left it; use --resume to go on, or --force to "
-            "begin anew"
-        )
-    with who as executor:
-        if not resume:
-            journal.remove()
-        with _kept(journal, len(scene.textures), resume), _told() as tell:
-            table = generation.generate(
-                scene,
-                solver=solver,
-                rel_tol=rel_tol,
-                accuracy=accuracy,
-                executor=executor,
-                journal=journal,
-                progress=tell,
+    with exclusive_lock(out):
+        if journal.exists() and not resume and not force:
+            raise InputError(
+                f"{journal.folder}: an earlier sweep left it; use --resume to go on, or --force to "
+                "begin anew"
             )
-        left_out = _left_out(scene, solver, executor)
-    try:
-        table.write(out)
-    except RidgebayesError:  # a full disk, after all that work
-        _say_kept(journal, len(scene.textures))
-        raise
-    journal.remove()
+        with who as executor:
+            if not resume:
+                journal.remove()
+            with _kept(journal, len(scene.textures), resume), _told() as tell:
+                table = generation.generate(
+                    scene, executor=executor, journal=journal, progress=tell, **solving
+                )
+            left_out = _left_out(scene, executor, **solving)
+        try:
+            table.write(out)
+        except RidgebayesError:  # a full disk, after all that work
+            _say_kept(journal, len(scene.textures))
+            raise
+        journal.remove()
     return table, left_out
 
 
 def fields_job(
-    out: Path,
-    scene: Scene,
-    folder: Path,
-    *,
-    solver: str = "auto",
-    rel_tol: float | None = None,
-    accuracy: str = "standard",
-    force: bool = False,
+    out: Path, scene: Scene, folder: Path, *, force: bool = False, **solving: Any
 ) -> tuple[ContactTable, list[str]]:
     """Write loads as `sweep_job` does, in this process, and fields into a folder."""
-    check_name(out)
+    # Here, not above: it loads matplotlib and finite elements, which sweeps do without.
     from ridgebayes.commands.fields import generate_fields
 
+    check_name(out)
     with exclusive_lock(out):
-        table = generate_fields(
-            scene, folder, solver=solver, rel_tol=rel_tol, accuracy=accuracy, force=force
-        )
+        table = generate_fields(scene, folder, force=force, **solving)
         table.write(out)
-    return table, _left_out(scene, solver, None)
+    return table, _left_out(scene, None, **solving)
 
 
 def journal_of(out: Path) -> Journal:
@@ -140,7 +163,9 @@ def journal_of(out: Path) -> Journal:
     return Journal(out.with_name(f".{out.name}.journal"))
 
 
-def _left_out(scene: Scene, solver: str, executor: Executor | None) -> list[str]:
+def _left_out(
+    scene: Scene, executor: Executor | None, *, solver: str = "auto", **_: Any
+) -> list[str]:
     """Say what exceeds a scene's accuracy and is not simulated."""
     if solver != "auto" or scene.relative is None:
         return []

@@ -8,14 +8,15 @@ import pytest
 import ridgebayes as rb
 from ridgebayes.checks.cost.loads import load_settings
 from ridgebayes.checks.cost.measured import COST_COLUMNS
-from ridgebayes.commands.cost_jobs import cost_job
+from ridgebayes.commands.cost import CostRequest, cost_job
 from ridgebayes.errors import InputError
 
 
 @pytest.fixture(scope="module")
 def costs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("costs") / "out"
-    return folder, cost_job(folder, rb.paper_sweep(), elements=False, repeats=1, workers=2)
+    request = CostRequest(rb.paper_sweep(), elements=False, repeats=1)
+    return folder, cost_job(folder, request, workers=2)
 
 
 def test_cost_job__writes_a_table_a_page_and_figures(costs):
@@ -65,22 +66,23 @@ def test_load_settings__measure_forms_against_the_equation():
 
 
 def test_cost__as_a_command_takes_a_scene(command, monkeypatch):
-    asked = {}
+    requests = []
 
-    def canned(folder, table, **options):
-        asked.update(options, table=table)
+    def canned(folder, request, **options):
+        requests.append(request)
         return pd.DataFrame(columns=[*COST_COLUMNS, "pareto"])
 
-    monkeypatch.setattr("ridgebayes.commands.cost_jobs.cost_job", canned)
+    monkeypatch.setattr("ridgebayes.commands.cost.cost_job", canned)
     Path("my.toml").write_text(
         "[texture]\nridge_width = 0.03\ngroove_width = 0.02\n[load]\np_over_E = 0.01\n"
     )
     said = command("cost", "my.toml", "--no-elements", "-o", "out")
     assert (said.code, said.out) == (0, "out: 0 rows; look at out/cost.html\n")
-    assert (asked["texture"], asked["p_max"], asked["elements"]) == ((0.03, 0.02), 0.01, False)
-    assert asked["table"].textures == ((0.03, 0.02),)
+    (asked,) = requests
+    assert (asked.texture, asked.p_max, asked.elements) == ((0.03, 0.02), 0.01, False)
+    assert asked.table.textures == ((0.03, 0.02),)
 
 
 def test_cost_job__without_a_run_is_refused(tmp_path):
-    with pytest.raises(InputError, match="--repeats 0: expected at least 1"):
-        cost_job(tmp_path / "out", rb.paper_sweep(), repeats=0)
+    with pytest.raises(InputError, match="--repeats: expected at least 1, got 0"):
+        cost_job(tmp_path / "out", CostRequest(rb.paper_sweep(), repeats=0))

@@ -1,0 +1,189 @@
+"""`ridgebayes cost`: what each accuracy costs on this machine, with this table."""
+
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from markupsafe import escape
+
+from ridgebayes.checks.cost.bands import band_settings
+from ridgebayes.checks.cost.loads import load_settings
+from ridgebayes.checks.cost.measured import COST_COLUMNS, Setting, cheapest, measure, pareto
+from ridgebayes.checks.cost.posteriors import evidence_settings, posterior_settings
+from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.drawing.style import save
+from ridgebayes.errors import InputError
+from ridgebayes.model.forms import Hybrid
+from ridgebayes.report.figures.costs import plot_cost
+from ridgebayes.runtime.pool import executor_for, map_ordered
+from ridgebayes.runtime.progress import Progress
+from ridgebayes.scene.scene import Scene
+from ridgebayes.simulate.generation import generate
+from ridgebayes.table.datafiles import paper_sweep
+from ridgebayes.table.table import ContactTable, read_table
+
+COST_CSV = "cost.csv"
+_Row = dict[str, float | int | str]
+
+
+@dataclass(frozen=True)
+class CostRequest:
+    """What is measured.
+
+    Parameters
+    ----------
+    table : ContactTable
+        What forms are calibrated on, and Hybrid's posterior is of.
+    given_texture : (float, float), optional
+        Whose loads are computed; the middle one of the table if not given.
+    p_max : float, optional
+        Highest load p/E.
+    elements : bool, optional
+        Whether finite elements run: a minute, and the best reference.
+    repeats : int, optional
+        Timed runs of each quick setting.
+    seed : int, optional
+        Seed of all draws.
+    """
+
+    table: ContactTable
+    given_texture: tuple[float, float] | None = None
+    p_max: float = 0.02
+    elements: bool = True
+    repeats: int = 3
+    seed: int = 0
+
+    @property
+    def texture(self) -> tuple[float, float]:
+        """The one whose loads are computed."""
+        textures = self.table.calibration.textures
+        return self.given_texture or textures[len(textures) // 2]
+
+
+# What is measured, each by a worker if there are any.
+_TASKS: dict[str, Callable[[CostRequest], list[Setting]]] = {
+    "loads": lambda q: load_settings(q.table, q.texture, q.p_max, elements=q.elements),
+    "posteriors": lambda q: posterior_settings(q.table, Hybrid(), seed=q.seed),
+    "evidences": lambda q: evidence_settings(q.table, Hybrid(), seed=q.seed),
+    "bands": lambda q: band_settings(q.table, Hybrid(), q.texture, seed=q.seed),
+}
+
+
+def command(
+    *,
+    source: Path | None,
+    out: Path,
+    force: bool,
+    workers: int | None,
+    scheduler: str | None,
+    **measuring: Any,
+) -> None:
+    """Do what the command line asks for; `measuring` are further fields of `CostRequest`."""
+    if source is None:
+        request = CostRequest(paper_sweep(), **measuring)
+    elif source.suffix == ".toml":
+        scene = Scene.from_toml(source)
+        first = scene.textures[0]
+        request = CostRequest(
+            generate(scene, solver="half-plane"),
+            (first.a_over_R, first.b_over_R),
+            scene.highest_load(first),
+            **measuring,
+        )
+    else:
+        request = CostRequest(read_table(source), **measuring)
+    found = cost_job(out, request, force=force, workers=workers, scheduler=scheduler)
+    for line in cheapest(found):
+        print(line)
+    print(f"{out}: {len(found)} rows; look at {out / 'cost.html'}")
+
+
+def cost_job(
+    folder: Path,
+    request: CostRequest,
+    *,
+    force: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> pd.DataFrame:
+    """Measure what loads, posteriors, evidences and bands cost.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder to make: ``cost.csv``, ``cost.html``, and a figure for each task.
+    request : CostRequest
+        What is measured.
+    force : bool, optional
+        Whether a folder of this command may be replaced.
+    workers, scheduler : optional
+        As for `runtime.pool.executor_for`: who measures loads, posteriors, evidences, bands.
+        What is measured side by side takes longer than alone.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `ridgebayes.checks.cost.measured.COST_COLUMNS`, and ``pareto``.
+    """
+    if not request.repeats >= 1:
+        raise InputError(f"--repeats: expected at least 1, got {request.repeats}")
+    rows: list[_Row] = []
+    with (
+        new_folder(folder, force=force, about=COST_CSV) as partial,
+        Progress(len(_TASKS) + 1) as progress,
+        executor_for(workers, scheduler) as executor,
+    ):
+        tasks = [(task, request) for task in _TASKS]
+        found = map_ordered(_measured, tasks, executor, name=lambda task: task[0])
+        for task in _TASKS:
+            with progress.stage(task):
+                rows += next(found)
+        frame = pd.DataFrame(rows, columns=list(COST_COLUMNS))
+        frame["pareto"] = pareto(frame)
+        with progress.stage("figures"):
+            write_csv(frame, partial / COST_CSV)
+            for task in frame["task"].unique():
+                save(plot_cost(frame, task), partial / _figure_name(task))
+            write_text(_page(frame, request), partial / "cost.html")
+    return frame
+
+
+def _measured(task: tuple[str, CostRequest]) -> list[_Row]:
+    """Measure one of `_TASKS`; in another process too, since a task holds all that it takes."""
+    name, asked = task
+    settings = _TASKS[name](asked)
+    return [row for one in settings for row in measure(one, repeats=asked.repeats)]
+
+
+def _figure_name(task: str) -> str:
+    return f"cost-{task.replace(' ', '-')}"
+
+
+def _page(frame: pd.DataFrame, request: CostRequest) -> str:
+    """Return a page: what reaches which error most cheaply, figures, and the table."""
+    table, texture = request.table, request.texture
+    machine = f"{platform.machine()}, {platform.system()}, Python {platform.python_version()}"
+    parts = [
+        "<!doctype html><html lang='en'><meta charset='utf-8'><title>What accuracy costs</title>",
+        "<style>body{font:15px/1.5 sans-serif;max-width:64em;margin:2em auto;padding:0 1em}"
+        "img{max-width:100%}table{border-collapse:collapse;font-size:13px}"
+        "td,th{padding:.15em .6em;text-align:left;border-bottom:1px solid #ddd}</style>",
+        "<h1>What accuracy costs in time</h1>",
+        f"<p>Table {escape(table.where)}, {len(table.calibration)} rows; loads of a/R = "
+        f"{texture[0]:g}, b/R = {texture[1]:g}; {escape(machine)}, one process. CPU seconds are "
+        "medians of repeated runs. Errors of loads are relative, of posteriors over the posterior "
+        "sd, of evidences in ln Z, of bands in probability; the line joins the settings that no "
+        "other beats in both.</p>",
+        "<ul>",
+        *(f"<li>{escape(text)}</li>" for text in cheapest(frame)),
+        "</ul>",
+    ]
+    for task in frame["task"].unique():
+        name = _figure_name(task)
+        parts.append(f"<h2>{escape(task.capitalize())}</h2><img src='{name}.svg' alt='{name}'>")
+    shown = frame.drop(columns=["reference", "repeats"])
+    parts.append(shown.to_html(index=False, float_format="{:.3g}".format, border=0))
+    return "\n".join([*parts, "</html>", ""])

@@ -1,0 +1,31 @@
+"""`ridgebayes export-deck`: a scene as a deck for the user's own finite elements."""
+
+from pathlib import Path
+
+from ridgebayes.commands.parsing import refuse_existing
+from ridgebayes.commands.run_folder import write_text
+from ridgebayes.errors import InputError
+from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text
+from ridgebayes.fea.pressed_disk import pressed_disk
+from ridgebayes.scene.scene import Scene
+
+
+def command(*, scene: Path, out: Path, program: str, edges: float, force: bool) -> None:
+    """Do what the command line asks for."""
+    refuse_existing(out, force)
+    wanted = Scene.from_toml(scene)
+    try:
+        disk = pressed_disk(wanted, edges=edges)
+        text = deck_text(disk, program)
+    except InputError as error:
+        raise InputError(f"{scene}: {error}") from None
+    write_text(text, out)
+    (texture,) = wanted.textures
+    corner = texture.corner_radius_over_R
+    print(f"{out}: {len(disk.cells)} elements, {len(disk.displacements)} levels, R = 1, E = 1")
+    print(
+        f"import the run with: ridgebayes import {out.with_suffix('.dat')} --deck {out} "
+        f"--surface {SURFACE} --reaction {REACTION} --texture {texture.a_over_R:g},"
+        f"{texture.b_over_R:g} --nu {wanted.nu:g}{f' --corner {corner:g}' if corner else ''} "
+        "-o TABLE.csv"
+    )

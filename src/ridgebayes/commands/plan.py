@@ -1,0 +1,146 @@
+"""`ridgebayes plan`: a scene's effects as a table and figures, and the check of estimates."""
+
+import math
+from pathlib import Path
+
+import pandas as pd
+
+from ridgebayes.checks.plan_check import check_plans, sobol_scenes
+from ridgebayes.commands.parsing import refuse_existing
+from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.runtime.progress import Progress
+from ridgebayes.scene.effects import Plan, plan, plan_table
+from ridgebayes.scene.scene import Scene
+
+CHECK_CSV = "plan-check.csv"
+
+
+def command(
+    *,
+    scene: Path | None,
+    out: Path | None,
+    figures: Path | None,
+    verify: bool,
+    scenes: int,
+    seed: int,
+    force: bool,
+) -> None:
+    """Do what the command line asks for."""
+    if verify:
+        if scene is not None or out is None:
+            raise InputError("--verify: expected -o, a folder to create, and no scene")
+        found = plan_check_job(out, n=scenes, seed=seed, force=force)
+        print(f"{out}: {int(found['honest'].sum())} of {len(found)} estimates are honest")
+        if not found["honest"].all():
+            raise ComputationError(f"{int((~found['honest']).sum())} are not, see {out}/report.md")
+        return
+    if scene is None:
+        raise InputError("SCENE: missing; expected a scene file, or --verify")
+    if out is not None:
+        refuse_existing(out, force)
+    for one in plan_job(Scene.from_toml(scene), out=out, figures=figures):
+        print(f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}")
+        for row in plan_table([one]).to_dict("records"):
+            size, seconds = row["estimated_rel_change"], row["cost_s"]
+            known = "size not known" if math.isnan(size) else f"changes loads by {size:.1e}"
+            word = "simulated" if row["simulated"] else "left out"
+            cost = "" if math.isnan(seconds) else f", {seconds:.2g} s"
+            print(f"  {row['effect']}: {word}; {known}{cost}; {row['reason']}")
+
+
+def plan_job(scene: Scene, *, out: Path | None = None, figures: Path | None = None) -> list[Plan]:
+    """Plan a scene, write the table, draw the figures.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is there.
+    out : Path, optional
+        CSV file to write.
+    figures : Path, optional
+        Folder to draw into, made if it does not exist: of each texture the body pressed by the
+        highest load, Q against load, and the size of each effect, as PNG and SVG.
+
+    Returns
+    -------
+    list of Plan
+        One per texture.
+    """
+    if figures is not None and figures.exists() and not figures.is_dir():
+        raise InputError(f"{figures}: not a folder; --figures names one")
+    plans = plan(scene)
+    if out is not None:
+        write_csv(plan_table(plans), out)
+    if figures is not None:
+        # Here, not above: it loads matplotlib, which a plan alone does without.
+        from ridgebayes.commands.plan_figures import draw_plan
+
+        figures.mkdir(parents=True, exist_ok=True)
+        for one in plans:
+            draw_plan(scene, one, figures)
+    return plans
+
+
+def plan_check_job(
+    folder: Path, *, n: int = 32, seed: int = 0, force: bool = False
+) -> pd.DataFrame:
+    """Check the estimates behind plans on scenes spread over the space.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder to make: plan-check.csv, its figure, report.md.
+    n : int, optional
+        Scenes.
+    seed : int, optional
+        Seed of their spread.
+    force : bool, optional
+        Whether an existing folder of this command may be replaced.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `ridgebayes.checks.plan_check.check_plans` returns it.
+    """
+    # Here, not above: it loads matplotlib, which a plan alone does without.
+    from ridgebayes.commands.plan_figures import draw_check
+
+    scenes = sobol_scenes(n, rng=seed)
+    with new_folder(folder, force=force, about=CHECK_CSV) as partial, Progress(1) as progress:
+        with progress.stage("scenes"):
+            found = check_plans(scenes, progress=progress.detail)
+        write_csv(found, partial / CHECK_CSV)
+        draw_check(found, partial)
+        write_text(_report(found), partial / "report.md")
+    return found
+
+
+def _report(found: pd.DataFrame) -> str:
+    """Return the check as Markdown: what it shows, and a table of every row."""
+    neglected = found[~found["simulated"]]
+    within = neglected["true_change"] <= neglected["relative"]
+    shown = ["scene", "effect", "number", "estimate", "true_change", "relative", "simulated"]
+    lines = [
+        "# Are the estimates honest?",
+        "",
+        f"{found['scene'].nunique()} scenes spread by a Sobol sequence; each effect of each was "
+        "switched over alone, all else as planned, and the true change of the transition loads "
+        "compared with the estimate and with the accuracy that the scene wants.",
+        "",
+        f"- {int(within.sum())} of {len(neglected)} neglected effects change loads by no more "
+        "than the accuracy wanted.",
+        f"- {int(found['honest'].sum())} of {len(found)} estimates are honest: not exceeded where "
+        "it matters, and at most ten times too large.",
+        "",
+        "![Estimates against true changes](plan-check.png)",
+        "",
+        "| " + " | ".join(shown) + " |",
+        "|" + "---|" * len(shown),
+    ]
+    for row in found[shown].to_dict("records"):
+        cells = [
+            f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values()
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,141 @@
+"""What `run`, `compare` and `fit` are asked for, and what they say at the end."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference.chains import SampleSettings
+from ridgebayes.inference.presets import STANDARD, Preset
+from ridgebayes.model.forms import Form, form_named
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations, refuse_circular
+from ridgebayes.runtime.progress import Progress
+from ridgebayes.table.datafiles import paper_sweep
+from ridgebayes.table.table import ContactTable, read_table
+
+EMBEDDED = "embedded sweep"
+
+
+@dataclass(frozen=True)
+class FitRequest:
+    """What is to be fitted, as it is typed.
+
+    Parameters
+    ----------
+    table : Path, optional
+        Contact table; the embedded sweep if not given.
+    forms : sequence of str, optional
+        Form names; the four printed ones if not given.
+    noise : str or None, optional
+        Error model; None for the one with the highest mean evidence over the forms.
+    seed : int, optional
+        Seed of all draws.
+    accuracy : str, optional
+        Name of one of `ridgebayes.inference.presets`.
+    settings : SampleSettings, optional
+        Lengths and thresholds of sampling, instead of those of `accuracy`.
+    """
+
+    table: Path | None = None
+    forms: Sequence[str] = ()
+    noise: str | None = "iid"
+    seed: int = 0
+    accuracy: str = STANDARD.name
+    settings: SampleSettings | None = None
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What run.json says of it."""
+        return {
+            "table": str(self.table) if self.table else None,
+            "forms": list(self.forms),
+            "noise": self.noise,
+            "accuracy": self.accuracy,
+        }
+
+    def resolve(self) -> "Inputs":
+        """Read the table and find forms, error model and preset by their names.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown or given twice, or a form may not be fitted to the table.
+        """
+        accuracy = Preset.named(self.accuracy)
+        if len(set(self.forms)) < len(self.forms):
+            raise InputError(f"forms: expected each once, got {', '.join(self.forms)}")
+        forms = tuple(form_named(name) for name in self.forms) or DEFAULT_FORMS
+        noise = None if self.noise is None else Noise.named(self.noise)
+        if self.table is None:
+            table = replace(paper_sweep(), where=EMBEDDED)
+        else:
+            table = read_table(self.table)
+        for form in forms:
+            refuse_circular(table, form)
+        Observations.from_table(table)  # refuses rows that cannot be fitted
+        return Inputs(table, forms, noise, accuracy, self.seed, self.settings)
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What is to be fitted, as objects: see `FitRequest`."""
+
+    table: ContactTable
+    forms: Sequence[Form]
+    noise: Noise | None
+    accuracy: Preset
+    seed: int
+    settings: SampleSettings | None
+
+    def compare(
+        self,
+        progress: Progress,
+        folder: Path,
+        executor: Executor | None = None,
+        *,
+        scores: bool = True,
+    ) -> Comparison:
+        """Compare the forms; chains are kept in a folder as they grow."""
+        # No daemon: an import that is cut off when the interpreter ends crashes it.
+        drawing = Thread(target=import_module, args=("ridgebayes.report.figures",))
+
+        def stage(name: str) -> AbstractContextManager[Callable[[float], None]]:
+            # From here on this process often waits for workers: time for what figures import.
+            if executor is not None and name.startswith("calibrate") and drawing.ident is None:
+                drawing.start()
+            return progress.stage(name)
+
+        execution = Execution(
+            self.accuracy, self.settings, executor, progress.detail, stage, folder, scores
+        )
+        return compare_with(execution, self.table, self.forms, noise=self.noise, rng=self.seed)
+
+
+def finish(done: Comparison, out: Path, then: str = "") -> None:
+    """Say what was fitted.
+
+    Raises
+    ------
+    ComputationError
+        If a form failed or did not converge, so that the program ends with exit code 1.
+    """
+    table = done.table
+    if len(table.left_out):
+        print(f"{table.where}: {len(table.left_out)} rows are not ok and were not fitted")
+    print(f"{out}: {len(table.calibration)} rows fitted, {len(table.held_out)} held out. {then}")
+    unfinished = [
+        f"{name} did not converge: {'; '.join(fit.convergence_failures)}"
+        for name, fit in done.fits.items()
+        if not fit.converged
+    ]
+    unfinished += [f"{name} failed: {why}" for name, why in done.failures.items()]
+    if unfinished:
+        raise ComputationError("\n".join(unfinished))

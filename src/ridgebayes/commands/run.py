@@ -1,0 +1,178 @@
+"""`ridgebayes run`, the main job: calibrate, weigh the evidence, predict, report."""
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ridgebayes.checks.cost.short import short_costs
+from ridgebayes.checks.coverage import coverage
+from ridgebayes.checks.left_out import left_out_scores
+from ridgebayes.commands.pages import begin_figures, write_pages
+from ridgebayes.commands.parsing import parse_names
+from ridgebayes.commands.request import FitRequest, Inputs, finish
+from ridgebayes.commands.run_files import REFERENCE, write_comparison, write_run_json
+from ridgebayes.commands.run_folder import new_folder, write_csv
+from ridgebayes.comparison.bands import bands_table, loads_table
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.model.forms import FORMS, form_named
+from ridgebayes.model.noise import Noise
+from ridgebayes.runtime.pool import executor_for, n_cpu, submit_or_defer
+from ridgebayes.runtime.progress import Progress
+from ridgebayes.table.datafiles import reference_fe
+
+EMBEDDED_FE = "finite-element reference rows"
+_LARGEST_SENT = 2**26  # bytes of draws; beyond, sending a comparison to workers costs memory
+
+
+def command(
+    *,
+    out: Path,
+    forms: str,
+    force: bool,
+    resume: bool,
+    workers: int | None,
+    scheduler: str | None,
+    **asked: Any,
+) -> None:
+    """Do what the command line asks for."""
+    request = FitRequest(forms=parse_names(forms), **asked)
+    done = run_job(out, request, force=force, resume=resume, workers=workers, scheduler=scheduler)
+    finish(done, out, f"read {out / 'report.html'}")
+
+
+def run_job(
+    folder: Path,
+    request: FitRequest,
+    *,
+    force: bool = False,
+    resume: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> Comparison:
+    """Do the main job: calibrate, weigh the evidence, predict, report.
+
+    Parameters
+    ----------
+    folder : Path
+        Run folder to make.
+    request : FitRequest
+        What is fitted. Without a table the finite-element reference rows are compared as well, with
+        every form. With accuracy quick the error model is the normal one with the highest evidence
+        by Laplace's approximation, no textures are left out, no finite elements compared, and five
+        figures are drawn.
+    force : bool, optional
+        Whether an existing run folder may be replaced.
+    resume : bool, optional
+        Whether to go on with the chains that a killed run left; the end is the same.
+    workers, scheduler : optional
+        As for `runtime.pool.executor_for`: what weighs error models and refits folds; all
+        processors of this machine if neither is given. The numbers do not depend on them.
+
+    Returns
+    -------
+    Comparison
+        Of the table. Where a fit failed or did not converge, `complete` is False and the folder
+        holds all that was finished.
+
+    Raises
+    ------
+    InputError
+        If an argument or the table breaks a rule; nothing is written then.
+    """
+    inputs = request.resolve()
+    extras = inputs.accuracy.extras
+    reference_inputs = reference = None
+    if request.table is None and extras:
+        rows = replace(reference_fe(), where=EMBEDDED_FE)
+        reference_inputs = replace(inputs, table=rows, forms=[form_named(name) for name in FORMS])
+    n_worker = n_cpu() if workers is None and scheduler is None else workers
+    with (
+        new_folder(folder, force=force, resume=resume) as partial,
+        Progress(_n_stage(inputs, reference_inputs)) as progress,
+        executor_for(n_worker, scheduler) as executor,
+    ):
+        comparison = inputs.compare(progress, partial, executor)
+        if extras:
+            comparison = _add_left_out(comparison, inputs, progress, executor)
+        local = None if scheduler else executor  # a cluster's fonts may be others
+        if sum(fit.chains.u.nbytes for fit in comparison.fits.values()) > _LARGEST_SENT:
+            local = None
+        with progress.stage("what accuracy costs"):  # nothing else runs meanwhile
+            cost = submit_or_defer(local, short_costs, comparison, progress.stages)
+            comparison = replace(comparison, cost=cost())
+        _write(comparison, partial, progress, local)
+        if reference_inputs is not None:
+            below = partial / REFERENCE
+            below.mkdir(exist_ok=True)
+            reference = reference_inputs.compare(progress, below, executor)
+            _write(reference, below, progress, local)
+            write_run_json(
+                below, reference, command="run", seed=request.seed, options={}, stages=[]
+            )
+        with progress.stage("figures and report"):
+            write_pages(comparison, partial, reference)
+        write_run_json(
+            partial,
+            comparison,
+            command="run",
+            seed=request.seed,
+            options=request.options,
+            stages=progress.stages,
+            reference=reference,
+        )
+    if reference is not None and not reference.complete:
+        unfinished = {
+            name: fit.convergence_failures[0]
+            for name, fit in reference.fits.items()
+            if not fit.converged
+        } | reference.failures
+        prefixed = {f"{REFERENCE}: {name}": why for name, why in unfinished.items()}
+        return replace(comparison, failures=comparison.failures | prefixed)
+    return comparison
+
+
+def _n_stage(inputs: Inputs, reference: Inputs | None) -> int:
+    """Return how many stages a run has: two a form, the tables, and one to choose the noise."""
+    n = 2 * len(inputs.forms) + 6 + 2 * inputs.accuracy.extras
+    n += 0 if reference is None else 2 * len(reference.forms) + 4
+    return n if inputs.noise else n + 1 + (reference is not None)
+
+
+def _add_left_out(
+    comparison: Comparison, inputs: Inputs, progress: Progress, executor: Executor | None
+) -> Comparison:
+    """Add scores on textures and steps left out, and the coverage of the best form's bands."""
+    table, noise, seed = comparison.table, comparison.noise, inputs.seed
+    forms = [form for form in inputs.forms if form.name in comparison.fits]
+    with progress.stage("textures and steps left out"):
+        scores = left_out_scores(table, forms, noise, rng=seed, executor=executor)
+    with progress.stage("coverage of the bands"):
+        shares = pd.DataFrame()
+        if comparison.probabilities and len(table.calibration.textures) > 1:
+            noises = dict.fromkeys([noise, Noise()])  # and what independent rows promise
+            best = [form for form in forms if form.name == comparison.best]
+            shares = coverage(table, best, list(noises), rng=seed, executor=executor)
+    return replace(comparison, left_out=scores, coverage=shares)
+
+
+def _write(
+    comparison: Comparison, folder: Path, progress: Progress, executor: Executor | None
+) -> None:
+    """Write a comparison and its predictions; figures are begun meanwhile."""
+    tables: Callable[[], dict[str, pd.DataFrame]]
+    tables = submit_or_defer(executor, _predictions, comparison)
+    begin_figures(comparison, executor)
+    write_comparison(comparison, folder)
+    with progress.stage("bands"):
+        for name, table in tables().items():
+            write_csv(table, folder / name)
+
+
+def _predictions(comparison: Comparison) -> dict[str, pd.DataFrame]:
+    """Return both tables in one task: what rows tell of shared offsets is worked out once."""
+    bands = bands_table(comparison, compressed=True)
+    return {"bands.csv": bands, "loads.csv": loads_table(comparison)}

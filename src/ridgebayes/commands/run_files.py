@@ -1,0 +1,240 @@
+"""The files of a run folder: how a comparison is written into them, and read back."""
+
+import io
+import json
+import platform
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ridgebayes.checks.cost.measured import SHORT_COLUMNS
+from ridgebayes.checks.coverage import COVERAGE_COLUMNS
+from ridgebayes.checks.left_out import LEFT_OUT_COLUMNS
+from ridgebayes.commands.run_folder import RUN_JSON, write_csv, write_text
+from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.scores import LOO_COLUMNS
+from ridgebayes.errors import InputError
+from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
+from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
+from ridgebayes.model.forms import FORMS
+from ridgebayes.model.noise import Noise
+from ridgebayes.results import Fit
+from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
+from ridgebayes.runtime.text import clipped, one_line_message
+from ridgebayes.table.table import read_table
+
+REFERENCE = "reference-fe"
+# Tables of a comparison beside its evidences, by attribute: file and columns.
+_TABLES = {
+    "bayes_factors": ("bayes_factors.csv", BAYES_FACTOR_COLUMNS),
+    "loo": ("loo.csv", LOO_COLUMNS),
+    "prior_sensitivity": ("prior_sensitivity.csv", SENSITIVITY_COLUMNS),
+    "left_out": ("left_out.csv", LEFT_OUT_COLUMNS),
+    "coverage": ("coverage.csv", COVERAGE_COLUMNS),
+    "cost": ("costs.csv", SHORT_COLUMNS),
+}
+_ONLY_IF_ANY = ("left_out", "coverage", "cost")
+_FORM = ("form", "form_a", "form_b")  # columns of forms of the run
+_TEXT = (*_FORM, "noise", "method", "status", "reading", "prior", "leave", "failed", "task")
+_PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray", "matplotlib")
+
+
+def write_fits(comparison: Comparison, folder: Path) -> None:
+    """Write the table, each posterior and the summary and evidence of all."""
+    comparison.table.write(folder / "table.csv")
+    for name, fit in comparison.fits.items():
+        fit.to_netcdf(folder / f"posterior-{name}.nc")
+    write_csv(summary_table(comparison.fits.values()), folder / "summary.csv")
+    write_csv(comparison.evidence, folder / "evidence.csv")
+
+
+def write_comparison(comparison: Comparison, folder: Path) -> None:
+    """Write what `write_fits` does, and the Bayes factors, scores and prior sensitivity.
+
+    Left-out scores, coverage and costs are written where there are any.
+    """
+    write_fits(comparison, folder)
+    for name, (file, _) in _TABLES.items():
+        frame = getattr(comparison, name)
+        if len(frame) or name not in _ONLY_IF_ANY:
+            write_csv(frame, folder / file)
+
+
+def summary_table(fits: Iterable[Fit]) -> pd.DataFrame:
+    """Return the summaries of several fits as one frame, form and noise first."""
+    parts = []
+    for fit in fits:
+        part = fit.summary.copy()
+        part.insert(0, "noise", fit.noise.name)
+        part.insert(0, "form", fit.form.name)
+        parts.append(part)
+    return pd.concat(parts, ignore_index=True)
+
+
+def write_run_json(
+    folder: Path,
+    comparison: Comparison,
+    *,
+    command: str,
+    seed: int,
+    options: dict[str, Any],
+    stages: Sequence[dict[str, Any]],
+    reference: Comparison | None = None,
+) -> None:
+    """Write versions, seed, options, stage times and verdicts."""
+    content = {
+        "command": command,
+        "versions": versions(),
+        "seed": seed,
+        "options": options,
+        "table": comparison.table.where,
+        "table_digest": comparison.table.digest(),
+        "forms": [*comparison.fits, *comparison.failures],
+        "noise": comparison.noise.name,
+        "accuracy": comparison.accuracy,
+        "stages": list(stages),
+        "verdicts": verdicts(comparison),
+    }
+    if reference is not None:
+        content[REFERENCE] = verdicts(reference)
+    write_text(json.dumps(content, indent=2) + "\n", folder / RUN_JSON)
+
+
+def verdicts(comparison: Comparison) -> dict[str, Any]:
+    """Return what a program wants to know of a comparison."""
+    return {
+        "complete": comparison.complete,
+        "best": comparison.best if comparison.probabilities else None,
+        "probabilities": comparison.probabilities,
+        "converged": {name: fit.converged for name, fit in comparison.fits.items()},
+        "missing": {
+            name: fit.convergence_failures
+            for name, fit in comparison.fits.items()
+            if fit.convergence_failures
+        },
+        "failures": comparison.failures,
+        "noise": comparison.noise.name,
+        "caution": comparison.noise.caution,
+        "n_calibration": len(comparison.table.calibration),
+        "n_held_out": len(comparison.table.held_out),
+        "n_left_out": len(comparison.table.left_out),
+    }
+
+
+def read_run(folder: Path) -> Comparison:
+    """Read a comparison back; its fits hold thinned chains.
+
+    Parameters
+    ----------
+    folder : Path
+        A run folder, or its ``reference-fe``.
+
+    Returns
+    -------
+    Comparison
+        Tables that the run did not write are empty.
+
+    Raises
+    ------
+    InputError
+        If it is not a run folder, or a file in it is missing or damaged.
+    """
+    about = _read_about(folder)
+    failures, forms = about["verdicts"]["failures"], about["forms"]
+    fits = {}
+    for name in forms:
+        if name not in failures:
+            path = folder / f"posterior-{name}.nc"
+            fits[name] = Fit.from_netcdf(path)
+            if fits[name].form.name != name:
+                raise InputError(f"{path}: holds form {fits[name].form.name!r}; expected {name!r}")
+    tables = {
+        name: _read_csv(folder / file, columns, forms, optional=True)
+        for name, (file, columns) in _TABLES.items()
+    }
+    return Comparison(
+        replace(read_table(folder / "table.csv"), where=about["table"]),
+        Noise.named(about["noise"]),
+        fits,
+        _read_csv(folder / "evidence.csv", EVIDENCE_COLUMNS, forms),
+        failures=failures,
+        accuracy=about["accuracy"],
+        **tables,
+    )
+
+
+def _read_about(folder: Path) -> dict[str, Any]:
+    path = folder / RUN_JSON
+    if not path.is_file():
+        raise InputError(f"{folder}: no {RUN_JSON} in it; expected a folder written by ridgebayes")
+    content = read_bytes(path, LARGEST_TEXT)
+    try:
+        about = json.loads(content.decode("utf-8"))
+        named = [about["forms"], about["table"], about["noise"], about["accuracy"]]
+        named.append(about["verdicts"]["failures"])
+    # Thousands of brackets in each other: RecursionError.
+    except (ValueError, RecursionError) as error:
+        raise InputError(
+            f"{path}: damaged, not JSON ({one_line_message(error)}); run again"
+        ) from None
+    except KeyError as error:
+        raise InputError(f"{path}: damaged, key {error} is missing; run again") from None
+    except TypeError:
+        raise InputError(f"{path}: damaged, not what ridgebayes writes; run again") from None
+    failures = about["verdicts"]["failures"]
+    if not all(map(isinstance, named, (list, str, str, str, dict))) or not all(
+        isinstance(one, str) for one in (*about["forms"], *failures, *failures.values())
+    ):
+        raise InputError(f"{path}: damaged, not what ridgebayes writes; run again")
+    for name in about["forms"]:  # part of a file's name below, which must not lead elsewhere
+        if name not in FORMS:
+            raise InputError(f"{path}: form {clipped(name)}; expected one of {', '.join(FORMS)}")
+    return about
+
+
+def _read_csv(
+    path: Path, columns: Sequence[str], forms: Sequence[str], *, optional: bool = False
+) -> pd.DataFrame:
+    """Read a frame that was written here: its columns, of their kinds, on forms of the run."""
+    if not path.is_file():
+        if optional:
+            return pd.DataFrame(columns=list(columns))
+        raise InputError(f"{path}: missing or damaged (no such file); run again")
+    try:
+        frame = pd.read_csv(io.BytesIO(read_bytes(path)), dtype=dict.fromkeys(_TEXT, "str"))
+    except (ValueError, OverflowError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            f"{path}: missing or damaged ({one_line_message(error)}); run again"
+        ) from None
+    if list(frame.columns) != list(columns):
+        raise InputError(f"{path}: damaged; expected columns {', '.join(columns)}; run again")
+    if "failed" in frame:  # no failure is an empty text, not a missing one
+        frame["failed"] = frame["failed"].fillna("")
+    for name in columns:
+        cells = frame[name]
+        if name in _TEXT:
+            bad = cells.isna() if name not in _FORM else ~cells.isin(forms)
+            if bad.any():
+                shown = clipped(str(cells[bad].iloc[0]))
+                raise InputError(f"{path}: damaged, {name} {shown}; run again")
+        elif len(frame) and cells.dtype.kind not in ("b" if name == "used" else "iuf"):
+            raise InputError(f"{path}: damaged, {name} is not all numbers; run again")
+    return frame
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, this package and those its numbers depend on."""
+    found = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "unknown"
+    return found
