@@ -177,7 +177,7 @@ COMPARE = ("compare", SWEEP)
         ((*COMPARE, "--forms", "hybrid,cubic"), ["form 'cubic': unknown"]),
         ((*COMPARE, "--forms", "hybrid,,classic"), ["--forms 'hybrid,,classic': an empty name"]),
         (("run", "--forms", "Hybrid"), ["form 'Hybrid': unknown"]),
-        ((*COMPARE, "--forms", "hybrid,hybrid"), ["forms: hybrid, hybrid", "each once"]),
+        ((*COMPARE, "--forms", "hybrid,hybrid"), ["forms: expected each once, got hybrid, hybrid"]),
         ((*FIT, "half-plane"), ["41 calibration rows have solver 'half-plane'", "circular"]),
         ((*COMPARE, "--forms", "classic,half-plane"), ["solver 'half-plane'", "circular"]),
         (("run", "--forms", "half-plane"), ["embedded sweep", "circular"]),

@@ -416,10 +416,13 @@ def test_generate__its_options_reach_the_sweep(command, monkeypatch):
         (("generate", "-o", "t.csv", "--workers", "0"), "--workers"),
         (
             ("generate", "-o", "t.csv", "--workers", "2", "--scheduler", "tcp://host:1"),
-            "--workers and --scheduler: both given",
+            "--workers and --scheduler: expected one of them, got both",
         ),
         (("generate", "-o", "t.csv", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler"),
-        (("generate", "-o", "t.csv", "--fields", "f", "--workers", "2"), "--fields: with --work"),
+        (
+            ("generate", "-o", "t.csv", "--fields", "f", "--workers", "2"),
+            "--fields: expected without --work",
+        ),
         (("generate", "-o", "t.csv", "--fields", "f", "--resume"), "expected without"),
         (("coverage", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler answers"),
         (("run", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler answers"),

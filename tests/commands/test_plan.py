@@ -121,10 +121,13 @@ def test_plan__of_the_same_scene_is_the_same_bytes(command):
     ("words", "expected"),
     [
         ((), "SCENE: missing; expected a scene file, or --verify"),
-        (("--verify",), "--verify: needs -o, a folder to make, and takes no scene"),
-        (("scene.toml", "--verify", "-o", "out"), "--verify: needs -o, a folder to make, and"),
+        (("--verify",), "--verify: expected -o, a folder to create, and no scene"),
+        (
+            ("scene.toml", "--verify", "-o", "out"),
+            "--verify: expected -o, a folder to create, and no",
+        ),
         (("nowhere.toml",), "nowhere.toml: cannot be read: No such file"),
-        (("scene.toml", "-o", "."), ".: a folder; -o names a file"),
+        (("scene.toml", "-o", "."), ".: expected a file for -o, got a folder"),
         (("scene.toml", "-o", "no/plan.csv"), "no/plan.csv: folder no does not exist"),
         (("--verify", "-o", "out", "--scenes", "0"), "--scenes"),
         (("--verify", "-o", "out", "--seed", "x"), "--seed"),
