@@ -24,16 +24,13 @@ from ridgebayes.fea.cells import (
     lossless,
     refusal,
 )
-from ridgebayes.table.files import is_rectangular, records
+from ridgebayes.table.files import is_rectangular, read_delimited, records
 
 SEPARATORS = {"\t": "tab", ";": "';'", ",": "','"}
 _SNIFFED = 50  # records by which a separator is judged
 _COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 # What a comma between thousands may look like: such cells do not tell which comma is meant.
 _THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}\s*", re.A)
-# From pandas 3.1 the default reader of floats is exact and naming a precision is deprecated.
-_PANDAS = tuple(int(part) for part in pd.__version__.split(".")[:2])
-_EXACT: dict[str, Any] = {} if _PANDAS >= (3, 1) else {"float_precision": "round_trip"}
 
 
 class DelimitedText:
@@ -155,19 +152,13 @@ class DelimitedText:
     def _fast(self, wanted: list[str], decimal: str, *, only: bool = False) -> pd.DataFrame | None:
         """Return the rows as pandas reads them; None where a slower look is needed."""
         try:
-            frame = pd.read_csv(
-                io.BytesIO(self._plain),
+            frame = read_delimited(
+                self._plain,
+                self.headers,
+                wanted,
                 sep=self._separator,
-                header=0,
-                names=list(self.headers),
-                index_col=False,
                 usecols=wanted if only else None,
-                dtype={name: (float if name in wanted else str) for name in self.headers},
-                keep_default_na=False,
-                na_values={name: [""] for name in wanted},
                 decimal=decimal,
-                encoding="utf-8",
-                **_EXACT,
             )
         except (ValueError, OverflowError):
             return None

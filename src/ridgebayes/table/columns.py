@@ -22,7 +22,6 @@ class Column:
 
     name: str
     holds: Literal["number", "text"]
-    meaning: str
     rule: str
     default: float | str | None = None
     always_written: bool = False
@@ -37,64 +36,32 @@ LARGEST_Q = 2**53  # beyond it a Q read as a float is no longer a definite integ
 # Within these a load of any countable Q, and of none but the first, is a float of full precision.
 LEAST_WIDTH, LARGEST_WIDTH, LARGEST_LOAD = 1e-50, 1e50, 1e300
 
+_FREE = "any text on one line"
 COLUMNS = (
-    Column("a_over_R", "number", "ridge width over radius", "must be finite and > 0"),
-    Column("b_over_R", "number", "groove width over radius", "must be finite and > 0"),
-    Column("Q", "number", "proximal edges in contact", "must be an integer of at most 2^53"),
-    Column(
-        "p_over_E",
-        "number",
-        "load at which that Q was reached (transition) or seen (count)",
-        "must be finite and > 0",
-    ),
-    Column(
-        "p_over_E_lower",
-        "number",
-        "last load at which that Q was not yet reached",
-        "must be finite and >= 0",
-        np.nan,
-    ),
-    Column(
-        "rel_se",
-        "number",
-        "known relative standard error of the load",
-        "must be finite and >= 0",
-        0.0,
-    ),
-    Column(
-        "kind",
-        "text",
-        "a transition load, or a count seen at a load",
-        "must be 'transition' or 'count'",
-        TRANSITION,
-    ),
-    Column("nu", "number", "Poisson's ratio", "must be from 0 to 0.5", 0.5, True),
-    Column(
-        "offset_over_R",
-        "number",
-        "lateral offset of the body from the groove's centre",
-        "must be finite",
-        0.0,
-    ),
-    Column(
-        "texture",
-        "text",
-        "label of the texture; empty means a<A>_b<B>",
-        "one label names one (a_over_R, b_over_R)",
-        "",
-        True,
-    ),
-    Column("series", "text", "which curve of this texture", "any text on one line", ""),
-    Column(
-        "role",
-        "text",
-        "fitted, or predicted and compared only",
-        "must be 'calibration' or 'held-out'",
-        CALIBRATION,
-    ),
-    Column("solver", "text", "who computed the row", "any text on one line", "", True),
-    Column("status", "text", "'ok', or what failed", "any text on one line", OK, True),
-    Column("source", "text", "where the row came from", "any text on one line", "", True),
+    # Ridge width and groove width over the radius.
+    Column("a_over_R", "number", "must be finite and > 0"),
+    Column("b_over_R", "number", "must be finite and > 0"),
+    # Proximal edges in contact, and the load at which that count was reached (transition) or seen
+    # (count); the last load at which it was not yet reached; the load's known relative error.
+    Column("Q", "number", "must be an integer of at most 2^53"),
+    Column("p_over_E", "number", "must be finite and > 0"),
+    Column("p_over_E_lower", "number", "must be finite and >= 0", np.nan),
+    Column("rel_se", "number", "must be finite and >= 0", 0.0),
+    # A transition load, or a count seen at a load.
+    Column("kind", "text", "must be 'transition' or 'count'", TRANSITION),
+    # Poisson's ratio, and the lateral offset of the body from the groove's centre.
+    Column("nu", "number", "must be from 0 to 0.5", 0.5, True),
+    Column("offset_over_R", "number", "must be finite", 0.0),
+    # Label of the texture; empty means a<A>_b<B>.
+    Column("texture", "text", "one label names one (a_over_R, b_over_R)", "", True),
+    # Which laboratory, rig, mesh or repeat made the row.
+    Column("series", "text", _FREE, ""),
+    # Fitted, or predicted and compared only.
+    Column("role", "text", "must be 'calibration' or 'held-out'", CALIBRATION),
+    # Who computed the row; 'ok', or what failed; where it came from.
+    Column("solver", "text", _FREE, "", True),
+    Column("status", "text", _FREE, OK, True),
+    Column("source", "text", _FREE, "", True),
 )
 RULES = {column.name: column.rule for column in COLUMNS}
 NAMES = tuple(column.name for column in COLUMNS)

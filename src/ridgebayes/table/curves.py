@@ -2,25 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import pandas as pd
 
-COLUMNS = [
-    "a_over_R",
-    "b_over_R",
-    "Q",
-    "p_over_E",
-    "rel_se",
-    "nu",
-    "offset_over_R",
-    "role",
-    "solver",
-    "status",
-    "source",
-    "edges",
-]
 _BY_ROW = ("Q", "p_over_E", "status")
 _IF_ANY = ("rel_se", "offset_over_R", "edges")
 
@@ -75,6 +61,9 @@ class Curve:
         loads = tuple(math.nan if load is None else load for load in values["p_over_E"])
         rows = {"Q": tuple(values["Q"]), "status": tuple(values["status"]), "p_over_E": loads}
         return cls(**(values | rows))
+
+
+COLUMNS = [field.name for field in fields(Curve)]
 
 
 def curves_to_frame(curves: Sequence[Curve]) -> pd.DataFrame:

@@ -5,8 +5,7 @@ import csv
 import hashlib
 import io
 import json
-import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -86,11 +85,9 @@ def write_frame(frame: pd.DataFrame, path: Path) -> None:
     OutputError
         If the file cannot be written, such as on a full disk.
     """
-    suffix = _suffix(path)
-    if suffix == ".parquet":
-        _pyarrow(str(path))
+    check_name(path)
     with replacing(path) as part:
-        if suffix == ".csv":
+        if path.suffix.lower() == ".csv":
             frame.to_csv(part, index=False, lineterminator="\n", encoding="utf-8")
         else:
             frame.to_parquet(part, index=False, engine="pyarrow")
@@ -175,8 +172,6 @@ _EXACT: dict[str, Any] = {} if _PANDAS >= (3, 1) else {"float_precision": "round
 # Text that is a number and loses nothing by becoming one: "007" and "+1" stay text.
 _PLAIN_NUMBER = r"-?(?:0|[1-9]\d*)(?:\.\d+)?(?:[eE][+-]?\d+)?|"
 
-_TRUTH = re.compile(rb"(?:true|false)\s*(?:[,\n]|\Z)", re.IGNORECASE)
-
 
 def raw_csv(content: bytes, where: str) -> RawTable:
     """Read the cells of a CSV file.
@@ -227,24 +222,54 @@ def raw_csv(content: bytes, where: str) -> RawTable:
         frame = pd.DataFrame([row for _, row in rows], columns=header, dtype=object)
         return RawTable(_own_numbers(frame), where, [line for line, _ in rows].__getitem__)
 
-    if _TRUTH.search(content):
-        return retyped()  # which pandas would take for 1 and 0
-    numbers = [name for name in header if name in NUMBERS]
+    lowered = content.lower()
+    if b"true" in lowered or b"false" in lowered:
+        return retyped()  # pandas would take the words for 1 and 0
     try:
-        frame = pd.read_csv(
-            io.BytesIO(content),
-            header=0,
-            names=header,
-            index_col=False,
-            dtype={name: (float if name in NUMBERS else str) for name in header},
-            keep_default_na=False,
-            na_values={name: [""] for name in numbers},
-            encoding="utf-8",
-            **_EXACT,
-        )
+        frame = read_delimited(content, header, NUMBERS)
     except (ValueError, OverflowError):
         return retyped()
     return RawTable(_own_numbers(frame), where, retyped=retyped)
+
+
+def read_delimited(
+    content: bytes, header: Sequence[str], numbers: Collection[str], **options: Any
+) -> pd.DataFrame:
+    """Read delimited text with pandas: floats exact, all else text, no word taken for empty.
+
+    Parameters
+    ----------
+    content : bytes
+        UTF-8, a header line, rows of one length.
+    header : sequence of str
+        Names of the columns.
+    numbers : collection of str
+        Those to read as numbers, in which empty cells are NaN. The words true and false are 1 and
+        0 in them.
+    **options
+        Of `pandas.read_csv`: separator, decimal mark, columns to use.
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    ValueError, OverflowError
+        If a cell of these columns is no number.
+    """
+    return pd.read_csv(
+        io.BytesIO(content),
+        header=0,
+        names=list(header),
+        index_col=False,
+        dtype={name: (float if name in numbers else str) for name in header},
+        keep_default_na=False,
+        na_values={name: [""] for name in header if name in numbers},
+        encoding="utf-8",
+        **_EXACT,
+        **options,
+    )
 
 
 def records(content: bytes, where: str, separator: str = ",") -> Iterator[tuple[int, list[str]]]:
@@ -290,21 +315,18 @@ def is_rectangular(data: np.ndarray, separator: str, width: int) -> bool:
     return bool(np.all(lines[:, :-1] == ord(separator)) and np.all(lines[:, -1] == ord("\n")))
 
 
-def _refuse_ragged(records: Iterator[tuple[int, list[str]]], header: list[str], where: str) -> None:
-    lines, bad = [], 0
-    for row, (line, cells) in enumerate(records, start=1):
-        if len(cells) == len(header):
-            continue
-        bad += 1
-        if bad <= SHOWN:
-            short = len(cells) < len(header)
-            column = header[len(cells)] if short else f"beyond {header[-1]}"
-            lines.append(
-                f"{where}, row {row} (line {line}): column {column}: {clipped(','.join(cells))}: "
-                f"must have {len(header)} cells as the header, has {len(cells)}"
-            )
+def _refuse_ragged(rows: Iterator[tuple[int, list[str]]], header: list[str], where: str) -> None:
+    width, columns = len(header), [*header, f"beyond {header[-1]}"]
+    bad = [
+        (row, line, cells) for row, (line, cells) in enumerate(rows, start=1) if len(cells) != width
+    ]
     if bad:
-        raise InputError(listed(where, lines, bad, bad))
+        lines = [
+            f"{where}, row {row} (line {line}): column {columns[min(len(cells), width)]}: "
+            f"{clipped(','.join(cells))}: must have {width} cells as the header, has {len(cells)}"
+            for row, line, cells in bad[:SHOWN]
+        ]
+        raise InputError(listed(where, lines, len(bad), len(bad)))
 
 
 def _own_numbers(frame: pd.DataFrame) -> pd.DataFrame:
