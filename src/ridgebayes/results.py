@@ -10,13 +10,13 @@ from ridgebayes._types import FloatArray, Rng, __version__
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import arviz_object
-from ridgebayes.inference.netcdf import groups_of, read_netcdf, write_netcdf
+from ridgebayes.inference.netcdf import groups_of, priors_to_json, read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior, sample_posterior
 from ridgebayes.model.forms import FORMS, Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.model.priors import Prior, priors_to_json
+from ridgebayes.model.priors import Prior
 from ridgebayes.predict.load_distribution import LoadDistribution
 from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.predict.q_distribution import QDistribution

@@ -18,11 +18,11 @@ from ridgebayes.comparison.compare import Execution, compare_with
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.presets import QUICK
+from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import default_priors
 from ridgebayes.predict.load_distribution import mix_loads
 from ridgebayes.predict.predict import mix_q, predict_q
 from tests.hard_cases.case import hard_case, refused

@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,16 @@ from ridgebayes.evidence import bridge_evidence, quadrature_evidence
 from ridgebayes.inference import netcdf as labelled
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.diagnostics import import_arviz
-from ridgebayes.inference.netcdf import groups_of, read_netcdf, write_netcdf
+from ridgebayes.inference.netcdf import (
+    groups_of,
+    priors_from_json,
+    priors_to_json,
+    read_netcdf,
+    write_netcdf,
+)
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Hybrid, Modified
-from ridgebayes.model.priors import Normal
+from ridgebayes.model.priors import HalfNormal, LogNormal, Normal
 from ridgebayes.results import Fit, calibrate
 
 NAMES = ("classic", "power-law", "modified", "hybrid")
@@ -172,3 +179,10 @@ def test_read_netcdf__priors_of_another_kind_come_back(paper, tmp_path):
     fit = calibrate(paper, Hybrid(), priors={"c2": Normal(0.01, 0.5)}, rng=1, settings=settings)
     write_netcdf(fit, tmp_path / "posterior.nc")
     assert read_netcdf(tmp_path / "posterior.nc").model.priors["c2"] == Normal(0.01, 0.5)
+
+
+def test_priors_json__brings_every_kind_back():
+    priors = {"c1": LogNormal(1.382, 0.1), "c2": Normal(0.0, 1 / 3), "sigma": HalfNormal(0.05)}
+    text = priors_to_json(priors)
+    assert list(json.loads(text)) == ["c1", "c2", "sigma"]
+    assert priors_from_json(text) == priors

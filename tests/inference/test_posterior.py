@@ -1,4 +1,3 @@
-import json
 import pickle
 from dataclasses import replace
 
@@ -18,7 +17,7 @@ from ridgebayes.model.forms import HalfPlane, Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.model.priors import HalfNormal, LogNormal, Normal, priors_from_json, priors_to_json
+from ridgebayes.model.priors import LogNormal
 from ridgebayes.results import Fit, calibrate
 from ridgebayes.table.table import ContactTable
 
@@ -214,13 +213,6 @@ def test_calibrate__goes_on_from_a_checkpoint_and_ends_with_the_same_bytes(paper
     rule = r"chain.h5: cannot resume, seed was '6' and is '7'; expected the same run"
     with pytest.raises(InputError, match=rule):
         calibrate(paper, Modified(), rng=7, settings=longer, checkpoint=path)
-
-
-def test_priors_json__brings_every_kind_back():
-    priors = {"c1": LogNormal(1.382, 0.1), "c2": Normal(0.0, 1 / 3), "sigma": HalfNormal(0.05)}
-    text = priors_to_json(priors)
-    assert list(json.loads(text)) == ["c1", "c2", "sigma"]
-    assert priors_from_json(text) == priors
 
 
 def test_fit__methods_are_the_functions_of_their_modules(fits):

@@ -3,15 +3,12 @@ import pytest
 from scipy import integrate, special, stats
 
 from ridgebayes.errors import InputError
-from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.priors import (
     Gamma,
     HalfNormal,
     JointPrior,
     LogNormal,
     Normal,
-    default_priors,
 )
 
 PRIORS = [
@@ -96,9 +93,11 @@ def test_slope_at__is_the_central_difference_of_value_at(prior, oracle):
     u, h = np.array([-6.0, -1.0, -1e-3, 0.3, 2.0, 6.0]), 1e-5
     difference = (prior.value_at(u + h) - prior.value_at(u - h)) / (2 * h)
     # Discretisation h^2; rounding eps/h of the value.
-    np.testing.assert_allclose(prior.slope_at(u), difference, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(
+        prior.slope_at(u, prior.value_at(u)), difference, rtol=1e-7, atol=1e-12
+    )
     slopes = JointPrior([prior]).at_scores_slope(u[:, None], prior.value_at(u)[:, None])
-    np.testing.assert_allclose(slopes[:, 0], prior.slope_at(u), rtol=1e-14)
+    np.testing.assert_allclose(slopes[:, 0], prior.slope_at(u, prior.value_at(u)), rtol=1e-14)
 
 
 @pytest.mark.parametrize(("prior", "oracle"), PRIORS)
@@ -128,7 +127,7 @@ def test_gamma__scores_invert_values_from_end_to_end_of_the_normals_range():
     assert np.all(np.isfinite(x))
     assert np.all(np.diff(x) > 0)
     # Algebra: a probability's relative rounding, over the rate -u at which its logarithm changes.
-    np.testing.assert_allclose(prior.score(x, 2.0, 0.1), u, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(prior.score(x), u, rtol=1e-9, atol=1e-9)
     # Each tail by its own probability, in logarithms: P = 1 - (1 + z) exp(-z), z = x / 10.
     high = u > 1
     z = 0.1 * x[high]
@@ -143,7 +142,7 @@ def test_gamma__slope_is_the_difference_of_values_far_into_both_tails():
     prior, u, h = Gamma(2.0, 0.1), np.array([-30.0, -12.0, -4.0, 0.0, 4.0, 12.0, 30.0]), 1e-5
     difference = (prior.value_at(u + h) - prior.value_at(u - h)) / (2 * h)
     # Discretisation: h^2 u^2 / 6; rounding: eps / h of the value.
-    np.testing.assert_allclose(prior.slope_at(u), difference, rtol=3e-8)
+    np.testing.assert_allclose(prior.slope_at(u, prior.value_at(u)), difference, rtol=3e-8)
 
 
 def test_gamma__stretched_has_mean_and_width_multiplied():
@@ -151,22 +150,6 @@ def test_gamma__stretched_has_mean_and_width_multiplied():
     assert wider == Gamma(2.0, 0.02)
     u = np.array([-2.0, 0.0, 1.5])
     np.testing.assert_allclose(wider.value_at(u), 5 * prior.value_at(u), rtol=1e-13)  # rounding
-
-
-def test_default_priors__of_each_error_model_follow_the_coefficients():
-    everything = {
-        "sigma": HalfNormal(0.05),
-        "tau_texture": HalfNormal(0.03),
-        "tau_step": HalfNormal(0.03),
-        "length_h": LogNormal(1.0, 0.7),
-        "length_ratio": LogNormal(0.3, 0.7),
-        "df": Gamma(2.0, 0.1),
-    }
-    for noise in Noise.every():
-        priors = default_priors(Hybrid(), noise)
-        assert tuple(priors) == ("c1", "c2", *noise.parameter_names)
-        for name in noise.parameter_names:
-            assert priors[name] == everything[name]
 
 
 def test_describe__tells_kind_and_numbers():
@@ -189,31 +172,16 @@ def test_joint_prior__is_the_sum_in_the_order_of_the_parameters():
     assert np.all(np.abs(draws.mean(0) - means) < 4.5 * draws.std(0) / np.sqrt(4_000))
 
 
-def test_default_priors__are_those_of_the_design():
-    assert default_priors(Classic()) == {"c": LogNormal(1.382, 0.1), "sigma": HalfNormal(0.05)}
-    assert default_priors(Modified()) == default_priors(Classic())
-    assert default_priors(HalfPlane())["c"] == LogNormal(1.0, 0.1)
-    hybrid = default_priors(Hybrid())
-    assert list(hybrid) == ["c1", "c2", "sigma"]
-    assert hybrid["c1"] == LogNormal(1.382, 0.1)
-    assert hybrid["c2"] == Normal(0.0, 0.05)
-    power = default_priors(PowerLaw().bind(((0.01, 0.03), (0.02, 0.03)), ("x", "y")))
-    assert list(power) == ["K[x]", "K[y]", "sigma"]
-    # Algebra: 2 x 1.382 / L, one division.
-    assert power["K[x]"].median == pytest.approx(69.1, rel=1e-14)
-    assert power["K[y]"].median == pytest.approx(55.28, rel=1e-14)
-    assert power["K[y]"].log_sd == 0.3
-
-
 @pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
 def test_prior__refuses_scales_that_are_not_positive_and_finite(bad):
-    for name, make in (
-        ("log-normal prior: log_sd", lambda: LogNormal(1.0, bad)),
-        ("log-normal prior: median", lambda: LogNormal(bad, 1.0)),
-        ("normal prior: sd", lambda: Normal(0.0, bad)),
-        ("half-normal prior: sd", lambda: HalfNormal(bad)),
+    for kind, name, make in (
+        ("log-normal", "log_sd", lambda: LogNormal(1.0, bad)),
+        ("log-normal", "median", lambda: LogNormal(bad, 1.0)),
+        ("normal", "sd", lambda: Normal(0.0, bad)),
+        ("half-normal", "sd", lambda: HalfNormal(bad)),
     ):
-        with pytest.raises(InputError, match=rf"{name} = {bad} given; expected finite and > 0"):
+        message = rf"{kind} prior: expected finite and > 0, got {name} = {bad}"
+        with pytest.raises(InputError, match=message):
             make()
 
 

@@ -7,7 +7,6 @@ quadrature, not from a kernel estimate.
 """
 
 import math
-from dataclasses import astuple
 
 import numpy as np
 from scipy.special import logsumexp
@@ -17,8 +16,8 @@ from ridgebayes.errors import InputError
 from ridgebayes.inference.diagnostics import effective_sample_size, pareto_k
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.posterior import Posterior
+from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Modified
-from ridgebayes.model.priors import default_priors
 
 _STEPS = 48  # grid points per integrated coordinate, sixteen sds wide
 _STEADY = 0.5  # Pareto shape from which on averages have no variance: their error means nothing
@@ -173,8 +172,7 @@ def _sigma_grid(fit: Posterior, w: float, beta: float) -> FloatArray:
 
 def _zero(fit: Posterior) -> float:
     """Return the coordinate of c2 = 0."""
-    prior = fit.model.priors["c2"]
-    return float(prior.score(0.0, *astuple(prior)))
+    return float(fit.model.priors["c2"].score(0.0))
 
 
 def _grid(draws: FloatArray, include: float | None) -> FloatArray:

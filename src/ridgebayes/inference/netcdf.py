@@ -3,6 +3,7 @@
 import io
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import priors_from_json, priors_to_json
+from ridgebayes.model.priors import Prior
 from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import one_line_message
@@ -219,3 +220,14 @@ def _check_shapes(data: Observations, chains: Chains) -> None:
         raise ValueError("numbers that are not finite")
     if not (widths > 0).all():
         raise ValueError("a width that is not above 0")
+
+
+def priors_from_json(text: str) -> dict[str, Prior]:
+    """Return priors from the JSON text that `priors_to_json` wrote."""
+    kinds = {kind.kind: kind for kind in Prior.__subclasses__()}
+    return {name: kinds[fields.pop("kind")](**fields) for name, fields in json.loads(text).items()}
+
+
+def priors_to_json(priors: Mapping[str, Prior]) -> str:
+    """Return priors as JSON text."""
+    return json.dumps({name: prior.describe() for name, prior in priors.items()})

@@ -14,8 +14,8 @@ from scipy.special import ndtr, ndtri
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.inference.posterior import Posterior
+from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form, PowerLaw
-from ridgebayes.model.priors import default_priors
 from ridgebayes.model.shared_offsets import OffsetsGiven
 from ridgebayes.runtime.randomness import stream
 

@@ -1,0 +1,74 @@
+"""The default prior of each parameter of a form and an error model."""
+
+from collections.abc import Mapping
+
+from ridgebayes.errors import InputError
+from ridgebayes.model.forms import Form, PowerLaw
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.priors import Gamma, HalfNormal, LogNormal, Normal, Prior
+
+HERTZ = 1.382  # the smooth Hertz coefficient at nu = 0.5, as the paper prints it
+_NOISE: dict[str, Prior] = {
+    "sigma": HalfNormal(0.05),
+    "tau_texture": HalfNormal(0.03),
+    "tau_step": HalfNormal(0.03),
+    # Of a smooth offset: in log h, where the steps 4 and 6 are 0.7 apart, and in a/pitch, which
+    # lies between 0 and 1.
+    "length_h": LogNormal(1.0, 0.7),
+    "length_ratio": LogNormal(0.3, 0.7),
+    "df": Gamma(2.0, 0.1),
+}
+
+
+def default_priors(
+    form: Form, noise: Noise | None = None, given: Mapping[str, Prior] | None = None
+) -> dict[str, Prior]:
+    """Return the default prior of each parameter of a form and an error model.
+
+    Parameters
+    ----------
+    form : Form
+        A form; PowerLaw bound to its textures.
+    noise : Noise, optional
+        Error model; independent normal errors if not given.
+    given : mapping of str to Prior, optional
+        Priors of coefficients that have no default: those of forms not of this package.
+
+    Returns
+    -------
+    dict of str to Prior
+        Coefficients, then the error model's parameters, sigma first.
+
+    Raises
+    ------
+    InputError
+        If a coefficient has no default and none is given.
+
+    Examples
+    --------
+    >>> from ridgebayes.model.forms import Hybrid
+    >>> list(default_priors(Hybrid()))
+    ['c1', 'c2', 'sigma']
+    """
+    priors: dict[str, Prior]
+    if isinstance(form, PowerLaw):
+        # K = 2 c / L: smooth Hertz at the texture's pitch, known to 30 %.
+        priors = {
+            name: LogNormal(2 * HERTZ / (a + b), 0.3)
+            for name, (a, b) in zip(form.parameter_names, form.textures, strict=True)
+        }
+    else:
+        known: dict[str, Prior] = {
+            "c": LogNormal(1.0 if form.name == "half-plane" else HERTZ, 0.1),
+            "c1": LogNormal(HERTZ, 0.1),
+            "c2": Normal(0.0, 0.05),
+        }
+        own = {name: prior for name, prior in (given or {}).items() if name not in _NOISE}
+        lost = [name for name in form.parameter_names if name not in known | own]
+        if lost:
+            raise InputError(
+                f"{form.name}: expected a prior of {', '.join(map(repr, lost))}, got none; only "
+                f"{', '.join(known)} have defaults, pass priors={{name: prior}}"
+            )
+        priors = {name: (own | known)[name] for name in form.parameter_names}
+    return priors | {name: _NOISE[name] for name in (noise or Noise()).parameter_names}
