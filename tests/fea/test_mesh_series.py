@@ -203,7 +203,7 @@ ARRAY = r'(Name="displacement"[^>]*>)[^<]*'
         (lambda t: re.sub(r'NumberOfPoints="\d+"', 'NumberOfPoints="-1"', t), "whole number"),
         (
             lambda t: t.replace('"displacement"', '"u"'),
-            "no point data 'displacement'; there are 'u'",
+            "no point data 'displacement'; the fields are 'u'",
         ),
         (lambda t: t.replace("Float64", "String"), "type 'String'"),
         (

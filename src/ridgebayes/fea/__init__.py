@@ -1,10 +1,10 @@
 r"""Output of other finite element programs to contact tables, and scenes to their input decks.
 
 One module a format: `calculix` and `calculix_contact`, `abaqus_dat`, `abaqus_rpt` and `xy_report`,
-`mesh_series` (XDMF, VTU), and tables of any columns (`columns`, over `delimited`, `spreadsheet` and
-`parquet`). `read` recognises a file and calls them; `surface` and `transitions` make loads of what
-they read; `pressed_disk` and `deck_text` write decks. It knows tables and scenes, and nothing of
-models. What a file holds comes out as one record, a table with messages about it:
+`mesh_series` (over `xdmf` and `vtu`), and tables of any columns (`columns`, over `delimited`,
+`spreadsheet` and `parquet`). `read` recognises a file and calls them; `surface` and `transitions`
+make loads of what they read; `pressed_disk` and `deck_text` write decks. It knows tables and
+scenes, and nothing of models. What a file holds becomes a table, with messages about it:
 
 >>> from pathlib import Path
 >>> from tempfile import TemporaryDirectory
@@ -13,7 +13,8 @@ models. What a file holds comes out as one record, a table with messages about i
 >>> with TemporaryDirectory() as folder:
 ...     path = Path(folder, "mine.csv")
 ...     _ = path.write_text(text)
-...     found = import_files([path], Given(map=("line=P",), R="8 mm", E="60 kPa"))
+...     columns = ("a=Ridge width", "b=Groove width", "line=P")
+...     found = import_files([path], Given(map=columns, R="8 mm", E="60 kPa"))
 >>> found.table.column("p_over_E").round(9).tolist()
 [0.001041667, 0.004166667]
 >>> found.messages[-1]

@@ -8,8 +8,9 @@ from typing import Protocol
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import BoolArray
+from ridgebayes._types import BoolArray, IntArray
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.text import clipped
 
 SHOWN = 20  # cells a message lists; the rest is counted
 NUMBER = re.compile(r"\s*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?\s*", re.A)
@@ -21,32 +22,83 @@ _PLAIN = r"-?(?:0|[1-9]\d{0,14})(?:\.\d+)?(?:[eE][+-]?\d{1,2})?|"
 _UNNAMED = "(column {})"
 
 
+class Source(Protocol):
+    """A table file whose header is known; rows are counted from 0 below it."""
+
+    where: str
+    headers: tuple[str, ...]
+
+    def read(self, numeric: Collection[str]) -> "Cells":
+        """Read all rows, the columns of these headers as numbers."""
+
+    def line(self, row: int) -> int | None:
+        """Return the file's line of a row; None where it has no lines."""
+
+    def place(self, row: int, name: str) -> str:
+        """Return words for a cell, such as ``mine.csv, line 4``."""
+
+    def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
+        """Return cells, each of a row and a header, as they were typed."""
+
+
 @dataclass(frozen=True, eq=False)
 class Cells:
     """Rows of a table file.
 
     Parameters
     ----------
-    where : str
-        File, and sheet if it has several, that messages show.
+    source : Source
+        The file.
     frame : DataFrame, n_row rows
         Columns by header: those asked for as numbers are float64, NaN where a cell is empty.
-    place : callable
-        Row from 0 and header to words such as ``mine.csv, line 4``.
-    typed : callable
-        Rows and headers to the cells as typed.
-    line : callable or None
-        Row from 0 to the file's line, where it has lines.
+    row : ndarray of int, shape (n_row,)
+        Which rows of the file they are.
     messages : tuple of str
         Format, separator, decimal mark, blank rows.
     """
 
-    where: str
+    source: Source
     frame: pd.DataFrame
-    place: Callable[[int, str], str]
-    typed: Callable[[Sequence[tuple[int, str]]], list[str]]
-    line: Callable[[int], int] | None
+    row: IntArray
     messages: tuple[str, ...]
+
+    @classmethod
+    def of(cls, source: Source, frame: pd.DataFrame, *messages: str) -> "Cells":
+        """Return the rows that hold anything, without unnamed columns that hold nothing.
+
+        Raises
+        ------
+        InputError
+            If no row does, or an unnamed column does.
+        """
+        empty = {name: _empty(frame[name]) for name in frame}
+        unnamed = {_UNNAMED.format(i): i for i in range(1, len(empty) + 1)}
+        for name, one in empty.items():
+            if name in unnamed and not one.all():
+                raise InputError(
+                    f"{source.where}: column {unnamed[str(name)]} has cells but no header; "
+                    "expected a header for each column"
+                )
+        blank = np.logical_and.reduce(list(empty.values()))
+        if blank.all():
+            raise InputError(f"{source.where}: no rows below the header")
+        frame, kept = frame[[name for name in empty if name not in unnamed]], np.arange(len(blank))
+        if blank.any():
+            kept = np.flatnonzero(~blank)
+            frame = frame.iloc[kept].reset_index(drop=True)
+            n = len(blank) - len(kept)
+            messages = (*messages, f"{n} rows with nothing in them: passed over")
+        return cls(source, frame, kept, messages)
+
+    @property
+    def line(self) -> Callable[[int], int] | None:
+        """Row from 0 to the file's line, where it has lines."""
+        return None if self.source.line(0) is None else lambda i: self._line(i)
+
+    def _line(self, i: int) -> int:
+        line = self.source.line(int(self.row[i]))
+        assert line is not None
+        return line
 
     def check(self, *rules: tuple[BoolArray, str, str]) -> None:
         """Refuse the cells where a mask of shape (n_row,) is true; each with header and rule."""
@@ -55,55 +107,35 @@ class Cells:
             return
         which = np.repeat(np.arange(len(rules)), [int(bad.sum()) for bad, *_ in rules])
         order = np.lexsort((which, rows))[:SHOWN]
-        found = [(int(rows[i]), *rules[which[i]][1:]) for i in order]
-        typed = self.typed([(row, name) for row, name, _ in found])
-        raise refusal(
-            self.where,
-            [
-                (self.place(row, name), name, cell, rule)
-                for (row, name, rule), cell in zip(found, typed, strict=True)
-            ],
-            len(rows),
-        )
-
-    def without_blank_rows(self) -> "Cells":
-        """Return the rows that hold anything, without unnamed columns that hold nothing."""
-        empty = {name: _empty(self.frame[name]) for name in self.frame}
-        blank = np.ones(len(self.frame), dtype=bool)
-        for one in empty.values():
-            blank &= one
-        for i, (name, one) in enumerate(empty.items(), start=1):
-            if name == _UNNAMED.format(i) and not one.all():
-                raise InputError(
-                    f"{self.where}: column {i} has cells but no header; expected a header for each "
-                    "column"
-                )
-        named = [n for i, n in enumerate(self.frame, start=1) if n != _UNNAMED.format(i)]
-        frame, messages = self.frame[named], self.messages
-        if blank.all():
-            raise InputError(f"{self.where}: no rows below the header")
-        if not blank.any():
-            return Cells(self.where, frame, self.place, self.typed, self.line, messages)
-        kept = np.flatnonzero(~blank)
-        line = self.line
-        return Cells(
-            self.where,
-            frame.iloc[kept].reset_index(drop=True),
-            lambda row, name: self.place(int(kept[row]), name),
-            lambda wanted: self.typed([(int(kept[row]), name) for row, name in wanted]),
-            None if line is None else lambda row: line(int(kept[row])),
-            (*messages, f"{int(blank.sum())} rows with nothing in them: passed over"),
-        )
+        found = [(int(self.row[rows[i]]), *rules[which[i]][1:]) for i in order]
+        raise cells_error(self.source, found, len(rows))
 
 
-class Source(Protocol):
-    """A table file whose header is known."""
+def cells_error(source: Source, bad: Sequence[tuple[int, str, str]], n: int) -> InputError:
+    """Return the error that lists cells, each of a row, a header and a rule, and counts all."""
+    typed = source.typed([(row, name) for row, name, _ in bad])
+    lines = [
+        f"{source.place(row, name)}, column {name!r} = {clipped(cell)}: {rule}"
+        for (row, name, rule), cell in zip(bad, typed, strict=True)
+    ]
+    return lines_error(source.where, lines, n, "cells break a rule")
 
-    where: str
-    headers: tuple[str, ...]
 
-    def read(self, numeric: Collection[str]) -> Cells:
-        """Read all rows, the columns of these headers as numbers."""
+def lines_error(where: str, lines: Sequence[str], n: int, what: str) -> InputError:
+    """Return the error of one line, or of the first lines of some that are counted.
+
+    Examples
+    --------
+    >>> print(lines_error("a.csv", ["a.csv, line 2: odd", "a.csv, line 4: odd"], 3, "rows are odd"))
+    a.csv: 3 rows are odd
+      a.csv, line 2: odd
+      a.csv, line 4: odd
+      and 1 more
+    """
+    if n == 1:
+        return InputError(lines[0])
+    more = [f"and {n - len(lines)} more"] if n > len(lines) else []
+    return InputError("\n  ".join([f"{where}: {n} {what}", *lines, *more]))
 
 
 def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
@@ -125,38 +157,19 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
         raise InputError(f"{where}: {len(names)} columns; expected at most {MOST_COLUMNS}")
     for i, name in enumerate(names, start=1):
         text = "" if name is None else " ".join(str(name).split())
-        place = f"{where}, header, column {i} = {text[:60]!r}"
-        if text.startswith("="):
-            raise InputError(f"{place}: {FORMULA}")
-        if re.search(r"[\x00-\x1f\x7f]", text):
-            raise InputError(f"{place}: expected no control characters")
-        if len(text) > LONGEST_HEADER:
-            raise InputError(f"{place}: expected at most {LONGEST_HEADER} characters")
-        if text and text in headers:
-            raise InputError(f"{place}: expected each header once")
+        rules = {
+            FORMULA: text.startswith("="),
+            "expected no control characters": re.search(r"[\x00-\x1f\x7f]", text) is not None,
+            f"expected at most {LONGEST_HEADER} characters": len(text) > LONGEST_HEADER,
+            "expected each header once": bool(text) and text in headers,
+        }
+        for rule, is_broken in rules.items():
+            if is_broken:
+                raise InputError(f"{where}, header, column {i} = {text[:60]!r}: {rule}")
         headers.append(text or _UNNAMED.format(i))
     if all(name == _UNNAMED.format(i) for i, name in enumerate(headers, start=1)):
         raise InputError(f"{where}: no header; expected a header for each column")
     return tuple(headers)
-
-
-def refusal(where: str, bad: Sequence[tuple[str, str, str, str]], n: int) -> InputError:
-    """Return the error that lists cells: place, header, cell and rule of each, and counts all.
-
-    Examples
-    --------
-    >>> print(refusal("a.csv", [("a.csv, line 2", "p", "x", "expected a number")], 1))
-    a.csv, line 2, column 'p' = 'x': expected a number
-    """
-    lines = [
-        f"{place}, column {name!r} = {_clipped(cell)}: {rule}"
-        for place, name, cell, rule in bad[:SHOWN]
-    ]
-    if n == 1:
-        return InputError(lines[0])
-    if n > len(lines):
-        lines.append(f"and {n - len(lines)} more")
-    return InputError("\n  ".join([f"{where}: {n} cells break a rule", *lines]))
 
 
 def lossless(cells: "pd.Series[str]") -> "pd.Series[str] | pd.Series[float]":
@@ -182,7 +195,3 @@ def _empty(cells: "pd.Series[str]") -> BoolArray:
     if cells.dtype.kind in "fiubM":
         return cells.isna().to_numpy(dtype=bool)
     return (cells.isna() | (cells == "")).to_numpy(dtype=bool)
-
-
-def _clipped(cell: str) -> str:
-    return repr(cell if len(cell) <= 60 else f"{cell[:57]}...")

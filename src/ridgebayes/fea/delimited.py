@@ -3,7 +3,6 @@
 import codecs
 import csv
 import io
-import itertools
 import re
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import FloatArray, IntArray
+from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import (
     FINITE,
@@ -21,9 +20,10 @@ from ridgebayes.fea.cells import (
     SHOWN,
     Cells,
     clean_headers,
+    lines_error,
     lossless,
-    refusal,
 )
+from ridgebayes.runtime.text import clipped
 from ridgebayes.table.files import is_rectangular, read_delimited, records
 
 SEPARATORS = {"\t": "tab", ";": "';'", ",": "','"}
@@ -54,46 +54,71 @@ class DelimitedText:
         self.where = str(path)
         self._content = _utf8(content, self.where)
         self._separator = _separator(self._content, self.where)
-        first = next(records(self._content, self.where, self._separator))
-        self._header_line = first[0]
-        self.headers = clean_headers(first[1], self.where)
-        self._lines: IntArray | None = None
+        line, header = next(records(self._content, self.where, self._separator))
+        self.headers = clean_headers(header, self.where)
+        self._first_line = line + 1
+        self._lines: IntArray | None = None  # of rows, where they are not one after another
         self._plain = self._content  # what pandas gets
         data = np.frombuffer(self._content, dtype=np.uint8)
         if not is_rectangular(data, self._separator, len(self.headers)):
             self._lines, self._plain = self._checked_lines()
-        self._check_formulas(data)
+        signs = np.flatnonzero(data == ord("="))
+        starts = np.frombuffer(b'\r\n\t ",;', dtype=np.uint8)
+        if np.isin(data[signs[signs > 0] - 1], starts).any():
+            text = self._text()
+            text.check(
+                *(
+                    (
+                        cells.str.lstrip().str.startswith("=").to_numpy(dtype=bool),
+                        str(name),
+                        FORMULA,
+                    )
+                    for name, cells in text.frame.items()
+                )
+            )
 
     def read(self, numeric: Collection[str]) -> Cells:
         """Read all rows, the columns of these headers as numbers."""
         wanted = [name for name in self.headers if name in numeric]
-        frame = self._fast(wanted, ".")
-        mark = "point"
+        frame, mark = self._fast(wanted, "."), "point"
+        if frame is None and self._separator != ",":
+            frame, mark = self._fast(wanted, ","), "comma"
+            # No cell has a point then; it takes one whose comma cannot stand between thousands.
+            places = [self.headers.index(name) for name in wanted]
+            if not any(_is_decimal_comma(cells[i]) for _, cells in self._rows() for i in places):
+                frame = None
         if frame is None:
-            frame, mark = self._decimal_comma(wanted)
+            frame, mark = self._cell_by_cell(wanted)
         text: dict[str, Any] = {n: lossless(frame[n]) for n in self.headers if n not in wanted}
         name = "TSV" if self._separator == "\t" else "CSV"
         dialect = f"{name}, separator {SEPARATORS[self._separator]}, decimal {mark}"
-        lines = self._lines
-        offset = self._header_line + 1
+        return Cells.of(self, frame.assign(**text), f"{self.where}: {dialect}, {len(frame)} rows")
 
-        def line(row: int) -> int:
-            return row + offset if lines is None else int(lines[row])
+    def line(self, row: int) -> int:
+        """Return the file's line of a row."""
+        return row + self._first_line if self._lines is None else int(self._lines[row])
 
-        return Cells(
-            self.where,
-            frame.assign(**text),
-            lambda row, _: f"{self.where}, line {line(row)}",
-            self._typed,
-            line,
-            (f"{self.where}: {dialect}, {len(frame)} rows",),
-        ).without_blank_rows()
+    def place(self, row: int, name: str) -> str:
+        """Return words for a cell."""
+        return f"{self.where}, line {self.line(row)}"
+
+    def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
+        """Return cells as they were typed."""
+        rows = {row for row, _ in wanted}
+        found = {row: cells for row, (_, cells) in enumerate(self._rows()) if row in rows}
+        return [found[row][self.headers.index(name)] for row, name in wanted]
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         """Yield line and cells of each record below the header."""
         rows = records(self._content, self.where, self._separator)
         next(rows)
         return rows
+
+    def _text(self) -> Cells:
+        """Return every cell as it was typed."""
+        rows = [cells for _, cells in self._rows()]
+        frame = pd.DataFrame(rows, columns=list(self.headers), dtype=str)
+        return Cells(self, frame, np.arange(len(frame)), ())
 
     def _checked_lines(self) -> tuple[IntArray, bytes]:
         """Return each row's line, and the records written again without blank lines between.
@@ -114,153 +139,80 @@ class DelimitedText:
         for line, cells in self._rows():
             lines.append(line)
             writer.writerow(cells)
-            if len(cells) != width:
-                n += 1
-                if n <= SHOWN:
-                    typed = self._separator.join(cells)
-                    shown = typed if len(typed) <= 60 else f"{typed[:57]}..."
-                    bad.append(
-                        f"{self.where}, line {line}: {shown!r} has {len(cells)} cells: expected "
-                        f"{width} cells, as the header (separator {SEPARATORS[self._separator]})"
-                    )
-        if n == 1:
-            raise InputError(bad[0])
+            n += len(cells) != width
+            if len(cells) != width and n <= SHOWN:
+                bad.append(
+                    f"{self.where}, line {line}: {clipped(self._separator.join(cells))} has "
+                    f"{len(cells)} cells: expected {width} cells, as the header (separator "
+                    f"{SEPARATORS[self._separator]})"
+                )
         if n:
-            more = [f"and {n - SHOWN} more"] if n > SHOWN else []
-            raise InputError(
-                "\n  ".join([f"{self.where}: {n} rows of another length", *bad, *more])
-            )
+            raise lines_error(self.where, bad, n, "rows of another length")
         text.flush()
         return np.array(lines, dtype=np.int64), again.getvalue()
 
-    def _check_formulas(self, data: Any) -> None:
-        signs = np.flatnonzero(data == ord("="))
-        before = data[signs[signs > 0] - 1]
-        starts = np.frombuffer(b'\r\n\t ",;', dtype=np.uint8)
-        if not np.isin(before, starts).any():
-            return
-        bad, n = [], 0
-        for line, cells in self._rows():
-            for name, cell in zip(self.headers, cells, strict=True):
-                if cell.lstrip().startswith("="):
-                    n += 1
-                    if n <= SHOWN:
-                        bad.append((f"{self.where}, line {line}", name, cell, FORMULA))
-        if n:
-            raise refusal(self.where, bad, n)
-
-    def _fast(self, wanted: list[str], decimal: str, *, only: bool = False) -> pd.DataFrame | None:
+    def _fast(self, wanted: list[str], decimal: str) -> pd.DataFrame | None:
         """Return the rows as pandas reads them; None where a slower look is needed."""
         try:
             frame = read_delimited(
-                self._plain,
-                self.headers,
-                wanted,
-                sep=self._separator,
-                usecols=wanted if only else None,
-                decimal=decimal,
+                self._plain, self.headers, wanted, sep=self._separator, decimal=decimal
             )
         except (ValueError, OverflowError):
             return None
         if self._lines is not None and len(frame) != len(self._lines):
             return None
-        for name in wanted:
-            values = frame[name].to_numpy()
-            if np.isinf(values).any():
-                return None
-            # pandas reads the words true and false as 1 and 0.
-            if ((values == 0) | (values == 1)).any() and _has_words(self._content):
-                return None
-        return frame
+        values = frame[wanted].to_numpy()
+        # pandas reads the words true and false as 1 and 0.
+        has_words = re.search(rb"true|false", self._content, re.IGNORECASE) is not None
+        odd = np.isinf(values).any() or (has_words and np.isin(values, (0, 1)).any())
+        return None if odd else frame
 
-    def _decimal_comma(self, wanted: list[str]) -> tuple[pd.DataFrame, str]:
-        """Read cell by cell: with decimal commas if they are beyond doubt; else tell each cell."""
-        places = [self.headers.index(name) for name in wanted]
-        if self._separator != "," and (frame := self._fast(wanted, ",")) is not None:
-            # No cell has a point then; it takes one whose comma cannot stand between thousands.
-            cells_of_rows = ([cells[i] for i in places] for _, cells in self._rows())
-            if any(map(_is_decimal_comma, itertools.chain.from_iterable(cells_of_rows))):
-                return frame, "comma"
-        # One column at a time shows where to look; the others are numbers with points.
-        doubtful = [name for name in wanted if self._fast([name], ".", only=True) is None] or wanted
-        places = [self.headers.index(name) for name in doubtful]
-        first: dict[str, tuple[int, str, str]] = {}  # line, header and cell of the first of a kind
-        bad, n = [], 0
-        sure = False
-        for line, cells in self._rows():
-            for name, i in zip(doubtful, places, strict=True):
-                cell = cells[i]
-                if not cell.strip():
-                    continue
-                if NUMBER.fullmatch(cell):
-                    if "." in cell:
-                        first.setdefault("point", (line, name, cell))
-                    if np.isfinite(float(cell)):
-                        continue
-                elif _COMMA.fullmatch(cell):
-                    first.setdefault("comma", (line, name, cell))
-                    sure = sure or _is_decimal_comma(cell)
-                    if np.isfinite(float(cell.replace(",", "."))):
-                        continue
-                n += 1
-                if n <= SHOWN:
-                    bad.append((f"{self.where}, line {line}", name, cell, FINITE))
-        if n:
-            raise refusal(self.where, bad, n)
-        if "comma" not in first:
-            return self._slow(wanted), "point"
-        number, name, cell = first["comma"]
-        place = f"{self.where}, line {number}, column {name!r} = {cell!r}"
-        if self._separator == ",":
-            raise InputError(
-                f"{place}: expected a point for decimals, since commas separate the cells"
-            )
-        for name in wanted:
-            if name not in doubtful and "point" not in first:
-                i = self.headers.index(name)
-                found = next(((n, row[i]) for n, row in self._rows() if "." in row[i]), None)
-                if found is not None:
-                    first["point"] = (found[0], name, found[1])
-        if "point" in first:
-            number, name, cell = first["point"]
-            raise InputError(
-                f"{place}: but line {number}, column {name!r} = {cell!r}: expected one decimal "
-                "mark "
-                "in all of the file, and no thousands separators"
-            )
-        if not sure:
-            raise InputError(
-                f"{place}: may be a decimal comma or a thousands separator, and no cell tells "
-                "which: expected a point for decimals"
-            )
-        return self._slow(wanted), "comma"
+    def _cell_by_cell(self, wanted: list[str]) -> tuple[pd.DataFrame, str]:
+        """Read with decimal commas if they are beyond doubt; else tell each cell."""
+        text = self._text()
+        typed = {name: text.frame[name].tolist() for name in wanted}
+        values = {name: np.array([_number(cell) for cell in typed[name]]) for name in wanted}
+        text.check(*((np.isinf(values[name]), name, FINITE) for name in wanted))
 
-    def _slow(self, wanted: list[str]) -> pd.DataFrame:
-        rows = list(self._rows())
-        if self._lines is None:
-            self._lines = np.array([line for line, _ in rows], dtype=np.int64)
-        columns: dict[str, Any] = {}
-        for place, name in enumerate(self.headers):
-            cells = [row[place] for _, row in rows]
-            columns[name] = _floats(cells) if name in wanted else pd.Series(cells, dtype=str)
-        return pd.DataFrame(columns)
+        def first(mark: str) -> str:
+            """Return words for the first cell with a mark."""
+            for row, cells in enumerate(zip(*typed.values(), strict=True)):
+                for name, cell in zip(wanted, cells, strict=True):
+                    if mark in cell:
+                        return f"line {self.line(row)}, column {name!r} = {cell!r}"
+            return ""
 
-    def _typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
-        rows = {row for row, _ in wanted}
-        found = {row: cells for row, (_, cells) in enumerate(self._rows()) if row in rows}
-        return [found[row][self.headers.index(name)] for row, name in wanted]
+        comma, point = first(","), first(".")
+        if comma:
+            place = f"{self.where}, {comma}"
+            if self._separator == ",":
+                raise InputError(
+                    f"{place}: expected a point for decimals, since commas separate the cells"
+                )
+            if point:
+                raise InputError(
+                    f"{place}: but {point}: expected one decimal mark in all of the file, and "
+                    "no thousands separators"
+                )
+            if not any(_is_decimal_comma(cell) for cells in typed.values() for cell in cells):
+                raise InputError(
+                    f"{place}: may be a decimal comma or a thousands separator, and no cell tells "
+                    "which: expected a point for decimals"
+                )
+        return text.frame.assign(**values), "comma" if comma else "point"
 
 
-def _floats(cells: list[str]) -> FloatArray:
-    return np.array([float(c.replace(",", ".")) if c.strip() else np.nan for c in cells])
+def _number(cell: str) -> float:
+    """Return the number of a cell: NaN of an empty one, and infinity of one that is no number."""
+    if not cell.strip():
+        return np.nan
+    if NUMBER.fullmatch(cell) or _COMMA.fullmatch(cell):
+        return float(cell.replace(",", "."))
+    return np.inf
 
 
 def _is_decimal_comma(cell: str) -> bool:
     return _COMMA.fullmatch(cell) is not None and _THOUSANDS.fullmatch(cell) is None
-
-
-def _has_words(content: bytes) -> bool:
-    return re.search(rb"true|false", content, re.I) is not None
 
 
 def _utf8(content: bytes, where: str) -> bytes:

@@ -38,7 +38,7 @@ class ColumnInterpreter:
         *,
         is_history: bool,
     ) -> None:
-        self.cells, self.where = cells, cells.where
+        self.cells, self.where = cells, cells.source.where
         self._uses, self._values = uses, values
         self._by_key = {(use.key, use.Q): use for use in uses}
         self._is_history = is_history

@@ -10,6 +10,7 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import FINITE, Cells, clean_headers
+from ridgebayes.runtime.text import one_line_message
 
 MOST_CELLS = 10**8  # a small file of repeated values may hold any number of rows
 
@@ -55,8 +56,8 @@ class ParquetTable:
             raise
         # pyarrow lets out exceptions of many kinds on what is no Parquet file.
         except Exception as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
-            raise InputError(f"{self.where}: not a readable Parquet file: {reason}") from None
+            message = one_line_message(error, 200)
+            raise InputError(f"{self.where}: not a readable Parquet file: {message}") from None
         self.headers = clean_headers(self._table.column_names, self.where)
         if not self._table.num_rows:
             raise InputError(f"{self.where}: no rows")
@@ -72,29 +73,28 @@ class ParquetTable:
             except InputError:
                 raise
             except Exception as error:
-                reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
-                raise InputError(f"{self.where}, column {name!r}: {reason}") from None
+                message = one_line_message(error, 200)
+                raise InputError(f"{self.where}, column {name!r}: {message}") from None
             if values is None:
                 messages.append(f"left out: column {name!r}, of type {column.type}")
             else:
                 columns[name] = values
-        frame = pd.DataFrame(columns)
-
-        def typed(wanted: Sequence[tuple[int, str]]) -> list[str]:
-            return [str(frame[name].iloc[row]) for row, name in wanted]
-
-        cells = Cells(
-            self.where,
-            frame,
-            lambda row, _: f"{self.where}, row {row + 1}",
-            typed,
-            None,
-            tuple(messages),
-        )
+        cells = Cells.of(self, pd.DataFrame(columns), *messages)
         cells.check(
-            *((np.isinf(frame[n].to_numpy()), n, FINITE) for n in self.headers if n in wanted)
+            *((np.isinf(cells.frame[n].to_numpy()), n, FINITE) for n in self.headers if n in wanted)
         )
-        return cells.without_blank_rows()
+        return cells
+
+    def line(self, row: int) -> None:
+        """Return None: there are no lines."""
+
+    def place(self, row: int, name: str) -> str:
+        """Return words for a cell."""
+        return f"{self.where}, row {row + 1}"
+
+    def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
+        """Return cells as text."""
+        return [str(self._table.column(self.headers.index(n))[row].as_py()) for row, n in wanted]
 
     def _values(self, name: str, column: Any, is_number: bool) -> Any:
         types, kind = self._types, column.type

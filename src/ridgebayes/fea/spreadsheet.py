@@ -19,9 +19,10 @@ from ridgebayes.fea.cells import (
     NUMBER,
     SHOWN,
     Cells,
+    cells_error,
     clean_headers,
-    refusal,
 )
+from ridgebayes.runtime.text import one_line_message
 
 LARGEST = 2**30  # bytes of all members, unpacked
 LARGEST_XML = 2**26  # bytes of the members that are parsed: more would take minutes
@@ -88,41 +89,36 @@ class Spreadsheet:
                 columns[name] = pd.Series(
                     [c if f else "" for c, f in zip(cells, full, strict=True)]
                 )
-        return Cells(
-            self.where,
-            pd.DataFrame(columns),
-            self._place,
-            self._typed,
-            lambda row: self._first + 1 + row,
-            (f"{self.where}: Excel, {len(self._rows)} rows",),
-        ).without_blank_rows()
+        message = f"{self.where}: Excel, {len(self._rows)} rows"
+        return Cells.of(self, pd.DataFrame(columns), message)
 
-    def _place(self, row: int, name: str) -> str:
+    def line(self, row: int) -> int:
+        """Return the worksheet's row."""
+        return self._first + 1 + row
+
+    def place(self, row: int, name: str) -> str:
+        """Return words for a cell."""
         letters, rest = "", self.headers.index(name) + 1
         while rest:
             rest, digit = divmod(rest - 1, 26)
             letters = chr(ord("A") + digit) + letters
-        return f"{self.where}, cell {letters}{self._first + 1 + row}"
+        return f"{self.where}, cell {letters}{self.line(row)}"
 
-    def _typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
+    def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
+        """Return cells as text."""
         cells = [self._rows[row][self.headers.index(name)][0] for row, name in wanted]
         return ["" if cell is None else str(cell) for cell in cells]
 
     def _check(self, is_bad: Any, names: Sequence[str], rule: str) -> None:
-        bad: list[tuple[int, str]] = []
         places = [(name, self.headers.index(name)) for name in names]
-        for row, cells in enumerate(self._rows):
-            bad += [(row, name) for name, i in places if is_bad(*cells[i])]
+        bad = [
+            (row, name, rule)
+            for row, cells in enumerate(self._rows)
+            for name, i in places
+            if is_bad(*cells[i])
+        ]
         if bad:
-            typed = self._typed(bad[:SHOWN])
-            raise refusal(
-                self.where,
-                [
-                    (self._place(row, name), name, cell, rule)
-                    for (row, name), cell in zip(bad[:SHOWN], typed, strict=True)
-                ],
-                len(bad),
-            )
+            raise cells_error(self, bad[:SHOWN], len(bad))
 
 
 def _is_full(value: Any) -> bool:
@@ -174,7 +170,9 @@ def _check_archive(content: bytes, where: str) -> None:
         raise
     # zipfile lets out exceptions of many kinds on what is no archive.
     except Exception as error:
-        raise InputError(f"{where}: not a readable Excel file: {_first(error)}") from None
+        raise InputError(
+            f"{where}: not a readable Excel file: {one_line_message(error, 200)}"
+        ) from None
 
 
 def _check_xml(text: bytes, name: str, where: str) -> None:
@@ -223,7 +221,9 @@ def _grid(content: bytes, where: str, sheet: str | None) -> tuple[str, int, list
         raise
     # openpyxl lets out exceptions of many kinds on what is no workbook.
     except Exception as error:
-        raise InputError(f"{where}: not a readable Excel file: {_first(error)}") from None
+        raise InputError(
+            f"{where}: not a readable Excel file: {one_line_message(error, 200)}"
+        ) from None
     full = [name for name, (_, rows) in found.items() if rows]
     if not full:
         raise InputError(f"{where}: no sheet with cells{'' if sheet is None else f' in {sheet!r}'}")
@@ -257,7 +257,3 @@ def _rows(sheet: Any, where: str) -> tuple[int, list[list[_Cell]]]:
 def _text(value: Any) -> Any:
     """Return formulas of several cells, which are objects, as text."""
     return value if value is None or isinstance(value, str | int | float) else str(value)
-
-
-def _first(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:200]
