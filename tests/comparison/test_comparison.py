@@ -13,9 +13,11 @@ import ridgebayes as rb
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, reading
 from ridgebayes.comparison.compare import Execution, compare, compare_with
 from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import factors_by_method
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
+from ridgebayes.evidence.error_models import weigh_error_models
 from ridgebayes.evidence.prior_sensitivity import SCALE_FACTORS, prior_sensitivity
 from ridgebayes.model.noise import Noise
 
@@ -26,7 +28,7 @@ FORMS = (rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid())
 REFERENCE = {"hybrid": 83.3869, "modified": 78.8628, "classic": 19.1987}
 
 
-def compared(paper, fits, forms, **replaced):
+def compared(paper, fits, forms, noise="iid", **replaced):
     """Compare without sampling again: the fits are those of the session."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
@@ -34,7 +36,7 @@ def compared(paper, fits, forms, **replaced):
         )
         for name, value in replaced.items():
             patch.setattr(f"ridgebayes.comparison.compare.{name}", value)
-        return compare(paper, forms)
+        return compare(paper, forms, noise=noise)
 
 
 def no_sensitivity(fits, **known):
@@ -231,6 +233,50 @@ def test_evidence__a_form_without_any_is_in_no_factor_and_has_no_probability(pap
     assert found.probabilities == {"modified": 1.0}
     assert found.evidence["used"].tolist() == [False, True]
     assert len(found.bayes_factors) == 0
+
+
+# --- error models weighed first -------------------------------------------------------------------
+
+
+def first_looks(table, forms, noises, **known):
+    """Weigh two error models, of which iid shall win whatever the rows say."""
+    noises = [Noise("iid"), Noise("step")]
+    found = weigh_error_models(table, forms, noises, laplace_only=True)
+    found.loc[found["noise"] == "step", "log_evidence"] -= 1000.0
+    return found
+
+
+def weighed(paper, fits, forms, **replaced):
+    given = {"weigh_error_models": first_looks, "prior_sensitivity": no_sensitivity, **replaced}
+    return compared(paper, fits, forms, noise=None, **given)
+
+
+def test_error_models__evidence_has_each_method_of_each_form_once(paper, fits):
+    found = weighed(paper, fits, [rb.PowerLaw(), rb.Modified()])
+    assert found.noise == Noise("iid")
+    assert not found.evidence.duplicated(["form", "noise", "method"]).any()
+    assert set(found.evidence["noise"]) == {"iid", "step"}
+    # What was walked is used; of the other error model the first looks.
+    used = found.evidence[found.evidence["used"]]
+    assert dict(zip(used["noise"], used["method"], strict=True)) == {
+        "iid": "bridge",
+        "step": "laplace",
+    }
+    factors = factors_by_method(found, found.best)
+    assert sorted(factors["method"]) == ["bridge", "laplace", "quadrature"]
+
+
+def test_error_models__a_form_that_failed_keeps_its_first_look(paper, fits):
+    def calibrated(table, form, **known):
+        if form.name == "classic":
+            raise ComputationError("no mode")
+        return fits[form.name]
+
+    found = weighed(paper, fits, [rb.Classic(), rb.Modified()], calibrate=calibrated)
+    first = found.own_evidence.query("form == 'classic'")
+    assert first["method"].tolist() == ["quadrature"]
+    assert not first["used"].any()
+    assert found.probabilities == {"modified": 1.0}
 
 
 # --- in words -------------------------------------------------------------------------------------

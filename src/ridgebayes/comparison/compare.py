@@ -278,6 +278,10 @@ def _with_other_noises(evidence: pd.DataFrame, others: pd.DataFrame, noise: Nois
     """Add the evidences under every error model; of the chosen one they are only a first look."""
     if others.empty:
         return evidence
+    # A first look by a method that the fit's own evidences have is the same number again.
+    key = ["form", "noise", "method"]
+    known = pd.MultiIndex.from_frame(others[key]).isin(pd.MultiIndex.from_frame(evidence[key]))
+    others = others[~known]
     first_look = others["noise"] == noise.name
     others = others.assign(
         used=others["used"] & ~first_look,
