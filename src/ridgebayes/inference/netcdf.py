@@ -117,7 +117,9 @@ def write_netcdf(fit: Posterior, path: str | os.PathLike[str]) -> None:
         for name, group in groups.items()
     }
     encoding = {f"/{name}": pack for name, pack in packed.items()}
-    content = tree.to_netcdf(engine="h5netcdf", encoding=encoding)
+    # Bytes: the traceback of a failed write would hold a view, and with it a file in memory that
+    # then cannot be closed.
+    content = bytes(tree.to_netcdf(engine="h5netcdf", encoding=encoding))
     with replacing(Path(path)) as partial:
         partial.write_bytes(content)
 

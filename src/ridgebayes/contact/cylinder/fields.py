@@ -59,7 +59,7 @@ def write_fields(cylinder: Cylinder, states: Sequence[State], path: Path) -> Non
             for state in states:
                 writer.write_data(cylinder.p_over_E(state), nodal_fields(cylinder, state))
             writer.__exit__()
-        numbers.write_bytes(content.getbuffer())
+        numbers.write_bytes(content.getvalue())  # a view would hold it open
 
 
 def nodal_fields(cylinder: Cylinder, state: State) -> dict[str, FloatArray]:
