@@ -1,8 +1,9 @@
-"""Hard cases of repeating: the same numbers from other runs, processes and Pythons.
+"""Hard cases of repeating: the same numbers from other runs, processes and machines.
 
-`python -m tests.hard_cases.determinism` from the repository's root writes the numbers that other
-Pythons are held against to tests/hard_cases/reference/numbers.json; chains of other versions of
-NumPy and other machines that it finds there stay.
+Equal bytes are promised on one machine in one environment, and only two runs of one session are
+ever held against each other byte by byte; other machines are promised numbers within tolerances.
+`python -m tests.hard_cases.determinism` from the repository's root writes the numbers that they are
+held against to tests/hard_cases/reference/numbers.json.
 """
 
 import functools
@@ -10,7 +11,6 @@ import hashlib
 import json
 import math
 import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -173,12 +173,7 @@ def other_order():
     return f"{len(one.fits)} forms and {len(TEXTURES)} textures, the same bits"
 
 
-# --- other Pythons --------------------------------------------------------------------------------
-
-
-def platform_key() -> str:
-    """Return what may decide the last digits of a chain."""
-    return f"numpy {np.__version__}, {platform.machine()}"
+# --- other machines -------------------------------------------------------------------------------
 
 
 @functools.cache
@@ -193,14 +188,12 @@ def numbers() -> dict[str, object]:
     fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), rng=11, settings=SETTINGS)
     columns = ("mean", "sd", "mcse_mean")
     return {
-        "table_digest": table.digest(),
         "loads": table.column("p_over_E").tolist(),
         "evidences": evidences,
         "summary": {
             row["parameter"]: {name: float(row[name]) for name in columns}
             for row in fit.summary.to_dict("records")
         },
-        "chains": {platform_key(): hashlib.sha256(fit.draws.tobytes()).hexdigest()},
     }
 
 
@@ -209,48 +202,44 @@ def reference() -> dict:
 
 
 @hard_case(
-    "Loads and evidences under other Pythons and other versions of NumPy",
-    why="Another linear-algebra library adds in another order; a solver that stops at a tolerance "
-    "may then stop a step earlier.",
-    expected="loads and log evidences by quadrature of the committed file within 1e-10 relative "
-    "(rounding, and that the same steps are taken)",
+    "Loads and evidences on other machines, Pythons and versions of NumPy",
+    why="Another processor or linear-algebra library adds in another order; a solver that stops at "
+    "a tolerance may then stop a step earlier.",
+    expected="loads of the committed file within 2e-8 relative and log evidences by quadrature "
+    "within 2e-6 (discretisation: each side is solved to half of that)",
 )
-def other_pythons():
+def other_machines():
     kept, here = reference(), numbers()
-    loads = np.array(here["loads"]) / np.array(kept["loads"]) - 1
-    values = [here["evidences"][name] / kept["evidences"][name] - 1 for name in FORMS]
-    assert np.abs(loads).max() < 1e-10
-    assert np.abs(values).max() < 1e-10
-    return f"{len(loads)} loads and {len(values)} evidences within 1e-10"
+    loads = np.abs(np.array(here["loads"]) / np.array(kept["loads"]) - 1)
+    values = np.abs([here["evidences"][name] - kept["evidences"][name] for name in FORMS])
+    assert loads.max() < 2e-8
+    assert values.max() < 2e-6
+    return f"{len(loads)} loads within 2e-8, {len(values)} log evidences within 2e-6"
 
 
 @hard_case(
-    "Chains under other Pythons and other versions of NumPy",
+    "Chains on other machines, Pythons and versions of NumPy",
     why="A walker that is taken by one machine and refused by the other, for the last digit of a "
     "logarithm, never comes back to the same chain: equal bytes cannot be promised there.",
-    expected="equal bytes where the committed file has a chain of this NumPy and this kind of "
-    "processor; everywhere means and sds within 6 Monte Carlo standard errors of both",
+    expected="means and sds within 6 Monte Carlo standard errors of both, the committed file's and "
+    "these",
 )
 def other_chains():
     kept, here = reference(), numbers()
-    digest = kept["chains"].get(platform_key())
-    assert digest in (None, here["chains"][platform_key()])
+    assert here["summary"].keys() == kept["summary"].keys()
     for name, mine in here["summary"].items():
         other = kept["summary"][name]
         error = np.hypot(mine["mcse_mean"], other["mcse_mean"])
         assert abs(mine["mean"] - other["mean"]) <= 6 * error
         # An sd is uncertain by sd / sqrt(2 n), n = (sd / mcse)^2 draws that count.
         assert abs(mine["sd"] - other["sd"]) <= 6 * error / math.sqrt(2)
-    return f"{len(here['summary'])} parameters; chains of {len(kept['chains'])} platforms on file"
+    return f"{len(here['summary'])} parameters"
 
 
 def main() -> None:
     """Write the reference file."""
-    found, before = numbers(), reference() if REFERENCE.exists() else {"chains": {}}
-    if before.keys() > {"chains"}:
-        found = {**before, "chains": {**before["chains"], **found["chains"]}}
     REFERENCE.parent.mkdir(exist_ok=True)
-    REFERENCE.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    REFERENCE.write_text(json.dumps(numbers(), indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
