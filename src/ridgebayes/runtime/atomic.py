@@ -119,6 +119,7 @@ def exclusive_lock(path: Path) -> Iterator[None]:
     """
     lock = FileLock(path.with_name(f".{path.name}.lock"))
     try:
+        path.parent.stat()  # filelock would make a folder that is not there
         lock.acquire(blocking=False)
     except Timeout:
         raise InputError(

@@ -3,9 +3,8 @@
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Any, TextIO
 
 
@@ -37,6 +36,7 @@ class Progress:
 
     def __enter__(self) -> "Progress":
         if self.out.isatty():
+            # Loaded for a terminal only: most runs in scripts never show a bar.
             from rich.console import Console
             from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
             from rich.progress import Progress as Bar
@@ -52,25 +52,25 @@ class Progress:
             self._task = self._bar.add_task("", total=self.n_stage)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._bar is not None:
             self._bar.stop()
             self._bar = None
 
-    def stage(self, name: str) -> AbstractContextManager[Callable[[float], None]]:
-        """Return a context manager around one stage; its times go to `stages`.
-
-        It gives a function that adds the CPU seconds of workers to the stage's own.
-        """
-        return self._timed(name)
-
     @contextmanager
-    def _timed(self, name: str) -> Iterator[Callable[[float], None]]:
+    def stage(self, name: str) -> Iterator[Callable[[float], None]]:
+        """Time the block as one stage; its times go to `stages`.
+
+        Parameters
+        ----------
+        name : str
+            What is told of it.
+
+        Yields
+        ------
+        callable
+            Adds CPU seconds of workers to the stage's own.
+        """
         if self._bar is not None:
             self._bar.update(self._task, description=name)
         wall, cpu, elsewhere = time.perf_counter(), time.process_time(), [0.0]

@@ -140,6 +140,7 @@ def check_inside(data: Any, where: str, *, text: bool = False) -> None:
     Raises
     ------
     InputError
+        If it is a group, stands in another file, or holds anything else.
     """
     import h5py
 
@@ -165,6 +166,7 @@ def check_stored(data: "h5py.Dataset", where: str) -> None:
     Raises
     ------
     InputError
+        If parts are missing, a chunk is too large, or it would unpack to more than it states.
     """
     import h5py
 
@@ -194,7 +196,10 @@ def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: 
         raise InputError(f"{where}: filters {filters}; expected gzip with shuffle and checksums")
     most = size + 4 * len(before)
 
-    def check(chunk: Any) -> None:
+    # What is raised inside of HDF5's own loop comes out of it as another error.
+    chunks: list[Any] = []
+    data.id.chunk_iter(chunks.append)
+    for chunk in chunks:
         if chunk.size > _PADDED * size + 1024:
             raise InputError(
                 f"{where}: a chunk of {chunk.size} packed bytes; expected at most {most}"
@@ -202,12 +207,6 @@ def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: 
         mask, packed = data.id.read_direct_chunk(chunk.chunk_offset)
         if not mask >> at & 1 and not _fits(packed, most):
             raise InputError(f"{where}: a chunk unpacks to over {most} bytes; expected as stated")
-
-    # What is raised inside of HDF5's own loop comes out of it as another error.
-    chunks: list[Any] = []
-    data.id.chunk_iter(chunks.append)
-    for chunk in chunks:
-        check(chunk)
 
 
 def _fits(packed: bytes, most: int) -> bool:

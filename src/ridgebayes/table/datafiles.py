@@ -43,6 +43,17 @@ def data_path(name: str) -> Path:
 def paper_sweep() -> ContactTable:
     """Return the embedded default table: the paper's nine textures and the held-out extreme one.
 
+    Returns
+    -------
+    ContactTable
+        Transition loads of the half-plane at nu = 0.5: to calibrate, nine textures to p/E = 0.02;
+        held out, (0.012, 0.09) to p/E = 0.045.
+
+    Raises
+    ------
+    InputError
+        If the file was not shipped.
+
     Examples
     --------
     >>> len(paper_sweep().calibration)
@@ -59,6 +70,11 @@ def reference_fe() -> ContactTable:
     ContactTable
         To calibrate, the study's nine textures by this package's cylinder; held out, the rows of
         CalculiX on two of them, an independent program's.
+
+    Raises
+    ------
+    InputError
+        If a file was not shipped.
 
     Examples
     --------

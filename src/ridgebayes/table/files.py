@@ -148,18 +148,17 @@ def _parquet(content: bytes, where: str) -> RawTable:
         # Of each group: the total that a file states may be wrong.
         groups = range(file.metadata.num_row_groups)
         n_row = sum(file.metadata.row_group(i).num_rows for i in groups)
-        if n_row * width > MOST_CELLS:
-            raise InputError(
-                f"{where}: {n_row} rows of {width} columns; expected at most {MOST_CELLS} cells"
-            )
-        frame = file.read().to_pandas()
-    except InputError:
-        raise
+        fits = n_row * width <= MOST_CELLS
+        frame = file.read().to_pandas() if fits else pd.DataFrame()
     # pyarrow and pandas let out exceptions of many kinds on what is no Parquet file of a table.
     except Exception as error:
         raise InputError(
             f"{where}: not a readable Parquet file: {one_line_message(error)}"
         ) from None
+    if not fits:
+        raise InputError(
+            f"{where}: {n_row} rows of {width} columns; expected at most {MOST_CELLS} cells"
+        )
     # A named index is a column that another program set apart (pandas keeps 4, 6, 8 as a range
     # outside the columns); one without a name only counts rows.
     named = [name for name in frame.index.names if name is not None]

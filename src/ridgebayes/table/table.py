@@ -3,7 +3,6 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,16 +17,37 @@ from ridgebayes.table.rules import checked
 class ContactTable:
     """Rows of the contact table, every rule of the contract held.
 
-    Made by `ContactTable.from_frame` and `read_table`, not by hand. The columns are told in
-    `ridgebayes.table.columns.COLUMNS`; columns of the user's own stand after them.
+    `ContactTable.from_frame` and `read_table` make it. Columns of the user's own stand after those
+    of the contract:
+
+    ================== ============================================================================
+    a_over_R, b_over_R ridge and groove width over the radius: finite, > 0
+    Q                  proximal edges in contact: an even integer (odd only off centre), >= 4 for a
+                       transition, >= 2 for a count
+    p_over_E           load at which that Q was reached (transition) or seen (count): finite, > 0;
+                       may be empty only where `status` is not ``ok``
+    p_over_E_lower     optional: last load at which Q was not yet reached: 0 <= lower <= p_over_E
+    rel_se             optional: known relative standard error of the load: >= 0; default 0
+    kind               optional: ``transition`` (default) or ``count``
+    nu                 optional: Poisson's ratio: 0 to 0.5; default 0.5
+    offset_over_R      optional: lateral offset of the body from the groove's centre; default 0
+    texture            optional: label; default ``a<A>_b<B>`` from the shortest exact decimals
+    series             optional: laboratory, rig, mesh or repeat that made the row
+    role               optional: ``calibration`` (default) or ``held-out``
+    solver, source     optional: who computed the row, and where it came from
+    status             optional: ``ok`` (default), or what failed; only ``ok`` rows are fitted
+    ================== ============================================================================
 
     Parameters
     ----------
-    where : str
+    where : str, optional
         File or name that messages show.
 
     Notes
     -----
+    Loads of one curve, the ``ok`` transitions of one texture, nu, offset, source, solver and
+    series, rise strictly with Q, and each Q stands once in it.
+
     A texture is its (a_over_R, b_over_R). One label on two textures is refused, because results
     are named by label. One texture under two labels is accepted (two samples of one geometry):
     results are named by the first of them, see `labels`.
@@ -50,9 +70,10 @@ class ContactTable:
 
         Parameters
         ----------
-        frame : pandas.DataFrame
-            Columns in any order; the index is ignored. NaN, None and empty text are empty cells.
-        where : str
+        frame : pandas.DataFrame, shape (n_row, n_column)
+            Columns of the contract in any order; the index is ignored. NaN, None and empty text are
+            empty cells.
+        where : str, optional
             Name that messages show.
 
         Returns
@@ -88,7 +109,23 @@ class ContactTable:
         return self._frame.copy()
 
     def column(self, name: str) -> np.ndarray:
-        """Return one column as a read-only array, shape (n_row,): cheaper than `frame`."""
+        """Return one column without a copy, which is cheaper than `frame`.
+
+        Parameters
+        ----------
+        name : str
+            Of the contract or of the user's own.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n_row,), in the unit of the column
+            Read-only: numbers, or text as objects.
+
+        Raises
+        ------
+        KeyError
+            If the table has no such column.
+        """
         values = np.asarray(self._frame[name]).view()
         values.flags.writeable = False
         return values
@@ -149,15 +186,14 @@ class ContactTable:
         OutputError
             If the file cannot be written, such as on a full disk.
         """
-        frame = self._frame
         silent = [
             column.name
             for column in COLUMNS
             if column.default is not None
             and not column.always_written
-            and _all_default(frame[column.name], column.default)
+            and self._frame[column.name].isin([column.default]).all()
         ]
-        write_frame(frame.drop(columns=silent), Path(path))
+        write_frame(self._frame.drop(columns=silent), Path(path))
 
     def digest(self) -> str:
         """Return the SHA-256 of the content: equal for equal rows in equal order.
@@ -177,24 +213,29 @@ def read_table(source: str | os.PathLike[str] | pd.DataFrame) -> ContactTable:
     Parameters
     ----------
     source : str, path or pandas.DataFrame
-        A ``.csv`` or ``.parquet`` file, or the rows themselves.
+        A ``.csv`` file (UTF-8, commas, one header line), a ``.parquet`` file, or the rows
+        themselves. `ContactTable` describes the columns.
 
     Returns
     -------
     ContactTable
-        The validated table.
+        The validated table; defaults are filled in, and nothing is dropped or repaired.
 
     Raises
     ------
     InputError
         If the file cannot be read or a rule is broken; the message names file, row, column, value
         and rule of every bad cell (the first twenty shown, the rest counted).
+
+    Examples
+    --------
+    >>> rows = {"a_over_R": 0.032, "b_over_R": 0.01, "Q": [4, 6], "p_over_E": [0.0038, 0.00098]}
+    >>> read_table(pd.DataFrame(rows))
+    Traceback (most recent call last):
+        ...
+    ridgebayes.errors.InputError: table: 1 value in 1 row breaks the rules of the table
+      table, row 2: p_over_E = 0.00098: must rise with Q along a curve: row 1 has a lower Q
     """
     if isinstance(source, pd.DataFrame):
         return ContactTable.from_frame(source)
     return ContactTable._validated(read_raw(Path(source)))
-
-
-def _all_default(cells: "pd.Series[Any]", default: float | str) -> bool:
-    same = cells.isna() if isinstance(default, float) and np.isnan(default) else cells == default
-    return bool(same.all())
