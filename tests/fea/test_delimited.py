@@ -30,7 +30,7 @@ def test_read__separators_line_ends_and_blank_lines_change_nothing(separator, en
     cells = read(mark + text.encode())
     assert cells.frame["a"].tolist() == [0.03, 0.02]
     assert cells.frame["Q"].tolist() == [4, 6]
-    assert cells.line(1) == 3
+    assert cells.lines[1] == 3
 
 
 def test_read__decimal_commas_are_recognised_and_said():

@@ -1,7 +1,7 @@
 """Cells of a table file, whatever its format: headers, values, and where each cell stands."""
 
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -31,8 +31,8 @@ class Source(Protocol):
     def read(self, numeric: Collection[str]) -> "Cells":
         """Read all rows, the columns of these headers as numbers."""
 
-    def line(self, row: int) -> int | None:
-        """Return the file's line of a row; None where it has no lines."""
+    def lines(self, rows: IntArray) -> IntArray | None:
+        """Return the file's lines of some rows; None where it has no lines."""
 
     def place(self, row: int, name: str) -> str:
         """Return words for a cell, such as ``mine.csv, line 4``."""
@@ -91,14 +91,9 @@ class Cells:
         return cls(source, frame, kept, messages)
 
     @property
-    def line(self) -> Callable[[int], int] | None:
-        """Row from 0 to the file's line, where it has lines."""
-        return None if self.source.line(0) is None else lambda i: self._line(i)
-
-    def _line(self, i: int) -> int:
-        line = self.source.line(int(self.row[i]))
-        assert line is not None
-        return line
+    def lines(self) -> IntArray | None:
+        """The file's line of each row, where it has lines."""
+        return self.source.lines(self.row)
 
     def check(self, *rules: tuple[BoolArray, str, str]) -> None:
         """Refuse the cells where a mask of shape (n_row,) is true; each with header and rule."""

@@ -8,9 +8,13 @@ import numpy as np
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import Source
+from ridgebayes.fea.delimited import DelimitedText
 from ridgebayes.fea.interpret import ColumnInterpreter, listed
 from ridgebayes.fea.mapping import CORNERS, Use, assign, check_constants
+from ridgebayes.fea.parquet import ParquetTable
 from ridgebayes.fea.record import Imported, provenance
+from ridgebayes.fea.spreadsheet import Spreadsheet
+from ridgebayes.fea.xy_report import read_xy
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.table.columns import NAMES, RawTable
 from ridgebayes.table.rules import as_text
@@ -106,11 +110,11 @@ def read_columns(
             )
     taken = ColumnInterpreter(cells, uses, values, is_history=bool(corners))
     if corners:
-        frame, line, messages = taken.history(corners, brackets=brackets)
+        frame, lines, messages = taken.history(corners, brackets=brackets)
     elif any(use.Q is not None for use in uses):
-        frame, line, messages = taken.wide()
+        frame, lines, messages = taken.wide()
     else:
-        frame, line, messages = taken.long()
+        frame, lines, messages = taken.long()
     told = _told(taken.told, values)
     details = [f"sheet={sheet}"] if sheet else []
     origin = provenance(path, "columns", *details, *([told] if told else []))
@@ -123,6 +127,7 @@ def read_columns(
     frame = frame[[*ordered, *(name for name in frame if name not in ordered)]]
     messages = [*cells.messages, *taken.messages, *messages]
     del cells, taken, source  # of a million rows: 0.2 GB that validating needs
+    line = None if lines is None else lambda row: int(lines[row])
     table = ContactTable._validated(RawTable(frame, where, line))
     return Imported(table, (*messages, *_kept(table)))
 
@@ -165,20 +170,11 @@ def _source(path: Path, sheet: str | None) -> Source:
             raise InputError(
                 f"{path}: {is_it} a {what} file; expected a suffix that tells the format"
             )
-    # Each format's module when it is needed: openpyxl and pyarrow are extras.
     if suffix == ".xlsx":
-        from ridgebayes.fea.spreadsheet import Spreadsheet
-
         return Spreadsheet(path, content, sheet)
     if suffix == ".parquet":
-        from ridgebayes.fea.parquet import ParquetTable
-
         return ParquetTable(path, content)
-    from ridgebayes.fea.delimited import DelimitedText
-
     if suffix == ".rpt":
-        from ridgebayes.fea.xy_report import read_xy
-
         content = read_xy(path).to_csv(index=False).encode()
     return DelimitedText(path, content)
 

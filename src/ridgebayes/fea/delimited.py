@@ -94,13 +94,13 @@ class DelimitedText:
         dialect = f"{name}, separator {SEPARATORS[self._separator]}, decimal {mark}"
         return Cells.of(self, frame.assign(**text), f"{self.where}: {dialect}, {len(frame)} rows")
 
-    def line(self, row: int) -> int:
-        """Return the file's line of a row."""
-        return row + self._first_line if self._lines is None else int(self._lines[row])
+    def lines(self, rows: IntArray) -> IntArray:
+        """Return the file's lines of some rows."""
+        return rows + self._first_line if self._lines is None else self._lines[rows]
 
     def place(self, row: int, name: str) -> str:
         """Return words for a cell."""
-        return f"{self.where}, line {self.line(row)}"
+        return f"{self.where}, line {self.lines(np.array(row))}"
 
     def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
         """Return cells as they were typed."""
@@ -179,7 +179,7 @@ class DelimitedText:
             for row, cells in enumerate(zip(*typed.values(), strict=True)):
                 for name, cell in zip(wanted, cells, strict=True):
                     if mark in cell:
-                        return f"line {self.line(row)}, column {name!r} = {cell!r}"
+                        return f"line {self.lines(np.array(row))}, column {name!r} = {cell!r}"
             return ""
 
         comma, point = first(","), first(".")

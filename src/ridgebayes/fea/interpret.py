@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import NUMBER, Cells
 from ridgebayes.fea.column_units import (
@@ -27,6 +27,10 @@ _ABOVE_0 = ("a", "b", "R", "E", "p", "line")
 _SHOWN = 8  # names that a line lists
 
 
+# Rows of the table, their lines in the file where it has lines, and messages.
+Rows = tuple[pd.DataFrame, IntArray | None, list[str]]
+
+
 class ColumnInterpreter:
     """Columns that are understood, and what follows from them."""
 
@@ -43,12 +47,12 @@ class ColumnInterpreter:
         self._by_key = {(use.key, use.Q): use for use in uses}
         self._is_history = is_history
         self.told: list[Use] = []
-        self._dimensional: list[Quantity] = []
+        self._dimensional: dict[str, Quantity] = {}
         self.messages: list[str] = []
         self._used: set[str] = set()
         self._checked: set[Use] = set()
 
-    def long(self) -> tuple[pd.DataFrame, Any, list[str]]:
+    def long(self) -> Rows:
         """Return the rows of a table with one transition each, and the columns of its own."""
         found = self._curve()
         found["Q"] = self._number("Q")
@@ -56,8 +60,7 @@ class ColumnInterpreter:
         self._optional(found, None)
         for key in ("kind", "role", "status"):
             self._text(found, key)
-        mine = {use.header for use in self.told}
-        left = [name for name in map(str, self.cells.frame) if name not in mine]
+        left = self._left()
         own = [name for name in left if name not in NAMES]
         clash = [name for name in left if name in NAMES]
         frame = self._framed(found)
@@ -67,9 +70,9 @@ class ColumnInterpreter:
         ]
         if own:
             messages.append(f"kept as they are: {listed(own)}")
-        return frame.assign(**{n: self.cells.frame[n] for n in own}), self.cells.line, messages
+        return frame.assign(**{n: self.cells.frame[n] for n in own}), self.cells.lines, messages
 
-    def wide(self) -> tuple[pd.DataFrame, Any, list[str]]:
+    def wide(self) -> Rows:
         """Return the rows of a table with one column for each Q."""
         per_Q = [use for use in self._uses if use.Q is not None]
         loads = sorted(use.Q for use in per_Q if use.Q is not None and use.key in LOADS)
@@ -106,13 +109,13 @@ class ColumnInterpreter:
         messages = self._unused()
         if empty := n * len(loads) - row.size:
             messages.append(f"{empty} empty cells: not reached")
-        line = self.cells.line
+        lines = self.cells.lines
         frame = self._framed(common).iloc[row].reset_index(drop=True)
         frame = frame.assign(Q=np.array(loads, dtype=float)[which])
         frame = frame.assign(**{key: numbers[row, which] for key, numbers in table.items()})
-        return frame, None if line is None else lambda i: line(int(row[i])), messages
+        return frame, None if lines is None else lines[row], messages
 
-    def history(self, corners: list[Use], *, brackets: bool) -> tuple[pd.DataFrame, Any, list[str]]:
+    def history(self, corners: list[Use], *, brackets: bool) -> Rows:
         """Return the transitions of tables whose rows are increments of runs."""
         for use in self._uses:
             wrong = use.Q is not None and use.key not in CORNERS
@@ -186,13 +189,13 @@ class ColumnInterpreter:
             self._checked.add(use)
             self.told.append(use)
             self._check(use, numbers)
-            how = {"mapped": "", "named": "", "guessed": ", a guess"}[use.how]
+            how = ", a guess" if use.how == "guessed" else ""
             in_unit = f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else ""
             if use.name != use.header or key in DIMENSIONS or unit or how:
                 self.messages.append(f"{use.name}: column {use.header!r}{in_unit}{how}")
         found = Quantity(f"{key} ({use.header!r})", numbers, unit, factor)
         if key in DIMENSIONS:
-            self._dimensional.append(found)
+            self._dimensional[found.name] = found
         return found
 
     def _check(self, use: Use, numbers: FloatArray) -> None:
@@ -235,7 +238,7 @@ class ColumnInterpreter:
             factor = to_si(f"1 {unit}", DIMENSIONS[key])
         found = Quantity(key, np.array(number), unit, factor)
         if key in DIMENSIONS:
-            self._dimensional.append(found)
+            self._dimensional[found.name] = found
         if key not in self._used:
             self.messages.append(f"{key}: {text}, as given")
         self._used.add(key)
@@ -324,7 +327,7 @@ class ColumnInterpreter:
         plain = [use.header for use in self.told if use.header in NAMES and use.key == use.header]
         if plain:
             self.messages.insert(0, f"as their names say: {', '.join(plain)}")
-        if everywhere_or_nowhere(_distinct(self._dimensional), self.where):
+        if everywhere_or_nowhere(self._dimensional.values(), self.where):
             self.messages.append("units: on all, converted exactly")
         elif self._dimensional:
             self.messages.append("units: on none, taken as one consistent system")
@@ -339,14 +342,14 @@ class ColumnInterpreter:
         if given:
             self.messages.append(f"not needed: {', '.join(sorted(given))}")
 
+    def _left(self) -> list[str]:
+        """Return the columns that are nothing of the contract."""
+        used = {use.header for use in self.told}
+        return [name for name in map(str, self.cells.frame) if name not in used]
+
     def _unused(self) -> list[str]:
-        mine = {use.header for use in self.told}
-        left = [name for name in map(str, self.cells.frame) if name not in mine]
+        left = self._left()
         return [f"not used: {listed(left)}"] if left else []
-
-
-def _distinct(quantities: Iterable[Quantity]) -> list[Quantity]:
-    return list({one.name: one for one in quantities}.values())
 
 
 def listed(names: Iterable[str]) -> str:

@@ -100,27 +100,22 @@ _CONSTANTS = ("R", "E", "a", "b", "offset", *NUMBERS, *TEXTS)
 _NO_CONSTANTS = ("Q", "p_over_E", "p_over_E_lower", "source")
 _WIDE = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
-# Words in place of keys, where nothing else is messages.
-_GUESSES = {
-    "ridge width": "a",
-    "groove width": "b",
-    "radius": "R",
-    "cylinder radius": "R",
-    "youngs modulus": "E",
-    "elastic modulus": "E",
-    "poissons ratio": "nu",
-    "poisson ratio": "nu",
-    "lateral offset": "offset",
-    "pressure": "p",
-    "line load": "line",
-    "a/r": "a_over_R",
-    "b/r": "b_over_R",
-    "p/e": "p_over_E",
-    "p over e": "p_over_E",
-    "a over r": "a_over_R",
-    "b over r": "b_over_R",
-    "offset/r": "offset_over_R",
+# Words in place of keys, where nothing else is mapped.
+_WORDS = {
+    "a": ("ridge width",),
+    "b": ("groove width",),
+    "R": ("radius", "cylinder radius"),
+    "E": ("youngs modulus", "elastic modulus"),
+    "nu": ("poissons ratio", "poisson ratio"),
+    "offset": ("lateral offset",),
+    "p": ("pressure",),
+    "line": ("line load",),
+    "a_over_R": ("a/r", "a over r"),
+    "b_over_R": ("b/r", "b over r"),
+    "p_over_E": ("p/e", "p over e"),
+    "offset_over_R": ("offset/r",),
 }
+_GUESSES = {words: key for key, some in _WORDS.items() for words in some}
 _WIDE_GUESSES = {"": "load", "p/e": "p_over_E", "p over e": "p_over_E", "line load": "line"}
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import FINITE, Cells, clean_headers
 from ridgebayes.runtime.text import one_line_message
@@ -85,7 +86,7 @@ class ParquetTable:
         )
         return cells
 
-    def line(self, row: int) -> None:
+    def lines(self, rows: IntArray) -> None:
         """Return None: there are no lines."""
 
     def place(self, row: int, name: str) -> str:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import (
     FINITE,
@@ -92,9 +93,9 @@ class Spreadsheet:
         message = f"{self.where}: Excel, {len(self._rows)} rows"
         return Cells.of(self, pd.DataFrame(columns), message)
 
-    def line(self, row: int) -> int:
-        """Return the worksheet's row."""
-        return self._first + 1 + row
+    def lines(self, rows: IntArray) -> IntArray:
+        """Return the worksheet's rows."""
+        return rows + self._first + 1
 
     def place(self, row: int, name: str) -> str:
         """Return words for a cell."""
@@ -102,7 +103,7 @@ class Spreadsheet:
         while rest:
             rest, digit = divmod(rest - 1, 26)
             letters = chr(ord("A") + digit) + letters
-        return f"{self.where}, cell {letters}{self.line(row)}"
+        return f"{self.where}, cell {letters}{self._first + 1 + row}"
 
     def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
         """Return cells as text."""
