@@ -1,9 +1,9 @@
-"""Hard cases of repeating: the same numbers from other runs, processes and machines.
+"""Edge cases of reproducibility: the same numbers from other runs, processes and machines.
 
-Equal bytes are promised on one machine in one environment, and only two runs of one session are
-ever held against each other byte by byte; other machines are promised numbers within tolerances.
-`python -m tests.hard_cases.determinism` from the repository's root writes the numbers that they are
-held against to tests/hard_cases/reference/numbers.json.
+Equal bytes are guaranteed on one machine in one environment, so only runs of one session are
+compared byte by byte. On other machines numbers agree within tolerances.
+`python -m tests.hard_cases.determinism` from the repository's root writes the reference numbers to
+tests/hard_cases/reference/numbers.json.
 """
 
 import functools
@@ -79,11 +79,11 @@ def _elsewhere(environment: tuple[tuple[str, str], ...]) -> dict[str, str]:
 
 
 @hard_case(
-    "The same seed in processes of another hash seed, time zone and locale",
-    why="The order of sets and of dicts keyed by hashes, the decimal comma and the clock's zone "
-    "change from process to process, and creep into sums, texts and file names.",
-    expected="every file of loads, posteriors, evidences, bands and report has the same bytes "
-    "(exact; seconds left out)",
+    "The same seed in processes with another hash seed, time zone and locale",
+    why="The order of sets, the decimal comma and the time zone differ between processes. They "
+    "can change sums, texts and file names.",
+    expected="Every file of loads, posteriors, evidences, bands and report has the same bytes "
+    "(exact, apart from times).",
 )
 def environments():
     first = elsewhere(PYTHONHASHSEED="1", TZ="UTC", LC_ALL="C")
@@ -94,9 +94,9 @@ def environments():
 
 @hard_case(
     "One BLAS thread and two",
-    why="A sum over threads is another sum: the last digits of a product of matrices change, and "
-    "a chain that compares two numbers goes another way.",
-    expected="the same bytes of every file (exact): the matrices are too small for threads",
+    why="A sum over threads adds in another order. The last digits of a matrix product change, "
+    "and a chain that compares two numbers takes another path.",
+    expected="Every file has the same bytes (exact): the matrices are too small for threads.",
 )
 def threads():
     first = elsewhere(PYTHONHASHSEED="1", TZ="UTC", LC_ALL="C")
@@ -109,8 +109,8 @@ def threads():
 
 @hard_case(
     "One process and two workers",
-    why="Workers end in any order, each with a random state of its own.",
-    expected="the table of loads has the same bytes from this process, one worker and two (exact)",
+    why="Workers finish in any order, each with its own random state.",
+    expected="The table of loads has the same bytes from this process, one worker and two (exact).",
 )
 def shared_out(folder):
     scene = rb.Scene.of([(0.012 + 0.002 * i, 0.03 - 0.001 * i) for i in range(8)], p_over_E=0.006)
@@ -125,11 +125,11 @@ def shared_out(folder):
 
 
 @hard_case(
-    "A run by one process and by two workers",
-    why="Workers get pickled copies, in which arrays lie otherwise in memory and what was kept "
-    "from before is lost: sums over other strides differ in their last digit.",
-    expected="every file has the same bytes, posteriors, bands, figures and reports, but for "
-    "seconds (exact)",
+    "A run in one process and with two workers",
+    why="Workers get pickled copies. Arrays then have another memory layout, caches are empty, "
+    "and sums over other strides differ in the last digit.",
+    expected="Every file has the same bytes: posteriors, bands, figures and reports (exact, apart "
+    "from times).",
 )
 def run_shared_out(folder):
     generate(SCENE).write(folder / "t.csv")
@@ -147,9 +147,10 @@ def run_shared_out(folder):
 
 @hard_case(
     "Forms and textures in another order",
-    why="Where parts share one random stream, or sums run in the order given, a comparison depends "
-    "on how its parts were listed.",
-    expected="draws and evidences of each form the same to the last bit; loads of each texture too",
+    why="If parts share one random stream, or sums follow the order given, a comparison depends "
+    "on the order of its parts.",
+    expected="Draws and evidences of each form are the same to the last bit, and so are the loads "
+    "of each texture.",
 )
 def other_order():
     table = generate(SCENE)
@@ -202,11 +203,11 @@ def reference() -> dict:
 
 
 @hard_case(
-    "Loads and evidences on other machines, Pythons and versions of NumPy",
-    why="Another processor or linear-algebra library adds in another order; a solver that stops at "
-    "a tolerance may then stop a step earlier.",
-    expected="loads of the committed file within 2e-8 relative and log evidences by quadrature "
-    "within 2e-6 (discretisation: each side is solved to half of that)",
+    "Loads and evidences on other machines and other versions of Python and NumPy",
+    why="Another processor or linear-algebra library adds in another order. A solver that stops "
+    "at a tolerance may then stop a step earlier.",
+    expected="Loads are within a relative 2e-8 of the committed file, and log evidences by "
+    "quadrature within 2e-6 (discretisation: each side is solved to half of that).",
 )
 def other_machines():
     kept, here = reference(), numbers()
@@ -218,11 +219,11 @@ def other_machines():
 
 
 @hard_case(
-    "Chains on other machines, Pythons and versions of NumPy",
-    why="A walker that is taken by one machine and refused by the other, for the last digit of a "
-    "logarithm, never comes back to the same chain: equal bytes cannot be promised there.",
-    expected="means and sds within 6 Monte Carlo standard errors of both, the committed file's and "
-    "these",
+    "Chains on other machines and other versions of Python and NumPy",
+    why="The last digit of a logarithm can make one machine accept a move that another rejects. "
+    "From there on the chains differ, so equal bytes cannot be guaranteed.",
+    expected="Means and sds of the committed file and of these chains agree within 6 Monte Carlo "
+    "standard errors of both.",
 )
 def other_chains():
     kept, here = reference(), numbers()

@@ -1,4 +1,4 @@
-"""Hard cases of evidences and Bayes factors: where an estimate goes wrong without a sign."""
+"""Edge cases of evidences and Bayes factors: where estimates fail without any sign."""
 
 import functools
 import math
@@ -55,9 +55,9 @@ class Even(rb.Modified):
 
 @hard_case(
     "A log Bayes factor of 1e5",
-    why="exp(1e5) overflows, and 0 times infinity is NaN in a table of probabilities.",
-    expected="the difference of the evidences, one by closed form over sigma (1e-2 of Monte Carlo "
-    "error); probabilities 1 and 0; a table of factors without NaN",
+    why="exp(1e5) overflows. 0 times infinity is NaN in a table of probabilities.",
+    expected="The difference of the evidences, one by closed form over sigma (1e-2 of Monte Carlo "
+    "error). Probabilities 1 and 0. A table of Bayes factors without NaN.",
 )
 def enormous_factor(folder):
     textures = tuple((0.01 + 0.001 * i, 0.03) for i in range(15))
@@ -81,11 +81,11 @@ def enormous_factor(folder):
 
 
 @hard_case(
-    "Two modes 1,000 sds apart, of a form of the user's own",
-    why="Every start and every method knows one mode: draws agree, bridge and quadrature agree, "
-    "and all of them miss half the evidence.",
-    expected="the sum over both modes is ln 2 above each; fit and every evidence say so, and no "
-    "evidence is used",
+    "Two modes 1,000 sds apart, of a user's own form",
+    why="Every start and every method finds the same mode. Draws agree, bridge and quadrature "
+    "agree, and all miss half the evidence.",
+    expected="The sum over both modes is ln 2 above each. The fit and every evidence report it, "
+    "and no evidence is used.",
 )
 def two_modes_far_apart():
     frame = made(rb.Modified(), [1.4], error=0.03)
@@ -111,11 +111,11 @@ def two_modes_far_apart():
 
 
 @hard_case(
-    "Posterior of sigma on its bound",
-    why="With known errors the best sigma is 0: a mode on a bound has no curvature, and a normal "
-    "approximation cuts off half of it or adds as much beyond.",
-    expected="ln Z by a plain sum over 1,000 x 1,000 points: quadrature 1e-5, bridge 5 standard "
-    "errors; Laplace is told apart: off by more than 0.01",
+    "A posterior of sigma at its bound",
+    why="With known errors the best sigma is 0. A mode at a bound has no curvature. A normal "
+    "approximation cuts off half of it, or adds as much beyond.",
+    expected="ln Z from a plain sum over 1,000 x 1,000 points: quadrature to 1e-5, bridge to 5 "
+    "standard errors. Laplace is recognised as wrong: off by more than 0.01.",
 )
 def sigma_on_its_bound():
     frame = made(rb.Modified(), [1.4], error=0.001, rel_se=0.02)
@@ -132,10 +132,10 @@ def sigma_on_its_bound():
 
 
 @hard_case(
-    "A bridge of draws that do not move",
-    why="A covariance of equal draws is singular; an iteration on them either crashes or settles "
-    "on a number.",
-    expected="status not ok and no value; the next method that is ok is used",
+    "A bridge from draws that do not move",
+    why="The covariance of equal draws is singular. An iteration on them crashes or settles on an "
+    "arbitrary number.",
+    expected="The status is not ok and there is no value. The next method with status ok is used.",
 )
 def bridge_of_frozen_draws():
     table = rb.read_table(made(rb.Modified(), [1.4], error=0.03))
@@ -153,9 +153,9 @@ def bridge_of_frozen_draws():
 
 
 @hard_case(
-    "A bridge that may take one step",
-    why="An iteration that was stopped leaves a number behind like any other.",
-    expected="no value, and the status says that it did not settle",
+    "A bridge limited to one step",
+    why="An iteration that was stopped early returns a number that looks like any other.",
+    expected="No value, and a status that says that the iteration did not settle.",
 )
 def bridge_stopped():
     table = rb.read_table(made(rb.Modified(), [1.4], error=0.03))
@@ -174,9 +174,9 @@ def bridge_stopped():
 
 @hard_case(
     "Improper and degenerate priors",
-    why="An evidence under a prior of infinite width is zero times an arbitrary constant; a width "
-    "of 0, NaN or a negative one turns into NaN much later.",
-    expected="each refused where it is made, with its number and the rule",
+    why="An evidence under a prior of infinite width is zero times an arbitrary constant. A width "
+    "that is 0, NaN or negative leads to NaN much later.",
+    expected="Each is refused when it is made; the message has the number and what was expected.",
 )
 def improper_priors():
     inf, nan = math.inf, math.nan
@@ -194,10 +194,10 @@ def improper_priors():
 
 
 @hard_case(
-    "Closed form where prior and rows are 1e12 apart in width",
-    why="Normalisations multiply up to 1e-300 and beyond; only sums of logarithms keep them.",
-    expected="with sigma nearly known, c's log-normal prior and log-normal rows are conjugate: "
-    "ln Z by the normal density of the rows, 1e-6",
+    "Closed form where the widths of prior and rows differ by 1e12",
+    why="Normalisations multiply to 1e-300 and below. Only sums of logarithms keep them.",
+    expected="With sigma nearly known, c's log-normal prior and log-normal rows are conjugate. ln "
+    "Z is the normal density of the rows, to 1e-6.",
 )
 def conjugate_at_extreme_scales():
     seen = []
@@ -218,10 +218,12 @@ def conjugate_at_extreme_scales():
 
 @hard_case(
     "Savage-Dickey where c2 = 0 lies 10 to 600 posterior sds out",
-    why="A grid of fixed size stretched to such a point steps over the posterior, and at c2 = 0 "
-    "the errors would have to be wider than any draw's: 315,829 came out for 68.8.",
-    expected="difference of the evidences by quadrature (four standard errors and 0.02), or a "
-    "status that is not ok; never a wrong number called ok, and none in the table of factors",
+    why="A grid of fixed size that is stretched to such a point steps over the posterior. At c2 = "
+    "0 the errors would have to be wider than in any draw. The result was 315,829 where 68.8 is "
+    "right.",
+    expected="The difference of the evidences by quadrature (four standard errors and 0.02), or a "
+    "status that is not ok. No wrong number has the status ok, and none is in the table of Bayes "
+    "factors.",
 )
 def savage_dickey_far_out():
     seen = []
@@ -240,10 +242,11 @@ def savage_dickey_far_out():
 
 @hard_case(
     "Thermodynamic integration of a likelihood as sharp as 1e-9",
-    why="Nearly all of ln Z gathers between two temperatures; the rule steps over it and its "
-    "Monte Carlo error knows nothing of that: 119.2 ± 0.4 came out for 196.4.",
-    expected="at errors of 3 % the value by quadrature within four of its errors; at 1e-6 and 1e-9 "
-    "a status that is not ok",
+    why="Nearly all of ln Z lies between two temperatures. The integration rule steps over it, "
+    "and the Monte Carlo error does not include that. The result was 119.2 ± 0.4 where 196.4 is "
+    "right.",
+    expected="With errors of 3 %: the value by quadrature within four of its errors. At 1e-6 and "
+    "1e-9: a status that is not ok.",
 )
 def sharp_thermodynamic_integration():
     seen = []
@@ -259,10 +262,11 @@ def sharp_thermodynamic_integration():
 
 
 @hard_case(
-    "Sensitivity where the rows have no power at all",
-    why="Weights that are all alike have no tail to fit: a Pareto shape of them is 0/0.",
-    expected="no sensitivity to rows of known error 1e6 (under 0.005), some to the prior (over "
-    "0.05), neither NaN; stretching a prior leaves ln Z as it is (1e-4)",
+    "Sensitivity where the rows carry no information",
+    why="Equal weights have no tail. Their Pareto shape is 0/0.",
+    expected="With rows of known error 1e6: no sensitivity to the likelihood (under 0.005), some "
+    "to the prior (over 0.05), and neither is NaN. Stretching a prior leaves ln Z unchanged "
+    "(1e-4).",
 )
 def rows_without_power():
     frame = made(rb.Modified(), [1.4], error=0.03, rel_se=1e6)
@@ -279,10 +283,10 @@ def rows_without_power():
 
 
 @hard_case(
-    "Posterior of 1e-12 of its prior's width",
-    why="A rule with points where the prior is sees nothing of the posterior at all.",
-    expected="ln Z by the normal density of the rows (conjugate, known errors), 1e-6; mean and sd "
-    "of c to five standard errors of the draws",
+    "A posterior 1e-12 as wide as its prior",
+    why="A rule whose points cover the prior never meets the posterior.",
+    expected="ln Z by the normal density of the rows (conjugate, known errors), 1e-6. Mean and sd "
+    "of c to five standard errors of the draws.",
 )
 def posterior_far_narrower_than_prior():
     known = 1e-6
@@ -308,9 +312,9 @@ def posterior_far_narrower_than_prior():
 
 
 @hard_case(
-    "A form whose evidences all failed",
-    why="A NaN in a softmax makes every probability NaN.",
-    expected="probabilities of the others sum to 1, the failed form has none",
+    "A form whose evidence failed with every method",
+    why="One NaN in a softmax makes every probability NaN.",
+    expected="The probabilities of the others sum to 1. The failed form has none.",
 )
 def failed_evidence_among_others():
     failed = LogEvidence("bridge", math.nan, math.nan, "halves disagree")

@@ -1,4 +1,4 @@
-"""Hard cases of machines: kills, full disks, folders that go away; no finished work is lost."""
+"""Edge cases of system failures: kills, full disks, missing folders; finished work is kept."""
 
 import functools
 import json
@@ -141,12 +141,12 @@ Path.rename = renaming
 
 
 @hard_case(
-    "A comparison killed at four stages, resumed",
-    why="A walk picked up with another state of its random stream, a chain file that was half "
-    "written, or an old run already moved away when the kill comes: the end would differ, or "
-    "nothing be left at all.",
-    expected="killed by signal 9 each time; after --resume every file has the bytes of an "
-    "undisturbed run (exact; seconds left out), and nothing else is left beside it",
+    "A comparison killed at four stages, then resumed",
+    why="The sampler may continue with another state of its random stream, a chain file may be "
+    "half written, or an old run may already be moved away when the kill comes. Then the result "
+    "would differ, or be lost.",
+    expected="Killed by signal 9 each time. After --resume every file has the bytes of an "
+    "undisturbed run (exact, apart from times), and no other file is left.",
 )
 def killed_at_stages(folder):
     expected = undisturbed()
@@ -191,11 +191,11 @@ def textures_done(folder: Path) -> int:
 
 
 @hard_case(
-    "A sweep stopped by Ctrl-C, SIGTERM and SIGKILL, one after the other, then resumed",
-    why="Each way out skips other clean-up: only Ctrl-C lets anything be said; a lock file or a "
-    "journal left half written by the others must not stand in the way.",
-    expected="exit 130 with one line, then -15, then -9; the table only at the end, with the bytes "
-    "of an undisturbed sweep (exact), and nothing beside it",
+    "A sweep stopped by Ctrl-C, SIGTERM and SIGKILL in turn, then resumed",
+    why="Each way of stopping skips other clean-up, and only Ctrl-C allows a message. A lock file "
+    "or a half-written journal entry must not block the next start.",
+    expected="Exit 130 with one line, then -15, then -9. The table appears only at the end, with "
+    "the bytes of an undisturbed sweep (exact), and no other file beside it.",
 )
 def stopped_sweep(folder):
     expected, counts = sweep_undisturbed(), []
@@ -222,11 +222,11 @@ def stopped_sweep(folder):
 
 
 @hard_case(
-    "Ctrl-C while workers weigh error models, and while a posterior is walked",
-    why="The signal reaches every process of the terminal: workers would print their own "
-    "tracebacks, or outlive the command.",
-    expected="exit 130, one line that names --resume, no traceback, no process left, no final "
-    "folder; the walk resumed has the bytes of an undisturbed one (exact)",
+    "Ctrl-C while workers compute evidences, and during MCMC",
+    why="The signal reaches every process of the terminal. Workers could print their own "
+    "tracebacks or outlive the command.",
+    expected="Exit 130, one line that names --resume, no traceback, no process left, no final "
+    "folder. The resumed chain has the bytes of an undisturbed one (exact).",
 )
 def interrupted(folder):
     here = place(folder, "weighing")
@@ -260,10 +260,10 @@ def interrupted(folder):
 
 
 @hard_case(
-    "Output to a pipe that nobody reads, and to a device that is full",
-    why="`| head -1` closes the pipe under the program. Python notices when it flushes at exit, "
-    "prints 'Exception ignored' and ends with code 120.",
-    expected="exit 1 without a traceback; what the command writes to files is there, whole",
+    "Output to a closed pipe, and to a full device",
+    why="`| head -1` closes the pipe. Python notices when it flushes at exit, prints 'Exception "
+    "ignored' and ends with code 120.",
+    expected="Exit 1 without a traceback. The files that the command writes are complete.",
 )
 def closed_output(folder):
     here = put(finished_run(), folder / "run")
@@ -290,9 +290,10 @@ resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, resource.RLIM_INFINITY))
 @hard_case(
     "Disk full while chains, posteriors and a sweep's journal are written",
     why="HDF5 ends the process (signal 11) when the disk fills up under an open file. A failed "
-    "write taken for bad input would also remove what is finished, with exit code 2.",
-    expected="exit 1, one message with file, reason and rule; no file under its final name, "
-    "finished chains and textures kept; resumed with room, the bytes of an undisturbed run (exact)",
+    "write that is treated as bad input would also remove what is finished, with exit code 2.",
+    expected="Exit 1 and one message with the file, the reason and what was expected. No file "
+    "under its final name; finished chains and textures are kept. After resuming with free space: "
+    "the bytes of an undisturbed run (exact).",
 )
 def disk_full(folder):
     seen = []
@@ -337,8 +338,9 @@ def disk_full(folder):
 
 @hard_case(
     "Disk full at the last write of predict, import, export-deck and plan",
-    why="A table cut off in the middle is a valid CSV file of fewer rows.",
-    expected="exit 1, one message; the old file as it was, no part of a new one",
+    why="A table that is cut off in the middle is a valid CSV file with fewer rows.",
+    expected="Exit 1 and one message. The old file is unchanged, and there is no part of a new "
+    "one.",
 )
 def disk_full_at_the_end(folder):
     run = put(finished_run(), folder / "run")
@@ -362,9 +364,9 @@ def disk_full_at_the_end(folder):
 
 
 @hard_case(
-    "A folder that cannot be written to",
-    why="Told only after minutes of work, when the first file is to be written, all of it is lost.",
-    expected="exit 2 before any work: one message that names the folder, nothing written",
+    "A folder without write permission",
+    why="If this is found only when the first file is written, minutes of work are lost.",
+    expected="Exit 2 before any work, with one message that names the folder. Nothing is written.",
 )
 def read_only_folder(folder):
     run = put(finished_run(), folder / "run")
@@ -398,8 +400,8 @@ def read_only_folder(folder):
 
 @hard_case(
     "The folder is removed while a run writes to it",
-    why="Clean-up that itself needs the folder hides the cause behind a second error.",
-    expected="exit 1, one message that says what is gone; nothing is left behind",
+    why="Clean-up that needs the folder hides the cause behind a second error.",
+    expected="Exit 1 and one message that names the missing folder. No file is left behind.",
 )
 def folder_removed(folder):
     here = place(folder)
@@ -429,11 +431,11 @@ def held(*given, **known):
 
 
 @hard_case(
-    "Two runs of one folder at once, and two sweeps of one table",
-    why="The second would remove the first one's unfinished folder, or drop its journal, and both "
-    "would write chains or textures into one place.",
-    expected="the second is refused in one line, exit 2, and leaves the first's files alone; a "
-    "lock dies with its process, so after SIGKILL the next begins at once",
+    "Two runs of one folder at the same time, and two sweeps of one table",
+    why="The second would remove the first one's unfinished folder or journal, and both would "
+    "write chains or textures to the same place.",
+    expected="The second is refused in one line, exit 2, and leaves the first one's files alone. "
+    "A lock ends with its process, so after SIGKILL the next one can start at once.",
 )
 def two_at_once(folder):
     here = place(folder)
@@ -481,11 +483,11 @@ def chain_file() -> bytes:
 
 
 @hard_case(
-    "A chain file cut off, zeroed, or with one bit flipped",
-    why="HDF5 keeps no checksum of plain datasets: a flipped bit in a walker or in the state of "
-    "the random stream gives another chain, and nothing tells.",
-    expected="of 30 cuts and 150 flips each is refused in one line, or the walk is the same to the "
-    "last bit; a resumed run says to remove the file, exit 2",
+    "A chain file truncated, zeroed, or with one bit flipped",
+    why="HDF5 has no checksum for plain datasets. A flipped bit in a walker or in the state of "
+    "the random stream gives another chain, without any sign.",
+    expected="Each of 30 truncations and 150 flips is refused in one line, or the chain is the "
+    "same to the last bit. A resumed run says to remove the file, exit 2.",
 )
 def damaged_chain(folder):
     content, rng = chain_file(), np.random.default_rng(3)
@@ -537,11 +539,11 @@ def damaged_chain(folder):
 
 
 @hard_case(
-    "Files of a run folder cut off, emptied or overwritten, then predict",
-    why="A run folder comes by mail or from a broken disk: NetCDF, CSV and JSON are each read by "
-    "another library, with errors of many kinds.",
-    expected="each damage is refused in one line that names the file (exit 2), or predict gives "
-    "the numbers of the sound run to the last bit; never a traceback",
+    "Files of a run folder truncated, emptied or overwritten, then predict",
+    why="A run folder may come by mail or from a broken disk. NetCDF, CSV and JSON are read by "
+    "different libraries with many kinds of errors.",
+    expected="Each damage is refused in one line that names the file (exit 2), or predict gives "
+    "the numbers of the intact run to the last bit. Never a traceback.",
 )
 def damaged_run(folder):
     files, rng = finished_run(), np.random.default_rng(4)
@@ -601,11 +603,11 @@ def deadly(task):
 
 
 @hard_case(
-    "A worker killed while error models are weighed",
-    why="With a plain pool of processes one that dies for lack of memory breaks all that was "
-    "submitted, and nobody knows on what it died.",
-    expected="killed once: the evidences of one process, to the last bit; an evidence that kills "
-    "every worker is named with form and error model, ComputationError (exit 1)",
+    "A worker killed while it computes an evidence",
+    why="In a plain process pool, one worker that runs out of memory breaks all submitted tasks, "
+    "and the cause is unknown.",
+    expected="Killed once: the evidences of one process, to the last bit. An evidence that kills "
+    "every worker is named with its form and error model, as a ComputationError (exit 1).",
 )
 def killed_worker(folder):
     alone = weighed(None)

@@ -1,4 +1,4 @@
-"""Hard cases of files from strangers: nothing in them is executed, and all of it is bounded."""
+"""Edge cases of untrusted files: nothing in them is executed, and their size is limited."""
 
 import ast
 import base64
@@ -115,9 +115,9 @@ def import_series(path: Path) -> object:
 
 @hard_case(
     "A pickled object in NetCDF, HDF5, Parquet, a NumPy file and a table",
-    why="Unpickling runs what the file says. NumPy's object arrays, opaque HDF5 types, extension "
-    "types of Parquet and the suffix .pkl are where readers do it unasked.",
-    expected="every one refused in one line, or its bytes kept as text; the pickle never ran",
+    why="Unpickling runs what the file says. Readers of NumPy's object arrays, opaque HDF5 types, "
+    "extension types of Parquet and the suffix .pkl do it without being asked.",
+    expected="Each is refused in one line, or its bytes are kept as text. The pickle never ran.",
 )
 def pickles(folder):
     mark = folder / "ran"
@@ -170,11 +170,12 @@ FORBIDDEN |= {"np.load", "pd.read_pickle", "pd.eval"}
 
 
 @hard_case(
-    "Source and run folder hold no way to execute what a file says",
-    why="One `yaml.load`, `eval` or `allow_pickle=True` is enough, and grows in unseen.",
-    expected="no call of eval, exec, os.system, yaml.load, np.load or with allow_pickle; pickle in "
-    "the module of worker processes alone, between this package's own; no pickle in any file of "
-    "a run",
+    "Source code and run folder have no way to execute what a file says",
+    why="One `yaml.load`, `eval` or `allow_pickle=True` is enough, and is easily added without "
+    "notice.",
+    expected="No call of eval, exec, os.system, yaml.load or np.load, and none with allow_pickle. "
+    "Only the module of worker processes uses pickle, between processes of this package. No file "
+    "of a run holds a pickle.",
 )
 def no_execution():
     calls, pickled = 0, set()
@@ -199,11 +200,11 @@ def no_execution():
 
 
 @hard_case(
-    "Links and paths that lead out of a file or a folder",
-    why="HDF5 follows external links and raw external storage, XDMF names other files, decks "
-    "include them: /etc/passwd ends up in a report.",
-    expected="soft and external links, raw storage, virtual data, `..`, absolute names, symbolic "
-    "links and a form named `../../x` are refused in one line each",
+    "Links and paths that point outside a file or a folder",
+    why="HDF5 follows external links and external raw storage, XDMF names other files, and decks "
+    "include them. /etc/passwd could end up in a report.",
+    expected="Soft and external links, raw storage, virtual data, `..`, absolute names, symbolic "
+    "links and a form named `../../x` are each refused in one line.",
 )
 def leading_out(folder):
     run = folder / "links"
@@ -318,11 +319,12 @@ def hostile_run() -> tuple[str, str, dict[str, bytes]]:
 
 
 @hard_case(
-    "Script, event handlers and control characters in labels, then the HTML report",
-    why="Labels, solvers, sources and the file's own name come from whoever wrote the table. Marks "
-    "for writing right to left turn the text around them: a label shows as another one.",
-    expected="the page has no element or attribute but its own, nothing loaded from elsewhere, the "
-    "labels as text, and marks of direction as their codes; table.csv has the labels unchanged",
+    "Scripts, event handlers and control characters in labels, then the HTML report",
+    why="Labels, solvers, sources and the file's name come from the author of the table. "
+    "Characters that switch to right-to-left text make one label look like another.",
+    expected="The page has only its own elements and attributes, loads nothing from elsewhere, "
+    "and shows labels as text. Direction characters appear as their codes. table.csv has the "
+    "labels unchanged.",
 )
 def hostile_html():
     page = Page(hostile_run()[0])
@@ -339,10 +341,10 @@ def hostile_html():
 
 @hard_case(
     "Links, images, pipes, emphasis and HTML in labels, then the Markdown report",
-    why="A pipe ends a table's cell, a bracket begins an image that loads from elsewhere, and "
+    why="A pipe ends a table cell. A bracket can begin an image that loads from elsewhere. "
     "Markdown passes HTML through.",
-    expected="read by an independent CommonMark parser: no link, image or HTML in it, every "
-    "table's rows of its header's width, labels as text",
+    expected="An independent CommonMark parser finds no link, image or HTML. Every row of a table "
+    "is as wide as its header. Labels are text.",
 )
 def hostile_markdown():
     from markdown_it import MarkdownIt
@@ -371,11 +373,12 @@ def hostile_markdown():
 
 
 @hard_case(
-    "Dollars, backslashes, comment ends and letters without a glyph in labels, then the figures",
-    why="matplotlib takes what stands between dollars for mathematics and fails on what it cannot "
-    "parse; SVG holds labels in comments, which `-->` would end; a missing glyph is a warning.",
-    expected="every figure is drawn without a warning, is PNG or well-formed XML, and holds no "
-    "script; so are the corner and the traces of a form with one coefficient a texture",
+    "Dollars, backslashes, ends of comments and letters without a glyph in labels, then the "
+    "figures",
+    why="matplotlib reads text between dollars as mathematics and fails if it cannot parse it. "
+    "SVG holds labels in comments, and `-->` ends a comment. A missing glyph raises a warning.",
+    expected="Every figure is drawn without a warning, is PNG or well-formed XML, and holds no "
+    "script. So are the corner and trace plots of a form with one coefficient per texture.",
 )
 def hostile_figures(folder):
     from ridgebayes.drawing.style import as_bytes, plain, symbol
@@ -407,11 +410,11 @@ def hostile_figures(folder):
 
 
 @hard_case(
-    "A run folder whose CSV and JSON text a stranger has edited, then `report`",
+    "A run folder whose CSV and JSON text was edited by someone else, then `report`",
     why="Names of forms, methods, priors and readings are looked up in tables and written into "
-    "pages: an unknown one is a KeyError half-way, or markup.",
-    expected="each edit is refused in one line, or the report shows it as text; no other error, no "
-    "element that is not the page's own",
+    "pages. An unknown one leads to a KeyError half-way, or to markup.",
+    expected="Each edit is refused in one line, or the report shows it as text. No other error, "
+    "and only the page's own elements.",
 )
 def edited_run(folder):
     evil = "<script>x</script>$|`"
@@ -460,11 +463,11 @@ def edited_run(folder):
 
 
 @hard_case(
-    "HDF5 that declares 8 TB, or whose gzip chunk unpacks to 512 MB from 2 MB",
-    why="HDF5 makes zeros of what was never written, and grows its buffer to whatever a chunk "
-    "unpacks to, whatever the file says of its size.",
-    expected="refused in one line with 256 MB of memory to spare; both in an XDMF series and in "
-    "the posterior of a run folder",
+    "HDF5 that declares 8 TB, or whose gzip chunk of 2 MB unpacks to 512 MB",
+    why="HDF5 fills unwritten data with zeros. Its buffer grows to the unpacked size of a chunk, "
+    "whatever size the file states.",
+    expected="Refused in one line with 256 MB of free memory, both in an XDMF series and in the "
+    "posterior of a run folder.",
 )
 def large_hdf5(folder):
     def declared(file: h5py.File) -> None:
@@ -508,8 +511,8 @@ def large_hdf5(folder):
 
 @hard_case(
     "A workbook and VTU data that unpack to 256 MB, a thousand times their size",
-    why="A zip file of 10 MB may hold any number of zeros, and says any size of itself.",
-    expected="refused in one line with 64 MB of memory to spare, also where the size is a lie",
+    why="A zip file of 10 MB may hold any number of zeros and may state any size.",
+    expected="Refused in one line with 64 MB of free memory, also where the stated size is wrong.",
 )
 def zip_bombs(folder):
     book = folder / "t.xlsx"
@@ -548,10 +551,10 @@ def zip_bombs(folder):
 
 @hard_case(
     "CSV of 200,000 columns, a number of 10^7 digits, a small Parquet file of 10^8 cells",
-    why="Looking up each name in the list of those before it takes hours; one cell may be "
-    "as long as the file; runs of one value take no space.",
-    expected="refused with the reason, a message of under 5,000 characters, 256 MB of memory to "
-    "spare; both as a table and by import",
+    why="Comparing each name with all those before it takes hours. One cell may be as long as the "
+    "file. Runs of one value take no space.",
+    expected="Refused with the reason, in a message of under 5,000 characters, with 256 MB of "
+    "free memory. Both as a table and by import.",
 )
 def wide_and_long(folder):
     import pyarrow
@@ -584,10 +587,10 @@ def wide_and_long(folder):
 
 
 @hard_case(
-    "TOML and JSON of 10^5 brackets in each other, numbers of 10^5 digits",
-    why="A parser that calls itself for each bracket runs out of stack: RecursionError, which is "
-    "no ValueError; Python refuses to turn very long digits into a number.",
-    expected="scene, map and run.json refused in one line each",
+    "TOML and JSON with 10^5 nested brackets, and numbers of 10^5 digits",
+    why="A recursive parser runs out of stack and raises RecursionError, which is not a "
+    "ValueError. Python refuses to convert very long digit strings.",
+    expected="Scene, map and run.json are each refused in one line.",
 )
 def deep(folder):
     brackets, digits = "[" * 100_000, "1" * 100_000
@@ -612,10 +615,10 @@ def deep(folder):
 
 
 @hard_case(
-    "A device, a pipe and a file of 3 GiB instead of a table, scene, map or run file",
-    why="/dev/zero never ends, a pipe may never begin, and a sparse file of 3 GiB costs its sender "
+    "A device, a pipe or a file of 3 GiB in place of a table, scene, map or run file",
+    why="/dev/zero never ends. A pipe may never begin. A sparse file of 3 GiB costs its sender "
     "nothing.",
-    expected="refused at once in one line, nothing read",
+    expected="Refused at once in one line; nothing is read.",
 )
 def endless(folder):
     names = []
@@ -647,10 +650,10 @@ def endless(folder):
 
 @hard_case(
     "Formulas and long numbers in CSV, control characters in cells",
-    why="A cell `=1+1` is a formula to a spreadsheet and text to a program; a line break in a "
-    "label breaks whatever is written of it.",
-    expected="import refuses formulas by file, line and column; a table keeps them as the text "
-    "they are, never as a number; control characters are refused",
+    why="A cell `=1+1` is a formula to a spreadsheet and text to a program. A line break in a "
+    "label breaks every file that the label is written to.",
+    expected="import refuses formulas and names file, line and column. A table keeps them as "
+    "text, never as a number. Control characters are refused.",
 )
 def formulas(folder):
     path = folder / "t.csv"

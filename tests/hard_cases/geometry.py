@@ -1,4 +1,4 @@
-"""Hard cases of geometry and forms: extreme textures, loads at the edge of floating point."""
+"""Edge cases of geometry and forms: extreme textures, loads at the limits of floating point."""
 
 import functools
 import math
@@ -60,12 +60,11 @@ def line_contacts(k: int, a: float) -> float:
 
 
 @hard_case(
-    "ridges far narrower than grooves: a/b from 1e-6 down to 1e-60",
-    why="The contact tends to lines of force whose own compliance grows as ln(1/a): no limit is "
-    "reached, and a solver that resolves the ridges by a mesh of fixed size returns that of "
-    "another ridge.",
-    expected="the loads of line forces, ln|x| influence and a capacity of a/4 for each "
-    "(a linear system of its own), to O(a/b) of the limit itself, 1e-12 at least",
+    "Ridges far narrower than grooves: a/b from 1e-6 down to 1e-60",
+    why="The ridges act like line forces, and their compliance grows as ln(1/a). There is no "
+    "finite limit. A mesh of fixed size solves the problem of another ridge.",
+    expected="The loads of line forces, from a separate linear system with ln|x| influence and a "
+    "capacity of a/4 each. They agree to O(a/b), and to 1e-12 at least.",
 )
 def narrow_ridges_are_line_forces():
     worst = 0.0
@@ -82,11 +81,12 @@ def narrow_ridges_are_line_forces():
 
 
 @hard_case(
-    "grooves far narrower than ridges: a/b of 100, 1000, 10^4",
-    why="Between nearly closed ridges the pressure has a layer of the groove's width at each edge; "
-    "too few functions give a smooth answer that is wrong by the very effect of the grooves.",
-    expected="Hertz's load times 1 + b/(3 k pitch), by the gap beyond a single strip's edge; what "
-    "is left falls as (b/a)^2: its coefficient, -0.35, is the same at all three to 3 %",
+    "Grooves far narrower than ridges: a/b of 100, 1000, 10^4",
+    why="Between nearly closed ridges the pressure has a layer as thin as the groove at each "
+    "edge. With too few functions the solution is smooth and misses the effect of the grooves.",
+    expected="Hertz's load times 1 + b/(3 k pitch), from the gap beyond the edge of a single "
+    "strip. The remainder falls as (b/a)^2. Its coefficient, -0.35, is the same at all three "
+    "ratios to 3 %.",
 )
 def narrow_grooves_are_hertz_and_a_little():
     k, left = np.arange(1, 5), []
@@ -100,11 +100,12 @@ def narrow_grooves_are_hertz_and_a_little():
 
 
 @hard_case(
-    "grooves a hundred-thousandth, and a ten-millionth, of a ridge",
-    why="The coefficients needed grow as sqrt(a/b). A solver that takes as many as it can afford "
-    "returns a number with errors of any size.",
-    expected="at 10^5 and a tolerance of 1e-2 Hertz's load within it; at 10^7 no number but a "
-    "status that names the coefficients and the cap, and refusals by the form and a scene's plan",
+    "Grooves a hundred-thousandth and a ten-millionth as wide as a ridge",
+    why="The number of coefficients needed grows as sqrt(a/b). A solver that silently uses fewer "
+    "returns a number with an error of unknown size.",
+    expected="At 10^5 and a tolerance of 1e-2: Hertz's load within the tolerance. At 10^7: no "
+    "number, and a status that names the coefficients needed and the limit. The form and the "
+    "scene's plan refuse it too.",
 )
 def grooves_nearly_closed():
     loads = half_plane_loads(1e5, 1, 1e-2)
@@ -126,10 +127,10 @@ def grooves_nearly_closed():
 
 @hard_case(
     "a = 0 and b = 0",
-    why="Two lines of a table or scene that look like a limit: no ridges, no grooves. Both divide "
-    "by zero or take a logarithm of it somewhere inside.",
-    expected="forms, solver, scene and table refuse both, naming the width; b -> 0 by the forms is "
-    "continuous (rounding)",
+    why="These look like valid limits: no ridges, no grooves. Both lead to a division by zero or "
+    "to the logarithm of zero.",
+    expected="Forms, solver, scene and table refuse both and name the width. The closed forms are "
+    "continuous as b tends to 0 (rounding).",
 )
 def no_ridges_and_no_grooves():
     row = {"Q": 4, "p_over_E": 0.001}
@@ -152,11 +153,11 @@ def no_ridges_and_no_grooves():
 
 
 @hard_case(
-    "widths that are denormal, 1e-200, 1e200, infinite, negative or NaN",
-    why="Loads go with the width squared: at 1e-200 each of them underflows to zero, and the count "
-    "at the load of 10 edges came out as 6; at 1e200 they overflow with a warning only.",
-    expected="refused in words by every form, method and scene; widths of 1e-50 and 1e50 are "
-    "answered (count of the load of Q is Q, exact)",
+    "Widths that are denormal, 1e-200, 1e200, infinite, negative or NaN",
+    why="Loads scale with the width squared. At 1e-200 they underflow to zero, and the count at "
+    "the load of 10 edges came out as 6. At 1e200 they overflow with only a warning.",
+    expected="Every form, method and scene refuses them with a message. Widths of 1e-50 and 1e50 "
+    "work: the count at the load of Q is Q (exact).",
 )
 def widths_beyond_floats():
     for form, theta in every_form():
@@ -182,11 +183,11 @@ def widths_beyond_floats():
 
 
 @hard_case(
-    "coefficients of 1e300, infinity, NaN, zero and less",
-    why="A coefficient that has run away gives a load of 0 at any count, a negative one squares to "
-    "a load that looks right.",
-    expected="not finite or beyond 1e60: refused; not positive: NaN as load and gradient, and no "
-    "count; so small that the load is beyond floats: infinite",
+    "Coefficients of 1e300, infinity, NaN, zero and below",
+    why="A coefficient that diverges gives a load of 0 at any count. A negative one is squared "
+    "and gives a load that looks right.",
+    expected="Not finite or beyond 1e60: refused. Not positive: NaN as load and gradient, and no "
+    "count. So small that the load overflows: infinite.",
 )
 def coefficients_run_away():
     for form, theta in every_form():
@@ -206,10 +207,10 @@ def coefficients_run_away():
 
 
 @hard_case(
-    "Q of 10^6 by the printed forms",
-    why="A transition load of 10^6 edges is a product of numbers of sizes 10^11 and 10^-8; "
-    "rounding makes the floor of the inverse miss by an edge.",
-    expected="at the load given for Q exactly Q edges touch, one ulp below it Q - 2 (exact)",
+    "Q of 10^6 with the closed forms",
+    why="A transition load of 10^6 edges is a product of numbers near 10^11 and 10^-8. Rounding "
+    "can make the inverse miss by an edge.",
+    expected="At the load given for Q exactly Q edges touch; one ulp below it, Q - 2 (exact).",
 )
 def q_of_a_million():
     Q = 1_000_000 + 2 * np.arange(1000)
@@ -221,11 +222,11 @@ def q_of_a_million():
 
 
 @hard_case(
-    "Q of 10^6 by the power law and the half-plane equation",
-    why="The power law is a square of Q alone and has to be as exact; the half-plane equation "
-    "would need a ridge in the solver for each of 500,000 pairs and hours.",
-    expected="power law: the load in rational arithmetic (2 ulp), and the count of it exactly; "
-    "half-plane: refused, naming pairs and limit",
+    "Q of 10^6 with the power law and the half-plane equation",
+    why="The power law is a square of Q and has to be just as exact. The half-plane equation "
+    "would need 500,000 pairs of ridges in the solver, and hours.",
+    expected="Power law: the load in rational arithmetic (2 ulp), and its count exactly. "
+    "Half-plane: refused, with the number of pairs and the limit.",
 )
 def q_of_a_million_by_the_others():
     form, K = rb.PowerLaw().bind(((0.012, 0.03),)), 65.7
@@ -242,10 +243,10 @@ def q_of_a_million_by_the_others():
 
 
 @hard_case(
-    "counts that are no counts: odd, 4.5, 2^53 + 2, 1e300, infinite, NaN",
-    why="Beyond 2^53 a float no longer tells an even number from an odd one, and infinity modulo "
-    "2 is NaN with a warning.",
-    expected="refused by every form's load; a load whose count passes 2^52 is refused by count",
+    "Invalid counts: odd, 4.5, 2^53 + 2, 1e300, infinite, NaN",
+    why="Beyond 2^53 a float cannot tell an even number from an odd one. Infinity modulo 2 is NaN "
+    "with a warning.",
+    expected="Every form's load refuses them. The count refuses a load whose count exceeds 2^52.",
 )
 def counts_that_are_no_counts():
     for form, theta in every_form():
@@ -258,10 +259,11 @@ def counts_that_are_no_counts():
 
 @hard_case(
     "p/E of 1e-300 and of 1",
-    why="At 1e-300 a body touches a ten-to-the-minus-150th of its radius, at 1 a third of it: "
-    "tables and counts meet both, from a slip of units or a preload.",
-    expected="forms: 2 edges and the floor of the closed form (exact); scene: no transition at "
-    "1e-300 (refused) and loads to 1 in order, within 1 % of Hertz's beyond Q = 20",
+    why="At 1e-300 the contact is 1e-150 of the radius wide; at 1 it is a third of it. Tables and "
+    "counts contain both after a mistake in units or a preload.",
+    expected="Forms: 2 edges, and the floor of the closed form (exact). Scene: refused at 1e-300, "
+    "as there is no transition. Up to 1 the loads rise with Q, and they are within 1 % of Hertz's "
+    "beyond Q = 20.",
 )
 def loads_of_nothing_and_of_everything():
     for form, theta in every_form():
@@ -288,11 +290,11 @@ def loads_of_nothing_and_of_everything():
 
 
 @hard_case(
-    "a table of loads of 1e-300 and of 1",
-    why="Sums of squares of ln p of both, and of widths a thousand times apart, lose digits if "
-    "they are taken about zero.",
-    expected="read, fitted to the printed closed form of the mean: ln c = mean(ln h L - ln p/2) "
-    "at the maximum of the likelihood, to 1e-9",
+    "A table with loads of 1e-300 and of 1",
+    why="Sums of squares of ln p lose digits if they are taken about zero. So do sums over widths "
+    "that differ a thousandfold.",
+    expected="The table is read and fitted. At the maximum of the likelihood ln c is the closed "
+    "form mean(ln h L - ln p/2), to 1e-9.",
 )
 def tables_of_extreme_loads():
     a, b = np.repeat([1e-48, 0.2, 0.03], 4), np.repeat([1e-48, 0.3, 1e-9], 4)
@@ -309,11 +311,11 @@ def tables_of_extreme_loads():
 
 
 @hard_case(
-    "loads exactly at a transition, one ulp below and above, by every form",
-    why="That is where every table is read: the row says at which load Q was reached, and a floor "
-    "of a rounded square root says Q - 2 for half of them.",
-    expected="Q at the load and one ulp above, Q - 2 one ulp below (exact), of 4 textures, Q to "
-    "60, nu of 0, 0.3, 0.4999 and 0.5, and 200 draws of coefficients at once",
+    "Loads exactly at a transition, one ulp below and one above, with every form",
+    why="Every row of a table is such a load. The floor of a rounded square root gives Q - 2 for "
+    "half of them.",
+    expected="Q at the load and one ulp above; Q - 2 one ulp below (exact). For 4 textures, Q up "
+    "to 60, nu of 0, 0.3, 0.4999 and 0.5, and 200 draws of coefficients at once.",
 )
 def transitions_hit_exactly():
     rng, n = np.random.default_rng(7), 0
@@ -339,11 +341,11 @@ def transitions_hit_exactly():
 
 
 @hard_case(
-    "a scene's counts just below and above its own transition loads",
-    why="Table and count come from different solvers: one finds the load of an event, the other "
+    "A scene's counts just below and above its own transition loads",
+    why="Table and count come from different solvers. One finds the load of an event, the other "
     "the contact at a load.",
-    expected="at a load 1e-6 below a table's row Q - 2 edges, 1e-6 above Q (the tolerance of "
-    "contact ends is 1e-6), also with floors, corners and an offset",
+    expected="Q - 2 edges at a load 1e-6 below that of the table, and Q at 1e-6 above (1e-6 is "
+    "the tolerance of contact ends). The same with floors, corners and an offset.",
 )
 def scenes_counts_agree_with_their_tables():
     plain = Texture(a_over_R=0.022, b_over_R=0.02)
@@ -368,11 +370,11 @@ def scenes_counts_agree_with_their_tables():
 
 
 @hard_case(
-    "one pair of ridges: nothing but Q = 2",
-    why="A table of a texture under its first transition is empty, and an empty table is fitted "
-    "or averaged into NaN further on.",
-    expected="generate refuses, naming the first load; the contact itself is answered: 2 edges, "
-    "at equal shares (rounding)",
+    "One pair of ridges: only Q = 2",
+    why="Below the first transition the table of a texture is empty. Fits and averages of an "
+    "empty table give NaN.",
+    expected="generate refuses and names the first load. The contact itself is solved: 2 edges "
+    "with equal shares (rounding).",
 )
 def one_pair_of_ridges():
     scene = rb.Scene.of([(0.5, 0.5)], p_over_E=0.01)
@@ -387,11 +389,11 @@ def one_pair_of_ridges():
 
 
 @hard_case(
-    "pitch of a millionth of the radius",
-    why="At any real load 10^5 ridges touch: forms go through, solvers that list every ridge run "
-    "out of time and memory (this one took 40 s to say so at p/E of 10^10).",
-    expected="forms: scale invariance, the count at p/L^2 is that of a pitch of 0.042 (exact); "
-    "scene: a status that says how many unknowns, and no number; no Q row without a status",
+    "A pitch of a millionth of the radius",
+    why="At any realistic load 10^5 ridges touch. Forms can handle this. Solvers that list every "
+    "ridge run out of time and memory; this one took 40 s to report it at p/E of 10^10.",
+    expected="Forms: by scale invariance the count at p/L^2 is that of a pitch of 0.042 (exact). "
+    "Scene: a status with the number of unknowns, and no load. No row with a Q lacks a status.",
 )
 def pitch_of_a_millionth():
     for form, theta in every_form(((0.022, 0.02), (2.2e-7, 2e-7))):
@@ -411,10 +413,11 @@ def pitch_of_a_millionth():
 
 @hard_case(
     "10^4 pairs of ridges in half-plane contact",
-    why="A dense system of 70,000 unknowns is 40 GB: either nothing, or a law of many ridges that "
-    "has to know its own error.",
-    expected="at a tolerance of 1e-5 by the law, within 1e-5 of the exact loads where both are "
-    "known (k to 500) and 6e-5 below smooth Hertz; at 1e-8 'not computed' and no number",
+    why="A dense system of 70,000 unknowns takes 40 GB. The alternative is an asymptotic law, "
+    "which must know its own error.",
+    expected="At a tolerance of 1e-5 the asymptotic law is used. It is within 1e-5 of the exact "
+    "loads where both are known (k up to 500), and 6e-5 below smooth Hertz. At 1e-8: 'not "
+    "computed', and no number.",
 )
 def ten_thousand_ridges():
     loads = half_plane_loads(1.0, 10_000, 1e-5)
@@ -428,10 +431,10 @@ def ten_thousand_ridges():
 
 @hard_case(
     "Poisson's ratio of 0, 0.4999 and 0.5",
-    why="At 0.5 solids by displacements lock, and 1 - 2 nu stands in denominators; on a half-plane "
-    "only 1 - nu^2 counts.",
-    expected="(1 - nu^2) p is the same (rounding) by forms, half-plane loads, Hertz and contacts "
-    "at loads; -0.1, 0.5000001 and NaN are refused",
+    why="At 0.5 displacement-based solid elements lock, and 1 - 2 nu stands in denominators. On a "
+    "half-plane only 1 - nu^2 matters.",
+    expected="(1 - nu^2) p is the same (rounding) for forms, half-plane loads, Hertz and contacts "
+    "at given loads. -0.1, 0.5000001 and NaN are refused.",
 )
 def poissons_ratio_at_its_ends():
     for nu in (0.0, 0.4999, 0.5):
@@ -459,11 +462,10 @@ def poissons_ratio_at_its_ends():
 
 
 @hard_case(
-    "textures from 10^-6 R to 10 R in one call",
-    why="A table of forms or of the solver's that is sized by the largest texture is wrong for, or "
-    "out of memory by, the smallest.",
-    expected="every element is the very number that a call for it alone gives (exact), in any "
-    "order",
+    "Textures from 10^-6 R to 10 R in one call",
+    why="An internal table sized for the largest texture is wrong for the smallest, or does not "
+    "fit in memory.",
+    expected="Each element equals the result of a call for it alone (exact), in any order.",
 )
 def very_different_textures_in_one_call():
     a = np.array([1e-6, 0.5, 0.022, 10.0, 1e-3, 0.022])
@@ -480,11 +482,11 @@ def very_different_textures_in_one_call():
 
 
 @hard_case(
-    "ridges reached in ties: a body over a groove, over a ridge, and beside them by 1e-12",
-    why="Of a symmetric body two ridges are reached at one load; a solver of single events finds "
-    "one, then the other at a load that differs by rounding, or counts it twice.",
-    expected="over a groove 4, 6, 8, over a ridge 5, 7, 9; off centre by a millionth of a pitch "
-    "each tie splits into two events within 1e-4 of the tie (first order in the offset)",
+    "Ridges reached at the same load: a body over a groove, over a ridge, and 1e-12 beside them",
+    why="A symmetric body reaches two ridges at one load. A solver of single events finds them at "
+    "two loads that differ by rounding, or counts one twice.",
+    expected="Over a groove: 4, 6, 8. Over a ridge: 5, 7, 9. At an offset of a millionth of a "
+    "pitch each tie splits into two events within 1e-4 of the tie (first order in the offset).",
 )
 def ties_of_symmetric_ridges():
     def rows(offset, rel_tol=1e-8):
@@ -508,10 +510,10 @@ def ties_of_symmetric_ridges():
 
 
 @hard_case(
-    "a sliding body: counts at every offset averaged",
-    why="An average over a sliding body passes through both symmetric places, where events tie.",
-    expected="mean and standard deviation of the counts of contacts solved at each load and offset "
-    "alone, at 4 offsets (exact counts; rounding)",
+    "A sliding body: counts averaged over the offset",
+    why="The average passes through both symmetric positions, where two events have the same load.",
+    expected="The mean and standard deviation of the counts of separate contact solutions, at "
+    "each load and 4 offsets (exact counts; rounding).",
 )
 def sliding_over_ties():
     p, n = np.array([2e-5, 5e-4, 0.004]), 4
@@ -527,14 +529,14 @@ def sliding_over_ties():
 
 
 @hard_case(
-    "corner radii from 1e-300 of the ridge to all of it",
-    why="A corner far below rounding divides by its radius. A round one bears so little on a spot "
-    "that the smallest load, from which events are sought, could not be solved for: the answer "
-    "was 'no transition' to a load that brings 8 edges. Corners of half a ridge leave no flat, "
-    "and gaps were sought on its far side: loads 0.8 % too high.",
-    expected="below 1e-8 of a ridge the sharp loads (1e-8); a quarter and half of a ridge: every "
-    "load lower than of sharp corners, and at 1e-6 below and above it the count of the contact "
-    "there; a larger corner is refused",
+    "Corner radii from 1e-300 of the ridge to all of it",
+    why="A corner far below rounding leads to a division by its radius. On a round corner the "
+    "first contact is so small that the lowest trial load could not be solved; the answer was 'no "
+    "transition' up to a load that reaches 8 edges. Corners of half a ridge leave no flat top. "
+    "Gaps were then searched on its far side, and loads came out 0.8 % too high.",
+    expected="Below 1e-8 of a ridge: the loads of sharp corners (1e-8). At a quarter and half of "
+    "a ridge: every load is lower than that of sharp corners, and the counts 1e-6 below and above "
+    "it agree. A larger corner is refused.",
 )
 def corners_of_any_radius():
     def loads(corner):
@@ -565,10 +567,11 @@ def corners_of_any_radius():
 
 
 @hard_case(
-    "groove floors from a billionth of R to 10^300 R",
-    why="A floor at the ridges' tops is a flat: from then on grooves fill at once. One far below "
-    "must not change a digit.",
-    expected="10^300: the loads of no floor (exact); 1e-9: the half-width is Hertz's within 1 %",
+    "Groove floors at depths from a billionth of R to 10^300 R",
+    why="A floor level with the ridges makes a flat surface, and grooves fill at once. A floor "
+    "far below must not change any digit.",
+    expected="At 10^300: the loads without a floor (exact). At 1e-9: Hertz's half-width within 1 "
+    "%.",
 )
 def floors_of_any_depth():
     def texture(depth):
@@ -587,10 +590,10 @@ def floors_of_any_depth():
 
 
 @hard_case(
-    "loads of a scene that are 0, negative, NaN, infinite or 1.7e308",
-    why="They come from a slip in a list of loads; sorted among good ones they would move all "
-    "that begin where the last one ended.",
-    expected="each refused with its value; the good ones in any order give the same rows (1e-9)",
+    "Loads of a scene that are 0, negative, NaN, infinite or 1.7e308",
+    why="They come from mistakes in a list of loads. Loads are sorted, and each solution starts "
+    "from the one before, so one bad load affects all that follow.",
+    expected="Each is refused with its value. Valid loads give the same rows in any order (1e-9).",
 )
 def loads_out_of_range_and_order():
     scene = rb.Scene.of([(0.022, 0.02)])

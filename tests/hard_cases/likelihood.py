@@ -1,4 +1,4 @@
-"""Hard cases of the likelihood and its posterior: tables that say too little, or too much."""
+"""Edge cases of the likelihood and its posterior: too little, too much or contradictory data."""
 
 import functools
 import math
@@ -97,11 +97,11 @@ def log_upper_tail(x, depth=400):
 
 
 @hard_case(
-    "Misfit of 1e-12 and 1e-9: 50 textures, a K for each",
-    why="The error scale lies eleven orders of magnitude below its prior; a grid of sigma with a "
-    "fixed lower end puts all draws on that end and calls them converged.",
-    expected="mean of sigma by the closed form of its posterior, sqrt(S/2) G((m-1)/2)/G(m/2), to "
-    "five Monte Carlo standard errors and 1e-2 of rounding of the loads",
+    "Misfit of 1e-12 and 1e-9: 50 textures, one K each",
+    why="The error scale is eleven orders of magnitude below its prior. On a grid of sigma with a "
+    "fixed lower end all draws land on that end and seem converged.",
+    expected="The mean of sigma from the closed form of its posterior, sqrt(S/2) "
+    "G((m-1)/2)/G(m/2), to five Monte Carlo standard errors plus 1e-2 for rounding of the loads.",
 )
 def tiny_misfit():
     seen = []
@@ -120,10 +120,10 @@ def tiny_misfit():
 
 
 @hard_case(
-    "Rows without any misfit, errors not known",
-    why="The likelihood has a pole at sigma = 0: what a search or a walk returns is where it "
-    "happened to stop, and an evidence is that of rounding errors.",
-    expected="refused in words by walk and by exact draws; no evidence by quadrature",
+    "Rows without any misfit, errors unknown",
+    why="The likelihood has a pole at sigma = 0. A search or a sampler returns the point where it "
+    "happened to stop, and the evidence is that of rounding errors.",
+    expected="MCMC and exact draws both refuse with a message. Quadrature gives no evidence.",
 )
 def perfect_rows():
     few, many = (made(rb.Modified(), [1.4], textures=some) for some in (THREE, FIFTY))
@@ -140,9 +140,9 @@ def perfect_rows():
 
 @hard_case(
     "Rows without any misfit, errors known to be 1 %",
-    why="Now the posterior is proper, but sigma piles up at 0, the bound of its prior.",
-    expected="log evidence and moments by a plain sum over 1,000 x 1,000 points: 1e-5; draws to "
-    "5 % of an sd (Monte Carlo)",
+    why="The posterior is now proper, but sigma accumulates at 0, the bound of its prior.",
+    expected="Log evidence and moments from a plain sum over 1,000 x 1,000 points: 1e-5. Draws to "
+    "5 % of an sd (Monte Carlo).",
 )
 def perfect_rows_of_known_error():
     frame = made(rb.Modified(), [1.4], rel_se=0.01)
@@ -156,11 +156,11 @@ def perfect_rows_of_known_error():
 
 @hard_case(
     "One row",
-    why="One load cannot tell an error from a coefficient. Towards sigma = 0 the posterior is a "
-    "ridge that leaves every box of points, and with it 1e-3 of ln Z.",
-    expected="log evidence with log c integrated in closed form, sigma by a sum over 20,000 "
-    "points: 1e-2 by the bridge; quadrature meets it to 1e-6 or says that it does not; draws have "
-    "the moments of that mixture of normals to 5 % of an sd (Monte Carlo)",
+    why="One load cannot separate an error from a coefficient. Near sigma = 0 the posterior is a "
+    "narrow ridge that extends beyond any grid; 1e-3 of ln Z lies outside.",
+    expected="Log evidence with log c integrated in closed form and sigma by a sum over 20,000 "
+    "points: 1e-2 for the bridge. Quadrature agrees to 1e-6 or reports that it did not converge. "
+    "Draws have the moments of that mixture of normals to 5 % of an sd (Monte Carlo).",
 )
 def one_row():
     frame = made(rb.Modified(), [1.4], error=0.01)[:1]
@@ -193,10 +193,10 @@ def one_row():
 
 @hard_case(
     "One texture: c1 and c2 cannot be told apart",
-    why="The rows fix c1/L + c2/A alone; across it the posterior is flat but for the prior, and a "
-    "covariance that is inverted with a cut-off loses that direction.",
-    expected="moments by integrating the prior along the flat direction (a sum over 4e6 points): "
-    "draws to 5 % of an sd (Monte Carlo)",
+    why="The rows determine only c1/L + c2/A. In the other direction the posterior is flat apart "
+    "from the prior. A pseudo-inverse with a cut-off loses that direction.",
+    expected="Moments from integrating the prior along the flat direction (a sum over 4e6 "
+    "points). Draws agree to 5 % of an sd (Monte Carlo).",
 )
 def flat_direction():
     a, b = THREE[0]
@@ -233,11 +233,11 @@ def flat_direction():
 
 
 @hard_case(
-    "A row that stands twice",
-    why="Counted twice it makes posteriors too narrow; dropped in silence it hides that somebody "
-    "repeated an experiment.",
-    expected="in one curve refused, with both rows named; as another series twice the "
-    "log-likelihood (rounding, 1e-13)",
+    "A duplicated row",
+    why="Counting it twice makes posteriors too narrow. Dropping it without a message hides a "
+    "repeated experiment.",
+    expected="Within one curve: refused, with both rows named. As another series: twice the "
+    "log-likelihood (rounding, 1e-13).",
 )
 def duplicated_rows():
     frame = made(rb.Modified(), [1.4], error=0.03)
@@ -257,8 +257,9 @@ def duplicated_rows():
 
 @hard_case(
     "Repeats of one load that differ by factors of 10",
-    why="sigma lies 40 prior sds out, where a prior's tail underflows and quantiles saturate.",
-    expected="log evidence by a plain sum over 1,000 x 1,000 points: 1e-5; draws to 5 % of an sd",
+    why="sigma lies 40 prior sds out. There the tail of a prior underflows and quantiles saturate.",
+    expected="Log evidence from a plain sum over 1,000 x 1,000 points: 1e-5. Draws to 5 % of an "
+    "sd.",
 )
 def repeats_that_disagree():
     one = made(rb.Modified(), [1.4], textures=THREE[:1], Q=(4,))
@@ -275,11 +276,11 @@ def repeats_that_disagree():
 
 
 @hard_case(
-    "Brackets of no width, without a lower end, and disjoint ones of one transition",
-    why="A width of 0 gives log 0, a lower end of 0 gives -inf - -inf, and two brackets that share "
-    "no load have probability 0 if they are intersected instead of taken as two errors.",
-    expected="no width: the density of an exact row; no lower end: log of the normal distribution "
-    "function; disjoint: the product of both, by erfc (rounding, 1e-12)",
+    "Brackets of zero width, without a lower end, and disjoint ones of one transition",
+    why="A width of 0 gives log 0. A lower end of 0 gives -inf - -inf. Two disjoint brackets have "
+    "probability 0 if they are intersected instead of treated as two errors.",
+    expected="Zero width: the density of an exact row. No lower end: the log of the normal "
+    "distribution function. Disjoint: the product of both, by erfc (rounding, 1e-12).",
 )
 def strange_brackets():
     exact = made(rb.Modified(), [1.4], textures=THREE[:1], Q=(4,))
@@ -310,7 +311,8 @@ def strange_brackets():
 @hard_case(
     "Brackets 40 and 4,000 sds from the form",
     why="Both distribution functions round to 0 or 1 there, and their difference to 0.",
-    expected="log of the difference by Laplace's continued fraction in long doubles: 1e-14 of it",
+    expected="The log of the difference by Laplace's continued fraction in long doubles, to a "
+    "relative 1e-14.",
 )
 def far_brackets():
     exact = made(rb.Modified(), [1.0], textures=THREE[:1], Q=(4,))
@@ -335,9 +337,10 @@ def far_brackets():
 
 
 @hard_case(
-    "Prior 20 sds from the rows",
-    why="A unit-cube prior ends at 8.2 sds; a search that is bounded to some sds stops on the way.",
-    expected="log evidence by a plain sum over 1,500 x 1,000 points: 1e-4; draws to 5 % of an sd",
+    "A prior 20 sds from the rows",
+    why="A unit-cube prior ends at 8.2 sds. A search bounded to a few sds stops on the way.",
+    expected="Log evidence from a plain sum over 1,500 x 1,000 points: 1e-4. Draws to 5 % of an "
+    "sd.",
 )
 def prior_twenty_sds_away():
     frame = made(rb.Modified(), [1.382 * math.exp(2)], error=0.03)
@@ -352,12 +355,12 @@ def prior_twenty_sds_away():
 
 
 @hard_case(
-    "Prior 20 sds from the rows, and sigma free to side with it",
-    why="Two modes: c near the rows with small errors, or c on the way to the prior with large "
-    "ones (here with 99.9 % of the mass). Ensembles that all start at the first agree with each "
-    "other.",
-    expected="not converged, the other mode and its odds named to 0.2 of the sum over 1,500 x "
-    "1,000 points; no evidence is called ok",
+    "A prior 20 sds from the rows, and sigma free",
+    why="There are two modes: c near the rows with small errors, or c nearer to the prior with "
+    "large errors (here 99.9 % of the mass). Ensembles that all start at the first agree with "
+    "each other.",
+    expected="Not converged. The message gives the other mode and its log odds, to 0.2 of the sum "
+    "over 1,500 x 1,000 points. No evidence has the status ok.",
 )
 def prior_and_rows_of_two_modes():
     from ridgebayes.evidence.tables import evidences
@@ -384,8 +387,9 @@ def prior_and_rows_of_two_modes():
 @hard_case(
     "A prior of c2 whose centre has a negative rate",
     why="A search that starts at the prior's centre starts at density zero: no slope, NaN "
-    "curvature. And a texture without a rate must not turn a log into NaN.",
-    expected="log evidence by a plain sum over 160 x 400 x 160 points: 2e-3",
+    "curvature. A texture without a positive rate must not give the logarithm of a negative "
+    "number.",
+    expected="Log evidence from a plain sum over 160 x 400 x 160 points: 2e-3.",
 )
 def negative_rate_at_the_centre():
     frame = made(rb.Hybrid(), [1.4, 0.0], error=0.03)
@@ -429,9 +433,10 @@ def a_million():
 
 @hard_case(
     "A million rows",
-    why="Sums of squares by a difference of large numbers lose half the digits; a row-by-row "
-    "likelihood makes a walk of minutes.",
-    expected="log-likelihood by math.fsum over the rows: 1e-12 of it; a call holds less than 1 MB",
+    why="Sums of squares as a difference of large numbers lose half the digits. A likelihood "
+    "computed row by row makes MCMC take minutes.",
+    expected="Log-likelihood by math.fsum over the rows, to a relative 1e-12. A call uses less "
+    "than 1 MB.",
 )
 def a_million_rows():
     import tracemalloc
@@ -454,8 +459,9 @@ def a_million_rows():
 
 @hard_case(
     "Log-likelihoods of -1e12",
-    why="A float keeps 1e-4 of such a number; two of them still decide which coefficient is right.",
-    expected="values by long doubles to 1e-14 of them, their difference to 1e-3",
+    why="A float keeps 1e-4 of such a number. The difference of two of them still decides which "
+    "coefficient is right.",
+    expected="Values in long doubles to a relative 1e-14, and their difference to 1e-3.",
 )
 def very_low_likelihoods():
     frame = made(rb.Modified(), [1.4], error=0.03)
@@ -474,8 +480,8 @@ def very_low_likelihoods():
 
 @hard_case(
     "Loads of 1e-302, 1e-12 and 10 in one table",
-    why="Squares and products of loads underflow; only their logarithms are of one size.",
-    expected="with priors of K at the same places ln Z is that of ordinary loads (1e-9)",
+    why="Squares and products of loads underflow. Only their logarithms are of similar size.",
+    expected="With the priors of K moved alike, ln Z is that of ordinary loads (1e-9).",
 )
 def loads_of_all_sizes():
     values, smallest = [], []
@@ -500,10 +506,10 @@ def loads_of_all_sizes():
 
 @hard_case(
     "Known errors of 100,000 % and of 1e-13 %",
-    why="Rows that say nothing must leave the prior as it is; rows known to rounding must not "
-    "divide by zero where sigma is 0.",
-    expected="1e3: ln Z by the normal density at variance 1e6 (1e-4), draws the prior's to 5 %; "
-    "1e-15 at sigma = 1e-300: the long double sum (1e-9 of it)",
+    why="Rows without information must leave the prior unchanged. Rows known to rounding must not "
+    "lead to a division by zero where sigma is 0.",
+    expected="At 1e3: ln Z by the normal density with variance 1e6 (1e-4), and draws equal to the "
+    "prior's to 5 %. At 1e-15 with sigma = 1e-300: the long double sum (relative 1e-9).",
 )
 def known_errors_of_any_size():
     frame = made(rb.Modified(), [1.4], error=0.03)

@@ -1,4 +1,4 @@
-"""Programs that are started, stopped and starved by the hard cases.
+"""Programs that the edge cases start, stop and limit.
 
 A process imports the package once and forks a child for each program, so that a case costs what it
 computes and not the imports: `python -m tests.hard_cases.machine` is that process.

@@ -16,12 +16,12 @@ from tests.hard_cases.case import HardCase
 from tests.hard_cases.table import AREAS, cases_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "hard-cases.md"
-HEAD = """# Hard cases
+HEAD = """# Edge cases
 
-Inputs chosen to break a calibration package, each either answered rightly or refused in words.
-*Expected* is asserted by `tests/hard_cases/`; *seen* is what the run of {date} gave (Python
-{python}, NumPy {numpy}). This page is written by `python -m tests.hard_cases.page`,
-which ends at the first case that fails; the whole takes some five minutes.
+Inputs chosen to break a calibration package. Each is either answered correctly or refused with a
+message. `tests/hard_cases/` asserts what stands under *Expected*. *Seen* is the result of the run
+of {date} (Python {python}, NumPy {numpy}). `python -m tests.hard_cases.page` runs all
+cases and writes this page. It stops at the first case that fails, and takes about five minutes.
 
 {counts}
 """
@@ -56,7 +56,7 @@ def main() -> None:
                 print(f"{area}.{case.test_id}: {seen}", flush=True)
                 entries.append(entry(case, seen.replace(scratch, ".")))
             sections.append("\n".join([f"## {title}\n", *entries]))
-            counts.append(f"{len(entries)} of {title[0].lower()}{title[1:]}")
+            counts.append(f"{len(entries)} in {title[0].lower()}{title[1:]}")
     n_case = sum(len(cases_of(area)) for area in AREAS)
     shares = f"{n_case} cases: {', '.join(counts)}."
     head = HEAD.format(

@@ -1,4 +1,4 @@
-"""Hard cases of prediction: far from the data, and very many points."""
+"""Edge cases of prediction: far from the data, and very many points."""
 
 import functools
 import json
@@ -58,11 +58,11 @@ def sum_of_normals(log_load, sd, p):
 
 
 @hard_case(
-    "textures far outside the calibrated range",
-    why="A form answers for any texture: a band of 2 % at a groove a million times the ridge is "
-    "the same colour as one between two calibrated textures.",
-    expected="flagged by predict, predict_load, every row of bands and the page of the report; "
-    "textures and counts inside are not",
+    "Textures far outside the calibrated range",
+    why="A form gives an answer for any texture. A 2 % band for a groove a million times wider "
+    "than the ridge looks the same as one between two calibrated textures.",
+    expected="predict, predict_load, every row of bands and the report flag them. Textures and "
+    "counts inside the range are not flagged.",
 )
 def textures_far_outside(folder):
     for name in ("classic", "modified", "hybrid"):
@@ -89,10 +89,10 @@ def textures_far_outside(folder):
 
 
 @hard_case(
-    "load zero, 5e-324 and 1e-300",
-    why="The logarithm of the load is -inf, and inf times 0 is NaN in an average.",
-    expected="Q = 2 with probability 1 (exact) by every form and both kinds; no load is at or "
-    "below 0",
+    "Loads of zero, 5e-324 and 1e-300",
+    why="The logarithm of the load is -inf. In an average, inf times 0 is NaN.",
+    expected="Q = 2 with probability 1 (exact), for every form and both kinds. No predicted load "
+    "is 0 or below.",
 )
 def load_of_zero():
     for name in ("classic", "modified", "hybrid", "power-law"):
@@ -108,11 +108,11 @@ def load_of_zero():
 
 
 @hard_case(
-    "loads so large that counts pass 20,000 and 2^52",
-    why="A ladder of probabilities up to the count in question fills the memory; floats stop "
-    "telling counts apart.",
-    expected="refused, naming the limit; loads of counts up to 2^53 are answered: that of 10^15 "
-    "edges within 5 standard errors of its closed form, beyond refused",
+    "Loads so large that counts exceed 20,000 and 2^52",
+    why="A list of probabilities up to that count fills the memory. Floats can no longer tell "
+    "counts apart.",
+    expected="Refused, with the limit. Loads of counts up to 2^53 are computed: that of 10^15 "
+    "edges is within 5 standard errors of its closed form. Beyond: refused.",
 )
 def loads_beyond_counts():
     fit = fitted("modified")
@@ -130,10 +130,10 @@ def loads_beyond_counts():
 
 
 @hard_case(
-    "10^6 loads: 250 textures times 4000",
+    "10^6 loads: 250 textures times 4,000",
     why="Draws times textures times loads are 10^10 numbers of 8 bytes.",
-    expected="answered in under 1 GB of peak memory, whole process; each probability within its "
-    "own error and 0.01 of 10,240 draws at 50 places",
+    expected="Peak memory of the whole process under 1 GB. Each probability agrees with that of "
+    "10,240 draws within its own error and 0.01, at 50 points.",
 )
 def a_million_loads():
     work = """
@@ -167,11 +167,12 @@ print(json.dumps([q.survival.shape[:-1], peak * unit, q.error, float(gap), sums]
 
 
 @hard_case(
-    "half of the posterior's draws have no positive rate at a new texture",
-    why="A negative rate squares to a load that looks right; an infinite load turns averages and "
-    "quantiles into NaN.",
-    expected="P(Q >= 4) is the average over draws one by one, 0 for those (rounding); quantiles "
-    "beyond the share that gets there are infinite, those below solve the distribution to 1e-8",
+    "Half of the posterior draws have no positive rate at a new texture",
+    why="A negative rate is squared and gives a load that looks right. An infinite load makes "
+    "averages and quantiles NaN.",
+    expected="P(Q >= 4) is the average over single draws, with 0 for those without a positive "
+    "rate (rounding). Quantiles above the share that reaches Q are infinite. Those below solve "
+    "the distribution to 1e-8.",
 )
 def rates_below_zero():
     a, b = 1e-5, 0.05
@@ -200,10 +201,10 @@ def rates_below_zero():
 
 
 @hard_case(
-    "a power law asked for a texture it has no K for",
-    why="The nearest texture's K, or the mean of all, would look like an answer.",
-    expected="the form refuses; a fit answers from the prior of K, flagged: median and 90 % "
-    "interval of the load within 4 Monte Carlo standard errors of the prior's closed form",
+    "The power law at a texture without a K",
+    why="The K of the nearest texture, or the mean of all, would look like an answer.",
+    expected="The form refuses. A fit predicts from the prior of K and flags it: median and 90 % "
+    "interval of the load are within 4 Monte Carlo standard errors of the prior's closed form.",
 )
 def power_law_without_a_k():
     fit, texture = fitted("power-law"), (0.02, 0.017)
@@ -227,11 +228,11 @@ def power_law_without_a_k():
 
 
 @hard_case(
-    "one posterior draw, its loads hit exactly and missed by an ulp",
-    why="A prediction from loads and one from counts are two ways of rounding; a single draw "
-    "leaves no average to hide behind.",
-    expected="kind curve: P(Q >= n) is 1 at the load of n and 0 one ulp below (exact); kind "
-    "simulation: 1/2 at the load, and the normal's quantiles of ln p (1e-9)",
+    "One posterior draw, at its own loads and one ulp below",
+    why="Predictions from loads and from counts round differently. With a single draw no average "
+    "hides it.",
+    expected="Kind curve: P(Q >= n) is 1 at the load of n and 0 one ulp below (exact). Kind "
+    "simulation: 1/2 at the load, and the normal's quantiles of ln p (1e-9).",
 )
 def one_draw():
     fit = single_draw(rb.Hybrid(), "iid", [1.337, 0.018, 0.03])
@@ -256,11 +257,10 @@ def one_draw():
 
 
 @hard_case(
-    "a posterior so narrow that its loads differ in the ninth digit",
-    why="A quantile found by steps of a fixed size, or a bracket of a fixed width, is wider than "
-    "the distribution.",
-    expected="interval of the load within 1e-9 of the closed form of one draw with an error of "
-    "1e-9; a step of Q from P = 0 to 1 within 1e-7 of the load",
+    "A posterior so narrow that its loads differ in the ninth digit",
+    why="A quantile search with steps or a bracket of fixed size is coarser than the distribution.",
+    expected="The interval of the load is within 1e-9 of the closed form of one draw with an "
+    "error of 1e-9. P(Q) rises from 0 to 1 within 1e-7 of the load.",
 )
 def a_posterior_too_narrow():
     fit = single_draw(rb.Modified(), "iid", [1.38, 1e-9])
@@ -275,11 +275,11 @@ def a_posterior_too_narrow():
 
 
 @hard_case(
-    "probabilities of a few rows' skewed posterior by nodes and by draws",
-    why="Nodes stand for a posterior by a shape fitted to it; of a skewed one weights get uneven, "
-    "and an error told too small is worse than none.",
-    expected="either refused (draws used instead) or within the error told, plus four Monte Carlo "
-    "standard errors of 131,072 importance draws",
+    "Probabilities from nodes and from draws, for the skewed posterior of a few rows",
+    why="Nodes represent a posterior by a fitted shape. For a skewed posterior the weights become "
+    "uneven, and a quoted error that is too small misleads.",
+    expected="Nodes are refused and draws used instead, or the difference is within the quoted "
+    "error plus four Monte Carlo standard errors of 131,072 importance draws.",
 )
 def nodes_of_a_skewed_posterior():
     frame = rb.paper_sweep().frame
@@ -304,12 +304,12 @@ def nodes_of_a_skewed_posterior():
 
 
 @hard_case(
-    "an error model with shared offsets, far outside",
-    why="Offsets known of calibrated textures must not be handed to a new one, nor be forgotten "
-    "as if a new one had none.",
-    expected="texture offsets: P(Q >= n) with variance sigma^2 + tau^2, draw by draw (1e-10); "
-    "step-smooth: far out sd sqrt(sigma^2 + 2 tau^2), as its derivation has it (1e-6), and "
-    "at a calibrated texture a tenth of that",
+    "An error model with shared offsets, far outside the range",
+    why="A new texture must not get the offsets inferred for calibrated ones. Nor may its own "
+    "offset be left out.",
+    expected="Texture offsets: P(Q >= n) with variance sigma^2 + tau^2, draw by draw (1e-10). "
+    "step-smooth: far out an sd of sqrt(sigma^2 + 2 tau^2), as derived (1e-6), and a tenth of "
+    "that at a calibrated texture.",
 )
 def offsets_far_outside():
     fit = fitted("modified", "texture")
@@ -331,11 +331,12 @@ def offsets_far_outside():
 
 
 @hard_case(
-    "intervals of 0, 1, -0.1, 1.1 and NaN, and quantiles of 1e-300 and 1 - 1e-16",
-    why="An interval of -0.1 came out with its ends crossed; a quantile of 1e-300 as that of "
-    "1e-19, the width of a bracket; one of 1 - 1e-16 as infinite.",
-    expected="0 is the median twice, 1 all of Q; refused with the value given: others, and of "
-    "loads 1 and what is nearer to 1 than 1e-12; the quantile of 1e-300 solves the sum of normals",
+    "Intervals of 0, 1, -0.1, 1.1 and NaN, and quantiles at 1e-300 and 1 - 1e-16",
+    why="An interval of -0.1 came out with crossed ends. A quantile at 1e-300 came out as that at "
+    "1e-19, the width of a bracket. One at 1 - 1e-16 was infinite.",
+    expected="0 gives the median twice, 1 all of Q. Others are refused with their value; so are "
+    "quantiles of loads at 1 or closer to 1 than 1e-12. The quantile at 1e-300 solves the sum of "
+    "normals.",
 )
 def intervals_at_their_ends():
     fit = fitted("hybrid")
@@ -364,10 +365,10 @@ def intervals_at_their_ends():
 
 
 @hard_case(
-    "no loads at all, and weights that are none",
-    why="A table of no rows and an average of no weight divide zero by zero.",
-    expected="an empty distribution of the shape asked for; weights that are zero, negative or "
-    "NaN are refused",
+    "No loads at all, and invalid weights",
+    why="A table without rows and an average without weight divide zero by zero.",
+    expected="An empty distribution of the requested shape. Weights that are zero, negative or "
+    "NaN are refused.",
 )
 def nothing_asked():
     fit = fitted("hybrid")
@@ -382,11 +383,11 @@ def nothing_asked():
 
 
 @hard_case(
-    "distributions of 2000 counts, and of one",
-    why="Sums of thousands of differences of probabilities drift from 1, and quantiles at the "
-    "edges of steps go one too far.",
-    expected="probabilities sum to 1 (1e-12), are none below 0, and quantiles are those of a "
-    "search by hand through the cumulated sum of probabilities",
+    "Distributions of 2,000 counts, and of one",
+    why="Sums of thousands of differences of probabilities drift from 1. Quantiles at the edges "
+    "of steps can be one step too far.",
+    expected="Probabilities sum to 1 (1e-12) and none is below 0. Quantiles agree with a direct "
+    "search through the cumulative sum.",
 )
 def distributions_of_many_counts():
     probs = (0.0, 1e-15, 1e-9, 0.05, 0.5, 0.95, 1 - 1e-9, 1.0)

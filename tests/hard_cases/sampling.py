@@ -1,4 +1,4 @@
-"""Hard cases of sampling: walks that look done and are not."""
+"""Edge cases of sampling: chains that look converged but are not."""
 
 import functools
 import math
@@ -105,9 +105,10 @@ def walked(log_density, factor, settings=FEW):
 
 @hard_case(
     "A rate that is NaN or infinite above some coefficient",
-    why="Taken for likelihood zero it cuts the posterior there: a walk converges to the rest, and "
-    "nobody ever hears of it.",
-    expected="refused, naming form, value, coefficient and texture: at the mode, and five sds out",
+    why="If it counts as zero likelihood, it cuts off the posterior there. MCMC converges to the "
+    "rest, and the user gets no message.",
+    expected="Refused at the mode and five sds out. The message names form, value, coefficient "
+    "and texture.",
 )
 def undefined_rates():
     said = [
@@ -124,19 +125,19 @@ def undefined_rates():
 
 
 @hard_case(
-    "An exception within a form of the user's own",
-    why="A search that takes every ValueError for its own blames the data.",
-    expected="the user's exception as it is",
+    "An exception raised by a user's own form",
+    why="A search that catches every ValueError as its own blames the data.",
+    expected="The user's exception, unchanged.",
 )
 def exception_in_a_form():
     return refused(lambda: calibrated(Own("raises", 1.39)), ValueError, "own table ends at 1.39")
 
 
 @hard_case(
-    "A form whose gradient is zero, or half of what it should be",
-    why="A search ends where a wrong slope vanishes, and a test of convergence by the same slope "
-    "agrees with it.",
-    expected="refused, with the change of log rate that the gradient claims and the true one",
+    "A form whose gradient is zero, or half of the true one",
+    why="The search ends where the wrong gradient vanishes. A convergence test with the same "
+    "gradient agrees with it.",
+    expected="Refused, with the change of log rate that the gradient predicts and the true change.",
 )
 def wrong_gradients():
     said = [
@@ -147,10 +148,10 @@ def wrong_gradients():
 
 
 @hard_case(
-    "A coefficient of the user's own, without a prior",
-    why="A look-up of defaults ends in KeyError, and a form of one's own cannot be used at all.",
-    expected="refused, naming the coefficient and what to pass; with the prior: the draws of "
-    "Modified, the same to 5 % of an sd (Monte Carlo)",
+    "A user's own coefficient without a prior",
+    why="A look-up of defaults ends in KeyError, and the user's form cannot be used.",
+    expected="Refused; the message names the coefficient and the argument to pass. With the "
+    "prior: the draws of Modified, to 5 % of an sd (Monte Carlo).",
 )
 def own_coefficient():
     said = refused(lambda: calibrated(Renamed()), rb.InputError, "renamed", "'alpha'", "priors=")
@@ -162,11 +163,11 @@ def own_coefficient():
 
 
 @hard_case(
-    "Walks too short to say anything",
-    why="Of one step there is no autocorrelation; of none a mean is 0/0; without burn-in emcee "
-    "returns no state; a threshold of NaN is never met and runs 20,000 steps.",
-    expected="no step, no burn-in, thresholds that are not positive numbers: refused; 1 to 5 "
-    "steps: not converged, and what lacks is named",
+    "Chains that are too short",
+    why="One step has no autocorrelation. With no steps a mean is 0/0. Without burn-in emcee "
+    "returns no state. A threshold of NaN is never met, and 20,000 steps run.",
+    expected="No steps, no burn-in, or thresholds that are not positive numbers: refused. 1 to 5 "
+    "steps: not converged, and the failed criteria are named.",
 )
 def too_short():
     wrong = ("n_step_max", 0), ("n_step_max", -5), ("n_burn", 0), ("n_burn", -1)
@@ -184,10 +185,10 @@ def too_short():
 
 
 @hard_case(
-    "Walkers stuck in two wells 40 sds apart",
-    why="Within each ensemble all is well: only a comparison of ensembles, or of their walkers, "
-    "shows that nobody crosses.",
-    expected="not called converged: R-hat or autocorrelation time is told",
+    "Walkers stuck in two modes 40 sds apart",
+    why="Within each ensemble everything looks right. Only a comparison of ensembles, or of their "
+    "walkers, shows that none crosses.",
+    expected="Not reported as converged; R-hat or the autocorrelation time is named.",
 )
 def stuck_apart():
     def wells(u):
@@ -208,10 +209,11 @@ def stuck_apart():
 
 
 @hard_case(
-    "Correlation 0.999999",
-    why="In the coordinates themselves every proposal misses a ridge a thousandth as wide as long.",
-    expected="sds 1, correlation 0.999999 and the sd across 1e-3 to 3 % (Monte Carlo), though "
-    "the walk is whitened by a covariance of 0.999",
+    "Correlation of 0.999999",
+    why="In the original coordinates nearly every proposal misses a ridge that is a thousand "
+    "times longer than wide.",
+    expected="sds of 1, correlation 0.999999, and the sd across the ridge 1e-3 to 3 % (Monte "
+    "Carlo), although whitening used a covariance of 0.999.",
 )
 def strongly_correlated():
     rho = 0.999999
@@ -233,10 +235,10 @@ def strongly_correlated():
 
 @hard_case(
     "Heavy tails and a hard edge",
-    why="A normal proposal hardly ever visits a Student tail; a wall at the mode cuts off half of "
-    "what is proposed, and an average of both sides ends up beyond it.",
-    expected="Student t with 3 degrees of freedom: its quartiles ± 0.7649 to 0.02; half-normal: "
-    "mean 0.7979 and sd 0.6028 to 0.02, nothing below 0 (Monte Carlo)",
+    why="A normal proposal hardly ever visits the tail of a Student t. A bound at the mode cuts "
+    "off half of the proposals, and an average of both sides falls beyond it.",
+    expected="Student t with 3 degrees of freedom: quartiles ± 0.7649 to 0.02. Half-normal: mean "
+    "0.7979 and sd 0.6028 to 0.02, and no draw below 0 (Monte Carlo).",
 )
 def tails_and_edges():
     def density(u):
@@ -256,10 +258,10 @@ def tails_and_edges():
 
 @hard_case(
     "Coefficients of 1e12 and 1e-12 in one posterior",
-    why="A covariance with entries of 1e24 and 1e-24 is singular to every solver; a step that "
-    "suits one coefficient is nothing or everything to the other.",
-    expected="in units of their own the draws and ln Z of Hybrid: 5 % of an sd (Monte Carlo), and "
-    "1e-8 plus the units' logarithms, which cancel",
+    why="A covariance with entries of 1e24 and 1e-24 is numerically singular. A step that suits "
+    "one coefficient is far too small or too large for the other.",
+    expected="In rescaled units, the draws and ln Z of Hybrid: 5 % of an sd (Monte Carlo), and "
+    "1e-8 in ln Z (the logarithms of the units cancel).",
 )
 def scales_far_apart():
     large, small = Scaled.units
@@ -279,10 +281,10 @@ def scales_far_apart():
 
 
 @hard_case(
-    "A chain file taken up again with anything else changed",
-    why="emcee appends to whatever chain is there: half the draws are then of another posterior.",
-    expected="another seed, row, prior, error model, walk or number within the form: refused, the "
-    "change named; nothing changed: the same draws to the bit",
+    "A chain file resumed after a change in the problem",
+    why="emcee appends to any chain file. Half the draws would then belong to another posterior.",
+    expected="Another seed, row, prior, error model, sampler setting or number within the form: "
+    "refused, and the change is named. Nothing changed: the same draws to the last bit.",
 )
 def resumed_with_something_else(folder):
     settings = rb.SampleSettings(n_walker=32, n_burn=20, n_step_max=40)
@@ -310,8 +312,9 @@ def resumed_with_something_else(folder):
 
 @hard_case(
     "Fifty repeats of one texture",
-    why="Replicates of one texture in many series look like many rows and fix one number alone.",
-    expected="Modified: sd of c as of all rows, sigma / (2 sqrt n) to 10 %; a power law of 1 K",
+    why="Repeats of one texture in many series look like many rows but determine only one number.",
+    expected="A power law with a single K. Its relative sd is sigma / (2 sqrt n) over all n rows, "
+    "to 10 %.",
 )
 def replicates_of_one_texture():
     frames = [ROWS(textures=THREE[:1], seed=i, series=str(i)) for i in range(50)]

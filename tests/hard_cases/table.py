@@ -1,4 +1,4 @@
-"""All hard cases, area by area, in the order of the page."""
+"""All edge cases, area by area, in the order of the page."""
 
 from tests.hard_cases import (
     determinism,
@@ -18,9 +18,9 @@ AREAS = {
     "evidence": (evidence, "Evidence"),
     "sampling": (sampling, "Sampling"),
     "prediction": (prediction, "Prediction"),
-    "files": (files, "Files from strangers"),
-    "faults": (faults, "Faults of the machine"),
-    "determinism": (determinism, "Determinism"),
+    "files": (files, "Untrusted files"),
+    "faults": (faults, "System failures"),
+    "determinism": (determinism, "Reproducibility"),
 }
 
 
