@@ -6,8 +6,7 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.checks.cross_validation import cross_validate
-from ridgebayes.checks.left_out import LEFT_OUT_COLUMNS, left_out_scores
+from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS, cross_validate, left_out_scores
 
 EFFORT = {"n_round": 2, "n_per_round": 400, "n_draw": 256}
 FORMS = (rb.Modified(), rb.Hybrid())

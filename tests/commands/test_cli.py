@@ -234,9 +234,9 @@ def test_loads__typed_wrongly_are_refused(refused, run, text):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (("--prob", "2"), ["prob: 2.0", "expected 0 < prob < 1"]),
-        (("--prob", "0"), ["prob: 0.0", "expected 0 < prob < 1"]),
-        (("--prob", "nan"), ["prob: nan", "expected 0 < prob < 1"]),
+        (("--prob", "2"), ["prob: expected 0 < prob < 1, got 2.0"]),
+        (("--prob", "0"), ["prob: expected 0 < prob < 1, got 0.0"]),
+        (("--prob", "nan"), ["prob: expected 0 < prob < 1, got nan"]),
         (("--prob", "most"), ["--prob", "number"]),
         (("--nu", "0.7"), ["nu: ", "0.7", "expected 0 <= nu <= 0.5"]),
         (("--nu", "nan"), ["nu: ", "nan", "expected 0 <= nu <= 0.5"]),
@@ -445,7 +445,7 @@ def test_generate__fields_of_the_cylinder_are_kept(command):
 
 def test_generate__fields_without_finite_elements_are_refused(refused):
     words = ("--texture", "0.06,0.02", "--fields", "found", "-o", "t.csv")
-    refused(["generate", *words], "--fields found", "expected --solver cylinder-fe")
+    refused(["generate", *words], "--fields found", "use --solver cylinder-fe")
 
 
 # --- what is done ---------------------------------------------------------------------------------

@@ -132,7 +132,7 @@ def test_coverage__that_failed_somewhere_is_written_and_says_so(command, canned)
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (("--noise", "nois"), "noise 'nois': not an error model; rule:"),
+        (("--noise", "nois"), "noise 'nois': not an error model; expected "),
         (("--noise", "iid,,step"), "--noise 'iid,,step': an empty name"),
         (("--noise", "iid,iid"), "noise: expected each once, got iid, iid"),
         (("--forms", "hybrid,cubic"), "cubic"),

@@ -10,7 +10,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS
-from ridgebayes.checks.left_out import LEFT_OUT_COLUMNS
+from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
 from ridgebayes.errors import InputError
 from ridgebayes.inference.netcdf import read_netcdf
 from ridgebayes.report import render_report, write_report

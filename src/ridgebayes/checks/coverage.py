@@ -1,15 +1,14 @@
 """How often bands contain what they claim to contain, on textures that were not fitted."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import BoolArray, FloatArray, Rng
-from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
+from ridgebayes._types import Rng
+from ridgebayes.checks.folds import EFFORT, Fold, clustered_se, folds_of, row_loads
 from ridgebayes.comparison.compare import DEFAULT_FORMS
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.posterior import Posterior
@@ -21,8 +20,6 @@ from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable
 
 PROBS = (0.5, 0.8, 0.9, 0.95, 0.99)
-# Less than `importance_posterior` takes by itself: a share of 41 rows asks for no second digit.
-EFFORT = {"n_round": 4, "n_per_round": 500, "n_draw": 640}
 COVERAGE_COLUMNS = [
     "form",
     "noise",
@@ -38,7 +35,18 @@ COVERAGE_COLUMNS = [
     "n_failed",
     "failed",
 ]
-Stage = Callable[[str], AbstractContextManager[object]]
+# Of a fold: its predicted rows and whether its fit converged, or why it failed.
+_Result = tuple[pd.DataFrame, bool] | str
+# Of each predicted row and probability.
+_ROW_COLUMNS = {
+    "fold": int,
+    "prob": float,
+    "texture": int,
+    "covered": bool,
+    "width": float,
+    "extrapolation": bool,
+}
+_NO_ROWS = pd.DataFrame(columns=list(_ROW_COLUMNS)).astype(_ROW_COLUMNS)
 
 
 def coverage(
@@ -49,7 +57,7 @@ def coverage(
     probs: Sequence[float] = PROBS,
     rng: Rng = 0,
     executor: Executor | None = None,
-    progress: Stage | None = None,
+    progress: Callable[[str], AbstractContextManager[object]] | None = None,
 ) -> pd.DataFrame:
     """Leave each texture out in turn, predict its transitions, and count those inside the bands.
 
@@ -100,22 +108,14 @@ def coverage(
         for form in forms
         for noise in (Noise.every() if noises is None else noises)
     ]
-    tasks = [_Task(fold, tuple(probs)) for _, _, folds in groups for fold in folds]
-    found: Iterator[_Found | str] = map_ordered(
-        _predicted, tasks, executor, name=lambda task: task.fold.full_name
-    )
-    frames = []
+    tasks = [(fold, tuple(probs)) for _, _, folds in groups for fold in folds]
+    found = map_ordered(_predict_fold, tasks, executor, name=lambda task: task[0].full_name)
+    rows = []
     for form, noise, folds in groups:
         with nullcontext() if progress is None else progress(f"{form.name}, {noise.name}"):
-            results = [next(found) for _ in folds]
-        failed = {
-            fold.name: result
-            for fold, result in zip(folds, results, strict=True)
-            if isinstance(result, str)
-        }
-        sound = [result for result in results if not isinstance(result, str)]
-        frames.append(_counted(form.name, noise.name, probs, sound, failed))
-    return pd.concat(frames, ignore_index=True)
+            results = [(fold.name, next(found)) for fold in folds]
+        rows += _count(form.name, noise.name, probs, results)
+    return pd.DataFrame(rows, columns=COVERAGE_COLUMNS)
 
 
 def coverage_of(
@@ -154,92 +154,66 @@ def coverage_of(
     data = Observations.from_table(everything)
     if not data.is_exact.any():
         raise InputError(f"{table.where}: no row gives a load; expected at least one transition")
-    found = _found(fit, data.take(data.is_exact), probs)
-    return _counted(fit.form.name, fit.noise.name, probs, [found], {})
+    result = _band_rows(fit, data.take(data.is_exact), probs), fit.converged
+    rows = _count(fit.form.name, fit.noise.name, probs, [("all", result)])
+    return pd.DataFrame(rows, columns=COVERAGE_COLUMNS)
 
 
-@dataclass(frozen=True, eq=False)
-class _Task:
-    fold: Fold
-    probs: tuple[float, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """Of the predicted rows, shape (n_obs,): texture, and by probability (n_prob, n_obs)."""
-
-    texture: FloatArray
-    covered: BoolArray
-    width: FloatArray
-    extrapolation: BoolArray
-    converged: bool
-
-
-def _predicted(task: _Task) -> _Found | str:
-    """Posterior a fold and predict its exact rows; the reason where that fails."""
-    fold = task.fold
+def _predict_fold(task: tuple[Fold, tuple[float, ...]]) -> _Result:
+    """Fit a fold and predict its exact rows; the reason where that fails."""
+    fold, probs = task
     try:
         fit, _ = fold.refit()
     except ComputationError as error:
         return str(error)
-    return _found(fit, fold.data.take(fold.left & fold.data.is_exact), task.probs)
+    return _band_rows(fit, fold.data.take(fold.left & fold.data.is_exact), probs), fit.converged
 
 
-def _found(fit: Posterior, data: Observations, probs: Sequence[float]) -> _Found:
-    n = len(data)
-    if n == 0:  # a texture of brackets and counts alone
-        nothing = np.empty((len(probs), 0))
-        empty = np.empty(0, dtype=bool)
-        return _Found(np.empty(0), nothing.astype(bool), nothing, empty, fit.converged)
-    load = row_loads(fit, data)
-    covered, width = np.empty((len(probs), n), dtype=bool), np.empty((len(probs), n))
-    for i, prob in enumerate(probs):
-        lower, upper = (np.log(end) for end in load.interval(prob))
-        covered[i] = (lower <= data.log_load) & (data.log_load <= upper)
-        width[i] = upper - lower
-    return _Found(data.texture.astype(float), covered, width, load.extrapolation, fit.converged)
+def _band_rows(fit: Posterior, data: Observations, probs: Sequence[float]) -> pd.DataFrame:
+    """Return columns `_ROW_COLUMNS`: a row of each observation for each probability."""
+    parts = [_NO_ROWS]
+    if len(data):  # none for a texture of brackets and counts alone
+        load = row_loads(fit, data)
+        for prob in probs:
+            lower, upper = (np.log(end) for end in load.interval(prob))
+            covered = (lower <= data.log_load) & (data.log_load <= upper)
+            columns = (0, prob, data.texture, covered, upper - lower, load.extrapolation)
+            parts.append(pd.DataFrame(dict(zip(_ROW_COLUMNS, columns, strict=True))))
+    return pd.concat(parts, ignore_index=True)
 
 
-def _counted(
-    form: str,
-    noise: str,
-    probs: Sequence[float],
-    found: Sequence[_Found],
-    failed: dict[str, str],
-) -> pd.DataFrame:
+def _count(
+    form: str, noise: str, probs: Sequence[float], results: Sequence[tuple[str, _Result]]
+) -> list[dict[str, object]]:
+    """Return a row of `COVERAGE_COLUMNS` for each probability, over the folds that did not fail."""
+    failed = [f"{name}: {result}" for name, result in results if isinstance(result, str)]
+    sound = [result for _, result in results if not isinstance(result, str)]
     # Textures of several fits are others, whatever their number within one.
-    numbered = [replace(one, texture=one.texture + 1e6 * i) for i, one in enumerate(found)]
-    rows = []
-    for i, prob in enumerate(probs):
-        covered = _joined([one.covered[i] for one in numbered])
-        texture = _joined([one.texture for one in numbered])
-        _, code = np.unique(texture, return_inverse=True)
-        n = len(covered)
-        size = np.bincount(code).astype(float)
-        inside = np.bincount(code, covered).astype(float)
-        mean = (lambda x: float(x.mean())) if n else (lambda x: np.nan)
+    frames = [_NO_ROWS] + [frame.assign(fold=i) for i, (frame, _) in enumerate(sound)]
+    everything = pd.concat(frames, ignore_index=True)
+    rows: list[dict[str, object]] = []
+    for prob in probs:
+        part = everything[everything["prob"] == prob]
+        by_texture = part.groupby(["fold", "texture"], sort=False)["covered"]
+        size, inside = (n.to_numpy().astype(float) for n in (by_texture.size(), by_texture.sum()))
         rows.append(
             {
                 "form": form,
                 "noise": noise,
                 "prob": prob,
-                "n": n,
-                "covered": int(covered.sum()),
-                "share": mean(covered),
-                "share_se": clustered_se(inside, size) / n if n else np.nan,
-                "mean_width": mean(_joined([one.width[i] for one in numbered])),
-                "share_extrapolated": mean(_joined([one.extrapolation for one in numbered])),
+                "n": len(part),
+                "covered": int(inside.sum()),
+                "share": part["covered"].mean(),
+                "share_se": clustered_se(inside, size) / len(part) if len(part) else np.nan,
+                "mean_width": part["width"].mean(),
+                "share_extrapolated": part["extrapolation"].mean(),
                 "n_texture": len(size),
-                "n_unconverged": sum(not one.converged for one in numbered),
+                "n_unconverged": sum(not converged for _, converged in sound),
                 "n_failed": len(failed),
-                "failed": "; ".join(f"{name}: {why}" for name, why in failed.items()),
+                "failed": "; ".join(failed),
             }
         )
-    return pd.DataFrame(rows, columns=COVERAGE_COLUMNS)
-
-
-def _joined(parts: Sequence[FloatArray] | Sequence[BoolArray]) -> FloatArray:
-    return np.concatenate([np.empty(0), *parts])
+    return rows
 
 
 def _check_probs(probs: Sequence[float]) -> None:

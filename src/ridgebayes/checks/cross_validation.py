@@ -1,16 +1,15 @@
-"""Cross-validation by refitting: scores of rows left out, predicted from all others."""
+"""Cross-validation by refitting: scores of what is left out, predicted from all the rest."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray, Rng
-from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
+from ridgebayes.checks.folds import EFFORT, Fold, clustered_se, folds_of, row_loads
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
 from ridgebayes.inference.diagnostics import stacking_weights
@@ -25,13 +24,23 @@ from ridgebayes.table.table import ContactTable
 
 N_CRPS = 10_240  # draws behind a CRPS; its standard error is about 1 % of a predictive sd
 _BATCH = 512  # draws at a time, so that memory stays bounded
-ROW_COLUMNS = ["fold", "a_over_R", "b_over_R", "Q", "p_over_E", "log_score", "crps", "pit"]
 FOLD_COLUMNS = ["fold", "n_row", "log_score", "log_score_se", "method", "status"]
+LEFT_OUT_COLUMNS = [
+    "form",
+    "noise",
+    "leave",
+    "n_fold",
+    "log_score",
+    "log_score_se",
+    "mean_crps",
+    "stacking_weight",
+    "failed",
+]
 
 
 @dataclass(frozen=True, eq=False)
 class CrossValidation:
-    """Scores of predictions of rows left out, by row and by fold.
+    """Scores of predictions of folds left out.
 
     Parameters
     ----------
@@ -41,17 +50,15 @@ class CrossValidation:
         Error model.
     leave : str
         What a fold leaves out: ``texture``, ``step`` or ``row``.
-    rows : pandas.DataFrame
-        Columns fold, a_over_R, b_over_R, Q, p_over_E, log_score, crps, pit, in the table's order.
-        `log_score` is each row's own predictive density, the fold's other rows unknown (of brackets
-        and counts a log probability); `crps` is of log(p/E). CRPS and PIT are of exact rows, NaN in
-        others and in folds that failed.
     folds : pandas.DataFrame
         Columns fold, n_row, log_score, log_score_se, method, status. `log_score` is the joint
         predictive density of the fold's rows, `log_score_se` its Monte Carlo error. `method`:
         ``draws``, the mean density over draws of the parameters; ``evidences``, the evidence of
         all rows over that of the rest, where offsets are sampled or the form has a coefficient
         for the left-out texture alone. `status`: ``ok`` or what the fold's posterior lacks.
+    crps : ndarray of float, shape (n_obs,), dimensionless
+        CRPS of log(p/E) of each row, in the table's order; NaN in brackets, in counts, and in folds
+        that failed.
     failures : dict of str to str
         Folds that could not be computed, and why.
 
@@ -63,8 +70,8 @@ class CrossValidation:
     form: str
     noise: Noise
     leave: str
-    rows: pd.DataFrame
     folds: pd.DataFrame
+    crps: FloatArray
     failures: dict[str, str]
 
     def __repr__(self) -> str:
@@ -84,28 +91,10 @@ class CrossValidation:
         return clustered_se(self.folds["log_score"].to_numpy(), self.folds["n_row"].to_numpy(float))
 
     @property
-    def row_elpd(self) -> float:
-        """Sum over the rows of their own log scores."""
-        return float(self.rows["log_score"].sum(skipna=False))
-
-    @property
-    def row_elpd_se(self) -> float:
-        """Standard error of `row_elpd`, of which folds are the independent units."""
-        totals = self.rows.groupby("fold", sort=False)["log_score"].agg(["sum", "size"])
-        if self.failures:
-            return math.nan
-        return clustered_se(totals["sum"].to_numpy(), totals["size"].to_numpy(float))
-
-    @property
-    def row_elpd_se_unclustered(self) -> float:
-        """The same if rows were independent, to be compared with what other programs give."""
-        scores = self.rows["log_score"].to_numpy()
-        return float(np.sqrt(len(scores) * scores.var(ddof=1)))
-
-    @property
     def mean_crps(self) -> float:
         """Mean CRPS of the exact rows, in log(p/E): 0.03 is 3 % in load."""
-        return math.nan if self.failures else float(self.rows["crps"].mean())
+        exact = self.crps[~np.isnan(self.crps)]
+        return math.nan if self.failures or not len(exact) else float(exact.mean())
 
 
 def cross_validate(
@@ -160,8 +149,8 @@ def cross_validate(
     >>> from ridgebayes.table.datafiles import CALCULIX_FE, data_path
     >>> table = rb.read_table(data_path(CALCULIX_FE))
     >>> done = cross_validate(table, rb.Modified(), leave="texture", rng=1)
-    >>> len(done.rows), len(done.folds), bool(done.elpd_se > done.folds["log_score_se"].max())
-    (8, 2, True)
+    >>> len(done.folds), bool(done.elpd_se > done.folds["log_score_se"].max())
+    (2, True)
     """
     refuse_circular(table, form)
     data, error_model, seed = Observations.from_table(table), as_noise(noise), seed_of(rng)
@@ -172,23 +161,89 @@ def cross_validate(
         nothing = np.zeros(len(data), dtype=bool)
         whole = Fold("all rows", data, nothing, form, error_model, own, effort or {})
     tasks = folds if whole is None else [*folds, whole]
-    found = list(map_ordered(_scored, tasks, executor, name=lambda fold: fold.full_name))
+    found = list(map_ordered(_score_fold, tasks, executor, name=lambda fold: fold.full_name))
     total = None if whole is None else found.pop()
-    rows = table.calibration.frame[["a_over_R", "b_over_R", "Q", "p_over_E"]]
-    rows = rows.assign(fold="", log_score=np.nan, crps=np.nan, pit=np.nan)[ROW_COLUMNS]
+    crps = np.full(len(data), np.nan)
     records, failures = [], {}
     for fold, scores in zip(folds, found, strict=True):
-        rows.loc[fold.left, "fold"] = fold.name
         record = {"fold": fold.name, "n_row": int(fold.left.sum())}
         if isinstance(scores, str):
             failures[fold.name] = scores
             records.append(record | {"method": "none", "status": scores})
-            continue
-        for name in ("log_score", "crps", "pit"):
-            rows.loc[fold.left, name] = getattr(scores, name)
-        records.append(record | _joint(scores, total))
+        else:
+            crps[fold.left] = scores.crps
+            records.append(record | _joint_score(scores, total))
     frame = pd.DataFrame(records).reindex(columns=FOLD_COLUMNS)
-    return CrossValidation(form.name, error_model, leave, rows, frame, failures)
+    return CrossValidation(form.name, error_model, leave, frame, crps, failures)
+
+
+def left_out_scores(
+    table: ContactTable,
+    forms: Sequence[Form],
+    noise: str | Noise = "iid",
+    *,
+    leaves: Sequence[str] = ("texture", "step"),
+    rng: Rng = 0,
+    executor: Executor | None = None,
+    effort: Mapping[str, int] = EFFORT,
+) -> pd.DataFrame:
+    """Score each form on textures, and on steps, that it is refitted without.
+
+    Parameters
+    ----------
+    table : ContactTable
+        Rows of role calibration and status ok are used.
+    forms : sequence of Form
+        Contact forms.
+    noise : str or Noise, optional
+        Error model of all.
+    leaves : sequence of str, optional
+        What is left out in turn: ``texture``, ``step``, ``row``. One of which the table has a
+        single one has no scores.
+    rng, executor, effort : optional
+        As for `cross_validate`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns form, noise, leave, n_fold, log_score (of all folds, each its rows jointly),
+        log_score_se, mean_crps (of log p/E), stacking_weight, failed (folds that could not be
+        fitted, and why: such a form has no scores).
+
+    Raises
+    ------
+    InputError
+        As `cross_validate` does.
+    """
+    data = Observations.from_table(table)
+    n_fold = {"texture": len(data.textures), "step": len(np.unique(data.Q)), "row": len(data)}
+    rows = []
+    for leave in leaves:
+        if n_fold.get(leave) == 1:
+            continue
+        found = {
+            form.name: cross_validate(
+                table, form, noise=noise, leave=leave, rng=rng, executor=executor, effort=effort
+            )
+            for form in forms
+        }
+        sound = any(not one.failures for one in found.values())
+        weights = stacked(found) if sound else dict.fromkeys(found, np.nan)
+        rows += [
+            [
+                name,
+                one.noise.name,
+                leave,
+                len(one.folds),
+                one.elpd,
+                one.elpd_se,
+                one.mean_crps,
+                weights[name],
+                "; ".join(f"{fold}: {why}" for fold, why in one.failures.items()),
+            ]
+            for name, one in found.items()
+        ]
+    return pd.DataFrame(rows, columns=LEFT_OUT_COLUMNS)
 
 
 def stacked(results: Mapping[str, CrossValidation]) -> dict[str, float]:
@@ -290,9 +345,7 @@ def joint_log_densities(fit: Posterior, data: Observations) -> FloatArray:
 class _Scores:
     """What a fold's own process hands back."""
 
-    log_score: FloatArray
     crps: FloatArray
-    pit: FloatArray
     joint: tuple[float, float] | None  # by draws, with its error
     evidence: LogEvidence
     status: str
@@ -306,27 +359,22 @@ def _by_draws(fold: Fold) -> bool:
     )
 
 
-def _scored(fold: Fold) -> _Scores | str:
-    """Posterior a fold and score its rows; the reason where that fails."""
+def _score_fold(fold: Fold) -> _Scores | str:
+    """Fit a fold and score its rows; the reason where that fails."""
     try:
         fit, evidence = fold.refit()
     except ComputationError as error:
         return str(error)
     status = fit.convergence_failures[0] if fit.convergence_failures else "ok"
     if not fold.left.any():
-        nothing = np.empty(0)
-        return _Scores(nothing, nothing, nothing, None, evidence, status)
+        return _Scores(np.empty(0), None, evidence, status)
     joint = _log_mean(joint_log_densities(fit, fold.data)) if _by_draws(fold) else None
-    log_score, crps, pit = row_scores(
-        fit, fold.data.take(fold.left), stream(fold.seed, "draws of a CRPS")
-    )
-    return _Scores(log_score, crps, pit, joint, evidence, status)
+    rng = stream(fold.seed, "draws of a CRPS")
+    return _Scores(row_crps(fit, fold.data.take(fold.left), rng), joint, evidence, status)
 
 
-def row_scores(
-    fit: Posterior, data: Observations, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return log score, CRPS of log(p/E) and PIT of rows, each predicted by itself.
+def row_crps(fit: Posterior, data: Observations, rng: np.random.Generator) -> FloatArray:
+    """Return the CRPS of log(p/E) of rows, each predicted by itself.
 
     Parameters
     ----------
@@ -335,35 +383,18 @@ def row_scores(
     data : Observations
         Rows that were not fitted.
     rng : numpy.random.Generator
-        Of the CRPS's draws.
+        Of the draws.
 
     Returns
     -------
-    log_score, crps, pit : ndarray of float, shape (n_obs,)
-        CRPS and PIT are NaN in brackets and counts.
+    ndarray of float, shape (n_obs,), dimensionless
+        NaN in brackets and counts.
     """
-    exact = data.is_exact
     # A count of 2 needs no load to be reached; 4 stands in its place and is not looked at.
     load = row_loads(fit, data, np.maximum(data.Q, 4))
-    df = None if load.df is None else load.df[:, None]
-    tail = fit.noise.distribution
     with np.errstate(all="ignore"):
-        high = (data.log_load - load.log_mean) / load.sd
-        each = tail.log_density(high, df) - np.log(load.sd)
-        if not exact.all():
-            after = row_loads(fit, data, data.Q + 2)
-            later = (data.log_load - after.log_mean) / after.sd
-            low = np.where(data.is_count, later, (data.log_lower - load.log_mean) / load.sd)
-            high = np.where(data.is_count & (data.Q == 2), np.inf, high)
-            # As `Rows` has it: the nearer ridge is not reached later than the further one.
-            within = tail.log_probability(np.minimum(low, high), high, df)
-            each = np.where(exact, each, within)
-        # A draw that never reaches the count has probability zero, not none.
-        each = np.where(np.isnan(each), -np.inf, each)
-        log_score = logsumexp(each, axis=0) - math.log(len(each))
         crps = crps_of_draws(np.log(load.rvs(rng, N_CRPS)), data.log_load)
-    pit = load.cdf(np.exp(data.log_load))
-    return log_score, np.where(exact, crps, np.nan), np.where(exact, pit, np.nan)
+    return np.where(data.is_exact, crps, np.nan)
 
 
 def _log_mean(log_values: FloatArray) -> tuple[float, float]:
@@ -377,22 +408,17 @@ def _log_mean(log_values: FloatArray) -> tuple[float, float]:
     )
 
 
-def _joint(scores: _Scores, total: _Scores | str | None) -> dict[str, object]:
+def _joint_score(scores: _Scores, total: _Scores | str | None) -> dict[str, object]:
     """Return a fold's joint score, its error, how it was found, and what it lacks."""
     if scores.joint is not None:
         value, se = scores.joint
-        return {
-            "log_score": value,
-            "log_score_se": se,
-            "method": "draws",
-            "status": scores.status,
-        }
+        known = {"log_score": value, "log_score_se": se}
+        return known | {"method": "draws", "status": scores.status}
     if not isinstance(total, _Scores):
         return {"method": "evidences", "status": f"all rows: {total}"}
-    status = scores.status if total.status == "ok" else f"all rows: {total.status}"
     return {
         "log_score": total.evidence.value - scores.evidence.value,
         "log_score_se": math.hypot(total.evidence.se, scores.evidence.se),
         "method": "evidences",
-        "status": status,
+        "status": scores.status if total.status == "ok" else f"all rows: {total.status}",
     }

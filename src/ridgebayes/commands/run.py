@@ -8,9 +8,9 @@ from typing import Any
 
 import pandas as pd
 
-from ridgebayes.checks.cost.short import short_costs
+from ridgebayes.checks.cost.measured import short_costs
 from ridgebayes.checks.coverage import coverage
-from ridgebayes.checks.left_out import left_out_scores
+from ridgebayes.checks.cross_validation import left_out_scores
 from ridgebayes.commands.pages import begin_figures, write_pages
 from ridgebayes.commands.parsing import parse_names
 from ridgebayes.commands.request import FitRequest, Inputs, finish

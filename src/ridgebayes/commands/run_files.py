@@ -13,7 +13,7 @@ import pandas as pd
 
 from ridgebayes.checks.cost.measured import SHORT_COLUMNS
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS
-from ridgebayes.checks.left_out import LEFT_OUT_COLUMNS
+from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
 from ridgebayes.commands.run_folder import RUN_JSON, write_csv, write_text
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
 from ridgebayes.comparison.comparison import Comparison

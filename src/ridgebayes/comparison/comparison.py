@@ -41,15 +41,15 @@ class Comparison:
     failures : dict of str to str
         Forms that could not be fitted, and why.
     left_out : pandas.DataFrame
-        Scores of each form on textures and steps left out, see `checks.left_out`; empty where
-        they were not asked for.
+        Scores of each form on textures and steps left out, see `checks.cross_validation`; empty
+        where they were not asked for.
     coverage : pandas.DataFrame
         How often the best form's bands hold textures left out, see `checks.coverage`; empty
         where it was not asked for.
     accuracy : str
         Name of the accuracy that was asked for, see `ridgebayes.inference.presets`.
     cost : pandas.DataFrame
-        What a few ways to the best form cost, see `checks.cost.short`; empty where that was
+        What a few ways to the best form cost, see `checks.cost.measured`; empty where that was
         not measured.
     """
 

@@ -16,11 +16,12 @@ from ridgebayes.model.forms import Classic, Form, Hybrid, Modified
 from ridgebayes.results import calibrate
 from ridgebayes.table.table import ContactTable
 
+_Way = tuple[str, str, Callable[[], FloatArray]]  # method, setting, what computes the loads
 _COEFFICIENTS = (3, 4, 6, 8, 12, 16)
 _EDGES = (6, 9, 12)
 _FINEST = 24
 _MOST = 3  # transitions that finite elements compute: each takes seconds
-_KNOWN = 8  # exact loads from which the law of many ridges goes on
+_SMALL_STRAIN = "half-plane, 24 coefficients"
 
 
 def load_settings(
@@ -47,58 +48,50 @@ def load_settings(
     a, b = texture
     exact = _half_plane_loads(a, b, p_max)
     Q = 4 + 2 * np.arange(len(exact))
-    settings = []
-    best, reference = exact, "half-plane, 24 coefficients"
+    best, reference = exact, _SMALL_STRAIN
     if elements:
         p_max = min(p_max, 1.02 * float(exact[min(_MOST, len(exact)) - 1]))
         best = _elements(a, b, p_max, _FINEST)
         reference = f"finite elements, finite strain, {_FINEST} edges a ridge"
         exact, Q = exact[: len(best)], Q[: len(best)]
-    calibrated = [_calibrated(table, form) for form in (Classic(), Modified(), Hybrid())]
-    for form, theta in [(form, None) for form, _ in calibrated] + calibrated:
-        printed = "printed" if theta is None else "calibrated"
-        settings.append(
-            Setting(
-                "loads",
+    forms = (Classic(), Modified(), Hybrid())
+    known: list[tuple[str, Form, FloatArray | None]]
+    known = [("printed", form, None) for form in forms]
+    known += [("calibrated", form, _coefficients(table, form)) for form in forms]
+    ways = [
+        *(
+            (
                 f"{form.name} form",
-                f"{printed} coefficients",
-                _against(best, partial(form.load, Q, a, b, theta=theta)),
-                reference,
+                f"{where} coefficients",
+                partial(form.load, Q, a, b, theta=theta),
             )
-        )
-    for n in _COEFFICIENTS:
-        settings.append(
-            Setting(
-                "small-strain loads",
-                "half-plane",
-                f"{n} coefficients a strip",
-                _against(exact, partial(_strips, a, b, len(exact), n)),
-                "half-plane, 24 coefficients",
-            )
-        )
-    settings.append(
-        Setting(
-            "loads",
-            "half-plane",
-            "tolerance 1e-8",
-            _against(best, partial(_half_plane, a, b, len(best))),
-            reference,
-        )
-    )
-    settings += _many(a, b)
-    if elements:
-        settings += [
-            Setting(
-                "loads",
+            for where, form, theta in known
+        ),
+        ("half-plane", "tolerance 1e-8", partial(_half_plane, a, b, len(best))),
+        *(
+            (
                 f"finite elements, {'finite' if finite else 'small'} strain",
                 f"{edges} edges a ridge",
-                _against(best, partial(_elements, a, b, p_max, edges, finite=finite)),
-                reference,
+                partial(_elements, a, b, p_max, edges, finite=finite),
             )
             for finite in (True, False)
             for edges in _EDGES
-        ]
-    return settings
+            if elements
+        ),
+    ]
+    small = [
+        ("half-plane", f"{n} coefficients a strip", partial(_strips, a, b, len(exact), n))
+        for n in _COEFFICIENTS
+    ]
+    return [
+        Setting(task, method, setting, _against(truth, compute), source)
+        for task, truth, source, listed in (
+            ("loads", best, reference, ways),
+            ("small-strain loads", exact, _SMALL_STRAIN, small),
+            ("100th transition", *_many(a, b)),
+        )
+        for method, setting, compute in listed
+    ]
 
 
 def _against(best: FloatArray, compute: Callable[[], FloatArray]) -> Callable[[], dict[str, float]]:
@@ -125,8 +118,8 @@ def _strips(a: float, b: float, n: int, coefficients: int) -> FloatArray:
     return solve_strips(2 * b / a, n, coefficients).F * (a + b) ** 2 / 0.75
 
 
-def _many(a: float, b: float) -> list[Setting]:
-    """List ways to the 100th transition."""
+def _many(a: float, b: float) -> tuple[FloatArray, str, list[_Way]]:
+    """Return the 100th transition, where it is from, and ways to it."""
     exact = halfplane.transition_loads(a, b, 100).F[-1:]
 
     def law(known: int) -> FloatArray:
@@ -136,26 +129,12 @@ def _many(a: float, b: float) -> list[Setting]:
     def last(coefficients: int) -> FloatArray:
         return solve_strips(2 * b / a, 100, coefficients).F[-1:]
 
-    known = (4, _KNOWN, 16, 32)
-    return [
-        Setting(
-            "100th transition",
-            "law of many ridges",
-            f"from {n} exact loads",
-            _against(exact, partial(law, n)),
-            "half-plane, tolerance 1e-8",
-        )
-        for n in known
-    ] + [
-        Setting(
-            "100th transition",
-            "half-plane",
-            f"{n} coefficients a strip",
-            _against(exact, partial(last, n)),
-            "half-plane, tolerance 1e-8",
-        )
-        for n in (3, 4, 8)
+    ways: list[_Way]
+    ways = [
+        ("law of many ridges", f"from {n} exact loads", partial(law, n)) for n in (4, 8, 16, 32)
     ]
+    ways += [("half-plane", f"{n} coefficients a strip", partial(last, n)) for n in (3, 4, 8)]
+    return exact, "half-plane, tolerance 1e-8", ways
 
 
 def _half_plane(a: float, b: float, n: int) -> FloatArray:
@@ -169,7 +148,7 @@ def _elements(a: float, b: float, p_max: float, edges: float, *, finite: bool = 
     return loads[np.isfinite(loads)]
 
 
-def _calibrated(table: ContactTable, form: Form) -> tuple[Form, FloatArray]:
-    fit = calibrate(table, form, rng=0)
-    mean = fit.summary.set_index("parameter")["mean"]
-    return form, mean.loc[list(form.parameter_names)].to_numpy(dtype=float)
+def _coefficients(table: ContactTable, form: Form) -> FloatArray:
+    """Return the posterior means of a form's coefficients."""
+    mean = calibrate(table, form, rng=0).summary.set_index("parameter")["mean"]
+    return mean.loc[list(form.parameter_names)].to_numpy(dtype=float)

@@ -2,11 +2,21 @@
 
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
+
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import best_form
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.posterior import Posterior, drawn_exactly
+from ridgebayes.scene.scene import Scene
+from ridgebayes.simulate.generation import generate
 
 COST_COLUMNS = (
     "task",
@@ -26,6 +36,9 @@ SHORT_COLUMNS = ("task", "method", "error", "cpu_s")  # of the version in a run'
 LEVELS = (0.1, 0.01, 0.001)
 _SLOW = 2.0  # seconds: what takes longer is not repeated
 _QUICK, _MANY = 0.01, 25  # seconds under which so many runs are timed, after one that is not
+_FEW, _ROUNDS = 128, {"n_round": 2, "n_per_round": 500}
+_MOST_COORDINATES = 40  # beyond, a second look takes minutes
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -141,3 +154,100 @@ def cheapest(frame: pd.DataFrame) -> list[str]:
                 f"{row['error']:.1e}."
             )
     return said
+
+
+def short_costs(comparison: Comparison, stages: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    """Measure errors and CPU seconds of a few ways to a comparison's best form.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Finished.
+    stages : sequence of dict
+        Its stages' names and times.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `SHORT_COLUMNS`. Errors of loads are the largest relative to the table's, of
+        posteriors the largest of a mean over its sd, of evidences in ln Z, against the run's own
+        numbers; of the run's own they are the Monte Carlo standard errors.
+    """
+    name = best_form(comparison) or next(iter(comparison.fits))
+    fit = comparison.fits[name]
+    rows: list[tuple[str, str, float, float]] = [*_loads(comparison, fit)]
+    if fit.model.n_coordinate <= _MOST_COORDINATES and not drawn_exactly(fit.model):
+        rows += _second_looks(comparison, fit)
+    spent = {str(stage["name"]): float(stage["cpu_s"]) for stage in stages}
+    own = (fit.summary["mcse_mean"] / fit.summary["sd"]).max()
+    rows.append(("posterior", "this run", float(own), spent.get(f"calibrate {name}", np.nan)))
+    evidence = comparison.own_evidence
+    evidence = evidence[(evidence["form"] == name) & evidence["used"]]
+    if len(evidence):
+        seconds = spent.get(f"calibrate {name}", np.nan) + spent.get(f"evidence {name}", np.nan)
+        error = float(evidence["log_evidence_se"].iloc[0])
+        rows.append(("evidence", f"this run, {evidence['method'].iloc[0]}", error, seconds))
+    return pd.DataFrame(rows, columns=list(SHORT_COLUMNS))
+
+
+def _timed(work: Callable[[], _T]) -> tuple[_T, float]:
+    began = time.process_time()
+    found = work()
+    return found, time.process_time() - began
+
+
+def _loads(comparison: Comparison, fit: Posterior) -> Iterator[tuple[str, str, float, float]]:
+    """Yield the best form and the half-plane on one calibrated texture."""
+    frame = comparison.table.calibration.frame
+    frame = frame[(frame["kind"] == "transition") & (frame["offset_over_R"] == 0)]
+    textures = list(dict.fromkeys(zip(frame["a_over_R"], frame["b_over_R"], strict=True)))
+    if not textures:
+        return
+    a, b = textures[len(textures) // 2]
+    rows = frame[(frame["a_over_R"] == a) & (frame["b_over_R"] == b)].sort_values("Q")
+    rows = rows.drop_duplicates("Q")
+    Q, p = rows["Q"].to_numpy(), rows["p_over_E"].to_numpy()
+    nu = float(rows["nu"].to_numpy()[0])
+    mean = fit.summary["mean"].to_numpy()[: fit.model.n_coefficient]
+    found, seconds = _timed(lambda: fit.form.load(Q, a, b, mean, nu))
+    what = f"{fit.form.name} form, a/R = {a:g}, b/R = {b:g}"
+    yield "loads", what, float(np.abs(found / p - 1).max()), seconds
+    scene = Scene.of([(a, b)], p_over_E=float(p.max()) * 1.5, nu=nu)
+    try:
+        table, seconds = _timed(lambda: generate(scene, solver="half-plane"))
+    except InputError:
+        return
+    loads = dict(zip(table.column("Q").tolist(), table.column("p_over_E").tolist(), strict=True))
+    apart = [abs(loads[q] / load - 1) for q, load in zip(Q.tolist(), p, strict=True) if q in loads]
+    if apart:
+        yield "loads", "half-plane, same texture", float(np.max(apart)), seconds
+
+
+def _second_looks(
+    comparison: Comparison, fit: Posterior
+) -> Iterator[tuple[str, str, float, float]]:
+    """Yield Laplace's approximation and a few importance draws."""
+    mean, sd = fit.summary["mean"].to_numpy(), fit.summary["sd"].to_numpy()
+    own = comparison.own_evidence
+    used = own[(own["form"] == fit.form.name) & own["used"]]["log_evidence"].to_numpy(float)
+    value = float(used[0]) if len(used) else np.nan
+
+    def laplace() -> tuple[float, float]:
+        found = fit_laplace(fit.model)
+        z = np.random.default_rng(fit.seed).standard_normal((4_096, found.mode.size))
+        theta = fit.model.to_theta(found.unwhiten(z)[0])
+        return float(np.abs((theta.mean(axis=0) - mean) / sd).max()), found.log_evidence
+
+    def importance() -> tuple[float, float]:
+        found, evidence = importance_posterior(fit.model, seed=fit.seed, n_draw=_FEW, **_ROUNDS)
+        off = np.abs((found.summary["mean"].to_numpy() - mean) / sd)
+        return float(off.max()), evidence.value
+
+    for method, work in (("Laplace", laplace), (f"{4 * _FEW} importance draws", importance)):
+        try:
+            (error, log_evidence), seconds = _timed(work)
+        except ComputationError:
+            continue
+        yield "posterior", method, error, seconds
+        if not np.isnan(value):
+            yield "evidence", method, abs(log_evidence - value), seconds

@@ -1,4 +1,4 @@
-"""What posteriors, evidences and bands cost, on a table and one form."""
+"""What posteriors and evidences cost, on a table and one form."""
 
 from collections.abc import Callable
 from functools import partial
@@ -22,6 +22,7 @@ from ridgebayes.table.table import ContactTable
 
 _LONG = 65_536  # draws of each proposal of the reference
 _TAIL = 0.05
+_Draws = tuple[FloatArray, FloatArray | None]  # parameters, and weights where they differ
 _WALKS = (  # moves, walkers, autocorrelation times
     ("stretch", 32, 50.0),
     ("differential evolution", 32, 50.0),
@@ -54,30 +55,28 @@ def posterior_settings(table: ContactTable, form: Form, *, seed: int = 0) -> lis
     best = _moments(all_draws(importance_posterior(model, seed=seed + 1, n_draw=_LONG)[0]))
     reference = f"importance sampling, {4 * _LONG} draws"
 
-    def sampled(n: int) -> FloatArray:
-        return all_draws(importance_posterior(model, seed=seed, n_draw=n)[0])
+    def sampled(n: int) -> _Draws:
+        return all_draws(importance_posterior(model, seed=seed, n_draw=n)[0]), None
 
-    def walked(settings: SampleSettings) -> FloatArray:
-        return all_draws(calibrate(table, form, rng=seed, settings=settings))
+    def walked(moves: str, n_walker: int, n_tau: float) -> _Draws:
+        settings = SampleSettings(n_walker=n_walker, n_tau=n_tau, tau_change=0.1, moves=moves)
+        return all_draws(calibrate(table, form, rng=seed, settings=settings)), None
 
-    def off(
-        draws: Callable[[], FloatArray | tuple[FloatArray, FloatArray]],
-    ) -> Callable[[], dict[str, float]]:
+    def off(draws: Callable[[], _Draws]) -> Callable[[], dict[str, float]]:
         def error() -> dict[str, float]:
-            drawn = draws()
-            found = _moments(*drawn) if isinstance(drawn, tuple) else _moments(drawn)
+            found = _moments(*draws())
             return {
                 name: float(np.abs((found[name] - best[name]) / best["sd"]).max()) for name in best
             }
 
         return error
 
-    def laplace() -> FloatArray:
+    def laplace() -> _Draws:
         found = fit_laplace(model)
         z = np.random.default_rng(seed).standard_normal((20_000, found.mode.size))
-        return model.to_theta(found.unwhiten(z)[0])
+        return model.to_theta(found.unwhiten(z)[0]), None
 
-    def grid(n: int) -> tuple[FloatArray, FloatArray]:
+    def grid(n: int) -> _Draws:
         """Gauss-Hermite nodes about the mode, weighted by density over normal."""
         found = fit_laplace(model)
         nodes, weights = np.polynomial.hermite_e.hermegauss(n)
@@ -89,35 +88,26 @@ def posterior_settings(table: ContactTable, form: Form, *, seed: int = 0) -> lis
         weight = np.exp(log_weight - log_weight.max())
         return model.to_theta(u), weight / weight.sum()
 
-    settings = [Setting("posterior", "Laplace", "normal at the mode", off(laplace), reference)]
-    for n in (128, 640, 2_560, 10_240):
-        settings.append(
-            Setting(
-                "posterior",
-                "importance sampling",
-                f"{4 * n} draws",
-                off(partial(sampled, n)),
-                reference,
-            )
-        )
-    settings += [
-        Setting(
-            "posterior", "quadrature", f"{n} nodes a parameter", off(partial(grid, n)), reference
-        )
-        for n in (4, 8, 16)
-    ]
-    for moves, walkers, n_tau in _WALKS:
-        length = SampleSettings(n_walker=walkers, n_tau=n_tau, tau_change=0.1, moves=moves)
-        settings.append(
-            Setting(
-                "posterior",
-                f"emcee, {moves}, 4 x {walkers} walkers",
+    ways: list[tuple[str, str, Callable[[], _Draws]]] = [
+        ("Laplace", "normal at the mode", laplace),
+        *(
+            ("importance sampling", f"{4 * n} draws", partial(sampled, n))
+            for n in (128, 640, 2_560, 10_240)
+        ),
+        *(("quadrature", f"{n} nodes a parameter", partial(grid, n)) for n in (4, 8, 16)),
+        *(
+            (
+                f"emcee, {moves}, 4 x {n_walker} walkers",
                 f"{n_tau:g} autocorrelation times",
-                off(partial(walked, length)),
-                reference,
+                partial(walked, moves, n_walker, n_tau),
             )
-        )
-    return settings
+            for moves, n_walker, n_tau in _WALKS
+        ),
+    ]
+    return [
+        Setting("posterior", method, setting, off(draws), reference)
+        for method, setting, draws in ways
+    ]
 
 
 def evidence_settings(table: ContactTable, form: Form, *, seed: int = 0) -> list[Setting]:
@@ -145,52 +135,26 @@ def evidence_settings(table: ContactTable, form: Form, *, seed: int = 0) -> list
     def nested(n: int) -> float:
         return nested_evidence(model, rng=np.random.default_rng(seed), n_live=n).value
 
-    settings = [
-        Setting(
-            "evidence",
-            "Laplace",
-            "at the mode",
-            off(lambda: fit_laplace(model).log_evidence),
-            reference,
-        )
+    ways: list[tuple[str, str, Callable[[], float]]] = [
+        ("Laplace", "at the mode", lambda: fit_laplace(model).log_evidence),
+        *(
+            ("quadrature", f"tolerance {tol:g}", partial(quadrature, tol))
+            for tol in (1e-1, 1e-2, 1e-4, 1e-6)
+        ),
+        *(
+            ("bridge, given draws", f"{n} of them", partial(bridge, n))
+            for n in (1_000, 10_000, 100_000)
+        ),
+        *(
+            ("importance sampling", f"{4 * n} draws", partial(sampled, n))
+            for n in (128, 2_560, 10_240)
+        ),
+        *(("dynesty", f"{n} live points", partial(nested, n)) for n in (50, 200)),
     ]
-    settings += [
-        Setting(
-            "evidence",
-            "quadrature",
-            f"tolerance {tol:g}",
-            off(partial(quadrature, tol)),
-            reference,
-        )
-        for tol in (1e-1, 1e-2, 1e-4, 1e-6)
+    return [
+        Setting("evidence", method, setting, off(value), reference)
+        for method, setting, value in ways
     ]
-    settings += [
-        Setting(
-            "evidence", "bridge, given draws", f"{n} of them", off(partial(bridge, n)), reference
-        )
-        for n in (1_000, 10_000, 100_000)
-    ]
-    settings += [
-        Setting(
-            "evidence",
-            "importance sampling",
-            f"{4 * n} draws",
-            off(partial(sampled, n)),
-            reference,
-        )
-        for n in (128, 2_560, 10_240)
-    ]
-    settings += [
-        Setting(
-            "evidence",
-            "dynesty",
-            f"{n} live points",
-            off(partial(nested, n)),
-            reference,
-        )
-        for n in (50, 200)
-    ]
-    return settings
 
 
 def all_draws(fit: Posterior) -> FloatArray:
@@ -202,15 +166,14 @@ def all_draws(fit: Posterior) -> FloatArray:
 def _moments(theta: FloatArray, weight: FloatArray | None = None) -> dict[str, FloatArray]:
     if weight is None:
         tail = np.quantile(theta, _TAIL, axis=0)
-        return {"mean": theta.mean(axis=0), "sd": theta.std(axis=0), "5 % quantile": tail}
-    mean = weight @ theta
-    order = np.argsort(theta, axis=0)
-    quantiles = [
-        np.interp(_TAIL, np.cumsum(weight[i]) - 0.5 * weight[i], column[i])
-        for i, column in zip(order.T, theta.T, strict=True)
-    ]
-    return {
-        "mean": mean,
-        "sd": np.sqrt(weight @ (theta - mean) ** 2),
-        "5 % quantile": np.array(quantiles),
-    }
+    else:
+        order = np.argsort(theta, axis=0)
+        tail = np.array(
+            [
+                np.interp(_TAIL, np.cumsum(weight[i]) - 0.5 * weight[i], column[i])
+                for i, column in zip(order.T, theta.T, strict=True)
+            ]
+        )
+    mean = np.average(theta, axis=0, weights=weight)
+    sd = np.sqrt(np.average((theta - mean) ** 2, axis=0, weights=weight))
+    return {"mean": mean, "sd": sd, "5 % quantile": tail}
