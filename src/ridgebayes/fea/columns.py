@@ -108,16 +108,16 @@ def read_columns(
             raise InputError(
                 f"{where}, column {use.header!r}, {use.name}: expected numbers or text"
             )
-    taken = ColumnInterpreter(cells, uses, values, is_history=bool(corners))
+    interpreter = ColumnInterpreter(cells, uses, values, is_history=bool(corners))
     if corners:
-        frame, lines, messages = taken.history(corners, brackets=brackets)
+        frame, lines, messages = interpreter.history(corners, brackets=brackets)
     elif any(use.Q is not None for use in uses):
-        frame, lines, messages = taken.wide()
+        frame, lines, messages = interpreter.wide()
     else:
-        frame, lines, messages = taken.long()
-    told = _told(taken.told, values)
+        frame, lines, messages = interpreter.long()
+    mapped = _mapping_text(interpreter.used, values)
     details = [f"sheet={sheet}"] if sheet else []
-    origin = provenance(path, "columns", *details, *([told] if told else []))
+    origin = provenance(path, "columns", *details, *([mapped] if mapped else []))
     if "source" in frame:
         own = as_text(frame["source"])
         frame["source"] = (origin + "; " + own).where(own != "", origin)
@@ -125,14 +125,14 @@ def read_columns(
         frame["source"] = origin
     ordered = [name for name in NAMES if name in frame]
     frame = frame[[*ordered, *(name for name in frame if name not in ordered)]]
-    messages = [*cells.messages, *taken.messages, *messages]
-    del cells, taken, source  # of a million rows: 0.2 GB that validating needs
+    messages = [*cells.messages, *interpreter.messages, *messages]
+    del cells, interpreter, source  # of a million rows: 0.2 GB that validating needs
     line = None if lines is None else lambda row: int(lines[row])
     table = ContactTable._validated(RawTable(frame, where, line))
     return Imported(table, (*messages, *_kept(table)))
 
 
-def _told(uses: list[Use], values: Mapping[str, str | float]) -> str:
+def _mapping_text(uses: list[Use], values: Mapping[str, str | float]) -> str:
     """Return the mapping on one line, of many columns for each Q the first."""
     own = [use for use in uses if use.name != use.header or use.unit is not None]
     first: dict[tuple[str, bool], list[Use]] = {}

@@ -46,10 +46,10 @@ class ColumnInterpreter:
         self._uses, self._values = uses, values
         self._by_key = {(use.key, use.Q): use for use in uses}
         self._is_history = is_history
-        self.told: list[Use] = []
+        self.used: list[Use] = []
         self._dimensional: dict[str, Quantity] = {}
         self.messages: list[str] = []
-        self._used: set[str] = set()
+        self._used_values: set[str] = set()
         self._checked: set[Use] = set()
 
     def long(self) -> Rows:
@@ -122,8 +122,8 @@ class ColumnInterpreter:
             if use.how == "mapped" and (wrong or use.key in ("Q", "kind", "rel_se", *LOWERS)):
                 raise InputError(
                     f"{self.where}: column {use.header!r} as {use.key} beside "
-                    f"{corners[0].header!r}; expected increments have a load, and columns of "
-                    "corners"
+                    f"{corners[0].header!r}; expected a load of each increment, and columns "
+                    "of corners"
                 )
         curve = self._curve()
         self._text(curve, "role")
@@ -135,7 +135,7 @@ class ColumnInterpreter:
         if status := self._use("status", None):
             words = as_text(self.cells.frame[status.header])
             keep = words.isin(["", OK]).to_numpy(bool)
-            self.told.append(status)
+            self.used.append(status)
             if not keep.all():
                 n = int((~keep).sum())
                 left_out.append(f"left out: {n} increments whose status is not 'ok'")
@@ -187,7 +187,7 @@ class ColumnInterpreter:
         numbers = self.cells.frame[use.header].to_numpy(dtype=float)
         if use not in self._checked:
             self._checked.add(use)
-            self.told.append(use)
+            self.used.append(use)
             self._check(use, numbers)
             how = ", a guess" if use.how == "guessed" else ""
             in_unit = f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else ""
@@ -239,9 +239,9 @@ class ColumnInterpreter:
         found = Quantity(key, np.array(number), unit, factor)
         if key in DIMENSIONS:
             self._dimensional[found.name] = found
-        if key not in self._used:
+        if key not in self._used_values:
             self.messages.append(f"{key}: {text}, as given")
-        self._used.add(key)
+        self._used_values.add(key)
         return found
 
     def _number(self, key: str, Q: int | None = None) -> FloatArray | None:
@@ -277,13 +277,13 @@ class ColumnInterpreter:
 
     def _gap(self, use: Use) -> FloatArray:
         if use.key == "status":
-            self.told.append(use)
+            self.used.append(use)
             self.messages.append(f"{use.name}: column {use.header!r}")
             gap, bad = touching(as_text(self.cells.frame[use.header]))
             self.cells.check((bad, use.header, STATUS_RULE))
             return gap
         if use.key == "pressure":
-            self.told.append(use)
+            self.used.append(use)
             self.messages.append(f"{use.name}: column {use.header!r}, contact pressure")
             numbers = self.cells.frame[use.header].to_numpy(dtype=float)
             self._check(use, numbers)
@@ -299,12 +299,12 @@ class ColumnInterpreter:
 
     def _text(self, found: dict[str, Any], key: str) -> None:
         if (use := self._use(key, None)) is not None:
-            self.told.append(use)
+            self.used.append(use)
             found[key] = as_text(self.cells.frame[use.header])
             if key != use.header:
                 self.messages.append(f"{key}: column {use.header!r}")
         elif key in self._values:
-            self._used.add(key)
+            self._used_values.add(key)
             found[key] = str(self._values[key])
             self.messages.append(f"{key}: {self._values[key]}, as given")
 
@@ -324,27 +324,27 @@ class ColumnInterpreter:
         )
 
     def _summarize(self) -> None:
-        plain = [use.header for use in self.told if use.header in NAMES and use.key == use.header]
+        plain = [use.header for use in self.used if use.header in NAMES and use.key == use.header]
         if plain:
             self.messages.insert(0, f"as their names say: {', '.join(plain)}")
         if everywhere_or_nowhere(self._dimensional.values(), self.where):
             self.messages.append("units: on all, converted exactly")
         elif self._dimensional:
             self.messages.append("units: on none, taken as one consistent system")
-        loads = [use for use in self.told if use.key == "p_over_E" and use.header != "p_over_E"]
+        loads = [use for use in self.used if use.key == "p_over_E" and use.header != "p_over_E"]
         bare = [use for use in loads if "p_over_E" not in use.header and use.how == "named"]
         if bare and ("E" in self._values or self._use("E", None) is not None):
             raise InputError(
                 f"{self.where}: column {bare[0].header!r} has no unit, beside E: p/E, pressure or "
                 "line load; name it, as --map 'p_over_E=Q=*', 'p=Q=*;kPa' or 'line=Q=*;N/mm'"
             )
-        given = set(self._values) - self._used
+        given = set(self._values) - self._used_values
         if given:
             self.messages.append(f"not needed: {', '.join(sorted(given))}")
 
     def _left(self) -> list[str]:
         """Return the columns that are nothing of the contract."""
-        used = {use.header for use in self.told}
+        used = {use.header for use in self.used}
         return [name for name in map(str, self.cells.frame) if name not in used]
 
     def _unused(self) -> list[str]:
