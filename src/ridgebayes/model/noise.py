@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ridgebayes.errors import InputError
-from ridgebayes.model.tails import TAILS, Tail, tail_named
+from ridgebayes.model.tails import TAILS, Tail
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Noise:
     @property
     def distribution(self) -> Tail:
         """The distribution of a row's own error, standardised."""
-        return tail_named(self.tail)
+        return TAILS[self.tail]
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

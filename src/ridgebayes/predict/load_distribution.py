@@ -142,20 +142,6 @@ class LoadDistribution:
         value[student] = function(StudentTail(), z[student], df)
         return value
 
-    def _extreme_quantiles(self, prob: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the lowest and the highest standardised quantile of any draw's error."""
-        if self.df is None:
-            z = ndtri(prob)
-            return z, z
-        with np.errstate(invalid="ignore"):
-            ends = [
-                NormalTail().quantile(prob, None)
-                if np.isinf(df)
-                else StudentTail().quantile(prob, df)
-                for df in (self.df.min(), self.df.max())
-            ]
-        return np.minimum(*ends), np.maximum(*ends)
-
     def _solve(self, prob: float) -> FloatArray:
         """Newton's method on the distribution function, kept inside a shrinking bracket."""
         sd = self.sd
@@ -163,15 +149,10 @@ class LoadDistribution:
         finite = np.isfinite(self.log_mean)
         mean = np.where(finite, self.log_mean, 0.0)
         share = np.maximum(self._average(finite.astype(float)), 1e-300)
-        # The finite part's quantile lies between the lowest and the highest of its draws' own.
         reached = prob / share < 1 - 5e-13
-        z_low, z_high = self._extreme_quantiles(np.minimum(prob / share, _LARGEST_PROB))
-        low = np.where(finite, mean + z_low * sd, np.inf).min(axis=0)
-        high = np.where(finite, mean + z_high * sd, -np.inf).max(axis=0)
-        low, high = np.where(reached, low, 0.0), np.where(reached, high, 0.0)
         # Beyond e^800 there are no floats: such loads are 0 or infinite.
-        low, high = (np.clip(end, -_LARGEST_LOG, _LARGEST_LOG) for end in (low, high))
-        low, high = low - 1e-9 * (1 + np.abs(low)), high + 1e-9 * (1 + np.abs(high))
+        high = np.where(reached, _LARGEST_LOG, 0.0)
+        low = -high
         centre = self._average(mean) / share
         variance = self._average(np.where(finite, (mean - centre) ** 2 + sd**2, 0.0)) / share
         y = np.clip(centre + ndtri(prob) * np.sqrt(variance), low, high)
@@ -185,7 +166,7 @@ class LoadDistribution:
                 # In its lower tail a distribution function is nearly exponential.
                 step = found * np.log(found / prob) if prob < 0.5 else excess
                 newton = y - step / self._average(density)
-            inside = (newton > low) & (newton < high)
+            inside = (newton >= low) & (newton <= high)
             new = np.where(inside, newton, 0.5 * (low + high))
             settled = np.abs(new - y)[reached].max(initial=0.0) < 1e-10
             y = new
