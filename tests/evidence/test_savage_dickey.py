@@ -52,13 +52,13 @@ def test_savage_dickey__refuses_another_prior_of_c1(paper):
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
     priors = {"c1": LogNormal(1.5, 0.1)}
     fit = calibrate(paper, Hybrid(), priors=priors, rng=1, settings=settings)
-    rule = r"prior of 'c1': LogNormal\(median=1.5, log_sd=0.1\) given; expected Modified's"
+    rule = r"prior of 'c1': expected Modified's, .*, got LogNormal\(median=1.5, log_sd=0.1\)"
     with pytest.raises(InputError, match=rule):
         savage_dickey(fit)
 
 
 def test_savage_dickey__refuses_other_forms(fits):
-    with pytest.raises(InputError, match="form 'modified' given; expected hybrid"):
+    with pytest.raises(InputError, match="form: expected hybrid, got 'modified'"):
         savage_dickey(fits["modified"])
 
 

@@ -115,7 +115,8 @@ def undefined_rates():
         refused(
             functools.partial(calibrated, Own(broken, above)),
             rb.ComputationError,
-            f"own: rate = {broken} given at c = 1.",
+            "own: rate of texture a/R = 0.012, b/R = 0.03 at c = 1.",
+            f", got {broken}",
             "a/R = 0.012",
             "expected a finite number",
         )

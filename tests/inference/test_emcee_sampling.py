@@ -198,7 +198,7 @@ def test_sample__refuses_a_density_that_is_nowhere_positive(affine):
     def nowhere(u):
         return np.full(len(u), -np.inf)
 
-    rule = "sample: no starting points of positive density; expected a feasible centre"
+    rule = "sample: expected starting points of positive density, got too few"
     with pytest.raises(InputError, match=rule):
         sample(nowhere, affine([0.0], [[1.0]]), seed=1, names=("x",), settings=SHORT)
 

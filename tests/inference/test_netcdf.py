@@ -171,7 +171,7 @@ def test_read_netcdf__refuses_a_cut_off_file(files, tmp_path):
 def test_read_netcdf__refuses_somebody_elses_file(tmp_path):
     path = tmp_path / "other.nc"
     xr.Dataset({"x": ("n", [1.0, 2.0])}).to_netcdf(path, engine="h5netcdf")
-    rule = r"other.nc: no ridgebayes_version attribute; expected written by ridgebayes"
+    rule = r"other.nc: expected written by ridgebayes, got no ridgebayes_version"
     with pytest.raises(InputError, match=rule):
         read_netcdf(path)
 

@@ -108,8 +108,8 @@ def test_repr__tells_form_numbers_and_state(fits):
 
 def test_calibrate__refuses_the_half_plane_on_rows_that_it_made(paper, fe_fits):
     rule = (
-        "41 calibration rows have solver 'half-plane'; expected the half-plane form is not "
-        "compared on rows that its own equation generated, that would be circular"
+        "41 calibration rows have solver 'half-plane'. The half-plane form is not compared on "
+        "rows that its own equation generated: that would be circular"
     )
     with pytest.raises(InputError, match=rule):
         calibrate(paper, HalfPlane())

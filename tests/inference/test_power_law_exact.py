@@ -120,14 +120,14 @@ def test_power_law_evidence__says_so_where_sigma_does_not_settle(model):
 
 
 def test_power_law_evidence__refuses_other_forms_and_priors(fits, model):
-    with pytest.raises(InputError, match="form 'hybrid' given; expected power-law"):
+    with pytest.raises(InputError, match="form: expected power-law, got 'hybrid'"):
         power_law_evidence(fits["hybrid"].model)
     # `with_priors` keeps the support, so a prior of another kind has to be put there by hand.
     for name in model.parameter_names[:-1]:
         other = model.with_priors({})
         other.priors[name] = Normal(60.0, 5.0)
         rule = (
-            rf"prior of '{re.escape(name)}': Normal\(mean=60.0, sd=5.0\) given; expected log-normal"
+            rf"prior of '{re.escape(name)}': expected log-normal, got Normal\(mean=60.0, sd=5.0\)"
         )
         with pytest.raises(InputError, match=rule):
             power_law_evidence(other)

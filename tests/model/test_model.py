@@ -220,7 +220,7 @@ def test_log_likelihood__refuses_a_form_that_has_no_rate_at_ordinary_coefficient
 
     model = Model(observations(made_up(np.random.default_rng(29))), Broken())
     theta = np.array([[1.4, 0.03], [1.6, 0.03], [1.7, 0.03]])
-    rule = rf"rate = {undefined} given at c = 1.6 for texture a/R = 0.032, b/R = 0.01; expected"
+    rule = rf"rate of texture a/R = 0.032, b/R = 0.01 at c = 1.6: expected .*, got {undefined}"
     with pytest.raises(ComputationError, match=rule):
         model.log_likelihood(theta)
     with pytest.raises(ComputationError, match=rule):
@@ -283,7 +283,7 @@ def test_model__names_parameters_and_counts_coefficients():
 
 def test_model__refuses_a_prior_that_does_not_belong():
     data = observations(made_up(np.random.default_rng(24)))
-    rule = r"prior of '{}': .* given; expected one of c, sigma, with the support of its default"
+    rule = r"prior of '{}': expected one of c, sigma, with the support of its default, got "
     with pytest.raises(InputError, match=rule.format("c1")):
         Model(data, Modified(), priors={"c1": LogNormal(1.0, 0.1)})
     with pytest.raises(InputError, match=rule.format("c")):
@@ -310,7 +310,7 @@ def test_model__refuses_a_row_that_the_form_reaches_without_load():
         np.array([np.nan]),
         np.zeros(1, bool),
     )
-    rule = "modified: a row's load is zero by this form; expected Q >= 4"
+    rule = "modified: expected Q >= 4, got a row whose load is zero by this form"
     with pytest.raises(InputError, match=rule):
         Model(data, Modified())
 

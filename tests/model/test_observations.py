@@ -52,7 +52,7 @@ def test_from_table__takes_calibration_rows_alone(paper):
 
 
 def test_from_table__refuses_a_table_with_nothing_to_fit(paper):
-    rule = r"no row with role calibration and status ok; expected at least 1"
+    rule = r"expected a row with role calibration and status ok, got none"
     with pytest.raises(InputError, match=rule):
         Observations.from_table(paper.held_out)
 

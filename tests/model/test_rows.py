@@ -199,7 +199,7 @@ def test_log_likelihood__has_the_shape_of_draws_and_rows(observed):
 
 
 def test_of__refuses_a_row_that_the_form_reaches_without_load(observed):
-    rule = "modified: a row's load is zero by this form; expected Q >= 4"
+    rule = "modified: expected Q >= 4, got a row whose load is zero by this form"
     with pytest.raises(InputError, match=rule):
         Rows.of(observed([0, 0], [4, 2], -8.0, is_count=[True, False]), Modified())
 

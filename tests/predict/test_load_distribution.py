@@ -107,7 +107,7 @@ def test_median_and_interval__are_quantiles():
 
 @pytest.mark.parametrize("bad", [0, 1, -0.5, np.nan])
 def test_quantile__refuses_what_is_no_probability_inside(bad):
-    with pytest.raises(InputError, match=rf"prob: expected 0 < prob < 1, got {bad}"):
+    with pytest.raises(InputError, match=rf"prob: expected 0 < prob < 1, .*, got {bad}"):
         mixture().quantile(bad)
 
 

@@ -91,7 +91,9 @@ def test_rvs__follows_the_probabilities_reproducibly():
 def test_seeded__passes_generators_through_and_refuses_nonsense():
     rng = np.random.default_rng(1)
     assert seeded(rng) is rng
-    with pytest.raises(InputError, match="rng: expected a non-negative integer, got -1"):
+    with pytest.raises(
+        InputError, match="rng: expected a non-negative integer or a numpy Generator, got -1"
+    ):
         seeded(-1)
 
 

@@ -61,7 +61,7 @@ def savage_dickey(fit: Posterior) -> LogEvidence:
     """
     model = fit.model
     if model.form.name != "hybrid":
-        raise InputError(f"form {model.form.name!r} given; expected hybrid")
+        raise InputError(f"form: expected hybrid, got {model.form.name!r}")
     nested = default_priors(Modified())["c"]
     if model.priors["c1"] != nested:
         raise InputError(f"prior of 'c1': expected Modified's, {nested}, got {model.priors['c1']}")

@@ -139,9 +139,8 @@ class Checkpoint:
         # Damage turns up as errors of many kinds.
         except Exception as error:
             raise InputError(
-                f"{self.path}: not a readable chain file ({one_line_message(error)}); expected "
-                "remove it, and "
-                "--resume makes it anew"
+                f"{self.path}: not a readable chain file ({one_line_message(error)}); remove it, "
+                "and --resume makes it anew"
             ) from None
         keys, rest = (arrays.pop(name) for name in _RANDOM)
         changed = [

@@ -216,9 +216,7 @@ def _start(draws: Weighted, rng: np.random.Generator, n_walker: int) -> FloatArr
     by_weight = np.unique(draws.resampled(rng, n_walker))[: n_walker // 2]
     rest = np.setdiff1d(feasible, by_weight)
     if len(by_weight) + len(rest) < n_walker:
-        raise InputError(
-            "sample: no starting points of positive density; expected a feasible centre"
-        )
+        raise InputError("sample: expected starting points of positive density, got too few")
     others = rng.permutation(rest)[: n_walker - len(by_weight)]
     return draws.z[np.concatenate([by_weight, others])]
 

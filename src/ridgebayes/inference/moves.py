@@ -228,9 +228,7 @@ def weighted(
     z = proposal.rvs(rng, n)
     target = np.concatenate([log_density(z[i : i + _BATCH]) for i in range(0, n, _BATCH)])
     if not np.isfinite(target).any():
-        raise InputError(
-            "sample: no starting points of positive density; expected a feasible centre"
-        )
+        raise InputError("sample: expected starting points of positive density, got too few")
     return Weighted(z, target, target - proposal.log_pdf(z))
 
 

@@ -151,7 +151,7 @@ def read_netcdf(path: str | os.PathLike[str]) -> Posterior:
             f"{path}: not a readable NetCDF file ({one_line_message(error)})"
         ) from None
     if "ridgebayes_version" not in tree.attrs:
-        raise InputError(f"{path}: no ridgebayes_version attribute; expected written by ridgebayes")
+        raise InputError(f"{path}: expected written by ridgebayes, got no ridgebayes_version")
     try:
         return _fit_of(tree)
     except Exception as error:

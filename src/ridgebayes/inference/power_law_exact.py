@@ -49,7 +49,7 @@ def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:
         independent normal errors.
     """
     if not isinstance(model.form, PowerLaw):
-        raise InputError(f"form {model.form.name!r} given; expected power-law")
+        raise InputError(f"form: expected power-law, got {model.form.name!r}")
     for name, prior in list(model.priors.items())[:-1]:
         if not isinstance(prior, LogNormal):
             raise InputError(f"prior of {name!r}: expected log-normal, got {prior}")
@@ -117,9 +117,8 @@ def _conditional(model: Model, texture: int, sigma: FloatArray) -> tuple[FloatAr
 def _groups(model: Model) -> RowGroups:
     if not isinstance(model.likelihood, IndependentNormalRows):
         raise InputError(
-            f"error model {model.noise.name!r} given; expected iid and exact rows, which alone "
-            "leave "
-            "the power law a closed form"
+            "error model: expected iid and exact rows, which alone leave the power law a closed "
+            f"form, got {model.noise.name!r}"
         )
     return model.likelihood.groups
 

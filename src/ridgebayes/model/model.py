@@ -78,8 +78,8 @@ class Model:
         for name, prior in (priors or {}).items():
             if name not in self.priors or prior.positive != self.priors[name].positive:
                 raise InputError(
-                    f"prior of {name!r}: {prior} given; expected one of {', '.join(self.priors)}, "
-                    "with the support of its default"
+                    f"prior of {name!r}: expected one of {', '.join(self.priors)}, with the support "
+                    f"of its default, got {prior}"
                 )
             self.priors[name] = prior
         self._joint = JointPrior(self.priors.values())
@@ -174,10 +174,10 @@ class Model:
             at = zip(self.form.parameter_names, coefficients[tuple(draw)].tolist(), strict=True)
             a, b = self.data.textures[j]
             raise ComputationError(
-                f"{self.form.name}: rate = {float(rate[(*draw, j)])} given at "
-                f"{', '.join(f'{name} = {value!r}' for name, value in at)} for texture "
-                f"a/R = {a!r}, b/R = {b!r}; expected a finite number, <= 0 where no load reaches "
-                "a further ridge"
+                f"{self.form.name}: rate of texture a/R = {a!r}, b/R = {b!r} at "
+                f"{', '.join(f'{name} = {value!r}' for name, value in at)}: expected a finite "
+                "number, <= 0 where no load reaches a further ridge, got "
+                f"{float(rate[(*draw, j)])}"
             )
 
     def log_likelihood(self, theta: FloatArray) -> FloatArray:

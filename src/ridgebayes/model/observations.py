@@ -59,7 +59,7 @@ class Observations:
         frame = rows.frame
         if frame.empty:
             raise InputError(
-                f"{table.where}: no row with role calibration and status ok; expected at least 1"
+                f"{table.where}: expected a row with role calibration and status ok, got none"
             )
         _refuse_offsets(table)
         widths = frame[["a_over_R", "b_over_R"]].to_numpy()
@@ -120,7 +120,7 @@ def _refuse_offsets(table: ContactTable) -> None:
         value = everything["offset_over_R"].tolist()[rows[0]]
         more = f" and {len(rows) - 1} more rows" if len(rows) > 1 else ""
         raise InputError(
-            f"{table.where}, row {rows[0] + 1}{more}: offset_over_R = {value!r}; expected "
+            f"{table.where}, row {rows[0] + 1}{more}: offset_over_R: expected 0, got {value!r}; "
             "this version fits centred bodies"
         )
 
@@ -132,7 +132,6 @@ def refuse_circular(table: ContactTable, form: Form) -> None:
     own = int((table.calibration.column("solver") == "half-plane").sum())
     if own:
         raise InputError(
-            f"{table.where}: {own} calibration rows have solver 'half-plane'; expected the "
-            "half-plane "
-            "form is not compared on rows that its own equation generated, that would be circular"
+            f"{table.where}: {own} calibration rows have solver 'half-plane'. The half-plane form "
+            "is not compared on rows that its own equation generated: that would be circular"
         )

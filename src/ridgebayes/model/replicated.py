@@ -51,9 +51,8 @@ def simulate_log_loads(
     theta = np.asarray(theta, dtype=float)
     if theta.shape[-1:] != (model.n_parameter,):
         raise InputError(
-            f"theta: shape {theta.shape} given; expected {model.n_parameter} parameters on the "
-            "last "
-            f"axis ({', '.join(model.parameter_names)})"
+            f"theta: expected {model.n_parameter} parameters on the last axis "
+            f"({', '.join(model.parameter_names)}), got shape {theta.shape}"
         )
     eta = theta[..., model.n_coefficient :]
     log_load = form_log_loads(model, theta) + np.zeros((n,) + (1,) * theta.ndim)

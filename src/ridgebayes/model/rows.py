@@ -55,7 +55,9 @@ class Rows:
         shape = form.shape(data.Q, a, b)
         touched = data.is_count & (data.Q == 2)
         if not np.all((shape > 0) | touched):
-            raise InputError(f"{form.name}: a row's load is zero by this form; expected Q >= 4")
+            raise InputError(
+                f"{form.name}: expected Q >= 4, got a row whose load is zero by this form"
+            )
         with np.errstate(divide="ignore"):
             log_shape = np.log(np.where(touched, 1.0, shape))
         upper = np.where(touched, np.inf, data.log_load - 2 * log_shape)

@@ -247,7 +247,9 @@ def _survival(
                 return np.stack(columns, axis=-1), average.error
     if draws.df is not None:
         return np.stack(columns, axis=-1), average.error
-    raise InputError(f"p_over_E: counts above {_LARGEST_Q} at a/R, b/R = {texture}; expected fewer")
+    raise InputError(
+        f"p_over_E: expected counts up to {_LARGEST_Q}, got more at a/R, b/R = {texture}"
+    )
 
 
 def _widest(texture: Texture) -> int:

@@ -160,7 +160,7 @@ def test_load_and_count__are_nan_at_no_rate_and_at_one_hardly_negative(rate):
 
 
 def test_count__refuses_a_rate_that_is_not_positive():
-    with pytest.raises(InputError, match=r"theta: rate <= 0; expected .* must be positive"):
+    with pytest.raises(InputError, match="theta: expected a positive rate"):
         Hybrid().count(0.01, 0.02, 0.03, [1.0, -1.0])
 
 
@@ -191,23 +191,23 @@ def test_count__is_two_at_no_load():
 
 @pytest.mark.parametrize("Q", [5, 0, -2, np.nan, 2**53 + 2])
 def test_load__refuses_odd_and_small_counts(Q):
-    with pytest.raises(InputError, match=rf"Q: expected even and at least 2, got {Q}"):
+    with pytest.raises(InputError, match=rf"Q: expected even and at least 2, .*, got {Q}"):
         Hybrid().load(Q, 0.01, 0.01)
 
 
 @pytest.mark.parametrize("bad", [0.0, -0.01, np.nan, np.inf])
 def test_load__refuses_widths_that_are_not_positive_and_finite(bad):
-    with pytest.raises(InputError, match=rf"a_over_R: expected finite and > 0, got {bad}"):
+    with pytest.raises(InputError, match=rf"a_over_R: expected finite and > 0, .*, got {bad}"):
         Hybrid().load(4, bad, 0.01)
     with pytest.raises(
-        InputError, match=rf"b_over_R: expected finite and > 0, got \[0.01, {bad}\]"
+        InputError, match=rf"b_over_R: expected finite and > 0, .*, got \[0.01, {bad}\]"
     ):
         Hybrid().load(4, 0.01, [0.01, bad])
 
 
 @pytest.mark.parametrize("bad", [-1e-9, np.nan, np.inf])
 def test_continuous_count__refuses_loads_that_are_negative_or_not_finite(bad):
-    with pytest.raises(InputError, match=rf"p_over_E: expected finite and >= 0, got {bad}"):
+    with pytest.raises(InputError, match=rf"p_over_E: expected finite and >= 0, .*, got {bad}"):
         Hybrid().continuous_count(bad, 0.01, 0.01)
 
 
@@ -222,7 +222,7 @@ def test_reduced_load__refuses_poissons_ratios_that_no_such_body_has(bad):
 
 
 def test_load__refuses_a_wrong_number_of_coefficients():
-    rule = r"hybrid: theta has 1 coefficients on its last axis; expected 2 \(c1, c2\)"
+    rule = r"hybrid: theta: expected 2 coefficients on its last axis \(c1, c2\), got 1"
     with pytest.raises(InputError, match=rule):
         Hybrid().load(4, 0.01, 0.01, [1.3])
 

@@ -101,7 +101,7 @@ def test_slope__is_that_of_the_smooth_cylinder():
 
 
 def test_load__refuses_more_pairs_than_the_solver_is_for():
-    rule = r"501 pairs asked of a/R = 0.02, b/R = 0.015; expected at most 500"
+    rule = r"a/R = 0.02, b/R = 0.015: expected at most 500 pairs, got 501"
     with pytest.raises(InputError, match=rule):
         FORM.load(2 + 2 * 501, 0.02, 0.015)
 

@@ -50,7 +50,7 @@ def test_parameter_names__tell_the_texture_by_its_label_or_widths():
 
 
 def test_load__refuses_a_texture_that_has_no_K():
-    rule = r"no K for texture a/R = 0.02, b/R = 0.01; expected only textures it was bound to"
+    rule = r"expected textures it was bound to, got one without a K, a/R = 0.02, b/R = 0.01"
     with pytest.raises(InputError, match=rule):
         FORM.load(4, [0.012, 0.02], [0.03, 0.01], K)
 

@@ -208,9 +208,7 @@ class Form(ABC):
         """
         guess = self.continuous_count(p_over_E, a_over_R, b_over_R, theta, nu)
         if np.any(np.isnan(guess)):
-            raise InputError(
-                "theta: rate <= 0; expected the rate of every texture must be positive"
-            )
+            raise InputError("theta: expected a positive rate of every texture, got one <= 0")
         if np.any(guess > 2**52):
             raise InputError(f"p_over_E: expected counts up to 2^52, got {p_over_E!r}")
         pairs, p = np.maximum(np.floor(guess / 2 - 1), 0), np.asarray(p_over_E, dtype=float)
@@ -260,14 +258,14 @@ class Form(ABC):
         values = np.atleast_1d(np.asarray(theta, dtype=float))
         if values.shape[-1] != len(self.parameter_names):
             raise InputError(
-                f"{self.name}: theta has {values.shape[-1]} coefficients on its last axis; "
-                f"expected {len(self.parameter_names)} ({', '.join(self.parameter_names)})"
+                f"{self.name}: theta: expected {len(self.parameter_names)} coefficients on its "
+                f"last axis ({', '.join(self.parameter_names)}), got {values.shape[-1]}"
             )
         beyond = ~(np.abs(values) <= LARGEST_COEFFICIENT)
         if np.any(beyond):
             raise InputError(
-                f"{self.name}: theta holds {values[beyond][0]!s}; "
-                f"expected finite, -{LARGEST_COEFFICIENT:g} to {LARGEST_COEFFICIENT:g}"
+                f"{self.name}: theta: expected finite, -{LARGEST_COEFFICIENT:g} to "
+                f"{LARGEST_COEFFICIENT:g}, got {values[beyond][0]!s}"
             )
         return values
 
@@ -286,8 +284,8 @@ def widths(a_over_R: ArrayLike, b_over_R: ArrayLike) -> tuple[FloatArray, FloatA
     for name, width in (("a_over_R", a), ("b_over_R", b)):
         if not np.all((width >= LEAST_WIDTH) & (width <= LARGEST_WIDTH)):
             raise InputError(
-                f"{name}: {width.tolist()!r} given; expected finite and > 0, "
-                f"{LEAST_WIDTH:g} to {LARGEST_WIDTH:g}"
+                f"{name}: expected finite and > 0, {LEAST_WIDTH:g} to {LARGEST_WIDTH:g}, "
+                f"got {width.tolist()!r}"
             )
     return a, b
 
@@ -297,7 +295,7 @@ def loads(p_over_E: ArrayLike) -> FloatArray:
     p = np.asarray(p_over_E, dtype=float)
     if not np.all((p >= 0) & (p <= LARGEST_LOAD)):
         raise InputError(
-            f"p_over_E: {p_over_E!r} given; expected finite and >= 0, at most {LARGEST_LOAD:g}"
+            f"p_over_E: expected finite and >= 0, at most {LARGEST_LOAD:g}, got {p_over_E!r}"
         )
     return p
 

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ridgebayes._types import FloatArray
+from ridgebayes.contact.halfplane import transition_loads
+from ridgebayes.contact.hertz import hertz_constant
 from ridgebayes.contact.scaling import REFERENCE, Texture
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.base import unique_textures
@@ -55,26 +57,21 @@ class HalfPlane(OneCoefficient):
     def slope(
         self, a_over_R: ArrayLike, b_over_R: ArrayLike, theta: ArrayLike | None = None
     ) -> FloatArray:
-        from ridgebayes.contact.hertz import hertz_constant
-
         return hertz_constant(0.5) * super().slope(a_over_R, b_over_R, theta)
 
     def _ladder(self, texture: Texture, n_transition: int) -> FloatArray:
         """Return s of transitions 0..n at c = 1 and nu = 0.5, transition 0 being first touch."""
-        from ridgebayes.contact.halfplane import transition_loads
-
         if n_transition > self.n_transition_max:
             raise InputError(
-                f"half-plane: {n_transition:.4g} pairs asked of a/R = {texture[0]}, "
-                f"b/R = {texture[1]}; "
-                f"expected at most {self.n_transition_max}"
+                f"half-plane: a/R = {texture[0]}, b/R = {texture[1]}: expected at most "
+                f"{self.n_transition_max} pairs, got {n_transition:.4g}"
             )
         result = transition_loads(texture[0], texture[1], max(n_transition, 1))
         failed = [status for status in result.status if status != "ok"]
         if failed:
             raise InputError(
-                f"half-plane: a/R = {texture[0]}, b/R = {texture[1]}: {failed[0]}; "
-                "expected every transition asked for must reach its tolerance"
+                f"half-plane: a/R = {texture[0]}, b/R = {texture[1]}: expected loads within "
+                f"their tolerance, got {failed[0]}"
             )
         pitch = texture[0] + texture[1]
         return np.concatenate([[0.0], pitch * np.sqrt(result.F / REFERENCE)])

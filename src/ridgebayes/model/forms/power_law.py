@@ -64,7 +64,7 @@ class PowerLaw(Form):
         if -1 in index:
             lost = index.index(-1)
             raise InputError(
-                f"power-law: no K for texture a/R = {a.flat[lost]}, b/R = {b.flat[lost]}; "
-                "expected only textures it was bound to"
+                "power-law: expected textures it was bound to, got one without a K, "
+                f"a/R = {a.flat[lost]}, b/R = {b.flat[lost]}"
             )
         return np.reshape(np.array(index, dtype=np.int64), a.shape)
