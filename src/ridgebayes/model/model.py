@@ -78,8 +78,8 @@ class Model:
         for name, prior in (priors or {}).items():
             if name not in self.priors or prior.positive != self.priors[name].positive:
                 raise InputError(
-                    f"prior of {name!r}: expected one of {', '.join(self.priors)}, with the support "
-                    f"of its default, got {prior}"
+                    f"prior of {name!r}: expected one of {', '.join(self.priors)}, with the "
+                    f"support of its default, got {prior}"
                 )
             self.priors[name] = prior
         self._joint = JointPrior(self.priors.values())
