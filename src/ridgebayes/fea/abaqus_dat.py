@@ -32,7 +32,7 @@ _TRAILERS = (*_EXTREMES, "AT", "TOTAL")
 class _Table:
     """One printed table: rows that are all zero are left out of it."""
 
-    line: int
+    line: Line
     nodes: str
     columns: tuple[str, ...] = ()
     rows: dict[int, tuple[float, ...]] = field(default_factory=dict)
@@ -118,7 +118,7 @@ def read_abaqus_dat(
         elif rim is None or driven is None:
             what = f"U1 and U2 of {surface}" if rim is None else f"RF2 of {reaction}"
             messages.append(f"line {one.line}: an increment without {what}: left out")
-        elif short := _short(path, rim, asked) or _short(path, driven, asked):
+        elif short := _short(rim, asked) or _short(driven, asked):
             messages.append(f"line {one.line}: {short}: left out")
         else:
             moved.append([rim.of(node, "U1", "U2") for node in run.nodes])
@@ -156,13 +156,13 @@ def _table(increment: _Increment, nodes: str, *columns: str) -> _Table | None:
     return None
 
 
-def _short(path: Path, table: _Table, asked: dict[str, set[int]]) -> str:
+def _short(table: _Table, asked: dict[str, set[int]]) -> str:
     """Return what is missing of a table, or nothing; refuse one that contradicts itself."""
     nodes = asked[table.nodes]
     if strange := table.rows.keys() - nodes:
         # Numbers of an assembly's instances are not those of the deck's parts.
-        raise InputError(
-            f"{path}, line {table.line}: node {min(strange)} is not in the deck's "
+        raise table.line.error(
+            f"node {min(strange)} is not in the deck's "
             f"{table.nodes}; expected the deck of this run, without parts and instances"
         )
     missing = len(nodes) - len(table.rows)
@@ -175,8 +175,8 @@ def _short(path: Path, table: _Table, asked: dict[str, set[int]]) -> str:
         pick = max if name == "MAXIMUM" else min
         for column, value in enumerate(printed):
             if pick(row[column] for row in found) != value:
-                raise InputError(
-                    f"{path}, line {table.line}: {table.columns[column]} of {table.nodes}: "
+                raise table.line.error(
+                    f"{table.columns[column]} of {table.nodes}: "
                     f"{name} {value:g} is not that of the rows; expected whole tables"
                 )
     return ""
@@ -225,7 +225,7 @@ class _Dat:
     def take(self, line: Line) -> None:
         """Read a line that is not blank."""
         if self._is_name:
-            self._is_name, self.table = False, _Table(line.number, line.words[0].upper())
+            self._is_name, self.table = False, _Table(line, line.words[0].upper())
             return
         for pattern, handle in self._kinds:
             if (match := pattern.match(line.text)) is not None:
@@ -254,7 +254,7 @@ class _Dat:
 
     def _title(self, line: Line, match: re.Match[str]) -> None:
         name = _ALL if match[1] else match[2].upper()
-        self._is_name, self.table = not name, _Table(line.number, name) if name else None
+        self._is_name, self.table = not name, _Table(line, name) if name else None
 
     def _header(self, line: Line, match: re.Match[str]) -> None:
         """Take the columns of a table, and go on with it if it began on the page before."""

@@ -31,7 +31,7 @@ _GAP = re.compile(r"\s{2,}")
 class _Table:
     """Nodal values of one region in one frame."""
 
-    line: int
+    line: Line
     region: str
     columns: list[str] = field(default_factory=list)
     rows: dict[int, list[float]] = field(default_factory=dict)
@@ -100,20 +100,20 @@ def read_abaqus_rpt(
     sheet = read_deck(deck) if deck is not None else None
     frames, messages = _frames(path)
     names = ["U.U1", "U.U2"] + ([] if sheet else ["COORD.COOR1", "COORD.COOR2"])
+    rims, driven = _Region(surface, sheet), _Region(reaction, sheet)
     kept: list[tuple[_Frame, _Table, float]] = []
     nodes: list[int] = []
     for one in frames:
-        rim, lacks = _pick(path, one, surface, sheet, names)
-        pushed, lack = _pick(path, one, reaction, sheet, ["RF.RF2"])
-        if rim is None or pushed is None:
-            messages.append(f"{one.name}, line {one.line}: {lacks or lack}: left out")
-            continue
-        listed = _listed(rim, surface, sheet)
-        nodes = nodes or listed
-        if missing := set(nodes) - rim.rows.keys():
-            messages.append(f"{one.name}, line {one.line}: {len(missing)} nodes missing: left out")
-            continue
-        kept.append((one, rim, _force(path, pushed, reaction, sheet)))
+        rim, lack = rims.table(one, *names)
+        forces, also = driven.table(one, "RF.RF2")
+        if rim is not None:
+            nodes = nodes or rims.nodes_of(rim)
+            if missing := set(nodes) - rim.rows.keys():
+                lack = f"{len(missing)} nodes missing"
+        if rim is None or forces is None or lack:
+            messages.append(f"{one.name}, line {one.line}: {lack or also}: left out")
+        else:
+            kept.append((one, rim, _force(forces, driven.nodes_of(forces))))
     if not kept:
         raise InputError(
             f"{path}: no frame with {', '.join(names)} and RF.RF2; expected nodal field output "
@@ -219,7 +219,7 @@ class _Report:
         if region is None:
             self.others.add(line.text.strip())
         elif self._frame is not None:
-            self._table = _Table(line.number, region[1])
+            self._table = _Table(line, region[1])
             self._frame.tables.append(self._table)
 
     def _content(self, line: Line, table: _Table) -> None:
@@ -265,55 +265,56 @@ def _add(line: Line, table: _Table, words: list[str]) -> None:
         table.digits = max(table.digits, len(mantissa.strip("+-").replace(".", "").lstrip("0")))
 
 
-def _pick(
-    path: Path, frame: _Frame, name: str | None, sheet: Deck | None, columns: list[str]
-) -> tuple[_Table | None, str]:
-    """Return the table of a region that has some columns; or else what is missing."""
-    some = [one for one in frame.tables if one.has(*columns) and one.rows and one.whole]
-    if name is not None:
-        named = [one for one in some if _is_named(one.region, name)]
-        inside = sheet is not None and name.upper() in sheet.nsets
-        some = named or (some if inside else [])
-    if not some:
-        cut = [one for one in frame.tables if one.has(*columns) and not one.whole]
-        what = f"{', '.join(columns)}" + (f" of {name}" if name else "")
-        return None, f"{what} is cut off" if cut else f"no {what}"
-    regions = {one.region for one in some}
-    if len(regions) > 1:
-        raise InputError(
-            f"{path}, line {some[-1].line}: {', '.join(columns)} of {', '.join(sorted(regions))}; "
-            "name one of these regions"
-        )
-    return some[-1], ""
+class _Region:
+    """Nodes that are asked for: a region as the report names it, a set of the deck, or any."""
+
+    def __init__(self, name: str | None, deck: Deck | None) -> None:
+        self._name = name
+        nsets = {} if deck is None else deck.nsets
+        self._nodes = list(dict.fromkeys(nsets.get((name or "").upper(), ())))
+
+    def table(self, frame: _Frame, *columns: str) -> tuple[_Table | None, str]:
+        """Return the table that has some columns; or else what is missing."""
+        some = [one for one in frame.tables if one.has(*columns) and one.rows and one.whole]
+        if self._name is not None:
+            named = [one for one in some if self._is(one.region.upper(), self._name.upper())]
+            some = named or (some if self._nodes else [])
+        if not some:
+            cut = [one for one in frame.tables if one.has(*columns) and not one.whole]
+            what = ", ".join(columns) + (f" of {self._name}" if self._name else "")
+            return None, f"{what} is cut off" if cut else f"no {what}"
+        regions = sorted({one.region for one in some})
+        if len(regions) > 1:
+            raise some[-1].line.error(
+                f"{', '.join(columns)} of {', '.join(regions)}; name one of these regions"
+            )
+        return some[-1], ""
+
+    def nodes_of(self, table: _Table) -> list[int]:
+        """Return the set's nodes, or all of the table."""
+        return self._nodes or list(table.rows)
+
+    @staticmethod
+    def _is(region: str, name: str) -> bool:
+        return region == name or region.endswith("." + name)
 
 
-def _is_named(region: str, name: str) -> bool:
-    return region.upper() == name.upper() or region.upper().endswith("." + name.upper())
-
-
-def _listed(table: _Table, name: str | None, sheet: Deck | None) -> list[int]:
-    """Return the nodes asked for: of the deck's set, or all of the region."""
-    if sheet is not None and name is not None and name.upper() in sheet.nsets:
-        return list(dict.fromkeys(sheet.nsets[name.upper()]))
-    return list(table.rows)
-
-
-def _force(path: Path, table: _Table, name: str | None, sheet: Deck | None) -> float:
+def _force(table: _Table, nodes: list[int]) -> float:
     """Return the sum of RF2, checked against a printed total and against nothing at all."""
-    nodes = [node for node in _listed(table, name, sheet) if node in table.rows]
+    nodes = [node for node in nodes if node in table.rows]
     values = table.of(nodes, "RF.RF2")[:, 0]
     force, size = math.fsum(values), math.fsum(np.abs(values))
     if len(table.total) == len(table.columns) and len(nodes) == len(table.rows):
         total = table.total[table.columns.index("RF.RF2")]
         if abs(total - force) > _AGREE * size:
-            raise InputError(
-                f"{path}, line {table.line}: RF.RF2 of {table.region} adds up to {force:.6g}, and "
-                f"the total is {total:.6g}; expected whole tables"
+            raise table.line.error(
+                f"RF.RF2 of {table.region} adds up to {force:.6g}, and the total is {total:.6g}; "
+                "expected whole tables"
             )
     if size > 0 and abs(force) < _AGREE * size:
-        raise InputError(
-            f"{path}, line {table.line}: RF.RF2 of {table.region} cancels to {force:.3g}; expected "
-            "a region of the driven nodes alone, where the load is read"
+        raise table.line.error(
+            f"RF.RF2 of {table.region} cancels to {force:.3g}; expected a region of the driven "
+            "nodes alone, where the load is read"
         )
     return force
 

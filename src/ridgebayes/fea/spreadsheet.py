@@ -148,23 +148,22 @@ def _check_archive(content: bytes, where: str) -> None:
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = archive.infolist()
-            total = sum(one.file_size for one in members)
-            if total > LARGEST:
-                raise InputError(f"{where}: unpacks to {total} bytes; expected at most {LARGEST}")
-            if total > 10**6 and total > LARGEST_RATIO * len(content):
-                raise InputError(
-                    f"{where}: unpacks to {total} bytes from {len(content)}; expected at most "
-                    f"{LARGEST_RATIO} times its size"
-                )
             parsed = [one for one in members if one.filename.lower().endswith((".xml", ".rels"))]
-            size = sum(one.file_size for one in parsed)
-            if size > LARGEST_XML:
-                raise InputError(
-                    f"{where}: {size} bytes of sheets; expected at most {LARGEST_XML}, save larger "
-                    "tables as CSV"
-                )
-            if any("vbaproject" in one.filename.lower() for one in members):
-                raise InputError(f"{where}: holds macros; expected a workbook without macros")
+            total, size = (sum(one.file_size for one in some) for some in (members, parsed))
+            most = max(10**6, LARGEST_RATIO * len(content))
+            rules = {
+                f"unpacks to {total} bytes; expected at most {LARGEST}": total <= LARGEST,
+                f"unpacks to {total} bytes from {len(content)}; expected at most {LARGEST_RATIO} "
+                "times its size": total <= most,
+                f"{size} bytes of sheets; expected at most {LARGEST_XML}, save larger tables as "
+                "CSV": size <= LARGEST_XML,
+                "holds macros; expected a workbook without macros": not any(
+                    "vbaproject" in one.filename.lower() for one in members
+                ),
+            }
+            for rule, holds in rules.items():
+                if not holds:
+                    raise InputError(f"{where}: {rule}")
             for one in parsed:
                 _check_xml(archive.read(one), one.filename, where)
     except InputError:
