@@ -82,30 +82,6 @@ def power_scaling(fit: Posterior, *, threshold: float = THRESHOLD) -> pd.DataFra
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def prior_by_prior(fit: Posterior) -> pd.DataFrame:
-    """Return the sensitivity of each parameter to the prior of each.
-
-    Parameters
-    ----------
-    fit : Posterior
-        Posterior.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns parameter, prior_of, sensitivity.
-    """
-    model, theta = fit.model, fit.draws
-    rows = [
-        {"parameter": name, "prior_of": own, "sensitivity": float(value)}
-        for i, (own, prior) in enumerate(model.priors.items())
-        for name, value in zip(
-            model.parameter_names, sensitivities(theta, prior.log_pdf(theta[:, i])), strict=True
-        )
-    ]
-    return pd.DataFrame(rows, columns=["parameter", "prior_of", "sensitivity"])
-
-
 def sensitivities(draws: FloatArray, log_component: FloatArray) -> FloatArray:
     """Return how far distributions move per doubling of a component's power, near power 1.
 

@@ -1,7 +1,6 @@
 """`ridgebayes coverage`: how often bands contain the loads of textures left out."""
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -32,74 +31,20 @@ def command(
     workers: int | None,
     scheduler: str | None,
 ) -> None:
-    """Do what the command line asks for."""
-    found = coverage_job(
-        out,
-        table=table,
-        forms=parse_names(forms),
-        noises=parse_names(noise, "--noise"),
-        seed=seed,
-        force=force,
-        workers=2 if workers is None and scheduler is None else workers,
-        scheduler=scheduler,
-    )
-    shown = found[found["prob"] == 0.9]
-    columns = ["form", "noise", "n", "covered", "share", "share_se", "mean_width"]
-    print("Bands of 90 %:")
-    print(shown[columns].to_string(index=False, float_format="{:.3f}".format))
-    print(f"{out}: {len(found)} rows; look at {out / 'coverage.png'}")
-    failed = shown[shown["n_failed"] > 0]
-    if len(failed):
-        rows = zip(failed["form"], failed["noise"], failed["failed"], strict=True)
-        raise ComputationError("\n".join(f"{form}, {name}: {why}" for form, name, why in rows))
-
-
-def coverage_job(
-    folder: Path,
-    *,
-    table: Path | None = None,
-    forms: Sequence[str] = (),
-    noises: Sequence[str] = (),
-    seed: int = 0,
-    force: bool = False,
-    workers: int | None = None,
-    scheduler: str | None = None,
-) -> pd.DataFrame:
     """Count how often bands contain transitions of textures left out, form by form.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder to make: coverage.csv, its figure as PNG and SVG, coverage.json.
-    table : Path, optional
-        Contact table; the embedded sweep if not given.
-    forms, noises : sequence of str, optional
-        Names; the four printed forms and every error model if not given.
-    seed : int, optional
-        Seed.
-    force : bool, optional
-        Whether an existing folder of this command may be replaced.
-    workers, scheduler : optional
-        As for `ridgebayes.runtime.pool.executor_for`; the numbers do not depend on them.
-
-    Returns
-    -------
-    pandas.DataFrame
-        What coverage.csv holds.
-
-    Raises
-    ------
-    InputError
-        If an argument or the table breaks a rule; nothing is written then.
+    The folder holds coverage.csv, its figure as PNG and SVG, and coverage.json.
     """
-    inputs = FitRequest(table, forms).resolve()
+    names, noises = parse_names(forms), parse_names(noise, "--noise")
+    inputs = FitRequest(table, names).resolve()
     if len(set(noises)) < len(noises):
         raise InputError(f"noise: expected each once, got {', '.join(noises)}")
     models = [Noise.named(name) for name in noises] or list(Noise.every())
+    n_worker = 2 if workers is None and scheduler is None else workers
     with (
-        new_folder(folder, force=force, about=COVERAGE_JSON) as partial,
+        new_folder(out, force=force, about=COVERAGE_JSON) as partial,
         Progress(len(inputs.forms) * len(models) + 1) as progress,
-        executor_for(workers, scheduler) as executor,
+        executor_for(n_worker, scheduler) as executor,
     ):
         found = coverage(
             inputs.table, inputs.forms, models, rng=seed, executor=executor, progress=progress.stage
@@ -113,13 +58,26 @@ def coverage_job(
             "seed": seed,
             "options": {
                 "table": str(table) if table else None,
-                "forms": list(forms),
-                "noise": list(noises),
-                "workers": workers,
+                "forms": names,
+                "noise": noises,
+                "workers": n_worker,
             },
             "table": inputs.table.where,
             "table_digest": inputs.table.digest(),
             "stages": progress.stages,
         }
         write_text(json.dumps(content, indent=2) + "\n", partial / COVERAGE_JSON)
-    return found
+    _print(found, out)
+
+
+def _print(found: pd.DataFrame, out: Path) -> None:
+    """Print the bands of 90 %; fits that failed are an error."""
+    shown = found[found["prob"] == 0.9]
+    columns = ["form", "noise", "n", "covered", "share", "share_se", "mean_width"]
+    print("Bands of 90 %:")
+    print(shown[columns].to_string(index=False, float_format="{:.3f}".format))
+    print(f"{out}: {len(found)} rows; look at {out / 'coverage.png'}")
+    failed = shown[shown["n_failed"] > 0]
+    if len(failed):
+        rows = zip(failed["form"], failed["noise"], failed["failed"], strict=True)
+        raise ComputationError("\n".join(f"{form}, {name}: {why}" for form, name, why in rows))

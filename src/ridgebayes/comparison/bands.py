@@ -1,6 +1,7 @@
 """Bands on Q and on loads as tables: what `bands.csv` and `loads.csv` hold."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,7 @@ from ridgebayes.predict.predict import KINDS, NEGLIGIBLE, mix_q, predict_load, p
 from ridgebayes.predict.q_distribution import QDistribution
 
 AVERAGE = "average"
+_Distribution = TypeVar("_Distribution", QDistribution, LoadDistribution)
 
 
 def default_loads(comparison: Comparison, n: int = 200) -> FloatArray:
@@ -68,21 +70,30 @@ def bands_table(
         raise InputError(f"prob: expected 0 < prob < 1, got {prob!r}")
     if nu is not None:
         reduced_load(1.0, nu)  # refuses a Poisson's ratio by its own value, not as an array
+    wanted = [*comparison.fits, AVERAGE] if forms is None else list(forms)
+    for name in wanted:
+        if name not in (*comparison.fits, AVERAGE):
+            fitted = ", ".join([*comparison.fits, AVERAGE])
+            raise InputError(f"form {name!r}: not in this run; expected one of {fitted}")
     chosen = comparison.table.textures if textures is None else tuple(textures)
     a, b = np.array(chosen).T[:, :, None]
-    own = _own_nu(comparison) if nu is None else {}
+    own = _nu_of_textures(comparison) if nu is None else {}
     poisson = np.array([[own.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
     p = (default_loads(comparison) if loads is None else np.asarray(loads, dtype=float))[None]
+    where = {"a_over_R": a, "b_over_R": b, "nu": poisson, "p_over_E": p}
     blocks, errors = [], []
     for kind in KINDS:
         parts = {
             name: predict_q(fit, a, b, p, nu=poisson, kind=kind, compressed=compressed)
             for name, fit in comparison.fits.items()
-            if _is_needed(name, forms)
+            if AVERAGE in wanted or name in wanted
         }
-        for name, q in _with_average(comparison, parts, forms):
-            blocks.append(_band_rows(name, comparison.noise.name, kind, a, b, poisson, p, q, prob))
-            errors.append(q.error)
+        everything = _with_average(comparison, parts, mix_q) if AVERAGE in wanted else parts
+        for name in wanted:
+            if name in everything:
+                what = {"form": name, "noise": comparison.noise.name, "kind_of_band": kind}
+                blocks.append(_band_rows(what, where, everything[name], prob))
+                errors.append(everything[name].error)
     bands = _trimmed(pd.concat(blocks, ignore_index=True))
     bands.attrs["error"] = float(np.max(errors))
     return bands
@@ -115,11 +126,7 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
                 name: predict_load(fit, a, b, q, nu=float(nu), kind=kind)  # type: ignore[arg-type]
                 for name, fit in comparison.fits.items()
             }
-            weights = [comparison.probabilities.get(name, 0.0) for name in parts]
-            everything: dict[str, LoadDistribution] = dict(parts)
-            if any(weights):
-                everything[AVERAGE] = mix_loads(list(parts.values()), weights)
-            for name, load in everything.items():
+            for name, load in _with_average(comparison, parts, mix_loads).items():
                 lower, upper = load.interval(prob)
                 blocks.append(
                     pd.DataFrame(
@@ -143,64 +150,40 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
     return pd.concat(blocks, ignore_index=True)
 
 
-def _own_nu(comparison: Comparison) -> dict[Texture, float]:
+def _nu_of_textures(comparison: Comparison) -> dict[Texture, float]:
     """Return the first Poisson's ratio that each texture has in the table."""
     rows = comparison.table.frame.drop_duplicates(["a_over_R", "b_over_R"])
     columns = (rows[name].tolist() for name in ("a_over_R", "b_over_R", "nu"))
     return {(a, b): nu for a, b, nu in zip(*columns, strict=True)}
 
 
-def _is_needed(name: str, forms: Sequence[str] | None) -> bool:
-    return forms is None or AVERAGE in forms or name in forms
-
-
 def _with_average(
-    comparison: Comparison, parts: Mapping[str, QDistribution], forms: Sequence[str] | None
-) -> Iterator[tuple[str, QDistribution]]:
-    wanted = [*parts, AVERAGE] if forms is None else list(forms)
-    for name in wanted:
-        if name == AVERAGE and not comparison.probabilities:
-            continue  # without a single evidence there is nothing to weigh by
-        if name == AVERAGE:
-            weights = [comparison.probabilities.get(form, 0.0) for form in parts]
-            yield name, mix_q(list(parts.values()), weights)
-        elif name in parts:
-            yield name, parts[name]
-        else:
-            fitted = ", ".join([*comparison.fits, AVERAGE])
-            raise InputError(f"form {name!r}: not in this run; expected one of {fitted}")
+    comparison: Comparison,
+    parts: dict[str, _Distribution],
+    mix: Callable[[Sequence[_Distribution], Sequence[float]], _Distribution],
+) -> dict[str, _Distribution]:
+    """Add the mixture of all forms, where there is an evidence to weigh them by."""
+    weights = [comparison.probabilities.get(name, 0.0) for name in parts]
+    return parts | ({AVERAGE: mix(list(parts.values()), weights)} if any(weights) else {})
 
 
 def _band_rows(
-    name: str,
-    noise: str,
-    kind: str,
-    a: FloatArray,
-    b: FloatArray,
-    nu: FloatArray,
-    p: FloatArray,
-    q: QDistribution,
-    prob: float,
+    what: dict[str, str], where: dict[str, FloatArray], q: QDistribution, prob: float
 ) -> pd.DataFrame:
     shape = q.survival.shape[:-1]
     lower, upper = q.interval(prob)
+    numbers = {
+        "q_mean": q.mean(),
+        "q_median": q.median(),
+        "q_lower": lower,
+        "q_upper": upper,
+        "prob": np.asarray(prob),
+        "extrapolation": q.extrapolation(prob),
+    } | {f"p_q_ge_{n}": q.at_least(n) for n in q.q[1:]}
     columns = {
-        "form": name,
-        "noise": noise,
-        "kind_of_band": kind,
-        "a_over_R": np.broadcast_to(a, shape).ravel(),
-        "b_over_R": np.broadcast_to(b, shape).ravel(),
-        "nu": np.broadcast_to(nu, shape).ravel(),
-        "p_over_E": np.broadcast_to(p, shape).ravel(),
-        "q_mean": q.mean().ravel(),
-        "q_median": q.median().ravel(),
-        "q_lower": lower.ravel(),
-        "q_upper": upper.ravel(),
-        "prob": prob,
-        "extrapolation": q.extrapolation(prob).ravel(),
+        name: np.broadcast_to(values, shape).ravel() for name, values in (where | numbers).items()
     }
-    tail = {f"p_q_ge_{n}": q.at_least(n).ravel() for n in q.q[1:]}
-    return pd.DataFrame(columns | tail)
+    return pd.DataFrame(what | columns)
 
 
 def _trimmed(frame: pd.DataFrame) -> pd.DataFrame:
