@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import NUMBER, Cells
 from ridgebayes.fea.column_units import (
@@ -55,9 +55,8 @@ class ColumnInterpreter:
     def long(self) -> Rows:
         """Return the rows of a table with one transition each, and the columns of its own."""
         found = self._curve()
-        found["Q"] = self._number("Q")
-        found["p_over_E"] = self._load(None)
-        self._optional(found, None)
+        found["Q"] = self._required("Q", self._number("Q"))
+        found |= {"p_over_E": self._load(None), **self._optional(None)}
         for key in ("kind", "role", "status"):
             self._text(found, key)
         left = self._left()
@@ -79,24 +78,18 @@ class ColumnInterpreter:
         single = [use for use in self._uses if use.Q is None and use.key in (*LOADS, "Q")]
         if single or not loads:
             what = f"column {single[0].header!r}" if single else "no load"
-            raise InputError(
-                f"{self.where}: {what} beside columns for each Q ({listed(u.header for u in per_Q)}"
+            raise self._error(
+                f"{what} beside columns for each Q ({listed(u.header for u in per_Q)}"
                 "); expected a load for each Q, or columns Q and load"
             )
         common = self._curve()
         for key in ("kind", "role", "status"):
             self._text(common, key)
         n = len(self.cells.frame)
-        parts: list[dict[str, FloatArray]] = []
-        for Q in loads:
-            parts.append({"p_over_E": self._load(Q)})
-            self._optional(parts[-1], Q)
-        there = set(loads)
+        parts = [{"p_over_E": self._load(Q), **self._optional(Q)} for Q in loads]
         for use in per_Q:
-            if use.Q not in there:
-                raise InputError(
-                    f"{self.where}: column {use.header!r}: no load of Q = {use.Q}; expected one"
-                )
+            if use.Q not in loads:
+                raise self._error(f"column {use.header!r}: no load of Q = {use.Q}; expected one")
         # By row of the file, and along it by Q.
         table = {
             key: np.column_stack([np.broadcast_to(part.get(key, np.nan), n) for part in parts])
@@ -104,7 +97,7 @@ class ColumnInterpreter:
         }
         row, which = np.nonzero(~np.isnan(table["p_over_E"]))
         if not row.size:
-            raise InputError(f"{self.where}: no load in any column; expected a load in some cell")
+            raise self._error("no load in any column; expected a load in some cell")
         self._summarize()
         messages = self._unused()
         if empty := n * len(loads) - row.size:
@@ -120,8 +113,8 @@ class ColumnInterpreter:
         for use in self._uses:
             wrong = use.Q is not None and use.key not in CORNERS
             if use.how == "mapped" and (wrong or use.key in ("Q", "kind", "rel_se", *LOWERS)):
-                raise InputError(
-                    f"{self.where}: column {use.header!r} as {use.key} beside "
+                raise self._error(
+                    f"column {use.header!r} as {use.key} beside "
                     f"{corners[0].header!r}; expected a load of each increment, and columns "
                     "of corners"
                 )
@@ -140,7 +133,7 @@ class ColumnInterpreter:
                 n = int((~keep).sum())
                 left_out.append(f"left out: {n} increments whose status is not 'ok'")
             if not keep.any():
-                raise InputError(f"{self.where}: no increment whose status is 'ok'")
+                raise self._error("no increment whose status is 'ok'")
         self._summarize()
         frame = self._framed(curve)[keep].reset_index(drop=True)
         # In a run the empty cells of a column are its default; NaN would tell rows apart.
@@ -150,21 +143,19 @@ class ColumnInterpreter:
 
     def _curve(self) -> dict[str, Any]:
         """Return what is constant along a curve."""
-        found: dict[str, Any] = {}
-        for key in ("a", "b"):
-            found[f"{key}_over_R"] = self._over_R(key, required=True)
-        for key, value in (("offset_over_R", self._over_R("offset")), ("nu", self._number("nu"))):
-            if value is not None:
-                found[key] = value
+        numbers = {
+            **{f"{key}_over_R": self._required(f"{key}_over_R", self._over_R(key)) for key in "ab"},
+            "offset_over_R": self._over_R("offset"),
+            "nu": self._number("nu"),
+        }
+        found: dict[str, Any] = {k: value for k, value in numbers.items() if value is not None}
         for key in ("texture", "series", "solver", "source"):
             self._text(found, key)
         return found
 
-    def _optional(self, found: dict[str, Any], Q: int | None) -> None:
-        if (lower := self._load_of(LOWERS, Q)) is not None:
-            found["p_over_E_lower"] = lower
-        if (rel_se := self._number("rel_se", Q)) is not None:
-            found["rel_se"] = rel_se
+    def _optional(self, Q: int | None) -> dict[str, FloatArray]:
+        found = {"p_over_E_lower": self._load_of(LOWERS, Q), "rel_se": self._number("rel_se", Q)}
+        return {key: value for key, value in found.items() if value is not None}
 
     def _framed(self, found: Mapping[str, Any]) -> pd.DataFrame:
         n = len(self.cells.frame)
@@ -199,20 +190,17 @@ class ColumnInterpreter:
         return found
 
     def _check(self, use: Use, numbers: FloatArray) -> None:
-        empty = np.isnan(numbers)
-        rules: list[tuple[BoolArray, str, str]] = []
-        if use.key in ("a", "b", "R", "E"):
-            rules.append((empty, use.header, "expected not empty"))
-        if use.key in ("p", "line") and self._is_history:
-            pass
-        elif use.key in _ABOVE_0:
-            rules.append((numbers <= 0, use.header, "expected above 0"))
-        elif use.key in LOWERS:
-            rules.append((numbers < 0, use.header, "expected 0 or above"))
-        elif use.key == "pressure":
-            rule = "expected 0 where open, above 0 where closed"
-            rules.append((numbers < 0, use.header, rule))
-        self.cells.check(*rules)
+        # Increments of a run may have no load yet.
+        may_be_0 = self._is_history and use.key in ("p", "line")
+        rules = (
+            ("not empty", use.key in ("a", "b", "R", "E"), np.isnan(numbers)),
+            ("above 0", use.key in _ABOVE_0 and not may_be_0, numbers <= 0),
+            ("0 or above", use.key in LOWERS, numbers < 0),
+            ("0 where open, above 0 where closed", use.key == "pressure", numbers < 0),
+        )
+        self.cells.check(
+            *((bad, use.header, f"expected {r}") for r, applies, bad in rules if applies)
+        )
 
     def _constant(self, key: str) -> Quantity | None:
         if key not in self._values:
@@ -225,15 +213,15 @@ class ColumnInterpreter:
             try:
                 to_si(text, DIMENSIONS[key])
             except InputError as error:
-                raise InputError(f"{self.where}: value {key} = {error}") from None
+                raise self._error(f"value {key} = {error}") from None
             digits = NUMBER.match(text)
             assert digits is not None
             number, unit = float(digits.group()), text[digits.end() :].strip()
         else:
-            raise InputError(f"{self.where}: value {key} = {text!r}: expected a number")
+            raise self._error(f"value {key} = {text!r}: expected a number")
         if not np.isfinite(number) or (key in _ABOVE_0 and number <= 0):
             rule = "above 0" if key in _ABOVE_0 else "finite"
-            raise InputError(f"{self.where}: value {key} = {text!r}: expected {rule}")
+            raise self._error(f"value {key} = {text!r}: expected {rule}")
         if unit:
             factor = to_si(f"1 {unit}", DIMENSIONS[key])
         found = Quantity(key, np.array(number), unit, factor)
@@ -246,24 +234,16 @@ class ColumnInterpreter:
 
     def _number(self, key: str, Q: int | None = None) -> FloatArray | None:
         found = self._quantity(key, Q)
-        if found is None and key == "Q":
-            raise self._missing("Q")
         return None if found is None else divided(found)
 
-    def _over_R(self, key: str, *, required: bool = False) -> FloatArray | None:
-        if (found := self._quantity(f"{key}_over_R")) is not None:
-            return divided(found)
-        if (length := self._quantity(key)) is None:
-            if required:
-                raise self._missing(f"{key}_over_R")
-            return None
-        return divided(length, self._needed("R", key))
+    def _over_R(self, key: str) -> FloatArray | None:
+        if (ratio := self._number(f"{key}_over_R")) is not None:
+            return ratio
+        length = self._quantity(key)
+        return None if length is None else divided(length, self._needed("R", key))
 
     def _load(self, Q: int | None) -> FloatArray:
-        found = self._load_of(LOADS, Q)
-        if found is None:
-            raise self._missing("p_over_E")
-        return found
+        return self._required("p_over_E", self._load_of(LOADS, Q))
 
     def _load_of(self, keys: tuple[str, ...], Q: int | None) -> FloatArray | None:
         ratio, pressure, line = (self._quantity(key, Q) for key in keys)
@@ -290,12 +270,9 @@ class ColumnInterpreter:
             return np.where(np.isnan(numbers), np.nan, np.where(numbers > 0, -np.inf, np.inf))
         found = self._quantity(use.key, use.Q)
         assert found is not None
-        if use.key == "gap_over_R":
-            return divided(found)
-        if (R := self._quantity("R")) is None:
-            # Only its zero counts, and how it falls: not its size.
-            return divided(found)
-        return divided(found, R)
+        R = None if use.key == "gap_over_R" else self._quantity("R")
+        # Without R: only its zero counts, and how it falls, not its size.
+        return divided(found) if R is None else divided(found, R)
 
     def _text(self, found: dict[str, Any], key: str) -> None:
         if (use := self._use(key, None)) is not None:
@@ -311,17 +288,20 @@ class ColumnInterpreter:
     def _needed(self, key: str, by: str) -> Quantity:
         if (found := self._quantity(key)) is not None:
             return found
-        raise InputError(
-            f"{self.where}: {by} needs {key}; expected a column, --map '{key}=header', or --{key}"
-        )
+        raise self._error(f"{by} needs {key}; expected a column, --map '{key}=header', or --{key}")
 
-    def _missing(self, key: str) -> InputError:
+    def _required(self, key: str, found: FloatArray | None) -> FloatArray:
+        if found is not None:
+            return found
         ways = {"a_over_R": "a", "b_over_R": "b", "p_over_E": "p, line, load"}.get(key)
         there = ", ".join(map(repr, list(self.cells.frame)[:50]))
-        return InputError(
-            f"{self.where}: no column is {key}{f' (or {ways})' if ways else ''}; the columns are "
-            f"{there}; use --map '{key}=header' for one that means it"
+        raise self._error(
+            f"no column is {key}{f' (or {ways})' if ways else ''}; the columns are {there}; use "
+            f"--map '{key}=header' for one that means it"
         )
+
+    def _error(self, message: str) -> InputError:
+        return InputError(f"{self.where}: {message}")
 
     def _summarize(self) -> None:
         plain = [use.header for use in self.used if use.header in NAMES and use.key == use.header]
@@ -334,8 +314,8 @@ class ColumnInterpreter:
         loads = [use for use in self.used if use.key == "p_over_E" and use.header != "p_over_E"]
         bare = [use for use in loads if "p_over_E" not in use.header and use.how == "named"]
         if bare and ("E" in self._values or self._use("E", None) is not None):
-            raise InputError(
-                f"{self.where}: column {bare[0].header!r} has no unit, beside E: p/E, pressure or "
+            raise self._error(
+                f"column {bare[0].header!r} has no unit, beside E: p/E, pressure or "
                 "line load; name it, as --map 'p_over_E=Q=*', 'p=Q=*;kPa' or 'line=Q=*;N/mm'"
             )
         given = set(self._values) - self._used_values
