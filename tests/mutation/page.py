@@ -1,7 +1,7 @@
-"""Writes docs/mutation.md from what the runs found and from the reasons given for survivors.
+"""Writes docs/mutation.md from the results of the runs and the reasons given for survivors.
 
-``python -m tests.mutation.page`` from the repository's root. Reasons stand in
-`docs/mutation/survivors.csv`; a survivor without one ends it.
+``python -m tests.mutation.page`` from the repository's root. `docs/mutation/survivors.csv`
+holds the reasons. A survivor without one is an error.
 """
 
 import csv
@@ -16,15 +16,18 @@ from tests.mutation.results import ROOT, Result, read, totals
 PAGE = ROOT / "docs" / "mutation.md"
 REASONS = ROOT / "docs" / "mutation" / "survivors.csv"
 CORE = {
-    "forms": ("forms.",),
+    "forms": ("model.forms.",),
     "likelihood": (
-        *("likelihood", "rows", "independent", "integrated", "observations", "noise", "priors"),
-        *("offsets", "laplace"),
+        *("model.model", "model.rows", "model.likelihood", "model.observations", "model.noise"),
+        *("model.priors", "model.shared_offsets", "inference.laplace"),
     ),
-    "evidence": ("evidence.",),
+    "evidence": (
+        *("evidence.", "inference.log_evidence", "inference.power_law_exact"),
+        "tests.validation.thermodynamic",
+    ),
     "half-plane": ("contact.",),
 }
-NEEDLESS = ("no difference", "speed only", "form of a record")
+NEEDLESS = ("no difference", "speed only", "record type only")
 
 
 def reasons() -> dict[tuple[str, str, int], tuple[str, str]]:
@@ -68,7 +71,9 @@ def by_module(results: Sequence[Result]) -> str:
             rows.append(row_of(f"`{module}`", [r for r in of_part if r.module == module], size))
         rows.append(row_of(f"**{part}**", of_part, size))
     rows.append(row_of("**all**", results, size))
-    return table(("module", "mutants", "tried", "killed", "timed out", "survived", "noticed"), rows)
+    return table(
+        ("module", "mutants", "tried", "killed", "timed out", "survived", "detected"), rows
+    )
 
 
 def row_of(name: str, results: Sequence[Result], size: dict[str, int]) -> list[object]:
@@ -106,9 +111,9 @@ def survivors(results: Sequence[Result]) -> tuple[str, str, str]:
     needless = sum(kinds[kind] for kind in NEEDLESS)
     rest = len(results) - needless
     return (
-        f"Of the {len(results)} mutants {needless} survivors change no result, whatever the test "
-        f"({', '.join(NEEDLESS)}): of the {rest} others {100 * noticed(results) / rest:.1f} % are "
-        "noticed.",
+        f"Of the {len(results)} mutants, {needless} survive because they change no result "
+        f"({', '.join(NEEDLESS)}). Of the other {rest}, {100 * noticed(results) / rest:.1f} % are "
+        "detected.",
         table(("kind", "survivors"), kinds.most_common()),
         table(("where", "change", "kind", "reason"), lines),
     )
@@ -119,7 +124,7 @@ def text() -> str:
     results = read()
     head = REASONS.with_name("head.md").read_text(encoding="utf-8")
     others, kinds, lines = survivors(results)
-    parts = [head.strip(), "## Score", by_module(results), others, "## What survives", kinds, lines]
+    parts = [head.strip(), "## Score", by_module(results), others, "## Survivors", kinds, lines]
     return "\n\n".join(parts) + "\n"
 
 

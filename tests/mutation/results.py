@@ -38,7 +38,8 @@ class Result:
 
 def path_of(module: str) -> Path:
     """Return the file of a module named as in `modules.toml`."""
-    return ROOT / "src" / "ridgebayes" / f"{module.replace('.', '/')}.py"
+    above = ROOT if module.startswith("tests.") else ROOT / "src" / "ridgebayes"
+    return above / f"{module.replace('.', '/')}.py"
 
 
 def state_of(module: str) -> str:

@@ -161,7 +161,8 @@ def mutate(module: str, chosen: list[Mutant], workers: int, tell: Callable[[Resu
                 source, note = mutant.source(original), folder / str(len(waiting))
                 if mutant.is_none(original, source):
                     continue
-                replaced = Replaced(f"ridgebayes.{module}", path_of(module), source)
+                name = module if module.startswith("tests.") else f"ridgebayes.{module}"
+                replaced = Replaced(name, path_of(module), source)
                 process = begin(tests, known, note, limit, replaced)
                 running[process] = mutant, note, mutant.change(original, source)
             process, status, used = os.wait3(0)
