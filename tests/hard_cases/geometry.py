@@ -13,9 +13,9 @@ from ridgebayes.contact import hertz
 from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.loadtable import HalfPlaneLoads
+from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.contact.scaling import reduced_load
-from ridgebayes.contact.sliding import sliding_counts
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
@@ -512,20 +512,22 @@ def ties_of_symmetric_ridges():
 @hard_case(
     "A sliding body: counts averaged over the offset",
     why="The average passes through both symmetric positions, where two events have the same load.",
-    expected="The mean and standard deviation of the counts of separate contact solutions, at "
-    "each load and 4 offsets (exact counts; rounding).",
+    expected="The mean over 32 offsets of the counts that the transition loads of each offset "
+    "give (exact counts; rounding).",
 )
 def sliding_over_ties():
-    p, n = np.array([2e-5, 5e-4, 0.004]), 4
-    mean, sd = sliding_counts(Profile(0.022, 0.02), load_factor(0.5) * p, n_offset=n)
-    counts = []
-    for i in range(n):
-        texture = Texture(a_over_R=0.022, b_over_R=0.02, offset=(i + 0.5) / (2 * n))
-        found = rb.contact_at_loads(rb.Scene(textures=(texture,)), p, solver="half-plane")
-        counts.append(found["Q"].tolist())
-    np.testing.assert_allclose(mean, np.mean(counts, axis=0), rtol=1e-14)
-    np.testing.assert_allclose(sd, np.std(counts, axis=0), rtol=1e-12, atol=1e-14)
-    return f"means {', '.join(f'{x:g}' for x in mean)} of {n} offsets at 3 loads"
+    p = np.array([2e-5, 5e-4, 0.004])
+    texture = Texture(a_over_R=0.022, b_over_R=0.02, offset="uniform")
+    found = rb.contact_at_loads(rb.Scene(textures=(texture,)), p, solver="half-plane")["Q"]
+    W, counts = load_factor(0.5) * p, []
+    for i in range(32):
+        events = reaching_loads(
+            Profile(0.022, 0.02, offset=(i + 0.5) / 64), W_max=float(W[-1]), rel_tol=1e-5
+        )
+        at = np.searchsorted(events.W, W, side="right")
+        counts.append(np.concatenate([[events.Q[0] - 1], events.Q])[at])
+    np.testing.assert_allclose(found, np.mean(counts, axis=0), rtol=1e-14)
+    return f"means {', '.join(f'{x:g}' for x in found)} of 32 offsets at 3 loads"
 
 
 @hard_case(

@@ -1,6 +1,7 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from ridgebayes.contact import halfplane, hertz
@@ -139,6 +140,80 @@ def test_a_texture_no_solve_can_serve_does_not_vanish():
 def test_what_hertz_cannot_simulate_is_refused(scene, said):
     with pytest.raises(InputError, match=rf"textures\[1\]: {said}: is not simulated by 'hertz'"):
         generate(scene, solver="hertz")
+
+
+def test_small_strain_of_the_whole_cylinder_is_that_of_another_code():
+    reference = read_table(data_path("fea/small_strain.csv")).frame
+    reference = reference[
+        (reference["solver"] == "small-strain half disk")
+        & (reference["nu"] == 0.49)
+        & (reference["a_over_R"] == 0.032)
+        & (reference["p_over_E"] < 0.01)
+    ]
+    scene = Scene.of([(0.032, 0.01)], p_over_E=0.01, nu=0.49)
+    frame = generate(scene, solver="cylinder-linear", accuracy="quick").frame
+    assert frame["Q"].tolist() == reference["Q"].tolist() == [4, 6, 8]
+    # Reference: 0.05 %; discretisation: as rel_se says.
+    np.testing.assert_allclose(frame["p_over_E"], reference["p_over_E"], rtol=4.5e-3)
+    assert set(frame["rel_se"]) == {4e-3}
+    assert set(frame["solver"]) == {"cylinder-linear"}
+    assert frame["source"].str.endswith("cylinder-linear effects=ridges+finite-body").all()
+
+
+def test_small_strain_of_the_whole_cylinder_is_refused_where_it_knows_too_little():
+    for changed, said in (({"offset": 0.25}, "offset"), ({"corner_radius_over_R": 1e-3}, "corner")):
+        with pytest.raises(InputError, match=f"{said}.*: is not simulated by 'cylinder-linear'"):
+            generate(scene_with(**changed), solver="cylinder-linear")
+    with pytest.raises(InputError, match="edges within reach; expected at most 2500"):
+        generate(Scene.of([(0.001, 0.001)]), solver="cylinder-linear")
+    with pytest.raises(InputError, match=r"no transition under p/E = 0\.0005"):
+        generate(
+            Scene.of([(0.06, 0.09)], p_over_E=5e-4), solver="cylinder-linear", accuracy="quick"
+        )
+
+
+MANY = Scene.of([(0.02 + 1e-5 * i, 0.03 - 1e-5 * i) for i in range(201)], p_over_E=0.01)
+
+
+def test_many_textures_share_one_function_of_their_ratio(monkeypatch):
+    table = generate(MANY)
+    asked = []
+    solve = halfplane.transition_loads
+    monkeypatch.setattr(
+        halfplane,
+        "transition_loads",
+        lambda *given, **how: asked.append(given) or solve(*given, **how),
+    )
+    generate(MANY)
+    assert not asked
+    # One texture less is solved for texture by texture.
+    fewer = MANY.model_copy(update={"textures": MANY.textures[1:]})
+    alone = generate(fewer).frame
+    assert len(asked) >= 200
+    frame = table.frame[table.frame["a_over_R"] != 0.02].reset_index(drop=True)
+    same = [name for name in frame.columns if name != "p_over_E"]
+    pd.testing.assert_frame_equal(frame[same], alone[same])
+    # Discretisation: a tenth of the default tolerance.
+    np.testing.assert_allclose(frame["p_over_E"], alone["p_over_E"], rtol=1e-9)
+
+
+@pytest.mark.parametrize("update", [{"relative": 0.5}, {"nu": 0.3}])
+def test_many_textures_keep_their_tolerance(update):
+    scene = MANY.model_copy(update=update)
+    some = scene.model_copy(update={"textures": scene.textures[::67]})
+    frame, alone = generate(scene).frame, generate(some).frame
+    frame = frame[frame["a_over_R"].isin(alone["a_over_R"])]
+    np.testing.assert_allclose(frame["p_over_E"], alone["p_over_E"], rtol=1e-9)  # as above
+
+
+def test_many_textures_that_no_function_serves_are_solved_for_one_by_one():
+    unlike = Scene.of(
+        [*[(0.02 + 1e-5 * i, 0.03) for i in range(200)], (0.03, 1e-12)], p_over_E=0.005
+    )
+    frame = generate(unlike).frame
+    assert frame["p_over_E"].isna().any()
+    tight = generate(MANY, rel_tol=1e-15).frame
+    assert tight["status"].str.startswith("not converged").any()
 
 
 def test_friction_that_changes_loads_is_refused_on_a_half_plane():

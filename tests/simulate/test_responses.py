@@ -3,10 +3,12 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from ridgebayes.contact.contact_solution import solve_contact
+from ridgebayes.contact.contact_solution import load_factor, solve_contact
 from ridgebayes.contact.halfplane import transition_loads
+from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.scene.scene import Scene, Texture
@@ -80,5 +82,51 @@ def test_contact_at_loads__refuse_bad_input():
             contact_at_loads(scene_with(), loads)
     with pytest.raises(InputError, match="expected auto or half-plane"):
         contact_at_loads(scene_with(), [0.01], solver="hertz")
-    with pytest.raises(InputError, match="sliding_counts"):
-        contact_at_loads(scene_with(offset="uniform"), [0.01])
+    with pytest.raises(InputError, match="offset = 'uniform'; expected a number"):
+        ridge_forces(scene_with(offset="uniform"), [0.01])
+
+
+OFFSETS = (np.arange(32) + 0.5) / 64
+
+
+def test_contact_at_loads__of_a_uniform_offset_counts_the_events_at_every_offset():
+    p = np.array([2e-4, 3e-3])
+    found = contact_at_loads(scene_with(offset="uniform"), p, solver="half-plane")
+    W, counts = load_factor(0.5) * p, []
+    for offset in OFFSETS:
+        events = reaching_loads(Profile(A, B, offset=offset), W_max=W.max(), rel_tol=1e-5)
+        at = np.searchsorted(events.W, W, side="right")
+        counts.append(np.concatenate([[events.Q[0] - 1], events.Q])[at])
+    np.testing.assert_allclose(found["Q"], np.mean(counts, axis=0), rtol=1e-12)  # algebra
+    assert set(found["status"]) == {"ok"}
+
+
+def test_contact_at_loads__of_a_uniform_offset_are_means():
+    found = contact_at_loads(scene_with(offset="uniform"), [0.002], solver="half-plane")
+    each = pd.concat(
+        contact_at_loads(scene_with(offset=offset), [0.002], solver="half-plane")
+        for offset in OFFSETS.tolist()
+    )
+    numbers = found.columns[1:-1].tolist()
+    assert found["approach_over_R"].iloc[0] != each["approach_over_R"].iloc[0]
+    np.testing.assert_allclose(found[numbers].iloc[0], each[numbers].mean(), rtol=1e-12)  # algebra
+    planned = contact_at_loads(scene_with(offset="uniform"), [0.002])
+    pd.testing.assert_frame_equal(planned, found)
+
+
+def test_contact_at_loads__of_a_uniform_offset_where_a_floor_alone_is_touched():
+    scene = scene_with(offset="uniform", groove_depth_over_R=5e-5)
+    W = 1e-6
+    found = contact_at_loads(scene, [W / load_factor(0.5)], solver="half-plane")["Q"].iloc[0]
+    counts = [solve_contact(Profile(A, B, depth=5e-5, offset=o), W).Q for o in OFFSETS]
+    assert 0 in counts
+    assert found == pytest.approx(np.mean(counts), abs=1e-12)  # algebra
+
+
+def test_contact_at_loads__of_fine_ridges_anywhere_are_the_contact_over_the_pitch():
+    # Many ridges: a contact of width 2 w touches (2 w + a) over the pitch of them on average. It is
+    # wider than Hertz's by its edge constant, a fraction of a pitch on either side.
+    a, W = 0.002, 0.5 * 0.05**2
+    scene = Scene(textures=(Texture(a_over_R=a, b_over_R=a, offset="uniform"),))
+    found = contact_at_loads(scene, [W / load_factor(0.5)], solver="half-plane", rel_tol=1e-4)
+    assert found["Q"].iloc[0] == pytest.approx((2 * math.sqrt(2 * W) + a) / (2 * a), abs=1.0)

@@ -101,7 +101,9 @@ def generate(
     ] = None,
     p_max: Annotated[float, typer.Option(help="Highest load p/E, with --texture.")] = 0.02,
     nu: Annotated[float, typer.Option(help="Poisson's ratio, with --texture.")] = 0.5,
-    solver: Annotated[str, typer.Option(help="auto, hertz, half-plane or cylinder-fe.")] = "auto",
+    solver: Annotated[
+        str, typer.Option(help="auto, hertz, half-plane, cylinder-linear or cylinder-fe.")
+    ] = "auto",
     tol: Annotated[
         float | None,
         typer.Option(help="Relative tolerance of each load. Set by --accuracy if not given."),

@@ -31,11 +31,19 @@ class LoadFunction:
         Chebyshev coefficients of log F_k.
     rel_error : float
         Largest relative error at places between the nodes of all pieces.
+    given : tuple of float, shape (4,)
+        What `load_function` made it from: both ratios, transitions, tolerance.
     """
 
     ends: FloatArray
     coefficients: FloatArray
     rel_error: float
+    given: tuple[float, float, int, float]
+
+    @property
+    def n_transitions(self) -> int:
+        """How many transitions there are."""
+        return int(self.coefficients.shape[2])
 
     def __call__(self, ridge_width: ArrayLike, groove_width: ArrayLike) -> FloatArray:
         """Return F_k of textures, shape (n_texture, n_transition).
@@ -55,7 +63,7 @@ class LoadFunction:
                 f"{np.exp(self.ends[0]):.6g} to {np.exp(self.ends[-1]):.6g}"
             )
         piece = np.clip(np.searchsorted(self.ends, x) - 1, 0, len(self.ends) - 2)
-        F = np.empty((len(x), self.coefficients.shape[2]))
+        F = np.empty((len(x), self.n_transitions))
         for i in np.unique(piece):
             here = piece == i
             low, high = self.ends[i], self.ends[i + 1]
@@ -142,4 +150,5 @@ def load_function(
         np.array([low - margin, *(end for end, _, _ in found)]),
         np.stack([coefficients for _, coefficients, _ in found]),
         max(error for _, _, error in found),
+        (ratio_min, ratio_max, n_transitions, rel_tol),
     )

@@ -1,6 +1,8 @@
 """What a scene does under given loads: counts, contact, penetration, the force on each ridge."""
 
 import math
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -10,7 +12,7 @@ from ridgebayes.contact.contact_solution import ContactSolution, load_factor, so
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.scene.effects import full_profile, plan, texture_label
-from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.scene.scene import Scene
 from ridgebayes.table.columns import LARGEST_LOAD
 
 RESPONSE_COLUMNS = [
@@ -35,6 +37,8 @@ FORCE_COLUMNS = [
     "penetration_over_R",
     "status",
 ]
+# In pitches, where the body's centre may lie from a groove's: the other half is the mirror image.
+_OFFSETS = [(2 * i + 1) / 128 for i in range(32)]
 
 
 def contact_at_loads(
@@ -56,22 +60,27 @@ def contact_at_loads(
     Returns
     -------
     pandas.DataFrame
-        Columns texture, p_over_E, Q (ridges in contact), contact_fraction (length in contact
-        between its outermost ends), half_width_over_R (half of that distance), approach_over_R
-        (relative to the surface at a distance R), penetration_over_R (deepest, into any groove),
-        status: other than ``"ok"`` it says what failed, and numbers of that row are not to be used.
+        A row a texture and load, (n_texture n_load,) in all. Columns texture, p_over_E, Q (ridges
+        in contact), contact_fraction (length in contact between its outermost ends),
+        half_width_over_R (half of that distance), approach_over_R (relative to the surface at a
+        distance R), penetration_over_R (deepest, into any groove), status: other than ``"ok"`` it
+        says what failed, and numbers of that row are not to be used. Of an offset ``"uniform"``
+        all are means over 32 offsets, and Q is no longer whole.
 
     Raises
     ------
     InputError
-        If a load is not finite, positive and at most 1e300, the solver is unknown, a texture's
-        offset is ``"uniform"``, see `ridgebayes.contact.sliding.sliding_counts`, or its contact
-        cannot be solved for even roughly.
+        If a load is not finite, positive and at most 1e300, the solver is unknown, or the contact
+        of a texture cannot be solved for even roughly.
 
     Notes
     -----
     *Validity.* Small strain and no friction: within 1 % of finite strain up to p/E = 0.015, of
     moderate grooves. Of contacts of very many ridges nothing is computed, as `status` says.
+
+    *Accuracy.* Of a mean count: each change of a count is misplaced by at most a 64th of a pitch.
+
+    *Cost.* Milliseconds a texture and load; 32 times that for a uniform offset.
 
     Examples
     --------
@@ -80,21 +89,20 @@ def contact_at_loads(
     ([2, 4, 6], [0.44, 0.22, 0.26])
     """
     rows = []
-    for label, load, found in _solved(scene, p_over_E, solver, rel_tol):
-        grooves, (left, right) = _penetrations(found), found.ends
-        rows.append(
-            [
-                label,
-                load,
-                found.Q,
-                found.contact_fraction,
-                0.5 * (right - left),
-                found.approach,
-                max(grooves.values(), default=math.nan),
-                found.status,
-            ]
-        )
+    for label, load, places in _solved(scene, p_over_E, solver, rel_tol):
+        each = np.array([_measures(found) for found in places])
+        mean = each[0] if len(places) == 1 else each.mean(axis=0)
+        count = places[0].Q if len(places) == 1 else mean[0]
+        status = next((one.status for one in places if one.status != "ok"), "ok")
+        rows.append([label, load, count, *mean[1:].tolist(), status])
     return pd.DataFrame(rows, columns=RESPONSE_COLUMNS)
+
+
+def _measures(found: ContactSolution) -> list[float]:
+    """Return the count, contact fraction, half-width, approach and deepest penetration."""
+    left, right = found.ends
+    deepest = max(_penetrations(found).values(), default=math.nan)
+    return [found.Q, found.contact_fraction, 0.5 * (right - left), found.approach, deepest]
 
 
 def ridge_forces(
@@ -104,8 +112,14 @@ def ridge_forces(
 
     Parameters
     ----------
-    scene, p_over_E, solver, rel_tol
-        As for `contact_at_loads`.
+    scene : Scene
+        Textures and Poisson's ratio; its own load does not matter.
+    p_over_E : array_like of float, shape (n_load,), dimensionless
+        Loads per projected area over Young's modulus.
+    solver : {"auto", "half-plane"}
+        Whether to simulate what the scene calls for, or all that it gives.
+    rel_tol : float, optional
+        Tolerance of contact ends.
 
     Returns
     -------
@@ -119,14 +133,24 @@ def ridge_forces(
     Raises
     ------
     InputError
-        As `contact_at_loads`.
+        As `contact_at_loads`, or if a texture's offset is ``"uniform"``.
 
     Notes
     -----
     *Validity.* As `contact_at_loads`.
+
+    Examples
+    --------
+    Two ridges, each with half of the load:
+
+    >>> found = ridge_forces(Scene.of([(0.012, 0.03)]), [0.0005])
+    >>> found["ridge"].tolist(), found["share"].round(6).tolist()
+    ([0], [0.5])
     """
+    if any(texture.offset == "uniform" for texture in scene.textures):
+        raise InputError("offset = 'uniform'; expected a number: ridges differ from place to place")
     rows = []
-    for label, load, found in _solved(scene, p_over_E, solver, rel_tol):
+    for label, load, (found,) in _solved(scene, p_over_E, solver, rel_tol):
         intervals, profile = found.pressing.intervals, found.profile
         grooves = _penetrations(found)
         if not found.segments:
@@ -158,7 +182,8 @@ def ridge_forces(
 
 def _solved(
     scene: Scene, p_over_E: ArrayLike, solver: str, rel_tol: float
-) -> list[tuple[str, float, ContactSolution]]:
+) -> Iterator[tuple[str, float, tuple[ContactSolution, ...]]]:
+    """Yield each texture's label and load with its solutions: one, or one an offset."""
     loads = np.atleast_1d(np.asarray(p_over_E, dtype=np.float64))
     within = (loads > 0) & (loads <= LARGEST_LOAD)
     if not np.all(within):
@@ -167,25 +192,23 @@ def _solved(
         )
     if solver not in ("auto", "half-plane"):
         raise InputError(f"solver = {solver!r}; expected auto or half-plane")
-    found = []
-    for texture, profile in _profiles(scene, solver):
-        label = texture_label(texture.a_over_R, texture.b_over_R)
-        solutions = solve_many_contacts(profile, load_factor(scene.nu) * loads, rel_tol=rel_tol)
-        found += [(label, p, one) for p, one in zip(loads.tolist(), solutions, strict=True)]
-    return found
-
-
-def _profiles(scene: Scene, solver: str) -> list[tuple[Texture, Profile]]:
-    for texture in scene.textures:
-        if texture.offset == "uniform":
-            raise InputError("offset = 'uniform'; expected a number here; sliding_counts averages")
     if solver == "half-plane":
-        return [(texture, full_profile(texture)) for texture in scene.textures]
-    # Pressures are of the ridges even where transition loads would not notice these.
-    return [
-        (one.texture, one.profile or Profile(one.texture.a_over_R, one.texture.b_over_R))
-        for one in plan(scene)
-    ]
+        profiles = [full_profile(texture) for texture in scene.textures]
+    else:
+        # Pressures are of the ridges even where transition loads would not notice these.
+        profiles = [
+            one.profile or Profile(one.texture.a_over_R, one.texture.b_over_R)
+            for one in plan(scene)
+        ]
+    for texture, profile in zip(scene.textures, profiles, strict=True):
+        label = texture_label(texture.a_over_R, texture.b_over_R)
+        places = [profile]
+        if texture.offset == "uniform":
+            places = [replace(profile, offset=offset) for offset in _OFFSETS]
+        W = load_factor(scene.nu) * loads
+        solutions = [solve_many_contacts(place, W, rel_tol=rel_tol) for place in places]
+        for load, found in zip(loads.tolist(), zip(*solutions, strict=True), strict=True):
+            yield label, load, found
 
 
 def _penetrations(found: ContactSolution) -> dict[int, float]:

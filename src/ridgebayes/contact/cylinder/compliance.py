@@ -22,11 +22,12 @@ from ridgebayes.contact.cylinder.material import Material
 from ridgebayes.contact.cylinder.mesh import DiskMesh, disk_mesh
 from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.contact.cylinder.surface import shapes
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError, InputError
 
 _GAUSS = 3
 _LOOSER = 0.3  # growth of edges beyond the reach
 _MOST_CHANGES = 200
+_MOST_EDGES = 2_500  # within reach: minutes, and 200 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,8 @@ class RimCompliance:
         ------
         InputError
             If a ridge within the load has under eight edges, or the reach is too short.
+        ComputationError
+            If no set of segments in contact fits.
 
         Notes
         -----
@@ -168,10 +171,11 @@ class RimCompliance:
             if not wrong.any():
                 return pressure
             active = active ^ wrong
-        raise ArithmeticError("no set of segments in contact fits")
+        raise ComputationError("small strain: no set of segments in contact fits")
 
 
-@lru_cache(maxsize=8)
+# Textures of one scene share it: bounded, and a function of its arguments alone.
+@lru_cache(maxsize=4)
 def rim_compliance(nu: float = 0.5, *, reach: float = 0.3, edge: float = 5e-4) -> RimCompliance:
     """Compute the compliance of a cylinder's rim.
 
@@ -225,7 +229,7 @@ def _within(mesh: DiskMesh, reach: float) -> IntArray:
 
 
 def small_strain_transitions(
-    a: float, b: float, *, nu: float = 0.5, p_max: float = 0.02
+    a: float, b: float, *, nu: float = 0.5, p_max: float = 0.02, edges: float = 24.0
 ) -> tuple[IntArray, FloatArray]:
     """Compute transition loads of a centred cylinder at small strain, by finite elements.
 
@@ -237,6 +241,8 @@ def small_strain_transitions(
         Poisson's ratio, 0 to 0.5.
     p_max : float, scalar, dimensionless
         Highest load p/E.
+    edges : float, scalar, count
+        Least number of the rim's edges over a ridge's width.
 
     Returns
     -------
@@ -248,7 +254,9 @@ def small_strain_transitions(
     Raises
     ------
     InputError
-        As `RimCompliance.transitions`.
+        As `RimCompliance.transitions`, or if that takes over 2,500 edges within reach.
+    ComputationError
+        As there.
 
     Examples
     --------
@@ -256,5 +264,11 @@ def small_strain_transitions(
     >>> Q.tolist(), round(float(loads[0]), 6)
     ([4], 0.000966)
     """
-    reach = 0.1 * math.ceil(10 * (float(hertz.half_width(p_max, nu=nu)) + a + 2 * b))
-    return rim_compliance(nu, reach=min(reach, 0.9)).transitions(a, b, p_max=p_max)
+    reach = min(0.1 * math.ceil(10 * (float(hertz.half_width(p_max, nu=nu)) + a + 2 * b)), 0.9)
+    edge = 2.0 ** math.floor(math.log2(min(a, 4 * b) / edges))  # the same for similar textures
+    if reach > _MOST_EDGES * edge:
+        raise InputError(
+            f"a = {a!r}, b = {b!r}: {reach / edge:.2g} edges within reach; expected at most "
+            f"{_MOST_EDGES}, as wider ridges or a lower load need"
+        )
+    return rim_compliance(nu, reach=reach, edge=edge).transitions(a, b, p_max=p_max)
