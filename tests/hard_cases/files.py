@@ -232,12 +232,14 @@ def leading_out(folder):
         with h5py.File(run / "posterior-hybrid.nc", "r+") as file:
             spoil(file)
         seen.append(
-            refused(lambda run=run: read_run(run), InputError, "posterior-hybrid.nc: '/x'", "rule")
+            refused(
+                lambda run=run: read_run(run), InputError, "posterior-hybrid.nc: '/x'", "expected"
+            )
         )
         with h5py.File(folder / "s.h5", "w") as file:
             spoil(file)
         xdmf = disk_xdmf(folder, "s.h5:/x")
-        seen.append(refused(lambda xdmf=xdmf: import_series(xdmf), InputError, "s.h5", "rule"))
+        seen.append(refused(lambda xdmf=xdmf: import_series(xdmf), InputError, "s.h5", "expected"))
     (folder / "in").mkdir()
     (folder / "in" / "link.h5").symlink_to(secret)
     for name in ("../secret.h5", str(secret), "link.h5", "..\\secret.h5", "C:\\x.h5"):
@@ -256,7 +258,9 @@ def leading_out(folder):
         about = json.loads(sound_run()["run.json"])
         content = json.dumps({**about, "forms": [form]}).encode()
         run = put(folder / f"form{len(seen)}", **{"run.json": content})
-        seen.append(refused(lambda run=run: read_run(run), InputError, "run.json: form", "rule"))
+        seen.append(
+            refused(lambda run=run: read_run(run), InputError, "run.json: form", "expected")
+        )
     return f"{len(seen)} ways out refused"
 
 
