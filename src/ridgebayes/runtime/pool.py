@@ -59,7 +59,7 @@ class WorkerPool(Executor):
 
     Notes
     -----
-    *Cost.* Some 0.2 ms a task, and what pickling takes.
+    *Cost.* Some 0.3 ms a task, and what pickling takes.
     """
 
     def __init__(self, n_worker: int) -> None:
