@@ -12,7 +12,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.commands import cli
-from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.laplace import Laplace, fit_laplace
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
@@ -33,6 +33,8 @@ class Affine:
 
     def unwhiten(self, z):
         return self.mode + z @ self.factor.T, np.zeros(z.shape[:-1])
+
+    whitened = Laplace.whitened
 
     def whiten(self, u):
         return (u - self.mode) @ np.linalg.inv(self.factor).T, np.zeros(u.shape[:-1])

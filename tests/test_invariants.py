@@ -19,8 +19,7 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import LogNormal
 from ridgebayes.model.rows import Rows
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.predict import mix_q
-from ridgebayes.predict.q_distribution import QDistribution
+from ridgebayes.predict.q_distribution import QDistribution, mix_q
 from ridgebayes.table.table import read_table
 
 TEXTURES = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02), (0.018, 0.045))

@@ -24,7 +24,8 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.predict.load_distribution import mix_loads
-from ridgebayes.predict.predict import mix_q, predict_q
+from ridgebayes.predict.predict import predict_q
+from ridgebayes.predict.q_distribution import mix_q
 from tests.hard_cases.case import hard_case, refused
 
 FAR = ((1e-6, 1.0), (1.0, 1e-6), (0.012, 0.09), (0.09, 0.01))

@@ -187,4 +187,6 @@ def test_priors_json__brings_every_kind_back():
     priors = {"c1": LogNormal(1.382, 0.1), "c2": Normal(0.0, 1 / 3), "sigma": HalfNormal(0.05)}
     text = priors_to_json(priors)
     assert list(json.loads(text)) == ["c1", "c2", "sigma"]
+    described = {"kind": "log-normal", "median": 1.382, "log_sd": 0.1}
+    assert json.loads(text)["c1"] == described
     assert priors_from_json(text) == priors

@@ -152,12 +152,6 @@ def test_gamma__stretched_has_mean_and_width_multiplied():
     np.testing.assert_allclose(wider.value_at(u), 5 * prior.value_at(u), rtol=1e-13)  # rounding
 
 
-def test_describe__tells_kind_and_numbers():
-    assert Normal(0.0, 0.05).describe() == {"kind": "normal", "mean": 0.0, "sd": 0.05}
-    described = {"kind": "log-normal", "median": 1.4, "log_sd": 0.1}
-    assert LogNormal(1.4, 0.1).describe() == described
-
-
 def test_joint_prior__is_the_sum_in_the_order_of_the_parameters():
     priors = [Normal(1.0, 2.0), HalfNormal(0.5), Normal(-1.0, 0.3), LogNormal(2.0, 0.4)]
     joint = JointPrior(priors)

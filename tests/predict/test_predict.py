@@ -11,7 +11,8 @@ from ridgebayes.model.forms import Hybrid
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.predict.predict import mix_q, predict_load, predict_q, texture_extrapolates
+from ridgebayes.predict.predict import predict_load, predict_q, texture_extrapolates
+from ridgebayes.predict.q_distribution import mix_q
 
 A, B = 0.022, 0.02
 LOADS = np.geomspace(5e-4, 0.02, 25)

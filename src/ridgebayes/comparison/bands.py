@@ -11,8 +11,8 @@ from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.predict import KINDS, NEGLIGIBLE, mix_q, predict_load, predict_q
-from ridgebayes.predict.q_distribution import QDistribution
+from ridgebayes.predict.predict import KINDS, NEGLIGIBLE, predict_load, predict_q
+from ridgebayes.predict.q_distribution import QDistribution, mix_q
 
 AVERAGE = "average"
 _Distribution = TypeVar("_Distribution", QDistribution, LoadDistribution)

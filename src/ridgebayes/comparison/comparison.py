@@ -9,8 +9,8 @@ from ridgebayes.errors import ComputationError
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.model.noise import Noise
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.predict import mix_q, predict_load, predict_q
-from ridgebayes.predict.q_distribution import QDistribution
+from ridgebayes.predict.predict import predict_load, predict_q
+from ridgebayes.predict.q_distribution import QDistribution, mix_q
 from ridgebayes.results import Fit
 from ridgebayes.table.table import ContactTable
 

@@ -9,7 +9,21 @@
 | savage-dickey  | Modified inside Hybrid       | Monte Carlo standard error               |
 | dynesty        | any model, minutes to hours  | Monte Carlo standard error, some tenths  |
 
-The densities are of the log loads, so evidences of one table compare across all forms.
+The densities are of the log loads, so evidences of one table compare across all forms. `tables`
+applies every method that suits a `Posterior`, `error_models` weighs error models, and
+`prior_sensitivity` says how far evidences depend on priors. The room knows `inference` and `model`.
+
+>>> from ridgebayes.inference.laplace import fit_laplace
+>>> from ridgebayes.model.forms import Modified
+>>> from ridgebayes.model.model import Model
+>>> from ridgebayes.model.observations import Observations
+>>> from ridgebayes.table.datafiles import paper_sweep
+>>> model = Model(Observations.from_table(paper_sweep()), Modified())
+>>> laplace = fit_laplace(model)
+>>> round(quadrature_evidence(model.log_density, laplace).value, 3)
+78.863
+>>> round(float(laplace_evidence(laplace).value), 3)
+78.849
 """
 
 from ridgebayes.evidence.bridge import bridge_evidence

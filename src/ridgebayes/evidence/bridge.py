@@ -68,14 +68,7 @@ def bridge_evidence(
     stride = max(math.ceil(half * n_step * n_walker / draws_max), 1)
     z, log_jacobian = laplace.whiten(chains.u[:, ::stride])
     in_z = chains.log_density[:, ::stride] + log_jacobian + laplace.log_volume
-
-    def log_target(points: FloatArray) -> FloatArray:
-        parts = []
-        for i in range(0, len(points), _BATCH):
-            u, jacobian = laplace.unwhiten(points[i : i + _BATCH])
-            parts.append(log_density(u) + jacobian + laplace.log_volume)
-        return np.concatenate(parts)
-
+    log_target = laplace.whitened(log_density)
     results = []
     for fitted, bridged in (
         (slice(0, half), slice(half, None)),
@@ -83,9 +76,11 @@ def bridge_evidence(
     ):
         proposal = _Normal.fitted(z[fitted].reshape(-1, n_parameter))
         candidates = proposal.rvs(rng, z[bridged][..., 0].size)
+        batches = range(0, len(candidates), _BATCH)
+        at_candidates = np.concatenate([log_target(candidates[i : i + _BATCH]) for i in batches])
         result = _bridge(
             in_z[bridged] - proposal.log_pdf(z[bridged]),
-            log_target(candidates) - proposal.log_pdf(candidates),
+            at_candidates - proposal.log_pdf(candidates),
             iterations_max,
         )
         if result is None:

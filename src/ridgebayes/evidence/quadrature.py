@@ -57,10 +57,7 @@ def quadrature_evidence(
     if n_parameter > 4:
         return _failed(f"{n_parameter} parameters; quadrature is for up to four")
 
-    def in_z(z: FloatArray) -> FloatArray:
-        u, log_jacobian = laplace.unwhiten(z)
-        return log_density(u) + log_jacobian + laplace.log_volume
-
+    in_z = laplace.whitened(log_density)
     box = _box(in_z, n_parameter)
     if box is None:
         return _failed(f"the density does not fall off within {_HALF_WIDTH_MAX:g} sds")

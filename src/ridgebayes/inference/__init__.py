@@ -1,1 +1,21 @@
-"""inference."""
+"""Draws from a posterior: its normal approximation, samplers, diagnostics, files.
+
+`laplace` finds a mode, in the `coordinates` that suit; `moves` fits proposals. Three ways lead to a
+`Posterior` (`posterior`): a walk (`emcee_sampling`; `chains` has what it is asked for and what it
+returns, `checkpoint` keeps it on disk), `importance_sampling`, and for the power law exact draws
+(`power_law_exact`). `diagnostics` judges draws, `qmc_nodes` compresses them, `netcdf` writes them;
+`log_evidence` has the record of an evidence, `presets` the accuracies to choose from. The room
+knows `model` and `runtime`.
+
+>>> from ridgebayes.inference.importance_sampling import importance_posterior
+>>> from ridgebayes.model.forms import Modified
+>>> from ridgebayes.model.model import Model
+>>> from ridgebayes.model.observations import Observations
+>>> from ridgebayes.table.datafiles import paper_sweep
+>>> model = Model(Observations.from_table(paper_sweep()), Modified())
+>>> posterior, evidence = importance_posterior(model, seed=1)
+>>> posterior
+Posterior(modified, iid: c = 1.374 ± 0.0034, sigma = 0.0318 ± 0.0037; converged)
+>>> posterior.draws.shape, round(float(evidence.value), 1)
+((10240, 2), 78.9)
+"""

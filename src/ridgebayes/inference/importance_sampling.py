@@ -80,11 +80,7 @@ def importance_posterior(
         raise InputError(f"n_draw: expected a multiple of 128, got {n_draw}")
     laplace = laplace or fit_laplace(model, search_others=True)
     modes = laplace.other_modes
-
-    def in_z(z: FloatArray) -> FloatArray:
-        u, log_jacobian = laplace.unwhiten(z)
-        return model.log_density(u) + log_jacobian + laplace.log_volume
-
+    in_z = laplace.whitened(model.log_density)
     u, log_density, log_means, variances, shapes = [], [], [], [], []
     for repeat in range(N_REPEAT):
         rng = stream(seed, f"importance {repeat}")

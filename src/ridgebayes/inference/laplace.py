@@ -14,7 +14,7 @@ import numpy as np
 from scipy import linalg, optimize
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import ComputationError
 from ridgebayes.inference.coordinates import Conditional, Funnel, FunnelAbout
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.model import Model
@@ -27,7 +27,6 @@ _CONFLICT = 4.0  # prior sds from the prior's centre at which a mode contradicts
 _N_SEARCH = 4  # starts in search of other modes, and as many mirrored
 _APART = 5.0  # posterior sds between two modes that are not the same
 _NEGLIGIBLE = -14.0  # ln of the share of the mass below which a mode does not count
-_DIFFERENCE = 1e-4  # prior sds, of the differences that a form's gradient is held to
 _STEP = 0.02  # of numerical derivatives by an error model's parameters, in prior sds
 
 
@@ -82,6 +81,17 @@ class Laplace:
         u = self.mode + w
         u[..., :k], log_jacobian = self.frame.forward(w[..., :k], u[..., self._noise])
         return u, log_jacobian
+
+    def whitened(
+        self, log_density: Callable[[FloatArray], FloatArray]
+    ) -> Callable[[FloatArray], FloatArray]:
+        """Return a log density in u as one in z of the same integral; (n, n_coordinate) to (n,)."""
+
+        def in_z(z: FloatArray) -> FloatArray:
+            u, log_jacobian = self.unwhiten(z)
+            return log_density(u) + log_jacobian + self.log_volume
+
+        return in_z
 
     def whiten(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return z of u, and log |du/dw| there: the inverse of `unwhiten`."""
@@ -165,7 +175,7 @@ def fit_laplace(model: Model, *, search_others: bool = False) -> Laplace:
     the way.
     """
     start = _start(model)
-    _check_gradient(model, start)
+    model.check_gradient(start)
     found = _fit(model, start)
     return replace(found, other_modes=several_modes(model, found)) if search_others else found
 
@@ -248,32 +258,6 @@ def _start(model: Model) -> FloatArray:
         f"{model.form.name}: no point of positive density within some prior sds; expected priors "
         "under which the rate of every texture can be positive"
     )
-
-
-def _check_gradient(model: Model, u: FloatArray) -> None:
-    """Raise InputError if a form's gradient is not the difference of its rates along a line."""
-    k, theta = model.n_coefficient, model.to_theta(u)
-    step = np.zeros(model.n_parameter)
-    size = np.abs(model.to_theta(u + _DIFFERENCE) - theta)[:k]
-    # A vague prior's step may be far wider than the coefficient itself.
-    size = np.where(theta[:k] == 0, size, np.minimum(size, _DIFFERENCE * np.abs(theta[:k])))
-    step[:k] = size * np.cos(np.arange(k))  # no coefficient, and no pair alike, is left out
-    ahead, behind = theta + step, theta - step
-    with np.errstate(all="ignore"):
-        change = model.log_rates(ahead) - model.log_rates(behind)
-        gradient = model.form.log_rate_gradient(theta[:k], model.data.a_over_R, model.data.b_over_R)
-        claimed = gradient @ (ahead - behind)[:k]
-        off = np.abs(claimed - change)
-        size = np.abs(change).max() + np.abs(claimed).max()
-    # Where a rate vanishes beside the point there is nothing to compare.
-    worst = int(np.argmax(off))
-    if np.isfinite(change).all() and not off[worst] <= 1e-3 * size + 1e-12:
-        a, b = model.data.textures[worst]
-        raise InputError(
-            f"{model.form.name}: log_rate_gradient gives a change of {claimed[worst]:.6g} of the "
-            f"log rate of texture a/R = {a!r}, b/R = {b!r} where the rate itself changes by "
-            f"{change[worst]:.6g}; expected the derivative of log rate"
-        )
 
 
 def _fit_conditional(model: Model, start: FloatArray) -> Laplace:

@@ -4,6 +4,7 @@ import io
 import json
 import os
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -232,4 +233,6 @@ def priors_from_json(text: str) -> dict[str, Prior]:
 
 def priors_to_json(priors: Mapping[str, Prior]) -> str:
     """Return priors as JSON text."""
-    return json.dumps({name: prior.describe() for name, prior in priors.items()})
+    return json.dumps(
+        {name: {"kind": prior.kind, **asdict(prior)} for name, prior in priors.items()}
+    )

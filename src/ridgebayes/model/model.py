@@ -30,6 +30,7 @@ from ridgebayes.model.shared_offsets import OffsetsGiven, SmoothOffsets, offsets
 
 _CACHED = 100_000  # textures times draws whose arrays fit in a processor's cache
 _HUGE = 1e100  # coefficients beyond which a rate may overflow
+_DIFFERENCE = 1e-4  # prior sds, of the differences that a form's gradient is held to
 _LOG_2PI = math.log(2 * math.pi)
 
 
@@ -178,6 +179,31 @@ class Model:
                 f"{', '.join(f'{name} = {value!r}' for name, value in at)}: expected a finite "
                 "number, <= 0 where no load reaches a further ridge, got "
                 f"{float(rate[(*draw, j)])}"
+            )
+
+    def check_gradient(self, u: FloatArray) -> None:
+        """Raise InputError if the form's gradient is not the difference of its rates on a line."""
+        k, theta = self.n_coefficient, self.to_theta(u)
+        step = np.zeros(self.n_parameter)
+        size = np.abs(self.to_theta(u + _DIFFERENCE) - theta)[:k]
+        # A vague prior's step may be far wider than the coefficient itself.
+        size = np.where(theta[:k] == 0, size, np.minimum(size, _DIFFERENCE * np.abs(theta[:k])))
+        step[:k] = size * np.cos(np.arange(k))  # no coefficient, and no pair alike, is left out
+        ahead, behind = theta + step, theta - step
+        with np.errstate(all="ignore"):
+            change = self.log_rates(ahead) - self.log_rates(behind)
+            gradient = self.form.log_rate_gradient(theta[:k], self._a, self._b)
+            claimed = gradient @ (ahead - behind)[:k]
+            off = np.abs(claimed - change)
+            size = np.abs(change).max() + np.abs(claimed).max()
+        # Where a rate vanishes beside the point there is nothing to compare.
+        worst = int(np.argmax(off))
+        if np.isfinite(change).all() and not off[worst] <= 1e-3 * size + 1e-12:
+            a, b = self.data.textures[worst]
+            raise InputError(
+                f"{self.form.name}: log_rate_gradient: expected the derivative of log rate, got a "
+                f"change of {claimed[worst]:.6g} where that of texture a/R = {a!r}, b/R = {b!r} "
+                f"changes by {change[worst]:.6g}"
             )
 
     def log_likelihood(self, theta: FloatArray) -> FloatArray:

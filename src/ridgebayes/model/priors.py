@@ -11,13 +11,13 @@ too, and nothing is cut off: tails are computed from log probabilities, not from
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, astuple, dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from scipy import special
 
-from ridgebayes._types import FloatArray, Json
+from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 
 _LOG_2PI = math.log(2 * math.pi)
@@ -75,18 +75,7 @@ class Prior(ABC):
 
     @abstractmethod
     def score(self, x: FloatArray | float) -> FloatArray:
-        """Return the normal score of a value inside the support: the inverse of `value_at`.
-
-        Parameters
-        ----------
-        x : ndarray of float, any shape, unit of the parameter
-            Values.
-
-        Returns
-        -------
-        ndarray of float, shape of `x`, dimensionless
-            Normal scores.
-        """
+        """Return the normal score of values inside the support: the inverse of `value_at`."""
 
     @abstractmethod
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
@@ -146,10 +135,6 @@ class Prior(ABC):
             If the factor leaves no finite scale above 0.
         """
         return replace(self, **{self.scale_name: self.scale * factor})
-
-    def describe(self) -> Json:
-        """Return kind and numbers, ready for a file."""
-        return {"kind": self.kind, **asdict(self)}
 
 
 @dataclass(frozen=True)

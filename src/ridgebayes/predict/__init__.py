@@ -1,1 +1,13 @@
-"""predict."""
+"""Predictions of a posterior: the distribution of Q at a load, and of the load that reaches a Q.
+
+`predict` has both; `q_distribution` and `load_distribution` the records that they return, and
+mixtures of them by given weights; `predictive_cdf` the averages over draws or nodes. The room knows
+`inference` and `model`.
+
+>>> import numpy as np
+>>> from ridgebayes.predict.q_distribution import QDistribution, mix_q
+>>> one = QDistribution(np.array([1.0, 1.0, 0.5]), np.array(False), 10, "simulation")
+>>> other = QDistribution(np.array([1.0, 0.5]), np.array(False), 10, "simulation")
+>>> mix_q([one, other], [0.5, 0.5]).pmf.tolist()
+[0.25, 0.5, 0.25]
+"""

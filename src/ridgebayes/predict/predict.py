@@ -8,7 +8,6 @@ of; others widen the distribution by what is not known of theirs.
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.forms.base import even_counts, loads, widths
 from ridgebayes.predict.load_distribution import LoadDistribution
 from ridgebayes.predict.predictive_cdf import DrawAverage, NodeAverage, PosteriorLoads
-from ridgebayes.predict.q_distribution import QDistribution, shares
+from ridgebayes.predict.q_distribution import QDistribution
 
 KINDS = ("curve", "simulation")
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
@@ -173,38 +172,6 @@ def predict_load(
     outside = outside.reshape(q.shape) | (q > fit.model.data.Q.max())
     weight = np.full(len(mean), 1 / len(mean))
     return LoadDistribution(mean.reshape(shape), sd.reshape(shape), weight, outside, part.df)
-
-
-def mix_q(parts: Sequence[QDistribution], weights: Sequence[float]) -> QDistribution:
-    """Return the average of distributions of Q, such as over forms by model probability.
-
-    Parameters
-    ----------
-    parts : sequence of QDistribution
-        Of one shape and kind.
-    weights : sequence of float
-        Non-negative; normalised here.
-
-    Returns
-    -------
-    QDistribution
-        Flagged as extrapolation wherever a part with weight above 1 % is.
-
-    Raises
-    ------
-    InputError
-        If a weight is negative or not finite, or none is above 0.
-    """
-    share = shares(weights)
-    n_step = max(part.survival.shape[-1] for part in parts)
-    survival = np.zeros((*parts[0].survival.shape[:-1], n_step))
-    for part, weight in zip(parts, share, strict=True):
-        survival[..., : part.survival.shape[-1]] += weight * part.survival
-    heavy = [part for part, weight in zip(parts, share, strict=True) if weight > 0.01]
-    outside = np.any([part.outside for part in heavy], axis=0)
-    q_max = min(part.q_calibrated_max for part in heavy)
-    error = float(np.dot(share, [part.error for part in parts]))
-    return QDistribution(survival, outside, q_max, parts[0].kind, error)
 
 
 def texture_extrapolates(fit: Posterior, texture: Texture) -> bool:

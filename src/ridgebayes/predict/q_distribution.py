@@ -140,6 +140,38 @@ class QDistribution:
         return draws
 
 
+def mix_q(parts: Sequence[QDistribution], weights: Sequence[float]) -> QDistribution:
+    """Return the average of distributions of Q, such as over forms by model probability.
+
+    Parameters
+    ----------
+    parts : sequence of QDistribution
+        Of one shape and kind.
+    weights : sequence of float
+        Non-negative; normalised here.
+
+    Returns
+    -------
+    QDistribution
+        Flagged as extrapolation wherever a part with weight above 1 % is.
+
+    Raises
+    ------
+    InputError
+        If a weight is negative or not finite, or none is above 0.
+    """
+    share = shares(weights)
+    n_step = max(part.survival.shape[-1] for part in parts)
+    survival = np.zeros((*parts[0].survival.shape[:-1], n_step))
+    for part, weight in zip(parts, share, strict=True):
+        survival[..., : part.survival.shape[-1]] += weight * part.survival
+    heavy = [part for part, weight in zip(parts, share, strict=True) if weight > 0.01]
+    outside = np.any([part.outside for part in heavy], axis=0)
+    q_max = min(part.q_calibrated_max for part in heavy)
+    error = float(np.dot(share, [part.error for part in parts]))
+    return QDistribution(survival, outside, q_max, parts[0].kind, error)
+
+
 def shares(weights: Sequence[float]) -> FloatArray:
     """Return weights that sum to 1, or raise InputError where that cannot be."""
     values = np.asarray(weights, dtype=float)
