@@ -1,10 +1,11 @@
 """Loads of corners from gaps whose zeros are known."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.transitions import transitions_of
+from ridgebayes.fea.transitions import Histories, transitions_of
 
 LOAD = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
 
@@ -125,3 +126,26 @@ def test_transitions_of__what_lies_ahead_is_said_in_one_line():
     gap = np.array([[-0.1, 0.2, 0.4]])
     _, messages = transitions_of(np.array([0.1]), gap, np.array([4, 6, 8]))
     assert messages == ["Q = 6 to 8: not reached"]
+
+
+def test_transitions_of__loads_of_lost_contact_are_shown_to_the_fifth():
+    load = np.arange(1.0, 10.0)
+    gap = np.where(load == 2, -1.0, 1.0)[:, None]
+    _, messages = transitions_of(load, gap, np.array([4]), brackets=True)
+    assert messages == ["Q = 4: contact is lost again at p/E = 3, 4, 5, 6, 7 and 2 more"]
+
+
+def test_histories__remarks_on_runs_are_shown_to_the_twentieth():
+    n_run = 23
+    curve = pd.DataFrame(
+        {"a_over_R": 0.03, "b_over_R": 0.01, "series": np.arange(n_run).repeat(2).astype(str)}
+    )
+    load, gap = np.tile([0.1, 0.2], n_run), np.tile([[1.0, 1.0], [-1.0, 1.0]], (n_run, 1))
+    rows, messages = Histories(curve, load, gap, [4, 6]).transitions("mine.csv", brackets=True)
+    assert len(rows) == n_run
+    assert messages[0] == "23 runs of increments"
+    assert messages[1] == "a/R = 0.03, b/R = 0.01, 0: Q = 6: not reached"
+    assert messages[20:] == [
+        "a/R = 0.03, b/R = 0.01, 19: Q = 6: not reached",
+        "and 3 more remarks on runs",
+    ]

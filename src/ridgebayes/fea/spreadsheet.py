@@ -99,11 +99,8 @@ class Spreadsheet:
 
     def place(self, row: int, name: str) -> str:
         """Return words for a cell."""
-        letters, rest = "", self.headers.index(name) + 1
-        while rest:
-            rest, digit = divmod(rest - 1, 26)
-            letters = chr(ord("A") + digit) + letters
-        return f"{self.where}, cell {letters}{self._first + 1 + row}"
+        column = import_module("openpyxl.utils").get_column_letter(self.headers.index(name) + 1)
+        return f"{self.where}, cell {column}{self._first + 1 + row}"
 
     def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
         """Return cells as text."""
