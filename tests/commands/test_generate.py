@@ -240,7 +240,7 @@ def test_sweep__interrupted_says_how_to_go_on(tmp_path, undisturbed):
     assert code == 130
     n = len(entries(tmp_path / "t.csv"))
     assert f"{n} of {N} textures are in {tmp_path}" in said.replace("in .t", f"in {tmp_path}/.t")
-    assert "--resume goes on" in said
+    assert "continue with --resume" in said
     assert "Traceback" not in said
     assert not (tmp_path / "t.csv").exists()
     done = program(KILLED, tmp_path, "--resume")
@@ -253,7 +253,7 @@ def test_sweep__what_an_earlier_one_left_needs_a_word(tmp_path, monkeypatch, und
     out = tmp_path / "t.csv"
     cut_off(out, monkeypatch, 4)
     before = entries(out)
-    with pytest.raises(InputError, match=r"\.t\.csv\.journal: .*--resume to go on, or --force"):
+    with pytest.raises(InputError, match=r"\.t\.csv\.journal: .*use --resume to .*, or --force"):
         sweep(out)
     assert entries(out) == before
     counted.n = 0

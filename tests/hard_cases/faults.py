@@ -209,7 +209,7 @@ def stopped_sweep(folder):
         assert program.left() == []
         if code == 130:
             ended.refused(130, "interrupted", "--resume")
-            assert "textures are in .t.csv.journal: --resume goes on" in ended.err
+            assert "textures are in .t.csv.journal: continue with --resume" in ended.err
         assert not (folder / "t.csv").exists()
         counts.append(textures_done(folder))
     assert counts == sorted(set(counts))
@@ -328,7 +328,7 @@ def disk_full(folder):
     )
     done = ran(here, *SWEEP, before=full)
     done.refused(1, ".t.csv.journal/", "cannot be written: File too large", "expected room")
-    assert "3 of 10 textures are in .t.csv.journal: --resume goes on" in done.err
+    assert "3 of 10 textures are in .t.csv.journal: continue with --resume" in done.err
     assert textures_done(here) == 3
     assert ran(here, *SWEEP, "--resume").code == 0
     assert (here / "t.csv").read_bytes() == sweep_undisturbed()

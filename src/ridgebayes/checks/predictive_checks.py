@@ -185,19 +185,13 @@ def prior_bands(
     loads = simulate_log_loads(model, theta, stream(seed, "rows"))[0]
     ends = np.quantile(loads, [0.5 - prob / 2, 0.5, 0.5 + prob / 2], axis=0)
     labels = data.labels or tuple(f"a{a!r}_b{b!r}" for a, b in data.textures)
-    where = np.stack([data.texture, data.Q])
+    cells, first = np.unique(np.stack([data.texture, data.Q]), axis=1, return_index=True)
     rows = []
-    for (texture, Q), i in zip(*_first_of_each(where), strict=True):
-        a, b = data.textures[texture]
+    for texture, Q, i in zip(*cells, first, strict=True):
         if np.isfinite(ends[1, i]):
-            rows.append([labels[texture], a, b, int(Q), *ends[:, i].tolist(), prob])
+            where = [labels[texture], *data.textures[texture], int(Q)]
+            rows.append([*where, *ends[:, i].tolist(), prob])
     return pd.DataFrame(rows, columns=BAND_COLUMNS)
-
-
-def _first_of_each(columns: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the distinct columns, sorted, and the place of the first of each."""
-    distinct, first = np.unique(columns, axis=1, return_index=True)
-    return distinct.T, first
 
 
 class _Quantities:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import pandas as pd
 
@@ -15,28 +15,20 @@ from ridgebayes.report.figures.cylinder import plot_deformed
 from ridgebayes.scene.effects import plan_label
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.generation import generate
-
-if TYPE_CHECKING:
-    from ridgebayes.table.table import ContactTable
+from ridgebayes.table.table import ContactTable
 
 LOADS_CSV = "loads.csv"
 
 
 def generate_fields(
-    scene: Scene,
-    folder: Path,
-    *,
-    solver: str = "auto",
-    rel_tol: float | None = None,
-    accuracy: str = "standard",
-    force: bool = False,
-) -> "ContactTable":
+    scene: Scene, folder: Path, *, force: bool = False, **solving: Any
+) -> ContactTable:
     """Generate as `ridgebayes.generate` does, and keep what finite elements found.
 
     Parameters
     ----------
-    scene, solver, rel_tol, accuracy
-        As there.
+    scene : Scene
+        Textures and loads.
     folder : Path
         Folder to make. Of each texture and offset that finite elements simulate, states at its
         transitions: ``fields-*.xdmf`` with its ``.h5``, a time series whose time is p/E;
@@ -44,6 +36,8 @@ def generate_fields(
         SVG, the last transition. And ``loads.csv``, the table.
     force : bool, optional
         Whether an existing folder of this kind may be replaced.
+    **solving
+        Solver, rel_tol and accuracy, as there.
 
     Returns
     -------
@@ -56,7 +50,7 @@ def generate_fields(
     """
     with new_folder(folder, force=force, about=LOADS_CSV) as partial:
         files = FieldFiles(partial)
-        table = generate(scene, solver=solver, rel_tol=rel_tol, accuracy=accuracy, pressed=files)
+        table = generate(scene, pressed=files, **solving)
         if not files.n_seen:
             raise InputError(
                 f"--fields {folder}: no texture is simulated by finite elements; use --solver "
@@ -91,11 +85,7 @@ class FieldFiles:
         if (self._folder / f"contact-{label}.csv").exists():
             label = f"{label}_from_Q{reached[0].Q}"
         write_fields(body, [one.state for one in reached], self._folder / f"fields-{label}.xdmf")
-        tables = []
-        for one in reached:
-            table = surface_table(body, one.state)
-            table.insert(0, "p_over_E", one.p_over_E)
-            table.insert(0, "Q", one.Q)
-            tables.append(table)
-        write_csv(pd.concat(tables, ignore_index=True), self._folder / f"contact-{label}.csv")
+        tables = {(one.Q, one.p_over_E): surface_table(body, one.state) for one in reached}
+        table = pd.concat(tables, names=["Q", "p_over_E"]).reset_index(["Q", "p_over_E"])
+        write_csv(table, self._folder / f"contact-{label}.csv")
         save(plot_deformed(body, reached[-1].state), self._folder / f"deformed-{label}")

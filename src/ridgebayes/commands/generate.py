@@ -124,21 +124,24 @@ def sweep_job(
     with exclusive_lock(out):
         if journal.exists() and not resume and not force:
             raise InputError(
-                f"{journal.folder}: an earlier sweep left it; use --resume to go on, or --force to "
-                "begin anew"
+                f"{journal.folder}: left by an earlier sweep; use --resume to continue it, or "
+                "--force to start again"
             )
         with who as executor:
             if not resume:
                 journal.remove()
-            with _kept(journal, len(scene.textures), resume), _told() as tell:
+            with (
+                _journal_report(journal, len(scene.textures), resume),
+                _progress_report() as report,
+            ):
                 table = generation.generate(
-                    scene, executor=executor, journal=journal, progress=tell, **solving
+                    scene, executor=executor, journal=journal, progress=report, **solving
                 )
-            left_out = _left_out(scene, executor, **solving)
+            left_out = _neglected_effects(scene, executor, **solving)
         try:
             table.write(out)
         except RidgebayesError:  # a full disk, after all that work
-            _say_kept(journal, len(scene.textures))
+            _print_kept(journal, n)
             raise
         journal.remove()
     return table, left_out
@@ -155,7 +158,7 @@ def fields_job(
     with exclusive_lock(out):
         table = generate_fields(scene, folder, force=force, **solving)
         table.write(out)
-    return table, _left_out(scene, None, **solving)
+    return table, _neglected_effects(scene, None, **solving)
 
 
 def journal_of(out: Path) -> Journal:
@@ -163,10 +166,10 @@ def journal_of(out: Path) -> Journal:
     return Journal(out.with_name(f".{out.name}.journal"))
 
 
-def _left_out(
+def _neglected_effects(
     scene: Scene, executor: Executor | None, *, solver: str = "auto", **_: Any
 ) -> list[str]:
-    """Say what exceeds a scene's accuracy and is not simulated."""
+    """Return a line for each effect that exceeds a scene's accuracy and is not simulated."""
     if solver != "auto" or scene.relative is None:
         return []
     each = [scene.model_copy(update={"textures": (texture,)}) for texture in scene.textures]
@@ -183,8 +186,8 @@ def _first_plan(scene: Scene) -> Plan:
 
 
 @contextmanager
-def _kept(journal: Journal, n_texture: int, resume: bool) -> Iterator[None]:
-    """Say what the journal gave, and what it holds if the sweep ends early."""
+def _journal_report(journal: Journal, n_texture: int, resume: bool) -> Iterator[None]:
+    """Print what was taken from the journal, and what is in it if the sweep ends early."""
     try:
         yield
     except InputError:
@@ -192,35 +195,35 @@ def _kept(journal: Journal, n_texture: int, resume: bool) -> Iterator[None]:
             journal.remove()
         raise
     except BaseException:
-        _say_kept(journal, n_texture)
+        _print_kept(journal, n_texture)
         raise
     if journal.n_damaged:
-        _say(f"{journal.folder}: {journal.n_damaged} damaged textures, computed again")
+        _print_error(f"{journal.folder}: {journal.n_damaged} damaged textures, computed again")
     if resume:
-        _say(f"{journal.n_found} of {n_texture} textures taken from the journal")
+        _print_error(f"{journal.n_found} of {n_texture} textures taken from the journal")
 
 
 @contextmanager
-def _told() -> Iterator[Callable[[str], None]]:
-    """Give what tells how far the sweep is: a bar on a terminal, a line now and then elsewhere."""
+def _progress_report() -> Iterator[Callable[[str], None]]:
+    """Give a progress callback: a bar on a terminal, a line now and then elsewhere."""
     with Progress(1) as progress:
         last = time.monotonic()
 
-        def tell(text: str) -> None:
+        def report(text: str) -> None:
             nonlocal last
             progress.detail(text)
             if not sys.stderr.isatty() and time.monotonic() > last + _EVERY_S:
                 last = time.monotonic()
-                _say(text)
+                _print_error(text)
 
-        yield tell
+        yield report
 
 
-def _say_kept(journal: Journal, n_texture: int) -> None:
+def _print_kept(journal: Journal, n_texture: int) -> None:
     n = journal.n_found + journal.n_kept
     if n:
-        _say(f"{n} of {n_texture} textures are in {journal.folder}: --resume goes on")
+        _print_error(f"{n} of {n_texture} textures are in {journal.folder}: continue with --resume")
 
 
-def _say(text: str) -> None:
+def _print_error(text: str) -> None:
     print(text, file=sys.stderr, flush=True)

@@ -67,13 +67,8 @@ def write_comparison(comparison: Comparison, folder: Path) -> None:
 
 def summary_table(fits: Iterable[Fit]) -> pd.DataFrame:
     """Return the summaries of several fits as one frame, form and noise first."""
-    parts = []
-    for fit in fits:
-        part = fit.summary.copy()
-        part.insert(0, "noise", fit.noise.name)
-        part.insert(0, "form", fit.form.name)
-        parts.append(part)
-    return pd.concat(parts, ignore_index=True)
+    parts = {(fit.form.name, fit.noise.name): fit.summary for fit in fits}
+    return pd.concat(parts, names=["form", "noise"]).reset_index(["form", "noise"])
 
 
 def write_run_json(
