@@ -120,7 +120,7 @@ def sweep_job(
     """
     check_name(out)
     who = executor_for(workers, scheduler)
-    journal = journal_of(out)
+    journal, n = journal_of(out), len(scene.textures)
     with exclusive_lock(out):
         if journal.exists() and not resume and not force:
             raise InputError(
@@ -130,10 +130,7 @@ def sweep_job(
         with who as executor:
             if not resume:
                 journal.remove()
-            with (
-                _journal_report(journal, len(scene.textures), resume),
-                _progress_report() as report,
-            ):
+            with _journal_report(journal, n, resume), _progress_report() as report:
                 table = generation.generate(
                     scene, executor=executor, journal=journal, progress=report, **solving
                 )
