@@ -28,12 +28,26 @@ from ridgebayes.table.table import ContactTable
 class Fit(Posterior):
     """The posterior of one form under one error model, with its predictions and its file.
 
-    Parameters are those of `Posterior`.
+    Parameters
+    ----------
+    model, chains, summary, convergence_failures, seed, approximation
+        As of `ridgebayes.inference.posterior.Posterior`; `calibrate` makes them.
     """
 
     @classmethod
     def of(cls, posterior: Posterior) -> "Fit":
-        """Return a posterior as a fit."""
+        """Return a posterior as a fit.
+
+        Parameters
+        ----------
+        posterior : Posterior
+            What was sampled, or read from a file.
+
+        Returns
+        -------
+        Fit
+            Of the same draws.
+        """
         return cls(**{f.name: getattr(posterior, f.name) for f in fields(posterior) if f.init})
 
     def predict(
@@ -45,7 +59,32 @@ class Fit(Posterior):
         nu: float | FloatArray = 0.5,
         kind: str = "simulation",
     ) -> QDistribution:
-        """Return the posterior predictive of Q; see `ridgebayes.predict.predict.predict_q`."""
+        """Return the posterior predictive distribution of Q.
+
+        Parameters
+        ----------
+        a_over_R, b_over_R, p_over_E : array_like of float, broadcastable, dimensionless
+            Ridge width, groove width and load; the result has their broadcast shape.
+        nu : array_like of float, broadcastable, dimensionless
+            Poisson's ratio.
+        kind : str, optional
+            ``simulation`` with the error model, ``curve`` for the form's own count.
+
+        Returns
+        -------
+        QDistribution
+            P(Q >= n) for every n up to the first that is negligible at the highest load.
+
+        Raises
+        ------
+        InputError
+            If `kind` is neither, a width or load is not positive and finite, `nu` is outside 0 to
+            0.5, or counts pass 20,000.
+
+        Notes
+        -----
+        Validity, accuracy and cost are those of `ridgebayes.predict.predict.predict_q`.
+        """
         return predict_q(self, a_over_R, b_over_R, p_over_E, nu=nu, kind=kind)
 
     def predict_load(
@@ -57,20 +96,72 @@ class Fit(Posterior):
         nu: float = 0.5,
         kind: str = "simulation",
     ) -> LoadDistribution:
-        """Return the distribution of the load that reaches Q; see `predict_load`."""
+        """Return the posterior predictive distribution of the load that reaches Q.
+
+        Parameters
+        ----------
+        a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
+            Ridge and groove width.
+        Q : array_like of int, broadcastable, dimensionless
+            Even counts of at least 4.
+        nu : float, dimensionless
+            Poisson's ratio.
+        kind : str, optional
+            ``simulation`` with the error model, ``curve`` for the form's own load.
+
+        Returns
+        -------
+        LoadDistribution
+            Of p/E, of the broadcast shape.
+
+        Raises
+        ------
+        InputError
+            If `kind` is neither, a width is not positive and finite, a count is odd or under 4, or
+            `nu` is outside 0 to 0.5.
+        """
         return predict_load(self, a_over_R, b_over_R, Q, nu=nu, kind=kind)
 
     def to_arviz(self) -> Any:
-        """Return the thinned draws as arviz's container: InferenceData (0.x) or DataTree (1.x)."""
+        """Return the thinned draws in arviz's container.
+
+        Returns
+        -------
+        arviz.InferenceData or xarray.DataTree
+            InferenceData of arviz 0.x, DataTree of 1.x: posterior (chain = ensemble, draw),
+            sample_stats, observed_data, constant_data, log_likelihood.
+        """
         return arviz_object(groups_of(self))
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
-        """Write thinned draws, log-likelihood, data, diagnostics; both arviz lines open it."""
+        """Write thinned draws, log-likelihood, data and diagnostics; both arviz lines open it.
+
+        Parameters
+        ----------
+        path : path
+            File to write, whole or not at all; one that is there is replaced.
+        """
         write_netcdf(self, path)
 
     @classmethod
     def from_netcdf(cls, path: str | os.PathLike[str]) -> "Fit":
-        """Read what `to_netcdf` wrote; its chains are the thinned ones."""
+        """Read what `to_netcdf` wrote.
+
+        Parameters
+        ----------
+        path : path
+            File.
+
+        Returns
+        -------
+        Fit
+            The fit; its chains are the thinned ones.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, damaged, or not written by this package.
+        """
         return cls.of(read_netcdf(path))
 
 

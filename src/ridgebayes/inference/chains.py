@@ -37,6 +37,17 @@ class SampleSettings:
         Relative change of each autocorrelation time since the last check that counts as settled.
     moves : str
         ``mixture``; or ``independence``, ``differential evolution``, ``stretch`` alone, to compare.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than four ensembles, an odd number of walkers or fewer than four, a
+        length under 1, a threshold that is not finite and above 0, or another kind of moves.
+
+    Examples
+    --------
+    >>> SampleSettings(n_tau=100).n_ensemble
+    4
     """
 
     n_ensemble: int = 4

@@ -50,9 +50,22 @@ class LoadDistribution:
             object.__setattr__(self, "sd", spread)
 
     def cdf(self, p_over_E: float | FloatArray) -> FloatArray:
-        """Return P(load <= p_over_E), broadcast against the distributions' shape.
+        """Return P(load <= p_over_E); no load is at or below 0.
 
-        No load is at or below 0. InputError if a load is NaN.
+        Parameters
+        ----------
+        p_over_E : array_like of float, broadcastable to (...), dimensionless
+            Loads.
+
+        Returns
+        -------
+        ndarray of float, shape (...), dimensionless
+            Probabilities.
+
+        Raises
+        ------
+        InputError
+            If a load is NaN.
         """
         p = np.asarray(p_over_E, dtype=float)
         if np.any(np.isnan(p)):
@@ -70,7 +83,17 @@ class LoadDistribution:
         return self._average(means)
 
     def quantile(self, prob: float) -> FloatArray:
-        """Return the load under which a share `prob` lies, shape (...); infinite beyond floats.
+        """Return the load under which a share `prob` lies.
+
+        Parameters
+        ----------
+        prob : float, dimensionless
+            Probability.
+
+        Returns
+        -------
+        ndarray of float, shape (...), dimensionless
+            p/E; infinite beyond floats.
 
         Raises
         ------
@@ -90,7 +113,17 @@ class LoadDistribution:
         return self.quantile(0.5)
 
     def interval(self, prob: float = 0.9) -> tuple[FloatArray, FloatArray]:
-        """Return the equal-tailed interval of the load, both of shape (...).
+        """Return the equal-tailed interval of the load.
+
+        Parameters
+        ----------
+        prob : float, dimensionless
+            Probability.
+
+        Returns
+        -------
+        lower, upper : ndarray of float, shape (...), dimensionless
+            p/E.
 
         Raises
         ------
@@ -102,7 +135,20 @@ class LoadDistribution:
         return self.quantile(0.5 - prob / 2), self.quantile(0.5 + prob / 2)
 
     def rvs(self, rng: Rng, size: int = 1) -> FloatArray:
-        """Draw loads, shape (size, ...)."""
+        """Draw loads.
+
+        Parameters
+        ----------
+        rng : int or numpy.random.Generator
+            Source of randomness.
+        size : int, optional
+            Draws of each distribution.
+
+        Returns
+        -------
+        ndarray of float, shape (size, ...), dimensionless
+            p/E.
+        """
         generator = seeded(rng)
         pick = generator.choice(len(self.weight), size=size, p=self.weight)
         noise = generator.standard_normal((size, *self.log_mean.shape[1:]))

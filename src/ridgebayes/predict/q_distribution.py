@@ -66,7 +66,23 @@ class QDistribution:
         return 1 - self.survival + self.pmf
 
     def at_least(self, n: float) -> FloatArray:
-        """Return P(Q >= n), shape (...); InputError if `n` is NaN."""
+        """Return P(Q >= n).
+
+        Parameters
+        ----------
+        n : float, dimensionless
+            Count.
+
+        Returns
+        -------
+        ndarray of float, shape (...), dimensionless
+            Probabilities.
+
+        Raises
+        ------
+        InputError
+            If `n` is NaN.
+        """
         if math.isnan(n):
             raise InputError(f"n: expected a number, got {n!r}")
         step = max((n - 2) / 2, 0)
@@ -79,7 +95,17 @@ class QDistribution:
         return 2 * self.survival.sum(axis=-1)
 
     def quantile(self, prob: float) -> IntArray:
-        """Return the smallest q with P(Q <= q) >= prob, shape (...).
+        """Return the smallest q with P(Q <= q) >= prob.
+
+        Parameters
+        ----------
+        prob : float, dimensionless
+            Probability.
+
+        Returns
+        -------
+        ndarray of int, shape (...), dimensionless
+            Even counts.
 
         Raises
         ------
@@ -99,6 +125,11 @@ class QDistribution:
     def interval(self, prob: float = 0.9) -> tuple[IntArray, IntArray]:
         """Return the equal-tailed interval that holds at least `prob`.
 
+        Parameters
+        ----------
+        prob : float, dimensionless
+            Probability.
+
         Returns
         -------
         lower, upper : ndarray of int, shape (...)
@@ -114,7 +145,23 @@ class QDistribution:
         return self.quantile(0.5 - prob / 2), self.quantile(0.5 + prob / 2)
 
     def extrapolation(self, prob: float = 0.9) -> BoolArray:
-        """Return where texture, load or the upper end of the interval were not calibrated."""
+        """Return where texture, load or the upper end of the interval were not calibrated.
+
+        Parameters
+        ----------
+        prob : float, dimensionless
+            Probability of the interval.
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+            True outside.
+
+        Raises
+        ------
+        InputError
+            If `prob` is outside 0 to 1.
+        """
         return self.outside | (self.interval(prob)[1] > self.q_calibrated_max)
 
     def rvs(self, rng: Rng, size: int = 1) -> IntArray:

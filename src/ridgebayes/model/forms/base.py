@@ -35,30 +35,111 @@ class Form(ABC):
 
     @abstractmethod
     def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
-        """Return s times rate at the transition to `Q`: the part without coefficients."""
+        """Return s times rate at the transition to `Q`: the part without coefficients.
+
+        Parameters
+        ----------
+        Q : array_like of int, broadcastable, dimensionless
+            Counts.
+        a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
+            Ridge and groove width over radius.
+
+        Returns
+        -------
+        ndarray of float, broadcast shape, dimensionless
+            Above 0 from Q = 4 on.
+        """
 
     @abstractmethod
     def pairs(self, shape: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
-        """Return the continuous number of pairs h = Q'/2 - 1 at ``shape = s rate``."""
+        """Return the continuous number of pairs h = Q'/2 - 1 at ``shape = s rate``.
+
+        Parameters
+        ----------
+        shape : ndarray of float, broadcastable, dimensionless
+            s times rate.
+        a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
+            Ridge and groove width over radius.
+
+        Returns
+        -------
+        ndarray of float, broadcast shape, dimensionless
+            Pairs beyond the first.
+        """
 
     @abstractmethod
     def rate(self, theta: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
-        """Return the rate, shape ``theta.shape[:-1] + broadcast(a_over_R, b_over_R).shape``."""
+        """Return the rate: the part with the coefficients.
+
+        Parameters
+        ----------
+        theta : ndarray of float, shape (..., n_parameter), dimensionless
+            Coefficients.
+        a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
+            Ridge and groove width over radius.
+
+        Returns
+        -------
+        ndarray of float, shape theta.shape[:-1] + broadcast shape, dimensionless
+            Not above 0 where no load reaches a further ridge.
+        """
 
     @abstractmethod
     def log_rate_gradient(
         self, theta: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike
     ) -> FloatArray:
-        """Return d log rate / d theta, with the parameters on a last axis."""
+        """Return d log rate / d theta.
+
+        Parameters
+        ----------
+        theta, a_over_R, b_over_R
+            As for `rate`.
+
+        Returns
+        -------
+        ndarray of float, shape theta.shape[:-1] + broadcast shape + (n_parameter,), dimensionless
+            Gradient.
+        """
 
     @abstractmethod
     def slope(
         self, a_over_R: ArrayLike, b_over_R: ArrayLike, theta: ArrayLike | None = None
     ) -> FloatArray:
-        """Return K = dQ'/ds of a texture, dimensionless."""
+        """Return K = dQ'/ds of a texture.
+
+        Parameters
+        ----------
+        a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
+            Ridge and groove width over radius.
+        theta : array_like of float, shape (..., n_parameter), dimensionless
+            Coefficients; the printed ones if not given.
+
+        Returns
+        -------
+        ndarray of float, shape theta.shape[:-1] + broadcast shape, dimensionless
+            Slope.
+
+        Raises
+        ------
+        InputError
+            If a width or a coefficient is out of range.
+        """
 
     def bind(self, textures: tuple[Texture, ...], labels: tuple[str, ...] = ()) -> "Form":
-        """Return the form with its coefficients tied to these textures, where it has such."""
+        """Return the form with its coefficients tied to textures, where it has such.
+
+        Parameters
+        ----------
+        textures : tuple of (float, float)
+            a/R and b/R of each.
+        labels : tuple of str, optional
+            Their names.
+
+        Returns
+        -------
+        Form
+            Itself, unless it has a coefficient for each texture.
+        """
         return self
 
     def load(
