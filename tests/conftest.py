@@ -1,6 +1,7 @@
 """Expensive things that many tests look at and none changes: tables, fits, approximations."""
 
 import functools
+import itertools
 import re
 import sys
 from collections.abc import Mapping
@@ -8,6 +9,7 @@ from dataclasses import dataclass
 
 import hypothesis
 import numpy as np
+import pandas as pd
 import pytest
 
 import ridgebayes as rb
@@ -147,3 +149,91 @@ def command(monkeypatch, capsys, tmp_path):
         return Said(stopped.value.code or 0, printed.out, err)
 
     return call
+
+
+@pytest.fixture(scope="session")
+def comparison(paper):
+    return rb.compare(paper, rng=0)
+
+
+@pytest.fixture(scope="session")
+def reference(fe_table):
+    forms = [rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid(), rb.HalfPlane()]
+    return rb.compare(fe_table, forms, rng=0)
+
+
+@pytest.fixture(scope="session")
+def odd_table():
+    """One texture of a hostile name, loads of its own, rows that failed and rows held out."""
+    q = np.arange(4, 18, 2)
+    s = (q - 2) / 70 * (1 + 0.02 * np.cos(q))
+    frame = pd.DataFrame(
+        {
+            "a_over_R": 0.02,
+            "b_over_R": 0.021,
+            "Q": q,
+            "p_over_E": s**2,
+            "texture": "<script>alert('$x$')</script> & | *",
+            "role": ["calibration"] * 5 + ["held-out"] * 2,
+            "solver": "my <b>solver</b>",
+            "status": "ok",
+        }
+    )
+    failed = frame.tail(1).assign(Q=20, p_over_E=np.nan, status="diverged <i>at</i> step 3")
+    return rb.ContactTable.from_frame(pd.concat([frame, failed]), where="/home/me/<odd>.csv")
+
+
+@pytest.fixture(scope="session")
+def odd(odd_table):
+    return rb.compare(odd_table, [rb.Modified(), rb.PowerLaw()], rng=3)
+
+
+@pytest.fixture(scope="session")
+def single(odd_table):
+    """One form, sampled for too short a time to have converged."""
+    settings = rb.SampleSettings(n_step_max=20)
+    return rb.compare(odd_table, [rb.Modified()], rng=3, settings=settings)
+
+
+def clipped_and_overlapping(figure):
+    """Return texts of a figure that are cut, and pairs that lie on each other."""
+    # Most tests draw nothing.
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from ridgebayes.drawing.style import lay_out, styled
+
+    with styled():
+        lay_out(figure)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        renderer = canvas.get_renderer()
+        texts = [text for legend in figure.legends for text in legend.get_texts()]
+        for axes in filter(lambda axes: axes.get_visible(), figure.axes):
+            texts += [axes.title, axes.xaxis.label, axes.yaxis.label]
+            for axis in (axes.xaxis, axes.yaxis):
+                texts += [tick.label1 for tick in axis._update_ticks()]
+        boxes = [
+            (text.get_text(), text.get_window_extent(renderer))
+            for text in texts
+            if text.get_visible() and text.get_text().strip()
+        ]
+    clipped = [
+        text
+        for text, box in boxes
+        if box.x0 < 0
+        or box.y0 < 0
+        or box.x1 > figure.bbox.width + 1
+        or box.y1 > figure.bbox.height + 1
+    ]
+    overlapping = [
+        (one, other)
+        for (one, a), (other, b) in itertools.combinations(boxes, 2)
+        if min(a.x1, b.x1) - max(a.x0, b.x0) > 1 and min(a.y1, b.y1) - max(a.y0, b.y0) > 1
+    ]
+    return clipped, overlapping
+
+
+@pytest.fixture(scope="session")
+def faults():
+    """Return the function from a figure to its clipped texts and its pairs of overlapping ones."""
+    return clipped_and_overlapping

@@ -386,14 +386,14 @@ def hostile_markdown():
 )
 def hostile_figures(folder):
     from ridgebayes.drawing.style import as_bytes, plain, symbol
-    from ridgebayes.report.figures.posterior import corner_figure, trace_figure
+    from ridgebayes.report.figures.gallery import corner_of, traces_of
 
     *_, figures = hostile_run()
     path = folder / "posterior-power-law.nc"
     path.write_bytes(figures["power-law"])
     fit = Fit.from_netcdf(path)
     drawn = {name: content for name, content in figures.items() if "." in name}
-    drawn |= {f"{f.__name__}.svg": as_bytes(f(fit), "svg") for f in (corner_figure, trace_figure)}
+    drawn |= {f"{f.__name__}.svg": as_bytes(f(fit), "svg") for f in (corner_of, traces_of)}
     for name, content in drawn.items():
         if name.endswith(".png"):
             assert content.startswith(b"\x89PNG")

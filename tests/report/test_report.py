@@ -11,12 +11,14 @@ import pytest
 import ridgebayes as rb
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS
 from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
+from ridgebayes.checks.report_data import report_data
+from ridgebayes.checks.study import study_of
 from ridgebayes.errors import InputError
 from ridgebayes.inference.netcdf import read_netcdf
 from ridgebayes.report import render_report, write_report
-from ridgebayes.report.figures import gallery
-from ridgebayes.report.numbers import decimals, interval, number, probability, with_error
-from ridgebayes.report.verdict import verdict
+from ridgebayes.report.figures.gallery import Gallery
+from ridgebayes.report.first_screen import first_screen
+from ridgebayes.report.wording import decimals, interval, number, probability, with_error
 
 
 class Page(HTMLParser):
@@ -88,15 +90,15 @@ def test_every_link_has_its_section(page):
         "K against pitch",
         "Smooth cylinder against Hertz",
         "Finite-element reference",
-        "The study's claims, one by one",
+        "The study's claims",
         "Prior sensitivity",
-        "Prediction of what is left out",
-        "What each parameter hangs on",
+        "Cross-validation",
+        "Sensitivity to prior and likelihood",
         "Predictive checks",
         "Convergence",
         "Posteriors",
         "Traces",
-        "How to read this",
+        "Glossary",
         "Made with",
     ],
 )
@@ -157,9 +159,11 @@ def test_figures_of_a_comparison_read_back_are_the_same(odd, tmp_path):
     for name, fit in odd.fits.items():
         fit.to_netcdf(tmp_path / f"{name}.nc")
         fits[name] = read_netcdf(tmp_path / f"{name}.nc")
-    back = gallery(replace(odd, fits=fits))
-    for name, plate in gallery(odd).items():
-        assert (name, back[name].svg) == (name, plate.svg)
+    back = Gallery(report_data(replace(odd, fits=fits)))
+    own = Gallery(report_data(odd))
+    assert list(back) == list(own)
+    for name in own:
+        assert (name, back.file(name, "svg")) == (name, own.file(name, "svg"))
 
 
 def test_labels_are_escaped_and_shown(odd):
@@ -212,7 +216,7 @@ def test_a_failed_form_is_named_with_its_reason(failed):
 
 
 def test_problems_of_the_reference_reach_the_banner(comparison, single):
-    found = verdict(comparison, single).problems
+    found = first_screen(report_data(comparison), report_data(single)).problems
     assert found
     assert all(words.startswith("finite-element rows: ") for words in found)
 
@@ -230,8 +234,24 @@ def test_undecided_is_the_headline_where_it_is(reference):
     two = {name: reference.fits[name] for name in ("modified", "hybrid")}
     evidence = reference.evidence[reference.evidence["form"].isin(two)].copy()
     share = evidence["model_probability"] / evidence["model_probability"].sum()
-    found = verdict(replace(reference, fits=two, evidence=evidence.assign(model_probability=share)))
+    evidence = evidence.assign(model_probability=share)
+    found = first_screen(report_data(replace(reference, fits=two, evidence=evidence)))
     assert found.headline == "The evidence does not decide between Modified and Hybrid."
+
+
+def test_the_study_is_shown_for_its_own_sweep_and_for_no_other_table(page, odd, reference):
+    words = ("The study's claims", "Smooth cylinder against Hertz", "doi:10.1016")
+    assert all(one in page.text for one in words)
+    for other in (odd, reference):
+        html = render_report(other)
+        assert not [one for one in words if one in Page(html).text]
+
+
+def test_equal_rows_from_a_file_are_the_sweep(comparison):
+    table = rb.ContactTable.from_frame(comparison.table.frame, where="mine.csv")
+    assert len(study_of(replace(comparison, table=table)).claims) == 17
+    fewer = rb.ContactTable.from_frame(comparison.table.frame.iloc[1:])
+    assert study_of(replace(comparison, table=fewer)) is None
 
 
 def test_tables_that_a_run_did_not_write_leave_their_sections_out(single):
@@ -242,8 +262,8 @@ def test_tables_that_a_run_did_not_write_leave_their_sections_out(single):
         prior_sensitivity=pd.DataFrame(),
     )
     text = Page(render_report(bare)).text
-    assert "Prediction of what is left out" not in text
-    assert "Do the bands hold?" not in text
+    assert "Cross-validation" not in text
+    assert "Coverage of the bands" not in text
     assert "Prior sensitivity" not in text
 
 
@@ -266,7 +286,7 @@ def test_left_out_scores_are_shown_and_read(comparison):
     )
     text = Page(render_report(replace(comparison, left_out=scores))).text
     assert "9 textures in turn Hybrid 89.7 ± 1.7 0.015 1.000" in text
-    assert "which favour Hybrid: Modified for a count of edges it has never seen." in text
+    assert "which favour Hybrid: Modified for a new count of edges." in text
     assert "Not fitted: classic, Q = 4: no <mode>." in text
     agreeing = Page(render_report(replace(comparison, left_out=scores[:2]))).text
     assert "All agree with the Bayes factors: Hybrid leads." in agreeing

@@ -22,6 +22,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from ridgebayes._types import FloatArray
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.cylinder.cylinder import Cylinder
@@ -29,7 +30,7 @@ from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.drawing.style import COLOURS, WIDTH, as_bytes, new_figure, styled
-from ridgebayes.report.figures.cylinder import plot_deformed, plot_departure
+from ridgebayes.report.figures.bodies import plot_deformed
 from tests.contact.cylinder.energy import stored_energy
 
 OUT = Path("docs/validation")
@@ -39,6 +40,39 @@ A, B = 0.022, 0.02
 def _save(figure: Figure, path: Path) -> None:
     """Write a figure as PNG alone: meshes are large as vectors."""
     path.with_suffix(".png").write_bytes(as_bytes(figure, "png"))
+
+
+@styled()
+def plot_departure(
+    loads: FloatArray, half_widths_over_hertz: FloatArray, *, nu: float = 0.5
+) -> Figure:
+    """Draw how far the contact of a smooth cylinder departs from Hertz's.
+
+    Parameters
+    ----------
+    loads : ndarray of float, shape (n,)
+        p/E.
+    half_widths_over_hertz : ndarray of float, shape (n,)
+        Contact half-width over that of Hertz at the same load.
+    nu : float, optional
+        Poisson's ratio.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = new_figure(WIDTH, 4.2)
+    axes = figure.subplots()
+    label = rf"smooth cylinder, $\nu$ = {nu:g}"
+    axes.plot(
+        loads, half_widths_over_hertz, "o-", color=COLOURS["modified"], markersize=4, label=label
+    )
+    axes.axhline(1.0, color="#000000", linewidth=0.8, linestyle=":", label="Hertz")
+    axes.set_xlim(left=0.0)
+    axes.set_xlabel("load $p/E$")
+    axes.set_ylabel("contact half-width over Hertz")
+    figure.legend(loc="outside upper center", ncols=2)
+    return figure
 
 
 def transitions(

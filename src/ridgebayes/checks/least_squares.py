@@ -12,7 +12,6 @@ import pandas as pd
 from scipy.optimize import least_squares
 
 from ridgebayes._types import FloatArray
-from ridgebayes.checks.smooth import r_squared
 from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms import Form
@@ -79,9 +78,8 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     start = form.printed
     if start is None or len(frame) < len(start):
         raise InputError(
-            f"{form.name}: {len(frame)} rows given; expected a form with printed coefficients "
-            "and at "
-            "least as many rows as coefficients"
+            f"{form.name}: expected a form with printed coefficients and at least as many rows as "
+            f"coefficients, got {len(frame)} rows"
         )
     p, a, b, nu = (frame[c].to_numpy() for c in ("p_over_E", "a_over_R", "b_over_R", "nu"))
     q = frame["Q"].to_numpy(float)
@@ -144,3 +142,15 @@ def power_law_r_squared(table: ContactTable) -> dict[tuple[float, float], float]
 def _transitions(table: ContactTable) -> pd.DataFrame:
     frame = table.calibration.frame
     return frame[frame["kind"] == "transition"]
+
+
+def r_squared(observed: FloatArray, predicted: FloatArray) -> float:
+    """Return 1 - (residual sum of squares)/(total sum of squares); NaN where nothing varies.
+
+    Examples
+    --------
+    >>> r_squared(np.array([1.0, 3.0]), np.array([1.0, 2.0]))
+    0.5
+    """
+    total = float(np.sum((observed - observed.mean()) ** 2))
+    return 1 - float(np.sum((observed - predicted) ** 2)) / total if total > 0 else float("nan")

@@ -1,15 +1,51 @@
-"""How far each form's loads are from the table's, and each form's slope K, texture by texture."""
+"""Forms beside the table: held-out loads, errors in per cent, slopes K, texture by texture."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
+from ridgebayes.comparison.bands import loads_table
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.model.forms import PowerLaw
 
 PAPER_TEXTURES: tuple[Texture, ...] = ((0.032, 0.01), (0.012, 0.03), (0.012, 0.09))
+
+
+def held_out_loads(comparison: Comparison) -> pd.DataFrame:
+    """Return the predicted load of each held-out transition, and whether the observed one fits.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Fits and their table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `comparison.bands.loads_table`, simulation bands of held-out rows only, with columns
+        ``inside``, and ``prior_alone`` where the power law has no K for the texture. Empty if no
+        transition was held out, or no form has a probability.
+    """
+    held_out = comparison.table.held_out
+    # Without a usable evidence there are no weights to average the forms with.
+    if not comparison.probabilities or not (held_out.column("kind") == "transition").any():
+        return pd.DataFrame()
+    loads = loads_table(replace(comparison, table=held_out))
+    loads = loads[loads["kind_of_band"] == "simulation"].reset_index(drop=True)
+    observed = loads["p_over_E_observed"]
+    loads["prior_alone"] = (loads["form"] == "power-law") & ~_has_k(comparison, loads)
+    loads["inside"] = observed.between(loads["p_over_E_lower"], loads["p_over_E_upper"])
+    return loads
+
+
+def _has_k(comparison: Comparison, loads: pd.DataFrame) -> "pd.Series[bool]":
+    power_law = comparison.fits.get("power-law")
+    known = set(power_law.model.data.textures) if power_law is not None else set()
+    pairs = zip(loads["a_over_R"], loads["b_over_R"], strict=True)
+    return pd.Series([pair in known for pair in pairs], index=loads.index)
 
 
 def shown_textures(comparison: Comparison, n_most: int = 3) -> tuple[Texture, ...]:

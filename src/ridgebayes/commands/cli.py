@@ -85,7 +85,12 @@ def run(
     """Calibrate all forms, compare them, predict, and write a report."""
     if scheduler is None and workers != 1:
         # Workers import these at the same time as this process, so their server starts first.
-        preloaded = ("ridgebayes.commands.run", "ridgebayes.report.figures", "arviz", "corner")
+        preloaded = (
+            "ridgebayes.commands.run",
+            "ridgebayes.report.figures.gallery",
+            "arviz",
+            "corner",
+        )
         load("runtime.pool").start_server(preloaded)
 
 

@@ -11,13 +11,13 @@ from markupsafe import escape
 
 from ridgebayes.checks.cost.bands import band_settings
 from ridgebayes.checks.cost.loads import load_settings
-from ridgebayes.checks.cost.measured import COST_COLUMNS, Setting, cheapest, measure, pareto
+from ridgebayes.checks.cost.measured import COST_COLUMNS, LEVELS, Setting, cheapest, measure, pareto
 from ridgebayes.checks.cost.posteriors import evidence_settings, posterior_settings
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.drawing.costs import plot_cost
 from ridgebayes.drawing.style import save
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms import Hybrid
-from ridgebayes.report.figures.costs import plot_cost
 from ridgebayes.runtime.pool import executor_for, map_ordered
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.scene.scene import Scene
@@ -146,7 +146,7 @@ def cost_job(
         with progress.stage("figures"):
             write_csv(frame, partial / COST_CSV)
             for task in frame["task"].unique():
-                save(plot_cost(frame, task), partial / _figure_name(task))
+                save(plot_cost(frame, task, LEVELS), partial / _figure_name(task))
             write_text(_page(frame, request), partial / "cost.html")
     return frame
 

@@ -10,10 +10,10 @@ from ridgebayes.commands.parsing import parse_names
 from ridgebayes.commands.request import FitRequest
 from ridgebayes.commands.run_files import versions
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.drawing.coverage import plot_coverage
 from ridgebayes.drawing.style import save
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.noise import Noise
-from ridgebayes.report.figures.coverage import plot_coverage
 from ridgebayes.runtime.pool import executor_for
 from ridgebayes.runtime.progress import Progress
 

@@ -11,7 +11,7 @@ from ridgebayes.contact.cylinder.cylinder import Cylinder, Transition
 from ridgebayes.contact.cylinder.fields import surface_table, write_fields
 from ridgebayes.drawing.style import save
 from ridgebayes.errors import InputError
-from ridgebayes.report.figures.cylinder import plot_deformed
+from ridgebayes.report.figures.bodies import plot_deformed
 from ridgebayes.scene.effects import plan_label
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.generation import generate

@@ -13,15 +13,10 @@ from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.newton import NotConvergedError
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.drawing.scenes import plot_counts, plot_effects, plot_plan_check
 from ridgebayes.drawing.style import save
 from ridgebayes.errors import ComputationError
-from ridgebayes.report.figures.cylinder import plot_deformed
-from ridgebayes.report.figures.scenes import (
-    plot_counts,
-    plot_effects,
-    plot_plan_check,
-    plot_pressed,
-)
+from ridgebayes.report.figures.bodies import plot_deformed, plot_pressed
 from ridgebayes.scene.effects import Plan, full_profile, plan_label, plan_table
 from ridgebayes.scene.scene import Scene
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Optional
 
 import pandas as pd
 
@@ -23,6 +23,9 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.runtime.pool import executor_for, n_cpu, submit_or_defer
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.table.datafiles import reference_fe
+
+if TYPE_CHECKING:
+    from ridgebayes.report.figures.gallery import Gallery
 
 EMBEDDED_FE = "finite-element reference rows"
 _LARGEST_SENT = 2**26  # bytes of draws; beyond, sending a comparison to workers costs memory
@@ -104,17 +107,17 @@ def run_job(
         with progress.stage("what accuracy costs"):  # nothing else runs meanwhile
             cost = submit_or_defer(local, short_costs, comparison, progress.stages)
             comparison = replace(comparison, cost=cost())
-        _write(comparison, partial, progress, local)
+        begun, begun_reference = _write(comparison, partial, progress, local), None
         if reference_inputs is not None:
             below = partial / REFERENCE
             below.mkdir(exist_ok=True)
             reference = reference_inputs.compare(progress, below, executor)
-            _write(reference, below, progress, local)
+            begun_reference = _write(reference, below, progress, local)
             write_run_json(
                 below, reference, command="run", seed=request.seed, options={}, stages=[]
             )
         with progress.stage("figures and report"):
-            write_pages(comparison, partial, reference)
+            write_pages(comparison, partial, reference, (begun, begun_reference))
         write_run_json(
             partial,
             comparison,
@@ -161,15 +164,16 @@ def _add_left_out(
 
 def _write(
     comparison: Comparison, folder: Path, progress: Progress, executor: Executor | None
-) -> None:
-    """Write a comparison and its predictions; figures are begun meanwhile."""
+) -> Optional["Gallery"]:
+    """Write a comparison and its predictions; return its figures, which are begun meanwhile."""
     tables: Callable[[], dict[str, pd.DataFrame]]
     tables = submit_or_defer(executor, _predictions, comparison)
-    begin_figures(comparison, executor)
+    begun = begin_figures(comparison, executor)
     write_comparison(comparison, folder)
     with progress.stage("bands"):
         for name, table in tables().items():
             write_csv(table, folder / name)
+    return begun
 
 
 def _predictions(comparison: Comparison) -> dict[str, pd.DataFrame]:

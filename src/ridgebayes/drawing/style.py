@@ -5,9 +5,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib
+import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -82,6 +84,71 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
+def panel_grid(
+    n: int,
+    row_height: float,
+    margin: float,
+    *,
+    labels: tuple[str, str] = ("", ""),
+    **shared: Any,
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with n panels, at most three a row, and those panels.
+
+    Parameters
+    ----------
+    n : int
+        How many.
+    row_height, margin : float, inches
+        Height of a row, and of all that is not a panel.
+    labels : tuple of str, optional
+        Of the lowest panels' horizontal axes and of the first panels' vertical ones.
+    **shared
+        `sharex` and `sharey` of matplotlib.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Panels that no one asked for are hidden.
+    list of matplotlib.axes.Axes
+        The n panels.
+    """
+    n_column = min(3, n)
+    n_row = -(-n // n_column)
+    figure = new_figure(WIDTH, margin + row_height * n_row)
+    panels = list(figure.subplots(n_row, n_column, squeeze=False, **shared).flat)
+    for axes in panels[n:]:
+        axes.set_visible(False)
+    for axes in panels[max(n - n_column, 0) : n]:
+        axes.set_xlabel(labels[0])
+        axes.tick_params(labelbottom=True)
+    for axes in panels[:n:n_column]:
+        axes.set_ylabel(labels[1])
+    return figure, panels[:n]
+
+
+def shared_legend(
+    figure: Figure, axes: Axes, *, at: Literal["lower", "upper"] = "lower", n_column: int = 0
+) -> None:
+    """Put one panel's legend below or above all panels."""
+    handles, labels = axes.get_legend_handles_labels()
+    loc: Any = f"outside {at} center"
+    figure.legend(handles, labels, loc=loc, ncols=n_column or len(labels))
+
+
+def colour_of(form: str) -> str:
+    """Return the colour of a form."""
+    return COLOURS.get(form, QUIET)
+
+
+def look_of(form: str) -> dict[str, Any]:
+    """Return marker, colour and label of a form, as matplotlib's keywords."""
+    return {
+        "marker": MARKERS.get(form, "o"),
+        "color": colour_of(form),
+        "label": title_of(form),
+    }
+
+
 def title_of(form: str) -> str:
     """Return the name of a form as a reader knows it."""
     return TITLES.get(form, plain(form))
@@ -136,9 +203,16 @@ def symbol(parameter: str) -> str:
     return known.get(parameter, plain(parameter))
 
 
-def texture_title(a_over_R: float, b_over_R: float) -> str:
-    """Return the heading of a texture's panel."""
-    return f"$a/R$ = {a_over_R:g}, $b/R$ = {b_over_R:g}"
+def texture_title(texture: tuple[float, float], rows: pd.DataFrame | None = None) -> str:
+    """Return the heading of the panel of (a/R, b/R), and whether all of its rows are held out."""
+    held_out = rows is not None and len(rows) and (rows["role"] == "held-out").all()
+    return f"$a/R$ = {texture[0]:g}, $b/R$ = {texture[1]:g}" + (" (held out)" if held_out else "")
+
+
+def rows_by_texture(frame: pd.DataFrame) -> dict[tuple[float, float], pd.DataFrame]:
+    """Return the rows of each (a/R, b/R), in the order in which textures come."""
+    by_texture: Any = frame.groupby(["a_over_R", "b_over_R"], sort=False)
+    return dict(iter(by_texture))
 
 
 def as_bytes(figure: Figure, kind: str) -> bytes:

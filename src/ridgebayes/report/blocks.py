@@ -2,14 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
-
-from ridgebayes.comparison.comparison import Comparison
+from typing import ClassVar, TypeAlias
 
 
 @dataclass(frozen=True)
 class Text:
-    """A paragraph of plain text; `tone` is ``plain``, ``note`` or ``warning``."""
+    """A paragraph of plain text; `tone` is ``plain``, ``note``, ``strong`` or ``warning``."""
 
     words: str
     tone: str = "plain"
@@ -20,15 +18,15 @@ class Text:
 class Table:
     """A table of finished strings.
 
-    `numeric` are the columns to align to the right, `strong` the rows to set off, `badge` a column
+    `text` are the columns that are not numbers, `strong` the rows to set off, `badge` a column
     whose words are to stand out; `wide` takes the whole page.
     """
 
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
     caption: str = ""
-    numeric: frozenset[int] = frozenset()
-    strong: frozenset[int] = frozenset()
+    text: Sequence[int] = (0,)
+    strong: Sequence[int] = ()
     badge: int | None = None
     wide: bool = False
     kind: ClassVar[str] = "table"
@@ -36,44 +34,22 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure by its name in a comparison's gallery, with what it shows.
+    """A figure by its name in the gallery of the comparison, or of the reference, and a caption."""
 
-    Drawn when laid out, so that a report without figures costs none.
-    """
-
-    owner: Comparison
     name: str
     caption: str
     narrow: bool = False
+    of_reference: bool = False
     kind: ClassVar[str] = "picture"
+
+
+Block: TypeAlias = Text | Table | Picture
 
 
 @dataclass(frozen=True)
 class Section:
-    """A titled part of the report, its blocks in reading order."""
+    """A titled part of the report, its blocks in reading order; left out where it has none."""
 
     title: str
     anchor: str
-    blocks: tuple["Text | Table | Picture", ...]
-
-
-def table(
-    header: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    caption: str = "",
-    *,
-    text: Sequence[int] = (0,),
-    strong: Sequence[int] = (),
-    badge: int | None = None,
-    wide: bool = False,
-) -> Table:
-    """Return a table whose columns are numbers except those in `text`."""
-    return Table(
-        tuple(header),
-        tuple(tuple(row) for row in rows),
-        caption,
-        frozenset(range(len(header))) - frozenset(text),
-        frozenset(strong),
-        badge,
-        wide,
-    )
+    blocks: Sequence[Block]

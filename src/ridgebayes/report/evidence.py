@@ -1,75 +1,85 @@
 # ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
-"""Sections on the evidence: Bayes factors and what they owe to the priors."""
+"""Sections on the evidence: Bayes factors, error models, and what they owe to the priors."""
 
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import best_form, forms_by_probability, sensitivity_factors
-from ridgebayes.report.blocks import Picture, Section, Table, Text, table
-from ridgebayes.report.names import form_name, parameter_name, said
-from ridgebayes.report.numbers import ABSENT, decimals, number, probability, with_error
+from ridgebayes.checks.report_data import ReportData
+from ridgebayes.comparison.bayes_factors import SUMMED
+from ridgebayes.report.blocks import Block, Picture, Section, Table, Text
+from ridgebayes.report.wording import (
+    ABSENT,
+    decimals,
+    form_name,
+    noise_name,
+    number,
+    parameter_name,
+    probability,
+    reading_text,
+    with_error,
+)
 
 
-def evidence_section(comparison: Comparison) -> Section:
+def evidence_section(data: ReportData) -> Section:
     """Return log evidences, Bayes factors and how well the methods agree."""
-    blocks: list[Text | Table | Picture] = [ranking_table(comparison)]
-    if len(comparison.probabilities) > 1:
-        blocks.append(
+    blocks: list[Block] = [ranking_table(data)]
+    if len(data.comparison.probabilities) > 1:
+        blocks += [
             Picture(
-                comparison,
                 "evidence",
-                "ln Bayes factor of each form against the best, by every method: the symbols lie "
-                "one below the other where the methods agree. Monte Carlo errors are smaller than "
+                "ln Bayes factor of each form against the best, by every method. Where the methods "
+                "agree, their symbols lie below one another. Monte Carlo errors are smaller than "
                 "the symbols unless a bar shows.",
-            )
-        )
-        blocks.append(pairs_table(comparison))
-    blocks.append(agreement_table(comparison))
-    return Section("Evidence", "evidence", tuple(blocks))
+            ),
+            pairs_table(data),
+        ]
+    return Section("Evidence", "evidence", [*blocks, agreement_table(data)])
 
 
-def ranking_table(comparison: Comparison) -> Table:
+def ranking_table(data: ReportData) -> Table:
     """Return one row per form: evidence, factor against the best, probability."""
+    comparison, best = data.comparison, data.best
     used = {row["form"]: row for row in comparison.own_evidence.query("used").to_dict("records")}
-    best = best_form(comparison)
     rows = []
-    for name in forms_by_probability(comparison):
-        fit = comparison.fits[name]
-        state = "yes" if fit.converged else "NO"
-        if name not in used or best is None:
-            rows.append([form_name(name), str(len(fit.summary)), ABSENT, ABSENT, ABSENT, state])
-            continue
-        own, top = used[name], used[best]
-        error = _hypot(own["log_evidence_se"], top["log_evidence_se"])
-        factor = own["log_evidence"] - top["log_evidence"]
-        rows.append(
-            [
-                form_name(name),
-                str(len(fit.summary)),
+    for name in data.ranked:
+        fit, cells = comparison.fits[name], [ABSENT, ABSENT, ABSENT]
+        if name in used and best is not None:
+            own, top = used[name], used[best]
+            error = _hypot(own["log_evidence_se"], top["log_evidence_se"])
+            factor = own["log_evidence"] - top["log_evidence"]
+            cells = [
                 with_error(own["log_evidence"], own["log_evidence_se"]),
                 "0 (best)" if name == best else with_error(factor, error),
                 probability(own["model_probability"]),
-                state,
             ]
-        )
+        state = "yes" if fit.converged else "NO"
+        rows.append([form_name(name), str(len(fit.summary)), *cells, state])
     rows += [[form_name(f), ABSENT, ABSENT, ABSENT, ABSENT, "FAILED"] for f in comparison.failures]
-    return table(
+    return Table(
         ["Form", "Parameters", "ln evidence", "ln BF against the best", "Probability", "Converged"],
         rows,
-        "Natural logarithms; evidence of the log loads; probabilities at equal prior odds.",
+        "Natural logarithms. Evidence of the log loads. Probabilities at equal prior odds.",
         text=(0, 5),
         strong=(0,) if best is not None else (),
     )
 
 
-def pairs_table(comparison: Comparison) -> Table:
-    """Return every Bayes factor, the favoured form first."""
+def pairs_table(data: ReportData) -> Table:
+    """Return every Bayes factor under the fits' error model."""
+    return _pairs(
+        data.comparison.own_bayes_factors,
+        "Bayes factors with Monte Carlo errors. Reading after Kass and Raftery (1995): undecided "
+        "where |ln BF| is under 1 or under two standard errors.",
+    )
+
+
+def _pairs(factors: pd.DataFrame, caption: str) -> Table:
+    """Return Bayes factors, the favoured form first."""
     rows = []
-    factors = comparison.own_bayes_factors
     for row in factors.to_dict("records"):
         ahead, behind = row["form_a"], row["form_b"]
         if row["ln_bf"] < 0:
@@ -80,48 +90,41 @@ def pairs_table(comparison: Comparison) -> Table:
                 with_error(abs(row["ln_bf"]), row["ln_bf_se"]),
                 decimals(abs(row["log10_bf"]), 2),
                 row["method"],
-                said(row["reading"].partition(" (")[0].partition(";")[0] + " ").strip(),
+                reading_text(row["reading"]).partition(" (")[0],
             ]
         )
-    return table(
-        ["Pair", "ln BF", "log₁₀ BF", "Method", "Reading"],
-        rows,
-        "Bayes factors with Monte Carlo errors. Reading: Kass and Raftery (1995); undecided where "
-        "|ln BF| is under 1 or under two standard errors.",
-        text=(0, 3, 4),
-    )
+    return Table(["Pair", "ln BF", "log₁₀ BF", "Method", "Reading"], rows, caption, text=(0, 3, 4))
 
 
-def agreement_table(comparison: Comparison) -> Table:
+def agreement_table(data: ReportData) -> Table:
     """Return the evidence by every method and the distance between them in standard errors."""
-    methods = list(dict.fromkeys(comparison.own_evidence["method"]))
-    others = [m for m in methods if m != "bridge"]
+    evidence = data.comparison.own_evidence
+    others = [m for m in dict.fromkeys(evidence["method"]) if m != "bridge"]
     check = "importance" if "importance" in others else "quadrature"
     rows = []
-    for name in forms_by_probability(comparison):
-        rows_of = comparison.own_evidence[comparison.own_evidence["form"] == name]
-        own = {row["method"]: row for row in rows_of.to_dict("records")}
-        cells = [form_name(name)]
-        for method in ["bridge", *others]:
-            row = own.get(method)
-            if row is None:
-                cells.append(ABSENT)
-            elif row["status"] != "ok":
-                cells.append(str(row["status"]))
-            else:
-                cells.append(with_error(row["log_evidence"], row["log_evidence_se"]))
-        cells.append(_distance(own, check))
-        rows.append(cells)
-    return table(
+    for name in data.ranked:
+        part = evidence[evidence["form"] == name].to_dict("records")
+        own = {row["method"]: row for row in part}
+        cells = [_evidence(own.get(method)) for method in ("bridge", *others)]
+        rows.append([form_name(name), *cells, _distance(own, check)])
+    return Table(
         ["Form", "bridge", *others, f"bridge − {check}, in standard errors"],
         rows,
-        "The same ln evidence by independent methods: bridge from the draws, quadrature without "
-        "any draw, importance sampling with draws of its own, Laplace as a first look without an "
-        "error.",
+        "ln evidence by independent methods. Bridge: from the posterior's draws. Quadrature: "
+        "without draws. Importance: from draws of its own. Laplace: a first approximation, without "
+        "an error.",
     )
 
 
-def _distance(own: Mapping[str, Mapping[Hashable, Any]], check: str) -> str:
+def _evidence(row: Mapping[Any, Any] | None) -> str:
+    if row is None:
+        return ABSENT
+    if row["status"] != "ok":
+        return str(row["status"])
+    return with_error(row["log_evidence"], row["log_evidence_se"])
+
+
+def _distance(own: Mapping[str, Mapping[Any, Any]], check: str) -> str:
     if not {"bridge", check} <= set(own):
         return ABSENT
     a, b = own["bridge"], own[check]
@@ -133,12 +136,62 @@ def _hypot(*errors: float) -> float:
     return math.hypot(*(e for e in errors if e == e))
 
 
-def prior_section(comparison: Comparison) -> Section:
+def error_models_section(data: ReportData) -> Section:
+    """Return evidences by form and error model; nothing where one error model alone was weighed."""
+    title, anchor = "Error models", "error-models"
+    comparison, means = data.comparison, data.error_models
+    if len(means) < 2:
+        return Section(title, anchor, ())
+    forms = [*data.ranked, *comparison.failures]
+    usable = {
+        (row["form"], row["noise"]): row
+        for row in comparison.evidence.query("used").to_dict("records")
+    }
+    rows = [
+        [
+            mean["noise"],
+            *(_evidence(usable.get((form, mean["noise"]))) for form in forms),
+            decimals(mean["log_mean_evidence"], 1),
+            probability(mean["probability"]),
+        ]
+        for mean in means.to_dict("records")
+    ]
+    blocks: list[Block] = [
+        Text(
+            "Residuals of the loads repeat from texture to texture and from step to step. An error "
+            "model states what repeats. Ignoring correlation makes posteriors too narrow and "
+            "overstates Bayes factors. This run uses the error model with the highest mean "
+            f"evidence over the forms: {noise_name(comparison.noise.name)}."
+        ),
+        Table(
+            ["Error model", *map(form_name, forms), "ln of the mean", "Probability"],
+            rows,
+            "ln evidence of every form under every error model, and the log of its mean over the "
+            "forms. A form without a usable evidence counts as zero. Error models that were not "
+            "chosen: importance sampling where near the best, otherwise Laplace's approximation, "
+            "without an error. Independent rows (iid): quadrature. Names are those of --noise.",
+            strong=(0,),
+            wide=True,
+        ),
+    ]
+    summed = comparison.bayes_factors[comparison.bayes_factors["noise"] == SUMMED]
+    if len(summed):
+        caption = "Bayes factors with the error models summed out, at equal prior probabilities."
+        blocks.append(_pairs(summed, caption))
+    blocks.append(
+        Text(
+            "Calibrated textures and steps keep their inferred offset; new ones draw from its "
+            "distribution. An offset smooth in log h and a/pitch is interpolated between its "
+            "neighbours. It widens beyond the calibrated range of either.",
+            "note",
+        )
+    )
+    return Section(title, anchor, blocks)
+
+
+def prior_section(data: ReportData) -> Section:
     """Return the Bayes factors against every prior scale."""
-    best = best_form(comparison)
-    if best is None or len(comparison.probabilities) < 2:
-        return Section("Prior sensitivity", "priors", ())
-    factors = sensitivity_factors(comparison, best)
+    factors, against = data.sensitivity, form_name(data.shown)
     if not len(factors):
         return Section("Prior sensitivity", "priors", ())
     rows = []
@@ -151,30 +204,15 @@ def prior_section(comparison: Comparison) -> Section:
         name = "c and c₁" if prior == "c" else parameter_name(str(prior))
         rows.append([form_name(str(form)), name, *(decimals(x, 2) for x in cells)])
     low, high = factors["factor"].min(), factors["factor"].max()
-    return Section(
-        "Prior sensitivity",
-        "priors",
-        (
-            Text(
-                "A Bayes factor always depends on how wide the priors are. Here each prior's scale "
-                f"is run over a factor of {number(high / low, 3)} with everything else kept."
-            ),
-            Picture(
-                comparison,
-                "prior-sensitivity",
-                f"ln Bayes factor of each form against {form_name(best)}; above zero it would be "
-                "ahead. Dotted line: the default scale. The axis is linear within 5 of zero.",
-            ),
-            table(
-                [
-                    f"Form, against {form_name(best)}",
-                    "Prior of",
-                    f"ln BF at {low:g} × scale",
-                    "at default",
-                    f"at {high:g} × scale",
-                ],
-                rows,
-                text=(0, 1),
-            ),
-        ),
+    words = (
+        "A Bayes factor always depends on the width of the priors. Here the scale of each prior is "
+        f"varied by a factor of {number(high / low, 3)}, with all else unchanged."
     )
+    caption = (
+        f"ln Bayes factor of each form against {against}. Above zero the form is ahead. Dotted "
+        "line: the default scale. The axis is linear within 5 of zero."
+    )
+    scales = [f"ln BF at {low:g} × scale", "at default", f"at {high:g} × scale"]
+    found = Table([f"Form, against {against}", "Prior of", *scales], rows, text=(0, 1))
+    blocks: list[Block] = [Text(words), Picture("prior-sensitivity", caption), found]
+    return Section("Prior sensitivity", "priors", blocks)

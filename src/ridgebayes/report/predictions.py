@@ -1,204 +1,269 @@
 # ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
-"""Sections on predictions: bands, held-out rows, percent errors, K, the smooth cylinder."""
+"""Sections on predictions: bands, held-out rows, coverage, percent errors, K, cross-validation."""
 
-from ridgebayes.checks.held_out import held_out_loads
-from ridgebayes.checks.load_errors import has_slopes, percent_errors, shown_textures
-from ridgebayes.checks.smooth import FIG_3_TEXTURE, smooth_cylinder
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bands import AVERAGE
-from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import best_form, forms_by_probability
-from ridgebayes.report.blocks import Picture, Section, Table, Text, table
-from ridgebayes.report.names import form_name
-from ridgebayes.report.numbers import ABSENT, count, decimals, number, percent
+from ridgebayes.report.blocks import Block, Picture, Section, Table, Text
+from ridgebayes.report.wording import (
+    ABSENT,
+    count,
+    decimals,
+    form_name,
+    number,
+    percent,
+    with_error,
+)
 
 MOST_ROWS = 30
+_NEW = {
+    "row": "one more row of a known texture",
+    "texture": "a new texture",
+    "step": "a new count of edges",
+}
 
 
-def bands_section(comparison: Comparison) -> Section:
+def bands_section(data: ReportData) -> Section:
     """Return Q against load with bands, texture by texture."""
-    form = best_form(comparison) or next(iter(comparison.fits))
-    return Section(
-        "Q against load",
-        "bands",
-        (
-            Picture(
-                comparison,
-                "bands",
-                f"{form_name(form)}. Dark: the form's own curve; light: what a further simulation "
-                "would show. Hatched: a count or an a/pitch beyond what was calibrated. The load "
-                "axis is a root scale, on which steps are equally wide; bands of one count are "
-                "drawn a quarter of an edge to either side.",
-            ),
-        ),
+    caption = (
+        f"{form_name(data.shown)}. Dark: the form's own curve. Light: a further simulation. "
+        "Hatched: extrapolation to a count or an a/pitch beyond the calibrated range. The load "
+        "axis is a square-root scale, on which steps are equally wide. A band of one count is "
+        "drawn a quarter of an edge to either side."
     )
+    return Section("Q against load", "bands", [Picture("bands", caption)])
 
 
-def held_out_section(comparison: Comparison) -> Section:
+def held_out_section(data: ReportData) -> Section:
     """Return the held-out rows beside their bands, inside or outside."""
-    loads = held_out_loads(comparison)
+    loads = data.held_out
     if not len(loads):
         return Section("Held-out rows", "held-out", ())
-    prob = loads["prob"].iloc[0]
-    best = best_form(comparison) or next(iter(comparison.fits))
-    blocks: list[Text | Table | Picture] = [
-        Text(
-            f"{count(len(comparison.table.held_out), 'row')} were never fitted, only predicted. "
-            f"Bands hold {percent(prob)} and include the error model."
-        ),
-        Picture(
-            comparison,
-            "held-out",
-            "Predicted over observed load of each held-out transition; zero is a perfect "
-            "prediction."
-            + (
-                " The power law knows nothing of a texture it has no K for and is left out there."
-                if loads["prior_alone"].any()
-                else ""
-            ),
-        ),
-    ]
+    band = f"{percent(loads['prob'].iloc[0])} band"
+    n_row = len(data.comparison.table.held_out)
+    caption = "Load error of each held-out prediction, with its band. Zero is a perfect prediction."
+    if loads["prior_alone"].any():
+        caption += " The power law has no K for a texture that was not fitted: it is not shown."
     rows = []
-    forms = forms_by_probability(comparison)
-    for form in forms if len(forms) == 1 else [*forms, AVERAGE]:
+    for form in data.ranked if len(data.ranked) == 1 else (*data.ranked, AVERAGE):
         part = loads[loads["form"] == form]
         error = 100 * (part["p_over_E_median"] / part["p_over_E_observed"] - 1)
-        prior_only = bool(part["prior_alone"].all())
-        rows.append(
-            [
-                form_name(form),
-                f"{int(part['inside'].sum())} of {len(part)}",
-                ABSENT
-                if prior_only
-                else f"{decimals(error.min(), 1)} to {decimals(error.max(), 1)}",
-                "from its prior alone"
-                if prior_only
-                else "yes"
-                if part["extrapolation"].any()
-                else "no",
-            ]
-        )
-    blocks.append(
-        table(
-            ["Form", f"Inside the {percent(prob)} band", "Load error, %", "Extrapolation"],
-            rows,
-            text=(0, 3),
-        )
-    )
-    part = loads[loads["form"] == best].head(MOST_ROWS)
-    blocks.append(
-        table(
-            ["a/R", "b/R", "Q", "Observed p/E", "Median", f"{percent(prob)} band", "Observed is"],
-            [
-                [
-                    f"{row['a_over_R']:g}",
-                    f"{row['b_over_R']:g}",
-                    str(row["Q"]),
-                    number(row["p_over_E_observed"], 5),
-                    number(row["p_over_E_median"], 5),
-                    f"{number(row['p_over_E_lower'], 5)} to {number(row['p_over_E_upper'], 5)}",
-                    "inside" if row["inside"] else "outside",
-                ]
-                for row in part.to_dict("records")
-            ],
-            f"{form_name(best)}, row by row.",
+        inside = f"{int(part['inside'].sum())} of {len(part)}"
+        if part["prior_alone"].all():
+            rows.append([form_name(form), inside, ABSENT, "prior only"])
+        else:
+            far = "yes" if part["extrapolation"].any() else "no"
+            rows.append([form_name(form), inside, _range(error), far])
+    best = [
+        [
+            f"{row['a_over_R']:g}",
+            f"{row['b_over_R']:g}",
+            str(row["Q"]),
+            number(row["p_over_E_observed"], 5),
+            number(row["p_over_E_median"], 5),
+            f"{number(row['p_over_E_lower'], 5)} to {number(row['p_over_E_upper'], 5)}",
+            "inside" if row["inside"] else "outside",
+        ]
+        for row in loads[loads["form"] == data.shown].head(MOST_ROWS).to_dict("records")
+    ]
+    blocks: list[Block] = [
+        Text(f"{count(n_row, 'row')} not fitted, only predicted. Bands include the error model."),
+        Picture("held-out", caption),
+        Table(["Form", f"Inside the {band}", "Load error, %", "Extrapolation"], rows, text=(0, 3)),
+        Table(
+            ["a/R", "b/R", "Q", "Observed p/E", "Median", band, "Observed is"],
+            best,
+            f"{form_name(data.shown)}, row by row.",
             text=(6,),
             badge=6,
-        )
-    )
-    return Section("Held-out rows", "held-out", tuple(blocks))
-
-
-def errors_section(comparison: Comparison) -> Section:
-    """Return the percent errors of each form (the study's Figs 5 and 6)."""
-    textures = shown_textures(comparison)
-    if not textures:
-        return Section("Percent error of each form", "errors", ())
-    errors = percent_errors(comparison, textures)
-    calibrated = errors[errors["coefficients"] == "calibrated"]
-    rows = []
-    for name in forms_by_probability(comparison):
-        cells = [form_name(name)]
-        for a, b in textures:
-            part = calibrated[
-                (calibrated["form"] == name)
-                & (calibrated["a_over_R"] == a)
-                & (calibrated["b_over_R"] == b)
-            ]["percent"]
-            low, high = part.min(), part.max()
-            cells.append(f"{decimals(low, 1)} to {decimals(high, 1)}" if len(part) else ABSENT)
-        rows.append(cells)
-    return Section(
-        "Percent error of each form",
-        "errors",
-        (
-            Picture(
-                comparison,
-                "percent-error",
-                "100 (p form / p data − 1) at each transition: above zero the form asks for too "
-                "much load. Full lines: coefficients calibrated here (posterior means); dashed: "
-                "printed.",
-            ),
-            table(
-                ["Form", *(f"a/R = {a:g}, b/R = {b:g}" for a, b in textures)],
-                rows,
-                "Smallest to largest load error in per cent, calibrated coefficients.",
-            ),
         ),
-    )
+    ]
+    return Section("Held-out rows", "held-out", blocks)
 
 
-def slopes_section(comparison: Comparison) -> Section:
-    """Return K against pitch, where the power law was fitted to several textures."""
-    if not has_slopes(comparison):
-        return Section("K against pitch", "slopes", ())
-    return Section(
-        "K against pitch",
-        "slopes",
-        (
-            Picture(
-                comparison,
-                "slopes",
-                "Left: K, the rate at which Q grows with s = √(p/E), of each texture. Right: the "
-                "same times half the pitch: the c that each texture asks for. Modified says it is "
-                "one number; Hybrid lets it grow as ridges get narrower. Bars and band: 90 % "
-                "intervals; Hybrid is set a little to the right of the power law.",
-            ),
-        ),
-    )
+def _range(errors: "pd.Series[float]") -> str:
+    return f"{decimals(errors.min(), 1)} to {decimals(errors.max(), 1)}" if len(errors) else ABSENT
 
 
-def smooth_section(comparison: Comparison) -> Section:
-    """Return the smooth cylinder against Hertz (the study's Fig. 3)."""
-    names = {
-        "half-plane": "Half-plane equation, no grooves",
-        "small-strain": "Finite elements, small strain",
-        "neo-hooke": "Finite elements, neo-Hookean",
-    }
+def coverage_section(data: ReportData) -> Section:
+    """Return how often bands hold textures left out, where that was counted."""
+    title, anchor = "Coverage of the bands", "coverage"
+    counted = data.comparison.coverage
+    if not len(counted):
+        return Section(title, anchor, ())
     rows = [
         [
-            names.get(curve.name, curve.name),
-            str(len(curve.count)),
-            decimals(curve.r_squared, 5),
-            decimals(100 * curve.worst_count_error, 2),
-            decimals(100 * curve.worst_load_error, 2),
+            row["noise"],
+            percent(row["prob"]),
+            f"{int(row['covered'])} of {int(row['n'])}",
+            f"{decimals(100 * row['share'], 1)} ± {decimals(100 * row['share_se'], 1)} %",
+            number(row["mean_width"], 2),
         ]
-        for curve in smooth_cylinder()
+        for row in counted.to_dict("records")
     ]
-    a, b = FIG_3_TEXTURE
-    return Section(
-        "Smooth cylinder against Hertz",
-        "smooth",
-        (
-            Picture(
-                comparison,
-                "smooth-cylinder",
-                f"Contact length without grooves, in ridges of a/R = {a:g}, b/R = {b:g} by eq. "
-                "(2), against Hertz, eq. (1). The half-plane equation is Hertz to rounding; a "
-                "whole cylinder of finite elements comes out a little stiffer as contact widens.",
-            ),
-            table(
-                ["Computed by", "Loads", "R² of Hertz on Q′", "Worst error in Q′, %", "in load, %"],
-                rows,
-            ),
+    beyond = decimals(100 * counted["share_extrapolated"].max(), 0)
+    blocks: list[Block] = [
+        Text(
+            f"{int(counted['n_texture'].max())} textures left out in turn, "
+            f"{form_name(str(counted['form'].iloc[0]))} fitted to the others. Each transition of "
+            "the texture left out is looked up in its simulation band. A 90 % band should contain "
+            "about nine in ten. Fewer mean that bands are too narrow, more that they are too wide. "
+            "Independent rows (iid) are shown beside the error model of this run."
         ),
+        Picture("coverage", "Share of transitions inside, and width of the bands."),
+        Table(
+            ["Error model", "Band", "Inside", "Share ± standard error", "Width in log load"],
+            rows,
+            "Standard errors treat whole textures as independent. Of the transitions left out, "
+            f"{beyond} % lie beyond the range of their fit.",
+        ),
+    ]
+    failed = counted[counted["failed"] != ""]
+    if len(failed):
+        blocks.append(Text(f"Not fitted: {failed['failed'].iloc[0]}", "warning"))
+    return Section(title, anchor, blocks)
+
+
+def errors_section(data: ReportData) -> Section:
+    """Return the percent errors of each form (the study's Figs 5 and 6)."""
+    if not data.textures:
+        return Section("Percent error of each form", "errors", ())
+    errors = data.percent_errors
+    errors = errors[errors["coefficients"] == "calibrated"]
+    cells = {
+        key: _range(part["percent"])
+        for key, part in errors.groupby(["form", "a_over_R", "b_over_R"], sort=False)
+    }
+    rows = [
+        [form_name(form), *(cells.get((form, a, b), ABSENT) for a, b in data.textures)]
+        for form in data.ranked
+    ]
+    caption = (
+        "100 (p form / p data − 1) at each transition. Above zero the form predicts too high a "
+        "load. Solid lines: coefficients calibrated here (posterior means). Dashed: printed."
     )
+    blocks: list[Block] = [
+        Picture("percent-error", caption),
+        Table(
+            ["Form", *(f"a/R = {a:g}, b/R = {b:g}" for a, b in data.textures)],
+            rows,
+            "Smallest to largest load error in per cent, calibrated coefficients.",
+        ),
+    ]
+    return Section("Percent error of each form", "errors", blocks)
+
+
+def slopes_section(data: ReportData) -> Section:
+    """Return K against pitch, where the power law was fitted to several textures."""
+    caption = (
+        "Left: K, the slope of Q′ over s = √(p/E), of each texture. Right: K times half the pitch, "
+        "the c of that texture alone. Modified takes c as constant. Hybrid lets it grow as ridges "
+        "get narrower. Bars and band: 90 % intervals. Hybrid is drawn slightly to the right of the "
+        "power law."
+    )
+    return Section("K against pitch", "slopes", [Picture("slopes", caption)])
+
+
+def score_section(data: ReportData) -> Section:
+    """Return scores of whatever was left out, stacking weights, and where they disagree."""
+    loo, left_out = data.comparison.loo, data.comparison.left_out
+    blocks: list[Block] = []
+    leaders = {}
+    if len(loo):
+        scores = loo.sort_values("elpd", ascending=False)
+        leaders["row"] = _leaders(scores, "elpd")
+        blocks.append(_rows_table(scores))
+        if scores["n_bad_k"].sum():
+            words = (
+                "Rows with a Pareto k above 0.7 strongly influence the posterior. Their scores are "
+                "rough estimates."
+            )
+            blocks.append(Text(words, "note"))
+    if len(left_out):
+        for leave, part in left_out.groupby("leave", sort=False):
+            if part["log_score"].notna().any():
+                leaders[str(leave)] = _leaders(part, "log_score")
+        blocks.append(_left_out_table(left_out))
+    if blocks:
+        words = (
+            "Expected log predictive density (elpd) of held-out data, and the weights of the "
+            f"mixture of forms that predicts it best. {_agreement(data, leaders)}"
+        )
+        blocks.insert(0, Text(words))
+    return Section("Cross-validation", "loo", blocks)
+
+
+def _leaders(scores: pd.DataFrame, column: str) -> tuple[str, str]:
+    """Return the form of the highest score and that of the highest weight."""
+    by_score, by_weight = (
+        scores["form"].iloc[int(scores[name].astype(float).fillna(-np.inf).argmax())]
+        for name in (column, "stacking_weight")
+    )
+    return str(by_score), str(by_weight)
+
+
+def _agreement(data: ReportData, leaders: dict[str, tuple[str, str]]) -> str:
+    if data.best is None or len(data.ranked) < 2:
+        return ""
+    against = {leave: found for leave, found in leaders.items() if set(found) != {data.best}}
+    if not against:
+        return f"All agree with the Bayes factors: {form_name(data.best)} leads."
+    parts = []
+    for leave, (by_score, by_weight) in against.items():
+        heads = form_name(by_score)
+        if by_weight != by_score:
+            heads += f" by score and {form_name(by_weight)} by weight"
+        parts.append(f"{heads} for {_NEW[leave]}")
+    return (
+        f"They do not all agree with the Bayes factors, which favour {form_name(data.best)}: "
+        f"{'; '.join(parts)}. The two answer different questions. A Bayes factor compares how "
+        "probable the forms and their priors make all rows. A score measures how well a fitted "
+        "form predicts new rows of one kind. For a new design, read the scores of textures. For "
+        "the physics of contact, read the Bayes factors."
+    )
+
+
+def _rows_table(scores: pd.DataFrame) -> Table:
+    return Table(
+        ["Form", "elpd ± standard error", "Effective parameters", "Rows with k > 0.7", "Weight"],
+        [
+            [
+                form_name(row["form"]),
+                with_error(row["elpd"], row["se"], 2),
+                decimals(row["p"], 1),
+                str(int(row["n_bad_k"])),
+                decimals(row["stacking_weight"], 3),
+            ]
+            for row in scores.to_dict("records")
+        ],
+        "Single rows left out, by Pareto-smoothed importance sampling. Weight: of stacking.",
+    )
+
+
+def _left_out_table(scores: pd.DataFrame) -> Table:
+    records = scores.to_dict("records")
+    failed = "; ".join(f"{row['form']}, {row['failed']}" for row in records if row["failed"])
+    return Table(
+        ["Left out", "Form", "Log score ± standard error", "CRPS of log load", "Weight"],
+        [_left_out_row(row) for row in records],
+        "Each texture, or each count of edges, is left out in turn, and the rest fitted again. Log "
+        "score: log density of the rows of a fold together. CRPS: 0.01 is about 1 % in load."
+        + (f" Not fitted: {failed}." if failed else ""),
+        text=(0, 1),
+    )
+
+
+def _left_out_row(row: dict[Any, Any]) -> list[str]:
+    what = [f"{int(row['n_fold'])} {row['leave']}s in turn", form_name(row["form"])]
+    if pd.isna(row["log_score"]):
+        return [*what, ABSENT, ABSENT, ABSENT]
+    return [
+        *what,
+        with_error(row["log_score"], row["log_score_se"], 2),
+        number(row["mean_crps"], 2),
+        decimals(row["stacking_weight"], 3),
+    ]

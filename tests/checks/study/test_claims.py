@@ -7,15 +7,22 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.checks.study import VERDICTS, paper_claims
-from ridgebayes.checks.study.errors import exact_loads, load_error
-from ridgebayes.checks.study.fits import coefficients_claim
-from ridgebayes.checks.study.record import CONFIRMED, DEPENDS, NOT_CONFIRMED, NOT_TESTED
+from ridgebayes.checks.study import study_of
+from ridgebayes.checks.study.claims import (
+    CONFIRMED,
+    DEPENDS,
+    NOT_CONFIRMED,
+    NOT_TESTED,
+    VERDICTS,
+    coefficients_claim,
+    exact_loads,
+    load_error,
+)
 
 
 @pytest.fixture(scope="module")
 def claims(comparison):
-    return paper_claims(comparison)
+    return study_of(comparison).claims
 
 
 def _claim(claims, words):
@@ -90,7 +97,7 @@ def test_modified_claim_gives_printed_and_calibrated_ranges(claims, comparison):
 
 def test_without_a_fit_of_the_form_only_printed_coefficients_speak(comparison):
     fits = {"power-law": comparison.fits["power-law"]}
-    claim = _claim(paper_claims(replace(comparison, fits=fits)), "by 3-5 %")
+    claim = _claim(study_of(replace(comparison, fits=fits)).claims, "by 3-5 %")
     assert "calibrated" not in claim.ours
     assert "printed" in claim.ours
 
@@ -111,13 +118,6 @@ def test_ridge_pressures_at_the_extreme_texture(claims):
     # Reference: 0.40 E, 0.78 E and 1.18 E at Q = 4, 6, 8.
     found = re.findall(r"(\d\.\d\d) E", _claim(claims, "displacement control").ours)
     assert found == ["0.40", "0.78", "1.18"]
-
-
-def test_a_table_of_one_row_leaves_fits_untested():
-    one = rb.paper_sweep().frame.head(1)
-    claim = coefficients_claim(rb.Hybrid(), rb.ContactTable.from_frame(one), "eq. (7)")
-    assert claim.verdict == NOT_TESTED
-    assert "1 rows given" in claim.ours
 
 
 def test_coefficients_far_from_the_printed_ones_are_not_confirmed(odd_table):

@@ -1,73 +1,53 @@
-"""The study's claims one by one, each beside our own numbers.
+"""The study behind the package, checked on its own sweep: its claims, and the smooth cylinder.
 
-Loads are those of the half-plane equation (`contact.halfplane`), which has no fitted coefficient
-and no load increment; coefficients are the printed ones and, where it makes sense, those of a
-comparison. Nothing here is typed in but the claims themselves.
+`study_of` computes both for the embedded sweep. Other tables have none of it: the claims are about
+the study's textures and loads. It reads a `Comparison` and solves the half-plane equation.
 """
 
-from collections.abc import Iterator
+from dataclasses import dataclass
 
-from ridgebayes.checks.study.errors import (
-    classic_claim,
-    errors_fall_claim,
-    first_step_claims,
-    hybrid_error_claim,
-    modified_error_claims,
-    worst_step_claim,
-)
-from ridgebayes.checks.study.fits import (
-    coefficients_claim,
-    modified_claim,
-    power_law_claim,
-    smooth_claim,
-)
-from ridgebayes.checks.study.mechanics import convergence_claim, longer_claim, threshold_claim
-from ridgebayes.checks.study.record import VERDICTS, Claim
+from ridgebayes.checks.study.claims import Claim, paper_claims
+from ridgebayes.checks.study.smooth import SmoothCurve, smooth_cylinder
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.model.forms import Hybrid, Modified
-
-__all__ = ["VERDICTS", "Claim", "paper_claims"]
+from ridgebayes.table.datafiles import paper_sweep
 
 
-def paper_claims(comparison: Comparison) -> tuple[Claim, ...]:
-    """Check every claim of the study.
+@dataclass(frozen=True, eq=False)
+class Study:
+    """What became of the study.
+
+    Parameters
+    ----------
+    claims : tuple of Claim
+        Its claims, each beside our own numbers.
+    curves : tuple of SmoothCurve
+        The smooth cylinder against Hertz (Fig. 3).
+    """
+
+    claims: tuple[Claim, ...]
+    curves: tuple[SmoothCurve, ...]
+
+
+def study_of(comparison: Comparison) -> Study | None:
+    """Return the study's claims for a comparison on its own sweep, and None for any other table.
 
     Parameters
     ----------
     comparison : Comparison
-        Supplies calibrated coefficients (posterior means) and the rows for least squares.
+        With its table; equal rows count as the sweep, wherever they were read.
 
     Returns
     -------
-    tuple of Claim
-        In the order of the study.
-
-    References
-    ----------
-    doi:10.1016/j.ijssolstr.2019.06.026.
+    Study or None
 
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> claims = paper_claims(rb.compare(rb.paper_sweep(), [rb.Modified()], rng=1))
-    >>> [claim.verdict for claim in claims if "Classic" in claim.text]
+    >>> study = study_of(rb.compare(rb.paper_sweep(), [rb.Modified()], rng=1))
+    >>> [claim.verdict for claim in study.claims if "Classic" in claim.text]
     ['confirmed']
     """
-    return tuple(_claims(comparison))
-
-
-def _claims(comparison: Comparison) -> Iterator[Claim]:
-    yield smooth_claim()
-    yield power_law_claim(comparison.table)
-    yield modified_claim(comparison.table)
-    yield coefficients_claim(Modified(), comparison.table, "eq. (6)")
-    yield coefficients_claim(Hybrid(), comparison.table, "eq. (7)")
-    yield classic_claim()
-    yield from modified_error_claims(comparison)
-    yield hybrid_error_claim(comparison)
-    yield errors_fall_claim()
-    yield worst_step_claim()
-    yield from first_step_claims()
-    yield longer_claim()
-    yield threshold_claim()
-    yield convergence_claim()
+    if comparison.table.digest() != paper_sweep().digest():
+        return None
+    curves = smooth_cylinder()
+    return Study(paper_claims(comparison, curves), curves)

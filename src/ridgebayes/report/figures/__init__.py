@@ -1,9 +1,14 @@
-"""Every plot: records in, a matplotlib Figure out.
+"""From records to calls of `drawing`, whose figures know none.
 
-The only package that imports matplotlib and corner, and never pyplot's state: figures can be drawn
-on any thread and without a display. Equal records give equal bytes.
+`gallery` lists the figures of a report by name, each drawn once, by workers or when it is asked
+for. `bodies` draws solutions of contact, which the report does not show.
+
+Examples
+--------
+>>> import ridgebayes as rb
+>>> from ridgebayes.checks.report_data import report_data
+>>> from ridgebayes.report.figures.gallery import Gallery
+>>> data = report_data(rb.compare(rb.paper_sweep(), [rb.Modified()], rng=1))
+>>> sorted(Gallery(data))[:3]
+['bands', 'corner-modified', 'held-out']
 """
-
-from ridgebayes.report.figures.gallery import Plate, begin_gallery, gallery, save_figures
-
-__all__ = ["Plate", "begin_gallery", "gallery", "save_figures"]

@@ -1,269 +1,234 @@
-"""All figures of a comparison, under stable names."""
+"""All figures of a report, under stable names."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ridgebayes.checks.held_out import held_out_loads
-from ridgebayes.checks.load_errors import has_slopes, percent_errors, slopes_table
-from ridgebayes.checks.predictive_checks import posterior_checks, prior_bands
-from ridgebayes.checks.smooth import smooth_cylinder
-from ridgebayes.comparison.bands import AVERAGE, bands_table
-from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import (
-    best_form,
-    factors_by_method,
-    forms_by_probability,
-    sensitivity_factors,
+from ridgebayes._types import FloatArray
+from ridgebayes.checks.predictive_checks import QUANTITIES, PredictiveChecks
+from ridgebayes.checks.report_data import ReportData
+from ridgebayes.checks.study import Study
+from ridgebayes.comparison.bands import AVERAGE
+from ridgebayes.drawing.coverage import plot_coverage
+from ridgebayes.drawing.forms import (
+    plot_bayes_factors,
+    plot_percent_errors,
+    plot_prior_sensitivity,
+    plot_slopes,
+    plot_smooth_cylinder,
 )
-from ridgebayes.drawing.style import as_bytes, styled
+from ridgebayes.drawing.posterior import plot_corner, plot_posterior_checks, plot_traces
+from ridgebayes.drawing.predictions import plot_bands, plot_held_out, plot_prior_bands
+from ridgebayes.drawing.style import as_bytes
 from ridgebayes.errors import InputError
-from ridgebayes.inference.presets import QUICK
-from ridgebayes.report.figures.bands import MOST_TEXTURES, bands_figure, held_out_figure
-from ridgebayes.report.figures.coverage import plot_coverage
-from ridgebayes.report.figures.evidence import forest_figure, sensitivity_figure
-from ridgebayes.report.figures.forms import percent_error_figure, slope_figure, smooth_figure
-from ridgebayes.report.figures.posterior import corner_figure, trace_figure
-from ridgebayes.report.figures.predictive_checks import plot_posterior_checks, plot_prior_bands
+from ridgebayes.model.observations import Observations
 from ridgebayes.results import Fit
 from ridgebayes.runtime.atomic import cannot_write, replacing
 from ridgebayes.runtime.pool import submit_or_defer
 
+KINDS = ("png", "svg")
+MOST_PARAMETERS = 12  # a corner plot of more cannot be read, and traces fill pages
 
-@dataclass(frozen=True, eq=False)
-class Plate:
-    """A figure with its name.
+
+class Gallery(Mapping[str, Figure]):
+    """Every figure of a report by name, drawn once: by workers, or when it is first asked for.
 
     Parameters
     ----------
-    name : str
-        File name without suffix, such as ``corner-hybrid``.
-    figure : matplotlib.figure.Figure
-        The figure.
+    data : ReportData
+        What to draw.
+    executor : concurrent.futures.Executor, optional
+        Processes with the same libraries and fonts as this one: those of this machine. They begin
+        at once.
     """
 
-    name: str
-    figure: Figure
+    def __init__(self, data: ReportData, executor: Executor | None = None) -> None:
+        self.data = data
+        self._recipes = figures_of(data)
+        self._figures: dict[str, Figure] = {}
+        self._files: dict[tuple[str, str], bytes] = {}
+        self._coming: dict[str, Callable[[], list[bytes]]] = {}
+        if executor is not None:
+            for name, recipe in self._recipes.items():
+                self._coming[name] = submit_or_defer(executor, _files, recipe)
 
-    @cached_property
-    def png(self) -> bytes:
-        """The figure as PNG."""
-        return as_bytes(self.figure, "png")
+    def __getitem__(self, name: str) -> Figure:
+        if name not in self._figures:
+            self._figures[name] = self._recipes[name]()
+        return self._figures[name]
 
-    @cached_property
-    def svg(self) -> bytes:
-        """The figure as SVG."""
-        return as_bytes(self.figure, "svg")
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._recipes)
+
+    def __len__(self) -> int:
+        return len(self._recipes)
+
+    def file(self, name: str, kind: str) -> bytes:
+        """Return a figure as ``png`` or ``svg``."""
+        if name in self._coming:
+            drawn = self._coming.pop(name)()
+            self._files |= {(name, kind): file for kind, file in zip(KINDS, drawn, strict=True)}
+        if (name, kind) not in self._files:
+            self._files[name, kind] = as_bytes(self[name], kind)
+        return self._files[name, kind]
+
+    def save(self, folder: str | os.PathLike[str]) -> tuple[str, ...]:
+        """Write every figure as PNG (150 dpi) and SVG, each file whole or not at all.
+
+        Parameters
+        ----------
+        folder : str or path
+            Made if it does not exist.
+
+        Returns
+        -------
+        tuple of str
+            File names written.
+
+        Raises
+        ------
+        InputError
+            If the folder cannot be made where it is to be.
+        OutputError
+            If it cannot be written to, such as on a full disk.
+        """
+        target = Path(folder)
+        try:
+            target.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError) as error:
+            raise InputError(f"{target}: cannot write figures ({error.strerror})") from None
+        except OSError as error:
+            raise cannot_write(target, error) from None
+        for name in self:
+            for kind in KINDS:
+                with replacing(target / f"{name}.{kind}") as file:
+                    file.write_bytes(self.file(name, kind))
+        return tuple(f"{name}.{kind}" for name in self for kind in KINDS)
 
 
-@dataclass(frozen=True)
-class Print:
-    """A figure that a worker drew: its name and its files' content."""
-
-    name: str
-    png: bytes
-    svg: bytes
+def _files(recipe: Callable[[], Figure]) -> list[bytes]:
+    figure = recipe()
+    return [as_bytes(figure, kind) for kind in KINDS]
 
 
-_N_LOAD = 300  # of one panel's band: steps as sharp as a pixel
-_BEYOND = 1.6  # how far beyond a texture's own highest load its panel goes
-
-# A run draws each figure for its folder and again for its reports: the second time is for free.
-_drawn: "WeakKeyDictionary[Comparison, dict[str, Plate | Print]]" = WeakKeyDictionary()
-
-_under_way: "WeakKeyDictionary[Comparison, list[Callable[[], list[Print]]]]" = WeakKeyDictionary()
-
-
-def gallery(comparison: Comparison) -> dict[str, Plate | Print]:
-    """Draw every figure that applies to a comparison.
+def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
+    """Return how to draw each figure that applies.
 
     Parameters
     ----------
-    comparison : Comparison
-        As computed, or read back from a run folder: the figures are the same.
+    data : ReportData
+        What to draw.
 
     Returns
     -------
-    dict of str to Plate
+    dict of str to callable
         By name, in this order: ``evidence``, ``prior-sensitivity`` where there are two forms;
-        ``bands``; ``held-out`` where rows were; ``percent-error``, ``slopes``,
-        ``smooth-cylinder``; ``coverage`` where it was counted; ``posterior-checks`` and
-        ``prior-bands`` of the best form; ``corner-<form>`` and ``traces-<form>`` of each fit.
-        Of a quick comparison only ``evidence``, ``bands``, ``held-out``, ``percent-error`` and the
-        best form's corner. Kept as long as the comparison is; figures that workers drew, see
-        `begin_gallery`, are there as their files' content alone.
+        ``bands``; ``held-out`` where rows were; ``percent-error``, ``slopes``;
+        ``smooth-cylinder`` of the embedded sweep; ``coverage`` where it was counted;
+        ``posterior-checks`` and ``prior-bands`` of the best form; ``corner-<form>`` and
+        ``traces-<form>`` of each fit. Of a quick comparison only ``evidence``, ``bands``,
+        ``held-out``, ``percent-error`` and the best form's corner.
     """
-    if comparison in _under_way:
-        prints = {one.name: one for result in _under_way.pop(comparison) for one in result()}
-        _drawn[comparison] = {n: prints[n] for n in _recipes(comparison) if n in prints}
-    if comparison not in _drawn:
-        with styled():
-            figures = {name: recipe() for name, recipe in _recipes(comparison).items()}
-        _drawn[comparison] = {n: Plate(n, figure) for n, figure in figures.items() if figure}
-    return _drawn[comparison]
-
-
-def begin_gallery(comparison: Comparison, executor: Executor) -> None:
-    """Have workers begin to draw a comparison's figures; `gallery` waits for them.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        What to draw.
-    executor : concurrent.futures.Executor
-        Processes with the same libraries and fonts as this one: those of this machine.
-    """
-    # What rows tell of shared offsets is worked out once for those that predict.
-    tasks = [["bands", "held-out"]]
-    tasks += [[name] for name in _recipes(comparison) if name not in tasks[0]]
-    _under_way[comparison] = [
-        submit_or_defer(executor, _prints, comparison, names) for names in tasks
-    ]
-
-
-def _prints(comparison: Comparison, names: Sequence[str]) -> list[Print]:
-    recipes, found = _recipes(comparison), []
-    for name in names:
-        with styled():
-            figure = recipes[name]()
-        if figure is not None:
-            found.append(Print(name, as_bytes(figure, "png"), as_bytes(figure, "svg")))
-    return found
-
-
-def _recipes(comparison: Comparison) -> dict[str, Callable[[], Figure | None]]:
-    """Return how to draw each figure that may apply; None comes of those that do not after all."""
-    best, is_quick = best_form(comparison), comparison.accuracy == QUICK.name
-    shown = best or next(iter(comparison.fits))
-    found: dict[str, Callable[[], Figure | None]] = {}
-    if best is not None and len(comparison.fits) > 1:
-        found["evidence"] = partial(_evidence, comparison, best)
-        if not is_quick:
-            found["prior-sensitivity"] = partial(_sensitivity, comparison, best)
-    found["bands"] = partial(_bands, comparison, shown)
-    found["held-out"] = partial(_held_out, comparison)
-    found["percent-error"] = partial(_percent_error, comparison)
-    if is_quick:
-        return found | {f"corner-{shown}": partial(corner_figure, comparison.fits[shown])}
-    found["slopes"] = partial(_slopes, comparison)
-    found["smooth-cylinder"] = lambda: smooth_figure(smooth_cylinder())
-    found["coverage"] = partial(_coverage, comparison)
-    found["posterior-checks"] = partial(_posterior_checks, comparison.fits[shown])
-    found["prior-bands"] = partial(_prior_bands, comparison.fits[shown])
-    for name in forms_by_probability(comparison):
-        found[f"corner-{name}"] = partial(corner_figure, comparison.fits[name])
-        found[f"traces-{name}"] = partial(trace_figure, comparison.fits[name])
-    return found
-
-
-def _evidence(comparison: Comparison, best: str) -> Figure | None:
-    factors = factors_by_method(comparison, best)
-    return forest_figure(factors, best) if len(factors) else None
-
-
-def _sensitivity(comparison: Comparison, best: str) -> Figure | None:
-    factors = sensitivity_factors(comparison, best)
-    return sensitivity_figure(factors, best) if len(factors) else None
-
-
-def _percent_error(comparison: Comparison) -> Figure | None:
-    errors = percent_errors(comparison)
-    return percent_error_figure(errors) if len(errors) else None
-
-
-def _slopes(comparison: Comparison) -> Figure | None:
-    if not has_slopes(comparison):
-        return None
-    slopes = slopes_table(comparison)
-    return slope_figure(slopes[slopes["form"] != "classic"])
-
-
-def _coverage(comparison: Comparison) -> Figure | None:
-    return plot_coverage(comparison.coverage) if len(comparison.coverage) else None
-
-
-def _posterior_checks(fit: Fit) -> Figure | None:
-    if not fit.model.data.is_exact.any():
-        return None
-    return plot_posterior_checks(posterior_checks(fit, rng=fit.seed))
-
-
-def _prior_bands(fit: Fit) -> Figure | None:
-    bands = prior_bands(fit.model, rng=fit.seed)
-    return plot_prior_bands(bands, fit.model.data, fit.form.name) if len(bands) else None
-
-
-def _bands(comparison: Comparison, form: str) -> Figure:
-    frame = comparison.table.frame
-    rows = frame[(frame["status"] == "ok") & (frame["kind"] == "transition")]
-    # One figure holds so many panels: textures beyond are in the run folder's bands.csv.
-    textures = comparison.table.textures[:MOST_TEXTURES]
-    parts = []
-    for a, b in textures:
-        own = rows[(rows["a_over_R"] == a) & (rows["b_over_R"] == b)]["p_over_E"]
-        top = float(own.max() if len(own) else rows["p_over_E"].max())
-        shown = (np.linspace(0.0, np.sqrt(_BEYOND * top), _N_LOAD) ** 2)[1:]
-        parts.append(
-            bands_table(comparison, textures=[(a, b)], forms=[form], loads=shown, compressed=True)
-        )
-    bands = pd.concat(parts, ignore_index=True)
-    return bands_figure(bands, rows, form, n_texture=len(comparison.table.textures))
-
-
-def _held_out(comparison: Comparison) -> Figure | None:
-    loads = held_out_loads(comparison)
-    if len(loads):
+    comparison, shown = data.comparison, data.shown
+    found: dict[str, Callable[[], Figure]] = {}
+    if len(data.factors):
+        found["evidence"] = partial(plot_bayes_factors, data.factors, shown)
+    if len(data.sensitivity) and data.preset.extras:
+        found["prior-sensitivity"] = partial(plot_prior_sensitivity, data.sensitivity, shown)
+    n_texture = len(comparison.table.textures)
+    found["bands"] = partial(plot_bands, data.bands, data.transitions, shown, n_texture=n_texture)
+    held_out = data.held_out
+    if len(held_out):
         # A texture that the power law has no K for is a draw from its prior: a bar across the page.
-        loads = loads[~loads["prior_alone"]]
+        held_out = held_out[~held_out["prior_alone"]]
         if len(comparison.fits) == 1:
-            loads = loads[loads["form"] != AVERAGE]
-    return held_out_figure(loads) if len(loads) else None
+            held_out = held_out[held_out["form"] != AVERAGE]
+    if len(held_out):
+        found["held-out"] = partial(plot_held_out, held_out)
+    if len(data.percent_errors):
+        found["percent-error"] = partial(plot_percent_errors, data.percent_errors)
+    if not data.preset.extras:
+        return found | {f"corner-{shown}": partial(corner_of, data.fit)}
+    if len(data.slopes):
+        closed = data.slopes[data.slopes["form"] != "classic"]
+        found["slopes"] = partial(plot_slopes, closed)
+    if data.study is not None:
+        found["smooth-cylinder"] = partial(plot_smooth_cylinder, _curves(data.study))
+    if len(comparison.coverage):
+        found["coverage"] = partial(plot_coverage, comparison.coverage)
+    if data.checks is not None:
+        quantities = quantities_of(data.checks)
+        found["posterior-checks"] = partial(plot_posterior_checks, shown, quantities)
+    if len(data.prior_bands):
+        rows = exact_rows(data.fit.model.data)
+        found["prior-bands"] = partial(plot_prior_bands, data.prior_bands, rows, shown)
+    for name in data.ranked:
+        found[f"corner-{name}"] = partial(corner_of, comparison.fits[name])
+        found[f"traces-{name}"] = partial(traces_of, comparison.fits[name])
+    return found
 
 
-def save_figures(comparison: Comparison, folder: str | os.PathLike[str]) -> tuple[str, ...]:
-    """Write every figure as PNG (150 dpi) and SVG.
+def _curves(study: Study) -> pd.DataFrame:
+    names = ("name", "p_over_E", "count", "hertz")
+    blocks = [pd.DataFrame({name: getattr(one, name) for name in names}) for one in study.curves]
+    return pd.concat(blocks, ignore_index=True)
+
+
+def quantities_of(checks: PredictiveChecks) -> dict[str, tuple[FloatArray, FloatArray, float]]:
+    """Return the observed and replicated values and the p-value of each quantity, by its title."""
+    return {
+        QUANTITIES[name]: (checks.observed[:, i], checks.replicated[:, i], p_value)
+        for i, (name, p_value) in enumerate(checks.p_values.items())
+    }
+
+
+def exact_rows(rows: Observations) -> pd.DataFrame:
+    """Return the rows that give the load itself, as a frame."""
+    a, b = np.array(rows.textures)[rows.texture].T
+    columns = {"a_over_R": a, "b_over_R": b, "Q": rows.Q, "p_over_E": np.exp(rows.log_load)}
+    return pd.DataFrame(columns)[rows.is_exact]
+
+
+def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS) -> Figure:
+    """Draw all marginals of a fit; its thinned draws, so that one read from a file looks the same.
 
     Parameters
     ----------
-    comparison : Comparison
-        What to draw.
-    folder : str or path
-        Made if it does not exist. Each file is written whole or not at all.
+    fit : Fit
+        With its draws.
+    most : int, optional
+        How many parameters are shown.
 
     Returns
     -------
-    tuple of str
-        File names written.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be made where it is to be.
-    OutputError
-        If it cannot be written to, such as on a full disk.
+    matplotlib.figure.Figure
     """
-    target = Path(folder)
-    written = []
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError) as error:
-        raise InputError(f"{target}: cannot write figures ({error.strerror})") from None
-    except OSError as error:
-        raise cannot_write(target, error) from None
-    for plate in gallery(comparison).values():
-        for name, content in (
-            (f"{plate.name}.png", plate.png),
-            (f"{plate.name}.svg", plate.svg),
-        ):
-            with replacing(target / name) as file:
-                file.write_bytes(content)
-            written.append(name)
-    return tuple(written)
+    names, shown = fit.model.parameter_names, shown_parameters(fit, most)
+    printed = dict(zip(names, fit.form.printed or (), strict=False))
+    draws = fit.draws[:, shown]
+    chosen = [names[i] for i in shown]
+    return plot_corner(fit.form.name, chosen, draws, printed, n_parameter=len(names))
+
+
+def traces_of(fit: Fit) -> Figure:
+    """Draw the thinned steps of each ensemble of a fit."""
+    shown, n_ensemble = shown_parameters(fit), len(fit.chains.u)
+    n_walker = fit.chains.u.shape[2]
+    n_parameter = fit.model.n_parameter
+    theta = fit.draws.reshape(n_ensemble, -1, n_walker, n_parameter)[..., shown]
+    return plot_traces(fit.form.name, fit.summary.iloc[shown], theta, n_parameter=n_parameter)
+
+
+def shown_parameters(fit: Fit, most: int = MOST_PARAMETERS) -> list[int]:
+    """Return the places of the parameters to show: the first ones, and the error model's."""
+    n = fit.model.n_parameter
+    if n <= most:
+        return list(range(n))
+    n_noise = n - fit.model.n_coefficient
+    return [*range(most - n_noise), *range(n - n_noise, n)]

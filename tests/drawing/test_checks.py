@@ -5,12 +5,14 @@ import pandas as pd
 import pytest
 
 from ridgebayes.checks.predictive_checks import QUANTITIES, PredictiveChecks, prior_bands
-from ridgebayes.drawing.style import as_bytes
+from ridgebayes.drawing.posterior import plot_posterior_checks
+from ridgebayes.drawing.predictions import plot_prior_bands
+from ridgebayes.drawing.style import as_bytes, rows_by_texture
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms import Hybrid
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
-from ridgebayes.report.figures.predictive_checks import plot_posterior_checks, plot_prior_bands
+from ridgebayes.report.figures.gallery import exact_rows, quantities_of
 
 
 def checks(n, p_of_first=None):
@@ -26,7 +28,11 @@ def checks(n, p_of_first=None):
 @pytest.fixture(scope="module")
 def bands(paper):
     model = Model(Observations.from_table(paper), Hybrid())
-    return prior_bands(model, n_draw=500), model.data
+    return prior_bands(model, n_draw=500), exact_rows(model.data)
+
+
+def drawn_checks(found):
+    return plot_posterior_checks("hybrid", quantities_of(found))
 
 
 def panels(figure):
@@ -35,43 +41,45 @@ def panels(figure):
 
 @pytest.mark.parametrize("n", [1, 2, 4, 5])
 def test_checks__no_text_is_clipped_or_lies_on_other_text(n, faults):
-    figure = plot_posterior_checks(checks(n))
+    figure = drawn_checks(checks(n))
     assert len(panels(figure)) == n
     assert faults(figure) == ([], [])
 
 
 @pytest.mark.parametrize("n", [1, 2, 4, 9])
 def test_bands__no_text_is_clipped_or_lies_on_other_text(bands, n, faults):
-    table, data = bands
-    kept = data.textures[:n]
+    table, rows = bands
+    kept = list(rows_by_texture(rows))[:n]
     here = [pair in kept for pair in zip(table["a_over_R"], table["b_over_R"], strict=True)]
-    figure = plot_prior_bands(table[here], data, "hybrid")
+    figure = plot_prior_bands(table[here], rows, "hybrid")
     assert len(panels(figure)) == n
     assert faults(figure) == ([], [])
 
 
 def test_checks__show_the_observed_value_and_the_p_value():
     found = checks(3, p_of_first=0.1)
-    axes = panels(plot_posterior_checks(found))
+    axes = panels(drawn_checks(found))
     for i, one in enumerate(axes):
         (line,) = one.lines
         assert line.get_xdata()[0] == pytest.approx(found.observed[:, i].mean())  # rounding
         p = found.p_values[found.names[i]]
         assert one.get_title() == f"{QUANTITIES[found.names[i]]}\n$p$ = {p:.3f}"
     assert "0.1" in axes[0].get_title()
-    ends = [plot_posterior_checks(checks(1, p)).axes[0].get_title() for p in (-1, 2)]
+    ends = [drawn_checks(checks(1, p)).axes[0].get_title() for p in (-1, 2)]
     assert [title.split("\n")[1] for title in ends] == ["$p$ < 0.001", "$p$ > 0.999"]
 
 
-def test_bands__show_median_ends_and_rows(bands):
-    table, data = bands
-    first = panels(plot_prior_bands(table, data, "hybrid"))[0]
+def test_bands__show_median_ends_and_rows(bands, paper):
+    table, rows = bands
+    first = panels(plot_prior_bands(table, rows, "hybrid"))[0]
     a, b = table.iloc[0][["a_over_R", "b_over_R"]]
     own = table[(table["a_over_R"] == a) & (table["b_over_R"] == b)]
     median, dots = first.lines
     np.testing.assert_array_equal(median.get_ydata(), np.exp(own["median"]))
-    rows = data.texture == data.textures.index((a, b))
-    np.testing.assert_array_equal(np.sort(dots.get_ydata()), np.sort(np.exp(data.log_load[rows])))
+    loads = paper.calibration.column("p_over_E")[
+        (paper.calibration.column("a_over_R") == a) & (paper.calibration.column("b_over_R") == b)
+    ]
+    np.testing.assert_allclose(np.sort(dots.get_ydata()), np.sort(loads), rtol=1e-14)  # rounding
     corners = first.collections[0].get_paths()[0].vertices[:, 1].round(12)
     for side in ("lower", "upper"):
         assert set(np.exp(own[side]).round(12)) <= set(corners.tolist())
@@ -79,7 +87,7 @@ def test_bands__show_median_ends_and_rows(bands):
 
 @pytest.mark.parametrize("kind", ["png", "svg"])
 def test_equal_records_give_equal_bytes(bands, kind):
-    first, again = (as_bytes(plot_posterior_checks(checks(2)), kind) for _ in range(2))
+    first, again = (as_bytes(drawn_checks(checks(2)), kind) for _ in range(2))
     assert first == again
     first, again = (as_bytes(plot_prior_bands(*bands, "hybrid"), kind) for _ in range(2))
     assert first == again

@@ -1,4 +1,4 @@
-"""Figures of the whole cylinder: its deformed mesh on ridges, and its contact beside Hertz's."""
+"""Figures of a body in contact: pressed on its ridges, and as a cylinder of finite elements."""
 
 import math
 
@@ -11,16 +11,18 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from ridgebayes._types import FloatArray
+from ridgebayes.contact.contact_solution import ContactSolution
 from ridgebayes.contact.cylinder.contact_problem import State
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.faces import first_height
 from ridgebayes.contact.cylinder.fields import nodal_fields, surface_table
 from ridgebayes.contact.cylinder.surface import shapes
-from ridgebayes.contact.rigid_profile import RigidSegment
+from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 from ridgebayes.drawing.style import COLOURS, WIDTH, new_figure, styled
 from ridgebayes.errors import InputError
 
-_BODY, _RIDGE, _PRESSURE = COLOURS["modified"], "#B8B8B8", COLOURS["classic"]
+_BODY, _PRESSURE = COLOURS["modified"], COLOURS["classic"]
+_RIDGE, _RIDGE_LINE = "#B8B8B8", "#555555"
 # Label, and the highest that has a colour of its own, over the mean contact pressure: more than
 # there is under a smooth contact, less than near sharp corners.
 _FIELDS = {
@@ -40,6 +42,72 @@ _BEYOND = {  # of the colours, by whether anything is below, and above
 }
 _ARC = np.linspace(0.0, 0.5 * math.pi, 13)
 _HIGHEST = 3.0  # of the mean contact pressure: sharp corners stand out of any axis
+
+
+@styled()
+def plot_pressed(found: ContactSolution) -> Figure:
+    """Draw a body pressed on ridges, and the pressure below it.
+
+    Parameters
+    ----------
+    found : ContactSolution
+        A solution.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Above, the body's surface and the rigid one, heights stretched; below, pressure over E*.
+    """
+    left, right = found.ends
+    edge = 1.25 * max(right, -left)
+    figure = new_figure(WIDTH, 5.2)
+    top, bottom = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]})
+    x = np.linspace(-edge, edge, 1601)
+    surface = found.pressing.surface(np.abs(x) if found.profile.mirrored else x)
+    lowest = min(float(surface.min()), 0.0)
+    depth = min(found.profile.depth, max(-1.6 * lowest, 0.05 * found.profile.pitch))
+    top.fill_between(x, surface, 1e3, color=_BODY, alpha=0.18, linewidth=0)
+    top.plot(x, surface, color=_BODY, linewidth=1.2, label="body")
+    rigid = _heights(found.profile, x, depth)
+    top.fill_between(
+        x, rigid, rigid.min() - 0.1 * depth, color=_RIDGE_LINE, alpha=0.35, linewidth=0
+    )
+    top.plot(x, rigid, color=_RIDGE_LINE, linewidth=1.0, label="ridges")
+    span = max(float(surface.max()), depth)
+    top.set_ylim(-1.15 * depth, min(span, 4 * depth))
+    top.set_ylabel("height over $R$, stretched")
+    for sign in (1, -1) if found.profile.mirrored else (1,):
+        _half_plane_pressure(bottom, found, sign)
+    # Corners stand out of any axis: it is the pressure between them that is to be seen.
+    between = found.pressing.pressure(np.cos(np.linspace(0.6, math.pi - 0.6, 20)))
+    bottom.set_ylim(0, 4 * 0.5 * math.pi * float(between.max()))
+    bottom.set_xlabel("$x/R$ from below the body's centre")
+    bottom.set_ylabel("pressure over $E^*$")
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    return figure
+
+
+def _heights(profile: Profile, x: FloatArray, depth: float) -> FloatArray:
+    height = np.full(len(x), -depth)
+    n = math.ceil(float(np.abs(x).max()) / profile.pitch) + 1
+    for number in range(-n - 1, n + 1):
+        land = profile.ridge(number)
+        on = (x >= land.start) & (x <= land.stop)
+        height[on] = -np.minimum(land.height(x[on]), depth)
+    return height
+
+
+def _half_plane_pressure(axes: Axes, found: ContactSolution, sign: int) -> None:
+    # Towards a sharp corner pressure has no bound: the last thousandth is left out.
+    s = np.cos(np.linspace(0.03, math.pi - 0.03, 200))
+    values = found.pressing.pressure(s) * 0.5 * math.pi / np.sqrt(1 - s * s)
+    intervals = found.pressing.intervals
+    for i in range(len(intervals.left)):
+        if sign < 0 and i == 0 and intervals.straddles:
+            continue  # its own mirror image
+        at = sign * (intervals.centre[i] + intervals.half_width[i] * s)
+        axes.fill_between(at, values[i], color=_PRESSURE, alpha=0.35, linewidth=0)
+        axes.plot(at, values[i], color=_PRESSURE, linewidth=0.9)
 
 
 @styled()
@@ -96,37 +164,6 @@ def plot_deformed(
         body.draw(axes, field, width)
     _pressure(below, table, _HIGHEST * mean, mirrored=cylinder.mirrored)
     below.set(xlim=(-half, half), xlabel="$x/R$", ylabel="pressure over $E$")
-    return figure
-
-
-@styled()
-def plot_departure(
-    loads: FloatArray, half_widths_over_hertz: FloatArray, *, nu: float = 0.5
-) -> Figure:
-    """Draw how far the contact of a smooth cylinder departs from Hertz's.
-
-    Parameters
-    ----------
-    loads : ndarray of float, shape (n,)
-        p/E.
-    half_widths_over_hertz : ndarray of float, shape (n,)
-        Contact half-width over that of Hertz at the same load.
-    nu : float, optional
-        Poisson's ratio.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
-    figure = new_figure(WIDTH, 4.2)
-    axes = figure.subplots()
-    label = rf"smooth cylinder, $\nu$ = {nu:g}"
-    axes.plot(loads, half_widths_over_hertz, "o-", color=_BODY, markersize=4, label=label)
-    axes.axhline(1.0, color="#000000", linewidth=0.8, linestyle=":", label="Hertz")
-    axes.set_xlim(left=0.0)
-    axes.set_xlabel("load $p/E$")
-    axes.set_ylabel("contact half-width over Hertz")
-    figure.legend(loc="outside upper center", ncols=2)
     return figure
 
 

@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from ridgebayes.checks.coverage import PROBS
+from ridgebayes.drawing.coverage import plot_coverage
 from ridgebayes.drawing.style import as_bytes
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.noise import Noise
-from ridgebayes.report.figures.coverage import plot_coverage
 
 NOISES = [noise.name for noise in Noise.every()]
 

@@ -1,89 +1,20 @@
-"""Figures of a scene: the body on its ridges, Q against load, effects, and their estimates."""
-
-import math
+"""Figures of a scene: Q against load, effects, and their estimates."""
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from ridgebayes._types import FloatArray
-from ridgebayes.contact.contact_solution import ContactSolution
-from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.drawing.style import COLOURS, WIDTH, new_figure, plain, styled
 
-_BODY, _RIDGE, _PRESSURE = COLOURS["modified"], "#555555", COLOURS["classic"]
+_BODY = COLOURS["modified"]
 _EFFECTS = {
     "ridges": ("D", COLOURS["hybrid"]),
     "offset": ("o", COLOURS["modified"]),
     "groove floor": ("s", COLOURS["power-law"]),
     "corner radius": ("^", COLOURS["classic"]),
 }
-
-
-@styled()
-def plot_pressed(found: ContactSolution) -> Figure:
-    """Draw a body pressed on ridges, and the pressure below it.
-
-    Parameters
-    ----------
-    found : Pressed
-        A solution.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Above, the body's surface and the rigid one, heights stretched; below, pressure over E*.
-    """
-    left, right = found.ends
-    edge = 1.25 * max(right, -left)
-    figure = new_figure(WIDTH, 5.2)
-    top, bottom = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]})
-    x = np.linspace(-edge, edge, 1601)
-    surface = found.pressing.surface(np.abs(x) if found.profile.mirrored else x)
-    lowest = min(float(surface.min()), 0.0)
-    depth = min(found.profile.depth, max(-1.6 * lowest, 0.05 * found.profile.pitch))
-    top.fill_between(x, surface, 1e3, color=_BODY, alpha=0.18, linewidth=0)
-    top.plot(x, surface, color=_BODY, linewidth=1.2, label="body")
-    rigid = _rigid(found.profile, x, depth)
-    top.fill_between(x, rigid, rigid.min() - 0.1 * depth, color=_RIDGE, alpha=0.35, linewidth=0)
-    top.plot(x, rigid, color=_RIDGE, linewidth=1.0, label="ridges")
-    span = max(float(surface.max()), depth)
-    top.set_ylim(-1.15 * depth, min(span, 4 * depth))
-    top.set_ylabel("height over $R$, stretched")
-    for sign in (1, -1) if found.profile.mirrored else (1,):
-        _pressure(bottom, found, sign)
-    # Corners stand out of any axis: it is the pressure between them that is to be seen.
-    between = found.pressing.pressure(np.cos(np.linspace(0.6, math.pi - 0.6, 20)))
-    bottom.set_ylim(0, 4 * 0.5 * math.pi * float(between.max()))
-    bottom.set_xlabel("$x/R$ from below the body's centre")
-    bottom.set_ylabel("pressure over $E^*$")
-    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    return figure
-
-
-def _rigid(profile: Profile, x: FloatArray, depth: float) -> FloatArray:
-    height = np.full(len(x), -depth)
-    n = math.ceil(float(np.abs(x).max()) / profile.pitch) + 1
-    for number in range(-n - 1, n + 1):
-        land = profile.ridge(number)
-        on = (x >= land.start) & (x <= land.stop)
-        height[on] = -np.minimum(land.height(x[on]), depth)
-    return height
-
-
-def _pressure(axes: Axes, found: ContactSolution, sign: int) -> None:
-    # Towards a sharp corner pressure has no bound: the last thousandth is left out.
-    s = np.cos(np.linspace(0.03, math.pi - 0.03, 200))
-    values = found.pressing.pressure(s) * 0.5 * math.pi / np.sqrt(1 - s * s)
-    intervals = found.pressing.intervals
-    for i in range(len(intervals.left)):
-        if sign < 0 and i == 0 and intervals.straddles:
-            continue  # its own mirror image
-        at = sign * (intervals.centre[i] + intervals.half_width[i] * s)
-        axes.fill_between(at, values[i], color=_PRESSURE, alpha=0.35, linewidth=0)
-        axes.plot(at, values[i], color=_PRESSURE, linewidth=0.9)
 
 
 @styled()
@@ -128,7 +59,7 @@ def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
     Parameters
     ----------
     table : pandas.DataFrame
-        Rows of one texture, columns of `ridgebayes.scene.effects.PLAN_COLUMNS`.
+        Rows of one texture, columns of the command plan's CSV.
     relative : float or None
         Wanted accuracy.
 
@@ -175,7 +106,7 @@ def plot_plan_check(frame: pd.DataFrame) -> Figure:
     Parameters
     ----------
     frame : pandas.DataFrame
-        As `ridgebayes.checks.plan_check.check_plans` returns it.
+        Columns of plan-check.csv.
 
     Returns
     -------

@@ -1,19 +1,21 @@
 """Figures of the cylinder: what is drawn is the state, and all of the text can be read."""
 
 import functools
+import math
 
 import matplotlib
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection, TriMesh
 
+from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.fields import surface_table
 from ridgebayes.contact.cylinder.newton import Control, solve
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.drawing.style import as_bytes
 from ridgebayes.errors import InputError
-from ridgebayes.report.figures.cylinder import plot_deformed, plot_departure
+from ridgebayes.report.figures.bodies import plot_deformed, plot_pressed
 
 A, B, RISE = 0.022, 0.02, 4e-3
 PROFILES = {
@@ -23,7 +25,13 @@ PROFILES = {
     "floored": Profile(A, 0.03, depth=8e-4),
     "flat": None,
 }
-LOADS, RATIOS = np.array([1e-3, 1e-2, 0.1]), np.array([1.0003, 1.004, 1.04])
+WIDE, W = 0.03, 5.7e-3  # grooves and load of the half-plane solutions
+SOLVED = {
+    "plain": Profile(0.02, WIDE),
+    "offset": Profile(0.02, WIDE, offset=0.2),
+    "floored": Profile(0.02, WIDE, depth=8e-4),
+    "rounded": Profile(0.02, WIDE, corner=6e-3),
+}
 
 
 @functools.cache
@@ -138,22 +146,77 @@ def test_plot_deformed__says_what_it_cannot_draw():
         plot_deformed(cylinder, cylinder.unloaded())
 
 
-@pytest.mark.parametrize("nu", [0.5, 0.3])
-def test_plot_departure__is_the_curve_and_names_its_ratio(nu, faults):
-    figure = plot_departure(LOADS, RATIOS, nu=nu)
+def found(name):
+    solution = solve_contact(SOLVED[name], W, rel_tol=1e-5)
+    assert solution.status == "ok"
+    return solution
+
+
+@pytest.mark.parametrize("name", SOLVED)
+def test_plot_pressed__has_no_text_that_is_clipped_or_lies_on_other_text(name, faults):
+    figure = plot_pressed(found(name))
+    assert len(figure.axes) == 2
     assert faults(figure) == ([], [])
-    (axes,) = figure.axes
-    curve, hertz = axes.lines
-    np.testing.assert_array_equal(curve.get_data(), [LOADS, RATIOS])
-    assert set(hertz.get_ydata()) == {1.0}
-    (legend,) = figure.legends
-    assert str(nu) in legend.get_texts()[0].get_text()
+
+
+@pytest.mark.parametrize("name", SOLVED)
+def test_plot_pressed__draws_the_surface_of_the_solution_on_the_ridges(name):
+    solution = found(name)
+    top, _ = plot_pressed(solution).axes
+    body, rigid = top.lines
+    x, y = body.get_data()
+    at = np.abs(x) if solution.profile.mirrored else x
+    np.testing.assert_array_equal(y, solution.pressing.surface(at))
+    # The body lies on the ridges, and nowhere below them: within the solution's tolerance.
+    step = x[1] - x[0]
+    profile = solution.profile
+    edges = np.array([[r.start, r.stop] for r in map(profile.ridge, range(-9, 9))]).ravel()
+    near = np.abs(x[:, None] - edges).min(axis=1) < 2 * step  # drawn slanting
+    assert (y - rigid.get_ydata())[~near].min() > -1e-3 * -y.min()
+    # Steps of the drawn ridges are where the ridges are: a step of the grid.
+    heights = rigid.get_ydata()
+    assert heights.max() == 0.0
+    for land in map(profile.ridge, range(-1, 1)):
+        middle = 0.5 * (land.start + land.stop)
+        assert heights[np.abs(x - middle).argmin()] == 0.0
+    groove = profile.ridge(0).stop + 0.5 * WIDE
+    assert heights[np.abs(x - groove).argmin()] == heights.min()
+    if math.isfinite(profile.depth):
+        assert heights.min() == -profile.depth
+        assert y.min() == pytest.approx(-profile.depth, rel=1e-3)  # tolerance of the solution
+    # All that touches is in sight.
+    low, high = top.get_ylim()
+    assert low < min(heights.min(), y.min())
+    assert high > 0
+    assert x.max() > solution.pressing.intervals.right.max()
+
+
+@pytest.mark.parametrize("offset", [0.2, -0.3])
+def test_plot_pressed__draws_pressures_that_carry_the_load(offset):
+    solution = solve_contact(Profile(0.02, WIDE, corner=6e-3, offset=offset), W, rel_tol=1e-5)
+    _, below = plot_pressed(solution).axes
+    assert len(below.lines) == solution.Q
+    carried = 0.0
+    for line in below.lines:
+        x, y = line.get_data()
+        assert y.min() >= 0
+        carried += abs(np.trapezoid(y, x))
+    # W = 4 (1 - nu^2)/pi p/E and P' = 2 R p. Of 200 points, and a sliver at each end left out.
+    assert carried == pytest.approx(0.5 * math.pi * W, rel=2e-3)
+
+
+def test_plot_pressed__shows_a_mirrored_body_on_both_sides():
+    _, below = plot_pressed(found("plain")).axes
+    ends = sorted((line.get_xdata().min(), line.get_xdata().max()) for line in below.lines)
+    # Rounding.
+    np.testing.assert_allclose(ends, [(-b, -a) for a, b in reversed(ends)], atol=1e-15)
+    assert len(ends) == found("plain").Q
 
 
 @pytest.mark.parametrize("kind", ["png", "svg"])
 def test_figures__of_the_same_input_are_the_same_bytes_whatever_the_user_has_set(kind):
     def drawings():
-        figures = (plot_deformed(*pressed("sharp")), plot_departure(LOADS, RATIOS))
+        figures = (plot_deformed(*pressed("sharp")), plot_pressed(found("floored")))
         return [as_bytes(figure, kind) for figure in figures]
 
     first = drawings()

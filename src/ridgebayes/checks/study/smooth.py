@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray
+from ridgebayes.checks.least_squares import r_squared
 from ridgebayes.contact.halfplane import smooth_load
 from ridgebayes.contact.hertz import load_of_half_width, ridge_units
 from ridgebayes.table.datafiles import SMOOTH_FE, data_path
@@ -54,15 +55,8 @@ class SmoothCurve:
         return float(np.max(np.abs(1 / self.load_ratio - 1)))
 
 
-def smooth_cylinder(
-    a_over_R: float = FIG_3_TEXTURE[0], b_over_R: float = FIG_3_TEXTURE[1]
-) -> tuple[SmoothCurve, ...]:
-    """Return the smooth cylinder's Q' by eq. (2), computed three ways, beside Hertz.
-
-    Parameters
-    ----------
-    a_over_R, b_over_R : float, scalar, dimensionless
-        Ridge and groove width over radius that turn a length into ridges.
+def smooth_cylinder() -> tuple[SmoothCurve, ...]:
+    """Return the smooth cylinder's Q' by eq. (2), in ridges of Fig. 3, computed three ways.
 
     Returns
     -------
@@ -85,31 +79,18 @@ def smooth_cylinder(
     [('half-plane', 0.0), ('small-strain', 0.025), ('neo-hooke', 0.006)]
     """
     widths = np.linspace(*_HALF_WIDTHS, 60)
-    curves = [_curve("half-plane", widths, smooth_load(widths), a_over_R, b_over_R)]
+    curves = [_curve("half-plane", widths, smooth_load(widths))]
     rows = pd.read_csv(data_path(SMOOTH_FE))
     for name, part in rows.groupby("model", sort=False):
         part = part.sort_values("half_width_over_R")
         w = part["half_width_over_R"].to_numpy()
         load = part["load_over_hertz"].to_numpy() * load_of_half_width(w)
-        curves.append(_curve(str(name), w, load, a_over_R, b_over_R))
+        curves.append(_curve(str(name), w, load))
     return tuple(curves)
 
 
-def _curve(
-    name: str, half_width: FloatArray, load: FloatArray, a_over_R: float, b_over_R: float
-) -> SmoothCurve:
-    count = 2 + (2 * half_width - b_over_R) / (a_over_R + b_over_R)
-    hertz = ridge_units(load, a_over_R, b_over_R)
+def _curve(name: str, half_width: FloatArray, load: FloatArray) -> SmoothCurve:
+    a, b = FIG_3_TEXTURE
+    count = 2 + (2 * half_width - b) / (a + b)
+    hertz = ridge_units(load, a, b)
     return SmoothCurve(name, load, count, hertz, load / load_of_half_width(half_width))
-
-
-def r_squared(observed: FloatArray, predicted: FloatArray) -> float:
-    """Return 1 - (residual sum of squares)/(total sum of squares); NaN where nothing varies.
-
-    Examples
-    --------
-    >>> r_squared(np.array([1.0, 3.0]), np.array([1.0, 2.0]))
-    0.5
-    """
-    total = float(np.sum((observed - observed.mean()) ** 2))
-    return 1 - float(np.sum((observed - predicted) ** 2)) / total if total > 0 else float("nan")

@@ -9,18 +9,17 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from ridgebayes.checks.load_errors import percent_errors, slopes_table
+from ridgebayes.checks.report_data import report_data
 from ridgebayes.comparison.ranking import factors_by_method
+from ridgebayes.drawing.forms import plot_bayes_factors, plot_percent_errors, plot_slopes
+from ridgebayes.drawing.predictions import plot_bands
 from ridgebayes.drawing.style import COLOURS, MARKERS, as_bytes, lay_out, plain, styled, symbol
 from ridgebayes.errors import InputError
-from ridgebayes.report.figures import begin_gallery, gallery, save_figures
-from ridgebayes.report.figures.bands import bands_figure
-from ridgebayes.report.figures.evidence import forest_figure
-from ridgebayes.report.figures.forms import percent_error_figure, slope_figure
-from ridgebayes.report.figures.gallery import _drawn
-from ridgebayes.report.figures.posterior import corner_figure
+from ridgebayes.report.figures.gallery import Gallery, corner_of
 from ridgebayes.runtime.pool import workers
 
 FORMS = ("classic", "power-law", "modified", "hybrid")
+RANKED = ("hybrid", "modified", "power-law", "classic")
 NAMES = (
     "evidence",
     "prior-sensitivity",
@@ -78,26 +77,36 @@ def clipped_and_overlapping(figure):
     return clipped, overlapping
 
 
-def test_gallery_has_every_figure_of_a_full_comparison(comparison):
-    wanted = [*NAMES, *(f"{kind}-{form}" for form in FORMS for kind in ("corner", "traces"))]
-    assert set(gallery(comparison)) == set(wanted)
+@pytest.fixture(scope="session")
+def full(comparison):
+    return Gallery(report_data(comparison))
+
+
+@pytest.fixture(scope="session")
+def bare(single):
+    return Gallery(report_data(single))
+
+
+def test_gallery_has_every_figure_of_a_full_comparison(full):
+    wanted = [*NAMES, *(f"{kind}-{form}" for form in RANKED for kind in ("corner", "traces"))]
+    assert list(full) == wanted
 
 
 @pytest.mark.parametrize(
     "name", [*NAMES, *(f"{k}-{f}" for f in FORMS for k in ("corner", "traces"))]
 )
-def test_no_text_is_clipped_or_lies_on_other_text(comparison, name):
-    assert clipped_and_overlapping(gallery(comparison)[name].figure) == ([], [])
+def test_no_text_is_clipped_or_lies_on_other_text(full, name):
+    assert clipped_and_overlapping(full[name]) == ([], [])
 
 
 def test_no_text_is_clipped_or_lies_on_other_text_with_five_forms(reference):
-    for name, plate in gallery(reference).items():
-        assert (name, *clipped_and_overlapping(plate.figure)) == (name, [], [])
+    for name, figure in Gallery(report_data(reference)).items():
+        assert (name, *clipped_and_overlapping(figure)) == (name, [], [])
 
 
-def test_no_text_is_clipped_with_hostile_labels(odd, single):
-    for plate in (*gallery(odd).values(), *gallery(single).values()):
-        assert (plate.name, *clipped_and_overlapping(plate.figure)) == (plate.name, [], [])
+def test_no_text_is_clipped_with_hostile_labels(odd, bare):
+    for name, figure in (*Gallery(report_data(odd)).items(), *bare.items()):
+        assert (name, *clipped_and_overlapping(figure)) == (name, [], [])
 
 
 def test_the_check_itself_sees_overlap_and_clipping():
@@ -114,14 +123,20 @@ def test_the_check_itself_sees_overlap_and_clipping():
     assert ("one text on", "another text") in overlapping
 
 
-def test_one_form_has_no_comparison_figures(single):
-    assert not {"evidence", "prior-sensitivity", "slopes"} & set(gallery(single))
-    assert {"bands", "held-out", "corner-modified", "traces-modified"} <= set(gallery(single))
+def test_one_form_has_no_comparison_figures(bare):
+    assert not {"evidence", "prior-sensitivity", "slopes"} & set(bare)
+    assert {"bands", "held-out", "corner-modified", "traces-modified"} <= set(bare)
+
+
+def test_the_smooth_cylinder_is_drawn_for_the_embedded_sweep_alone(full, bare, odd, reference):
+    assert "smooth-cylinder" in full
+    for gallery in (bare, Gallery(report_data(odd)), Gallery(report_data(reference))):
+        assert "smooth-cylinder" not in gallery
 
 
 def test_percent_error_lines_are_the_table(comparison):
     errors = percent_errors(comparison)
-    figure = percent_error_figure(errors)
+    figure = plot_percent_errors(errors)
     assert len(figure.axes) == 6
     part = errors[
         (errors["form"] == "hybrid")
@@ -137,9 +152,9 @@ def test_percent_error_lines_are_the_table(comparison):
     np.testing.assert_array_equal(lines[0].get_ydata(), part["percent"])
 
 
-def test_every_drawn_value_lies_inside_its_axes(comparison):
+def test_every_drawn_value_lies_inside_its_axes(full):
     for name in (*NAMES, "traces-hybrid"):
-        for axes in gallery(comparison)[name].figure.axes:
+        for axes in full[name].axes:
             if not axes.get_visible():
                 continue
             low, high = sorted(axes.get_ylim())
@@ -150,8 +165,8 @@ def test_every_drawn_value_lies_inside_its_axes(comparison):
                     assert y[np.isfinite(y)].max(initial=high) <= high
 
 
-def test_observed_steps_rise_at_the_observed_loads(comparison):
-    axes = gallery(comparison)["bands"].figure.axes[0]
+def test_observed_steps_rise_at_the_observed_loads(comparison, full):
+    axes = full["bands"].axes[0]
     dots = next(line for line in axes.lines if line.get_marker() == ".")
     frame = comparison.table.frame
     own = frame[(frame["a_over_R"] == 0.012) & (frame["b_over_R"] == 0.01)]
@@ -159,8 +174,8 @@ def test_observed_steps_rise_at_the_observed_loads(comparison):
     np.testing.assert_array_equal(dots.get_ydata(), own["Q"])
 
 
-def test_extrapolation_looks_different(comparison):
-    panels = {axes.get_title(): axes for axes in gallery(comparison)["bands"].figure.axes}
+def test_extrapolation_looks_different(comparison, full):
+    panels = {axes.get_title(): axes for axes in full["bands"].axes}
     held_out = next(axes for title, axes in panels.items() if "held out" in title)
     inside = next(axes for title, axes in panels.items() if "0.022$" in title or "0.022," in title)
 
@@ -188,34 +203,27 @@ def test_bands_say_how_many_textures_are_left_out(comparison):
             "extrapolation": False,
         }
     )
-    figure = bands_figure(bands, comparison.table.frame, "hybrid")
+    figure = plot_bands(bands, comparison.table.frame, "hybrid")
     assert "12 of 13 textures" in figure._suptitle.get_text()
 
 
 def test_forest_points_are_the_factors(comparison):
     factors = factors_by_method(comparison, "hybrid")
-    axes = forest_figure(factors, "hybrid").axes[0]
+    axes = plot_bayes_factors(factors, "hybrid").axes[0]
     drawn = [line.get_xdata()[0] for line in axes.lines if len(line.get_xdata()) == 1]
     assert set(np.round(factors["ln_bf"], 9)) <= set(np.round(drawn, 9))
 
 
 def test_slope_figure_shows_every_power_law_texture(comparison):
     slopes = slopes_table(comparison)
-    axes = slope_figure(slopes[slopes["form"] != "classic"]).axes[0]
+    axes = plot_slopes(slopes[slopes["form"] != "classic"]).axes[0]
     own = slopes[slopes["form"] == "power-law"].sort_values("pitch")["K"]
     assert any(np.array_equal(line.get_ydata(), own) for line in axes.lines)
 
 
 def test_corner_of_many_parameters_shows_some_and_says_so(comparison):
     fit = comparison.fits["power-law"]
-    import ridgebayes.report.figures.posterior as posterior
-
-    most = posterior.MOST_PARAMETERS
-    try:
-        posterior.MOST_PARAMETERS = 4
-        figure = corner_figure(fit)
-    finally:
-        posterior.MOST_PARAMETERS = most
+    figure = corner_of(fit, most=4)
     assert len(figure.axes) == 16
     assert "4 of 10 parameters" in figure._suptitle.get_text()
     assert symbol("sigma") in [axes.get_xlabel() for axes in figure.axes]
@@ -226,48 +234,44 @@ def test_equal_fits_give_equal_bytes_whatever_the_user_has_set(comparison, kind)
     import matplotlib
 
     with styled():
-        first = as_bytes(corner_figure(comparison.fits["modified"]), kind)
+        first = as_bytes(corner_of(comparison.fits["modified"]), kind)
     with matplotlib.rc_context({"font.size": 20, "svg.hashsalt": None, "axes.grid": False}):
         with styled():
-            figure = corner_figure(comparison.fits["modified"])
+            figure = corner_of(comparison.fits["modified"])
         assert as_bytes(figure, kind) == first
 
 
-def test_gallery_is_drawn_once_and_forgotten_with_its_comparison(single):
-    copy = replace(single)
-    assert gallery(copy) is gallery(copy)
-    assert copy in _drawn
-    size = len(_drawn)
-    del copy
-    assert len(_drawn) == size - 1
+def test_a_figure_is_drawn_once(single):
+    gallery = Gallery(report_data(single))
+    assert gallery["bands"] is gallery["bands"]
+    assert gallery.file("bands", "png") is gallery.file("bands", "png")
 
 
-def test_gallery_of_workers_is_the_same_to_the_last_byte(single):
-    here, elsewhere = replace(single), replace(single)
+def test_gallery_of_workers_is_the_same_to_the_last_byte(single, bare):
     with workers(2) as pool:
-        begin_gallery(elsewhere, pool)
-        drawn = gallery(elsewhere)
-    own = gallery(here)
-    assert list(drawn) == list(own)
-    for name in ("bands", "held-out", "corner-modified"):
-        assert drawn[name].png == own[name].png
-        assert drawn[name].svg == own[name].svg
+        elsewhere = Gallery(report_data(replace(single)), pool)
+        assert list(elsewhere) == list(bare)
+        for name in ("bands", "held-out", "corner-modified"):
+            for kind in ("png", "svg"):
+                assert elsewhere.file(name, kind) == bare.file(name, kind)
+        assert not elsewhere._figures  # none was drawn here
 
 
-def test_save_figures_writes_png_and_svg_and_nothing_else(single, tmp_path):
-    names = save_figures(single, tmp_path / "figures")
+def test_save_writes_png_and_svg_and_nothing_else(bare, tmp_path):
+    names = bare.save(tmp_path / "figures")
     assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == sorted(names)
     assert {name.split(".")[-1] for name in names} == {"png", "svg"}
+    assert len(names) == 2 * len(bare)
     assert (tmp_path / "figures" / "bands.png").read_bytes().startswith(b"\x89PNG")
     svg = (tmp_path / "figures" / "bands.svg").read_text(encoding="utf-8")
     assert "<script>" not in svg
     assert "dc:date" not in svg
 
 
-def test_a_folder_that_cannot_be_made_is_bad_input(single, tmp_path):
+def test_a_folder_that_cannot_be_made_is_bad_input(bare, tmp_path):
     (tmp_path / "figures").write_text("a file", encoding="utf-8")
     with pytest.raises(InputError, match="cannot write figures"):
-        save_figures(single, tmp_path / "figures")
+        bare.save(tmp_path / "figures")
 
 
 def test_every_form_has_a_colour_and_a_marker_of_its_own():

@@ -1,9 +1,78 @@
 # ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
-"""Numbers as a reader wants them: the error to two digits, the value to match, never a raw NaN."""
+"""Names and numbers as a reader wants them: errors to two digits, values to match, no raw NaN."""
 
 import math
 
+from ridgebayes.drawing.style import TITLES
+
 ABSENT = "–"
+_STRUCTURES = {
+    "iid": "independent rows",
+    "texture": "texture offsets",
+    "step": "step offsets",
+    "texture+step": "texture and step offsets",
+    "step-smooth": "an offset smooth in log h and a/pitch",
+}
+_PARAMETERS = {
+    "c1": "c₁",
+    "c2": "c₂",
+    "sigma": "σ",
+    "tau_texture": "τ texture",
+    "tau_step": "τ step",
+    "length_h": "ℓ of log h",
+    "length_ratio": "ℓ of a/pitch",
+    "df": "ν of t",
+}
+
+
+def form_name(name: str) -> str:
+    """Return a form's name for a reader.
+
+    Examples
+    --------
+    >>> form_name("power-law")
+    'Power law'
+    """
+    return TITLES.get(name, name)
+
+
+def parameter_name(name: str) -> str:
+    """Return a parameter's symbol for a reader.
+
+    Examples
+    --------
+    >>> parameter_name("c2"), parameter_name("K[fine]")
+    ('c₂', 'K of fine')
+    """
+    if name.startswith("K["):
+        return f"K of {name[2:-1]}"
+    return _PARAMETERS.get(name, name)
+
+
+def noise_name(name: str) -> str:
+    """Return an error model in words.
+
+    Examples
+    --------
+    >>> noise_name("texture+step:student")
+    'texture and step offsets, Student errors'
+    """
+    structure, _, tail = name.partition(":")
+    return f"{_STRUCTURES.get(structure, structure)}, {tail.capitalize() or 'normal'} errors"
+
+
+def reading_text(reading: str) -> str:
+    """Return a reading of a Bayes factor, without its caution, with the form named for a reader.
+
+    Examples
+    --------
+    >>> reading_text("strong for power-law (Kass & Raftery); rows are not independent")
+    'strong for Power law (Kass & Raftery)'
+    """
+    words = f"{reading.partition(';')[0]} "
+    for name, title in TITLES.items():
+        words = words.replace(f" for {name} ", f" for {title} ")
+    return words.strip()
 
 
 def number(x: float, digits: int = 4) -> str:

@@ -1,7 +1,5 @@
 """Figures of a scene: what is drawn is the solution, and all of the text can be read."""
 
-import math
-
 import matplotlib
 import numpy as np
 import pandas as pd
@@ -9,16 +7,10 @@ import pytest
 from matplotlib.colors import to_rgba
 
 from ridgebayes.checks.plan_check import CHECK_COLUMNS
-from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.drawing.scenes import plot_counts, plot_effects, plot_plan_check
 from ridgebayes.drawing.style import as_bytes
-from ridgebayes.report.figures.scenes import (
-    plot_counts,
-    plot_effects,
-    plot_plan_check,
-    plot_pressed,
-)
 from ridgebayes.scene.effects import plan, plan_table
 from ridgebayes.scene.scene import Scene, Texture
 
@@ -35,12 +27,6 @@ TEXTURES = {
     "floored": {"groove_depth_over_R": 8e-4},
     "rounded": {"corner_radius_over_R": 6e-3},
 }
-
-
-def found(name):
-    solution = solve_contact(PROFILES[name], W, rel_tol=1e-5)
-    assert solution.status == "ok"
-    return solution
 
 
 def effects(relative=0.005, **texture):
@@ -70,13 +56,6 @@ def curves(name):
 
 
 @pytest.mark.parametrize("name", PROFILES)
-def test_plot_pressed__has_no_text_that_is_clipped_or_lies_on_other_text(name, faults):
-    figure = plot_pressed(found(name))
-    assert len(figure.axes) == 2
-    assert faults(figure) == ([], [])
-
-
-@pytest.mark.parametrize("name", PROFILES)
 def test_plot_counts__has_no_text_that_is_clipped_or_lies_on_other_text(name, faults):
     drawn = curves(name) | {"all that the scene gives": curves(name)["as planned"]}
     drawn["Hertz, no grooves"] = (np.array([2e-3]), np.array([4.0]))
@@ -91,60 +70,6 @@ def test_plot_effects__has_no_text_that_is_clipped_or_lies_on_other_text(name, f
 @pytest.mark.parametrize("rows", [slice(0, 8), slice(0, 4), slice(2, 3)])
 def test_plot_plan_check__has_no_text_that_is_clipped_or_lies_on_other_text(rows, faults):
     assert faults(plot_plan_check(check().iloc[rows])) == ([], [])
-
-
-@pytest.mark.parametrize("name", PROFILES)
-def test_plot_pressed__draws_the_surface_of_the_solution_on_the_ridges(name):
-    solution = found(name)
-    top, _ = plot_pressed(solution).axes
-    body, rigid = top.lines
-    x, y = body.get_data()
-    at = np.abs(x) if solution.profile.mirrored else x
-    np.testing.assert_array_equal(y, solution.pressing.surface(at))
-    # The body lies on the ridges, and nowhere below them: within the solution's tolerance.
-    step = x[1] - x[0]
-    profile = solution.profile
-    edges = np.array([[r.start, r.stop] for r in map(profile.ridge, range(-9, 9))]).ravel()
-    near = np.abs(x[:, None] - edges).min(axis=1) < 2 * step  # drawn slanting
-    assert (y - rigid.get_ydata())[~near].min() > -1e-3 * -y.min()
-    # Steps of the drawn ridges are where the ridges are: a step of the grid.
-    heights = rigid.get_ydata()
-    assert heights.max() == 0.0
-    for land in map(profile.ridge, range(-1, 1)):
-        middle = 0.5 * (land.start + land.stop)
-        assert heights[np.abs(x - middle).argmin()] == 0.0
-    groove = profile.ridge(0).stop + 0.5 * B
-    assert heights[np.abs(x - groove).argmin()] == heights.min()
-    if math.isfinite(profile.depth):
-        assert heights.min() == -profile.depth
-        assert y.min() == pytest.approx(-profile.depth, rel=1e-3)  # tolerance of the solution
-    # All that touches is in sight.
-    low, high = top.get_ylim()
-    assert low < min(heights.min(), y.min())
-    assert high > 0
-    assert x.max() > solution.pressing.intervals.right.max()
-
-
-@pytest.mark.parametrize("offset", [0.2, -0.3])
-def test_plot_pressed__draws_pressures_that_carry_the_load(offset):
-    solution = solve_contact(Profile(A, B, corner=6e-3, offset=offset), W, rel_tol=1e-5)
-    _, below = plot_pressed(solution).axes
-    assert len(below.lines) == solution.Q
-    carried = 0.0
-    for line in below.lines:
-        x, y = line.get_data()
-        assert y.min() >= 0
-        carried += abs(np.trapezoid(y, x))
-    # W = 4 (1 - nu^2)/pi p/E and P' = 2 R p. Of 200 points, and a sliver at each end left out.
-    assert carried == pytest.approx(0.5 * math.pi * W, rel=2e-3)
-
-
-def test_plot_pressed__shows_a_mirrored_body_on_both_sides():
-    _, below = plot_pressed(found("plain")).axes
-    ends = sorted((line.get_xdata().min(), line.get_xdata().max()) for line in below.lines)
-    # Rounding.
-    np.testing.assert_allclose(ends, [(-b, -a) for a, b in reversed(ends)], atol=1e-15)
-    assert len(ends) == found("plain").Q
 
 
 def test_plot_counts__steps_up_at_each_load():
@@ -217,11 +142,10 @@ def test_plot_plan_check__dots_are_the_table():
 
 @pytest.mark.parametrize("kind", ["png", "svg"])
 def test_figures__of_the_same_input_are_the_same_bytes_whatever_the_user_has_set(kind):
-    solution, table, drawn = found("floored"), effects(), curves("offset")
+    table, drawn = effects(), curves("offset")
 
     def drawings():
         figures = (
-            plot_pressed(solution),
             plot_effects(table, 0.005),
             plot_counts(drawn),
             plot_plan_check(check()),

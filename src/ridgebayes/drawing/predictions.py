@@ -6,24 +6,29 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
 from ridgebayes._types import FloatArray
 from ridgebayes.drawing.style import (
-    COLOURS,
-    MARKERS,
     OBSERVED,
-    QUIET,
     WIDTH,
+    colour_of,
+    look_of,
     new_figure,
+    panel_grid,
+    rows_by_texture,
+    shared_legend,
+    styled,
     texture_title,
     title_of,
 )
+from ridgebayes.errors import InputError
 
-MOST_TEXTURES = 12
+MOST_TEXTURES = 12  # that one figure has panels for
 
 
-def bands_figure(
+@styled()
+def plot_bands(
     bands: pd.DataFrame, table: pd.DataFrame, form: str, *, n_texture: int | None = None
 ) -> Figure:
     """Draw Q against load with the bands of one form, a panel a texture.
@@ -31,7 +36,7 @@ def bands_figure(
     Parameters
     ----------
     bands : pandas.DataFrame
-        As `ridgebayes.comparison.bands.bands_table` returns it.
+        Columns of the run folder's bands.csv.
     table : pandas.DataFrame
         Rows of the contact table with status ok: the observed steps.
     form : str
@@ -44,30 +49,17 @@ def bands_figure(
     matplotlib.figure.Figure
         Simulation band light, curve band dark, where extrapolated hatched and grey.
     """
-    bands = bands[bands["form"] == form]
-    textures = list(
-        dict.fromkeys(zip(bands["a_over_R"], bands["b_over_R"], strict=True)),
-    )
-    shown = textures[:MOST_TEXTURES]
-    n_column = min(3, len(shown))
-    n_row = -(-len(shown) // n_column)
-    figure = new_figure(WIDTH, 1.2 + 2.15 * n_row)
-    panels = figure.subplots(n_row, n_column, squeeze=False)
-    for axes, (a, b) in zip(panels.flat, shown, strict=False):
-        here = bands[(bands["a_over_R"] == a) & (bands["b_over_R"] == b)]
-        rows = table[(table["a_over_R"] == a) & (table["b_over_R"] == b)]
-        _panel(axes, here, rows, COLOURS.get(form, QUIET))
-        held_out = " (held out)" if len(rows) and (rows["role"] == "held-out").all() else ""
-        axes.set_title(texture_title(a, b) + held_out, fontsize=9)
-    for axes in panels.flat[len(shown) :]:
-        axes.set_visible(False)
-    for i in range(len(shown)):
-        if i + n_column >= len(shown):
-            panels.flat[i].set_xlabel("$p/E$ (dimensionless)")
-        if i % n_column == 0:
-            panels.flat[i].set_ylabel("edges in contact $Q$")
-    _legend(figure, COLOURS.get(form, QUIET), float(bands["prob"].iloc[0]))
-    total = n_texture or len(textures)
+    by_texture = rows_by_texture(bands[bands["form"] == form])
+    observed = rows_by_texture(table)
+    shown = list(by_texture)[:MOST_TEXTURES]
+    labels = ("$p/E$ (dimensionless)", "edges in contact $Q$")
+    figure, panels = panel_grid(len(shown), 2.15, 1.2, labels=labels)
+    for axes, texture in zip(panels, shown, strict=True):
+        rows = observed.get(texture, table.iloc[:0])
+        _panel(axes, by_texture[texture], rows, colour_of(form))
+        axes.set_title(texture_title(texture, rows), fontsize=9)
+    _legend(figure, colour_of(form), float(bands["prob"].iloc[0]))
+    total = n_texture or len(by_texture)
     more = f", {len(shown)} of {total} textures" if len(shown) < total else ""
     figure.suptitle(f"{title_of(form)}: Q against load{more}", fontsize=11)
     return figure
@@ -126,25 +118,25 @@ def _legend(figure: Figure, colour: str, prob: float) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
 
 
-def held_out_figure(loads: pd.DataFrame) -> Figure:
+@styled()
+def plot_held_out(loads: pd.DataFrame) -> Figure:
     """Draw predicted over observed load of held-out transitions, form by form.
 
     Parameters
     ----------
     loads : pandas.DataFrame
-        Rows of `comparison.bands.loads_table` that were held out, kind_of_band simulation.
+        Columns of the run folder's loads.csv: rows held out, kind_of_band simulation.
 
     Returns
     -------
     matplotlib.figure.Figure
         In per cent of the observed load; the bands have the probability of the table.
     """
-    textures = list(dict.fromkeys(zip(loads["a_over_R"], loads["b_over_R"], strict=True)))[:3]
+    textures = list(rows_by_texture(loads).items())[:3]
     forms = list(dict.fromkeys(loads["form"]))
     figure = new_figure(WIDTH, 3.6)
-    panels = figure.subplots(1, len(textures), squeeze=False)
-    for axes, (a, b) in zip(panels.flat, textures, strict=True):
-        here = loads[(loads["a_over_R"] == a) & (loads["b_over_R"] == b)]
+    panels = figure.subplots(1, len(textures), squeeze=False)[0]
+    for axes, (texture, here) in zip(panels, textures, strict=True):
         for k, form in enumerate(forms):
             rows = here[here["form"] == form]
             observed = rows["p_over_E_observed"].to_numpy()
@@ -156,18 +148,78 @@ def held_out_figure(loads: pd.DataFrame) -> Figure:
                 rows["Q"].to_numpy() + 1.4 * ((k + 0.5) / len(forms) - 0.5),
                 middle,
                 yerr=[middle - low, high - middle],
-                fmt=MARKERS.get(form, "o"),
-                color=COLOURS.get(form, QUIET),
+                linestyle="none",
                 markersize=5,
                 capsize=2.5,
-                linewidth=1.3,
-                label=title_of(form),
+                elinewidth=1.3,
+                **look_of(form),
             )
         axes.axhline(0, color=OBSERVED, linewidth=1)
         axes.set_xticks(sorted(set(here["Q"])))
         axes.set_xlabel("edges in contact $Q$")
-        axes.set_title(texture_title(a, b))
-    panels[0, 0].set_ylabel("load error of the prediction, %")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(forms))
+        axes.set_title(texture_title(texture))
+    panels[0].set_ylabel("load error of the prediction, %")
+    shared_legend(figure, panels[0])
     return figure
+
+
+@styled()
+def plot_prior_bands(bands: pd.DataFrame, rows: pd.DataFrame, form: str) -> Figure:
+    """Draw what the priors say of the load, texture by texture, with the rows.
+
+    Parameters
+    ----------
+    bands : pandas.DataFrame
+        A row for each texture and count: columns a_over_R, b_over_R, Q, and lower, median, upper
+        of the log load, and prob.
+    rows : pandas.DataFrame
+        Observed transitions, shown as dots: columns a_over_R, b_over_R, Q, p_over_E.
+    form : str
+        Name of the form.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel a texture, of the first `MOST_TEXTURES`: the load on a logarithmic axis over Q.
+
+    Raises
+    ------
+    InputError
+        If there are no bands.
+    """
+    if bands.empty:
+        raise InputError("bands: expected at least one, got none")
+    textures = list(rows_by_texture(bands).items())[:MOST_TEXTURES]
+    observed = rows_by_texture(rows)
+    figure, panels = panel_grid(
+        len(textures), 2.2, 1.1, labels=("$Q$", "load $p/E$"), sharex=True, sharey=True
+    )
+    colour = colour_of(form)
+    for axes, (texture, own) in zip(panels, textures, strict=True):
+        own = own.sort_values("Q")
+        lower, median, upper = (np.exp(own[name]) for name in ("lower", "median", "upper"))
+        label = f"{title_of(form)}: prior, {100 * own['prob'].iloc[0]:g} %"
+        axes.fill_between(
+            own["Q"], lower, upper, color=colour, alpha=0.25, linewidth=0, label=label
+        )
+        # A band over one count has no width: its ends are drawn as well.
+        axes.vlines(own["Q"], lower, upper, color=colour, linewidth=0.8, alpha=0.6)
+        axes.plot(own["Q"], median, color=colour, linewidth=1.2, label="median")
+        dots = observed.get(texture, rows.iloc[:0])
+        axes.plot(dots["Q"], dots["p_over_E"], ".", color=OBSERVED, markersize=5, label="rows")
+        axes.set_title(texture_title(texture), fontsize=9)
+        _few_ticks(axes, bands)
+    shared_legend(figure, panels[0], at="upper")
+    return figure
+
+
+def _few_ticks(axes: Axes, bands: pd.DataFrame) -> None:
+    axes.set_yscale("log")
+    low, high = np.log10(np.exp([bands["lower"].min(), bands["upper"].max()]))
+    powers = np.arange(np.floor(low), np.ceil(high) + 1)
+    if high - low < 6:  # with few decades the 3s between them help
+        powers = np.sort(np.concatenate([powers, powers + np.log10(3)]))
+    axes.yaxis.set_major_locator(FixedLocator(list(10**powers)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.2g}"))
+    axes.minorticks_off()
+    axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, steps=[2, 4, 10]))

@@ -22,7 +22,7 @@ def plot_coverage(frame: pd.DataFrame) -> Figure:
     Parameters
     ----------
     frame : pandas.DataFrame
-        As `ridgebayes.checks.coverage.coverage` returns it.
+        Columns of coverage.csv.
 
     Returns
     -------

@@ -1,0 +1,192 @@
+"""All that a report shows: computed here once, before a figure is drawn or a page is written."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes.checks.least_squares import LeastSquares, fit_by_least_squares
+from ridgebayes.checks.load_errors import (
+    has_slopes,
+    held_out_loads,
+    percent_errors,
+    shown_textures,
+    slopes_table,
+)
+from ridgebayes.checks.power_scaling import power_scaling
+from ridgebayes.checks.predictive_checks import PredictiveChecks, posterior_checks, prior_bands
+from ridgebayes.checks.study import Study, study_of
+from ridgebayes.comparison.bands import bands_table
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import (
+    RunnerUp,
+    best_form,
+    factors_by_method,
+    forms_by_probability,
+    problems,
+    runner_up,
+    sensitivity_factors,
+)
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.drawing.predictions import MOST_TEXTURES
+from ridgebayes.errors import InputError
+from ridgebayes.evidence.error_models import mean_evidence
+from ridgebayes.inference.presets import Preset
+from ridgebayes.results import Fit
+
+_N_LOAD = 300  # of one panel's band: steps as sharp as a pixel
+_BEYOND = 1.6  # how far beyond a texture's own highest load its panel goes
+
+
+@dataclass(frozen=True, eq=False)
+class ReportData:
+    """A comparison with all that its report shows beside it.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        What is reported.
+    preset : Preset
+        The accuracy that was asked for.
+    best : str or None
+        The most probable form; None where no evidence could be used.
+    shown : str
+        The form whose bands and checks are shown: the best one, or the first fitted.
+    ranked : tuple of str
+        Fitted forms, most probable first.
+    second : RunnerUp or None
+        The next best form.
+    problems : tuple of str
+        Fits that failed or did not converge.
+    factors, sensitivity : pandas.DataFrame
+        ln Bayes factors of each form against the best, by method and by prior scale.
+    error_models : pandas.DataFrame
+        Mean evidence of each error model.
+    transitions : pandas.DataFrame
+        Rows of the table with status ok that are transitions.
+    bands : pandas.DataFrame
+        Bands on Q of the shown form, texture by texture.
+    held_out : pandas.DataFrame
+        Held-out loads beside their bands, see `held_out_loads`.
+    textures : tuple of (float, float)
+        Those of the percent errors.
+    percent_errors, slopes : pandas.DataFrame
+        See `ridgebayes.checks.load_errors`; slopes are empty where there is no trend to show.
+    least_squares : dict of str to LeastSquares
+        Coefficients by least squares on Q, of forms that have them.
+    checks : PredictiveChecks or None
+        Posterior predictive checks of the shown form; None where no row gives its load exactly.
+    prior_bands : pandas.DataFrame
+        Prior predictive loads of the shown form; empty in a quick run.
+    power_scaling : pandas.DataFrame
+        Sensitivity of each parameter of the shown form to prior and likelihood.
+    study : Study or None
+        The study's claims; None for any table but the embedded sweep.
+    """
+
+    comparison: Comparison
+    preset: Preset
+    best: str | None
+    shown: str
+    ranked: tuple[str, ...]
+    second: RunnerUp | None
+    problems: tuple[str, ...]
+    factors: pd.DataFrame
+    sensitivity: pd.DataFrame
+    error_models: pd.DataFrame
+    transitions: pd.DataFrame
+    bands: pd.DataFrame
+    held_out: pd.DataFrame
+    textures: tuple[Texture, ...]
+    percent_errors: pd.DataFrame
+    slopes: pd.DataFrame
+    least_squares: dict[str, LeastSquares]
+    checks: PredictiveChecks | None
+    prior_bands: pd.DataFrame
+    power_scaling: pd.DataFrame
+    study: Study | None
+
+    @property
+    def fit(self) -> Fit:
+        """The fit of the shown form."""
+        return self.comparison.fits[self.shown]
+
+
+def report_data(comparison: Comparison) -> ReportData:
+    """Compute all that the report of a comparison shows.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        As computed, or read back from a run folder: the numbers are the same.
+
+    Returns
+    -------
+    ReportData
+        The comparison and what goes beside it.
+
+    Notes
+    -----
+    *Cost.* About two CPU seconds for the paper's sweep.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> data = report_data(rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], rng=1))
+    >>> data.ranked, len(data.study.claims), len(data.held_out)
+    (('hybrid', 'modified'), 17, 9)
+    """
+    best, preset = best_form(comparison), Preset.named(comparison.accuracy)
+    shown = best or next(iter(comparison.fits))
+    fit = comparison.fits[shown]
+    frame, none = comparison.table.frame, pd.DataFrame()
+    transitions = frame[(frame["status"] == "ok") & (frame["kind"] == "transition")]
+    textures = shown_textures(comparison)
+    is_exact = bool(fit.model.data.is_exact.any())
+    return ReportData(
+        comparison,
+        preset,
+        best,
+        shown,
+        tuple(forms_by_probability(comparison)),
+        runner_up(comparison),
+        problems(comparison),
+        none if best is None else factors_by_method(comparison, best),
+        none if best is None else sensitivity_factors(comparison, best),
+        mean_evidence(comparison.evidence),
+        transitions,
+        _panel_bands(comparison, shown, transitions),
+        held_out_loads(comparison),
+        textures,
+        percent_errors(comparison, textures),
+        slopes_table(comparison) if has_slopes(comparison) else none,
+        _least_squares(comparison),
+        posterior_checks(fit, rng=fit.seed) if is_exact else None,
+        prior_bands(fit.model, rng=fit.seed) if preset.extras else none,
+        power_scaling(fit),
+        study_of(comparison),
+    )
+
+
+def _panel_bands(comparison: Comparison, form: str, transitions: pd.DataFrame) -> pd.DataFrame:
+    """Return the bands of one form at loads that suit each texture's panel."""
+    # One figure holds so many panels: textures beyond are in the run folder's bands.csv.
+    parts = []
+    for a, b in comparison.table.textures[:MOST_TEXTURES]:
+        own = transitions[(transitions["a_over_R"] == a) & (transitions["b_over_R"] == b)]
+        top = float((own if len(own) else transitions)["p_over_E"].max())
+        loads = (np.linspace(0.0, np.sqrt(_BEYOND * top), _N_LOAD) ** 2)[1:]
+        parts.append(
+            bands_table(comparison, textures=[(a, b)], forms=[form], loads=loads, compressed=True)
+        )
+    return pd.concat(parts, ignore_index=True)
+
+
+def _least_squares(comparison: Comparison) -> dict[str, LeastSquares]:
+    found = {}
+    for name, fit in comparison.fits.items():
+        try:
+            found[name] = fit_by_least_squares(fit.form, comparison.table)
+        except InputError:  # a form with a coefficient per texture, or too few rows
+            continue
+    return found

@@ -1,0 +1,291 @@
+"""Figures of the forms: errors against data, slopes, Bayes factors, the smooth cylinder."""
+
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from ridgebayes.drawing.style import (
+    COLOURS,
+    MINUS,
+    OBSERVED,
+    QUIET,
+    WIDTH,
+    colour_of,
+    look_of,
+    new_figure,
+    plain,
+    rows_by_texture,
+    shared_legend,
+    styled,
+    texture_title,
+    title_of,
+)
+
+_METHODS = {
+    "bridge": "o",
+    "importance": "p",
+    "quadrature": "s",
+    "laplace": "^",
+    "savage-dickey": "D",
+    "dynesty": "v",
+}
+_PRIORS = {"c": "$c$ and $c_1$", "c2": "$c_2$", "K": "$K$", "sigma": r"$\sigma$"}
+_SMOOTH: dict[str, tuple[str, dict[str, Any]]] = {
+    "half-plane": (
+        "half-plane equation, no grooves",
+        {"color": COLOURS["half-plane"], "linewidth": 1.6},
+    ),
+    "small-strain": (
+        "finite elements, small strain",
+        {"color": COLOURS["modified"], "marker": "s", "linestyle": "none"},
+    ),
+    "neo-hooke": (
+        "finite elements, neo-Hookean",
+        {"color": COLOURS["classic"], "marker": "o", "linestyle": "none"},
+    ),
+}
+
+
+@styled()
+def plot_percent_errors(errors: pd.DataFrame) -> Figure:
+    """Draw 100 (p_form/p_data - 1) against Q, a column a texture.
+
+    Parameters
+    ----------
+    errors : pandas.DataFrame
+        Columns form, coefficients (calibrated, printed), a_over_R, b_over_R, Q, role, percent.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Above all forms; below without Classic, whose errors hide the others, if it is there.
+    """
+    textures = rows_by_texture(errors)
+    forms = list(dict.fromkeys(errors["form"]))
+    zoomed = [form for form in forms if form != "classic"]
+    rows = [forms, zoomed] if zoomed and len(zoomed) < len(forms) else [forms]
+    figure = new_figure(WIDTH, 1.3 + 2.4 * len(rows))
+    panels = figure.subplots(len(rows), len(textures), squeeze=False, sharex="col")
+    hollow: dict[str, Any] = {"linestyle": "--", "markerfacecolor": "#FFFFFF"}
+    for column, (texture, here) in zip(panels.T, textures.items(), strict=True):
+        for axes, shown in zip(column, rows, strict=True):
+            for form in shown:
+                for coefficients, style in (("printed", hollow), ("calibrated", {})):
+                    part = here[(here["form"] == form) & (here["coefficients"] == coefficients)]
+                    part = part.groupby("Q", as_index=False)["percent"].mean()
+                    look = look_of(form) | {"markersize": 5, "linewidth": 1.2} | style
+                    axes.plot(part["Q"], part["percent"], **look)
+            axes.axhline(0, color=OBSERVED, linewidth=0.8)
+            axes.set_xticks(sorted(set(here["Q"]))[:: -(-here["Q"].nunique() // 8)])
+        column[0].set_title(texture_title(texture, here), fontsize=9)
+        column[-1].set_xlabel("edges in contact $Q$")
+    for axes, words in zip(panels[:, 0], ("", "\n(without Classic)"), strict=False):
+        axes.set_ylabel(f"load error, %{words}")
+    handles = [Line2D([], [], **look_of(form)) for form in forms]
+    handles.append(Line2D([], [], color=QUIET, label="calibrated"))
+    if (errors["coefficients"] == "printed").any():
+        handles.append(Line2D([], [], color=QUIET, marker="o", label="printed", **hollow))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    return figure
+
+
+@styled()
+def plot_smooth_cylinder(curves: pd.DataFrame) -> Figure:
+    """Draw the smooth cylinder's contact length, in ridge units, against Hertz (Fig. 3).
+
+    Parameters
+    ----------
+    curves : pandas.DataFrame
+        Columns name (half-plane, small-strain, neo-hooke), p_over_E, count, hertz.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Left Q' against load, right the error of Hertz in Q'.
+    """
+    figure = new_figure(WIDTH, 3.6)
+    left, right = figure.subplots(1, 2)
+    for name, (label, look) in _SMOOTH.items():
+        own = curves[curves["name"] == name]
+        left.plot(own["p_over_E"], own["count"], label=label, **look)
+        right.plot(own["p_over_E"], 100 * (own["hertz"] / own["count"] - 1), **look)
+    line = curves[curves["name"] == "half-plane"]
+    left.plot(
+        line["p_over_E"], line["hertz"], "--", color=OBSERVED, linewidth=1, label="Hertz, eq. (1)"
+    )
+    left.set_ylabel("contact length in ridges, $Q'$ of eq. (2)")
+    right.set_ylabel("error of Hertz in $Q'$, %")
+    right.axhline(0, color=OBSERVED, linestyle="--", linewidth=1)
+    for axes in (left, right):
+        axes.set_xlabel("$p/E$ (dimensionless)")
+    right.set_ylim(min(-0.5, right.get_ylim()[0]), max(2.2, right.get_ylim()[1]))
+    right.axhline(2, color=QUIET, linestyle=":", linewidth=1.2)
+    right.annotate(
+        "2 %: the study's largest error",
+        (0.98, 2),
+        xycoords=("axes fraction", "data"),
+        xytext=(0, -4),
+        textcoords="offset points",
+        ha="right",
+        va="top",
+        fontsize=8,
+        color="#555555",
+    )
+    shared_legend(figure, left, n_column=2)
+    return figure
+
+
+@styled()
+def plot_slopes(slopes: pd.DataFrame) -> Figure:
+    """Draw K = dQ'/ds against pitch: the power law's beside what Modified and Hybrid predict.
+
+    Parameters
+    ----------
+    slopes : pandas.DataFrame
+        Columns form, pitch, K, K_lower, K_upper. Without Classic, whose intercept differs.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Left K, right K times pitch over two: the c that a texture alone would ask for.
+    """
+    figure = new_figure(WIDTH, 3.9)
+    left, right = figure.subplots(1, 2)
+    step = 0.018 * (slopes["pitch"].max() - slopes["pitch"].min())
+    for axes, scaled in ((left, False), (right, True)):
+        for form in dict.fromkeys(slopes["form"]):
+            rows = slopes[slopes["form"] == form].sort_values("pitch")
+            colour = colour_of(form)
+            if form == "modified":
+                rows = rows.drop_duplicates("pitch")
+            pitch = rows["pitch"].to_numpy()
+            factor = pitch / 2 if scaled else 1.0
+            k, low, high = (rows[c].to_numpy() * factor for c in ("K", "K_lower", "K_upper"))
+            if form == "modified":  # one number for all textures: a line
+                axes.plot(pitch, k, linewidth=1.4, color=colour, label=title_of(form))
+                axes.fill_between(pitch, low, high, color=colour, alpha=0.2, linewidth=0)
+                continue
+            axes.errorbar(
+                # Beside the power law's own, not on it.
+                pitch + (step if form == "hybrid" else 0.0),
+                k,
+                yerr=[k - low, high - k],
+                linestyle="none",
+                markersize=5,
+                capsize=2,
+                elinewidth=1.1,
+                **look_of(form),
+            )
+        axes.xaxis.set_major_locator(MaxNLocator(6))
+        axes.set_xlabel("pitch $L = (a + b)/R$ (dimensionless)")
+    left.set_ylabel("$K = dQ'/ds$ (dimensionless)")
+    right.set_ylabel("$K L/2$ (dimensionless)")
+    shared_legend(figure, left)
+    return figure
+
+
+@styled()
+def plot_bayes_factors(factors: pd.DataFrame, best: str) -> Figure:
+    """Draw ln BF of every form against the best one, by every method.
+
+    Parameters
+    ----------
+    factors : pandas.DataFrame
+        Columns form, method, ln_bf, ln_bf_se: form over best, so at most 0 up to error.
+    best : str
+        Form of highest evidence.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A row a form; behind it the readings of Kass and Raftery.
+    """
+    forms = list(dict.fromkeys(factors.sort_values("ln_bf", ascending=False)["form"]))
+    figure = new_figure(WIDTH, 1.5 + 0.75 * len(forms))
+    axes = figure.subplots()
+    lowest = min(float(factors["ln_bf"].min()) * 1.08, -6.0)
+    for low, high, shade in ((-1, 0, 0.0), (-3, -1, 0.025), (-5, -3, 0.05), (lowest, -5, 0.075)):
+        axes.axvspan(low, high, color="#000000", alpha=shade, linewidth=0)
+    for i, form in enumerate(forms):
+        rows = factors[factors["form"] == form]
+        for k, row in enumerate(rows.to_dict("records")):
+            error = row["ln_bf_se"] if row["ln_bf_se"] == row["ln_bf_se"] else 0.0
+            axes.errorbar(
+                row["ln_bf"],
+                i + 0.62 * ((k + 0.5) / len(rows) - 0.5),
+                xerr=error,
+                fmt=_METHODS.get(row["method"], "o"),
+                color=colour_of(form),
+                markersize=5,
+                capsize=2,
+            )
+        middle = float(rows["ln_bf"].iloc[0])
+        room = middle > 0.6 * lowest  # else the number would stand outside on the left
+        axes.annotate(
+            f"{middle:.2f}".replace("-", MINUS),
+            (middle, i),
+            xytext=(-10 if room else 10, 0),
+            textcoords="offset points",
+            ha="right" if room else "left",
+            va="center",
+        )
+    axes.set_xlim(lowest, max(1.0, -0.03 * lowest))
+    axes.set_ylim(len(forms) - 0.5, -0.5)
+    axes.set_yticks(range(len(forms)), [title_of(form) for form in forms])
+    axes.axvline(0, color="#000000", linewidth=1)
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel(
+        f"ln Bayes factor against {title_of(best)} "
+        "(shades: positive, strong, very strong, from 1, 3, 5 on)"
+    )
+    used = [method for method in _METHODS if (factors["method"] == method).any()]
+    handles = [
+        axes.plot([], [], _METHODS[m], color=QUIET, linestyle="none", label=m)[0] for m in used
+    ]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(used))
+    return figure
+
+
+@styled()
+def plot_prior_sensitivity(factors: pd.DataFrame, best: str) -> Figure:
+    """Draw ln BF of every form against the best one, as each prior's scale is changed.
+
+    Parameters
+    ----------
+    factors : pandas.DataFrame
+        Columns prior, factor, form, ln_bf.
+    best : str
+        Form that the others are compared with.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel a prior, the vertical axis linear within 5 of zero and logarithmic beyond.
+    """
+    priors = list(dict.fromkeys(factors["prior"]))
+    figure = new_figure(WIDTH, 3.9)
+    panels = figure.subplots(1, len(priors), squeeze=False, sharey=True)[0]
+    for axes, prior in zip(panels, priors, strict=True):
+        for form in dict.fromkeys(factors["form"]):
+            rows = factors[(factors["prior"] == prior) & (factors["form"] == form)].dropna()
+            axes.plot(
+                rows["factor"],
+                rows["ln_bf"],
+                **look_of(form) | {"markersize": 3.5, "linewidth": 1.2},
+            )
+        axes.axhline(0, color="#000000", linewidth=1)
+        axes.axvline(1, color=QUIET, linewidth=1, linestyle=":")
+        axes.set_xscale("log")
+        axes.set_yscale("symlog", linthresh=5, linscale=1.5)
+        axes.set_title(f"prior of {_PRIORS.get(prior) or plain(prior)}")
+        axes.set_xlabel("scale, times default")
+    low, high = factors["ln_bf"].min(), factors["ln_bf"].max()
+    ticks = [t for t in (-100, -50, -20, -10, -5, -3, -1, 1, 3, 5, 10, 20) if low <= t <= high]
+    panels[0].set_yticks([*ticks, 0], [f"{t}".replace("-", MINUS) for t in (*ticks, 0)])
+    panels[0].minorticks_off()
+    panels[0].set_ylabel(f"ln Bayes factor against {title_of(best)}")
+    shared_legend(figure, panels[0])
+    return figure

@@ -1,0 +1,218 @@
+"""Figures of a posterior: its marginals, its traces, and checks of what it predicts."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.drawing.style import (
+    DPI,
+    OBSERVED,
+    colour_of,
+    panel_grid,
+    shared_legend,
+    styled,
+    symbol,
+    title_of,
+)
+
+_N_BIN = 40
+_SHOWN = 0.998  # share of the draws that the axis holds: single far ones would squeeze the rest
+
+
+@styled()
+def plot_corner(
+    form: str,
+    names: Sequence[str],
+    draws: FloatArray,
+    printed: Mapping[str, float],
+    *,
+    n_parameter: int,
+) -> Figure:
+    """Draw all one- and two-parameter marginals of a posterior.
+
+    Parameters
+    ----------
+    form : str
+        Name of the form.
+    names : sequence of str, shape (n_shown,)
+        Parameters to show.
+    draws : ndarray of float, shape (n_draw, n_shown), any unit
+        Their draws.
+    printed : mapping of str to float
+        The study's coefficients by parameter, for solid lines; empty where it printed none.
+    n_parameter : int
+        How many parameters the posterior has.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    import corner  # heavy, and only this figure's
+
+    powers = _powers(draws)
+    draws = draws * 10.0**powers
+    n = len(names)
+    size = min(2.0 + 1.6 * n, 11.0)
+    figure = Figure(figsize=(size, size), dpi=DPI)
+    FigureCanvasAgg(figure)
+    colour = colour_of(form)
+    # A draw far out in a tail must not squeeze the rest of the panel.
+    span = [tuple(np.quantile(x, [0.0005, 0.9995])) for x in draws.T]
+    truths = [
+        printed[name] * 10.0**power if name in printed else None
+        for name, power in zip(names, powers.tolist(), strict=True)
+    ]
+    inside = [
+        t if t is not None and low < t < high else None
+        for t, (low, high) in zip(truths, span, strict=True)
+    ]
+    corner.corner(
+        draws,
+        fig=figure,
+        range=span,
+        bins=36,
+        smooth=0.9,
+        color=colour,
+        labels=[
+            _scaled(name, power).replace(" ", "\n" if n >= 6 else " ", 1)
+            for name, power in zip(names, powers.tolist(), strict=True)
+        ],
+        truths=inside,
+        truth_color="#000000",
+        plot_datapoints=False,
+        plot_density=False,
+        fill_contours=True,
+        levels=(0.39, 0.86),  # one and two standard deviations of a normal in two dimensions
+        quantiles=(0.05, 0.5, 0.95),
+        max_n_ticks=4 if n < 6 else 3,
+        labelpad=-0.06 if n < 6 else 0.2,
+        label_kwargs={"fontsize": 10 if n < 6 else 7.5},
+        hist_kwargs={"linewidth": 1.2},
+    )
+    for axes in figure.axes:
+        axes.grid(False)
+        axes.tick_params(labelsize=8 if n < 6 else 7)
+        for line in axes.lines:
+            line.set_linewidth(0.9)
+    left = (0.85 if n < 6 else 1.1) / size
+    figure.subplots_adjust(left=left, bottom=left, right=1 - 0.3 / size, top=1 - 0.45 / size)
+    note = "" if n == n_parameter else f" ({n} of {n_parameter} parameters)"
+    figure.suptitle(f"{title_of(form)}: posterior{note}", y=1 - 0.1 / size, va="top")
+    return figure
+
+
+@styled()
+def plot_traces(form: str, summary: pd.DataFrame, theta: FloatArray, *, n_parameter: int) -> Figure:
+    """Draw each ensemble's mean over its walkers, step by step, for each parameter.
+
+    Parameters
+    ----------
+    form : str
+        Name of the form.
+    summary : pandas.DataFrame
+        A row for each parameter to show: columns parameter, mean, sd, r_hat, ess_bulk.
+    theta : ndarray of float, shape (n_ensemble, n_step, n_walker, n_shown), any unit
+        Walkers' places.
+    n_parameter : int
+        How many parameters the posterior has.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel a parameter, one line an ensemble; the grey band is where the means of that
+        many independent draws fall 19 times in 20.
+    """
+    n_ensemble, n_step, n_walker, n = theta.shape
+    powers = _powers(theta.reshape(-1, n)).tolist()
+    figure, panels = panel_grid(n, 1.75, 0.7, labels=("kept step", ""), sharex=True)
+    steps = np.arange(1, n_step + 1)
+    for i, (axes, power) in enumerate(zip(panels, powers, strict=True)):
+        row = summary.iloc[i]
+        mean, half = row["mean"] * 10.0**power, 1.96 * row["sd"] * 10.0**power / np.sqrt(n_walker)
+        axes.axhspan(mean - half, mean + half, color="#000000", alpha=0.08, linewidth=0)
+        for k, ensemble in enumerate(theta[..., i] * 10.0**power):
+            axes.plot(steps, ensemble.mean(axis=1), linewidth=1.0, color=_ensemble_colour(k))
+        axes.set_title(
+            f"{_scaled(row['parameter'], power)}\n"
+            f"R-hat {row['r_hat']:.4f}, ESS {row['ess_bulk']:,.0f}",
+            fontsize=9,
+        )
+        axes.yaxis.set_major_locator(MaxNLocator(4))
+        axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
+    note = "" if n == n_parameter else f", {n} of {n_parameter}"
+    figure.suptitle(
+        f"{title_of(form)}: mean over the {n_walker} walkers of each of {n_ensemble} ensembles"
+        f"{note}",
+        fontsize=10,
+    )
+    return figure
+
+
+@styled()
+def plot_posterior_checks(
+    form: str, quantities: Mapping[str, tuple[FloatArray, FloatArray, float]]
+) -> Figure:
+    """Draw each test quantity of replicated rows beside that of the observed ones.
+
+    Parameters
+    ----------
+    form : str
+        Name of the form.
+    quantities : mapping of str to (ndarray, ndarray, float)
+        By title: values of observed and of replicated rows at each draw, both of shape (n_draw,),
+        and the p-value.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel a quantity: both distributions over the posterior's draws, and the p-value.
+    """
+    figure, panels = panel_grid(len(quantities), 2.2, 1.1)
+    for axes, (title, values) in zip(panels, quantities.items(), strict=True):
+        observed, replicated, p_value = values
+        both = np.concatenate([replicated, observed])
+        low, high = np.quantile(both, [0.5 - _SHOWN / 2, 0.5 + _SHOWN / 2])
+        edges = np.linspace(low, high if high > low else low + 1, _N_BIN + 1).tolist()
+        axes.hist(
+            replicated, edges, density=True, color=colour_of(form), alpha=0.5, label="replicated"
+        )
+        # The observed one hardly varies: as a histogram it would tower over the other.
+        span = np.quantile(observed, [0.05, 0.95])
+        axes.axvline(float(observed.mean()), color=OBSERVED, linewidth=1.4, label="observed: mean")
+        axes.axvspan(
+            *span, color=OBSERVED, alpha=0.18, linewidth=0, label="observed: 90 % of the draws"
+        )
+        axes.set_title(f"{title}\n{_p(p_value)}", fontsize=9)
+        axes.set_yticks([])
+        axes.grid(visible=False)
+        axes.spines["left"].set_visible(False)
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+        axes.margins(x=0.03)
+    shared_legend(figure, panels[0], at="upper", n_column=3)
+    return figure
+
+
+def _p(p_value: float) -> str:
+    if p_value < 0.001:
+        return "$p$ < 0.001"
+    return "$p$ > 0.999" if p_value > 0.999 else f"$p$ = {p_value:.3f}"
+
+
+def _powers(draws: FloatArray) -> IntArray:
+    """Return the power of ten by which to show each column: an axis has no room for small ones."""
+    sizes = np.quantile(np.abs(draws), 0.5, axis=0)
+    small = (sizes > 0) & (sizes < 1e-3)
+    return np.where(small, -np.floor(np.log10(np.where(small, sizes, 1))), 0).astype(np.int64)
+
+
+def _scaled(name: str, power: int) -> str:
+    return f"$10^{{{power}}}$\N{NO-BREAK SPACE}{symbol(name)}" if power else symbol(name)
+
+
+def _ensemble_colour(k: int) -> str:
+    return ("#0072B2", "#D55E00", "#009E73", "#B2478F", "#C88A00", "#56B4E9")[k % 6]

@@ -1,0 +1,142 @@
+# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
+"""Sections on what went in and how to read it: data, run time, glossary, versions."""
+
+import platform
+from collections import Counter
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+
+from ridgebayes.checks.report_data import ReportData
+from ridgebayes.drawing.style import rows_by_texture
+from ridgebayes.report.blocks import Block, Section, Table, Text
+from ridgebayes.report.wording import count, number
+
+MOST_TEXTURES = 40
+_PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "corner", "matplotlib")
+_ERRORS = {
+    "loads": "of a load, relative to the table's",
+    "posterior": "of a mean, in posterior sds",
+    "evidence": "in ln Z",
+}
+_GLOSSARY = (
+    ("a/R, b/R, pitch L", "Ridge width, groove width and their sum, over the body's radius R."),
+    ("p/E", "Load per projected area over Young's modulus. The line load is 2 R p."),
+    ("s", "√(p/E) at Poisson's ratio 0.5. Other ratios enter by the load (p/E)(1 − ν²)/0.75."),
+    ("Q", "Proximal ridge edges in contact: 2 at first touch, then 4, 6, ..."),
+    ("K", "dQ′/ds, the rate at which the count grows."),
+    ("ln BF", "Natural logarithm of the ratio of evidences. Above 0 it favours the first form."),
+    ("Reading", "2 ln BF of 2, 6, 10 begin positive, strong, very strong (Kass & Raftery 1995)."),
+    ("Load error", "100 (p form / p data − 1). Above 0 the form predicts too high a load."),
+    ("Curve band", "Uncertainty of the form's coefficients only."),
+    ("Simulation band", "That and the error model: where a further simulation would lie."),
+    (
+        "Extrapolation",
+        "A count above the largest fitted one, or an a/pitch outside the fitted range. The band "
+        "does not include how the form fails there.",
+    ),
+)
+
+
+def data_section(data: ReportData) -> Section:
+    """Return what was fitted, held out and left out."""
+    table = data.comparison.table
+    blocks: list[Block] = [Text(_counted(data))]
+    statuses = Counter(map(str, table.left_out.column("status")))
+    if statuses:
+        listed = "; ".join(f"{count(n, 'row')}: {status}" for status, n in statuses.items())
+        blocks.append(Text(f"Left out because their status is not ok: {listed}.", "warning"))
+    frame = table.frame
+    textures = rows_by_texture(frame[frame["status"] == "ok"])
+    rows = [
+        [
+            str(part["texture"].iloc[0]),
+            f"{a:g}",
+            f"{b:g}",
+            number(a / (a + b), 3),
+            str(len(part)),
+            f"{part['Q'].min()} to {part['Q'].max()}",
+            f"{number(part['p_over_E'].min(), 3)} to {number(part['p_over_E'].max(), 3)}",
+            " and ".join(dict.fromkeys(part["role"])),
+            ", ".join(dict.fromkeys(part["solver"].astype(str))),
+        ]
+        for (a, b), part in list(textures.items())[:MOST_TEXTURES]
+    ]
+    header = ("Texture", "a/R", "b/R", "a/pitch", "Rows", "Q", "p/E", "Role", "Solver")
+    blocks.append(Table(header, rows, text=(0, 7, 8)))
+    n = len(table.textures)
+    if n > len(rows):
+        blocks.append(Text(f"{len(rows)} of {n:,} textures shown; all are in table.csv.", "note"))
+    return Section("Data", "data", blocks)
+
+
+def _counted(data: ReportData) -> str:
+    table = data.comparison.table
+    used = table.calibration
+    ratios = [a / (a + b) for a, b in used.textures]
+    loads = used.column("p_over_E")
+    return (
+        f"{Path(table.where).name}: {count(len(table), 'row')}. {count(len(used), 'row')} of "
+        f"{count(len(used.textures), 'texture')} fitted, {len(table.held_out):,} held out, "
+        f"{len(table.left_out):,} left out. Fitted: Q up to {used.column('Q').max()}, p/E from "
+        f"{number(loads.min(), 3)} to {number(loads.max(), 3)}, a/pitch from "
+        f"{number(min(ratios), 3)} to {number(max(ratios), 3)}. Error model: "
+        f"{data.comparison.noise.name}."
+    )
+
+
+def cost_section(data: ReportData) -> Section:
+    """Return the target errors, and the cost of a few ways to the answer on the run's machine."""
+    costs, wanted = data.comparison.cost, data.preset
+    if not len(costs):
+        return Section("Accuracy and run time", "cost", ())
+    words = (
+        f"Accuracy {wanted.name}: the target error is {wanted.moment_error:g} posterior sds for "
+        "means, sds and quantiles of the posterior, and "
+        f"{wanted.evidence_error:g} for log evidences. "
+    )
+    if not wanted.extras:
+        words += (
+            "A quick run weighs normal error models by Laplace's approximation and draws from the "
+            "posteriors by importance sampling. It leaves no textures out and compares no finite "
+            "elements. "
+        )
+    words += (
+        "CPU seconds were measured once, on the machine of this run. `ridgebayes cost` measures "
+        "more settings, with repeats."
+    )
+    rows = [
+        [
+            row["task"],
+            row["method"],
+            number(row["error"], 2),
+            _ERRORS.get(row["task"], ""),
+            "not measured" if np.isnan(row["cpu_s"]) else number(row["cpu_s"], 2),
+        ]
+        for row in costs.to_dict("records")
+    ]
+    found = Table(
+        ["Quantity", "Method", "Error", "Unit of the error", "CPU s"],
+        rows,
+        "Errors of other methods are distances from this run's numbers. Those of this run are "
+        "Monte Carlo standard errors.",
+        text=(0, 1, 3),
+    )
+    return Section("Accuracy and run time", "cost", [Text(words), found])
+
+
+def glossary_section() -> Section:
+    """Return units, signs and words."""
+    return Section("Glossary", "reading", [Table(["Word", "Meaning"], _GLOSSARY, text=(0, 1))])
+
+
+def versions_section() -> Section:
+    """Return the versions of what made the report."""
+    found = [f"Python {platform.python_version()}"]
+    for name in _PACKAGES:
+        try:
+            found.append(f"{name} {version(name)}")
+        except PackageNotFoundError:
+            found.append(f"{name} unknown")
+    return Section("Made with", "versions", [Text(", ".join(found) + ".", "note")])

@@ -1,0 +1,60 @@
+"""Least squares on Q: the normal equations by another road, and what it refuses."""
+
+import numpy as np
+import pytest
+
+import ridgebayes as rb
+from ridgebayes.checks.least_squares import fit_by_least_squares, power_law_r_squared, r_squared
+from ridgebayes.errors import InputError
+
+
+def test_least_squares_finds_the_reference_coefficients(paper):
+    # Reference: least squares on Q, 41 calibration rows, last digit +-1.
+    hybrid = fit_by_least_squares(rb.Hybrid(), paper).coefficients
+    assert hybrid["c1"] == pytest.approx(1.3486, abs=1e-4)
+    assert hybrid["c2"] == pytest.approx(0.01801, abs=1e-5)
+    assert fit_by_least_squares(rb.Modified(), paper).coefficients["c"] == pytest.approx(
+        1.3844, abs=1e-4
+    )
+
+
+def test_least_squares_is_the_normal_equations(paper):
+    # Algebra: Q' = 2 + 2 s (c1/L + c2/A) is linear in c1 and c2.
+    frame = paper.calibration.frame
+    s, a = np.sqrt(frame["p_over_E"]), frame["a_over_R"]
+    columns = np.stack([2 * s / (a + frame["b_over_R"]), 2 * s / a], axis=1)
+    q = frame["Q"].to_numpy() - 2.0
+    theta, (residual,), *_ = np.linalg.lstsq(columns, q, rcond=None)
+    covariance = np.linalg.inv(columns.T @ columns) * residual / (len(q) - 2)
+    found = fit_by_least_squares(rb.Hybrid(), paper)
+    assert list(found.coefficients.values()) == pytest.approx(theta, rel=1e-7)
+    errors = list(found.standard_errors.values())
+    assert errors == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-5)
+    assert found.r_squared == pytest.approx(1 - residual / np.sum((q - q.mean()) ** 2), rel=1e-9)
+    assert found.n_row == 41
+
+
+def test_least_squares_needs_as_many_rows_as_coefficients(paper):
+    one = rb.ContactTable.from_frame(paper.frame.head(1))
+    with pytest.raises(InputError, match="got 1 rows"):
+        fit_by_least_squares(rb.Hybrid(), one)
+    found = fit_by_least_squares(rb.Modified(), one)
+    assert found.coefficients["c"] > 0
+    assert np.isnan(found.standard_errors["c"])
+
+
+def test_least_squares_does_not_take_the_power_law(paper):
+    with pytest.raises(InputError, match="printed coefficients"):
+        fit_by_least_squares(rb.PowerLaw(), paper)
+
+
+def test_power_law_r_squared_leaves_out_textures_of_one_count(paper):
+    frame = paper.frame
+    keep = (frame["a_over_R"] == 0.012) & (frame["b_over_R"] == 0.01)
+    keep |= (frame["a_over_R"] == 0.032) & (frame["Q"] == 4)
+    found = power_law_r_squared(rb.ContactTable.from_frame(frame[keep]))
+    assert list(found) == [(0.012, 0.01)]
+
+
+def test_r_squared_of_no_variation_is_not_a_number():
+    assert np.isnan(r_squared(np.array([4.0, 4.0]), np.array([4.0, 4.1])))

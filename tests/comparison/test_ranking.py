@@ -1,0 +1,56 @@
+"""What a comparison says, arranged: factors against one form, prior scales, ranking, problems."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ridgebayes.comparison.ranking import (
+    best_form,
+    factors_by_method,
+    forms_by_probability,
+    problems,
+    runner_up,
+    sensitivity_factors,
+)
+
+
+def test_factors_by_method_are_differences_and_agree(comparison):
+    factors = factors_by_method(comparison, "hybrid").set_index(["form", "method"])
+    assert factors.loc[("modified", "bridge"), "ln_bf"] == pytest.approx(
+        comparison.bayes_factors.query("form_a == 'modified' and method == 'bridge'")["ln_bf"].iloc[
+            0
+        ]
+    )
+    # Reference: savage-dickey 4.5241 within 0.02, Modified over Hybrid is its negative.
+    assert factors.loc[("modified", "savage-dickey"), "ln_bf"] == pytest.approx(-4.5241, abs=0.02)
+    against = factors_by_method(comparison, "modified").set_index(["form", "method"])
+    assert against.loc[("hybrid", "savage-dickey"), "ln_bf"] == pytest.approx(4.5241, abs=0.02)
+
+
+def test_sensitivity_at_the_default_scale_is_the_bayes_factor(comparison):
+    table = sensitivity_factors(comparison, "hybrid")
+    at_one = table[np.isclose(table["factor"], 1) & (table["form"] == "modified")]
+    np.testing.assert_allclose(at_one["ln_bf"], -4.5241, atol=1e-3)
+    assert set(table["prior"]) == {"c", "c2", "K", "sigma"}
+
+
+def test_sensitivity_leaves_out_priors_that_no_form_has(odd):
+    assert "c2" not in set(sensitivity_factors(odd, odd.best)["prior"])
+
+
+def test_sensitivity_of_an_unknown_form_or_an_empty_table_is_empty(comparison):
+    assert not len(sensitivity_factors(comparison, "half-plane"))
+    empty = replace(comparison, prior_sensitivity=pd.DataFrame())
+    assert not len(sensitivity_factors(empty, "hybrid"))
+
+
+def test_ranking_and_runner_up(comparison, single):
+    assert forms_by_probability(comparison) == ["hybrid", "modified", "power-law", "classic"]
+    assert best_form(comparison) == "hybrid"
+    second = runner_up(comparison)
+    assert (second.form, round(second.ln_bf, 2)) == ("modified", 4.52)
+    assert runner_up(single) is None
+    assert problems(comparison) == ()
+    assert problems(single)

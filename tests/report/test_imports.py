@@ -1,0 +1,47 @@
+"""The report renders and computes nothing: it takes records and constants of what computes."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import ridgebayes
+
+ROOMS = ("predict", "inference", "evidence", "contact", "model", "checks", "comparison", "simulate")
+ALLOWED = {
+    # The public function has a comparison, and the one builder makes of it all that is shown.
+    "__init__.py": {"report_data"},
+    # What a solution of finite elements looks like: of it and not of a report.
+    "figures/bodies.py": {"nodal_fields", "surface_table", "first_height", "shapes"},
+}
+REPORT = Path(ridgebayes.__file__).parent / "report"
+DRAWING = REPORT.parent / "drawing"
+
+
+def imported(path):
+    """Return (module, name) of everything of this package that a file imports, anywhere in it."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            found |= {(node.module, alias.name) for alias in node.names}
+        elif isinstance(node, ast.Import):
+            found |= {(alias.name, "") for alias in node.names}
+    return {(module, name) for module, name in found if module.split(".")[0] == "ridgebayes"}
+
+
+@pytest.mark.parametrize("path", sorted(REPORT.rglob("*.py")), ids=lambda path: path.stem)
+def test_report_imports_records_and_constants_of_what_computes(path):
+    allowed = ALLOWED.get(path.relative_to(REPORT).as_posix(), set())
+    functions = {
+        name
+        for module, name in imported(path)
+        if module.split(".")[1:2] == [] or module.split(".")[1] in ROOMS
+        if not name[:1].isupper()
+    }
+    assert functions == allowed
+
+
+@pytest.mark.parametrize("path", sorted(DRAWING.rglob("*.py")), ids=lambda path: path.stem)
+def test_drawing_knows_no_record(path):
+    rooms = {module.split(".")[1] for module, _ in imported(path)}
+    assert rooms <= {"_types", "drawing", "errors", "runtime"}
