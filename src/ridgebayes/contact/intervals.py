@@ -12,6 +12,7 @@ outside. The equations are collocated at Chebyshev points.
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -97,12 +98,12 @@ class PressureSolution:
         """Integral of q over all intervals, mirror images included."""
         return float(self.forces @ self.intervals.weight)
 
-    @property
+    @cached_property
     def singular(self) -> tuple[FloatArray, FloatArray]:
         """Strength of the edge singularity, left and right, (n,) each: negative is tension."""
         return self._at_ends(self.coefficients)
 
-    @property
+    @cached_property
     def outward(self) -> tuple[FloatArray, FloatArray]:
         """How far each end has to move outward for zero pressure there, left and right, (n,) each.
 
@@ -209,7 +210,7 @@ def solve_pressure(
 
     Returns
     -------
-    Pressing
+    PressureSolution
 
     Raises
     ------

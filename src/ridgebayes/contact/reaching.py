@@ -70,7 +70,7 @@ def reaching_loads(
         now = solve_contact(profile, float(tiny), rel_tol=rel_tol)
         if now.status == "ok":
             break
-    first = [land.ridge for land in now.segments if land.ridge is not None]
+    first = [segment.ridge for segment in now.segments if segment.ridge is not None]
     # Where a floor alone is touched the ridges beside it, -1 and 0, are yet to be reached.
     low, high = (min(first), max(first)) if first else (0, -1)
     start = float(tiny)
@@ -99,7 +99,7 @@ def _reach(
     profile: Profile, ridges: range, number: int, start: float, W_max: float, rel_tol: float
 ) -> tuple[float, int, str, ContactSolution | None]:
     """Return the load at which a ridge beyond those given is reached, infinite if above W_max."""
-    land = profile.ridge(number)
+    segment = profile.ridge(number)
     last: list[ContactSolution | None] = [None]
     known: dict[float, float] = {}
 
@@ -110,7 +110,7 @@ def _reach(
         if found.status != "ok":
             raise _FailedError(found.status)
         last[0] = found
-        known[W] = nearest_gap(found, land)
+        known[W] = nearest_gap(found, segment)
         return known[W]
 
     try:
@@ -134,19 +134,19 @@ class _FailedError(Exception):
     """A solution on the way was not sound."""
 
 
-def nearest_gap(found: ContactSolution, land: RigidSegment) -> float:
-    """Return the smallest gap between the body's surface and a land that it does not touch."""
-    low, high = land.flat
+def nearest_gap(found: ContactSolution, segment: RigidSegment) -> float:
+    """Return the smallest gap between the body's surface and a segment that it does not touch."""
+    low, high = segment.flat
     # Not by the flat's ends: corners of half a ridge leave none.
-    inner, towards = (low, -1.0) if abs(land.start) < abs(land.stop) else (high, 1.0)
-    if land.corner == 0.0:
-        return float(found.pressing.surface(np.array([inner]))[0] + land.depth)
+    inner, towards = (low, -1.0) if abs(segment.start) < abs(segment.stop) else (high, 1.0)
+    if segment.corner == 0.0:
+        return float(found.pressing.surface(np.array([inner]))[0] + segment.depth)
 
     def gap(into: float) -> float:
         x = np.array([inner + towards * into])
-        return float((found.pressing.surface(x) + land.height(x))[0])
+        return float((found.pressing.surface(x) + segment.height(x))[0])
 
     best = optimize.minimize_scalar(
-        gap, bounds=(0.0, land.corner * (1 - 1e-9)), method="bounded", options={"xatol": 1e-12}
+        gap, bounds=(0.0, segment.corner * (1 - 1e-9)), method="bounded", options={"xatol": 1e-12}
     )
     return min(float(best.fun), gap(0.0))

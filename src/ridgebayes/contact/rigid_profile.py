@@ -1,4 +1,4 @@
-"""The rigid side of a contact: the tops of ridges and the floors of grooves, one land each."""
+"""The rigid side of a contact: the tops of ridges and the floors of grooves, one segment each."""
 
 import math
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ class RigidSegment:
     corner: float = 0.0
 
     def height(self, x: FloatArray) -> FloatArray:
-        """Return the depth of the land's surface below the ridges' tops at x, of any shape."""
+        """Return the depth of the segment's surface below the ridges' tops at x, of any shape."""
         if self.corner == 0.0:
             return np.full(np.shape(x), self.depth)
         into = np.maximum(self.start + self.corner - x, x - self.stop + self.corner)
@@ -116,19 +116,19 @@ class Profile:
         return RigidSegment(None, stop - self.b, stop, self.depth)
 
     def segments(self, reach: float) -> list[RigidSegment]:
-        """Return every land that begins within `reach` of the centre, from left to right.
+        """Return every segment that begins within `reach` of the centre, from left to right.
 
         Of a mirrored profile those of the right half, and the one that straddles the centre.
         """
-        return sorted(self._lands(reach), key=lambda land: land.start)
+        return sorted(self._segments(reach), key=lambda segment: segment.start)
 
-    def _lands(self, reach: float) -> Iterator[RigidSegment]:
+    def _segments(self, reach: float) -> Iterator[RigidSegment]:
         n = math.ceil(reach / self.pitch) + 1
         for number in range(-n - 1, n + 1):
-            for land in (self.ridge(number), self.floor_after(number)):
-                if land.ridge is None and math.isinf(self.depth):
+            for segment in (self.ridge(number), self.floor_after(number)):
+                if segment.ridge is None and math.isinf(self.depth):
                     continue
-                left = land.start + land.stop < -1e-9 * self.pitch
-                if min(abs(land.start), abs(land.stop)) > reach or (self.mirrored and left):
+                left = segment.start + segment.stop < -1e-9 * self.pitch
+                if min(abs(segment.start), abs(segment.stop)) > reach or (self.mirrored and left):
                     continue
-                yield land
+                yield segment

@@ -1,0 +1,177 @@
+"""Which parts of the rigid side are in contact: ends take steps, segments come and go.
+
+All ends take Newton steps at once; segments that the surface would penetrate are added, contacts
+that shrink to nothing are dropped. Equations are those of `docs/derivations/contact.md`.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+from ridgebayes.contact.intervals import Intervals, PressureSolution
+from ridgebayes.contact.rigid_profile import Profile, RigidSegment
+
+_SHRINK = 0.1  # a contact keeps at least this share of its width in one step
+TENSION = 0.1  # times the root of the tolerance, of the mean pressure: free ends err by as much
+BEGUN, _ROUNDING = 1e-6, 1e-9  # of the load
+_NOTHING = 1e-11  # of a segment's width: narrower is no contact
+
+
+class ContactSet:
+    """Which segments are in contact, from where to where, and which ends are stuck at a corner."""
+
+    def __init__(self, profile: Profile, segments: Sequence[RigidSegment], rel_tol: float) -> None:
+        self._profile, self._segments, self._tol = profile, list(segments), rel_tol
+        self._ends: dict[RigidSegment, tuple[float, float]] = {}
+
+    @property
+    def touched(self) -> list[RigidSegment]:
+        return sorted(self._ends, key=lambda segment: segment.start)
+
+    def intervals(self) -> Intervals:
+        ends = np.array([self._ends[segment] for segment in self.touched]).reshape(-1, 2)
+        return Intervals(ends[:, 0].copy(), ends[:, 1].copy(), self._profile.mirrored)
+
+    def begin(self, W: float, start: Mapping[RigidSegment, tuple[float, float]]) -> None:
+        """Begin with the ends of a solution nearby, or with what Hertz's contact covers."""
+        hertz = math.sqrt(2 * W)
+        self._ends = {one: start[one] for one in self._segments if one in start}
+        if not self._ends:
+            for segment in self._segments:
+                low, high = max(segment.start, -hertz), min(segment.stop, hertz)
+                if segment.ridge is not None and high > low:
+                    self._ends[segment] = self._within(segment, low, high)
+        if not self._ends:
+            # The nearest corners: as wide as a body's slope there takes the load.
+            tops = [
+                segment for segment in self._segments if segment.ridge is not None
+            ] or self._segments
+            near = min(tops, key=lambda segment: min(abs(segment.start), abs(segment.stop)))
+            self._ends[near] = self._first(near, W)
+
+    def _first(self, segment: RigidSegment, W: float) -> tuple[float, float]:
+        """Guess a new contact: at the segment's nearest point to the centre."""
+        low, high = segment.flat
+        at = min(max(0.0, low), high)
+        width = 0.5 * min(
+            segment.stop - segment.start, max(W / max(abs(at), math.sqrt(W)), 1e-6 * at)
+        )
+        if low < 0 < high:
+            return self._within(segment, -width, width)
+        if at == low:
+            return self._within(
+                segment, segment.start if segment.corner == 0 else low - width, low + width
+            )
+        return self._within(
+            segment, high - width, segment.stop if segment.corner == 0 else high + width
+        )
+
+    def _within(self, segment: RigidSegment, low: float, high: float) -> tuple[float, float]:
+        low, high = max(low, segment.start), min(high, segment.stop)
+        if self._profile.mirrored and segment.start < 0 < segment.stop:
+            high = max(high, -low)
+            low = -high
+        return low, high
+
+    def move(self, found: PressureSolution) -> bool:
+        """Move free ends by Newton's step, drop what shrinks to nothing; whether any did."""
+        moved = False
+        for i, segment in enumerate(self.touched):
+            low, high = (self._stepped(found, i, segment, side) for side in (0, 1))
+            moved = moved or (low, high) != self._ends[segment]
+            if high - low <= _NOTHING * (segment.stop - segment.start) and len(self._ends) > 1:
+                del self._ends[segment]
+                moved = True
+                continue
+            if self._profile.mirrored and segment.start < 0 < segment.stop:
+                low = -high
+            self._ends[segment] = low, high
+        return moved
+
+    def _stepped(self, found: PressureSolution, i: int, segment: RigidSegment, side: int) -> float:
+        """Return where an end is after its step; equations of docs/derivations/contact.md."""
+        sign, limits = 2 * side - 1, (segment.start, segment.stop)
+        end, limit, sharp = self._ends[segment][side], limits[side], segment.corner == 0
+        width = float(2 * found.intervals.half_width[i])
+        mean, strength = abs(found.coefficients[i, 0]), found.singular[side][i]
+        stuck = [sharp and one == at for one, at in zip(self._ends[segment], limits, strict=True)]
+        if stuck[side] and strength >= -self._tol * mean:  # (5)
+            return end
+        most = (1 - _SHRINK) * width * (1.0 if any(stuck) else 0.5)  # (9)
+        step = float(np.nan_to_num(found.outward[side][i], nan=0.0))  # (7)
+        if strength > 0 and step <= 0:  # no zero of pressure ahead (8)
+            step = width
+        elif strength < 0 and step >= 0:
+            step = -most
+        layer = sign * (end - segment.flat[side])
+        share = math.pi * mean / found.load
+        if not stuck[side] and abs(step) <= self._near_enough(width, share, layer):
+            return end
+        step = min(max(step, -most), 2 * width)  # (9)
+        room = abs(limit - end)
+        if not sharp:  # never as far as the wall, where the profile is vertical
+            step = min(step, 0.5 * room)
+        return limit if step >= room else end + sign * step
+
+    def _near_enough(self, width: float, share: float, layer: float) -> float:
+        """Return the step below which an end is found, eq. (10), by its share of the load."""
+        near = math.inf
+        if share > max(_ROUNDING, 0.01 * self._tol):
+            near = self._tol * width * max(1.0, BEGUN / share)
+        if 0 < layer < width:  # beyond a kink pressure falls to zero within it
+            near = min(near, 0.3 * TENSION * math.sqrt(self._tol) * layer)
+        return near
+
+    def add_penetrated(self, found: PressureSolution) -> bool:
+        """Begin a contact on every segment that the surface penetrates; whether there was any."""
+        added = False
+        scale = max(self._tol * found.load, 1e-15)
+        for segment in self._segments:
+            if segment in self._ends:
+                continue
+            low, high = segment.flat
+            x = np.linspace(low, high, 33 if segment.ridge is None else 9)
+            if segment.corner:  # a round corner is touched before the flat is
+                into = np.linspace(0, segment.corner, 33)[:0:-1]
+                x = np.concatenate([low - into, x, high + into[::-1]])
+            x = np.unique(x)
+            gap = found.surface(x) + segment.height(x)
+            for _ in range(3):
+                x, gap = _with_vertex(found, segment, x, gap)
+            # On a sloping surface a contact too narrow to be one stands for this much.
+            narrow = (
+                100 * _NOTHING * (segment.stop - segment.start) * max(-segment.start, segment.stop)
+            )
+            if gap.min() < -max(scale, narrow):
+                inside = x[gap < 0]
+                if segment.ridge is None:
+                    middle, half = 0.5 * float(inside[0] + inside[-1]), 0.5 * float(np.ptp(inside))
+                    half = max(0.5 * half, 0.02 * (high - low))
+                    self._ends[segment] = self._within(segment, middle - half, middle + half)
+                else:
+                    self._ends[segment] = self._first(segment, found.load)
+                added = True
+        return added
+
+
+def _with_vertex(
+    found: PressureSolution, segment: RigidSegment, x: FloatArray, gap: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return places and gaps with the lowest point of the parabola through the lowest three."""
+    if len(x) < 3:
+        return x, gap
+    i = int(np.clip(np.argmin(gap), 1, len(x) - 2))
+    near, far = x[i] - x[i - 1], x[i + 1] - x[i]
+    left, right = (gap[i] - gap[i - 1]) / near, (gap[i + 1] - gap[i]) / far
+    bend = right - left
+    if not bend > 0:
+        return x, gap
+    at = 0.5 * (x[i] + x[i - 1]) - left * 0.5 * (near + far) / bend
+    at = float(np.clip(at, x[i - 1], x[i + 1]))
+    place = int(np.searchsorted(x, at))
+    if at in (x[i - 1], x[i], x[i + 1]):
+        return x, gap
+    lowest = found.surface(np.array([at])) + segment.height(np.array([at]))
+    return np.insert(x, place, at), np.insert(gap, place, lowest[0])
