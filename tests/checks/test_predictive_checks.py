@@ -9,8 +9,9 @@ from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.replicated import simulate_log_loads, simulated
+from ridgebayes.model.replicated import simulate_log_loads
 from ridgebayes.results import Fit
+from tests.validation.simulated import simulated
 
 TRUTH = {"sigma": 0.01, "tau_texture": 0.04, "tau_step": 0.04}
 

@@ -6,7 +6,7 @@ from scipy import stats
 
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.evidence.nested import _Latent, nested_evidence
+from ridgebayes.evidence.nested import _log_likelihood_given_offsets, nested_evidence
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.forms import Hybrid, Modified
@@ -102,7 +102,7 @@ def test_latent__likelihood_is_that_of_rows_moved_by_the_sum_of_their_offsets(ta
     scores = np.array([0.4, -1.1, 0.9, -0.3, 1.7, 0.6])  # of two textures; of Q = 4, 6, 8, 10
     assert model.n_coordinate == model.n_parameter + len(scores)
     theta = [c, sigma, tau_texture, tau_step, *([df] if tail == "student" else [])]
-    found = _Latent(model).log_likelihood(np.array([*theta, *scores]))
+    found = _log_likelihood_given_offsets(model, np.array([*theta, *scores]))
 
     error = stats.t(df) if tail == "student" else stats.norm()
     scale = np.hypot(sigma, 0.05)

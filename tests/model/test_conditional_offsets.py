@@ -97,12 +97,16 @@ def test_given_rows__integrates_the_scores_out_as_the_module_says(case):
         assert found == pytest.approx(expected, rel=1e-10)  # rounding: condition of sigma
 
 
-def test_scores_given__at_and_normals_of_invert_each_other_and_have_the_covariance(case):
+def test_scores_given__at_is_the_inverse_of_normals_and_has_the_covariance(case):
     rng = np.random.default_rng(2)
     _, _, Z, L, given = case
     normal = rng.standard_normal((*BATCH, N_LEVEL))
     scores = given.at(normal)
-    np.testing.assert_allclose(given.normals_of(scores), normal, rtol=1e-10, atol=1e-12)
+    # The normals that scores stand for, by the factor of their precision.
+    off = scores - given.mean
+    is_diagonal = given.root.ndim == given.mean.ndim
+    back = off * given.root if is_diagonal else (t(given.root) @ off[..., None])[..., 0]
+    np.testing.assert_allclose(back, normal, rtol=1e-10, atol=1e-12)
     design = Z @ L
     M = np.eye(N_LEVEL) + t(design) @ (WEIGHT[..., None] * design)
     columns = [given.at(np.broadcast_to(e, normal.shape)) - given.mean for e in np.eye(N_LEVEL)]

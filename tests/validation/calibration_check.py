@@ -26,10 +26,11 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import Prior
-from ridgebayes.model.replicated import prior_draws, simulate_log_loads, simulated
+from ridgebayes.model.replicated import prior_draws, simulate_log_loads
 from ridgebayes.results import Fit
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
+from tests.validation.simulated import simulated
 from tests.validation.uniformity import Uniformity, ranks_to_pit, uniformity
 
 LOG_LIKELIHOOD = "log-likelihood"  # the quantity beside the parameters

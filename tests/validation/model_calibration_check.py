@@ -24,10 +24,11 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import Prior
-from ridgebayes.model.replicated import is_possible, simulate_log_loads, simulated
+from ridgebayes.model.replicated import is_possible, simulate_log_loads
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
 from tests.validation.calibration_check import FAILURE_COLUMNS, exact_places
+from tests.validation.simulated import simulated
 
 PROBABILITY_COLUMNS = ["replicate", "form", "true", "probability"]
 AVERAGE_COLUMNS = ["form", "prior", "average", "se", "share_true", "z"]

@@ -17,7 +17,6 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.model import Model
-from ridgebayes.model.shared_offsets import Offsets
 
 _REMAINING = 0.05  # log evidence that the live points may still hold when sampling ends
 _WALKED = 6  # coordinates from which on random walks are cheaper than draws within ellipsoids
@@ -70,12 +69,22 @@ def nested_evidence(
     """
     dynesty = _dynesty()
     n = model.n_coordinate
-    density = _Latent(model) if model.is_latent else _Marginal(model)
+
+    def at_cube(cube: FloatArray) -> FloatArray:
+        """Return theta, and scores where offsets are sampled, at a point of the unit cube."""
+        normal = ndtri(cube)
+        return np.concatenate([model.to_theta(normal), normal[model.n_parameter :]])
+
+    def log_likelihood(point: FloatArray) -> float:
+        if model.is_latent:
+            return _log_likelihood_given_offsets(model, point)
+        return float(model.log_likelihood(point))
+
     # Scores times an unknown scale lie along curved ridges, which no ellipsoid fits.
     walked = model.is_latent or n >= _WALKED
     sampler = dynesty.NestedSampler(
-        density.log_likelihood,
-        density.at_cube,
+        log_likelihood,
+        at_cube,
         n,
         nlive=n_live,
         sample="rwalk" if walked else "unif",
@@ -95,58 +104,23 @@ def nested_evidence(
     return LogEvidence("dynesty", float(found.logz[-1]), float(found.logzerr[-1]))
 
 
-class _Marginal:
-    """Parameters alone: rows are independent, or their offsets integrated out in closed form."""
-
-    def __init__(self, model: Model) -> None:
-        self._model = model
-
-    def at_cube(self, cube: FloatArray) -> FloatArray:
-        """Return theta at a point of the unit cube."""
-        return self._model.to_theta(ndtri(cube))
-
-    def log_likelihood(self, theta: FloatArray) -> float:
-        """Return the log-likelihood of all rows."""
-        return float(self._model.log_likelihood(theta))
-
-
-class _Latent:
-    """Parameters and standard normal scores of the offsets."""
-
-    def __init__(self, model: Model) -> None:
-        assert model.offsets is not None
-        self._model, self._offsets = model, model.offsets
-        self._k = model.n_parameter
-        self._has_df = bool(model.noise.distribution.parameter_names)
-
-    def at_cube(self, cube: FloatArray) -> FloatArray:
-        """Return theta and scores at a point of the unit cube."""
-        normal = ndtri(cube)
-        return np.concatenate([self._model.to_theta(normal), normal[self._k :]])
-
-    def log_likelihood(self, point: FloatArray) -> float:
-        """Return the log-likelihood of all rows given the offsets."""
-        model, theta, scores = self._model, point[: self._k], point[self._k :]
-        eta = theta[model.n_coefficient :]
-        here, later = _offsets_of_rows(self._offsets, eta, scores)
-        rows = model.rows.log_likelihood(
-            model.log_rates(theta),
-            eta[..., 0],
-            model.noise.distribution,
-            eta[..., -1] if self._has_df else None,
-            here,
-            later,
-        )
-        value = float(rows.sum())
-        return value if not math.isnan(value) else -math.inf
-
-
-def _offsets_of_rows(
-    offsets: Offsets, eta: FloatArray, scores: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return each row's offset at its own Q and at Q + 2."""
-    levels = offsets.root(eta).times(scores)
-    return levels[offsets.codes].sum(axis=0), levels[offsets.codes_next].sum(axis=0)
+def _log_likelihood_given_offsets(model: Model, point: FloatArray) -> float:
+    """Return the log-likelihood of all rows at theta and standard normal scores of the offsets."""
+    assert model.offsets is not None
+    theta, scores = np.split(point, [model.n_parameter])
+    eta = theta[model.n_coefficient :]
+    levels = model.offsets.root(eta).times(scores)
+    tail = model.noise.distribution
+    rows = model.rows.log_likelihood(
+        model.log_rates(theta),
+        eta[..., 0],
+        tail,
+        eta[..., -1] if tail.parameter_names else None,
+        levels[model.offsets.codes].sum(axis=0),
+        levels[model.offsets.codes_next].sum(axis=0),
+    )
+    value = float(rows.sum())
+    return value if not math.isnan(value) else -math.inf
 
 
 def _dynesty() -> Any:

@@ -81,14 +81,18 @@ def savage_dickey(fit: Posterior) -> LogEvidence:
     sigma = _sigma_grid(fit, float(np.median(w)), beta)
     density = np.array([_log_density_at_zero(fit, value, beta, sigma) for value in _nodes(w)])
     # log p(c2 = 0 | w) is a smooth function of w: interpolate it to all draws.
-    log_conditional = np.interp(w, _nodes(w), density)
-    shifted = np.exp(log_conditional - log_conditional.max())
-    log_posterior = math.log(shifted.mean()) + log_conditional.max()
+    return _averaged(np.interp(w, _nodes(w), density), _zero(fit))
+
+
+def _averaged(log_density: FloatArray, zero: float) -> LogEvidence:
+    """Return the ratio from log p(c2 = 0 | a draw), shape (n_ensemble, n_step, n_walker)."""
+    shifted = np.exp(log_density - log_density.max())
+    log_posterior = math.log(shifted.mean()) + log_density.max()
     relative = shifted.std() / shifted.mean()
     se = relative / math.sqrt(float(effective_sample_size(shifted))) if relative else 0.0
     # Prior and posterior density are both of the coordinate of c2: its Jacobian cancels.
-    log_prior = -0.5 * _zero(fit) ** 2 - 0.5 * math.log(2 * math.pi)
-    status = _status(log_conditional.ravel()) if relative else "ok"
+    log_prior = -0.5 * zero**2 - 0.5 * math.log(2 * math.pi)
+    status = _status(log_density.ravel()) if relative else "ok"
     return LogEvidence("savage-dickey", log_prior - log_posterior, max(se, 1e-12), status)
 
 
@@ -130,13 +134,7 @@ def _given_error_model(fit: Posterior) -> LogEvidence:
     points[..., 0] = (flat[:, 0] + beta * flat[:, 1])[:, None] - beta * c2
     values = np.concatenate([fit.model.log_density(part) for part in np.array_split(points, 64)])
     log_density = values[:, -1] - logsumexp(values[:, :-1], axis=1) - math.log(c2[1] - c2[0])
-    shifted = np.exp(log_density - log_density.max())
-    log_posterior = math.log(shifted.mean()) + log_density.max()
-    by_ensemble = shifted.reshape(len(u), -1, 1)
-    se = shifted.std() / shifted.mean() / math.sqrt(float(effective_sample_size(by_ensemble)))
-    log_prior = -0.5 * zero**2 - 0.5 * math.log(2 * math.pi)
-    status = _status(log_density)
-    return LogEvidence("savage-dickey", log_prior - log_posterior, max(se, 1e-12), status)
+    return _averaged(log_density.reshape(len(u), -1, 1), zero)
 
 
 def _nodes(w: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ import hashlib
 import io
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +19,6 @@ from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.text import one_line_message
 
-_ARRAYS = (
-    "u",
-    "log_density",
-    "accepted",
-    "coordinates",
-    "last_log_density",
-    "tau",
-    "weights",
-    "centres",
-    "factors",
-    "rest",
-)
 _RANDOM = ("random_keys", "random_rest")
 
 
@@ -74,6 +62,9 @@ class Walk:
     def n_step(self) -> int:
         """Steps so far."""
         return self.u.shape[1]
+
+
+_ARRAYS = tuple(one.name for one in fields(Walk) if one.name != "random_states")
 
 
 @dataclass(frozen=True)

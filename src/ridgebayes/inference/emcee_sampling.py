@@ -4,6 +4,7 @@ This is the only module that imports emcee; it is loaded when something is sampl
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import emcee
@@ -195,17 +196,14 @@ def _walked_on(
     u, log_jacobian = laplace.unwhiten(np.stack([sampler.get_chain() for sampler in samplers]))
     log_density = np.stack([sampler.get_log_prob() for sampler in samplers]) - log_jacobian
     accepted = np.array([sampler.backend.accepted.sum() for sampler in samplers])
-    return Walk(
+    return replace(
+        walk,
         u=np.concatenate([walk.u, u], axis=1),
         log_density=np.concatenate([walk.log_density, log_density], axis=1),
         accepted=walk.accepted + accepted,
         coordinates=np.stack([end.coords for end in ends]),
         last_log_density=np.stack([end.log_prob for end in ends]),
         tau=tau,
-        weights=walk.weights,
-        centres=walk.centres,
-        factors=walk.factors,
-        rest=walk.rest,
         random_states=tuple(end.random_state for end in ends),
     )
 

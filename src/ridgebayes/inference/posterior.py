@@ -86,13 +86,8 @@ class Posterior:
         n_ensemble, n_step, n_walker, _ = self.chains.u.shape
         n_keep = max(N_KEPT // (n_ensemble * n_walker), 1)
         steps = np.unique(np.linspace(0, n_step - 1, min(n_keep, n_step)).astype(int))
-        return Chains(
-            self.chains.u[:, steps],
-            self.chains.log_density[:, steps],
-            self.chains.acceptance,
-            self.chains.tau,
-            self.chains.convergence_failures,
-        )
+        u, log_density = self.chains.u[:, steps], self.chains.log_density[:, steps]
+        return replace(self.chains, u=u, log_density=log_density)
 
     @property
     def draws(self) -> FloatArray:

@@ -103,13 +103,6 @@ class OffsetPosterior:
             return self.mean + normal / self.root
         return self.mean + solve_lower(self.root, normal[..., None], transposed=True)[..., 0]
 
-    def normals_of(self, scores: FloatArray) -> FloatArray:
-        """Return the standard normals that scores stand for: the inverse of `at`."""
-        difference = scores - self.mean
-        if self._diagonal:
-            return difference * self.root
-        return np.einsum("...ji,...j->...i", self.root, difference)
-
     def variance(self, loading: FloatArray) -> FloatArray:
         """Return the variance of scores' combinations (..., n_level, n), shape (..., n)."""
         return (self.half(loading) ** 2).sum(axis=-2)

@@ -289,11 +289,8 @@ class Model:
         ndarray of float, shape (n_obs, n_coefficient + 1)
             Residuals are of the rows' middles, and last.
         """
-        k = self.n_coefficient
-        u = np.append(u_coefficient, np.zeros(self.n_parameter - k))
-        theta = self.to_theta(u)
-        slope = self._joint.at_scores_slope(u, theta)[:k]
-        jacobian = 2 * self.form.log_rate_gradient(theta[:k], self._a, self._b) * slope
+        u = np.append(u_coefficient, np.zeros(self.n_parameter - self.n_coefficient))
+        theta, jacobian = self._jacobian(u)
         residual = self.rows.centre[0] + 2 * self.log_rates(theta)[self.data.texture]
         return np.column_stack([jacobian[self.data.texture], residual])
 
@@ -332,11 +329,15 @@ class Model:
         ndarray of float, shape (n_coefficient, n_coefficient)
             In unconstrained coordinates; over the error variance it is that of the likelihood.
         """
-        theta, k = self.to_theta(u), self.n_coefficient
-        slope = self._joint.at_scores_slope(u, theta)[:k]
-        jacobian = 2 * self.form.log_rate_gradient(theta[:k], self._a, self._b) * slope
+        _, jacobian = self._jacobian(u)
         n = np.bincount(self.data.texture, minlength=len(self._a))
         return (jacobian.T * n) @ jacobian
+
+    def _jacobian(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return theta, and d(log load) / d(coefficients' coordinates) but for its sign."""
+        theta, k = self.to_theta(u), self.n_coefficient
+        slope = self._joint.at_scores_slope(u, theta)[:k]
+        return theta, 2 * self.form.log_rate_gradient(theta[:k], self._a, self._b) * slope
 
     def _parts(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return log rates, error parameters and sampled coordinates of the offsets."""

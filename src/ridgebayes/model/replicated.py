@@ -5,7 +5,6 @@ import numpy as np
 from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.model import Model
-from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import JointPrior
 
 _ROUNDS_MAX = 1_000  # of prior draws, before the form is said to fit no such draw
@@ -44,6 +43,7 @@ def simulate_log_loads(
     --------
     >>> from ridgebayes.table.datafiles import paper_sweep
     >>> from ridgebayes.model.forms import Modified
+    >>> from ridgebayes.model.observations import Observations
     >>> model = Model(Observations.from_table(paper_sweep()), Modified())
     >>> simulate_log_loads(model, np.array([1.38, 0.03]), np.random.default_rng(1), n=5).shape
     (5, 41)
@@ -74,45 +74,6 @@ def form_log_loads(model: Model, theta: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         value = 2 * (np.log(shape) - log_rate)
     return np.where(np.isfinite(value), value, np.nan)
-
-
-def simulated(data: Observations, log_load: FloatArray) -> Observations:
-    """Return rows with other loads: all of them exact.
-
-    Parameters
-    ----------
-    data : Observations
-        Rows that give textures, counts and known errors.
-    log_load : ndarray of float, shape (n_obs,), dimensionless
-        What `simulate_log_loads` drew. Rows without a load (counts of 2) are left out.
-
-    Returns
-    -------
-    Observations
-        Exact rows.
-
-    Raises
-    ------
-    InputError
-        If there is not one load for each row, or none at all.
-    """
-    log_load = np.asarray(log_load, dtype=float)
-    if log_load.shape != (len(data),):
-        raise InputError(f"log_load: expected ({len(data)},), got shape {log_load.shape}")
-    here = np.isfinite(log_load)
-    if not here.any():
-        raise InputError("log_load: expected at least one, got no finite value")
-    kept = data.take(here)
-    return Observations(
-        textures=kept.textures,
-        texture=kept.texture,
-        Q=kept.Q,
-        log_load=log_load[here],
-        rel_se=kept.rel_se,
-        log_lower=np.full(len(kept), np.nan),
-        is_count=np.zeros(len(kept), dtype=bool),
-        labels=kept.labels,
-    )
 
 
 def is_possible(model: Model, theta: FloatArray) -> BoolArray:

@@ -87,7 +87,8 @@ class GroupedOffsets(Offsets):
         self.codes = self._codes(data.texture, np.where(data.Q == 2, later, data.Q))
 
     def root(self, eta: FloatArray) -> Root:
-        scale = [np.repeat(eta[..., [tau]], n, axis=-1) for tau, n in self._tau_sizes()]
+        pairs = zip(self._taus, self._sizes, strict=True)
+        scale = [np.repeat(eta[..., [tau]], n, axis=-1) for tau, n in pairs]
         return DiagonalRoot(np.concatenate(scale, axis=-1))
 
     def loading(
@@ -104,9 +105,6 @@ class GroupedOffsets(Offsets):
                 else:
                     rest[..., i] += eta[..., tau] ** 2
         return loading, rest
-
-    def _tau_sizes(self) -> list[tuple[int, int]]:
-        return list(zip(self._taus, self._sizes, strict=True))
 
     def _codes(self, texture: IntArray, Q: IntArray) -> IntArray:
         step = np.searchsorted(self._steps, Q)
@@ -212,7 +210,7 @@ class OffsetsGiven:
         L of the same draws.
     mean : ndarray of float, shape (n_draw, n_level)
         Scores: their mean, or the scores themselves where they were sampled.
-    spread : ScoresGiven or None
+    spread : OffsetPosterior or None
         How they vary about the mean; None where they were sampled.
     """
 
