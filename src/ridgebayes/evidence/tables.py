@@ -83,20 +83,10 @@ def evidence_table(found: Mapping[str, list[LogEvidence]], noise: Noise) -> pd.D
     for name, methods in found.items():
         for e in methods:
             chosen = e is used[name] and e.ok
-            rows.append(
-                {
-                    "form": name,
-                    "noise": noise.name,
-                    "method": e.method,
-                    "log_evidence": e.value,
-                    "log_evidence_se": e.se,
-                    "used": chosen,
-                    "prior_probability": 1 / len(found),
-                    "model_probability": math.exp(e.value - top) / total if chosen else np.nan,
-                    "status": e.status,
-                }
-            )
-    return pd.DataFrame(rows)
+            share = math.exp(e.value - top) / total if chosen else np.nan
+            numbers = (e.method, e.value, e.se, chosen, 1 / len(found), share, e.status)
+            rows.append((name, noise.name, *numbers))
+    return pd.DataFrame(rows, columns=EVIDENCE_COLUMNS)
 
 
 def used_evidence(evidence: pd.DataFrame) -> pd.DataFrame:

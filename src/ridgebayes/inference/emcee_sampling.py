@@ -132,21 +132,19 @@ def sample(
     while True:
         # With every check the target grows by 5 %, wherever the walk was picked up again.
         before, tau = walk.tau, _mean_tau(walk.u, walk.log_density)
-        convergence_failures = _unmet_rules(
-            walk.n_step, tau, before, (*names, "log posterior"), settings
-        )
+        unmet = _unmet_rules(walk.n_step, tau, before, (*names, "log posterior"), settings)
         if progress is not None and walk.n_step:
             progress(
                 f"{walk.n_step} steps x {settings.n_ensemble} ensembles, tau {np.max(tau):.2f}"
             )
-        if not convergence_failures or walk.n_step >= settings.n_step_max:
+        if not unmet or walk.n_step >= settings.n_step_max:
             break
         target = min(max(int(1.05 * walk.n_step) + 20, 100), settings.n_step_max)
         walk = _walked_on(walk, samplers, laplace, target - walk.n_step, tau)
         if checkpoint is not None:
             checkpoint.save(walk)
     acceptance = walk.accepted / (walk.n_step * n_walker)
-    return Chains(walk.u, walk.log_density, acceptance, tau, tuple(convergence_failures))
+    return Chains(walk.u, walk.log_density, acceptance, tau, tuple(unmet))
 
 
 def _burnt_in(
@@ -234,14 +232,12 @@ def _unmet_rules(
     names: tuple[str, ...],
     settings: SampleSettings,
 ) -> list[str]:
-    convergence_failures = []
+    unmet = []
     for name, now, last in zip(names, tau, before, strict=True):
         if not n_step > settings.n_tau * now:
-            convergence_failures.append(
-                f"{name}: {n_step} steps are not {settings.n_tau:g} tau ({now:.3g} each)"
-            )
+            unmet.append(f"{name}: {n_step} steps are not {settings.n_tau:g} tau ({now:.3g} each)")
         elif not np.isfinite(last):
-            convergence_failures.append(f"{name}: tau was checked only once ({now:.4g})")
+            unmet.append(f"{name}: tau was checked only once ({now:.4g})")
         elif not abs(now - last) <= settings.tau_change * now:
-            convergence_failures.append(f"{name}: tau still changes ({last:.4g} to {now:.4g})")
-    return convergence_failures
+            unmet.append(f"{name}: tau still changes ({last:.4g} to {now:.4g})")
+    return unmet

@@ -1,6 +1,6 @@
 """`LoadDistribution`: the distribution of the load that reaches a count."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +8,7 @@ from scipy.special import ndtri
 
 from ridgebayes._types import BoolArray, FloatArray, Rng
 from ridgebayes.errors import InputError
-from ridgebayes.model.tails import NormalTail, StudentTail, Tail
+from ridgebayes.model.tails import NormalTail, StudentTail
 from ridgebayes.predict.q_distribution import seeded, shares
 
 _LARGEST_PROB = 1 - 1e-12
@@ -168,24 +168,16 @@ class LoadDistribution:
     def _cdf(self, y: FloatArray) -> FloatArray:
         with np.errstate(divide="ignore", invalid="ignore"):
             z = (y - self.log_mean) / self.sd
-        return self._average(np.where(self.sd > 0, self._standard_cdf(z), self.log_mean <= y))
+        return self._average(np.where(self.sd > 0, self._by_tail("cdf", z), self.log_mean <= y))
 
-    def _standard_cdf(self, z: FloatArray) -> FloatArray:
-        return self._by_tail(z, lambda tail, z, df: tail.cdf(z, df))
-
-    def _standard_density(self, z: FloatArray) -> FloatArray:
-        return self._by_tail(z, lambda tail, z, df: np.exp(tail.log_density(z, df)))
-
-    def _by_tail(
-        self, z: FloatArray, function: Callable[[Tail, FloatArray, FloatArray | None], FloatArray]
-    ) -> FloatArray:
-        """Apply a function of standardised errors to the draws of each tail."""
+    def _by_tail(self, method: str, z: FloatArray) -> FloatArray:
+        """Apply a method of `Tail` to standardised errors, to the draws of each tail its own."""
         if self.df is None:
-            return function(NormalTail(), z, None)
+            return np.asarray(getattr(NormalTail(), method)(z, None))
         value, student = np.empty(z.shape), np.isfinite(self.df)
-        value[~student] = function(NormalTail(), z[~student], None)
+        value[~student] = getattr(NormalTail(), method)(z[~student], None)
         df = self._spread(self.df)[student]
-        value[student] = function(StudentTail(), z[student], df)
+        value[student] = getattr(StudentTail(), method)(z[student], df)
         return value
 
     def _solve(self, prob: float) -> FloatArray:
@@ -208,7 +200,7 @@ class LoadDistribution:
             low, high = np.where(excess < 0, y, low), np.where(excess >= 0, y, high)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 z = (y - self.log_mean) / sd
-                density = np.where(sd > 0, self._standard_density(z) / sd, 0.0)
+                density = np.where(sd > 0, np.exp(self._by_tail("log_density", z)) / sd, 0.0)
                 # In its lower tail a distribution function is nearly exponential.
                 step = found * np.log(found / prob) if prob < 0.5 else excess
                 newton = y - step / self._average(density)
