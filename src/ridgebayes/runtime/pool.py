@@ -142,7 +142,7 @@ def start_server(preload: Sequence[str] = ()) -> None:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         with _one_thread_each():
-            loaded = [name for name in sys.modules if name.startswith(f"{_PACKAGE}.")]
+            loaded = [name for name in list(sys.modules) if name.startswith(f"{_PACKAGE}.")]
             forkserver.set_forkserver_preload(list(preload) or loaded)
             forkserver.ensure_running()
     finally:

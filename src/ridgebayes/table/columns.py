@@ -98,16 +98,13 @@ def check_header(names: Sequence[Any], where: str) -> None:
         there += f" and {len(names) - _MOST_NAMED} more"
     before: set[str] = set()
     for i, name in enumerate(names, start=1):
-        shown = repr(name)[:_LONGEST]
+        rule = "each column must stand once" if name in before else None
         if not isinstance(name, str) or not name:
+            rule = "must have a name, as text"
+        if rule is not None:
+            shown = repr(name)[:_LONGEST]
             raise InputError(
-                f"{where}, header: column {i} = {shown}: must have a name, as text; "
-                f"the columns are {there}"
-            )
-        if name in before:
-            raise InputError(
-                f"{where}, header: column {i} = {shown}: each column must stand once; "
-                f"the columns are {there}"
+                f"{where}, header: column {i} = {shown}: {rule}; the columns are {there}"
             )
         before.add(name)
     if missing := [name for name in REQUIRED if name not in names]:
