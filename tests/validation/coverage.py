@@ -10,8 +10,9 @@ import pandas as pd
 from scipy.stats import qmc
 
 from ridgebayes import Hybrid, paper_sweep
-from ridgebayes.checks.coverage import coverage_of
+from ridgebayes.checks.coverage import COVERAGE_COLUMNS, PROBS, count_covered, covered_rows
 from ridgebayes.contact.halfplane import transition_loads
+from ridgebayes.errors import InputError
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -44,6 +45,18 @@ def sets():
         "(0.027, 0.025) to 0.02": textures_table([(0.027, 0.025)], 0.02),
         "(0.012, 0.09) to 0.045": textures_table([(0.012, 0.09)], 0.045),
     }
+
+
+def coverage_of(fit, table, *, probs=PROBS):
+    """Count how many transitions of unseen textures lie inside the bands of a fit."""
+    for a, b in set(table.textures) & set(fit.model.data.textures):
+        raise InputError(f"texture a/R = {a}, b/R = {b} was fitted; expected unseen textures only")
+    # The rows of an unseen texture have no role to play in a fit.
+    everything = ContactTable.from_frame(table.frame.assign(role="calibration"))
+    data = Observations.from_table(everything)
+    found = covered_rows(fit, data.take(data.is_exact), probs), fit.converged
+    rows = count_covered(fit.form.name, fit.noise.name, probs, [("all", found)])
+    return pd.DataFrame(rows, columns=COVERAGE_COLUMNS)
 
 
 def main(names):

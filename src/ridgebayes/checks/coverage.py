@@ -99,7 +99,8 @@ def coverage(
     -----
     *Cost.* One fit for all probabilities: 1 to 10 CPU seconds by error model, times textures.
     """
-    _check_probs(probs)
+    if not probs or not all(0 < prob < 1 for prob in probs):
+        raise InputError(f"probs: expected each 0 < prob < 1, at least one, got {tuple(probs)}")
     for form in forms:
         refuse_circular(table, form)
     data, seed = Observations.from_table(table), seed_of(rng)
@@ -114,48 +115,7 @@ def coverage(
     for form, noise, folds in groups:
         with nullcontext() if progress is None else progress(f"{form.name}, {noise.name}"):
             results = [(fold.name, next(found)) for fold in folds]
-        rows += _count(form.name, noise.name, probs, results)
-    return pd.DataFrame(rows, columns=COVERAGE_COLUMNS)
-
-
-def coverage_of(
-    fit: Posterior, table: ContactTable, *, probs: Sequence[float] = PROBS
-) -> pd.DataFrame:
-    """Count how many transitions of unseen textures lie inside the bands of a fit.
-
-    Parameters
-    ----------
-    fit : Posterior
-        Posterior.
-    table : ContactTable
-        Textures that were not fitted. Rows of any role with status ok that give the load itself.
-    probs : sequence of float, optional
-        Probabilities of the simulation bands.
-
-    Returns
-    -------
-    pandas.DataFrame
-        As `coverage` returns it.
-
-    Raises
-    ------
-    InputError
-        If a texture was fitted, no row can be predicted, or a probability is not between 0 and 1.
-    """
-    _check_probs(probs)
-    seen = sorted(set(table.textures) & set(fit.model.data.textures))
-    if seen:
-        a, b = seen[0]
-        raise InputError(
-            f"{table.where}: texture a/R = {a}, b/R = {b} was fitted; expected unseen textures only"
-        )
-    # The rows of an unseen texture have no role to play in a fit.
-    everything = ContactTable.from_frame(table.frame.assign(role="calibration"), where=table.where)
-    data = Observations.from_table(everything)
-    if not data.is_exact.any():
-        raise InputError(f"{table.where}: no row gives a load; expected at least one transition")
-    result = _band_rows(fit, data.take(data.is_exact), probs), fit.converged
-    rows = _count(fit.form.name, fit.noise.name, probs, [("all", result)])
+        rows += count_covered(form.name, noise.name, probs, results)
     return pd.DataFrame(rows, columns=COVERAGE_COLUMNS)
 
 
@@ -166,10 +126,10 @@ def _predict_fold(task: tuple[Fold, tuple[float, ...]]) -> _Result:
         fit, _ = fold.refit()
     except ComputationError as error:
         return str(error)
-    return _band_rows(fit, fold.data.take(fold.left & fold.data.is_exact), probs), fit.converged
+    return covered_rows(fit, fold.data.take(fold.left & fold.data.is_exact), probs), fit.converged
 
 
-def _band_rows(fit: Posterior, data: Observations, probs: Sequence[float]) -> pd.DataFrame:
+def covered_rows(fit: Posterior, data: Observations, probs: Sequence[float]) -> pd.DataFrame:
     """Return columns `_ROW_COLUMNS`: a row of each observation for each probability."""
     parts = [_NO_ROWS]
     if len(data):  # none for a texture of brackets and counts alone
@@ -182,7 +142,7 @@ def _band_rows(fit: Posterior, data: Observations, probs: Sequence[float]) -> pd
     return pd.concat(parts, ignore_index=True)
 
 
-def _count(
+def count_covered(
     form: str, noise: str, probs: Sequence[float], results: Sequence[tuple[str, _Result]]
 ) -> list[dict[str, object]]:
     """Return a row of `COVERAGE_COLUMNS` for each probability, over the folds that did not fail."""
@@ -214,8 +174,3 @@ def _count(
             }
         )
     return rows
-
-
-def _check_probs(probs: Sequence[float]) -> None:
-    if not probs or not all(0 < prob < 1 for prob in probs):
-        raise InputError(f"probs: expected each 0 < prob < 1, at least one, got {tuple(probs)}")

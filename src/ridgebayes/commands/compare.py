@@ -5,7 +5,7 @@ from typing import Any
 
 from ridgebayes.commands.parsing import parse_names
 from ridgebayes.commands.request import FitRequest, finish
-from ridgebayes.commands.run_files import write_comparison, write_run_json
+from ridgebayes.commands.run_files import write_comparison, write_fits, write_run_json
 from ridgebayes.commands.run_folder import new_folder
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.runtime.progress import Progress
@@ -19,22 +19,52 @@ def command(*, out: Path, forms: str, force: bool, **asked: Any) -> None:
 
 
 def compare_job(
-    folder: Path, request: FitRequest, *, force: bool = False, resume: bool = False
+    folder: Path,
+    request: FitRequest,
+    *,
+    scores: bool = True,
+    force: bool = False,
+    resume: bool = False,
 ) -> Comparison:
-    """Compare forms on a table and write a run folder; arguments as for `run_job`."""
-    inputs = request.resolve()
+    """Fit forms to a table and write a run folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Run folder to make.
+    request : FitRequest
+        What is fitted.
+    scores : bool, optional
+        Whether forms are also compared by Bayes factors and scores, as `ridgebayes compare` does;
+        `ridgebayes fit` writes posteriors and evidences alone.
+    force, resume : bool, optional
+        As for `ridgebayes.commands.run.run_job`.
+
+    Returns
+    -------
+    Comparison
+        Where a fit failed or did not converge, `complete` is False.
+
+    Raises
+    ------
+    InputError
+        If an argument or the table breaks a rule; nothing is written then.
+    """
+    inputs, options = request.resolve(), request.options
+    if not scores:
+        options["form"] = ",".join(options.pop("forms"))
     with (
         new_folder(folder, force=force, resume=resume) as partial,
-        Progress(2 * len(inputs.forms) + 3) as progress,
+        Progress(2 * len(inputs.forms) + (3 if scores else 1)) as progress,
     ):
-        comparison = inputs.compare(progress, partial)
-        write_comparison(comparison, partial)
+        comparison = inputs.compare(progress, partial, scores=scores)
+        (write_comparison if scores else write_fits)(comparison, partial)
         write_run_json(
             partial,
             comparison,
-            command="compare",
+            command="compare" if scores else "fit",
             seed=request.seed,
-            options=request.options,
+            options=options,
             stages=progress.stages,
         )
     return comparison
