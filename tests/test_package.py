@@ -68,6 +68,17 @@ def test_records_and_errors__need_no_sampler():
     assert "emcee" not in loaded_after("import ridgebayes; ridgebayes.paper_sweep()")
 
 
+def test_generate__loads_no_module_that_samples_or_reports():
+    code = (
+        "import sys, ridgebayes as rb; rb.generate(rb.Scene.paper())\n"
+        "print(*(m for m in sys.modules if m.startswith('ridgebayes')))"
+    )
+    loaded = python(code).split()
+    rooms = {name.split(".")[1] for name in loaded if "." in name}
+    assert not rooms & {"inference", "predict", "evidence", "checks", "report"}
+    assert len(loaded) <= 40
+
+
 def test_forms_and_tables__need_no_plots():
     code = "import ridgebayes; ridgebayes.compare, ridgebayes.Fit, ridgebayes.generate"
     assert not {"matplotlib", "corner", "arviz"} & set(loaded_after(code))

@@ -11,7 +11,7 @@ from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
-from ridgebayes.scene.effects import plan
+from ridgebayes.scene.estimates import plan
 
 COLUMNS = [
     "scene",
@@ -175,7 +175,7 @@ def test_check_plans__true_change_is_that_of_the_loads_with_and_without(checked,
 
 
 def test_check_plans__finds_out_estimates_that_are_far_too_large(scenes, monkeypatch):
-    monkeypatch.setattr("ridgebayes.scene.effects._SAFETY", 60.0)
+    monkeypatch.setattr("ridgebayes.scene.estimates._SAFETY", 60.0)
     own = check_plans([scenes[FLOORED]]).set_index("effect")
     assert own["honest"].to_dict() == {
         "ridges": True,
@@ -186,7 +186,7 @@ def test_check_plans__finds_out_estimates_that_are_far_too_large(scenes, monkeyp
 
 
 def test_check_plans__finds_out_estimates_that_neglect_too_much(scenes, monkeypatch):
-    monkeypatch.setattr("ridgebayes.scene.effects._SAFETY", 1e-3)
+    monkeypatch.setattr("ridgebayes.scene.estimates._SAFETY", 1e-3)
     own = check_plans([scenes[FLOORED]]).set_index("effect")
     assert own.loc["groove floor", "true_change"] > scenes[FLOORED].relative
     assert not own.loc["groove floor", "simulated"]

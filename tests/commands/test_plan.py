@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 
 from ridgebayes.checks.plan_check import CHECK_COLUMNS
-from ridgebayes.scene.effects import PLAN_COLUMNS, plan, plan_table
+from ridgebayes.scene.effects import PLAN_COLUMNS, plan_table
+from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene
 
 SCENE = """

@@ -11,7 +11,8 @@ from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.drawing.scenes import plot_counts, plot_effects, plot_plan_check
 from ridgebayes.drawing.style import as_bytes
-from ridgebayes.scene.effects import plan, plan_table
+from ridgebayes.scene.effects import plan_table
+from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, Texture
 
 A, B, W = 0.02, 0.03, 5.7e-3

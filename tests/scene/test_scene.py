@@ -169,7 +169,7 @@ def test_all_problems_are_in_one_message(refused):
         ('offset = "uniform"', "offset = 0.7", "texture.offset = 0.7: must be a fraction"),
         ('offset = "uniform"', "offset = true", "texture.offset = True: must be a fraction"),
         ('offset = "uniform"', 'role = "held_out"', "texture.role = 'held_out'"),
-        ('ridge_width = "0.25 mm"', "", "texture.ridge_width: missing; expected it must be given"),
+        ('ridge_width = "0.25 mm"', "", "texture.ridge_width: missing; expected a value"),
         ('"0.25 mm"', "true", "texture.ridge_width = True: must be a number, or text"),
         ('"0.25 mm"', "nan", "texture.ridge_width = nan: must be finite"),
         ('"0.25 mm"', "[1]", "texture.ridge_width = [1]: must be a number, or text"),

@@ -16,7 +16,8 @@ from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.randomness import seed_of
-from ridgebayes.scene.effects import Plan, full_profile, plan
+from ridgebayes.scene.effects import Plan, full_profile
+from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, Texture
 
 CHECK_COLUMNS = [

@@ -14,7 +14,8 @@ from ridgebayes.runtime.atomic import exclusive_lock
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import executor_for, map_ordered
 from ridgebayes.runtime.progress import Progress
-from ridgebayes.scene.effects import Plan, plan
+from ridgebayes.scene.effects import Plan
+from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene
 from ridgebayes.simulate import generation
 from ridgebayes.table.files import check_name

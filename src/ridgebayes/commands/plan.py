@@ -10,7 +10,8 @@ from ridgebayes.commands.parsing import refuse_existing
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.runtime.progress import Progress
-from ridgebayes.scene.effects import Plan, plan, plan_table
+from ridgebayes.scene.effects import Plan, plan_table
+from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene
 
 CHECK_CSV = "plan-check.csv"

@@ -1,1 +1,13 @@
-"""Contact mechanics: arrays and numbers in, arrays and a status out; no scenes, no tables."""
+"""Contact mechanics: arrays and numbers in, arrays and a status out; no scenes, no tables.
+
+`halfplane` has the transition loads of sharp, centred ridges, `contact_solution` a body on any
+profile under any load, `reaching` the loads that reach further ridges, `cylinder` the whole body by
+finite elements, `hertz` the smooth closed forms. A solution says how many ridges are touched, and
+whether it holds:
+
+>>> from ridgebayes.contact.contact_solution import load_factor, solve_contact
+>>> from ridgebayes.contact.rigid_profile import Profile
+>>> found = solve_contact(Profile(0.012, 0.03, offset=0.2), load_factor(0.5) * 0.001)
+>>> found.Q, found.status
+(3, 'ok')
+"""

@@ -1,26 +1,12 @@
-"""Which effects a scene calls for: how large each is, and whether it is simulated or neglected.
-
-An effect is neglected where leaving it out changes no transition load by more than the wanted
-accuracy. What is said of its size comes from one or two solutions at chosen loads, not from the
-simulation that it is to save: the shift of an event is the gap that the effect leaves at the load
-of the event without it, over the slope of that gap.
-"""
+"""Which effects a scene calls for, as records and as a table; `estimates` decides."""
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 
-from ridgebayes._types import FloatArray
-from ridgebayes.contact import halfplane, hertz
-from ridgebayes.contact.contact_solution import ContactSolution, load_factor, solve_contact
-from ridgebayes.contact.reaching import nearest_gap
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.errors import InputError
-from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.scene.scene import Texture
 
 PLAN_COLUMNS = [
     "effect",
@@ -31,14 +17,10 @@ PLAN_COLUMNS = [
     "cost_s",
     "texture",
 ]
-_SAFETY = 1.5  # an estimate may be two thirds of the truth and still be on the safe side
-_ROUGH = 1e-5  # tolerance of the solutions behind estimates
-_STEP = 0.03  # of a load, for the slope of a gap
-_DEFAULT_RELATIVE = 1e-8  # without a wanted accuracy only what has no effect at all is left out
-# Loads of finite elements over those of the half-plane are 1 + 0.3 (w/R)^2 at finite strain, up to
-# a half-width w of 0.26 R (data/fea); and half as much again to be safe.
-_FINITE_BODY = 0.45
-_PER_PRESS, _PER_CUBE = 8e-4, 3e-11  # CPU seconds of a solution: fixed, and times unknowns cubed
+DEFAULT_RELATIVE = 1e-8  # without a wanted accuracy only what has no effect at all is left out
+BY_FINITE_ELEMENTS = ("finite body and large deformation", "friction")
+# Finite elements themselves are right to about this: a smaller effect is not worth them.
+FINITE_ELEMENT_ERROR = 0.002
 
 
 @dataclass(frozen=True)
@@ -89,7 +71,7 @@ class Plan:
     texture: Texture
     effects: tuple[Effect, ...]
     profile: Profile | None
-    relative: float = _DEFAULT_RELATIVE
+    relative: float = DEFAULT_RELATIVE
 
     @property
     def simulated(self) -> tuple[str, ...]:
@@ -102,7 +84,7 @@ class Plan:
         return tuple(
             effect
             for effect in self.effects
-            if effect.name in _BY_FINITE_ELEMENTS
+            if effect.name in BY_FINITE_ELEMENTS
             and not effect.simulated
             and effect.estimate > self.relative
         )
@@ -110,47 +92,7 @@ class Plan:
     @property
     def needs_finite_elements(self) -> bool:
         """Whether an effect is simulated that only finite elements have."""
-        return any(name in _BY_FINITE_ELEMENTS for name in self.simulated)
-
-
-_BY_FINITE_ELEMENTS = ("finite body and large deformation", "friction")
-# Finite elements themselves are right to about this: a smaller effect is not worth them.
-FINITE_ELEMENT_ERROR = 0.002
-_PER_TRANSITION = 5.0  # CPU seconds of finite elements
-
-
-def plan(scene: Scene) -> list[Plan]:
-    """Decide for each texture of a scene what to simulate.
-
-    Parameters
-    ----------
-    scene : Scene
-        Textures, highest load, wanted accuracy.
-
-    Returns
-    -------
-    list of Plan
-        One per texture, in the scene's order.
-
-    Raises
-    ------
-    InputError
-        If the contact of a texture cannot be solved for even roughly, as with grooves under a
-        millionth of a ridge.
-
-    Notes
-    -----
-    *Accuracy.* What is neglected changes loads by no more than the accuracy wanted, and estimates
-    are at most ten times the truth: checked on scenes all over the space (`checks.plan_check`).
-    *Cost.* Some tens of milliseconds a texture.
-
-    Examples
-    --------
-    >>> scene = Scene.of([(0.032, 0.01)], p_over_E=0.01, relative=0.02)
-    >>> plan(scene)[0].simulated
-    ('ridges', "Poisson's ratio")
-    """
-    return [_planned(scene, texture) for texture in scene.textures]
+        return any(name in BY_FINITE_ELEMENTS for name in self.simulated)
 
 
 def plan_table(plans: list[Plan]) -> pd.DataFrame:
@@ -183,273 +125,3 @@ def full_profile(texture: Texture) -> Profile:
         texture.corner_radius_over_R,
         0.5 if texture.offset == "uniform" else float(texture.offset),
     )
-
-
-def _too_narrow(texture: Texture, status: str) -> InputError:
-    return InputError(
-        f"textures: a/R = {texture.a_over_R!r}, b/R = {texture.b_over_R!r}: {status}; "
-        "expected one the half-plane's equation can be solved for, or no accuracy and no effect "
-        "given"
-    )
-
-
-def _planned(scene: Scene, texture: Texture) -> Plan:
-    base = _Base.of(scene, texture)
-    effects = list(_effects(base))
-    chosen = {effect.name for effect in effects if effect.simulated}
-    profile = None
-    if chosen & {"ridges", "offset", "groove floor", "corner radius"}:
-        profile = replace(
-            base.sharp,
-            depth=base.given.depth if "groove floor" in chosen else math.inf,
-            corner=base.given.corner if "corner radius" in chosen else 0.0,
-            offset=base.given.offset if "offset" in chosen else 0.0,
-        )
-    return Plan(texture, tuple(effects), profile, base.tolerance)
-
-
-@dataclass(frozen=True, eq=False)
-class _Base:
-    """A texture without any further effect, and the loads at which effects are looked at."""
-
-    scene: Scene
-    texture: Texture
-    sharp: Profile
-    W: FloatArray  # of all transitions under the scene's load, at least one
-    last: ContactSolution  # at the highest of them
-    W_max: float  # of the scene, or of the first transition if that is higher
-
-    @classmethod
-    def of(cls, scene: Scene, texture: Texture) -> "_Base":
-        a, b = texture.a_over_R, texture.b_over_R
-        sharp = Profile(a, b)
-        W_max = load_factor(scene.nu) * scene.highest_load(texture)
-        n = min(max(int(math.sqrt(2 * W_max) / (a + b)) + 2, 4), _MOST_LOOKED_AT)
-        loads = halfplane.transition_loads(a, b, n, rel_tol=1e-6)
-        W = load_factor(0) * loads.F * (a + b) ** 2
-        W = W[np.isfinite(W)]
-        if not W.size:
-            raise _too_narrow(texture, loads.status[0])
-        W = W[: max(int(np.searchsorted(W, W_max, side="right")), 1)]
-        # Of very many ridges those looked at stand for all: what is beyond is smoother still.
-        top = min(max(W_max, float(W[-1])), 1.2 * float(W[-1]) + sharp.pitch**2)
-        last = solve_contact(sharp, top, rel_tol=_ROUGH)
-        return cls(scene, texture, sharp, W, last, max(W_max, float(W[-1])))
-
-    @property
-    def tolerance(self) -> float:
-        return self.scene.relative or _DEFAULT_RELATIVE
-
-    @cached_property
-    def given(self) -> Profile:
-        return full_profile(self.texture)
-
-    @cached_property
-    def penetration(self) -> float:
-        """How deep the surface hangs into any groove at the highest load, corners as they are."""
-        found = self.last
-        if self.given.corner:
-            round_ones = replace(self.sharp, corner=self.given.corner)
-            found = solve_contact(round_ones, self.last.W, rel_tol=_ROUGH)
-        solutions = [one for one in (self.last, found) if one.status == "ok"]
-        if not solutions:
-            raise _too_narrow(self.texture, found.status)
-        deepest = max(
-            one.penetration(groove) for one in solutions for groove in range(-1, len(one.segments))
-        )
-        # Beyond the ridges looked at it grows as the pressure in the middle: with the root of W.
-        return deepest * math.sqrt(self.W_max / self.last.W)
-
-    @property
-    def half_width(self) -> float:
-        return math.sqrt(2 * self.W_max)
-
-    @cached_property
-    def shifts(self) -> dict[tuple[bool, bool], FloatArray]:
-        """Relative shifts of the first transition, the last and one between, by (floor, corner).
-
-        An effect does not always do the same: a floor takes up what round corners give way.
-        """
-        n = len(self.W)
-        looked_at = sorted({1, (n + 1) // 2, n})
-        depth, corner = self.given.depth, self.given.corner
-        found = {(False, False): np.zeros(len(looked_at))}
-        for floor, is_round in ((True, False), (False, True), (True, True)):
-            if (floor and self.penetration < depth) or (is_round and not corner):
-                continue
-            other = replace(
-                self.sharp,
-                depth=depth if floor else math.inf,
-                corner=corner if is_round else 0.0,
-            )
-            found[floor, is_round] = np.array([self._shift_of(other, k) for k in looked_at])
-        return found
-
-    def change(self, which: int) -> float:
-        """Return the largest change that floor (0) or corners (1) make, beside the other."""
-        shifts, sizes = self.shifts, []
-        for key, with_it in shifts.items():
-            without = (False, key[1]) if which == 0 else (key[0], False)
-            if key[which] and without in shifts:
-                sizes.append(np.abs(with_it - shifts[without]).max())
-        return float(np.max(sizes)) if sizes else 0.0
-
-    def _shift_of(self, other: Profile, k: int) -> float:
-        """Gap at the load of event k, over its slope: one Newton step from here to there."""
-        W, land = float(self.W[k - 1]), other.ridge(k)
-        first = solve_contact(other, W, rel_tol=_ROUGH, ridges=range(k))
-        second = solve_contact(other, W * (1 + _STEP), rel_tol=_ROUGH, start=first, ridges=range(k))
-        if first.status != "ok" or second.status != "ok":
-            return math.nan
-        gap, later = nearest_gap(first, land), nearest_gap(second, land)
-        return -gap / ((later - gap) / _STEP) if later != gap else math.inf
-
-    def cost(self, n_solution: float, n_interval: float, m: float) -> float:
-        unknowns = n_interval * m
-        return n_solution * (_PER_PRESS + _PER_CUBE * unknowns**3 + 4e-8 * unknowns**2)
-
-
-_MOST_LOOKED_AT = 64
-
-
-def _effects(base: _Base) -> Iterator[Effect]:
-    yield _ridges(base)
-    yield _partial_contact(base)
-    yield _offset(base)
-    yield _floor(base)
-    yield _corner(base)
-    yield _poisson(base)
-    yield _finite_body(base)
-    yield _friction(base)
-    yield from _not_modelled()
-
-
-def _decided(
-    base: _Base, name: str, number: float, estimate: float, what: str, cost: float
-) -> Effect:
-    """Simulate an effect if its estimate, or its being unknown, exceeds the wanted accuracy."""
-    simulated = not estimate <= base.tolerance
-    word = "above" if simulated else "within"
-    if math.isnan(estimate):
-        reason = f"{what}; size not known, simulated to be safe"
-    else:
-        reason = f"{what}; {word} the wanted {base.tolerance:g}"
-    return Effect(name, number, estimate, simulated, reason, cost)
-
-
-def _ridges(base: _Base) -> Effect:
-    a, b, n = base.sharp.a, base.sharp.b, len(base.W)
-    Q = 2 + 2 * np.arange(1, n + 1)
-    smooth = hertz.transition_load(Q, a, b, nu=0.0) * load_factor(0)
-    estimate = float(np.max(np.abs(smooth / base.W - 1)))
-    cost = base.cost(2, n, 8)
-    return _decided(
-        base, "ridges", b / (a + b), estimate, "b/pitch; against Hertz in ridge units", cost
-    )
-
-
-def _partial_contact(base: _Base) -> Effect:
-    reason = (
-        "contact half-width over pitch; at a transition every ridge within is fully covered, so "
-        "that loads of transitions do not depend on it; counts at a load and pressures have it"
-    )
-    number = base.half_width / base.sharp.pitch
-    return Effect("partial contact", number, 0.0, False, reason, base.cost(3, len(base.W), 10))
-
-
-def _offset(base: _Base) -> Effect:
-    number = abs(base.given.offset)
-    n, sharp = len(base.W), base.sharp
-    # The further ridge of the first pair moves away by the offset; loads go as distance squared.
-    first = 0.5 * sharp.b + sharp.pitch
-    estimate = _SAFETY * ((1 + number * sharp.pitch / first) ** 2 - 1)
-    cost = base.cost(24 * 2 * n, 2 * n, 10)
-    return _decided(base, "offset", number, estimate, "fraction of a pitch", cost)
-
-
-def _floor(base: _Base) -> Effect:
-    depth, hang = base.given.depth, base.penetration
-    number = hang / depth
-    cost = base.cost(40 * len(base.W), 2 * len(base.W), 12)
-    what = "deepest penetration into a groove over its depth"
-    if number < 1:
-        reason = f"{what}; the floor is not touched"
-        return Effect("groove floor", number, 0.0, False, reason, cost)
-    # Touched only beyond the transitions looked at: not known by how much.
-    estimate = _SAFETY * base.change(0) or math.nan
-    return _decided(base, "groove floor", number, estimate, what, cost)
-
-
-def _corner(base: _Base) -> Effect:
-    corner = base.given.corner
-    number = corner / base.sharp.a
-    cost = base.cost(120 * len(base.W), len(base.W), 12)
-    if corner == 0:
-        return Effect("corner radius", 0.0, 0.0, False, "radius over a; corners are sharp", cost)
-    estimate = _SAFETY * base.change(1)
-    return _decided(base, "corner radius", number, estimate, "radius over a", cost)
-
-
-def _poisson(base: _Base) -> Effect:
-    nu = base.scene.nu
-    estimate = abs(0.75 / (1 - nu**2) - 1)
-    reason = "nu; an exact factor 1/(1 - nu^2), against nu = 0.5"
-    return Effect("Poisson's ratio", nu, estimate, True, reason, 0.0)
-
-
-def _finite_body(base: _Base) -> Effect:
-    width = base.half_width
-    p = base.W_max / load_factor(base.scene.nu)
-    count = max(base.last.Q, 2 * base.half_width / base.sharp.pitch)
-    strain = 2 * p / (count * base.sharp.a)
-    hang = base.penetration / base.sharp.b
-    # A compressible surface draws in by (1 - 2 nu)(1 + nu) times its pressure, and loads go as
-    # distances squared.
-    nu = base.scene.nu
-    drawn = 2 * (1 - 2 * nu) * (1 + nu) * p / width
-    # A surface that hangs into a groove by its own width is bent by as much as a body can be.
-    estimate = _FINITE_BODY * width**2 + 0.3 * hang**2 + drawn
-    reason = (
-        f"contact half-width over R; load per ridge over E a is {strain:.2g}, penetration over "
-        f"b {hang:.2g}; "
-    )
-    return _by_finite_elements(base, _BY_FINITE_ELEMENTS[0], width, estimate, reason)
-
-
-def _by_finite_elements(
-    base: _Base, name: str, number: float, estimate: float, reason: str
-) -> Effect:
-    """Simulate an effect by finite elements where it exceeds both a stated accuracy and theirs."""
-    wanted, asked = base.tolerance, base.scene.relative is not None
-    cost = _PER_TRANSITION * len(base.W)
-    if estimate <= wanted:
-        return Effect(name, number, estimate, False, f"{reason}within the wanted {wanted:g}", cost)
-    if estimate <= FINITE_ELEMENT_ERROR:
-        reason += f"less than the {FINITE_ELEMENT_ERROR:g} that finite elements may be off"
-    elif not asked and name == _BY_FINITE_ELEMENTS[0]:
-        reason += "a scene without a wanted accuracy is computed on a half-plane"
-    else:
-        reason += f"above the wanted {wanted:g}: finite elements"
-        return Effect(name, number, estimate, True, reason, cost)
-    return Effect(name, number, estimate, False, reason, cost)
-
-
-def _friction(base: _Base) -> Effect:
-    nu, friction = base.scene.nu, base.scene.friction
-    beta = (1 - 2 * nu) / (2 * (1 - nu))
-    # Full stick raises the stiffness of a flat contact by (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) at most.
-    stick = (1 - nu) * math.log(3 - 4 * nu) / (1 - 2 * nu) - 1 if nu < 0.5 else 0.0
-    estimate = stick * min(friction / beta, 1.0) if beta > 0 and friction else 0.0
-    reason = f"friction coefficient; tangential mismatch (1 - 2 nu)/(2 (1 - nu)) is {beta:.2g}; "
-    return _by_finite_elements(base, _BY_FINITE_ELEMENTS[1], friction, estimate, reason)
-
-
-def _not_modelled() -> Iterator[Effect]:
-    for name, number in (
-        ("adhesion", "work of adhesion over E a"),
-        ("viscoelasticity", "loading time over relaxation time"),
-        ("compliance of the ridges", "the body's modulus over the ridges'"),
-        ("third dimension", "2 R over the cylinder's length"),
-    ):
-        reason = f"{number}; not modelled, and a scene does not give it"
-        yield Effect(name, math.nan, math.nan, False, reason, math.nan)

@@ -3,55 +3,25 @@
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    PlainValidator,
-    ValidationError,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, field_validator, model_validator
 
 from ridgebayes.errors import InputError
+from ridgebayes.scene.fields import (
+    NotNegative,
+    Offset,
+    PoissonsRatio,
+    Positive,
+    Record,
+    Relative,
+    Role,
+)
+from ridgebayes.scene.toml import read_scene_file, scene_text
 from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
 
-_LONGEST = 200  # characters of a value in messages
 
-
-def _offset(raw: object) -> float | str:
-    if raw == "uniform":
-        return "uniform"
-    number = isinstance(raw, int | float) and not isinstance(raw, bool)
-    if not (number and -0.5 <= raw <= 0.5):  # type: ignore[operator]
-        raise ValueError("must be a fraction of a pitch from -0.5 to 0.5, or 'uniform'")
-    return float(raw)  # type: ignore[arg-type]
-
-
-# The rules of scene files and of the records below.
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
-PoissonsRatio = Annotated[float, Field(ge=0.0, le=0.5)]
-Relative = Annotated[float, Field(gt=0.0, lt=1.0)]
-Offset = Annotated[float | Literal["uniform"], PlainValidator(_offset)]
-Role = Literal["calibration", "held-out"]
-
-
-class _Record(BaseModel):
-    """Frozen; no unknown names, no silent conversions, no NaN; errors are `InputError`."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-    def __init__(self, **values: Any) -> None:
-        try:
-            super().__init__(**values)
-        except ValidationError as error:
-            raise InputError("\n".join(findings(error, type(self).__name__))) from None
-
-
-class Texture(_Record):
+class Texture(Record):
     """One ridged texture in units of the body's radius R.
 
     Attributes
@@ -99,7 +69,7 @@ class Texture(_Record):
         return self
 
 
-class Scene(_Record):
+class Scene(Record):
     """A soft cylinder on ridged textures, free of units.
 
     Attributes
@@ -129,7 +99,24 @@ class Scene(_Record):
     relative: Relative | None = None
 
     def highest_load(self, texture: Texture) -> float:
-        """Return the highest p/E on one of the textures: its own, or the scene's."""
+        """Return the highest load on one of the textures: its own, or the scene's.
+
+        Parameters
+        ----------
+        texture : Texture
+            One of them.
+
+        Returns
+        -------
+        float, scalar, dimensionless
+            p/E.
+
+        Examples
+        --------
+        >>> scene = Scene.paper()
+        >>> scene.highest_load(scene.textures[0]), scene.highest_load(scene.textures[-1])
+        (0.02, 0.045)
+        """
         return self.p_over_E if texture.max_p_over_E is None else texture.max_p_over_E
 
     @field_validator("textures")
@@ -225,8 +212,6 @@ class Scene(_Record):
             If the file cannot be read or a key breaks a rule: one message that names the file
             and every such key with its value and rule.
         """
-        from ridgebayes.scene.toml import read_scene_file
-
         values = read_scene_file(Path(path))
         try:
             textures = tuple(Texture(**texture) for texture in values.pop("textures"))
@@ -241,49 +226,10 @@ class Scene(_Record):
         ----------
         path : str or path
             The file to write; an existing one is replaced.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written.
         """
-        from ridgebayes.scene.toml import scene_text
-
         Path(path).write_text(scene_text(self.model_dump()), encoding="utf-8")
-
-
-def findings(error: ValidationError, where: str) -> list[str]:
-    """Say each finding of pydantic as place, key, value and rule.
-
-    Parameters
-    ----------
-    error : pydantic.ValidationError
-        What validation found.
-    where : str
-        File or record name.
-
-    Returns
-    -------
-    list of str
-        One line a finding.
-    """
-    lines = []
-    for found in error.errors(include_url=False):
-        key = ""
-        for part in found["loc"]:
-            key += f"[{part + 1}]" if isinstance(part, int) else f"{'.' if key else ''}{part}"
-        rule = found["msg"].removeprefix("Value error, ")
-        if found["type"] == "extra_forbidden":
-            rule = "unknown key"
-        elif found["type"] == "missing":
-            rule = "missing; expected it must be given"
-        shown = "" if found["type"] == "missing" else f" = {_shown(found['input'])}"
-        # A rule between several keys names them itself.
-        about = f"{key}{shown}: " if key else ""
-        lines.append(f"{where}: {about}{rule[:1].lower()}{rule[1:]}")
-    return lines
-
-
-def _shown(value: object) -> str:
-    """Return a value of a file as messages show it."""
-    try:
-        text = repr(value)
-    # Thousands of tables in each other, or an integer of thousands of digits.
-    except (RecursionError, ValueError):
-        return "what is too deep or too long"
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."

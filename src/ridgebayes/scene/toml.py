@@ -20,7 +20,7 @@ from ridgebayes._types import Json
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
 from ridgebayes.runtime.text import one_line_message
-from ridgebayes.scene.scene import (
+from ridgebayes.scene.fields import (
     NotNegative,
     Offset,
     PoissonsRatio,

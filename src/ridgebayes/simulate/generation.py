@@ -10,7 +10,8 @@ from ridgebayes.contact.many_textures import LoadFunction
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import map_ordered
-from ridgebayes.scene.effects import Plan, full_profile, plan
+from ridgebayes.scene.effects import Plan, full_profile
+from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.presets import LoadPreset
 from ridgebayes.simulate.solvers import (
@@ -44,7 +45,7 @@ def generate(
     scene : Scene
         Textures, Poisson's ratio, highest load.
     solver : {"auto", "hertz", "half-plane", "cylinder-linear", "cylinder-fe"}
-        ``"auto"`` simulates the effects that the scene calls for, see `scene.effects.plan`;
+        ``"auto"`` simulates the effects that the scene calls for, see `scene.estimates.plan`;
         ``"half-plane"`` all that the scene gives but friction, at small strain; ``"hertz"`` is the
         smooth closed form in ridge units; ``"cylinder-linear"`` the whole cylinder at small
         strain by finite elements, of sharp, centred textures; ``"cylinder-fe"`` all that the scene

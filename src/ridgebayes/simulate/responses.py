@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from ridgebayes.contact.contact_solution import ContactSolution, load_factor, solve_many_contacts
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
-from ridgebayes.scene.effects import full_profile, plan, texture_label
+from ridgebayes.scene.effects import full_profile, texture_label
+from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene
 from ridgebayes.table.columns import LARGEST_LOAD
 

@@ -10,7 +10,8 @@ from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.scene.effects import plan, plan_table
+from ridgebayes.scene.effects import plan_table
+from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.generation import generate
 from ridgebayes.table.datafiles import CALCULIX_FE, data_path

@@ -1,0 +1,81 @@
+"""Validated values: the rules that scene files and the records of a scene share."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
+
+from ridgebayes.errors import InputError
+
+_LONGEST = 200  # characters of a value in messages
+
+
+def _offset(raw: object) -> float | str:
+    if raw == "uniform":
+        return "uniform"
+    number = isinstance(raw, int | float) and not isinstance(raw, bool)
+    if not (number and -0.5 <= raw <= 0.5):  # type: ignore[operator]
+        raise ValueError("must be a fraction of a pitch from -0.5 to 0.5, or 'uniform'")
+    return float(raw)  # type: ignore[arg-type]
+
+
+# The rules of scene files and of the records below.
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+PoissonsRatio = Annotated[float, Field(ge=0.0, le=0.5)]
+Relative = Annotated[float, Field(gt=0.0, lt=1.0)]
+Offset = Annotated[float | Literal["uniform"], PlainValidator(_offset)]
+Role = Literal["calibration", "held-out"]
+
+
+class Record(BaseModel):
+    """Frozen; no unknown names, no silent conversions, no NaN; errors are `InputError`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    def __init__(self, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise InputError("\n".join(findings(error, type(self).__name__))) from None
+
+
+def findings(error: ValidationError, where: str) -> list[str]:
+    """Say each finding of pydantic as place, key, value and rule.
+
+    Parameters
+    ----------
+    error : pydantic.ValidationError
+        What validation found.
+    where : str
+        File or record name.
+
+    Returns
+    -------
+    list of str
+        One line a finding.
+    """
+    lines = []
+    for found in error.errors(include_url=False):
+        key = ""
+        for part in found["loc"]:
+            key += f"[{part + 1}]" if isinstance(part, int) else f"{'.' if key else ''}{part}"
+        rule = found["msg"].removeprefix("Value error, ")
+        if found["type"] == "extra_forbidden":
+            rule = "unknown key"
+        elif found["type"] == "missing":
+            rule = "missing; expected a value"
+        shown = "" if found["type"] == "missing" else f" = {_shown(found['input'])}"
+        # A rule between several keys names them itself.
+        about = f"{key}{shown}: " if key else ""
+        lines.append(f"{where}: {about}{rule[:1].lower()}{rule[1:]}")
+    return lines
+
+
+def _shown(value: object) -> str:
+    """Return a value of a file as messages show it."""
+    try:
+        text = repr(value)
+    # Thousands of tables in each other, or an integer of thousands of digits.
+    except (RecursionError, ValueError):
+        return "what is too deep or too long"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
