@@ -2,14 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import pandas as pd
 
 from ridgebayes._types import BoolArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import clipped
+
+if TYPE_CHECKING:  # scenes take their bounds from here, and need no pandas
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,7 @@ class RawTable:
     same file again with every cell as typed, which is slow and only done to word an error.
     """
 
-    frame: pd.DataFrame
+    frame: "pd.DataFrame"
     where: str
     line: Callable[[int], int] | None = None
     retyped: "Callable[[], RawTable] | None" = None
