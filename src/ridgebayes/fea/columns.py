@@ -138,11 +138,11 @@ def _mapping_text(uses: list[Use], values: Mapping[str, str | float]) -> str:
     first: dict[tuple[str, bool], list[Use]] = {}
     for use in own:
         first.setdefault((use.key, use.Q is None), []).append(use)
-    told = [
+    shown = [
         str(some[0]) + (f" and {len(some) - 1} more" if len(some) > 1 else "")
         for some in first.values()
     ]
-    text = ", ".join([*told, *(f"{key}={value}" for key, value in values.items())])
+    text = ", ".join([*shown, *(f"{key}={value}" for key, value in values.items())])
     # It stands in every row.
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 

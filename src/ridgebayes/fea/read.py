@@ -233,27 +233,23 @@ def _body(given: Given, name: str) -> Body:
         raise InputError(
             f"--texture: missing; expected A,B, ridge and groove width over R ({name})"
         )
-    numbers = {"nu": given.nu, "R": given.R, "E": given.E}
-    plain = {}
-    for option, text in numbers.items():
-        if text is None:
-            continue
-        try:
-            plain[option] = float(text)
-        except ValueError:
-            raise InputError(
-                f"--{option} {text!r}: expected a plain number, in the units of the run"
-            ) from None
-    if "nu" not in plain:
+    if given.nu is None:
         raise InputError(f"--nu: missing; expected Poisson's ratio of the run ({name})")
-    symmetry = given.symmetry or "half"
-    if symmetry not in ("half", "full"):
-        raise InputError(f"--symmetry {symmetry}: expected half or full")
+    numbers = {"nu": given.nu, "R": given.R, "E": given.E}
     return Body(
         *given.texture,
-        **plain,
-        symmetry="half" if symmetry == "half" else "full",
+        **{key: _plain(key, text) for key, text in numbers.items() if text is not None},
+        symmetry=given.symmetry or "half",
         top=given.top,
         thickness=1.0 if given.thickness is None else given.thickness,
         corner_over_R=given.corner or 0.0,
     )
+
+
+def _plain(option: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(
+            f"--{option} {text!r}: expected a plain number, in the units of the run"
+        ) from None

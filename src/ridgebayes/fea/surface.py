@@ -3,14 +3,13 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.record import HUGE, Imported
-from ridgebayes.fea.transitions import transitions_of
+from ridgebayes.fea.transitions import interpolate, transitions_of
 from ridgebayes.table.table import ContactTable
 
 _ROUND = 2e-3  # of R: how far surface nodes may lie off a circle
@@ -42,7 +41,7 @@ class CylinderSurface:
         where: str,
         *,
         R: float | None,
-        symmetry: Literal["half", "full"],
+        symmetry: str,
     ) -> "CylinderSurface":
         """Find centre, radius and sides of nodes, shape (n_node, 2).
 
@@ -133,11 +132,7 @@ def _height(x: FloatArray, y: FloatArray, at: float) -> float:
             if xs[0] == xs[1]:
                 heights.append(float(ys.min()))
                 continue
-        weights = [
-            np.prod([(at - xs[k]) / (xs[i] - xs[k]) for k in range(len(xs)) if k != i])
-            for i in range(len(xs))
-        ]
-        heights.append(float(np.dot(weights, ys)))
+        heights.append(interpolate(xs, ys, at))
     return min(heights)
 
 
@@ -208,7 +203,7 @@ class Body:
     nu: float = 0.5
     R: float | None = None
     E: float = 1.0
-    symmetry: Literal["half", "full"] = "half"
+    symmetry: str = "half"
     top: float | None = None
     thickness: float = 1.0
     corner_over_R: float = 0.0

@@ -54,7 +54,7 @@ def transitions_of(
     Returns
     -------
     DataFrame
-        Columns ``Q``, ``p_over_E``, ``p_over_E_lower`` (NaN where the load is told) and
+        Columns ``Q``, ``p_over_E``, ``p_over_E_lower`` (NaN without a bracket) and
         ``rel_se`` (0 with a bracket); a row for each corner that was reached.
     list of str
         What was left out or looks odd.
@@ -106,9 +106,13 @@ def transitions_of(
             "p_over_E_lower": lower,
             "rel_se": 0.0,
         }
-        told = None if brackets else _told(load, gap[:, j], error[:, j], before, float(load[first]))
-        if told is not None:
-            row |= {"p_over_E": told[0], "p_over_E_lower": math.nan, "rel_se": told[1]}
+        found = (
+            None
+            if brackets
+            else _extrapolated(load, gap[:, j], error[:, j], before, float(load[first]))
+        )
+        if found is not None:
+            row |= {"p_over_E": found[0], "p_over_E_lower": math.nan, "rel_se": found[1]}
         elif not brackets and np.isfinite(gap[before, j]).any():
             messages.append(f"Q = {Q[j]}: the gap before contact is not smooth enough: bracketed")
         if rows and row["p_over_E"] <= rows[-1]["p_over_E"]:
@@ -144,7 +148,22 @@ def _rising(load: FloatArray) -> tuple[IntArray, list[str]]:
     return np.flatnonzero(keep), messages
 
 
-def _told(
+def interpolate(x: FloatArray, y: FloatArray, at: float) -> float:
+    """Return the value at a point of the polynomial through some points.
+
+    Examples
+    --------
+    >>> interpolate(np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0, 9.0]), 2.0)
+    4.0
+    """
+    weights = [
+        np.prod([(at - other) / (one - other) for k, other in enumerate(x) if k != i])
+        for i, one in enumerate(x)
+    ]
+    return float(np.dot(weights, y))
+
+
+def _extrapolated(
     load: FloatArray, gap: FloatArray, error: FloatArray, before: IntArray, upper: float
 ) -> tuple[float, float] | None:
     """Return the load of zero gap and its relative error, from the last increments before it."""
@@ -155,8 +174,7 @@ def _told(
     slope = (g[2] - g[1]) / (p[2] - p[1])
     straight = p[2] - g[2] / slope
     # Inverse quadratic interpolation: the load as a parabola of the gap, at gap 0.
-    weights = [np.prod([g[k] / (g[k] - g[i]) for k in range(3) if k != i]) for i in range(3)]
-    curved = float(np.dot(weights, p))
+    curved = interpolate(g, p, 0.0)
     doubt = math.hypot(curved - straight, error[last[-1]] / abs(slope))
     if not (p[2] < straight <= upper * (1 + 1e-12) + doubt):
         return None

@@ -82,8 +82,10 @@ class _Xdmf(MeshXml):
         shapes = list(self.root.iter("Geometry"))
         if not shapes or not states:
             raise self.error("no geometry or no states; expected XDMF of a mesh over time")
-        told = [(one.attrib, item.attrib, item.text) for one in shapes for item in [self.item(one)]]
-        if any(one != told[0] for one in told):
+        given = [
+            (one.attrib, item.attrib, item.text) for one in shapes for item in [self.item(one)]
+        ]
+        if any(one != given[0] for one in given):
             raise self.error(f"{len(shapes)} geometries; expected one, undeformed")
         kind = shapes[0].get("GeometryType", shapes[0].get("Type", "XYZ"))
         if kind not in ("XY", "XYZ"):
