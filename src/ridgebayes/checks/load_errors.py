@@ -112,23 +112,12 @@ def percent_errors(
             if fit.form.printed is not None:
                 sets["printed"] = np.array(fit.form.printed)
             for coefficients, theta in sets.items():
-                ratio = fit.form.load(q, a, b, theta, nu) / p
-                blocks.append(
-                    pd.DataFrame(
-                        {
-                            "form": name,
-                            "coefficients": coefficients,
-                            "a_over_R": a,
-                            "b_over_R": b,
-                            "Q": q,
-                            "role": rows["role"].to_numpy(),
-                            "p_over_E": p,
-                            "percent": 100 * (ratio - 1),
-                        }
-                    )
-                )
+                error = 100 * (fit.form.load(q, a, b, theta, nu) / p - 1)
+                blocks.append(rows.assign(form=name, coefficients=coefficients, percent=error))
     columns = ["form", "coefficients", "a_over_R", "b_over_R", "Q", "role", "p_over_E", "percent"]
-    return pd.concat(blocks, ignore_index=True) if blocks else pd.DataFrame(columns=columns)
+    if not blocks:
+        return pd.DataFrame(columns=columns)
+    return pd.concat(blocks, ignore_index=True)[columns]
 
 
 def has_slopes(comparison: Comparison) -> bool:

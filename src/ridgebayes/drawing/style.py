@@ -20,30 +20,15 @@ from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.text import visible
 
 # Okabe and Ito's palette: told apart with every common kind of colour blindness.
-COLOURS = {
-    "classic": "#D55E00",
-    "power-law": "#009E73",
-    "modified": "#0072B2",
-    "hybrid": "#B2478F",
-    "half-plane": "#C88A00",
-    "average": "#444444",
+_FORMS = {
+    "classic": ("Classic", "#D55E00", "^"),
+    "power-law": ("Power law", "#009E73", "s"),
+    "modified": ("Modified", "#0072B2", "o"),
+    "hybrid": ("Hybrid", "#B2478F", "D"),
+    "half-plane": ("Half-plane", "#C88A00", "P"),
+    "average": ("Average of forms", "#444444", "X"),
 }
-MARKERS = {
-    "classic": "^",
-    "power-law": "s",
-    "modified": "o",
-    "hybrid": "D",
-    "half-plane": "P",
-    "average": "X",
-}
-TITLES = {
-    "classic": "Classic",
-    "power-law": "Power law",
-    "modified": "Modified",
-    "hybrid": "Hybrid",
-    "half-plane": "Half-plane",
-    "average": "Average of forms",
-}
+TITLES, COLOURS, MARKERS = ({name: look[i] for name, look in _FORMS.items()} for i in range(3))
 MINUS = "\N{MINUS SIGN}"
 OBSERVED = "#000000"
 QUIET = "#8A8A8A"

@@ -34,12 +34,8 @@ _AROUND = [0, 4, 1, 5, 2, 6, 3, 7]  # its nodes but the centre: eight triangles
 _MARGIN, _HEIGHT = 1.2, 0.68  # of the close-up: half its width, over the contact's; height over it
 _BELOW = 0.1  # of that height under the body
 _ACROSS = 7.3  # inches of panels: the width less labels and colours
-_BEYOND = {  # of the colours, by whether anything is below, and above
-    (False, False): "neither",
-    (False, True): "max",
-    (True, False): "min",
-    (True, True): "both",
-}
+# What colours do not reach, by whether anything is above, and twice whether anything is below.
+_BEYOND = ("neither", "max", "min", "both")
 _ARC = np.linspace(0.0, 0.5 * math.pi, 13)
 _HIGHEST = 3.0  # of the mean contact pressure: sharp corners stand out of any axis
 
@@ -208,7 +204,7 @@ class _Body:
         curves = np.einsum("sk,nki->nsi", shapes(np.linspace(0, 1, 5)), self.points[self._sides])
         lines = LineCollection(list(curves), colors="#000000", linewidths=width, rasterized=True)
         axes.add_collection(lines, autolim=False)
-        beyond = _BEYOND[least < 0, most > share * self._mean]
+        beyond = _BEYOND[2 * (least < 0) + (most > share * self._mean)]
         axes.figure.colorbar(coloured, ax=axes, label=label, extend=beyond)
 
 

@@ -155,22 +155,30 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
         found["percent-error"] = partial(plot_percent_errors, data.percent_errors)
     if not data.preset.extras:
         return found | {f"corner-{shown}": partial(corner_of, data.fit)}
+    found |= _extras(data)
+    for name in data.ranked:
+        found[f"corner-{name}"] = partial(corner_of, comparison.fits[name])
+        found[f"traces-{name}"] = partial(traces_of, comparison.fits[name])
+    return found
+
+
+def _extras(data: ReportData) -> dict[str, Callable[[], Figure]]:
+    """Return how to draw what a quick run leaves out."""
+    found: dict[str, Callable[[], Figure]] = {}
+    coverage = data.comparison.coverage
     if len(data.slopes):
         closed = data.slopes[data.slopes["form"] != "classic"]
         found["slopes"] = partial(plot_slopes, closed)
     if data.study is not None:
         found["smooth-cylinder"] = partial(plot_smooth_cylinder, _curves(data.study))
-    if len(comparison.coverage):
-        found["coverage"] = partial(plot_coverage, comparison.coverage)
+    if len(coverage):
+        found["coverage"] = partial(plot_coverage, coverage)
     if data.checks is not None:
         quantities = quantities_of(data.checks)
-        found["posterior-checks"] = partial(plot_posterior_checks, shown, quantities)
+        found["posterior-checks"] = partial(plot_posterior_checks, data.shown, quantities)
     if len(data.prior_bands):
         rows = exact_rows(data.fit.model.data)
-        found["prior-bands"] = partial(plot_prior_bands, data.prior_bands, rows, shown)
-    for name in data.ranked:
-        found[f"corner-{name}"] = partial(corner_of, comparison.fits[name])
-        found[f"traces-{name}"] = partial(traces_of, comparison.fits[name])
+        found["prior-bands"] = partial(plot_prior_bands, data.prior_bands, rows, data.shown)
     return found
 
 
