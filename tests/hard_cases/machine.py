@@ -152,7 +152,7 @@ def run_contents(folder: Path) -> dict[str, str]:
 def without_costs(report: Path) -> str:
     """Return a report's text without the section on what accuracy costs, if it has one."""
     head, *sections = re.split(r"(?m)^(?=## |<section>)", report.read_text(encoding="utf-8"))
-    return "".join([head, *(one for one in sections if "What accuracy costs" not in one)])
+    return "".join([head, *(one for one in sections if "Accuracy and run time" not in one)])
 
 
 @contextmanager

@@ -83,7 +83,9 @@ def test_from_table__takes_counts():
 
 def test_from_table__refuses_bodies_that_are_not_centred():
     frame = frame_of().assign(offset_over_R=[0.0, 0.001, 0.0, 0.002, 0.0, 0.0])
-    rule = r"mine.csv, row 2 and 1 more rows: offset_over_R = 0.001; expected .*centred bodies"
+    rule = (
+        r"mine.csv, row 2 and 1 more rows: offset_over_R: expected 0, got 0.001; .*centred bodies"
+    )
     with pytest.raises(InputError, match=rule):
         observations(frame)
     one = frame.assign(offset_over_R=[0.0, 0.001, 0.0, 0.0, 0.0, 0.0])

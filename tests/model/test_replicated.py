@@ -188,9 +188,11 @@ def test_prior_draws__give_up_on_a_prior_without_positive_rates(observed):
 
 def test_wrong_shapes_are_refused(model):
     one = model("iid")
-    with pytest.raises(InputError, match=r"theta: expected 2 parameters .*sigma, got shape \(3,\)"):
+    with pytest.raises(
+        InputError, match=r"theta: expected 2 parameters .*sigma\), got shape \(3,\)"
+    ):
         simulate_log_loads(one, np.ones(3), np.random.default_rng(1))
     with pytest.raises(InputError, match=r"log_load: expected \(4,\), got shape \(3,\)"):
         simulated(one.data, np.ones(3))
-    with pytest.raises(InputError, match="log_load: no finite value given"):
+    with pytest.raises(InputError, match="log_load: expected at least one, got no finite value"):
         simulated(one.data, np.full(4, np.nan))
