@@ -23,7 +23,7 @@ def refuse_existing(path: Path, force: bool) -> None:
         raise InputError(f"{path}: exists; use another -o, or --force to replace it")
     if not os.access(path.absolute().parent, os.W_OK):
         raise InputError(
-            f"{path}: folder {path.parent} cannot be written to; expected one that can be"
+            f"{path}: folder {path.parent} cannot be written to; expected a writable one"
         )
 
 
