@@ -64,6 +64,19 @@ def test_read_calculix__forces_of_single_nodes_are_summed(tmp_path):
     np.testing.assert_allclose(found, read(tmp_path).table.frame["p_over_E"], rtol=1e-12)
 
 
+def test_read_calculix__a_total_below_forces_of_nodes_is_the_force(tmp_path):
+    text = re.sub(
+        r" total force \(fx,fy,fz\)(.*)\n",
+        lambda m: f" forces (fx,fy,fz){m[1]}\n\n 900 0. 5. 0.\n\n{m[0]}",
+        PRINTED,
+    )
+    done = read(tmp_path, text)
+    np.testing.assert_array_equal(
+        done.table.frame["p_over_E"], read(tmp_path).table.frame["p_over_E"]
+    )
+    assert not any("printed again" in line for line in done.messages)
+
+
 def test_read_calculix__a_level_cut_off_is_left_out(tmp_path):
     cut = PRINTED[: PRINTED.rindex("\n", 0, len(PRINTED) - 200) + 1]
     done = read(tmp_path, cut)

@@ -18,6 +18,7 @@ from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.fields import write_fields
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
+from ridgebayes.fea import vtu as vtu_module
 from ridgebayes.fea.mesh_series import read_series
 from ridgebayes.fea.surface import Body
 
@@ -173,6 +174,11 @@ def test_read_series__appended_data_are_read(tmp_path):
 def test_read_series__one_state_and_missing_loads_are_refused(tmp_path, paths, loads, message):
     with pytest.raises(InputError, match=message):
         read_series(vtu(tmp_path)[:paths], BODY, loads=loads)
+
+
+def test_types__are_those_that_numpy_names_alike():
+    for name, kind in vtu_module._TYPES.items():
+        assert np.dtype(kind).name == name.lower()
 
 
 def block(sizes, content):

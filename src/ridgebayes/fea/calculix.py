@@ -48,6 +48,8 @@ class Level:
         Vertical force on the driven set.
     again : bool
         Whether the time had been printed before.
+    printed : set of str
+        Kinds of blocks that were printed.
     """
 
     line: int

@@ -35,6 +35,7 @@ class ParquetTable:
     def __init__(self, path: Path, content: bytes) -> None:
         self.where = str(path)
         try:
+            # An extra, and slow to load.
             import pyarrow
             import pyarrow.parquet
         except ImportError:

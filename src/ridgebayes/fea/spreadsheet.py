@@ -190,7 +190,7 @@ def _check_xml(text: bytes, name: str, where: str) -> None:
 def _grid(content: bytes, where: str, sheet: str | None) -> tuple[str, int, list[list[_Cell]]]:
     """Return the sheet's name, the number of its first row with a value, and rows from there."""
     try:
-        openpyxl: Any = import_module("openpyxl")
+        openpyxl: Any = import_module("openpyxl")  # an extra, and slow to load
     except ImportError:
         raise InputError(
             f"{where}: Excel files need openpyxl: pip install 'ridgebayes[excel]'"
