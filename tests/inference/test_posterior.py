@@ -133,7 +133,9 @@ def test_calibrate__refuses_rows_without_misfit(paper):
 def test_calibrate__refuses_unknown_noise_and_seeds(paper):
     with pytest.raises(InputError, match="noise 'cauchy': not an error model"):
         calibrate(paper, Modified(), noise="cauchy")
-    with pytest.raises(InputError, match="rng: expected a non-negative integer, got -3"):
+    with pytest.raises(
+        InputError, match="rng: expected a non-negative integer or a numpy Generator, got -3"
+    ):
         calibrate(paper, Modified(), rng=-3)
 
 

@@ -89,7 +89,7 @@ def test_from_table__refuses_bodies_that_are_not_centred():
     with pytest.raises(InputError, match=rule):
         observations(frame)
     one = frame.assign(offset_over_R=[0.0, 0.001, 0.0, 0.0, 0.0, 0.0])
-    with pytest.raises(InputError, match=r"mine.csv, row 2: offset_over_R = 0.001; expected "):
+    with pytest.raises(InputError, match=r"mine.csv, row 2: offset_over_R: expected 0, got 0.001"):
         observations(one)
 
 
