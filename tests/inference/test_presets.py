@@ -116,7 +116,7 @@ def test_quick_run__chooses_the_same_error_model_and_form(tmp_path):
 
 def test_settings__of_moves_are_known_by_name(paper):
     with pytest.raises(
-        InputError, match="moves: expected mixture, independence, .*, got 'snooker'"
+        InputError, match=r"moves: expected mixture, independence, .*, got 'snooker'"
     ):
         rb.SampleSettings(moves="snooker")
     sds = {}

@@ -90,11 +90,10 @@ def weigh_error_models(
     data = Observations.from_table(table)
     pairs = list(itertools.product(forms, noises))
     seeds = [int(stream(seed, f.name, n.name).integers(2**63)) for f, n in pairs]
-    tell = progress or (lambda text: None)
 
     def evaluated(tasks: Sequence["_Weighing"]) -> list["_Weighed"]:
-        if tasks:
-            tell(f"{len(tasks)} evidences")
+        if tasks and progress is not None:
+            progress(f"{len(tasks)} evidences")
         return list(map_ordered(_evaluate, tasks, executor, name=lambda task: task.name))
 
     tasks = [_Weighing(data, *pair, one) for pair, one in zip(pairs, seeds, strict=True)]

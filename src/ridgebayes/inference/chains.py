@@ -12,7 +12,7 @@ from ridgebayes.inference.moves import MOVES
 ProgressCallback = Callable[[str], None]  # takes a line of text
 N_WALKER = 128
 _MANY, _FEW = 512, 32  # walkers: four times the draws per CPU second of 32; a tenth of the work
-_CHEAP, _DEAR = 100, 2_000  # textures of plain rows
+_CHEAP, _COSTLY = 100, 2_000  # textures of exact rows with independent normal errors
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def walkers_for(n_texture: int, is_iid_gaussian: bool) -> int:
     is_iid_gaussian : bool
         Whether rows are exact with independent normal errors.
     """
-    if n_texture > _DEAR:
+    if n_texture > _COSTLY:
         return _FEW
     return _MANY if is_iid_gaussian and n_texture <= _CHEAP else N_WALKER
 

@@ -50,7 +50,7 @@ class Laplace:
     is_mode : bool
         Whether the mode was found; else the coordinates are useful all the same.
     other_modes : tuple of str
-        What `several_modes` said, where it was asked.
+        What `several_modes` returned, where other modes were searched for.
     """
 
     mode: FloatArray
@@ -181,9 +181,9 @@ def fit_laplace(model: Model, *, search_others: bool = False) -> Laplace:
 
 
 def _fit(model: Model, start: FloatArray, tol: float = 1e-4) -> Laplace:
-    """Search from a start; `tol` is the distance from the mode, in posterior sds, of plain rows."""
+    """Search from a start; `tol`: distance from the mode, in posterior sds, of independent rows."""
     if model.is_iid_gaussian:
-        return _fit_plain(model, tol, start)
+        return _fit_iid_gaussian(model, tol, start)
     return _fit_conditional(model, start)
 
 
@@ -314,7 +314,7 @@ def _hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> Flo
     return 0.5 * (np.array(rows) + np.array(rows).T)
 
 
-def _fit_plain(model: Model, tol: float, u: FloatArray) -> Laplace:
+def _fit_iid_gaussian(model: Model, tol: float, u: FloatArray) -> Laplace:
     for _ in range(2):  # directions of the funnel at the prior's centre, then at the mode
         funnel = Funnel.of(model, u)
         u = _search(model, funnel, u)

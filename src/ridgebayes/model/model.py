@@ -260,7 +260,7 @@ class Model:
         return np.where(np.isnan(value), -np.inf, value)
 
     def gradient(self, u: FloatArray) -> FloatArray:
-        """Return d log_density / d u where it is finite, shape (n_parameter,), of a plain model."""
+        """Return d log_density / d u, shape (n_parameter,), of independent normal rows."""
         likelihood = self.likelihood
         assert isinstance(likelihood, IndependentNormalRows)
         theta, k = self.to_theta(u), self.n_coefficient

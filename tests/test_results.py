@@ -1,0 +1,208 @@
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import integrate, stats
+
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference.chains import SampleSettings
+from ridgebayes.inference.diagnostics import effective_sample_size
+from ridgebayes.inference.power_law_exact import log_evidence_given_sigma
+from ridgebayes.model.forms import HalfPlane, Hybrid, Modified, PowerLaw
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import refuse_circular
+from ridgebayes.model.priors import LogNormal
+from ridgebayes.results import Fit, calibrate
+from ridgebayes.table.table import ContactTable
+
+SHORT = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
+
+
+@pytest.mark.parametrize("name", ["classic", "power-law", "modified", "hybrid"])
+def test_calibrate__of_the_sweep_converges_and_says_so(fits, name):
+    fit = fits[name]
+    assert fit.converged
+    assert fit.convergence_failures == ()
+    assert np.all(fit.summary["r_hat"] < 1.01)
+    assert np.all(fit.summary[["ess_bulk", "ess_tail"]] >= 400)
+    assert np.all(fit.chains.n_step > 50 * fit.chains.tau)
+    assert fit.form.name == name
+
+
+def test_calibrate__posterior_means_are_near_least_squares_on_log_load(fits, paper):
+    # With weak priors the posterior sits where ordinary least squares on log load does.
+    rows = paper.calibration.frame
+    a, b, Q, p = (rows[name].to_numpy(float) for name in ("a_over_R", "b_over_R", "Q", "p_over_E"))
+    residual = np.log(p) - 2 * np.log((Q / 2 - 1) * (a + b))
+    c = np.exp(-residual.mean() / 2)
+    se = residual.std(ddof=1) / np.sqrt(len(rows)) / 2
+    summary = fits["modified"].summary.set_index("parameter")
+    # The prior, log-sd 0.1 about 1.382, pulls by (se/0.1)^2 of a distance of 0.01: nothing here.
+    assert summary.loc["c", "mean"] == pytest.approx(c, rel=0.1 * se)
+    assert summary.loc["c", "sd"] == pytest.approx(c * se, rel=0.1)
+    assert summary.loc["sigma", "mean"] == pytest.approx(residual.std(ddof=1), rel=0.05)
+
+
+def test_calibrate__summary_is_of_all_draws_in_the_parameters_themselves(fits):
+    fit = fits["hybrid"]
+    assert fit.summary["parameter"].tolist() == ["c1", "c2", "sigma"]
+    expected = fit.model.to_theta(fit.chains.u.reshape(-1, 3)).mean(axis=0)
+    np.testing.assert_allclose(fit.summary["mean"], expected, rtol=1e-12)  # algebra
+
+
+def test_calibrate__same_seed_same_draws_other_seed_others(paper):
+    def draws(rng):
+        return calibrate(paper, Modified(), rng=rng, settings=SHORT).draws
+
+    assert draws(3).tobytes() == draws(3).tobytes()
+    assert not np.any(draws(3) == draws(4))
+    generators = [draws(np.random.default_rng(5)) for _ in range(2)]
+    assert generators[0].tobytes() == generators[1].tobytes()
+
+
+def test_calibrate__does_not_mind_repeated_rows_beyond_the_root_of_their_number(paper):
+    frame = paper.calibration.frame
+    copies = [frame.assign(series=f"copy {i}") for i in range(4)]
+    many = calibrate(ContactTable.from_frame(pd.concat(copies)), Modified(), rng=1)
+    one = calibrate(paper, Modified(), rng=1)
+    ratio = one.summary["sd"][0] / many.summary["sd"][0]
+    # Four times the rows, half the spread; the prior of sigma and n - 1 change it by 3 %.
+    assert ratio == pytest.approx(2, rel=0.05)
+
+
+def test_calibrate__takes_priors_noise_and_progress(paper):
+    lines = []
+    fit = calibrate(
+        paper,
+        Modified(),
+        noise=Noise(),
+        priors={"c": LogNormal(1.0, 1e-4)},
+        rng=1,
+        settings=SHORT,
+        progress=lines.append,
+    )
+    assert fit.noise.name == "iid"
+    assert fit.summary["mean"][0] == pytest.approx(1.0, abs=1e-3)  # the prior leaves no choice
+    assert lines
+
+
+def test_calibrate__tells_in_the_record_that_it_did_not_converge(paper):
+    settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=500)
+    fit = calibrate(paper, Modified(), rng=1, settings=settings)
+    assert not fit.converged
+    assert fit.convergence_failures[0].startswith("c: 100 steps are not 500 tau")
+    assert "NOT converged: c: 100 steps" in repr(fit)
+
+
+def test_calibrate__refuses_the_half_plane_on_rows_that_it_made(paper, fe_fits):
+    rule = (
+        "41 calibration rows have solver 'half-plane'. The half-plane form is not compared on "
+        "rows that its own equation generated: that would be circular"
+    )
+    with pytest.raises(InputError, match=rule):
+        calibrate(paper, HalfPlane())
+    assert fe_fits["half-plane"].converged
+    refuse_circular(paper, Hybrid())  # other forms may
+
+
+def test_calibrate__half_plane_on_finite_elements_needs_no_coefficient(fe_fits):
+    summary = fe_fits["half-plane"].summary.set_index("parameter")
+    # Known: finite-strain loads lie within 1 % of the equation up to p/E = 0.015; c is a root.
+    assert summary.loc["c", "mean"] == pytest.approx(1, abs=0.005)
+
+
+def test_calibrate__refuses_rows_without_misfit(paper):
+    frame = paper.calibration.frame
+    frame["p_over_E"] = Modified().load(frame["Q"], frame["a_over_R"], frame["b_over_R"])
+    with pytest.raises(ComputationError, match=r"no interior mode.* sigma has no lower bound"):
+        calibrate(ContactTable.from_frame(frame), Modified())
+
+
+def test_calibrate__refuses_unknown_noise_and_seeds(paper):
+    with pytest.raises(InputError, match="noise 'cauchy': not an error model"):
+        calibrate(paper, Modified(), noise="cauchy")
+    with pytest.raises(
+        InputError, match="rng: expected a non-negative integer or a numpy Generator, got -3"
+    ):
+        calibrate(paper, Modified(), rng=-3)
+
+
+def many_textures(n=45, seed=1):
+    """Rows of more textures than a walk is for, 3 % noise."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for i in range(n):
+        a, b = 0.01 + 0.0005 * i, 0.02
+        for Q in (4, 6, 8):
+            load = ((Q / 2 - 1) * (a + b) / 1.4) ** 2 * np.exp(0.03 * rng.standard_normal())
+            rows.append({"a_over_R": a, "b_over_R": b, "Q": Q, "p_over_E": load})
+    return ContactTable.from_frame(pd.DataFrame(rows))
+
+
+def test_calibrate__power_law_of_many_textures_is_drawn_from_exactly():
+    fit = calibrate(many_textures(), PowerLaw(), rng=2)
+    assert fit.converged
+    assert fit.model.n_parameter == 46
+    prior = stats.halfnorm(scale=0.05)
+    model = fit.model
+
+    def moment(power):
+        def density(s):
+            log_z = float(log_evidence_given_sigma(model, np.array([s]))[0])
+            return s**power * prior.pdf(s) * np.exp(log_z - 200)
+
+        return integrate.quad(density, 0.01, 0.1, epsrel=1e-10)[0]
+
+    sigma = fit.model.to_theta(fit.chains.u)[..., -1]
+    mean = moment(1) / moment(0)
+    se = sigma.std() / np.sqrt(float(effective_sample_size(sigma)))
+    assert abs(sigma.mean() - mean) < 4 * se  # Monte Carlo
+    sd = np.sqrt(moment(2) / moment(0) - mean**2)
+    assert sigma.std() == pytest.approx(sd, rel=4 / np.sqrt(2 * 10_240))  # Monte Carlo
+    again = calibrate(many_textures(), PowerLaw(), rng=2)
+    assert again.draws.tobytes() == fit.draws.tobytes()
+
+
+def test_calibrate__exact_draws_of_K_agree_with_a_walk(fits, monkeypatch, paper):
+    from ridgebayes.inference import posterior as module
+
+    monkeypatch.setattr(module, "N_TEXTURE_WALKED", 3)
+    exact, walked = calibrate(paper, PowerLaw(), rng=3), fits["power-law"]
+    difference = exact.summary["mean"] - walked.summary["mean"]
+    se = np.hypot(exact.summary["mcse_mean"], walked.summary["mcse_mean"])
+    assert np.all(np.abs(difference) < 4 * se)  # Monte Carlo: the largest of ten
+    ratio = exact.summary["sd"] / walked.summary["sd"]
+    assert np.all(np.abs(ratio - 1) < 4 / np.sqrt(2 * walked.summary["ess_bulk"].min()) + 0.03)
+
+
+def test_calibrate__goes_on_from_a_checkpoint_and_ends_with_the_same_bytes(paper, tmp_path):
+    longer = replace(SHORT, n_step_max=200, n_tau=500)
+    path = tmp_path / "chain.h5"
+    straight = calibrate(paper, Modified(), rng=6, settings=longer)
+    kept = calibrate(paper, Modified(), rng=6, settings=longer, checkpoint=path)
+    assert path.is_file()
+    again = calibrate(paper, Modified(), rng=6, settings=longer, checkpoint=path)
+    assert straight.draws.tobytes() == kept.draws.tobytes() == again.draws.tobytes()
+    rule = r"chain.h5: cannot resume, seed was '6' and is '7'; expected the same run"
+    with pytest.raises(InputError, match=rule):
+        calibrate(paper, Modified(), rng=7, settings=longer, checkpoint=path)
+
+
+def test_fit__methods_are_the_functions_of_their_modules(fits):
+    from ridgebayes.predict.predict import predict_load, predict_q
+
+    fit = fits["modified"]
+    q, load = fit.predict(0.02, 0.02, 0.01, nu=0.3), fit.predict_load(0.02, 0.02, 6, nu=0.3)
+    other = predict_q(fit, 0.02, 0.02, 0.01, nu=0.3)
+    assert q.survival.tolist() == other.survival.tolist()
+    assert load.median() == predict_load(fit, 0.02, 0.02, 6, nu=0.3).median()
+    assert fit.predict(0.02, 0.02, 0.01, kind="curve").kind == "curve"
+
+
+def test_from_netcdf__brings_a_fit_back(fits, tmp_path):
+    fit, path = fits["hybrid"], tmp_path / "posterior-hybrid.nc"
+    fit.to_netcdf(path)
+    back = Fit.from_netcdf(path)
+    assert back.draws.tobytes() == fit.draws.tobytes()
+    assert list(tmp_path.iterdir()) == [path]
