@@ -18,3 +18,7 @@ class OutputError(RidgebayesError, OSError):
 
     No `ComputationError`: where one form that fails leaves the others, a full disk ends all.
     """
+
+
+class WorkerLostError(ComputationError):
+    """Every worker process that was given a task died on it; the message names the task."""

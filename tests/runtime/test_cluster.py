@@ -17,9 +17,9 @@ import pytest
 import ridgebayes as rb
 from ridgebayes.checks.coverage import coverage
 from ridgebayes.commands.generate import sweep_job
-from ridgebayes.errors import ComputationError
+from ridgebayes.errors import ComputationError, WorkerLostError
 from ridgebayes.model.forms import Modified
-from ridgebayes.runtime.pool import WorkerLostError, executor_for, map_ordered
+from ridgebayes.runtime.pool import executor_for, map_ordered
 from ridgebayes.scene.scene import Scene
 from ridgebayes.simulate.generation import generate
 

@@ -21,9 +21,8 @@ from pathlib import Path
 
 import pytest
 
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import ComputationError, InputError, WorkerLostError
 from ridgebayes.runtime.pool import (
-    WorkerLostError,
     WorkerPool,
     executor_for,
     map_ordered,

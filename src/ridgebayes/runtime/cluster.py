@@ -9,8 +9,7 @@ from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ridgebayes.errors import InputError
-from ridgebayes.runtime.pool import WorkerLostError
+from ridgebayes.errors import InputError, WorkerLostError
 
 if TYPE_CHECKING:
     from distributed import Client

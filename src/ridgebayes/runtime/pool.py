@@ -28,7 +28,7 @@ from functools import partial
 from multiprocessing import forkserver, resource_tracker
 from typing import Any, ParamSpec, TypeVar
 
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import ComputationError, InputError, WorkerLostError
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -43,10 +43,6 @@ _TRIES = 3  # a task that has killed as many workers would kill the next
 # Tasks under way for each worker: one at work, the others at hand when that is done.
 _PER_WORKER = 4
 _UNKNOWN = 1_000  # tasks under way on an executor that does not say how many workers it has
-
-
-class WorkerLostError(ComputationError):
-    """Every worker that was given a task died on it."""
 
 
 class WorkerPool(Executor):
