@@ -45,28 +45,24 @@ class ContactSet:
                     self._ends[segment] = self._within(segment, low, high)
         if not self._ends:
             # The nearest corners: as wide as a body's slope there takes the load.
-            tops = [
-                segment for segment in self._segments if segment.ridge is not None
-            ] or self._segments
-            near = min(tops, key=lambda segment: min(abs(segment.start), abs(segment.stop)))
+            tops = [one for one in self._segments if one.ridge is not None] or self._segments
+            near = min(tops, key=lambda one: min(abs(one.start), abs(one.stop)))
             self._ends[near] = self._first(near, W)
 
     def _first(self, segment: RigidSegment, W: float) -> tuple[float, float]:
         """Guess a new contact: at the segment's nearest point to the centre."""
         low, high = segment.flat
         at = min(max(0.0, low), high)
-        width = 0.5 * min(
-            segment.stop - segment.start, max(W / max(abs(at), math.sqrt(W)), 1e-6 * at)
-        )
+        wanted = max(W / max(abs(at), math.sqrt(W)), 1e-6 * at)
+        width = 0.5 * min(segment.stop - segment.start, wanted)
         if low < 0 < high:
             return self._within(segment, -width, width)
+        into = (
+            width if segment.corner else 0.0
+        )  # contact begins on a round corner, or at a sharp one
         if at == low:
-            return self._within(
-                segment, segment.start if segment.corner == 0 else low - width, low + width
-            )
-        return self._within(
-            segment, high - width, segment.stop if segment.corner == 0 else high + width
-        )
+            return self._within(segment, low - into, low + width)
+        return self._within(segment, high - width, high + into)
 
     def _within(self, segment: RigidSegment, low: float, high: float) -> tuple[float, float]:
         low, high = max(low, segment.start), min(high, segment.stop)

@@ -63,9 +63,8 @@ class ContactSolution:
     def covered(self) -> dict[RigidSegment, tuple[float, float]]:
         """Ends of contact on each segment."""
         left, right = self.pressing.intervals.left, self.pressing.intervals.right
-        return dict(
-            zip(self.segments, zip(left.tolist(), right.tolist(), strict=True), strict=True)
-        )
+        ends = zip(left.tolist(), right.tolist(), strict=True)
+        return dict(zip(self.segments, ends, strict=True))
 
     @property
     def Q(self) -> int:

@@ -19,7 +19,7 @@ from ridgebayes.contact import hertz
 from ridgebayes.contact.cylinder.cylinder import CORNER, SEGMENT
 from ridgebayes.contact.cylinder.faces import cut
 from ridgebayes.contact.cylinder.material import Material
-from ridgebayes.contact.cylinder.mesh import DiskMesh, disk_mesh
+from ridgebayes.contact.cylinder.mesh import disk_mesh
 from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.contact.cylinder.surface import shapes
 from ridgebayes.errors import ComputationError, InputError
@@ -199,7 +199,8 @@ def rim_compliance(nu: float = 0.5, *, reach: float = 0.3, edge: float = 5e-4) -
     """
     mesh = disk_mesh(lambda at: edge + _LOOSER * np.maximum(at - math.asin(reach), 0.0))
     solid = Solid(mesh, Material(nu, finite=False))
-    nodes = _within(mesh, reach)
+    inside = mesh.rim[mesh.points[mesh.rim[:, 0], 0] < reach]
+    nodes = np.append(inside[:, :2].ravel(), inside[-1, 2])  # an odd number, in order
     still = np.zeros((solid.n_node, 2))
     stiffness = solid.assemble(still, solid.no_pressure()).stiffness
     held = np.zeros((solid.n_node, 2), dtype=bool)
@@ -220,12 +221,6 @@ def rim_compliance(nu: float = 0.5, *, reach: float = 0.3, edge: float = 5e-4) -
         force[row] = 1.0
         found[:, i] = factor.solve(force)[rows]
     return RimCompliance(nu, edge, solid.points[nodes, 0], 0.5 * (found + found.T))
-
-
-def _within(mesh: DiskMesh, reach: float) -> IntArray:
-    """Return the rim's nodes within reach, in order: an odd number of them."""
-    inside = mesh.rim[mesh.points[mesh.rim[:, 0], 0] < reach]
-    return np.append(inside[:, :2].ravel(), inside[-1, 2])
 
 
 def small_strain_transitions(
