@@ -23,7 +23,7 @@ def found(model):
     return importance_posterior(model, seed=1)
 
 
-def test_importance_fit__evidence_of_the_sweep_is_the_quadrature(model, found, laplaces):
+def test_importance_posterior__evidence_of_the_sweep_is_the_quadrature(model, found, laplaces):
     _, evidence = found
     exact = quadrature_evidence(model.log_density, laplaces["hybrid"]).value
     assert (evidence.method, evidence.ok) == ("importance", True)
@@ -31,7 +31,7 @@ def test_importance_fit__evidence_of_the_sweep_is_the_quadrature(model, found, l
     assert abs(evidence.value - exact) < 4 * evidence.se  # Monte Carlo
 
 
-def test_importance_fit__draws_have_the_means_and_spreads_of_the_walk(model, found, fits):
+def test_importance_posterior__draws_have_the_means_and_spreads_of_the_walk(model, found, fits):
     fit, _ = found
     assert fit.chains.convergence_failures == ()
     assert fit.chains.u.shape == (N_REPEAT, 20, 128, 3)
@@ -47,20 +47,20 @@ def test_importance_fit__draws_have_the_means_and_spreads_of_the_walk(model, fou
         assert np.abs(z).max() < 4  # Monte Carlo: the largest of three
 
 
-def test_importance_fit__log_density_is_that_of_the_draws(model, found):
+def test_importance_posterior__log_density_is_that_of_the_draws(model, found):
     chains = found[0].chains
     # Algebra: a Jacobian added and taken away.
     np.testing.assert_allclose(chains.log_density, model.log_density(chains.u), rtol=1e-11)
 
 
-def test_importance_fit__same_seed_same_bytes_other_seed_others(model):
+def test_importance_posterior__same_seed_same_bytes_other_seed_others(model):
     one, two, other = (importance_posterior(model, seed=seed, **QUICK) for seed in (3, 3, 4))
     assert one[0].chains.u.tobytes() == two[0].chains.u.tobytes()
     assert one[1] == two[1]
     assert not np.any(one[0].chains.u[:, 0, 0] == other[0].chains.u[:, 0, 0])
 
 
-def test_importance_fit__tells_where_weights_are_heavy(model, monkeypatch):
+def test_importance_posterior__tells_where_weights_are_heavy(model, monkeypatch):
     def far_too_narrow(log_density, k, n_rest, rng, *, n_round, n):
         unit = Independence.standard(k, n_rest)
         return Independence(unit.weights, unit.centres, 0.1 * unit.factors, unit.rest), None
