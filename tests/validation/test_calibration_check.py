@@ -189,7 +189,7 @@ def test_draws_come_from_steps_far_apart(fits):
     gap = int(np.ceil(5 * chains.tau.max()))
     last = chains.n_step - 1
     assert np.mean((last - np.array(steps)) % gap == 0) > 0.6
-    with pytest.raises(InputError, match="n_draw: expected at most, got 1000000"):
+    with pytest.raises(InputError, match=r"n_draw: expected at most \d+, .*got 1000000"):
         independent_draws(fit, 1_000_000, np.random.default_rng(1))
 
 

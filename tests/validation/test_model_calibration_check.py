@@ -121,5 +121,5 @@ def test_wrong_options_are_refused(data):
     with pytest.raises(InputError, match="n_replicate: expected at least 2, got 1"):
         model_sbc(data, FORMS, n_replicate=1)
     found = model_sbc(data, FORMS, n_replicate=2, weigh=exact_evidence)
-    with pytest.raises(InputError, match="n_bin: 0 given"):
+    with pytest.raises(InputError, match="n_bin: expected at least 1, got 0"):
         found.calibration(0)

@@ -247,12 +247,12 @@ def test_ranks_to_pit__refuses_what_is_no_rank(bad):
     ("wrong", "message"),
     [
         ({"n": 0}, "n: expected a whole number, at least 1, got 0"),
-        ({"n": 2.5}, "n: 2.5 given"),
+        ({"n": 2.5}, "n: expected a whole number, at least 1, got 2.5"),
         ({"prob": 1.0}, "prob: expected 0 < prob < 1, got 1.0"),
-        ({"prob": math.nan}, "prob: nan given"),
+        ({"prob": math.nan}, "prob: expected 0 < prob < 1, got nan"),
         ({"n_point": 1}, "n_point: expected a whole number, at least 2, got 1"),
         ({"n_draw": 0}, "n_draw: expected a whole number, at least 1, got 0"),
-        ({"n_draw": True}, "n_draw: True given"),
+        ({"n_draw": True}, "n_draw: expected a whole number, at least 1, got True"),
     ],
 )
 def test_band__refuses_numbers_outside_their_range(wrong, message):
@@ -264,9 +264,9 @@ def test_band__refuses_numbers_outside_their_range(wrong, message):
     ("pit", "n_draw", "message"),
     [
         ([], None, r"pit: expected one axis, at least one value, got shape \(0,\)"),
-        ([[0.5]], None, r"pit: shape \(1, 1\) given"),
+        ([[0.5]], None, r"pit: expected one axis, at least one value, got shape \(1, 1\)"),
         ([0.5, 1.1], None, "pit: expected from 0 to 1, got 1.1"),
-        ([0.5, np.nan], None, "pit: nan given"),
+        ([0.5, np.nan], None, "pit: expected from 0 to 1, got nan"),
         ([0.5, 0.3], 3, "pit: expected a multiple of 1/4, as ranks_to_pit returns, got 0.3"),
         ([0.5, 0.0], 3, "pit: expected a multiple of 1/4, got 0.0"),
     ],

@@ -185,8 +185,7 @@ def uniformity(
         bad = values[(rank < 0) | ((rank + 1) / (n_draw + 1) != values)]
         if len(bad):
             raise InputError(
-                f"pit: {bad[0]} given; expected a multiple of 1/{n_draw + 1}, as ranks_to_pit "
-                "returns"
+                f"pit: expected a multiple of 1/{n_draw + 1}, as ranks_to_pit returns, got {bad[0]}"
             )
     grid = _grid(n, n_point, n_draw)
     count = np.searchsorted(np.sort(values), grid.z, side="right")
