@@ -46,7 +46,7 @@ def plot_counts(curves: dict[str, tuple[FloatArray, FloatArray]]) -> Figure:
             label=plain(name, 60),
         )
     axes.set_xlabel("load $p/E$")
-    axes.set_ylabel("ridges in contact $Q$")
+    axes.set_ylabel("edges in contact $Q$")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     figure.legend(loc="outside upper center", ncols=min(len(curves), 3))
     return figure
@@ -94,7 +94,7 @@ def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
     axes.grid(visible=False, axis="y")
     if relative is not None:
         axes.axvline(relative, color="#000000", linewidth=1, linestyle=":")
-    dotted = "" if relative is None else "; dotted: wanted"
+    dotted = "" if relative is None else "; dotted: target"
     axes.set_xlabel(f"relative change of a transition load (filled: simulated{dotted})")
     return figure
 
@@ -143,8 +143,8 @@ def plot_plan_check(frame: pd.DataFrame) -> Figure:
     left.set_ylabel("estimate")
     left.set_ylim(least / 2, 10)
     right.axhline(1, color="#000000", linewidth=0.8)
-    right.set_xlabel("accuracy wanted")
-    right.set_ylabel("true change of what is neglected, over it")
+    right.set_xlabel("target accuracy")
+    right.set_ylabel("true change of neglected effects over target")
     for axes in (left, right):
         axes.set_xscale("log")
         axes.set_yscale("log")
