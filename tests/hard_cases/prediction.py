@@ -348,11 +348,11 @@ def intervals_at_their_ends():
     assert np.all(q.at_least(int(q.interval(1)[1].max()) + 2) < 1e-6)
     for bad in (-0.1, 1.1, math.nan, math.inf):
         for ask in (q.interval, q.quantile, q.extrapolation, load.interval, load.quantile):
-            refused(lambda f=ask, x=bad: f(x), rb.InputError, f"prob: {bad}")
+            refused(lambda f=ask, x=bad: f(x), rb.InputError, "prob: ", f"got {bad}")
     for bad in (1, 1 - 1e-16, 1 - 1e-13):
-        refused(lambda x=bad: load.quantile(x), rb.InputError, f"prob: {bad}")
-    refused(lambda: load.interval(1), rb.InputError, "prob: 1 given")
-    refused(lambda: q.at_least(math.nan), rb.InputError, "n: nan")
+        refused(lambda x=bad: load.quantile(x), rb.InputError, "prob: ", f"got {bad}")
+    refused(lambda: load.interval(1), rb.InputError, "prob: ", "got 1")
+    refused(lambda: q.at_least(math.nan), rb.InputError, "n: ", "got nan")
     assert q.at_least(4.5).tolist() == q.at_least(6).tolist()
     assert q.at_least(math.inf).tolist() == [0.0, 0.0]
     stride = len(fit.draws) // len(load.weight)
