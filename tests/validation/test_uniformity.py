@@ -268,7 +268,7 @@ def test_band__refuses_numbers_outside_their_range(wrong, message):
         ([0.5, 1.1], None, "pit: expected from 0 to 1, got 1.1"),
         ([0.5, np.nan], None, "pit: expected from 0 to 1, got nan"),
         ([0.5, 0.3], 3, "pit: expected a multiple of 1/4, as ranks_to_pit returns, got 0.3"),
-        ([0.5, 0.0], 3, "pit: expected a multiple of 1/4, got 0.0"),
+        ([0.5, 0.0], 3, "pit: expected a multiple of 1/4, as ranks_to_pit returns, got 0.0"),
     ],
 )
 def test_uniformity__refuses_what_is_no_sample(pit, n_draw, message):
