@@ -59,7 +59,7 @@ def comparison(paper, fits):
         Noise(),
         chosen,
         evidence,
-        bayes_factor_table(evidence, chosen, Noise()),
+        bayes_factor_table(evidence, list(chosen), Noise(), None),
         loo_table(chosen),
         sensitivity,
         {"hybrid": "hybrid: no interior mode"},

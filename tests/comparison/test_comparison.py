@@ -564,9 +564,9 @@ def test_stages__are_told_in_order_and_progress_names_the_form(paper):
         "evidence modified",
         "calibrate classic",
         "evidence classic",
+        "prior sensitivity",
         "savage-dickey and Bayes factors",
         "leave-one-out",
-        "prior sensitivity",
     ]
     assert stages == [f"{when} {name}" for name in names for when in ("begin", "end")]
     assert {line.split(": ")[0] for line in lines} == {"modified", "classic"}

@@ -2,16 +2,15 @@
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from ridgebayes.evidence.savage_dickey import savage_dickey
 from ridgebayes.evidence.tables import used_evidence
+from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.noise import Noise
-from ridgebayes.results import Fit
 
 SUMMED = "summed out"  # the noise column of Bayes factors that hold for no error model alone
 BAYES_FACTOR_COLUMNS = [
@@ -84,9 +83,9 @@ def factor_row(
 
 
 def bayes_factor_table(
-    evidence: pd.DataFrame, fits: Mapping[str, Fit], noise: Noise
+    evidence: pd.DataFrame, forms: Sequence[str], noise: Noise, nested: LogEvidence | None
 ) -> pd.DataFrame:
-    """Return the Bayes factor of each pair of forms, and Savage-Dickey's for Modified in Hybrid."""
+    """Return the Bayes factor of each pair of forms, and of Hybrid over Modified as `nested`."""
     mine = evidence[evidence["used"] & (evidence["noise"] == noise.name)]
     used = {row["form"]: row for row in mine.to_dict("records")}
     rows: list[dict[str, object]] = []
@@ -94,17 +93,15 @@ def bayes_factor_table(
     def add(a: str, b: str, method: str, ln_bf: float, se: float) -> None:
         rows.append(factor_row(a, b, noise.name, method, ln_bf, se, noise.caution))
 
-    for a, b in itertools.combinations(fits, 2):
+    for a, b in itertools.combinations(forms, 2):
         if a in used and b in used:
             methods = dict.fromkeys([used[a]["method"], used[b]["method"]])
             # A method without a Monte Carlo error has none to add.
             errors = [np.nan_to_num(used[form]["log_evidence_se"]) for form in (a, b)]
             ln_bf = used[a]["log_evidence"] - used[b]["log_evidence"]
             add(a, b, "/".join(methods), ln_bf, math.hypot(*errors))
-    if {"modified", "hybrid"} <= set(fits):
-        ratio = savage_dickey(fits["hybrid"])
-        if ratio.ok:
-            add("modified", "hybrid", ratio.method, -ratio.value, ratio.se)
+    if nested is not None and nested.ok:
+        add("modified", "hybrid", nested.method, -nested.value, nested.se)
     return pd.DataFrame(rows, columns=BAYES_FACTOR_COLUMNS)
 
 

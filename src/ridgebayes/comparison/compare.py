@@ -18,6 +18,7 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
 from ridgebayes.evidence.error_models import chosen_error_model, weigh_error_models
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
+from ridgebayes.evidence.savage_dickey import savage_dickey
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, evidence_table, evidences
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.importance_sampling import importance_posterior
@@ -151,6 +152,7 @@ def compare_with(
         )
     for form in forms:
         refuse_circular(table, form)
+    noise = None if noise is None else as_noise(noise)
     seed, stage, accuracy = seed_of(rng), execution.stage, execution.accuracy
     others = pd.DataFrame(columns=EVIDENCE_COLUMNS)
     if noise is None:
@@ -165,31 +167,32 @@ def compare_with(
                 progress=execution.progress,
                 laplace_only=not accuracy.walks,
             )
-            noise = chosen_error_model(others)
-    noise = as_noise(noise)
+            noise = as_noise(chosen_error_model(others))
     fits, found, failures = _fit_forms(execution, table, forms, noise, seed)
     evidence = _with_other_noises(evidence_table(found, noise), others, noise)
     own = evidence[evidence["used"] & (evidence["noise"] == noise.name)]
     log_evidence = dict(zip(own["form"], own["log_evidence"].astype(float), strict=True))
     # Walks leave so much that sending it costs more than it gains.
     executor = None if accuracy.walks else execution.executor
-    if execution.scores:
-        loo_later = submit_or_defer(executor, loo_table, fits)
-        sensitivity_later = submit_or_defer(
-            executor, prior_sensitivity, fits, log_evidence=log_evidence
-        )
-    with stage("savage-dickey and Bayes factors"):
-        factors = submit_or_defer(executor, bayes_factor_table, evidence, fits, noise)()
-        summed = summed_bayes_factors(evidence)
-        if len(summed):
-            factors = pd.concat([factors, summed], ignore_index=True)
     loo = pd.DataFrame(columns=LOO_COLUMNS)
     sensitivity = pd.DataFrame(columns=SENSITIVITY_COLUMNS)
     if execution.scores:
+        loo_later = submit_or_defer(executor, loo_table, fits)
+        with stage("prior sensitivity"):
+            sensitivity = submit_or_defer(
+                executor, prior_sensitivity, fits, log_evidence=log_evidence
+            )()
+    nested = None
+    with stage("savage-dickey and Bayes factors"):
+        if {"modified", "hybrid"} <= set(fits):
+            nested = submit_or_defer(executor, savage_dickey, fits["hybrid"])()
+        factors = bayes_factor_table(evidence, list(fits), noise, nested)
+        summed = summed_bayes_factors(evidence)
+        if len(summed):
+            factors = pd.concat([factors, summed], ignore_index=True)
+    if execution.scores:
         with stage("leave-one-out"):
             loo = loo_later()
-        with stage("prior sensitivity"):
-            sensitivity = sensitivity_later()
     return Comparison(
         table, noise, fits, evidence, factors, loo, sensitivity, failures, accuracy=accuracy.name
     )
