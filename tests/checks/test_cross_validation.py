@@ -13,12 +13,11 @@ from ridgebayes.checks import cross_validation
 from ridgebayes.checks.cross_validation import (
     CrossValidation,
     cross_validate,
-    crps_of_draws,
     joint_log_densities,
     row_crps,
     stacked,
 )
-from ridgebayes.checks.folds import Fold
+from ridgebayes.checks.folds import Fold, crps_of_draws
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.chains import Chains
 from ridgebayes.model.forms import Hybrid, Modified, PowerLaw

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray, Rng
-from ridgebayes.checks.folds import EFFORT, Fold, clustered_se, folds_of, row_loads
+from ridgebayes.checks.folds import EFFORT, Fold, clustered_se, crps_of_draws, folds_of, row_loads
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
 from ridgebayes.inference.diagnostics import stacking_weights
@@ -273,41 +273,6 @@ def stacked(results: Mapping[str, CrossValidation]) -> dict[str, float]:
     scores = np.stack([found.folds["log_score"].to_numpy() for found in sound.values()])
     weights = dict(zip(sound, stacking_weights(scores).tolist(), strict=True))
     return {name: weights.get(name, 0.0) for name in results}
-
-
-def crps_of_draws(draws: FloatArray, observed: FloatArray) -> FloatArray:
-    """Return the continuous ranked probability score of each observation, without bias.
-
-    Parameters
-    ----------
-    draws : ndarray of float, shape (n_draw, n)
-        Draws of each prediction.
-    observed : ndarray of float, shape (n,)
-        What came.
-
-    Returns
-    -------
-    ndarray of float, shape (n,)
-        Mean distance to the draws less half the mean distance between two of them; 0 is best.
-
-    Notes
-    -----
-    *Cost.* That of sorting.
-
-    References
-    ----------
-    Zamo & Naveau (2018), doi:10.1007/s11004-017-9709-7: the fair estimator.
-
-    Examples
-    --------
-    >>> crps_of_draws(np.array([[0.0], [2.0]]), np.array([1.0])).tolist()
-    [0.0]
-    """
-    n = len(draws)
-    ladder = np.sort(draws, axis=0)
-    place = 2 * np.arange(1, n + 1)[:, None] - n - 1
-    apart = (place * ladder).sum(axis=0) / (n * (n - 1))
-    return np.abs(draws - observed).mean(axis=0) - apart
 
 
 def joint_log_densities(fit: Posterior, data: Observations) -> FloatArray:
