@@ -30,8 +30,18 @@ class Fit(Posterior):
 
     Parameters
     ----------
-    model, chains, summary, convergence_failures, seed, approximation
-        As of `ridgebayes.inference.posterior.Posterior`; `calibrate` makes them.
+    model : Model
+        What was sampled: data, form, error model, priors.
+    chains : Chains
+        Draws in unconstrained coordinates.
+    summary : pandas.DataFrame
+        One row per parameter: mean, sd, interval, effective sample sizes, R-hat.
+    convergence_failures : tuple of str
+        Rules of convergence that were not met; empty if it converged.
+    seed : int
+        Seed of the run.
+    approximation : Laplace, optional
+        The normal approximation that it was sampled by; a fit read from a file has none.
     """
 
     @classmethod

@@ -3,13 +3,8 @@ import pytest
 from scipy import integrate, special, stats
 
 from ridgebayes.errors import InputError
-from ridgebayes.model.priors import (
-    Gamma,
-    HalfNormal,
-    JointPrior,
-    LogNormal,
-    Normal,
-)
+from ridgebayes.model.joint_prior import JointPrior
+from ridgebayes.model.priors import Gamma, HalfNormal, LogNormal, Normal
 
 PRIORS = [
     (LogNormal(1.382, 0.3), stats.lognorm(s=0.3, scale=1.382)),

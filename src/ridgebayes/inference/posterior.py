@@ -112,16 +112,37 @@ class Posterior:
         return {}
 
     def nodes(self, n: int) -> Nodes | None:
-        """Return n weighted nodes that stand for the draws; see `qmc_nodes.compress`. Kept."""
+        """Return weighted nodes that stand for the draws; kept for the next call.
+
+        Parameters
+        ----------
+        n : int
+            Nodes.
+
+        Returns
+        -------
+        Nodes or None
+            As `ridgebayes.inference.qmc_nodes.compress` returns them; None where none will do.
+        """
         if n not in self._derived:
             model, coordinates = self.model, self.coordinates
             self._derived[n] = compress(model, self.laplace, coordinates, n, seed=self.seed)
         return self._derived[n]
 
     def offsets_given(self, stride: int) -> tuple[int, OffsetsGiven | None]:
-        """Return what the rows tell of shared offsets at every n-th draw, and n.
+        """Return what the rows tell of shared offsets at every n-th draw; kept for the next call.
 
-        n is `stride`, or more where fewer draws have been worked out before. Kept.
+        Parameters
+        ----------
+        stride : int
+            The least n that is wanted.
+
+        Returns
+        -------
+        n : int
+            `stride`, or more where fewer draws have been worked out before.
+        given : OffsetsGiven or None
+            Conditional means and factors; None where the error model has no shared offsets.
         """
         kept = self._derived.get("offsets")
         if kept is None or kept[0] < stride:

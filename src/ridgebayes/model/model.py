@@ -19,12 +19,13 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
+from ridgebayes.model.joint_prior import JointPrior
 from ridgebayes.model.likelihood_independent import IndependentNormalRows, IndependentRows
 from ridgebayes.model.likelihood_latent import SampledOffsets
 from ridgebayes.model.likelihood_marginal import IntegratedOffsets, IntegratedSmoothOffsets
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import JointPrior, Prior
+from ridgebayes.model.priors import Prior
 from ridgebayes.model.rows import Rows
 from ridgebayes.model.shared_offsets import OffsetsGiven, SmoothOffsets, offsets_of
 

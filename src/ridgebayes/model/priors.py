@@ -10,8 +10,7 @@ too, and nothing is cut off: tails are computed from log probabilities, not from
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -75,7 +74,18 @@ class Prior(ABC):
 
     @abstractmethod
     def score(self, x: FloatArray | float) -> FloatArray:
-        """Return the normal score of values inside the support: the inverse of `value_at`."""
+        """Return the normal score of values: the inverse of `value_at`.
+
+        Parameters
+        ----------
+        x : ndarray of float, any shape, dimensionless
+            Inside the support.
+
+        Returns
+        -------
+        ndarray of float, shape of `x`, dimensionless
+            Normal scores.
+        """
 
     @abstractmethod
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
@@ -344,54 +354,3 @@ class Gamma(Prior):
 
     def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
         return rng.gamma(self.shape, 1 / self.rate, size)
-
-
-class JointPrior:
-    """The independent product of priors, evaluated for all parameters of a kind at once.
-
-    Parameters
-    ----------
-    priors : iterable of Prior
-        One per parameter, in the order of the last axis of `theta`.
-    """
-
-    def __init__(self, priors: Iterable[Prior]) -> None:
-        self._priors = tuple(priors)
-        self._groups: list[tuple[list[int], Prior]] = []
-        for kind in dict.fromkeys(type(prior) for prior in self._priors):
-            columns = [i for i, prior in enumerate(self._priors) if type(prior) is kind]
-            fields = zip(*(astuple(self._priors[i]) for i in columns), strict=True)
-            together: Callable[..., Prior] = kind
-            self._groups.append((columns, together(*map(np.array, fields))))
-
-    def log_pdf(self, theta: FloatArray) -> FloatArray:
-        """Return the joint log density, shape ``theta.shape[:-1]``."""
-        total = np.zeros(theta.shape[:-1])
-        for columns, priors in self._groups:
-            total += priors.log_pdf(theta[..., columns]).sum(axis=-1)
-        return total
-
-    def at_scores(self, u: FloatArray) -> FloatArray:
-        """Return the parameters at normal scores `u`, shape of `u`."""
-        theta = np.empty(u.shape)
-        for columns, priors in self._groups:
-            theta[..., columns] = priors.value_at(u[..., columns])
-        return theta
-
-    def scores(self, theta: FloatArray) -> FloatArray:
-        """Return the normal scores of parameters, shape of `theta`."""
-        u = np.empty(theta.shape)
-        for columns, priors in self._groups:
-            u[..., columns] = priors.score(theta[..., columns])
-        return u
-
-    def at_scores_slope(self, u: FloatArray, theta: FloatArray) -> FloatArray:
-        """Return d theta / du of each parameter, shape of `u`."""
-        slope = np.empty(u.shape)
-        for columns, priors in self._groups:
-            slope[..., columns] = priors.slope_at(u[..., columns], theta[..., columns])
-        return slope
-
-    def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
-        """Return draws of all parameters, shape (size, n_parameter)."""
-        return np.stack([prior.rvs(rng, size) for prior in self._priors], axis=-1)

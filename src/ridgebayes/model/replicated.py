@@ -4,8 +4,8 @@ import numpy as np
 
 from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.model.joint_prior import JointPrior
 from ridgebayes.model.model import Model
-from ridgebayes.model.priors import JointPrior
 
 _ROUNDS_MAX = 1_000  # of prior draws, before the form is said to fit no such draw
 

@@ -72,7 +72,7 @@ class Texture(Record):
 class Scene(Record):
     """A soft cylinder on ridged textures, free of units.
 
-    Attributes
+    Parameters
     ----------
     textures : tuple of Texture, shape (n_texture,)
         One or more, no two alike.

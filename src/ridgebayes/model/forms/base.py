@@ -92,7 +92,7 @@ class Form(ABC):
 
         Parameters
         ----------
-        theta, a_over_R, b_over_R
+        theta, a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
             As for `rate`.
 
         Returns
@@ -261,7 +261,7 @@ class Form(ABC):
 
         Parameters
         ----------
-        p_over_E, a_over_R, b_over_R, theta, nu
+        p_over_E, a_over_R, b_over_R, theta, nu : array_like of float, broadcastable, dimensionless
             As for `continuous_count`.
 
         Returns

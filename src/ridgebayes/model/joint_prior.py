@@ -1,0 +1,60 @@
+"""The prior of several parameters, in normal scores."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import astuple
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+from ridgebayes.model.priors import Prior
+
+
+class JointPrior:
+    """The independent product of priors, evaluated for all parameters of a kind at once.
+
+    Parameters
+    ----------
+    priors : iterable of Prior
+        One per parameter, in the order of the last axis of `theta`.
+    """
+
+    def __init__(self, priors: Iterable[Prior]) -> None:
+        self._priors = tuple(priors)
+        self._groups: list[tuple[list[int], Prior]] = []
+        for kind in dict.fromkeys(type(prior) for prior in self._priors):
+            columns = [i for i, prior in enumerate(self._priors) if type(prior) is kind]
+            fields = zip(*(astuple(self._priors[i]) for i in columns), strict=True)
+            together: Callable[..., Prior] = kind
+            self._groups.append((columns, together(*map(np.array, fields))))
+
+    def log_pdf(self, theta: FloatArray) -> FloatArray:
+        """Return the joint log density, shape ``theta.shape[:-1]``."""
+        total = np.zeros(theta.shape[:-1])
+        for columns, priors in self._groups:
+            total += priors.log_pdf(theta[..., columns]).sum(axis=-1)
+        return total
+
+    def at_scores(self, u: FloatArray) -> FloatArray:
+        """Return the parameters at normal scores `u`, shape of `u`."""
+        theta = np.empty(u.shape)
+        for columns, priors in self._groups:
+            theta[..., columns] = priors.value_at(u[..., columns])
+        return theta
+
+    def scores(self, theta: FloatArray) -> FloatArray:
+        """Return the normal scores of parameters, shape of `theta`."""
+        u = np.empty(theta.shape)
+        for columns, priors in self._groups:
+            u[..., columns] = priors.score(theta[..., columns])
+        return u
+
+    def at_scores_slope(self, u: FloatArray, theta: FloatArray) -> FloatArray:
+        """Return d theta / du of each parameter, shape of `u`."""
+        slope = np.empty(u.shape)
+        for columns, priors in self._groups:
+            slope[..., columns] = priors.slope_at(u[..., columns], theta[..., columns])
+        return slope
+
+    def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
+        """Return draws of all parameters, shape (size, n_parameter)."""
+        return np.stack([prior.rvs(rng, size) for prior in self._priors], axis=-1)
