@@ -48,7 +48,7 @@ def test_python_blocks__print_what_their_comments_say(tmp_path, monkeypatch):
 def test_make_commands__have_targets():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = [words[1] for words in commands(SHELL[0]) if words[0] == "make"]
-    assert targets == ["run", "test"]
+    assert targets == ["run", "fast", "test"]
     for target in targets:
         assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE)
 
@@ -89,8 +89,8 @@ def test_option_names__exist():
 
 
 def test_files_named__exist():
-    named = re.findall(r"[`(]((?:docs|data|benchmarks|notebooks)/[\w./-]*)[`)]", TEXT)
-    assert len(named) == 13
+    named = re.findall(r"[`(]((?:docs|data|benchmarks|notebooks)/[\w./-]*|[A-Z]+\.md)[`)]", TEXT)
+    assert len(named) == 16
     for name in named:
         assert (ROOT / name).exists(), name
 

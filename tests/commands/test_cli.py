@@ -128,7 +128,7 @@ BAD_TABLES = {
     "semicolons": (HEADER.replace(",", ";") + "0.01;0.02;4;0.001\n", ["separated by commas"]),
     "a lateral offset": (
         HEADER[:-1] + ",offset_over_R\n0.01,0.02,4,0.001,0.002\n",
-        ["row 1: offset_over_R: expected 0, got 0.002", "this version fits centred bodies"],
+        ["row 1: offset_over_R: expected 0, got 0.002", "this version fits only centred bodies"],
     ),
     "nothing to fit": (
         HEADER[:-1] + ",role\n0.01,0.02,4,0.001,held-out\n",

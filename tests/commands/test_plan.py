@@ -177,7 +177,7 @@ def test_plan__tells_every_fault_of_a_scene_at_once(command):
 def test_plan__verifies_its_estimates(command):
     said = command("--verify", "-o", "out", "--scenes", 2, "--seed", 4)  # two quick ones
     assert said.code == 0
-    assert said.out == "out: 8 of 8 estimates are honest\n"
+    assert said.out == "out: 8 of 8 estimates are reliable\n"
     assert {path.name for path in Path().iterdir()} == {"scene.toml", "out"}
     assert {path.name for path in Path("out").iterdir()} == CHECK
     frame = pd.read_csv("out/plan-check.csv")
@@ -189,7 +189,7 @@ def test_plan__verifies_its_estimates(command):
     assert "2 scenes spread" in report
     left_out = int((~frame["simulated"]).sum())
     assert f"{left_out} of {left_out} neglected effects change loads by no more" in report
-    assert "8 of 8 estimates are honest" in report
+    assert "8 of 8 estimates are reliable" in report
     rows = [line for line in report.splitlines() if re.match(r"\| \d", line)]
     assert len(rows) == 8
     for line, row in zip(rows, frame.to_dict("records"), strict=True):
@@ -208,12 +208,12 @@ def test_plan__checks_as_many_scenes_as_told_of_the_seed(command, canned):
     assert canned["scenes"] != first[:4]
 
 
-def test_plan__that_is_not_honest_is_written_and_says_so(command, canned):
+def test_plan__that_is_not_reliable_is_written_and_says_so(command, canned):
     canned["honest"] = False
     said = command("--verify", "-o", "out", "--scenes", 1)
     assert said.code == 1
-    assert "out: 1 of 2 estimates are honest" in said.out
-    assert "ridgebayes: 1 are not, see out/report.md" in said.err
+    assert "out: 1 of 2 estimates are reliable" in said.out
+    assert "ridgebayes: 1 estimates are not reliable; see out/report.md" in said.err
     assert {path.name for path in Path("out").iterdir()} == CHECK
 
 

@@ -138,10 +138,10 @@ def test_read_calculix_contact__a_level_without_some_displacements_is_left_out(t
     at = [m.start() for m in re.finditer(r"\n 6 ", text)][3]
     done = read(tmp_path, text[: at + 1] + text[text.index("\n", at + 1) + 1 :])
     line = text[: text.index("time  4.0000000E-02")].count("\n") + 1
-    assert f"line {line}: a level with displacements of 240 of 241 nodes: left out" in done.messages
+    assert f"line {line}: level ignored, displacements given for 240 of 241 nodes" in done.messages
     assert any("33 increments to p/E" in one for one in done.messages)
     none = re.sub(r"(displacements .* 4.0000000E-02\n\n)( \d+ \S+ \S+ 0\.\n)+", r"\1", text)
-    assert any("displacements of 0 of 241" in one for one in read(tmp_path, none).messages)
+    assert any("displacements given for 0 of 241" in one for one in read(tmp_path, none).messages)
 
 
 def test_read_calculix_contact__a_pressed_face_beyond_the_set_is_refused(tmp_path):
@@ -177,8 +177,10 @@ def test_read_calculix_contact__levels_that_did_not_converge_are_left_out(tmp_pa
 
 def test_read_calculix_contact__a_level_without_contact_print_is_left_out(tmp_path):
     text = dat_text(RUN) + "\n total force (fx,fy,fz) for set TOP and time  0.9E+01\n\n 0. 1. 0.\n"
-    assert any("no contact stress: left out" in line for line in read(tmp_path, text).messages)
-    with pytest.raises(InputError, match="no level with contact stress and a total force of TOP"):
+    assert any(
+        "level ignored, contact stress missing" in line for line in read(tmp_path, text).messages
+    )
+    with pytest.raises(InputError, match="no level with contact stress, a total force of TOP"):
         read(tmp_path, dat_text(RUN, pressed=False))
 
 

@@ -163,8 +163,8 @@ def test_read_series__appended_data_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("paths", "loads", "message"),
     [
-        (1, None, r"1 \.vtu with no loads; expected several, each one state"),
-        (1, [0.1], r"1 \.vtu with 1 loads; expected several"),
+        (1, None, r"1 \.vtu with no loads; expected two or more"),
+        (1, [0.1], r"1 \.vtu with 1 loads; expected two or more"),
         (2, None, r"2 \.vtu with no loads"),
         (2, [0.1], r"2 \.vtu with 1 loads"),
         (2, [0.1, np.nan], "loads .* expected finite numbers"),

@@ -415,7 +415,7 @@ def saving(self, walk):
 Checkpoint.save = saving
 """
     done = compared(here, before=gone)
-    done.refused(1, f"{here}/out: its folder {here}/.out.partial is gone; leave it alone")
+    done.refused(1, f"{here}/out: the working folder {here}/.out.partial was removed")
     assert {path.name for path in here.iterdir()} == {"few.csv"}
     return "exit 1, its folder is gone"
 
@@ -522,7 +522,7 @@ def damaged_chain(folder):
             )
     for message in told:
         assert message.startswith(f"{path}: not a readable chain file (")
-        assert message.endswith("; remove it, and --resume makes it anew")
+        assert message.endswith("; remove it and use --resume to compute it again")
         assert "\n" not in message
     here = place(folder, "resumed")
     (here / ".out.partial").mkdir()
@@ -530,7 +530,7 @@ def damaged_chain(folder):
     flipped[len(content) // 2] ^= 1
     (here / ".out.partial" / "chains-modified.h5").write_bytes(bytes(flipped))
     done = compared(here, options="resume=True")
-    done.refused(2, "chains-modified.h5", "its numbers are not those that were written", "remove")
+    done.refused(2, "chains-modified.h5", "checksum mismatch", "remove")
     (here / ".out.partial" / "chains-modified.h5").unlink()
     assert compared(here, options="resume=True").code == 0
     assert run_contents(here / "out") == undisturbed()
@@ -628,9 +628,9 @@ def killed_worker(folder):
             message = refused(
                 lambda: weighed(pool),
                 ComputationError,
-                "evidence of classic, texture: 3 worker processes died on it",
+                "evidence of classic, texture: 3 worker processes died on this task",
                 "signal 9",
-                "expected enough memory",
+                "they may need more memory",
             )
     finally:
         error_models._evaluate = evaluate

@@ -610,7 +610,9 @@ def deep(folder):
         given = Given(map=(str(path),))
         call = functools.partial(import_files, [table], given)
         seen.append(refused(call, InputError, "deep.toml"))
-    with pytest.raises(InputError, match="a = what is too deep or too long: unknown key"):
+    with pytest.raises(
+        InputError, match="a = a value that is too deeply nested or too long: unknown key"
+    ):
         rb.Scene.from_toml(path)
     for text in (brackets, '{"forms": ' + digits + "}"):
         run = put(folder / f"run{len(seen)}", **{"run.json": text.encode()})

@@ -378,7 +378,7 @@ def prior_and_rows_of_two_modes():
     fit = rb.calibrate(rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=settings)
     assert not fit.converged
     said = next(line for line in fit.convergence_failures if line.startswith("several modes"))
-    told = float(said.split("ln evidence of ")[1].split()[0])
+    told = float(said.split("ln evidence is ")[1].split()[0])
     assert abs(told - odds) < 0.2
     assert not any(evidence.ok for evidence in evidences(fit))
     return f"{said} (by the sum {odds:+.1f})"

@@ -204,7 +204,7 @@ def test_one_form_that_did_not_converge_says_so_in_red(single):
     assert [attrs for attrs in page.all("div") if attrs.get("class") == "banner"]
     assert "This comparison is not complete." in page.text
     assert single.fits["modified"].convergence_failures[0] in page.text
-    assert "there is nothing to compare it with" in page.text
+    assert "was fitted, so there is no comparison" in page.text
     assert "did not converge" in page.text
     assert "NOT COMPLETE" in render_report(single, ".md")
 

@@ -108,7 +108,7 @@ def test_lost_worker__three_times_is_an_error_that_says_how(pool):
     error = pool.submit(os._exit, 7).exception()
     assert isinstance(error, WorkerLostError)
     assert str(error).startswith(
-        "3 worker processes died on it, the last with exit code 7; expected"
+        "3 worker processes died on this task, the last with exit code 7; they"
     )
     assert pool.submit(abs, -1).result() == 1
 

@@ -10,7 +10,7 @@ from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.scene.effects import plan_table
+from ridgebayes.scene.effects import plan_label, plan_table
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.generation import generate
@@ -86,6 +86,11 @@ def test_plan_table__has_exactly_these_columns_and_a_row_an_effect():
     assert table["texture"].isin(generate(Scene(textures=textures)).frame["texture"]).all()
     assert table["reason"].str.len().gt(0).all()
     assert list(plan_table([]).columns) == list(table.columns)
+
+
+def test_plan_label__writes_whole_numbers_as_tables_do():
+    assert plan_label(Texture(a_over_R=1.0, b_over_R=2.0)) == "a1_b2"
+    assert plan_label(Texture(a_over_R=1.0, b_over_R=0.5, offset=0.25)) == "a1_b0.5_offset0.25"
 
 
 def test_plan_table__is_the_same_twice():

@@ -82,7 +82,7 @@ def test_contact_at_loads__refuse_bad_input():
             contact_at_loads(scene_with(), loads)
     with pytest.raises(InputError, match="expected auto or half-plane"):
         contact_at_loads(scene_with(), [0.01], solver="hertz")
-    with pytest.raises(InputError, match="offset = 'uniform'; expected a number"):
+    with pytest.raises(InputError, match="offset: expected a number, got 'uniform'"):
         ridge_forces(scene_with(offset="uniform"), [0.01])
 
 

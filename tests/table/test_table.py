@@ -305,7 +305,7 @@ CELL = {
     "status nearly ok": (
         HEADER + ",status",
         "0.01,0.01,4,0.001, OK",
-        "row 1 (line 2): status = ' OK': must be 'ok' exactly, or say what failed",
+        "row 1 (line 2): status = ' OK': expected exactly 'ok', or a description of the failure",
     ),
     "label on two textures": (
         HEADER + ",texture",

@@ -172,8 +172,8 @@ def _neglected_effects(
         return []
     each = [scene.model_copy(update={"textures": (texture,)}) for texture in scene.textures]
     return [
-        f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}: {effect.name} left out, "
-        f"about {effect.estimate:.1e} of a load; {scene.relative:g} was asked for"
+        f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}: {effect.name} not "
+        f"simulated: estimated load change {effect.estimate:.1e}, accuracy {scene.relative:g}"
         for one in map_ordered(_first_plan, each, executor)
         for effect in one.left_out
     ]

@@ -32,9 +32,10 @@ def command(
         if scene is not None or out is None:
             raise InputError("--verify: expected -o, a folder to create, and no scene")
         found = plan_check_job(out, n=scenes, seed=seed, force=force)
-        print(f"{out}: {int(found['honest'].sum())} of {len(found)} estimates are honest")
+        print(f"{out}: {int(found['honest'].sum())} of {len(found)} estimates are reliable")
         if not found["honest"].all():
-            raise ComputationError(f"{int((~found['honest']).sum())} are not, see {out}/report.md")
+            n = int((~found["honest"]).sum())
+            raise ComputationError(f"{n} estimates are not reliable; see {out}/report.md")
         return
     if scene is None:
         raise InputError("SCENE: missing; expected a scene file, or --verify")
@@ -123,16 +124,16 @@ def _report(found: pd.DataFrame) -> str:
     within = neglected["true_change"] <= neglected["relative"]
     shown = ["scene", "effect", "number", "estimate", "true_change", "relative", "simulated"]
     lines = [
-        "# Are the estimates honest?",
+        "# Check of the estimates",
         "",
-        f"{found['scene'].nunique()} scenes spread by a Sobol sequence; each effect of each was "
-        "switched over alone, all else as planned, and the true change of the transition loads "
+        f"{found['scene'].nunique()} scenes spread by a Sobol sequence; each effect was toggled "
+        "on its own, with the rest as planned, and the true change of the transition loads "
         "compared with the estimate and with the accuracy that the scene wants.",
         "",
         f"- {int(within.sum())} of {len(neglected)} neglected effects change loads by no more "
         "than the accuracy wanted.",
-        f"- {int(found['honest'].sum())} of {len(found)} estimates are honest: not exceeded where "
-        "it matters, and at most ten times too large.",
+        f"- {int(found['honest'].sum())} of {len(found)} estimates are reliable: not below the "
+        "true change where it matters, and at most ten times above it.",
         "",
         "![Estimates against true changes](plan-check.png)",
         "",

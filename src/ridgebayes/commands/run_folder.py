@@ -91,7 +91,7 @@ def _fill(path: Path, resume: bool) -> Iterator[Path]:
     except (RidgebayesError, OSError) as error:
         if not partial.is_dir():
             raise OutputError(
-                f"{path}: its folder {partial} is gone; leave it alone until the end"
+                f"{path}: the working folder {partial} was removed during the run"
             ) from None
         if isinstance(error, InputError):
             if not resumed:

@@ -117,7 +117,7 @@ def read_abaqus_dat(
             messages.append(f"line {one.line}: a perturbation step: left out")
         elif rim is None or driven is None:
             what = f"U1 and U2 of {surface}" if rim is None else f"RF2 of {reaction}"
-            messages.append(f"line {one.line}: an increment without {what}: left out")
+            messages.append(f"line {one.line}: increment ignored, {what} missing")
         elif short := _short(rim, asked) or _short(driven, asked):
             messages.append(f"line {one.line}: {short}: left out")
         else:

@@ -111,7 +111,7 @@ def read_abaqus_rpt(
             if missing := set(nodes) - rim.rows.keys():
                 lack = f"{len(missing)} nodes missing"
         if rim is None or forces is None or lack:
-            messages.append(f"{one.name}, line {one.line}: {lack or also}: left out")
+            messages.append(f"{one.name}, line {one.line}: frame ignored, {lack or also}")
         else:
             kept.append((one, rim, _force(forces, driven.nodes_of(forces))))
     if not kept:
@@ -282,7 +282,7 @@ class _Region:
         if not some:
             cut = [one for one in frame.tables if one.has(*columns) and not one.whole]
             what = ", ".join(columns) + (f" of {self._name}" if self._name else "")
-            return None, f"{what} is cut off" if cut else f"no {what}"
+            return None, f"{what} is cut off" if cut else f"{what} missing"
         regions = sorted({one.region for one in some})
         if len(regions) > 1:
             raise some[-1].line.error(

@@ -146,15 +146,15 @@ def whole_levels(
     for one in levels:
         n = sum(node in (one.moved or {}) for node in run.nodes)
         if one.force is None:
-            lacks = "no total force"
+            lack = "total force missing"
         elif contact and one.faces is None:
-            lacks = "no contact stress"
+            lack = "contact stress missing"
         elif n < len(run.nodes) and not (contact and one.moved is None):
-            lacks = f"displacements of {n} of {len(run.nodes)} nodes"
+            lack = f"displacements given for {n} of {len(run.nodes)} nodes"
         else:
             whole.append(one)
             continue
-        messages.append(f"line {one.line}: a level with {lacks}: left out")
+        messages.append(f"line {one.line}: level ignored, {lack}")
     return whole, messages
 
 

@@ -62,9 +62,9 @@ def read_calculix_contact(
     levels, messages = whole_levels(path, run, sta, contact=True)
     if not levels:
         raise InputError(
-            f"{path}: no level with contact stress and a total force of {reaction}, and "
-            f"displacements of {surface} whole or not printed; expected *CONTACT PRINT of CSTR and "
-            "*NODE PRINT of RF, TOTALS=ONLY"
+            f"{path}: no level with contact stress, a total force of {reaction} and usable "
+            f"displacements; expected displacements of all of {surface}, or none, "
+            "*CONTACT PRINT of CSTR and *NODE PRINT of RF, TOTALS=ONLY"
         )
     rim = CylinderSurface.of(run.undeformed, str(deck), R=body.R, symmetry=body.symmetry)
     faces = [_intervals(one, run, float(rim.centre[0]), path) for one in levels]

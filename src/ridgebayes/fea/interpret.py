@@ -64,9 +64,7 @@ class ColumnInterpreter:
         clash = [name for name in left if name in NAMES]
         frame = self._framed(found)
         self._summarize()
-        messages = [
-            f"left out: column {name!r}, which the mapping gives otherwise" for name in clash
-        ]
+        messages = [f"column {name!r} ignored: the mapping uses another column" for name in clash]
         if own:
             messages.append(f"kept as they are: {listed(own)}")
         return frame.assign(**{n: self.cells.frame[n] for n in own}), self.cells.lines, messages
@@ -296,8 +294,8 @@ class ColumnInterpreter:
         ways = {"a_over_R": "a", "b_over_R": "b", "p_over_E": "p, line, load"}.get(key)
         there = ", ".join(map(repr, list(self.cells.frame)[:50]))
         raise self._error(
-            f"no column is {key}{f' (or {ways})' if ways else ''}; the columns are {there}; use "
-            f"--map '{key}=header' for one that means it"
+            f"no column {key}{f' (or {ways})' if ways else ''}; the columns are {there}; name it "
+            f"with --map '{key}=header'"
         )
 
     def _error(self, message: str) -> InputError:
@@ -306,11 +304,11 @@ class ColumnInterpreter:
     def _summarize(self) -> None:
         plain = [use.header for use in self.used if use.header in NAMES and use.key == use.header]
         if plain:
-            self.messages.insert(0, f"as their names say: {', '.join(plain)}")
+            self.messages.insert(0, f"recognised by name: {', '.join(plain)}")
         if everywhere_or_nowhere(self._dimensional.values(), self.where):
-            self.messages.append("units: on all, converted exactly")
+            self.messages.append("all units converted")
         elif self._dimensional:
-            self.messages.append("units: on none, taken as one consistent system")
+            self.messages.append("no units given; one consistent system assumed")
         loads = [use for use in self.used if use.key == "p_over_E" and use.header != "p_over_E"]
         bare = [use for use in loads if "p_over_E" not in use.header and use.how == "named"]
         if bare and ("E" in self._values or self._use("E", None) is not None):
@@ -320,7 +318,7 @@ class ColumnInterpreter:
             )
         given = set(self._values) - self._used_values
         if given:
-            self.messages.append(f"not needed: {', '.join(sorted(given))}")
+            self.messages.append(f"values given but not used: {', '.join(sorted(given))}")
 
     def _left(self) -> list[str]:
         """Return the columns that are nothing of the contract."""

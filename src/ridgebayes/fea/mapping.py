@@ -348,9 +348,9 @@ def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
             number = isinstance(value, int | float) and not isinstance(value, bool)
             text = value if isinstance(value, str) else _text(value)
             if not (isinstance(value, str) or (number and text and name == "values")):
+                shown = text[:_SHOWN] or "a text that is too long"
                 raise InputError(
-                    f"{path}: [{name}] {key[:_SHOWN]} = {text[:_SHOWN] or 'what is too long'}: "
-                    "expected text in quotes"
+                    f"{path}: [{name}] {key[:_SHOWN]} = {shown}: expected text in quotes"
                 )
             tables[name][key] = text
     return tables["columns"], tables["values"]

@@ -168,7 +168,7 @@ def recognise(path: Path) -> str:
 def _check_given(name: str, given: Given) -> None:
     for option in (*_OF_TABLES, *_OF_BODIES, *_OF_RUNS, *_OF_SERIES):
         if getattr(given, option) not in (None, ()) and option not in _ALLOWED[name]:
-            raise InputError(f"--{option}: not for format {name}; leave it out")
+            raise InputError(f"--{option}: not used by format {name}; remove it")
 
 
 def _read(name: str, paths: Sequence[Path], given: Given, *, brackets: bool) -> Imported:

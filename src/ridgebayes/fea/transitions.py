@@ -21,8 +21,7 @@ _CLOSED = (
     *("stick", "sticking", "slip", "slipping", "sliding"),
 )
 STATUS_RULE = (
-    "expected open or 0, closed or 1, or an empty cell (codes of contact programs beyond 0 and 1 "
-    "have to be told apart before)"
+    "expected open or 0, closed or 1, or an empty cell (convert other status codes to 0 or 1 first)"
 )
 
 
@@ -118,7 +117,7 @@ def transitions_of(
         if rows and row["p_over_E"] <= rows[-1]["p_over_E"]:
             # One increment went over two corners: its load is known for the first alone.
             messages.append(
-                f"Q = {Q[j]}: reached in the increment of Q = {rows[-1]['Q']}: left out"
+                f"Q = {Q[j]} left out: reached in the same increment as Q = {rows[-1]['Q']}"
             )
             continue
         rows.append(row)
@@ -144,7 +143,7 @@ def _rising(load: FloatArray) -> tuple[IntArray, list[str]]:
     if n := int(repeated.sum()):
         messages.append(f"{n} increments repeat a load: left out")
     if n := int((finite & (load < before)).sum()):
-        messages.append(f"{n} increments unload, or were cut back: left out")
+        messages.append(f"{n} increments ignored: the load decreases or was cut back")
     return np.flatnonzero(keep), messages
 
 

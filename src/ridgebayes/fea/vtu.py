@@ -54,8 +54,8 @@ def read_vtus(paths: Sequence[Path], field: str, loads: Sequence[float] | None) 
     if len(paths) < 2 or loads is None or len(loads) != len(paths):
         given = "no" if loads is None else f"{len(loads)}"
         raise InputError(
-            f"{paths[0]}: {len(paths)} .vtu with {given} loads; expected several, each one state, "
-            "and a load for each; or an .xdmf series"
+            f"{paths[0]}: {len(paths)} .vtu with {given} loads; expected two or more .vtu "
+            "files with one load each, or one .xdmf series"
         )
     for path, load in zip(paths, loads, strict=True):
         if not 0 <= load <= HUGE:
@@ -151,7 +151,7 @@ class _Vtu(MeshXml):
                     f"a block of {len(part)} bytes or more; expected {most}, as stated"
                 )
             if not unpack.eof:  # else its checksum was not seen
-                raise self.error("a block of data is cut short; expected whole ones")
+                raise self.error("truncated data block")
             parts.append(part)
             at += one
         return b"".join(parts)

@@ -125,13 +125,13 @@ class Checkpoint:
                 fingerprint, digest = file.attrs["fingerprint"], file.attrs["sha256"]
                 arrays = {name: file[name][()] for name in (*_ARRAYS, *_RANDOM)}
             if digest != _digest(fingerprint, arrays):
-                raise ValueError("its numbers are not those that were written")
+                raise ValueError("checksum mismatch")
             before = json.loads(fingerprint)
         # Damage turns up as errors of many kinds.
         except Exception as error:
             raise InputError(
-                f"{self.path}: not a readable chain file ({one_line_message(error)}); remove it, "
-                "and --resume makes it anew"
+                f"{self.path}: not a readable chain file ({one_line_message(error)}); remove it "
+                "and use --resume to compute it again"
             ) from None
         keys, rest = (arrays.pop(name) for name in _RANDOM)
         changed = [

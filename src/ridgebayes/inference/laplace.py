@@ -237,9 +237,8 @@ def several_modes(model: Model, laplace: Laplace) -> tuple[str, ...]:
             values = zip(model.parameter_names, model.to_theta(other.mode), strict=True)
             where = ", ".join(f"{name} = {value:.6g}" for name, value in values)
             return (
-                f"several modes: one that no draw comes near, at {where}, has a ln evidence of "
-                f"{ahead:+.1f} relative to this one; give priors that leave one mode, or "
-                "coefficients of which there is one value only",
+                f"several modes: the draws miss one at {where}, whose ln evidence is {ahead:+.1f} "
+                "relative to this one; use priors or a form with a single mode",
             )
     return ()
 

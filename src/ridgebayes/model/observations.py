@@ -121,7 +121,7 @@ def _refuse_offsets(table: ContactTable) -> None:
         more = f" and {len(rows) - 1} more rows" if len(rows) > 1 else ""
         raise InputError(
             f"{table.where}, row {rows[0] + 1}{more}: offset_over_R: expected 0, got {value!r}; "
-            "this version fits centred bodies"
+            "this version fits only centred bodies"
         )
 
 

@@ -69,7 +69,7 @@ def _headline(data: ReportData) -> str:
         return "No form got a usable evidence."
     best, second = form_name(data.best), data.second
     if second is None:
-        return f"Only {best} was weighed: there is nothing to compare it with."
+        return f"Only {best} was fitted, so there is no comparison."
     if second.reading.startswith("undecided"):
         return f"The evidence does not decide between {best} and {form_name(second.form)}."
     return f"{best} is the form the evidence supports."

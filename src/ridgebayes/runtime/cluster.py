@@ -115,19 +115,21 @@ def _pass_on(inner: "Future[Any]", outer: "Future[Any]") -> None:
     if not outer.set_running_or_notify_cancel():
         return
     if inner.cancelled():  # by Dask: the one who waits would have cancelled the outer one
-        outer.set_exception(WorkerLostError("the Dask scheduler dropped it, or is gone"))
+        outer.set_exception(
+            WorkerLostError("the Dask scheduler cancelled the task or is unreachable")
+        )
         return
     error = inner.exception()
     if isinstance(error, KilledWorker):
         error = WorkerLostError(
-            f"{error.allowed_failures + 1} workers of the cluster died on it; "
-            "expected enough memory for each worker"
+            f"this task ended {error.allowed_failures + 1} workers of the cluster; "
+            "they may need more memory"
         )
     # Dask's scheduler reads a task as well, and wraps what it lacks in an error of its own.
     lacking = error if error is None or isinstance(error, ImportError) else error.__cause__
     if isinstance(lacking, ImportError):
         error = InputError(
-            f"--scheduler: the cluster lacks what it is to compute with ({lacking}); expected the "
+            f"--scheduler: a package is missing on the cluster ({lacking}); expected the "
             "same ridgebayes on its scheduler and on all its workers"
         )
     if error is None:

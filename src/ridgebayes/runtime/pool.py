@@ -115,8 +115,8 @@ class WorkerPool(Executor):
                 worker.shutdown()
                 code = process.exitcode
         raise WorkerLostError(
-            f"{_TRIES} worker processes died on it, the last with {_exit(code)}; "
-            "expected enough memory for each worker"
+            f"{_TRIES} worker processes died on this task, the last with {_exit(code)}; "
+            "they may need more memory"
         )
 
 

@@ -7,6 +7,7 @@ import pandas as pd
 
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.scene.scene import Texture
+from ridgebayes.table.rules import texture_label
 
 PLAN_COLUMNS = [
     "effect",
@@ -109,11 +110,6 @@ def plan_label(texture: Texture) -> str:
     """Return the label of a plan's texture: with its offset, if it has one."""
     label = texture_label(texture.a_over_R, texture.b_over_R)
     return f"{label}_offset{texture.offset}" if texture.offset else label
-
-
-def texture_label(a: float, b: float) -> str:
-    """Return the label that a contact table gives a texture."""
-    return f"a{a!r}_b{b!r}"
 
 
 def full_profile(texture: Texture) -> Profile:

@@ -78,8 +78,8 @@ def plan(scene: Scene) -> list[Plan]:
 def _too_narrow(texture: Texture, status: str) -> InputError:
     return InputError(
         f"textures: a/R = {texture.a_over_R!r}, b/R = {texture.b_over_R!r}: {status}; "
-        "expected one the half-plane's equation can be solved for, or no accuracy and no effect "
-        "given"
+        "expected a texture that the half-plane equation can solve, or a scene without `accuracy` "
+        "and effects"
     )
 
 
@@ -240,8 +240,8 @@ def _ridges(base: _Base) -> Effect:
 
 def _partial_contact(base: _Base) -> Effect:
     reason = (
-        "contact half-width over pitch; at a transition every ridge within is fully covered, so "
-        "that loads of transitions do not depend on it; counts at a load and pressures have it"
+        "contact half-width over pitch; at a transition all touched ridges are fully covered, so "
+        "transition loads do not depend on it; counts at a load and pressures include it"
     )
     number = base.half_width / base.sharp.pitch
     return Effect("partial contact", number, 0.0, False, reason, base.cost(3, len(base.W), 10))
@@ -315,9 +315,9 @@ def _by_finite_elements(
     if estimate <= wanted:
         return Effect(name, number, estimate, False, f"{reason}within the wanted {wanted:g}", cost)
     if estimate <= FINITE_ELEMENT_ERROR:
-        reason += f"less than the {FINITE_ELEMENT_ERROR:g} that finite elements may be off"
+        reason += f"below the error {FINITE_ELEMENT_ERROR:g} of finite elements"
     elif not asked and name == BY_FINITE_ELEMENTS[0]:
-        reason += "a scene without a wanted accuracy is computed on a half-plane"
+        reason += "a scene without a stated accuracy uses the half-plane"
     else:
         reason += f"above the wanted {wanted:g}: finite elements"
         return Effect(name, number, estimate, True, reason, cost)
@@ -341,5 +341,5 @@ def _not_modelled() -> Iterator[Effect]:
         ("compliance of the ridges", "the body's modulus over the ridges'"),
         ("third dimension", "2 R over the cylinder's length"),
     ):
-        reason = f"{number}; not modelled, and a scene does not give it"
+        reason = f"{number}; not modelled; scenes have no input for it"
         yield Effect(name, math.nan, math.nan, False, reason, math.nan)

@@ -77,5 +77,5 @@ def _shown(value: object) -> str:
         text = repr(value)
     # Thousands of tables in each other, or an integer of thousands of digits.
     except (RecursionError, ValueError):
-        return "what is too deep or too long"
+        return "a value that is too deeply nested or too long"
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."

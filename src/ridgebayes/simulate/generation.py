@@ -114,7 +114,7 @@ def generate(
         raise InputError(f"solver = {solver!r}: must be one of {', '.join(SOLVERS)}")
     wanted = LoadPreset.named(accuracy)
     if pressed is not None and (executor is not None or journal is not None):
-        raise InputError("pressed: given with executor or journal; expected neither")
+        raise InputError("pressed: cannot be combined with executor or journal")
     if rel_tol is None:
         rel_tol = min(wanted.load_error, scene.relative or wanted.load_error)
     refused = _not_by(solver, scene) if solver in ("hertz", "cylinder-linear") else []

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 from ridgebayes.contact.contact_solution import ContactSolution, load_factor, solve_many_contacts
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
-from ridgebayes.scene.effects import full_profile, texture_label
+from ridgebayes.scene.effects import full_profile
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene
 from ridgebayes.table.columns import LARGEST_LOAD
+from ridgebayes.table.rules import texture_label
 
 RESPONSE_COLUMNS = [
     "texture",
@@ -149,7 +150,9 @@ def ridge_forces(
     ([0], [0.5])
     """
     if any(texture.offset == "uniform" for texture in scene.textures):
-        raise InputError("offset = 'uniform'; expected a number: ridges differ from place to place")
+        raise InputError(
+            "offset: expected a number, got 'uniform' (ridge forces depend on the offset)"
+        )
     rows = []
     for label, load, (found,) in _solved(scene, p_over_E, solver, rel_tol):
         intervals, profile = found.pressing.intervals, found.profile

@@ -126,7 +126,7 @@ def _check_cells(typed: dict[str, Any], empty: dict[str, BoolArray], found: Find
     ok = (status == OK).to_numpy()
     # " OK" is not `ok`: it would quietly leave the row out of every fit.
     nearly = status.str.strip().str.lower().eq(OK).to_numpy() & ~ok
-    found.add(nearly, "status", "must be 'ok' exactly, or say what failed")
+    found.add(nearly, "status", "expected exactly 'ok', or a description of the failure")
 
     Q, count = typed["Q"], (kind == COUNT).to_numpy()
     centred = (typed["offset_over_R"] == 0) & found.sound("offset_over_R")
