@@ -25,6 +25,46 @@ hypothesis.settings.register_profile("steady", deadline=None, derandomize=True, 
 hypothesis.settings.load_profile("steady")
 
 
+# What `make fast` leaves out. Whole folders whose tests run commands, refit or draw reports; tests
+# that ask for sampled fits; and modules whose tests start processes.
+SLOW_FOLDERS = {
+    "__init__.py",
+    "checks",
+    "commands",
+    "comparison",
+    "evidence",
+    "hard_cases",
+    "report",
+    "results.py",
+    "test_notebooks.py",
+    "test_readme.py",
+    "test_results.py",
+    "validation",
+}
+SLOW_FIXTURES = {"fits", "fe_fits", "comparison", "reference", "comparisons"}
+PROCESS_MODULES = {
+    "tests/runtime/test_atomic.py",
+    "tests/runtime/test_cluster.py",
+    "tests/runtime/test_pool.py",
+    "tests/runtime/test_randomness.py",
+    "tests/test_package.py",
+}
+
+
+def pytest_collection_modifyitems(items):
+    """Mark tests by where they stand and what they ask for; others carry their marks themselves."""
+    for item in items:
+        path = item.path.relative_to(item.config.rootpath)
+        # tests/ROOM/... and tests/test_README.py, or the examples in src/ridgebayes/ROOM/...
+        place = path.parts[1] if path.parts[0] == "tests" else path.parts[2]
+        if place in SLOW_FOLDERS:
+            item.add_marker(pytest.mark.slow)
+        if SLOW_FIXTURES & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.slow)
+        if path.as_posix() in PROCESS_MODULES:
+            item.add_marker(pytest.mark.process)
+
+
 class Affine:
     """Whitened coordinates u = mode + factor z: the plainest ones a density can be given."""
 

@@ -18,7 +18,10 @@ from ridgebayes.simulate.generation import generate
 SOLVER = shutil.which("ccx") or shutil.which("ccx_2.20")
 if SOLVER is None and os.environ.get("RIDGEBAYES_NEEDS_CCX"):
     raise RuntimeError("no ccx on the path, and RIDGEBAYES_NEEDS_CCX asks for it")
-pytestmark = pytest.mark.skipif(SOLVER is None, reason="CalculiX (ccx) is not installed")
+pytestmark = [
+    pytest.mark.ccx,
+    pytest.mark.skipif(SOLVER is None, reason="CalculiX (ccx) is not installed"),
+]
 
 A, B, NU = 0.06, 0.03, 0.49
 
