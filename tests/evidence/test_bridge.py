@@ -55,6 +55,20 @@ def test_bridge_evidence__of_exact_draws_errs_as_its_standard_error_says(repeats
     assert abs(np.mean(z)) < 0.52
 
 
+@pytest.mark.parametrize("still", [0.0, 0.1, 1 / 3, 1e3])
+def test_bridge_evidence__of_draws_that_do_not_move_has_no_value_on_any_machine(still, affine):
+    draws = skewed_draws(1)
+    draws[..., 1] = still  # rounding gives it a variance of zero or of next to nothing
+    found = bridge_evidence(
+        skewed,
+        independent(skewed, draws),
+        affine(np.zeros(2), np.eye(2)),
+        rng=np.random.default_rng(1),
+    )
+    assert np.isnan(found.value)
+    assert found.status == "the draws of half of the ensembles do not move in every direction"
+
+
 def test_bridge_evidence__over_seeds_errs_as_its_standard_error_says(fits, laplaces):
     model, laplace = fits["hybrid"].model, laplaces["hybrid"]
     exact = quadrature_evidence(model.log_density, laplace).value

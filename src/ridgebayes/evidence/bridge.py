@@ -19,6 +19,7 @@ from ridgebayes.inference.laplace import Laplace
 from ridgebayes.inference.log_evidence import LogEvidence
 
 _BATCH = 1_024  # points whose densities are asked for at a time
+_ROUNDING = 100 * np.finfo(float).eps  # of a mean or covariance of up to 100,000 points, relative
 
 
 def bridge_evidence(
@@ -50,8 +51,9 @@ def bridge_evidence(
     Returns
     -------
     LogEvidence
-        Value and Monte Carlo standard error. The status is not ok where the iteration does not
-        converge, or the two halves disagree by more than five standard errors.
+        Value and Monte Carlo standard error. The status is not ok where the draws do not move in
+        every direction, the iteration does not converge, or the two halves disagree by more than
+        five standard errors.
 
     Notes
     -----
@@ -75,6 +77,9 @@ def bridge_evidence(
         (slice(half, None), slice(0, half)),
     ):
         proposal = _Normal.fitted(z[fitted].reshape(-1, n_parameter))
+        if proposal is None:
+            reason = "the draws of half of the ensembles do not move in every direction"
+            return LogEvidence("bridge", math.nan, math.nan, reason)
         candidates = proposal.rvs(rng, z[bridged][..., 0].size)
         batches = range(0, len(candidates), _BATCH)
         at_candidates = np.concatenate([log_target(candidates[i : i + _BATCH]) for i in batches])
@@ -103,8 +108,14 @@ class _Normal:
     root: FloatArray
 
     @classmethod
-    def fitted(cls, points: FloatArray) -> "_Normal":
+    def fitted(cls, points: FloatArray) -> "_Normal | None":
+        """Return the normal of the points' mean and covariance, None where that is singular."""
         covariance = np.atleast_2d(np.cov(points.T)).astype(float)
+        # Rounding gives equal points a variance or none, by the machine.
+        rounding = _ROUNDING * max(1.0, np.abs(points).max())
+        spread = np.linalg.eigvalsh(covariance)
+        if not spread[0] > max(rounding**2, _ROUNDING * spread[-1]):
+            return None
         return cls(points.mean(axis=0), np.linalg.cholesky(covariance))
 
     def rvs(self, rng: np.random.Generator, n: int) -> FloatArray:
