@@ -50,7 +50,9 @@ def test_ranking_and_runner_up(comparison, single):
     assert forms_by_probability(comparison) == ["hybrid", "modified", "power-law", "classic"]
     assert best_form(comparison) == "hybrid"
     second = runner_up(comparison)
-    assert (second.form, round(second.ln_bf, 2)) == ("modified", 4.52)
+    assert second.form == "modified"
+    # Monte Carlo: four standard errors; reference: four printed digits.
+    assert abs(second.ln_bf - 4.5241) < 4 * second.ln_bf_se + 5e-5
     assert runner_up(single) is None
     assert problems(comparison) == ()
     assert problems(single)
