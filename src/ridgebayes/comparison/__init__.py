@@ -1,8 +1,8 @@
 """Forms against each other on one table: Bayes factors, model probabilities, scores, bands.
 
 `compare` fits and compares; `comparison` has its record. `bayes_factors` and `scores` make their
-tables, `ranking` reads them for a page, `bands` predicts Q and loads from them as the files of a run
-hold them. The room knows fits and evidences, and neither draws nor writes.
+tables, `ranking` reads them for a page, `bands` predicts Q and loads as the files of a run hold
+them. The room knows fits and evidences, and neither draws nor writes.
 
 >>> import ridgebayes as rb
 >>> cmp = rb.compare(rb.paper_sweep(), [rb.Classic(), rb.Modified()], rng=1)
