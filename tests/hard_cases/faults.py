@@ -304,7 +304,9 @@ def disk_full(folder):
             place(here)
             limit = "" if is_small else LIMIT.format(size=size // 3)
             done = compared(here, before=limit)
-            message = done.refused(1, str(here), ": cannot be written: ", "; expected room in a")
+            message = done.refused(
+                1, str(here), ": cannot be written: ", "; expected a writable folder with room"
+            )
             assert not (here / "out").exists()
             left = {path.name for path in here.glob(".out.partial/*")}
             assert not any("partial" in name for name in left), left
@@ -327,7 +329,12 @@ def disk_full(folder):
         "Journal.keep = keeping\n"
     )
     done = ran(here, *SWEEP, before=full)
-    done.refused(1, ".t.csv.journal/", "cannot be written: File too large", "expected room")
+    done.refused(
+        1,
+        ".t.csv.journal/",
+        "cannot be written: File too large",
+        "expected a writable folder with room",
+    )
     assert "3 of 10 textures are in .t.csv.journal: continue with --resume" in done.err
     assert textures_done(here) == 3
     assert ran(here, *SWEEP, "--resume").code == 0
@@ -357,7 +364,9 @@ def disk_full_at_the_end(folder):
         (folder / name).write_text("old", encoding="utf-8")
         before = set(folder.iterdir())
         done = ran(folder, *words, name, before=LIMIT.format(size=300))
-        done.refused(1, f"{name}: cannot be written: File too large; expected room in a folder")
+        done.refused(
+            1, f"{name}: cannot be written: File too large; expected a writable folder with room"
+        )
         assert (folder / name).read_text(encoding="utf-8") == "old"
         assert set(folder.iterdir()) == before
     return "4 commands: exit 1, the old file stays"

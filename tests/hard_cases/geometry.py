@@ -138,7 +138,10 @@ def no_ridges_and_no_grooves():
     for a, b, name in ((0.0, 0.02, "a_over_R"), (0.02, 0.0, "b_over_R")):
         for form, theta in every_form():
             refused(
-                lambda f=form, t=theta, a=a, b=b: f.load(4, a, b, t), rb.InputError, f"{name}: 0.0"
+                lambda f=form, t=theta, a=a, b=b: f.load(4, a, b, t),
+                rb.InputError,
+                f"{name}: expected finite and > 0",
+                "got 0.0",
             )
         refused(lambda a=a, b=b: rb.Scene.of([(a, b)]), rb.InputError, f"{name} = 0.0")
         refused(lambda a=a, b=b: transition_loads(a, b, 1), rb.InputError, "width = 0.0")

@@ -175,7 +175,7 @@ def too_short():
     wrong += ("n_tau", math.nan), ("n_tau", -1.0), ("tau_change", math.inf), ("tau_change", 0.0)
     for name, value in wrong:
         make = functools.partial(rb.SampleSettings, **{name: value})
-        refused(make, rb.InputError, f"{name}: {value} given; rule:")
+        refused(make, rb.InputError, f"{name}: expected ", f"got {value}")
     for n in (1, 2, 5):
         fit = calibrated(rb.Modified(), settings=rb.SampleSettings(n_walker=8, n_step_max=n))
         assert not fit.converged

@@ -125,7 +125,7 @@ def test_smooth_cylinder__numbers_as_printed_and_both_ratios_agree() -> None:
 def test_readme__stands_alone_and_counts_right() -> None:
     text = data_path("fea/README.md").read_text(encoding="utf-8")
     for name, count in {"neo_hooke": 12, "small_strain": 34}.items():
-        stated = re.search(rf"`{name}\.csv` \| (\d+) transition loads", text)
+        stated = re.search(rf"`{name}\.csv` \| contact table: (\d+) transition loads", text)
         assert stated is not None
         assert int(stated.group(1)) == count == len(read_table(data_path(f"fea/{name}.csv")))
 
