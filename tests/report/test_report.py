@@ -64,6 +64,12 @@ def markdown(comparison, reference):
     return render_report(comparison, ".md", reference=reference)
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave figures out of pages whose words are looked at: drawing takes most of a report."""
+    monkeypatch.setattr(Gallery, "file", lambda self, name, kind: b"")
+
+
 def test_page_is_well_formed_and_self_contained(full, page):
     assert page.open == []
     assert not page.all("script")
@@ -166,6 +172,7 @@ def test_figures_of_a_comparison_read_back_are_the_same(odd, tmp_path):
         assert (name, back.file(name, "svg")) == (name, own.file(name, "svg"))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_labels_are_escaped_and_shown(odd):
     html, text = render_report(odd), render_report(odd, ".md")
     page = Page(html)
@@ -179,12 +186,14 @@ def test_labels_are_escaped_and_shown(odd):
     assert "&lt;script&gt;alert('\\$x\\$')&lt;/script&gt; &amp; \\| \\*" in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_file_name_is_shown_without_its_folder(odd):
     text = Page(render_report(odd)).text
     assert "<odd>.csv: 8 rows" in text
     assert "/home/me" not in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_rows_left_out_are_counted_aloud(odd):
     text = Page(render_report(odd)).text
     assert "5 rows of 1 texture fitted, 2 held out, 1 left out" in text
@@ -198,6 +207,7 @@ def test_markdown_tables_have_as_many_cells_in_every_row(markdown, odd):
             assert len(cells) == 1
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_one_form_that_did_not_converge_says_so_in_red(single):
     assert not single.complete
     page = Page(render_report(single))
@@ -209,6 +219,7 @@ def test_one_form_that_did_not_converge_says_so_in_red(single):
     assert "NOT COMPLETE" in render_report(single, ".md")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_failed_form_is_named_with_its_reason(failed):
     page = Page(render_report(failed))
     assert "classic: could not be fitted: no interior mode at <c> = 0" in page.text
@@ -221,6 +232,7 @@ def test_problems_of_the_reference_reach_the_banner(comparison, single):
     assert all(words.startswith("finite-element rows: ") for words in found)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_no_usable_evidence_is_said(single):
     evidence = single.evidence.assign(
         used=False, status="no overlap", model_probability=float("nan")
@@ -239,6 +251,7 @@ def test_undecided_is_the_headline_where_it_is(reference):
     assert found.headline == "The evidence does not decide between Modified and Hybrid."
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_study_is_shown_for_its_own_sweep_and_for_no_other_table(page, odd, reference):
     words = ("The study's claims", "Smooth cylinder against Hertz", "doi:10.1016")
     assert all(one in page.text for one in words)
@@ -254,6 +267,7 @@ def test_equal_rows_from_a_file_are_the_sweep(comparison):
     assert study_of(replace(comparison, table=fewer)) is None
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_tables_that_a_run_did_not_write_leave_their_sections_out(single):
     bare = replace(
         single,
@@ -267,12 +281,14 @@ def test_tables_that_a_run_did_not_write_leave_their_sections_out(single):
     assert "Prior sensitivity" not in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_disagreement_of_loo_with_the_bayes_factors_is_explained(comparison):
     loo = comparison.loo.assign(elpd=[90.0, 1.0, 2.0, 3.0])
     text = Page(render_report(replace(comparison, loo=loo))).text
     assert "Classic by score and Hybrid by weight for one more row" in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_left_out_scores_are_shown_and_read(comparison):
     scores = pd.DataFrame(
         [
