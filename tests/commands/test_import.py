@@ -122,7 +122,10 @@ def test_import__map_may_be_a_file(run):
         (("run.dat", "--deck", "run.inp", *RUN, "--sheet", "A", "-o", "t.csv"), ["--sheet: not"]),
         (("run.dat", "--deck", "run.inp", *RUN, "--symmetry", "x", "-o", "t.csv"), ["half or"]),
         (("run.dat", "mine.csv", "-o", "t.csv"), ["2 files of format calculix"]),
-        (("mine.csv", *MAP, "--deck", "run.inp", "-o", "t.csv"), ["--deck: not for format table"]),
+        (
+            ("mine.csv", *MAP, "--deck", "run.inp", "-o", "t.csv"),
+            ["--deck: not used by format table"],
+        ),
         (("mine.csv", *MAP, "--format", "ansys", "-o", "t.csv"), ["--format ansys", "calculix"]),
         (("mine.csv", *MAP), ["-o: missing", "--dry-run"]),
         (("run.inp", "-o", "t.csv"), ["its format is not recognised"]),

@@ -248,8 +248,9 @@ def test_several_modes__of_plain_rows_finds_the_mirror_image(observed):
     laplace = fit_laplace(model)
     (said,) = several_modes(model, laplace)
     c2, sigma = model.to_theta(laplace.mode)
-    assert "a ln evidence of +0.0 " in said.replace("-0.0", "+0.0")
-    place = dict(part.split(" = ") for part in said.split(" at ")[1].split(", has ")[0].split(", "))
+    assert "whose ln evidence is +0.0 " in said.replace("-0.0", "+0.0")
+    told = said.split(" at ")[1].split(", whose ")[0]
+    place = dict(part.split(" = ") for part in told.split(", "))
     # Tolerance: searches end within a hundredth of a posterior sd, which is a few per cent.
     assert float(place["c2"]) == pytest.approx(-c2, rel=1e-3)
     assert float(place["sigma"]) == pytest.approx(sigma, rel=1e-2)
