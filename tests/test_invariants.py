@@ -137,6 +137,7 @@ def test_half_plane_form__counts_what_it_loads_and_never_falls(texture, factor, 
     assert np.all(np.diff(HalfPlane().continuous_count(between, *texture, theta)) > 0)
 
 
+@pytest.mark.slow
 @given(rows(), noise, st.randoms(use_true_random=False), st.floats(0.9, 1.1))
 @settings(max_examples=60)
 def test_likelihood__does_not_depend_on_the_order_of_rows_and_textures(data, noise, random, factor):
@@ -147,6 +148,7 @@ def test_likelihood__does_not_depend_on_the_order_of_rows_and_textures(data, noi
     assert other == pytest.approx(one, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(rows(), st.sampled_from(["normal", "student"]), st.floats(0.9, 1.1), st.integers(2, 5))
 def test_likelihood__of_a_table_several_times_is_so_many_times_that_of_independent_rows(
     data, tail, factor, times
@@ -157,6 +159,7 @@ def test_likelihood__of_a_table_several_times_is_so_many_times_that_of_independe
     assert likelihood(again, noise, factor) == pytest.approx(times * one, rel=1e-11, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(rows(), noise, poisson, st.floats(0.9, 1.1))
 @settings(max_examples=60)
 def test_likelihood__of_loads_at_any_poissons_ratio_is_that_of_loads_reduced(
@@ -172,6 +175,7 @@ def test_likelihood__of_loads_at_any_poissons_ratio_is_that_of_loads_reduced(
     assert one == pytest.approx(other, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(scattered, st.randoms(use_true_random=False))
 @settings(max_examples=10)
 def test_evidence_and_mode__do_not_depend_on_the_order_of_rows(data, random):
@@ -187,6 +191,7 @@ def test_evidence_and_mode__do_not_depend_on_the_order_of_rows(data, random):
     assert found[0][1:] == pytest.approx(found[1][1:], abs=1e-4)
 
 
+@pytest.mark.slow
 @given(scattered, st.floats(0.5, 2))
 @settings(max_examples=10)
 def test_evidence__does_not_depend_on_the_unit_of_a_coefficient(data, unit):
@@ -199,6 +204,7 @@ def test_evidence__does_not_depend_on_the_unit_of_a_coefficient(data, unit):
     assert values[0] == pytest.approx(values[1], abs=1e-7)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-500, 500), min_size=6, max_size=6), st.permutations(range(3)))
 def test_bayes_factors__are_antisymmetric_and_transitive(values, order):
     """Of three forms under two error models, listed in one order and in another."""
@@ -235,6 +241,7 @@ def counted(draw):
 probability = st.sampled_from([0.0, 1e-15, 0.05, 0.5, 0.95, 1.0]) | st.floats(0, 1)
 
 
+@pytest.mark.slow
 @given(counted(), probability, st.integers(0, 9), st.booleans())
 def test_count_distribution__quantile_and_cdf_are_adjoint(q, prob, step, at_a_step):
     if at_a_step:  # just above P(Q <= n), where the next count begins
@@ -273,6 +280,7 @@ def loaded(draw):
 inner = st.floats(-200, -1).map(lambda power: 10**power) | st.floats(0.01, 0.99)
 
 
+@pytest.mark.slow
 @given(loaded(), inner)
 def test_load_distribution__cdf_inverts_quantile(load, prob):
     at = float(load.quantile(prob))
@@ -287,12 +295,14 @@ def test_load_distribution__cdf_inverts_quantile(load, prob):
         assert high >= prob * (1 - 1e-9)
 
 
+@pytest.mark.slow
 @given(loaded(), inner, inner)
 def test_load_distribution__quantiles_rise(load, one, other):
     low, high = (float(load.quantile(prob)) for prob in sorted([one, other]))
     assert low <= high * (1 + 1e-9)
 
 
+@pytest.mark.slow
 @given(loaded(), loaded(), st.floats(0.01, 0.99), st.floats(0.05, 0.95))
 def test_mixed_loads__have_quantiles_between_those_of_their_parts(one, other, weight, prob):
     mixed = float(mix_loads([one, other], [weight, 1 - weight]).quantile(prob))

@@ -187,6 +187,7 @@ def test_pressed__a_rounded_ridge_has_the_closed_load_of_its_width(share, W):
     assert load == pytest.approx(W, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_pressed__is_what_a_grid_converges_to(shape):
     profile, W = Profile(A, B, **shape), 5e-3
@@ -265,6 +266,7 @@ def robin_constant(found):
     return float(np.linalg.solve(matrix, np.append(np.zeros(n * m), 1.0))[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [{}, {"corner": 1e-3, "depth": 5e-4}])
 @pytest.mark.parametrize("offset", [0.1, 0.37, 0.5])
 def test_pressed__the_mirrored_offset_is_the_mirror_image(shape, offset):
@@ -311,6 +313,7 @@ def test_pressed__scales_with_the_length(shape, scale):
     assert other.approach == pytest.approx(shifted, rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_pressed__contact_only_grows_with_the_load(shape):
     """Exact: the charge that a load adds to a fixed set is positive everywhere."""
@@ -340,6 +343,7 @@ def test_pressed__contact_only_grows_with_the_load(shape):
             assert ends[land][1] >= high - 1e-5 * (high - low)
 
 
+@pytest.mark.slow
 def test_pressed__small_corners_tend_to_sharp_ones():
     sharp = solve_contact(Profile(A, B, offset=0.2), 5e-3)
     misses = []
@@ -382,6 +386,7 @@ def test_pressed__very_shallow_grooves_are_no_grooves():
     assert found.pressing.intervals.right[-1] == pytest.approx(w, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_pressed__a_start_nearby_changes_the_work_not_the_answer(shape):
     plain = press_on(3e-3, **shape)
@@ -442,6 +447,7 @@ def profile_of(pitch, share, offset, depth, corner):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(
     pitch=st.floats(0.01, 0.2),
@@ -466,6 +472,7 @@ def test_pressed__ok_is_no_penetration_no_tension_and_balance(
     assert worst_penetration(found) < max(20 * rel_tol * W, 1e-14)
 
 
+@pytest.mark.slow
 def test_pressed__is_ok_for_almost_every_ordinary_profile():
     rng = np.random.default_rng(5)
     status = []

@@ -9,6 +9,7 @@ from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.homogenised import beyond, edge_constants
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.02, 0.12, 0.286, 0.5, 0.76, 0.95])
 @pytest.mark.parametrize("n", [4, 16, 64])
 def test_beyond__errs_by_less_than_it_says_and_not_by_far_less(share, n):

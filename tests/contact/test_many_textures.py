@@ -6,6 +6,7 @@ from ridgebayes.contact.many_textures import load_function
 from ridgebayes.errors import InputError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("low", "high", "rel_tol"), [(0.1, 10.0, 1e-7), (1e-3, 50.0, 1e-5)])
 def test_load_function__is_the_solver_between_its_nodes(low, high, rel_tol):
     loads = load_function(low, high, 6, rel_tol=rel_tol)

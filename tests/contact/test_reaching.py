@@ -101,6 +101,7 @@ def test_reaching_loads__the_root_adds_nothing_to_the_error_of_the_contact(rel_t
     assert np.all(np.abs(found.W / W - 1) < 2e-3 * rel_tol)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [0.1, 0.44])
 @pytest.mark.parametrize("corner", [0.0, 1e-3])
 def test_reaching_loads__of_mirrored_offsets_are_the_same(offset, corner):
@@ -116,6 +117,7 @@ def test_reaching_loads__of_mirrored_offsets_are_the_same(offset, corner):
     assert np.all(np.diff(right.W) > 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [{}, {"corner": 1e-3}, {"depth": 1e-3}])
 @pytest.mark.parametrize("offset", [0.0, 0.5])
 def test_reaching_loads__a_pair_is_two_ridges_at_one_load(shape, offset):
@@ -146,6 +148,7 @@ def test_reaching_loads__q_steps_there_and_nowhere_else(shape):
     assert [solve_contact(profile, float(W)).Q for W in middles] == found.Q[:-1].tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-2, 3.0])
 def test_reaching_loads__scale_with_the_square_of_the_length(scale):
     usual = reaching_loads(Profile(A, B, depth=1e-3, offset=0.2), W_max=5e-3)
@@ -157,6 +160,7 @@ def test_reaching_loads__scale_with_the_square_of_the_length(scale):
     np.testing.assert_allclose(scaled.W, scale**2 * usual.W, rtol=3e-8)  # tolerance
 
 
+@pytest.mark.slow
 def test_reaching_loads__small_corners_tend_to_sharp_ones():
     sharp = reaching_loads(Profile(A, B), W_max=2e-3).W
     misses = []

@@ -46,6 +46,7 @@ def test_checks__no_text_is_clipped_or_lies_on_other_text(n, faults):
     assert faults(figure) == ([], [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 2, 4, 9])
 def test_bands__no_text_is_clipped_or_lies_on_other_text(bands, n, faults):
     table, rows = bands
@@ -85,6 +86,7 @@ def test_bands__show_median_ends_and_rows(bands, paper):
         assert set(np.exp(own[side]).round(12)) <= set(corners.tolist())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["png", "svg"])
 def test_equal_records_give_equal_bytes(bands, kind):
     first, again = (as_bytes(drawn_checks(checks(2)), kind) for _ in range(2))

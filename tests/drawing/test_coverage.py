@@ -25,6 +25,7 @@ def table(forms, noises, probs=PROBS, *, widest=1.0):
     return frame.assign(share=share, share_se=0.04, mean_width=width)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("forms", "noises", "widest"),
     [

@@ -63,6 +63,7 @@ def test_plot_counts__has_no_text_that_is_clipped_or_lies_on_other_text(name, fa
     assert faults(plot_counts(drawn)) == ([], [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TEXTURES)
 def test_plot_effects__has_no_text_that_is_clipped_or_lies_on_other_text(name, faults):
     assert faults(plot_effects(effects(**TEXTURES[name]), 0.005)) == ([], [])
@@ -141,6 +142,7 @@ def test_plot_plan_check__dots_are_the_table():
     np.testing.assert_array_equal(10 * ten_times.get_xdata(), ten_times.get_ydata())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["png", "svg"])
 def test_figures__of_the_same_input_are_the_same_bytes_whatever_the_user_has_set(kind):
     table, drawn = effects(), curves("offset")

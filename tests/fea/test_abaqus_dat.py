@@ -38,6 +38,7 @@ def loads(*args, **options):
     return read(*args, **options).table.frame["p_over_E"].to_numpy()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize(("R", "E"), [(1.0, 1.0), (8.0, 0.06), (40.0, 2e5)])
 def test_read_abaqus_dat__finds_the_loads(tmp_path, full, R, E):
@@ -58,6 +59,7 @@ def test_read_abaqus_dat__brackets_hold_the_loads(tmp_path):
     assert (found["p_over_E"] >= RUN["load"]).all()
 
 
+@pytest.mark.slow
 def test_read_abaqus_dat__rows_and_totals_are_the_same_load(tmp_path):
     driven = [N + 1, N + 2, N + 3]
     deck = WRITER.deck_text(RUN).replace(
@@ -73,12 +75,14 @@ def test_read_abaqus_dat__rows_and_totals_are_the_same_load(tmp_path):
     np.testing.assert_allclose(total, one, rtol=2e-4)
 
 
+@pytest.mark.slow
 def test_read_abaqus_dat__a_total_counts_before_the_rows(tmp_path):
     text = WRITER.dat_text(*ARRAYS, total=True)
     text = re.sub(r"TOTAL( +0\.000 +)(\S+)", lambda m: f"TOTAL{m[1]}{2 * float(m[2]):.4E}", text)
     np.testing.assert_allclose(loads(tmp_path, text), 2 * loads(tmp_path), rtol=2e-4)
 
 
+@pytest.mark.slow
 def test_read_abaqus_dat__rows_of_zeros_are_zeros(tmp_path):
     texts = []
     for least in (0.0, 1e-12):
@@ -118,6 +122,7 @@ def test_read_abaqus_dat__missing_rows_without_an_end_leave_a_level_out(tmp_path
     assert any("33 increments" in line for line in done.messages)
 
 
+@pytest.mark.slow
 def test_read_abaqus_dat__a_file_cut_anywhere_is_refused_or_ends_earlier(tmp_path):
     full = read(tmp_path).table.frame["p_over_E"]
     for cut in np.linspace(0.2, 0.999, 12):
@@ -155,6 +160,7 @@ def test_read_abaqus_dat__a_table_begun_again_on_a_page_goes_on(tmp_path):
     np.testing.assert_array_equal(loads(tmp_path, text), loads(tmp_path))
 
 
+@pytest.mark.slow
 def test_read_abaqus_dat__a_long_name_on_the_next_line_is_a_name(tmp_path):
     text = PRINTED.replace("NODE SET RIM", "NODE SET\n   RIM")
     np.testing.assert_array_equal(loads(tmp_path, text), loads(tmp_path))
@@ -205,6 +211,7 @@ def test_read_abaqus_dat__a_perturbation_step_is_left_out(tmp_path):
     np.testing.assert_array_equal(done.table.frame["p_over_E"], loads(tmp_path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [lambda t: "\ufeff" + t, lambda t: t.replace("\n", "\r\n")])
 def test_read_abaqus_dat__marks_and_line_ends_change_nothing(tmp_path, change):
     np.testing.assert_array_equal(loads(tmp_path, change(PRINTED)), loads(tmp_path))

@@ -35,6 +35,7 @@ def loads(*args, **options):
     return read(*args, **options).table.frame["p_over_E"].to_numpy()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize("coordinates", ["deformed", "undeformed"])
 @pytest.mark.parametrize(("R", "E"), [(1.0, 1.0), (8.0, 6e4)])
@@ -53,6 +54,7 @@ def test_read_abaqus_rpt__finds_the_loads_from_either_coordinates(
     assert "34 frames, PRESS 1 to PRESS 34" in done.messages[0]
 
 
+@pytest.mark.slow
 def test_read_abaqus_rpt__coordinates_of_a_deck_give_the_same(tmp_path):
     text = WRITER.rpt_text(*ARRAYS, coordinates=None)
     body = Body(RUN["a"], RUN["b"])
@@ -84,6 +86,7 @@ def test_read_abaqus_rpt__reports_of_one_frame_belong_together(tmp_path):
     np.testing.assert_array_equal(loads(tmp_path, "".join(reports[::-1])), loads(tmp_path))
 
 
+@pytest.mark.slow
 def test_read_abaqus_rpt__wide_rows_go_on_on_a_second_line(tmp_path):
     wide = []
     for line in PRINTED.split("\n"):
@@ -119,6 +122,7 @@ def test_read_abaqus_rpt__without_summaries_a_blank_line_ends_a_table(tmp_path):
     np.testing.assert_array_equal(loads(tmp_path, text), loads(tmp_path))
 
 
+@pytest.mark.slow
 def test_read_abaqus_rpt__a_file_cut_anywhere_is_refused_or_ends_earlier(tmp_path):
     full = loads(tmp_path)
     for cut in np.linspace(0.2, 0.999, 12):
@@ -152,6 +156,7 @@ def test_read_abaqus_rpt__elements_and_modes_are_not_used(tmp_path):
     np.testing.assert_array_equal(done.table.frame["p_over_E"], loads(tmp_path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [lambda t: "\ufeff" + t, lambda t: t.replace("\n", "\r\n")])
 def test_read_abaqus_rpt__marks_and_line_ends_change_nothing(tmp_path, change):
     np.testing.assert_array_equal(loads(tmp_path, change(PRINTED)), loads(tmp_path))
@@ -205,6 +210,7 @@ def test_read_abaqus_rpt__a_total_off_its_rows_is_refused(tmp_path):
         read(tmp_path, PRINTED[:at] + "Total  0.  9." + PRINTED[end:])
 
 
+@pytest.mark.slow
 def test_read_abaqus_rpt__forces_that_cancel_are_refused(tmp_path):
     text = re.sub(
         rf"\n( +){N + 1}( +)0\.( +)(\S+)\n(?s:.*?)Total[^\n]*",
@@ -217,6 +223,7 @@ def test_read_abaqus_rpt__forces_that_cancel_are_refused(tmp_path):
         read(tmp_path, text)
 
 
+@pytest.mark.slow
 def test_read_abaqus_rpt__regions_with_the_same_columns_have_to_be_named(tmp_path):
     run = {**RUN, "force": 3 * RUN["force"]}
     other = WRITER.rpt_text(

@@ -37,6 +37,7 @@ def levels(text):
 PRINTED = WRITER.calculix_text(RUN["force"], RUN["nodes"], RUN["position"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize(("R", "E"), [(1.0, 1.0), (8.0, 0.06)])
 def test_read_calculix__finds_the_loads(tmp_path, full, R, E):
@@ -114,6 +115,7 @@ def test_read_calculix__other_blocks_are_not_used_and_said(tmp_path):
     assert "not used: displacements of REST" in read(tmp_path, text).messages
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [lambda t: "\ufeff" + t, lambda t: t.replace("\n", "\r\n")])
 def test_read_calculix__marks_and_line_ends_change_nothing(tmp_path, change):
     found = read(tmp_path, change(PRINTED)).table.frame["p_over_E"]

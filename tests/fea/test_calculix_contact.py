@@ -79,6 +79,7 @@ def read(tmp_path, text=None, *, run=RUN, sta=None, deck=None, **body):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize("n_node", [241, 1201])
 def test_read_calculix_contact__brackets_hold_the_loads_or_come_a_face_later(
@@ -133,6 +134,7 @@ def test_read_calculix_contact__displacements_place_faces(tmp_path):
     np.testing.assert_allclose(rows, [[4, 0.01, 0.02]], rtol=1e-9)  # rounding of R
 
 
+@pytest.mark.slow
 def test_read_calculix_contact__a_level_without_some_displacements_is_left_out(tmp_path):
     text = dat_text(RUN)
     at = [m.start() for m in re.finditer(r"\n 6 ", text)][3]
@@ -153,6 +155,7 @@ def test_read_calculix_contact__a_pressed_face_beyond_the_set_is_refused(tmp_pat
         read(tmp_path, text, deck=deck)
 
 
+@pytest.mark.slow
 def test_read_calculix_contact__levels_printed_again_are_counted(tmp_path):
     text = dat_text(RUN)
     assert (
@@ -175,6 +178,7 @@ def test_read_calculix_contact__levels_that_did_not_converge_are_left_out(tmp_pa
     assert f"30 increments to p/E = {RUN['force'][29]:.5g}" in " ".join(done.messages)
 
 
+@pytest.mark.slow
 def test_read_calculix_contact__a_level_without_contact_print_is_left_out(tmp_path):
     text = dat_text(RUN) + "\n total force (fx,fy,fz) for set TOP and time  0.9E+01\n\n 0. 1. 0.\n"
     assert any(

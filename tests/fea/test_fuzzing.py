@@ -24,6 +24,7 @@ def test_targets__read_what_is_whole(name, tmp_path):
     assert target.doubt(target.content, found) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(fuzzing.TARGETS))
 def test_mutants__are_refused_in_words_or_read_as_they_stand(name, tmp_path):
     rng = np.random.default_rng([20, *name.encode()])

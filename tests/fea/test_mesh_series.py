@@ -107,6 +107,7 @@ def test_read_series__tops_that_rise_are_where_the_body_rests(tmp_path):
     np.testing.assert_allclose(found["p_over_E"], expected["p_over_E"], rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_read_series__the_packages_own_file_imports(tmp_path):
     a, b = 0.06, 0.02
     cylinder = Cylinder(Profile(a, b), p_max=0.01, edges=8)
@@ -192,6 +193,7 @@ SIZE = 24 * len(RUN["points"])
 ARRAY = r'(Name="displacement"[^>]*>)[^<]*'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "message"),
     [

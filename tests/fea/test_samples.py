@@ -38,6 +38,7 @@ def test_calculix__is_the_table_beside_it(shipped):
     np.testing.assert_allclose(frame["p_over_E"], shipped["p_over_E"], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_calculix__is_near_the_package_s_own_elements(shipped):
     scene = rb.Scene.of([(0.03, 0.02)], p_over_E=0.006, nu=0.49)
     own = generate(scene, solver="cylinder-fe").frame
@@ -45,6 +46,7 @@ def test_calculix__is_near_the_package_s_own_elements(shipped):
     np.testing.assert_allclose(shipped["p_over_E"][:2], own["p_over_E"], rtol=0.01)
 
 
+@pytest.mark.slow
 def test_calculix__of_the_reference_is_within_its_overlap(tmp_path):
     given = {
         "texture": (0.032, 0.01),

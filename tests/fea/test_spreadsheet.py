@@ -161,6 +161,7 @@ def test_spreadsheet__what_unpacks_to_over_a_gigabyte_is_refused(refusal, monkey
     assert "expected at most 1000" in refusal(workbook())
 
 
+@pytest.mark.slow
 def test_spreadsheet__a_row_number_beyond_the_format_does_not_take_for_ever(refusal):
     def far(data):
         return data.replace(b'<row r="3"', b'<row r="99999999999"')

@@ -264,6 +264,7 @@ def test_funnel__at_the_mode_is_the_identity_about_it():
     assert not log_jacobian.any()
 
 
+@pytest.mark.slow
 def test_funnel__information_is_the_curvature_of_the_likelihood(fits, laplaces):
     # At the expected residuals (zero) minus the likelihood's second derivative, times variance.
     model, laplace = fits["hybrid"].model, laplaces["hybrid"]

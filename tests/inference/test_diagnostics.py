@@ -146,6 +146,7 @@ def test_shortcomings__names_each_rule_broken_and_nothing_else():
     assert "under 400" in missing[1]
 
 
+@pytest.mark.slow
 def test_import_arviz__and_arviz_object_serve_the_installed_line(fits):
     arviz = import_arviz()
     view = arviz_object(groups_of(fits["modified"]))
@@ -190,6 +191,7 @@ def test_leave_one_out__of_a_normal_mean_is_the_exact_answer():
     assert loo.n_bad_k == 0
 
 
+@pytest.mark.slow
 def test_leave_one_out__is_the_ratio_of_evidences_with_and_without_the_row(fe_fits, fe_laplaces):
     fit = fe_fits["hybrid"]
     loo = leave_one_out(groups_of(fit), reff=0.5)

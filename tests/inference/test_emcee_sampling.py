@@ -31,6 +31,7 @@ def normal(u):
     return -0.5 * (z * z).sum(axis=0)
 
 
+@pytest.mark.slow
 def test_sample__reproduces_means_and_spreads_of_a_normal(affine):
     # The approximation is off by a fifth in width and half an sd in place.
     chains = sample(normal, affine(MEAN + 0.5 * FACTOR[:, 0], 1.2 * FACTOR), seed=3, names=NAMES)
@@ -53,6 +54,7 @@ def funnel(u):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("straightened", [0.0, 0.5, 1.0])
 def test_sample__reproduces_means_and_spreads_of_a_funnel(straightened, affine):
     class Coordinates(affine):
@@ -86,6 +88,7 @@ def test_sample__reproduces_the_posterior_that_quadrature_gives(fits, laplaces):
     assert worst_z(draws, mean, weight @ (theta - mean) ** 2) < 4  # Monte Carlo: largest of four
 
 
+@pytest.mark.slow
 def test_sample__same_seed_same_bytes_other_seed_others(affine):
     runs = [
         sample(normal, affine(MEAN, FACTOR), seed=seed, names=NAMES, settings=SHORT)
@@ -165,6 +168,7 @@ def test_sample__takes_four_walkers_per_parameter_where_that_is_more(affine):
     assert chains.u.shape == (4, 100, 12, 3)
 
 
+@pytest.mark.slow
 def test_sample__walkers_stuck_apart_are_caught(affine):
     # Two needles 3 sds apart: a walker that starts at one never sees the other, and each ensemble
     # has its own shares of the two.
@@ -211,6 +215,7 @@ def test_sample_settings__refuse_too_few_ensembles_and_odd_walkers():
             SampleSettings(n_walker=bad)
 
 
+@pytest.mark.slow
 def test_sample__starts_more_walkers_than_a_round_of_adaptation_has_draws(affine):
     settings = replace(SHORT, n_walker=1_024)
     chains = sample(normal, affine(MEAN, FACTOR), seed=1, names=NAMES, settings=settings)

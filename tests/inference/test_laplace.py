@@ -108,6 +108,7 @@ def test_unwhiten__widens_each_direction_as_rows_of_that_sigma_and_the_prior_wou
             np.testing.assert_allclose(u[:2], expected, rtol=1e-10)  # algebra
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["classic", "modified", "hybrid", "power-law"])
 def test_fit_laplace__has_its_mode_and_curvature_where_finite_differences_do(fits, laplaces, name):
     model, laplace = fits[name].model, laplaces[name]
@@ -211,6 +212,7 @@ def test_fit_laplace__has_the_mode_and_curvature_of_the_error_models_parameters(
     np.testing.assert_allclose(hessian, -unit, atol=2e-2)
 
 
+@pytest.mark.slow
 def test_fit_laplace__refuses_data_without_misfit():
     textures = ((0.02, 0.02), (0.01, 0.03))
     index, Q = np.repeat([0, 1], 5), np.tile(np.arange(4, 14, 2), 2)

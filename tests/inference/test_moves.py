@@ -62,12 +62,14 @@ OURS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("check", [normal_check, skewed_check])
 @pytest.mark.parametrize("name", OURS)
 def test_move__alone_and_in_the_mix_keeps_means_and_spreads(name, check):
     assert check(OURS[name]) < 4  # Monte Carlo: the largest of ten or four, in standard errors
 
 
+@pytest.mark.slow
 def test_move__a_wrong_one_fails_the_same_check():
     # emcee 3.1.6's DESnookerMove draws sds that are a third too small.
     assert normal_check(lambda k: emcee.moves.DESnookerMove()) > 10
@@ -200,6 +202,7 @@ def test_fitted__of_one_component_has_mean_and_covariance_of_the_draws():
     assert move.rest.shape == (2, 0)
 
 
+@pytest.mark.slow
 def test_move__of_a_fitted_mixture_keeps_means_and_spreads_of_two_humps():
     start = humps(np.random.default_rng(10), N_WALKER)
     move = Independence.fitted(humps(np.random.default_rng(5), 2_000), 2, np.random.default_rng(6))

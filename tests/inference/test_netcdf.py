@@ -35,6 +35,7 @@ def files(fits, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_read_netcdf__brings_back_what_was_written(fits, files, name):
     fit, back = fits[name], read_netcdf(files / f"posterior-{name}.nc")
@@ -61,6 +62,7 @@ def test_read_netcdf__brings_back_what_was_written(fits, files, name):
         assert before.tobytes() == after.tobytes()
 
 
+@pytest.mark.slow
 def test_read_netcdf__gives_a_fit_that_predicts_and_weighs_as_before(fits, files, laplaces):
     fit, back = fits["hybrid"], Fit.from_netcdf(files / "posterior-hybrid.nc")
     loads = np.geomspace(1e-3, 0.02, 5)
@@ -112,6 +114,7 @@ def test_groups_of__leaves_out_a_log_likelihood_that_no_file_should_hold(fits, m
     assert "log_likelihood" not in groups_of(fit)
 
 
+@pytest.mark.slow
 def test_write_netcdf__keeps_what_did_not_converge(paper, tmp_path):
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=500)
     fit = calibrate(paper, Modified(), rng=1, settings=settings)
@@ -122,6 +125,7 @@ def test_write_netcdf__keeps_what_did_not_converge(paper, tmp_path):
     assert back.chains.convergence_failures == fit.chains.convergence_failures != ()
 
 
+@pytest.mark.slow
 def test_write_netcdf__replaces_a_file(fits, tmp_path):
     path = tmp_path / "posterior.nc"
     path.write_text("old")
@@ -130,6 +134,7 @@ def test_write_netcdf__replaces_a_file(fits, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["posterior.nc"]
 
 
+@pytest.mark.slow
 def test_write_netcdf__leaves_nothing_behind_when_it_fails(fits, tmp_path, monkeypatch):
     path = tmp_path / "posterior.nc"
     path.write_text("old")
@@ -176,6 +181,7 @@ def test_read_netcdf__refuses_somebody_elses_file(tmp_path):
         read_netcdf(path)
 
 
+@pytest.mark.slow
 def test_read_netcdf__priors_of_another_kind_come_back(paper, tmp_path):
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
     fit = calibrate(paper, Hybrid(), priors={"c2": Normal(0.01, 0.5)}, rng=1, settings=settings)

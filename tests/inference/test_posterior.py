@@ -51,6 +51,7 @@ def test_posterior__hands_its_approximation_on_and_leaves_what_follows_from_it_b
         np.testing.assert_allclose(one, other, rtol=1e-12)  # rounding
 
 
+@pytest.mark.slow
 def test_evidences__look_for_no_mode_that_sampling_has_found(fits, monkeypatch):
     def search(*_, **__):
         raise AssertionError("searched again")

@@ -46,6 +46,7 @@ def exact(paper):
     return theta, quadrature_evidence(model.log_density, fit_laplace(model)).value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(PRESETS))
 @pytest.mark.parametrize("seed", [1, 2])
 def test_accuracy__keeps_what_it_promises_of_posteriors_and_evidences(paper, exact, name, seed):
@@ -76,6 +77,7 @@ def test_accuracy__keeps_what_it_promises_of_loads(name):
     assert np.abs(found / exact - 1).max() < LOAD_PRESETS[name].load_error + 1e-12
 
 
+@pytest.mark.slow
 def test_quick__walks_where_importance_weights_are_too_uneven(paper, monkeypatch):
     plain = rb.compare(paper, [rb.Modified()], rng=1, accuracy=QUICK)
     assert plain.evidence["method"].tolist() == ["importance"]
@@ -92,6 +94,7 @@ def test_quick__walks_where_importance_weights_are_too_uneven(paper, monkeypatch
     assert walked.complete
 
 
+@pytest.mark.slow
 def test_quick_run__chooses_the_same_error_model_and_form(tmp_path):
     cmp = run_job(tmp_path / "out", FitRequest(noise=None, accuracy="quick"))
     assert cmp.complete
@@ -114,6 +117,7 @@ def test_quick_run__chooses_the_same_error_model_and_form(tmp_path):
     assert math.isclose(own, 261.89, abs_tol=3 * QUICK.evidence_error)
 
 
+@pytest.mark.slow
 def test_settings__of_moves_are_known_by_name(paper):
     with pytest.raises(
         InputError, match=r"moves: expected mixture, independence, .*, got 'snooker'"

@@ -20,6 +20,7 @@ def exact(paper):
     return fit.model.to_theta(fit.chains.u.reshape(-1, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("texture", [(0.022, 0.02), (0.012, 0.09), (0.04, 0.01)])
 @pytest.mark.parametrize("kind", ["simulation", "curve"])
 def test_nodes__know_probabilities_to_a_thousandth(fits, exact, texture, kind):

@@ -75,6 +75,7 @@ def average(found, field):
     return np.mean([getattr(each, field) for each in found], axis=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("increment", [0.01, 0.05, 0.20])
 def test_upper_ends_taken_as_loads_are_half_an_increment_too_high(increment):
     found = over_phases(increment, False)
@@ -86,6 +87,7 @@ def test_upper_ends_taken_as_loads_are_half_an_increment_too_high(increment):
     assert np.log(c1) == pytest.approx(-np.log1p(increment) / 4, rel=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("increment", "on_average", "in_each"),
     # In posterior sds of the exact fit. The place within a bracket is lost, 0.29 increments each
@@ -121,6 +123,7 @@ def test_brackets_tend_to_the_exact_loads_as_steps_shrink():
     assert apart[2].max() < 0.01
 
 
+@pytest.mark.slow
 def test_brackets_centred_at_the_loads_err_by_the_square_of_their_width():
     def apart(width):
         frame = sweep()
@@ -159,6 +162,7 @@ def test_brackets_beside_exact_rows_are_each_taken_for_what_they_are():
     assert np.abs((posterior(table).mean - exact().mean) / exact().sd).max() < 1
 
 
+@pytest.mark.slow
 def test_brackets_with_offsets_per_step_agree_with_the_exact_loads():
     def fitted(table):
         model = Model(Observations.from_table(table), rb.Hybrid(), Noise("step"))
@@ -183,6 +187,7 @@ def counted(rng):
     return rb.read_table(pd.concat(tables, ignore_index=True).assign(kind="count"))
 
 
+@pytest.mark.slow
 def test_counts_alone_recover_the_coefficients():
     found = [posterior(counted(np.random.default_rng(seed))) for seed in range(6)]
     apart = np.array([(each.mean - TRUTH) / each.sd for each in found])

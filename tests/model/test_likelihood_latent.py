@@ -138,6 +138,7 @@ def test_joint__of_two_latents_integrates_to_the_likelihood_over_plain_offsets(
     assert found == pytest.approx(expected, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_joint__of_crossed_factors_integrates_to_the_likelihood_of_their_sum(observed):
     # One texture: its offset and a step's meet in every row; the plane of both against one line.
     data = observed([0, 0, 0], 4, middle(4) + np.array([0.05, 0.1, 0.4]), rel_se=[0, 0.02, 0])

@@ -98,6 +98,7 @@ def test_own_errors__have_the_tail(model):
     assert stats.kstest(z, stats.norm.cdf).pvalue < 1e-6
 
 
+@pytest.mark.slow
 def test_loads__have_the_likelihood_of_the_model(model):
     """What is simulated is what is fitted: E exp(log p(y | other) - log p(y | truth)) = 1."""
     for noise in ("iid", "texture+step", "step-smooth", "iid:student"):

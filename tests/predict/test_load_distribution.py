@@ -85,6 +85,7 @@ def test_mean__is_the_integral_of_the_survival():
         assert load.mean()[i] == pytest.approx(total, rel=1e-6)  # discretisation: quad's
 
 
+@pytest.mark.slow
 def test_rvs__has_the_mean_and_the_distribution():
     load, n = mixture(), 20_000
     draws = load.rvs(3, size=n)

@@ -248,6 +248,7 @@ def test_predict__refuses_other_kinds_and_poissons_ratios(fits):
             predict(fit, A, B, what, nu=0.6)
 
 
+@pytest.mark.slow
 def test_predict_q__refuses_counts_that_would_never_end(fits):
     rule = r"p_over_E: expected counts up to 20000, got more at a/R, b/R = \(0.022, 0.02\)"
     with pytest.raises(InputError, match=rule):

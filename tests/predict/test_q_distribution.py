@@ -77,6 +77,7 @@ def test_extrapolation__flags_textures_and_counts_that_were_not_calibrated():
     assert inside.extrapolation(0.99).tolist() == [False, True]  # its upper end is 8
 
 
+@pytest.mark.slow
 def test_rvs__follows_the_probabilities_reproducibly():
     n = 40_000
     draws = Q.rvs(1, size=n)

@@ -122,6 +122,7 @@ def test_plan__simulates_what_is_above_the_wanted_accuracy_and_only_that(name):
     assert effects[name].estimate == estimate
 
 
+@pytest.mark.slow
 def test_plan__with_a_tighter_accuracy_simulates_more():
     texture = {"offset": 0.002, "groove_depth_over_R": 0.7 * DEEPEST, "corner_radius_over_R": 5e-4}
     chosen = [
@@ -171,6 +172,7 @@ def test_plan__leaves_out_a_floor_below_the_deepest_penetration_which_changes_no
     assert planned(a, b, p_over_E=p, groove_depth_over_R=0.6 * deepest)[1]["groove floor"].simulated
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("a", "b", "depth", "corner", "p"),
     [
@@ -190,6 +192,7 @@ def test_plan__estimates_floor_and_corners_as_large_as_they_are(a, b, depth, cor
     assert 2 / 3 * true <= effect.estimate <= 10 * true
 
 
+@pytest.mark.slow
 def test_plan__estimates_floor_and_corners_beside_each_other():
     a, b, depth, corner = 0.02, 0.02, 6e-4, 1e-3
     _, effects = planned(a, b, groove_depth_over_R=depth, corner_radius_over_R=corner)

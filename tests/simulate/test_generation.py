@@ -142,6 +142,7 @@ def test_what_hertz_cannot_simulate_is_refused(scene, said):
         generate(scene, solver="hertz")
 
 
+@pytest.mark.slow
 def test_small_strain_of_the_whole_cylinder_is_that_of_another_code():
     reference = read_table(data_path("fea/small_strain.csv")).frame
     reference = reference[
@@ -175,6 +176,7 @@ def test_small_strain_of_the_whole_cylinder_is_refused_where_it_knows_too_little
 MANY = Scene.of([(0.02 + 1e-5 * i, 0.03 - 1e-5 * i) for i in range(201)], p_over_E=0.01)
 
 
+@pytest.mark.slow
 def test_many_textures_share_one_function_of_their_ratio(monkeypatch):
     table = generate(MANY)
     asked = []
@@ -197,6 +199,7 @@ def test_many_textures_share_one_function_of_their_ratio(monkeypatch):
     np.testing.assert_allclose(frame["p_over_E"], alone["p_over_E"], rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("update", [{"relative": 0.5}, {"nu": 0.3}])
 def test_many_textures_keep_their_tolerance(update):
     scene = MANY.model_copy(update=update)
@@ -206,6 +209,7 @@ def test_many_textures_keep_their_tolerance(update):
     np.testing.assert_allclose(frame["p_over_E"], alone["p_over_E"], rtol=1e-9)  # as above
 
 
+@pytest.mark.slow
 def test_many_textures_that_no_function_serves_are_solved_for_one_by_one():
     unlike = Scene.of(
         [*[(0.02 + 1e-5 * i, 0.03) for i in range(200)], (0.03, 1e-12)], p_over_E=0.005
@@ -225,6 +229,7 @@ def test_friction_that_changes_loads_is_refused_on_a_half_plane():
     assert incompressible.digest() == without.digest()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changed",
     [
@@ -256,6 +261,7 @@ def test_rows_of_other_effects_are_the_events_of_their_profile(changed):
     assert table["source"].str.contains("effects=ridges").all()
 
 
+@pytest.mark.slow
 def test_a_uniform_offset_is_curves_at_evenly_spaced_ones():
     table = generate(scene_with(offset="uniform"), rel_tol=1e-6).frame
     pitch = sum(scene_with().textures[0].model_dump()[name] for name in ("a_over_R", "b_over_R"))
@@ -263,6 +269,7 @@ def test_a_uniform_offset_is_curves_at_evenly_spaced_ones():
     np.testing.assert_allclose(offsets, (2 * np.arange(8) + 1) / 32, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_auto_leaves_out_what_does_not_matter():
     # A corner of a hundredth of a ridge: under one per cent.
     scene = scene_with(corner_radius_over_R=2e-4)
@@ -280,6 +287,7 @@ def test_unknown_solvers_are_refused():
         generate(scene, solver="abaqus")
 
 
+@pytest.mark.slow
 def test_finite_elements_are_chosen_where_the_body_is_large_beside_its_contact():
     """The half-plane is off by more than 1 % here, and finite elements by less."""
     scene = Scene.of([(0.06, 0.02)], p_over_E=0.02, nu=0.45, relative=0.01)

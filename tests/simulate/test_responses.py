@@ -89,6 +89,7 @@ def test_contact_at_loads__refuse_bad_input():
 OFFSETS = (np.arange(32) + 0.5) / 64
 
 
+@pytest.mark.slow
 def test_contact_at_loads__of_a_uniform_offset_counts_the_events_at_every_offset():
     p = np.array([2e-4, 3e-3])
     found = contact_at_loads(scene_with(offset="uniform"), p, solver="half-plane")
@@ -101,6 +102,7 @@ def test_contact_at_loads__of_a_uniform_offset_counts_the_events_at_every_offset
     assert set(found["status"]) == {"ok"}
 
 
+@pytest.mark.slow
 def test_contact_at_loads__of_a_uniform_offset_are_means():
     found = contact_at_loads(scene_with(offset="uniform"), [0.002], solver="half-plane")
     each = pd.concat(
@@ -123,6 +125,7 @@ def test_contact_at_loads__of_a_uniform_offset_where_a_floor_alone_is_touched():
     assert found == pytest.approx(np.mean(counts), abs=1e-12)  # algebra
 
 
+@pytest.mark.slow
 def test_contact_at_loads__of_fine_ridges_anywhere_are_the_contact_over_the_pitch():
     # Many ridges: a contact of width 2 w touches (2 w + a) over the pitch of them on average. It is
     # wider than Hertz's by its edge constant, a fraction of a pitch on either side.

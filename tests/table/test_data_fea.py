@@ -130,6 +130,7 @@ def test_readme__stands_alone_and_counts_right() -> None:
         assert int(stated.group(1)) == count == len(read_table(data_path(f"fea/{name}.csv")))
 
 
+@pytest.mark.slow
 def test_cylinder_sweep__is_todays_output_on_one_texture():
     table = read_table(data_path(CYLINDER_SWEEP)).frame
     paper = Scene.paper()

@@ -651,6 +651,7 @@ def tables(draw) -> pd.DataFrame:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 @given(frame=tables())
 @settings(max_examples=60, deadline=None)
@@ -666,6 +667,7 @@ def test_write_then_read__is_identity(suffix: str, frame: pd.DataFrame, tmp_path
     assert path.read_bytes() == first
 
 
+@pytest.mark.slow
 @given(frame=tables(), order=st.randoms(use_true_random=False))
 @settings(max_examples=40, deadline=None)
 def test_order_of_columns__does_not_matter(frame: pd.DataFrame, order) -> None:

@@ -52,6 +52,7 @@ def width(one, state):
 # ----------------------------------------------------------------------------------------- smooth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
 def test_smooth__contact_is_as_wide_as_hertzs(nu):
     one = flat(nu, p_max=0.001, edges=12)
@@ -61,6 +62,7 @@ def test_smooth__contact_is_as_wide_as_hertzs(nu):
     assert width(one, state) == pytest.approx(expected, abs=one.problem.faces.length[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_smooth__pressure_is_hertzs(nu):
     one = flat(nu, p_max=0.001, edges=12)
@@ -73,6 +75,7 @@ def test_smooth__pressure_is_hertzs(nu):
     np.testing.assert_allclose(state.pressure[inside], expected, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_smooth__is_pressed_to_a_quarter_of_the_modulus():
     one = flat(0.5, p_max=0.25)
     state = one.unloaded()
@@ -84,6 +87,7 @@ def test_smooth__is_pressed_to_a_quarter_of_the_modulus():
     assert rises[0] < rises[1] < rises[2] < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("finite", [True, False])
 def test_work__of_the_load_is_the_stored_energy(finite):
     one = flat(0.3, finite=finite)
@@ -102,6 +106,7 @@ def test_work__of_the_load_is_the_stored_energy(finite):
 # --------------------------------------------------------------------------------- the half-plane
 
 
+@pytest.mark.slow
 def test_transitions__of_tiny_ridges_are_the_half_planes():
     expected = transition_loads(A, B, 2).p_over_E(A + B, nu=0.49)
     found = reached(Profile(A, B), 1.001 * expected[1], nu=0.49, edges=16)
@@ -110,6 +115,7 @@ def test_transitions__of_tiny_ridges_are_the_half_planes():
     np.testing.assert_allclose(loads(found), expected, rtol=2e-3)  # discretisation
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("others", "tolerance"),
     [
@@ -131,6 +137,7 @@ def test_transitions__of_tiny_profiles_are_the_half_planes(others, tolerance):
 # --------------------------------------------------------------------------------------- symmetry
 
 
+@pytest.mark.slow
 def test_transitions__of_the_mirrored_profile_are_the_same():
     left, right = (reached(Profile(0.06, 0.03, offset=s * 0.2), 5e-3) for s in (-1, 1))
     assert [one.ridge for one in left] == [-1 - one.ridge for one in right]
@@ -138,6 +145,7 @@ def test_transitions__of_the_mirrored_profile_are_the_same():
     np.testing.assert_allclose(loads(left), loads(right), rtol=1e-7)  # the solver's tolerance
 
 
+@pytest.mark.slow
 def test_transitions__of_the_half_model_are_those_of_the_whole():
     half = reached(WIDE, 5e-3)
     both = reached(Profile(0.06, 0.03, offset=1e-7), 5e-3)
@@ -152,6 +160,7 @@ def test_transitions__of_the_half_model_are_those_of_the_whole():
 # ------------------------------------------------------------------------------------------ loads
 
 
+@pytest.mark.slow
 def test_transitions__are_those_of_calculix():
     frame = read_table(data_path(CALCULIX_FE)).frame
     frame = frame[(frame["series"] == "fine") & (frame["Q"] <= 6)]
@@ -160,6 +169,7 @@ def test_transitions__are_those_of_calculix():
     np.testing.assert_allclose(found, frame["p_over_E"], rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_transitions__converge_with_the_mesh():
     """Where a quarter of a corner has edges enough; sharp ones have no order to be seen."""
     profile = Profile(0.06, 0.03, corner=0.015)
@@ -169,6 +179,7 @@ def test_transitions__converge_with_the_mesh():
     assert abs(third / second - 1) < 1.5e-3
 
 
+@pytest.mark.slow
 def test_transitions__end_at_the_largest_load():
     (first,) = reached(WIDE, 5e-3)
     assert len(reached(WIDE, 1.001 * first.p_over_E)) == 1
@@ -179,6 +190,7 @@ def test_transitions__of_a_flat_are_none():
     assert list(flat().transitions(0.01)) == []
 
 
+@pytest.mark.slow
 def test_transition__has_the_state_in_which_its_corner_touches():
     one = Cylinder(WIDE, p_max=5e-3, nu=0.3, edges=COARSE)
     (first,) = one.transitions(5e-3)
@@ -206,12 +218,14 @@ def test_transitions__after_too_many_failures_are_given_up(monkeypatch):
     assert len(tried) == 2 + 3
 
 
+@pytest.mark.slow
 def test_curve__shows_what_is_found():
     one, found = Cylinder(WIDE, p_max=5e-3, nu=0.3, edges=COARSE), []
     Q, p_over_E, _ = transition_curve(one, 5e-3, seen=found.append)
     assert [(each.Q, each.p_over_E) for each in found] == list(zip(Q, p_over_E, strict=True))
 
 
+@pytest.mark.slow
 def test_at_load__forgets_its_way_without_friction():
     one = flat()
     straight = one.at_load(0.005, one.unloaded())
@@ -219,6 +233,7 @@ def test_at_load__forgets_its_way_without_friction():
     np.testing.assert_allclose(around.u, straight.u, atol=1e-9)  # the solver's tolerance
 
 
+@pytest.mark.slow
 def test_at_load__says_where_it_failed():
     one = flat()
     with pytest.raises(NotConvergedError, match=r"at p/E = 0\.\d+: "):
@@ -228,11 +243,13 @@ def test_at_load__says_where_it_failed():
 # --------------------------------------------------------------------------------------- friction
 
 
+@pytest.mark.slow
 def test_friction__of_zero_is_none():
     without, zero = reached(WIDE, 5e-3), reached(WIDE, 5e-3, friction=0.0)
     assert loads(without).tolist() == loads(zero).tolist()
 
 
+@pytest.mark.slow
 def test_friction__delays_transitions_below_half():
     rough, smooth = reached(WIDE, 5e-3, friction=0.1), reached(WIDE, 5e-3)
     assert len(rough) == len(smooth) == 1

@@ -54,6 +54,7 @@ def written(tmp_path, name="sharp"):
 # ------------------------------------------------------------------------------------------ files
 
 
+@pytest.mark.slow
 def test_xdmf__has_the_state_at_the_undeformed_points(tmp_path):
     mesh, solid = written(tmp_path), body().problem.solid
     np.testing.assert_array_equal(mesh.points[:, :2], solid.points)
@@ -168,6 +169,7 @@ def test_fields__of_a_linear_pressure_are_exact_in_rectangles():
     np.testing.assert_allclose(found[inside], -(0.2 + x - 3 * y)[inside], atol=1e-13)  # rounding
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PROFILES)
 def test_volume_ratio__is_one_in_the_mean_where_nothing_is_compressible(name):
     found = nodal_fields(body(name), raised(name))["volume_ratio"]

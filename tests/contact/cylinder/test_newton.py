@@ -39,12 +39,14 @@ def same(one, other):
     np.testing.assert_allclose(one.pressure, other.pressure, atol=1e-6 * other.pressure.max())
 
 
+@pytest.mark.slow
 def test_load__leads_to_the_state_of_the_rise():
     one = body()
     at = pressed(0.012)
     same(solve(one.problem, pressed(0.01), Control("load", load(one, at)))[0], at)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rise", [0.008, 0.02])
 def test_rise__leads_back_without_friction(rise):
     there = solve(body().problem, pressed(), Control("rise", rise))[0]
@@ -101,6 +103,7 @@ def errors(monkeypatch, run):
     return np.array(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["rise", "load"])
 @pytest.mark.parametrize("finite", [True, False])
 def test_newton__converges_quadratically(monkeypatch, kind, finite):
@@ -152,6 +155,7 @@ def rubbed(friction, ab=AB, nu=0.3):
     return one, state
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ab", [AB, None])
 @pytest.mark.parametrize("friction", [0.05, 0.3])
 def test_shear__is_at_most_the_frictions(ab, friction):
@@ -174,6 +178,7 @@ def test_friction__of_a_body_below_half_pulls_the_contact_inwards(ab):
     assert (state.shear * one.problem.faces.length)[level].sum() > 0
 
 
+@pytest.mark.slow
 def test_friction__stiffens_and_ends_in_sticking():
     loads = [load(*rubbed(friction, None)) for friction in (0.0, 0.05, 0.3, 10.0, 100.0)]
     assert loads[0] < loads[1] < loads[2] <= loads[3] * (1 + 1e-9)
@@ -181,6 +186,7 @@ def test_friction__stiffens_and_ends_in_sticking():
     assert loads[4] == pytest.approx(loads[3], rel=1e-7)
 
 
+@pytest.mark.slow
 def test_friction__without_compressibility_matters_little():
     """At nu = 0.5 pressure moves a half-plane's surface up and down alone: Goodman, 1962."""
     smooth, rough = (load(*rubbed(friction, None, 0.5)) for friction in (0.0, 10.0))

@@ -373,6 +373,7 @@ def solved(exact, nu, n):
     return longest, *np.sqrt(squares)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("exact", "nu"), [(compressible, 0.3), (incompressible, 0.5)])
 def test_solution__converges_with_the_third_power_of_the_edges_and_pressure_with_the_second(
     exact, nu

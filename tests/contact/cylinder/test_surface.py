@@ -380,6 +380,7 @@ def test_distance__is_to_the_nearest_of_all_places():
         assert (found < 0) == (np.hypot(*point) < 1.0) or abs(found) < 0.03
 
 
+@pytest.mark.slow
 def test_distance__has_the_derivative_by_the_nodes():
     """Also where the nearest place is a node, and the sides' normals differ."""
     rim = dented()

@@ -36,6 +36,7 @@ def form_and_theta(name, a, b, c):
     return form, np.array([c, 0.01 * c])[: len(form.parameter_names)]
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(name=kind, a=width, b=width, c=coefficient, nu=poisson)
 def test_count__at_a_forms_own_load_counts_that_pair_and_an_ulp_below_does_not(name, a, b, c, nu):
