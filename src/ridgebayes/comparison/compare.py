@@ -178,14 +178,17 @@ def compare_with(
     sensitivity = pd.DataFrame(columns=SENSITIVITY_COLUMNS)
     if execution.scores:
         loo_later = submit_or_defer(executor, loo_table, fits)
+        sensitivity_later = submit_or_defer(
+            executor, prior_sensitivity, fits, log_evidence=log_evidence
+        )
+    nested_later = None  # begun beside the scores, where there are workers
+    if {"modified", "hybrid"} <= set(fits):
+        nested_later = submit_or_defer(executor, savage_dickey, fits["hybrid"])
+    if execution.scores:
         with stage("prior sensitivity"):
-            sensitivity = submit_or_defer(
-                executor, prior_sensitivity, fits, log_evidence=log_evidence
-            )()
-    nested = None
+            sensitivity = sensitivity_later()
     with stage("savage-dickey and Bayes factors"):
-        if {"modified", "hybrid"} <= set(fits):
-            nested = submit_or_defer(executor, savage_dickey, fits["hybrid"])()
+        nested = None if nested_later is None else nested_later()
         factors = bayes_factor_table(evidence, list(fits), noise, nested)
         summed = summed_bayes_factors(evidence)
         if len(summed):
