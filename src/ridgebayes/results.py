@@ -11,7 +11,8 @@ from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import arviz_object
 from ridgebayes.inference.netcdf import groups_of, priors_to_json, read_netcdf, write_netcdf
-from ridgebayes.inference.posterior import Posterior, sample_posterior
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.sampling import sample_posterior
 from ridgebayes.model.forms import FORMS, Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
@@ -42,6 +43,8 @@ class Fit(Posterior):
         Seed of the run.
     approximation : Laplace, optional
         The normal approximation that it was sampled by; a fit read from a file has none.
+    sampler : str, optional
+        What drew it: ``emcee``, ``importance`` or ``exact``.
     """
 
     @classmethod

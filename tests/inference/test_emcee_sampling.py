@@ -124,6 +124,22 @@ def test_sample__says_what_a_chain_that_is_too_short_lacks(affine):
         assert text.startswith(f"{name}: 100 steps are not 500 tau (")
 
 
+def test_sample__ends_a_walk_at_its_time_limit_and_says_so_in_one_line(affine):
+    settings = replace(SHORT, n_step_max=10_000, n_tau=500, time_limit=1e-9)
+    chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
+    assert chains.n_step == 100  # a block, whatever the limit
+    (text,) = chains.convergence_failures
+    start = "time limit of 1e-09 s: stopped after 100 steps; x: 100 steps are not 500 tau ("
+    assert text.startswith(start)
+    enough = replace(SHORT, n_step_max=200, n_tau=1, tau_change=1.0, time_limit=600.0)
+    chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=enough)
+    assert chains.convergence_failures == ()
+
+
+def test_settings__under_another_time_limit_are_the_same_walk():
+    assert str(SampleSettings(time_limit=5.0)) == str(SampleSettings())
+
+
 def test_sample__says_that_tau_has_not_settled(affine):
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=1)
     chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)

@@ -12,6 +12,7 @@ from ridgebayes.evidence import bridge_evidence, quadrature_evidence
 from ridgebayes.inference import netcdf as labelled
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.diagnostics import import_arviz
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.netcdf import (
     groups_of,
     priors_from_json,
@@ -21,6 +22,8 @@ from ridgebayes.inference.netcdf import (
 )
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Hybrid, Modified
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import HalfNormal, LogNormal, Normal
 from ridgebayes.results import Fit, calibrate
 
@@ -51,6 +54,7 @@ def test_read_netcdf__brings_back_what_was_written(fits, files, name):
     assert back.convergence_failures == fit.convergence_failures
     assert back.chains.convergence_failures == fit.chains.convergence_failures
     assert back.seed == fit.seed
+    assert back.sampler == fit.sampler
     assert back.form == fit.form
     assert back.noise == fit.noise
     assert back.model.priors == fit.model.priors
@@ -123,6 +127,13 @@ def test_write_netcdf__keeps_what_did_not_converge(paper, tmp_path):
     assert not back.converged
     assert back.convergence_failures == fit.convergence_failures
     assert back.chains.convergence_failures == fit.chains.convergence_failures != ()
+
+
+def test_write_netcdf__keeps_the_sampler(paper, tmp_path):
+    model = Model(Observations.from_table(paper), Modified())
+    fit, _ = importance_posterior(model, seed=1, n_draw=128, n_round=1, n_per_round=200)
+    write_netcdf(fit, tmp_path / "drawn.nc")
+    assert read_netcdf(tmp_path / "drawn.nc").sampler == fit.sampler == "importance"
 
 
 @pytest.mark.slow

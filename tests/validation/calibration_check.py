@@ -20,7 +20,7 @@ from ridgebayes._types import FloatArray, Rng
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.posterior import sample_posterior
+from ridgebayes.inference.sampling import sample_posterior
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise

@@ -1,7 +1,7 @@
 """What a sampler is asked for, and the draws that it returns."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -37,12 +37,16 @@ class SampleSettings:
         Relative change of each autocorrelation time since the last check that counts as settled.
     moves : str
         ``mixture``; or ``independence``, ``differential evolution``, ``stretch`` alone, to compare.
+    time_limit : float or None
+        Seconds of wall time after which a walk ends with the steps that it has. The clock is read
+        after blocks of steps: the first block is 100 steps, each later one 5 % of those before.
 
     Raises
     ------
     InputError
         If there are fewer than four ensembles, an odd number of walkers or fewer than four, a
-        length under 1, a threshold that is not finite and above 0, or another kind of moves.
+        length under 1, a threshold or time that is not finite and above 0, or another kind of
+        moves.
 
     Examples
     --------
@@ -57,6 +61,8 @@ class SampleSettings:
     n_tau: float = 50.0
     tau_change: float = 0.01
     moves: str = "mixture"
+    # Not in the text that a checkpoint is tied to: a walk may go on under another limit.
+    time_limit: float | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if self.n_ensemble < 4:
@@ -64,9 +70,10 @@ class SampleSettings:
         for name in ("n_burn", "n_step_max"):
             if not getattr(self, name) >= 1:
                 raise InputError(f"{name}: expected at least 1, got {getattr(self, name)}")
-        for name in ("n_tau", "tau_change"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise InputError(f"{name}: expected finite and > 0, got {getattr(self, name)}")
+        for name in ("n_tau", "tau_change", "time_limit"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < np.inf:
+                raise InputError(f"{name}: expected finite and > 0, got {value}")
         if self.moves not in MOVES:
             raise InputError(f"moves: expected {', '.join(MOVES)}, got {self.moves!r}")
         if self.n_walker is not None and (self.n_walker < 4 or self.n_walker % 2):

@@ -3,6 +3,8 @@
 This is the only module that imports emcee; it is loaded when something is sampled.
 """
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -122,6 +124,7 @@ def sample(
         u, log_jacobian = laplace.unwhiten(z)
         return log_density(u) + log_jacobian
 
+    begun, limit = time.monotonic(), settings.time_limit or math.inf
     walk = checkpoint.load() if checkpoint is not None else None
     if walk is None:
         walk = _burnt_in(in_z, n_walker, n_coordinate, laplace.n_curved, seed, settings)
@@ -138,6 +141,9 @@ def sample(
                 f"{walk.n_step} steps x {settings.n_ensemble} ensembles, tau {np.max(tau):.2f}"
             )
         if not unmet or walk.n_step >= settings.n_step_max:
+            break
+        if walk.n_step and time.monotonic() > begun + limit:
+            unmet = [f"time limit of {limit:g} s: stopped after {walk.n_step} steps; {unmet[0]}"]
             break
         target = min(max(int(1.05 * walk.n_step) + 20, 100), settings.n_step_max)
         walk = _walked_on(walk, samplers, laplace, target - walk.n_step, tau)

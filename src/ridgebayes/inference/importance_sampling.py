@@ -102,7 +102,7 @@ def importance_posterior(
         np.ones(model.n_coordinate + 1),
         _heavy(shapes) + modes,
     )
-    posterior = posterior_of(model, chains, laplace, seed=seed)
+    posterior = posterior_of(model, chains, laplace, seed=seed, sampler="importance")
     evidence = _evidence(np.array(log_means), np.array(variances), shapes)
     return posterior, replace(evidence, status=modes[0]) if modes else evidence
 

@@ -15,7 +15,7 @@ from ridgebayes._types import FloatArray, __version__
 from ridgebayes.errors import InputError
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
-from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.posterior import SAMPLERS, Posterior
 from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -111,6 +111,7 @@ def write_netcdf(fit: Posterior, path: str | os.PathLike[str]) -> None:
         "missing": json.dumps(fit.convergence_failures),
         "stopping_rule_missing": json.dumps(fit.chains.convergence_failures),
         "seed": str(fit.seed),
+        "sampler": fit.sampler,
         "n_walker": fit.chains.u.shape[2],
     }
     packed = {
@@ -206,7 +207,11 @@ def _fit_of(tree: xr.DataTree) -> Posterior:
         isinstance(one, str) for one in (*convergence_failures, *chains.convergence_failures)
     ):
         raise ValueError("missing is not text")
-    return Posterior(model, chains, summary, convergence_failures, int(tree.attrs["seed"]))
+    sampler = tree.attrs.get("sampler", "emcee")
+    if sampler not in SAMPLERS:
+        raise ValueError(f"sampler {sampler!r}")
+    seed = int(tree.attrs["seed"])
+    return Posterior(model, chains, summary, convergence_failures, seed, sampler=sampler)
 
 
 def _check_shapes(data: Observations, chains: Chains) -> None:

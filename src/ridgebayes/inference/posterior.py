@@ -1,4 +1,4 @@
-"""The posterior of a model: draws with their diagnostics, and the sampler that suits the model."""
+"""The posterior of a model: draws with their diagnostics."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -8,11 +8,9 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray
-from ridgebayes.inference.chains import Chains, ProgressCallback, SampleSettings, walkers_for
-from ridgebayes.inference.checkpoint import Checkpoint
+from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
 from ridgebayes.inference.laplace import Laplace, fit_laplace
-from ridgebayes.inference.power_law_exact import sample_power_law
 from ridgebayes.inference.qmc_nodes import Nodes, compress
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.model import Model
@@ -20,6 +18,7 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.model.shared_offsets import OffsetsGiven
 
 N_TEXTURE_WALKED = 40  # a power law of more textures is drawn from exactly, without a walk
+SAMPLERS = ("emcee", "importance", "exact")
 N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
 
 
@@ -41,6 +40,8 @@ class Posterior:
         Seed of the run.
     approximation : Laplace, optional
         The normal approximation that it was sampled by; a posterior read from a file has none.
+    sampler : str, optional
+        What drew it: ``emcee``, ``importance`` or ``exact``.
     """
 
     model: Model
@@ -49,6 +50,7 @@ class Posterior:
     convergence_failures: tuple[str, ...]
     seed: int
     approximation: Laplace | None = field(default=None, repr=False)
+    sampler: str = "emcee"
     _kept: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -151,71 +153,13 @@ class Posterior:
         return kept
 
 
-def sample_posterior(
-    model: Model,
-    *,
-    seed: int,
-    settings: SampleSettings | None = None,
-    progress: ProgressCallback | None = None,
-    checkpoint: Checkpoint | None = None,
+def posterior_of(
+    model: Model, chains: Chains, laplace: Laplace | None, *, seed: int, sampler: str
 ) -> Posterior:
-    """Sample the posterior of a model.
-
-    Parameters
-    ----------
-    model : Model
-        Posterior.
-    seed : int
-        Seed.
-    settings : SampleSettings, optional
-        Lengths and thresholds of sampling.
-    progress : callable, optional
-        Called with a line of text now and then.
-    checkpoint : Checkpoint, optional
-        Where the chains are kept as they grow.
-
-    Returns
-    -------
-    Posterior
-        Draws, diagnostics, and what is missing if it did not converge.
-
-    Raises
-    ------
-    ComputationError
-        If the posterior has no interior mode.
-    """
-    laplace: Laplace | None = None
-    if drawn_exactly(model):
-        chains = sample_power_law(model, seed=seed)
-    else:
-        settings = settings or SampleSettings()
-        if settings.n_walker is None:
-            n_walker = walkers_for(len(model.data.textures), model.is_iid_gaussian)
-            settings = replace(settings, n_walker=n_walker)
-        # emcee takes a while to load, and only sampling needs it.
-        from ridgebayes.inference.emcee_sampling import sample
-
-        laplace = fit_laplace(model, search_others=True)
-        chains = sample(
-            model.log_density,
-            laplace,
-            seed=seed,
-            names=model.coordinate_names,
-            settings=settings,
-            progress=progress,
-            checkpoint=checkpoint,
-        )
-        chains = replace(
-            chains, convergence_failures=chains.convergence_failures + laplace.other_modes
-        )
-    return posterior_of(model, chains, laplace, seed=seed)
-
-
-def posterior_of(model: Model, chains: Chains, laplace: Laplace | None, *, seed: int) -> Posterior:
     """Return the posterior that draws of a model stand for, with their diagnostics."""
     summary = summarise(model.to_theta(chains.u), model.parameter_names)
     convergence_failures = chains.convergence_failures + failed_diagnostics(summary)
-    return Posterior(model, chains, summary, convergence_failures, seed, laplace)
+    return Posterior(model, chains, summary, convergence_failures, seed, laplace, sampler)
 
 
 def drawn_exactly(model: Model) -> bool:

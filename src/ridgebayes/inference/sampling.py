@@ -1,0 +1,71 @@
+"""The sampler that suits a model: a walk, importance sampling, or exact draws."""
+
+from dataclasses import replace
+
+from ridgebayes.inference.chains import ProgressCallback, SampleSettings, walkers_for
+from ridgebayes.inference.checkpoint import Checkpoint
+from ridgebayes.inference.laplace import Laplace, fit_laplace
+from ridgebayes.inference.posterior import Posterior, drawn_exactly, posterior_of
+from ridgebayes.inference.power_law_exact import sample_power_law
+from ridgebayes.model.model import Model
+
+
+def sample_posterior(
+    model: Model,
+    *,
+    seed: int,
+    settings: SampleSettings | None = None,
+    progress: ProgressCallback | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> Posterior:
+    """Sample the posterior of a model.
+
+    Parameters
+    ----------
+    model : Model
+        Posterior.
+    seed : int
+        Seed.
+    settings : SampleSettings, optional
+        Lengths and thresholds of sampling.
+    progress : callable, optional
+        Called with a line of text now and then.
+    checkpoint : Checkpoint, optional
+        Where the chains are kept as they grow.
+
+    Returns
+    -------
+    Posterior
+        Draws, diagnostics, and what is missing if it did not converge.
+
+    Raises
+    ------
+    ComputationError
+        If the posterior has no interior mode.
+    """
+    laplace: Laplace | None = None
+    sampler = "exact" if drawn_exactly(model) else "emcee"
+    if sampler == "exact":
+        chains = sample_power_law(model, seed=seed)
+    else:
+        settings = settings or SampleSettings()
+        if settings.n_walker is None:
+            n_walker = walkers_for(len(model.data.textures), model.is_iid_gaussian)
+            settings = replace(settings, n_walker=n_walker)
+        # emcee takes a while to load, and only sampling needs it.
+        from ridgebayes.inference.emcee_sampling import sample
+
+        laplace = fit_laplace(model, search_others=True)
+        chains = sample(
+            model.log_density,
+            laplace,
+            seed=seed,
+            names=model.coordinate_names,
+            settings=settings,
+            progress=progress,
+            checkpoint=checkpoint,
+        )
+        chains = replace(
+            chains, convergence_failures=chains.convergence_failures + laplace.other_modes
+        )
+    return posterior_of(model, chains, laplace, seed=seed, sampler=sampler)
