@@ -65,13 +65,7 @@ class _Increment:
 
 
 def read_abaqus_dat(
-    path: Path,
-    body: Body,
-    *,
-    deck: Path,
-    surface: str,
-    reaction: str,
-    brackets: bool = False,
+    path: Path, body: Body, *, deck: Path, surface: str, reaction: str, brackets: bool = False
 ) -> Imported:
     """Read a run of Abaqus/Standard.
 

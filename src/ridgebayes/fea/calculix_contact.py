@@ -17,13 +17,7 @@ _FARTHEST = 4.0  # of R: no body is pressed so wide
 
 
 def read_calculix_contact(
-    path: Path,
-    body: Body,
-    *,
-    deck: Path,
-    surface: str,
-    reaction: str,
-    sta: Path | None = None,
+    path: Path, body: Body, *, deck: Path, surface: str, reaction: str, sta: Path | None = None
 ) -> Imported:
     """Read in which increment each ridge is pressed first.
 

@@ -35,12 +35,7 @@ class ColumnInterpreter:
     """Columns that are understood, and what follows from them."""
 
     def __init__(
-        self,
-        cells: Cells,
-        uses: list[Use],
-        values: Mapping[str, str | float],
-        *,
-        is_history: bool,
+        self, cells: Cells, uses: list[Use], values: Mapping[str, str | float], *, is_history: bool
     ) -> None:
         self.cells, self.where = cells, cells.source.where
         self._uses, self._values = uses, values

@@ -14,13 +14,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.record import HUGE, Imported, provenance
-from ridgebayes.fea.surface import (
-    Body,
-    CylinderSurface,
-    Origin,
-    SurfaceHistory,
-    table_from_history,
-)
+from ridgebayes.fea.surface import Body, CylinderSurface, Origin, SurfaceHistory, table_from_history
 from ridgebayes.fea.vtu import read_vtus
 from ridgebayes.fea.xdmf import read_xdmf
 

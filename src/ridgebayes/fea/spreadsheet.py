@@ -14,15 +14,7 @@ import pandas as pd
 
 from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import (
-    FINITE,
-    FORMULA,
-    NUMBER,
-    SHOWN,
-    Cells,
-    cells_error,
-    clean_headers,
-)
+from ridgebayes.fea.cells import FINITE, FORMULA, NUMBER, SHOWN, Cells, cells_error, clean_headers
 from ridgebayes.runtime.text import one_line_message
 
 LARGEST = 2**30  # bytes of all members, unpacked

@@ -36,12 +36,7 @@ class CylinderSurface:
 
     @classmethod
     def of(
-        cls,
-        undeformed: FloatArray,
-        where: str,
-        *,
-        R: float | None,
-        symmetry: str,
+        cls, undeformed: FloatArray, where: str, *, R: float | None, symmetry: str
     ) -> "CylinderSurface":
         """Find centre, radius and sides of nodes, shape (n_node, 2).
 
