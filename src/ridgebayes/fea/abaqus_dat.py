@@ -9,7 +9,7 @@ import numpy as np
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import RunDeck
-from ridgebayes.fea.lines import NUMBER, Line, is_label, read_lines
+from ridgebayes.fea.lines import NUMBER, Line, NodeTable, handled, is_label, read_lines, unused
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
@@ -29,15 +29,10 @@ _TRAILERS = (*_EXTREMES, "AT", "TOTAL")
 
 
 @dataclass
-class _Table:
-    """One printed table: rows that are all zero are left out of it."""
+class _Table(NodeTable):
+    """One printed table: Abaqus omits rows that are all zero."""
 
-    line: Line
-    nodes: str
-    columns: tuple[str, ...] = ()
-    rows: dict[int, tuple[float, ...]] = field(default_factory=dict)
-    total: tuple[float, ...] | None = None
-    extremes: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    extremes: dict[str, list[float]] = field(default_factory=dict)
     zero: bool = False
     below: bool = False  # whether a blank line came after rows
     unit: float = 0.0  # of the last printed digit, the coarsest of the rows
@@ -45,14 +40,7 @@ class _Table:
     @property
     def whole(self) -> bool:
         """Whether its end was printed, so that rows not there are rows of zeros."""
-        return self.zero or bool(self.extremes) or self.total is not None
-
-    def has(self, *names: str) -> bool:
-        return all(name in self.columns for name in names)
-
-    def of(self, node: int, *names: str) -> tuple[float, ...]:
-        row = self.rows.get(node)
-        return tuple(0.0 if row is None else row[self.columns.index(name)] for name in names)
+        return self.zero or bool(self.extremes) or bool(self.total)
 
 
 @dataclass
@@ -60,8 +48,8 @@ class _Increment:
     """What was printed of one increment."""
 
     line: int
+    perturbation: bool
     tables: list[_Table] = field(default_factory=list)
-    perturbation: bool = False
 
 
 def read_abaqus_dat(
@@ -108,19 +96,19 @@ def read_abaqus_dat(
     for one in increments:
         rim, driven = _table(one, surface, "U1", "U2"), _table(one, reaction, "RF2")
         if one.perturbation:
-            messages.append(f"line {one.line}: a perturbation step: left out")
+            messages.append(f"line {one.line}: increment ignored, a perturbation step")
         elif rim is None or driven is None:
             what = f"U1 and U2 of {surface}" if rim is None else f"RF2 of {reaction}"
             messages.append(f"line {one.line}: increment ignored, {what} missing")
         elif short := _short(rim, asked) or _short(driven, asked):
-            messages.append(f"line {one.line}: {short}: left out")
+            messages.append(f"line {one.line}: increment ignored, {short}")
         else:
-            moved.append([rim.of(node, "U1", "U2") for node in run.nodes])
+            moved.append(rim.of(run.nodes, "U1", "U2"))
             unit = max(unit, rim.unit)
-            if driven.total is not None and driven.nodes == reaction.upper():
+            if driven.total and driven.nodes == reaction.upper():
                 force.append(driven.total[driven.columns.index("RF2")])
             else:
-                force.append(math.fsum(driven.of(node, "RF2")[0] for node in run.driven))
+                force.append(math.fsum(driven.of(run.driven, "RF2")[:, 0]))
     if not force:
         printed = {f"{' '.join(t.columns)} of {t.nodes}" for one in increments for t in one.tables}
         raise InputError(
@@ -165,7 +153,7 @@ def _short(table: _Table, asked: dict[str, set[int]]) -> str:
     for name, printed in table.extremes.items():
         found = list(table.rows.values())
         if missing or not found:
-            found.append((0.0,) * len(table.columns))
+            found.append([0.0] * len(table.columns))
         pick = max if name == "MAXIMUM" else min
         for column, value in enumerate(printed):
             if pick(row[column] for row in found) != value:
@@ -187,7 +175,7 @@ def _increments(path: Path) -> tuple[list[_Increment], list[str]]:
         elif reader.table is not None and reader.table.rows:
             reader.table.below = True
     found = reader.found
-    messages = [f"not used: {', '.join(sorted(reader.others))}"] if reader.others else []
+    messages = unused(reader.others)
     if reader.repeated:
         messages.append(f"{reader.repeated} increments printed again: the later one counts")
     if cut and found:
@@ -211,7 +199,7 @@ class _Dat:
             (_STEP, self._new_step),
             (_PAGE, self._page),
             (_PAGE_REST, lambda line, match: None),
-            (_PERTURBATION, self._perturbation_step),
+            (_PERTURBATION, lambda line, match: setattr(self, "_perturbation", True)),
             (_TABLE, self._title),
             (_HEADER, self._header),
         )
@@ -221,18 +209,14 @@ class _Dat:
         if self._is_name:
             self._is_name, self.table = False, _Table(line, line.words[0].upper())
             return
-        for pattern, handle in self._kinds:
-            if (match := pattern.match(line.text)) is not None:
-                handle(line, match)
-                return
-        if self.table is not None and self.table.columns:
+        if not handled(line, self._kinds) and self.table is not None and self.table.columns:
             _row(line, self.table)
 
     def _summary(self, line: Line, match: re.Match[str]) -> None:
         key = (self._step, int(match[1]))
         self.repeated += key in self.found
         self.found.pop(key, None)
-        self._increment = _Increment(line.number, perturbation=self._perturbation)
+        self._increment = _Increment(line.number, self._perturbation)
         self.found[key], self.table = self._increment, None
 
     def _new_step(self, line: Line, match: re.Match[str]) -> None:
@@ -243,9 +227,6 @@ class _Dat:
         # A page's head; it may stand in the middle of a table.
         self._step = int(match[1])
 
-    def _perturbation_step(self, line: Line, match: re.Match[str]) -> None:
-        self._perturbation = True
-
     def _title(self, line: Line, match: re.Match[str]) -> None:
         name = _ALL if match[1] else match[2].upper()
         self._is_name, self.table = not name, _Table(line, name) if name else None
@@ -254,7 +235,7 @@ class _Dat:
         """Take the columns of a table, and go on with it if it began on the page before."""
         if (table := self.table) is None:
             return
-        table.columns, self.table = tuple(match[1].split()), None
+        table.columns, self.table = match[1].split(), None
         if not table.has("U1", "U2") and not table.has("RF2"):
             self.others.add(f"{' '.join(table.columns)} of {table.nodes}")
             return
@@ -272,7 +253,7 @@ def _row(line: Line, table: _Table) -> None:
     words = line.words
     if words[0] in _TRAILERS:
         if words[0] != "AT":
-            values = tuple(line.finite(word) for word in words[1:])
+            values = [line.finite(word) for word in words[1:]]
             if len(values) != len(table.columns):
                 raise line.error(f"{len(values)} values; expected {len(table.columns)}")
             if words[0] == "TOTAL":
@@ -292,16 +273,10 @@ def _row(line: Line, table: _Table) -> None:
             f"node, {', '.join(table.columns)}, in global directions (no footnotes)"
         )
     node = line.node(words[0], table.rows)
-    table.rows[node] = tuple(line.finite(word) for word in words[1:])
+    table.rows[node] = [line.finite(word) for word in words[1:]]
     for name, word, value in zip(table.columns, words[1:], table.rows[node], strict=True):
-        if name in ("U1", "U2") and value:
-            table.unit = max(table.unit, _last_digit(word))
-
-
-def _last_digit(word: str) -> float:
-    """Return the unit of a number's last printed digit: 0.001 of 1.234, 1e-7 of 1.2345E-03."""
-    match = NUMBER.fullmatch(word)
-    if match is None:
-        return 0.0
-    decimals = len(match[1].partition(".")[2])
-    return float(f"1e{int(match[2] or match[3] or 0) - decimals}")
+        if name in ("U1", "U2") and value and (match := NUMBER.fullmatch(word)):
+            # The unit of the last printed digit: 0.001 of 1.234, 1e-7 of 1.2345E-03.
+            decimals = len(match[1].partition(".")[2])
+            unit = float(f"1e{int(match[2] or match[3] or 0) - decimals}")
+            table.unit = max(table.unit, unit)

@@ -10,7 +10,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Deck, read_deck
-from ridgebayes.fea.lines import Line, is_label, read_lines
+from ridgebayes.fea.lines import Line, NodeTable, handled, is_label, read_lines, unused
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
@@ -28,24 +28,11 @@ _GAP = re.compile(r"\s{2,}")
 
 
 @dataclass
-class _Table:
+class _Table(NodeTable):
     """Nodal values of one region in one frame."""
 
-    line: Line
-    region: str
-    columns: list[str] = field(default_factory=list)
-    rows: dict[int, list[float]] = field(default_factory=dict)
-    total: list[float] = field(default_factory=list)
     digits: int = 0  # most digits of a number
     whole: bool = False  # whether something stands below the rows
-
-    def has(self, *names: str) -> bool:
-        return all(name in self.columns for name in names)
-
-    def of(self, nodes: list[int], *names: str) -> FloatArray:
-        """Return columns, shape (n_node, n_name)."""
-        at = [self.columns.index(name) for name in names]
-        return np.array([[self.rows[node][i] for i in at] for node in nodes]).reshape(-1, len(at))
 
 
 @dataclass
@@ -141,11 +128,9 @@ def read_abaqus_rpt(
             *messages,
         ),
     )
-    details = [f"deck={deck.name}"] if deck is not None else []
-    details += [f"surface={surface}"] if surface else []
-    details += [f"reaction={reaction}"] if reaction else []
-    source = provenance(path, "abaqus-rpt", *details)
-    origin = Origin(str(path), "abaqus", source)
+    given = {"deck": deck and deck.name, "surface": surface, "reaction": reaction}
+    details = (f"{key}={name}" for key, name in given.items() if name)
+    origin = Origin(str(path), "abaqus", provenance(path, "abaqus-rpt", *details))
     return table_from_history(history, body, origin, brackets=brackets)
 
 
@@ -158,8 +143,7 @@ def _frames(path: Path) -> tuple[list[_Frame], list[str]]:
         raise InputError(
             f"{path}: no 'Field Output Report'; expected a field report of Abaqus/Viewer"
         )
-    messages = [f"not used: {', '.join(sorted(report.others))}"] if report.others else []
-    return [report.found[key] for key in sorted(report.found)], messages
+    return [report.found[key] for key in sorted(report.found)], unused(report.others)
 
 
 class _Report:
@@ -177,18 +161,14 @@ class _Report:
         self._kinds = (
             (_TITLE, self._title),
             (_DATABASE, self._run),
-            (_STEP, self._new_step),
+            (_STEP, lambda line, match: setattr(self, "_step", match[1])),
             (_FRAME, self._new_frame),
             (_OTHER_FRAME, self._other_frame),
             (_OUTPUT, self._region),
         )
 
     def take(self, line: Line) -> None:
-        for pattern, handle in self._kinds:
-            if (match := pattern.match(line.text)) is not None:
-                handle(line, match)
-                return
-        if self._table is not None:
+        if not handled(line, self._kinds) and self._table is not None:
             self._content(line, self._table)
 
     def _title(self, line: Line, match: re.Match[str]) -> None:
@@ -199,9 +179,6 @@ class _Report:
         if self._database and match[1] != self._database:
             raise line.error(f"{match[1]}, and above {self._database}; expected one run")
         self._database = match[1]
-
-    def _new_step(self, line: Line, match: re.Match[str]) -> None:
-        self._step = match[1]
 
     def _new_frame(self, line: Line, match: re.Match[str]) -> None:
         line.finite(match[2])
@@ -256,7 +233,7 @@ def _add(line: Line, table: _Table, words: list[str]) -> None:
     node = int(words[0])
     if node in table.rows:
         raise line.error(
-            f"node {node} again in {table.region}; expected nodal values, averaged where elements "
+            f"node {node} again in {table.nodes}; expected nodal values, averaged where elements "
             "meet"
         )
     table.rows[node] = [line.finite(word) for word in words[1:]]
@@ -277,13 +254,13 @@ class _Region:
         """Return the table that has some columns; or else what is missing."""
         some = [one for one in frame.tables if one.has(*columns) and one.rows and one.whole]
         if self._name is not None:
-            named = [one for one in some if self._is(one.region.upper(), self._name.upper())]
+            named = [one for one in some if self._is(one.nodes.upper(), self._name.upper())]
             some = named or (some if self._nodes else [])
         if not some:
             cut = [one for one in frame.tables if one.has(*columns) and not one.whole]
             what = ", ".join(columns) + (f" of {self._name}" if self._name else "")
             return None, f"{what} is cut off" if cut else f"{what} missing"
-        regions = sorted({one.region for one in some})
+        regions = sorted({one.nodes for one in some})
         if len(regions) > 1:
             raise some[-1].line.error(
                 f"{', '.join(columns)} of {', '.join(regions)}; name one of these regions"
@@ -308,12 +285,12 @@ def _force(table: _Table, nodes: list[int]) -> float:
         total = table.total[table.columns.index("RF.RF2")]
         if abs(total - force) > _AGREE * size:
             raise table.line.error(
-                f"RF.RF2 of {table.region} adds up to {force:.6g}, and the total is {total:.6g}; "
+                f"RF.RF2 of {table.nodes} adds up to {force:.6g}, and the total is {total:.6g}; "
                 "expected whole tables"
             )
     if size > 0 and abs(force) < _AGREE * size:
         raise table.line.error(
-            f"RF.RF2 of {table.region} cancels to {force:.3g}; expected a region of the driven "
+            f"RF.RF2 of {table.nodes} cancels to {force:.3g}; expected a region of the driven "
             "nodes alone, where the load is read"
         )
     return force

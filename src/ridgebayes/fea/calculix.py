@@ -9,7 +9,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import RunDeck
-from ridgebayes.fea.lines import Line, read_lines
+from ridgebayes.fea.lines import Line, read_lines, unused
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
@@ -202,7 +202,7 @@ def read_levels(
             reader.rows[reader.block](line)
         before = line
     levels = [reader.found[time] for time in sorted(reader.found)]
-    messages = [f"not used: {', '.join(sorted(reader.others))}"] if reader.others else []
+    messages = unused(reader.others)
     if n := sum(one.again for one in levels):
         messages.append(f"{n} levels of a time printed again: the later one counts")
     return levels, messages

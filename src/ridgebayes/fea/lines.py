@@ -2,10 +2,13 @@
 
 import math
 import re
-from collections.abc import Container
-from dataclasses import dataclass
+from collections.abc import Callable, Container, Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
+from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_text
 
@@ -87,6 +90,58 @@ class Line:
         if number != int(number) or int(number) in seen:
             raise self.error(f"node {word[:40]!r}; expected a whole number, each node once")
         return int(number)
+
+
+@dataclass
+class NodeTable:
+    """Values of nodes that a program printed.
+
+    Parameters
+    ----------
+    line : Line
+        Where it begins.
+    nodes : str
+        Its set or region of nodes.
+    columns : list of str
+        Names of the values.
+    rows : dict of int to list of float
+        Values by node.
+    total : list of float
+        Sums of the columns, if they were printed.
+    """
+
+    line: Line
+    nodes: str
+    columns: list[str] = field(default_factory=list)
+    rows: dict[int, list[float]] = field(default_factory=dict)
+    total: list[float] = field(default_factory=list)
+
+    def has(self, *names: str) -> bool:
+        """Return whether all of some columns are there."""
+        return all(name in self.columns for name in names)
+
+    def of(self, nodes: Iterable[int], *names: str) -> FloatArray:
+        """Return columns, shape (n_node, n_name); 0 for nodes without a row."""
+        at, zeros = [self.columns.index(name) for name in names], [0.0] * len(self.columns)
+        values = [[self.rows.get(node, zeros)[i] for i in at] for node in nodes]
+        return np.array(values, dtype=float).reshape(-1, len(at))
+
+
+Handlers = Sequence[tuple[re.Pattern[str], Callable[[Line, re.Match[str]], object]]]
+
+
+def handled(line: Line, handlers: Handlers) -> bool:
+    """Give a line to the handler of the first pattern that it begins with, if there is one."""
+    for pattern, handle in handlers:
+        if (match := pattern.match(line.text)) is not None:
+            handle(line, match)
+            return True
+    return False
+
+
+def unused(names: Iterable[str]) -> list[str]:
+    """Return a message about what a file holds and nobody needs, if there is any."""
+    return [f"not used: {', '.join(sorted(names))}"] if names else []
 
 
 def is_label(word: str) -> bool:

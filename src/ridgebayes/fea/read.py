@@ -1,8 +1,10 @@
 """The job behind `import`: a file of any known format to a contact table."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.abaqus_dat import read_abaqus_dat
@@ -17,20 +19,23 @@ from ridgebayes.fea.surface import Body
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.table.table import ContactTable
 
-FORMATS = ("table", "calculix", "calculix-contact", "abaqus-dat", "abaqus-rpt", "series")
 _TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".parquet", ".rpt")
 _LOOKED_AT = 20_000  # bytes
-
-
-_OF_TABLES = ("map", "sheet")
-_OF_BODIES = ("texture", "symmetry", "top", "thickness", "corner")
 _OF_RUNS = ("deck", "surface", "reaction")
-_OF_SERIES = ("field", "time", "loads")
-_ALLOWED = {
-    "table": (*_OF_TABLES, "texture"),
-    **dict.fromkeys(FORMATS[1:5], (*_OF_BODIES, *_OF_RUNS)),
-    "series": (*_OF_BODIES, *_OF_SERIES),
+_OF_BODIES = ("texture", "symmetry", "top", "thickness", "corner")
+_RUNS: dict[str, Callable[..., Imported]] = {
+    "calculix": read_calculix,
+    "calculix-contact": read_calculix_contact,
+    "abaqus-dat": read_abaqus_dat,
+    "abaqus-rpt": read_abaqus_rpt,
 }
+# Options that are not of every format.
+_ALLOWED: dict[str, tuple[str, ...]] = {
+    "table": ("map", "sheet", "texture"),
+    **dict.fromkeys(_RUNS, (*_OF_BODIES, *_OF_RUNS)),
+    "series": (*_OF_BODIES, "field", "time", "loads"),
+}
+FORMATS = tuple(_ALLOWED)
 
 
 @dataclass(frozen=True)
@@ -166,7 +171,7 @@ def recognise(path: Path) -> str:
 
 
 def _check_given(name: str, given: Given) -> None:
-    for option in (*_OF_TABLES, *_OF_BODIES, *_OF_RUNS, *_OF_SERIES):
+    for option in dict.fromkeys(chain(*_ALLOWED.values())):
         if getattr(given, option) not in (None, ()) and option not in _ALLOWED[name]:
             raise InputError(f"--{option}: not used by format {name}; remove it")
 
@@ -177,52 +182,35 @@ def _read(name: str, paths: Sequence[Path], given: Given, *, brackets: bool) -> 
         mapping, values = _mapping(given)
         return read_columns(path, mapping, values=values, sheet=given.sheet, brackets=brackets)
     body = _body(given, name)
+    options: dict[str, Any] = {"brackets": brackets}
     if name == "series":
-        return read_series(
-            paths,
-            body,
-            field=given.field or "displacement",
-            time=given.time or "p_over_E",
-            loads=given.loads or None,
-            brackets=brackets,
-        )
-    deck, surface, reaction = given.deck, given.surface, given.reaction
-    if name == "abaqus-rpt":
-        return read_abaqus_rpt(
-            path, body, surface=surface, reaction=reaction, deck=deck, brackets=brackets
-        )
-    if deck is None or surface is None or reaction is None:
-        missing = [f"--{option}" for option in _OF_RUNS if getattr(given, option) is None]
+        options |= {key: getattr(given, key) or None for key in ("field", "time", "loads")}
+        return read_series(paths, body, **{k: v for k, v in options.items() if v is not None})
+    run = {option: getattr(given, option) for option in _OF_RUNS}
+    missing = [f"--{option}" for option, value in run.items() if value is None]
+    if missing and name != "abaqus-rpt":
         raise InputError(
             f"{', '.join(missing)}: missing; expected the run's deck and its node sets of the "
             f"body's surface and of the driven nodes ({name})"
         )
-    if name == "abaqus-dat":
-        return read_abaqus_dat(
-            path, body, deck=deck, surface=surface, reaction=reaction, brackets=brackets
-        )
-    # CalculiX writes its status beside its results.
-    sta = path.with_suffix(".sta") if path.with_suffix(".sta").is_file() else None
+    if name.startswith("calculix"):
+        # CalculiX writes its status beside its results.
+        options["sta"] = sta if (sta := path.with_suffix(".sta")).is_file() else None
     if name == "calculix-contact":
-        return read_calculix_contact(
-            path, body, deck=deck, surface=surface, reaction=reaction, sta=sta
-        )
-    return read_calculix(
-        path, body, deck=deck, surface=surface, reaction=reaction, sta=sta, brackets=brackets
-    )
+        del options["brackets"]  # of which all of its loads are
+    return _RUNS[name](path, body, **run, **options)
 
 
 def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
     mapping: dict[str, str] = {}
     values: dict[str, str | float] = {}
-    for file in (one for one in given.map if one.endswith(".toml") and "=" not in one):
+    files = [one for one in given.map if one.endswith(".toml") and "=" not in one]
+    for file in files:
         columns, constants = read_mapping(Path(file))
         mapping |= columns
         values |= constants
-    mapping |= parse_map(one for one in given.map if not one.endswith(".toml") or "=" in one)
-    for name in ("nu", "R", "E"):
-        if (value := getattr(given, name)) is not None:
-            values[name] = value
+    mapping |= parse_map(one for one in given.map if one not in files)
+    values |= _numbers(given)
     if given.texture is not None:
         values["a_over_R"], values["b_over_R"] = given.texture
     return mapping, values
@@ -235,15 +223,19 @@ def _body(given: Given, name: str) -> Body:
         )
     if given.nu is None:
         raise InputError(f"--nu: missing; expected Poisson's ratio of the run ({name})")
-    numbers = {"nu": given.nu, "R": given.R, "E": given.E}
     return Body(
         *given.texture,
-        **{key: _plain(key, text) for key, text in numbers.items() if text is not None},
+        **{key: _plain(key, text) for key, text in _numbers(given).items()},
         symmetry=given.symmetry or "half",
         top=given.top,
         thickness=1.0 if given.thickness is None else given.thickness,
         corner_over_R=given.corner or 0.0,
     )
+
+
+def _numbers(given: Given) -> dict[str, str]:
+    typed = {"nu": given.nu, "R": given.R, "E": given.E}
+    return {key: text for key, text in typed.items() if text is not None}
 
 
 def _plain(option: str, text: str) -> float:
