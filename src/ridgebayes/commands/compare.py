@@ -1,8 +1,8 @@
 """`ridgebayes compare`: posteriors, evidences, Bayes factors and scores of several forms."""
 
 from pathlib import Path
-from typing import Any
 
+from ridgebayes.commands import options
 from ridgebayes.commands.parsing import parse_names
 from ridgebayes.commands.request import FitRequest, finish
 from ridgebayes.commands.run_files import write_comparison, write_fits, write_run_json
@@ -11,11 +11,14 @@ from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.runtime.progress import Progress
 
 
-def command(*, out: Path, forms: str, force: bool, **asked: Any) -> None:
+def command(asked: options.Compare) -> None:
     """Do what the command line asks for."""
-    done = compare_job(out, FitRequest(forms=parse_names(forms), **asked), force=force)
+    request = FitRequest(
+        asked.table, parse_names(asked.forms), asked.noise, asked.seed, asked.accuracy
+    )
+    done = compare_job(asked.out, request, force=asked.force)
     print(done.bayes_factors.to_string(index=False))
-    finish(done, out)
+    finish(done, asked.out)
 
 
 def compare_job(

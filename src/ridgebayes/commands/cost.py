@@ -2,9 +2,8 @@
 
 import platform
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from markupsafe import escape
@@ -13,6 +12,7 @@ from ridgebayes.checks.cost.bands import band_settings
 from ridgebayes.checks.cost.loads import load_settings
 from ridgebayes.checks.cost.measured import COST_COLUMNS, LEVELS, Setting, cheapest, measure, pareto
 from ridgebayes.checks.cost.posteriors import evidence_settings, posterior_settings
+from ridgebayes.commands import options
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.drawing.costs import plot_cost
 from ridgebayes.drawing.style import save
@@ -72,33 +72,20 @@ _TASKS: dict[str, Callable[[CostRequest], list[Setting]]] = {
 }
 
 
-def command(
-    *,
-    source: Path | None,
-    out: Path,
-    force: bool,
-    workers: int | None,
-    scheduler: str | None,
-    **measuring: Any,
-) -> None:
-    """Do what the command line asks for; `measuring` are further fields of `CostRequest`."""
-    if source is None:
-        request = CostRequest(paper_sweep(), **measuring)
-    elif source.suffix == ".toml":
-        scene = Scene.from_toml(source)
-        first = scene.textures[0]
-        request = CostRequest(
-            generate(scene, solver="half-plane"),
-            (first.a_over_R, first.b_over_R),
-            scene.highest_load(first),
-            **measuring,
-        )
+def command(asked: options.Cost) -> None:
+    """Do what the command line asks for."""
+    if asked.source is not None and asked.source.suffix == ".toml":
+        scene = Scene.from_toml(asked.source)
+        first, table = scene.textures[0], generate(scene, solver="half-plane")
+        known = CostRequest(table, (first.a_over_R, first.b_over_R), scene.highest_load(first))
     else:
-        request = CostRequest(read_table(source), **measuring)
-    found = cost_job(out, request, force=force, workers=workers, scheduler=scheduler)
+        known = CostRequest(paper_sweep() if asked.source is None else read_table(asked.source))
+    request = replace(known, elements=asked.elements, repeats=asked.repeats, seed=asked.seed)
+    workers, scheduler = asked.workers, asked.scheduler
+    found = cost_job(asked.out, request, force=asked.force, workers=workers, scheduler=scheduler)
     for line in cheapest(found):
         print(line)
-    print(f"{out}: {len(found)} rows; look at {out / 'cost.html'}")
+    print(f"{asked.out}: {len(found)} rows; look at {asked.out / 'cost.html'}")
 
 
 def cost_job(

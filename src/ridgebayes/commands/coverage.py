@@ -2,10 +2,12 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from ridgebayes.checks.coverage import coverage
+from ridgebayes.commands import options
 from ridgebayes.commands.parsing import parse_names
 from ridgebayes.commands.request import FitRequest
 from ridgebayes.commands.run_files import versions
@@ -20,44 +22,33 @@ from ridgebayes.runtime.progress import Progress
 COVERAGE_JSON = "coverage.json"
 
 
-def command(
-    *,
-    table: Path | None,
-    out: Path,
-    forms: str,
-    noise: str,
-    seed: int,
-    force: bool,
-    workers: int | None,
-    scheduler: str | None,
-) -> None:
+def command(asked: options.Coverage) -> None:
     """Count how often bands contain transitions of textures left out, form by form.
 
     The folder holds coverage.csv, its figure as PNG and SVG, and coverage.json.
     """
-    names, noises = parse_names(forms), parse_names(noise, "--noise")
-    inputs = FitRequest(table, names).resolve()
+    names, noises = parse_names(asked.forms), parse_names(asked.noise, "--noise")
+    inputs = FitRequest(asked.table, names).resolve()
     if len(set(noises)) < len(noises):
         raise InputError(f"noise: expected each once, got {', '.join(noises)}")
     models = [Noise.named(name) for name in noises] or list(Noise.every())
-    n_worker = 2 if workers is None and scheduler is None else workers
+    n_worker = 2 if asked.workers is None and asked.scheduler is None else asked.workers
     with (
-        new_folder(out, force=force, about=COVERAGE_JSON) as partial,
+        new_folder(asked.out, force=asked.force, about=COVERAGE_JSON) as partial,
         Progress(len(inputs.forms) * len(models) + 1) as progress,
-        executor_for(n_worker, scheduler) as executor,
+        executor_for(n_worker, asked.scheduler) as executor,
     ):
-        found = coverage(
-            inputs.table, inputs.forms, models, rng=seed, executor=executor, progress=progress.stage
-        )
+        known: dict[str, Any] = {"rng": asked.seed, "executor": executor}
+        found = coverage(inputs.table, inputs.forms, models, progress=progress.stage, **known)
         write_csv(found, partial / "coverage.csv")
         with progress.stage("figure"):
             save(plot_coverage(found), partial / "coverage")
         content = {
             "command": "coverage",
             "versions": versions(),
-            "seed": seed,
+            "seed": asked.seed,
             "options": {
-                "table": str(table) if table else None,
+                "table": str(asked.table) if asked.table else None,
                 "forms": names,
                 "noise": noises,
                 "workers": n_worker,
@@ -67,7 +58,7 @@ def command(
             "stages": progress.stages,
         }
         write_text(json.dumps(content, indent=2) + "\n", partial / COVERAGE_JSON)
-    _print(found, out)
+    _print(found, asked.out)
 
 
 def _print(found: pd.DataFrame, out: Path) -> None:

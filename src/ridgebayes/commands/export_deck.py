@@ -1,7 +1,6 @@
 """`ridgebayes export-deck`: a scene as a deck for the user's own finite elements."""
 
-from pathlib import Path
-
+from ridgebayes.commands import options
 from ridgebayes.commands.parsing import refuse_existing
 from ridgebayes.commands.run_folder import write_text
 from ridgebayes.errors import InputError
@@ -10,16 +9,17 @@ from ridgebayes.fea.pressed_disk import pressed_disk
 from ridgebayes.scene.scene import Scene
 
 
-def command(*, scene: Path, out: Path, program: str, edges: float, force: bool) -> None:
+def command(asked: options.ExportDeck) -> None:
     """Do what the command line asks for."""
-    refuse_existing(out, force)
-    wanted = Scene.from_toml(scene)
+    refuse_existing(asked.out, asked.force)
+    wanted = Scene.from_toml(asked.scene)
     try:
-        disk = pressed_disk(wanted, edges=edges)
-        text = deck_text(disk, program)
+        disk = pressed_disk(wanted, edges=asked.edges)
+        text = deck_text(disk, asked.program)
     except InputError as error:
-        raise InputError(f"{scene}: {error}") from None
-    write_text(text, out)
+        raise InputError(f"{asked.scene}: {error}") from None
+    write_text(text, asked.out)
+    out = asked.out
     (texture,) = wanted.textures
     corner = texture.corner_radius_over_R
     print(f"{out}: {len(disk.cells)} elements, {len(disk.displacements)} levels, R = 1, E = 1")

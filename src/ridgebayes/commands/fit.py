@@ -1,16 +1,14 @@
 """`ridgebayes fit`: the posterior of one form, and its evidence."""
 
-from pathlib import Path
-from typing import Any
-
+from ridgebayes.commands import options
 from ridgebayes.commands.compare import compare_job
 from ridgebayes.commands.request import FitRequest, finish
 
 
-def command(*, out: Path, form: str, force: bool, resume: bool, **asked: Any) -> None:
+def command(asked: options.Fit) -> None:
     """Do what the command line asks for."""
-    request = FitRequest(forms=[form], **asked)
-    done = compare_job(out, request, scores=False, force=force, resume=resume)
+    request = FitRequest.of(asked, [asked.form])
+    done = compare_job(asked.out, request, scores=False, force=asked.force, resume=asked.resume)
     for fit in done.fits.values():
         print(fit)
-    finish(done, out)
+    finish(done, asked.out)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from ridgebayes.commands import options
 from ridgebayes.commands.parsing import parse_texture, refuse_existing
 from ridgebayes.errors import ComputationError, InputError, RidgebayesError
 from ridgebayes.runtime.atomic import exclusive_lock
@@ -24,54 +25,40 @@ from ridgebayes.table.table import ContactTable
 _EVERY_S = 30.0  # a line where there is no terminal to draw a bar on
 
 
-def command(
-    *,
-    out: Path,
-    scene: Path | None,
-    texture: list[str] | None,
-    p_max: float,
-    nu: float,
-    solver: str,
-    tol: float | None,
-    accuracy: str,
-    fields: Path | None,
-    workers: int | None,
-    scheduler: str | None,
-    force: bool,
-    resume: bool,
-) -> None:
+def command(asked: options.Generate) -> None:
     """Do what the command line asks for."""
-    refuse_existing(out, force)
-    if scene is not None and texture:
+    refuse_existing(asked.out, asked.force)
+    if asked.scene is not None and asked.texture:
         raise InputError("SCENE and --texture: expected one of them, got both")
-    if scene is not None:
-        wanted = Scene.from_toml(scene)
-    elif texture:
-        textures = [parse_texture(text) for text in texture]
-        wanted = Scene.of(textures, p_over_E=p_max, nu=nu)
+    if asked.scene is not None:
+        wanted = Scene.from_toml(asked.scene)
+    elif asked.texture:
+        textures = [parse_texture(text) for text in asked.texture]
+        wanted = Scene.of(textures, p_over_E=asked.p_max, nu=asked.nu)
     else:
         wanted = Scene.paper()
-    solving: dict[str, Any] = {"solver": solver, "rel_tol": tol, "accuracy": accuracy}
-    if fields is None:
+    solving: dict[str, Any]
+    solving = {"solver": asked.solver, "rel_tol": asked.tol, "accuracy": asked.accuracy}
+    if asked.fields is None:
         table, left_out = sweep_job(
-            out,
+            asked.out,
             wanted,
-            workers=workers,
-            scheduler=scheduler,
-            resume=resume,
-            force=force,
+            workers=asked.workers,
+            scheduler=asked.scheduler,
+            resume=asked.resume,
+            force=asked.force,
             **solving,
         )
     else:
-        if workers is not None or scheduler is not None or resume:
+        if asked.workers is not None or asked.scheduler is not None or asked.resume:
             raise InputError("--fields: expected without --workers, --scheduler and --resume")
-        table, left_out = fields_job(out, wanted, fields, force=force, **solving)
+        table, left_out = fields_job(asked.out, wanted, asked.fields, force=asked.force, **solving)
     failed = len(table.left_out)
-    print(f"{out}: {len(table)} rows, {len(table.textures)} textures, {failed} not ok")
+    print(f"{asked.out}: {len(table)} rows, {len(table.textures)} textures, {failed} not ok")
     for line in left_out:
         print(line)
     if failed:
-        raise ComputationError(f"{failed} rows are not ok, see column status of {out}")
+        raise ComputationError(f"{failed} rows are not ok, see column status of {asked.out}")
 
 
 def sweep_job(

@@ -1,41 +1,31 @@
 """`ridgebayes import`: output of the user's own finite elements or tests as a contact table."""
 
-from pathlib import Path
-from typing import Any
+from dataclasses import fields
 
+from ridgebayes.commands import options
 from ridgebayes.commands.parsing import parse_numbers, parse_texture, refuse_existing
 from ridgebayes.errors import InputError
 from ridgebayes.fea.read import Given, import_files
 
 
-def command(
-    *,
-    file: list[Path],
-    out: Path | None,
-    program: str | None,
-    mapping: list[str] | None,
-    texture: str | None,
-    loads: str,
-    brackets: bool,
-    role: str | None,
-    dry_run: bool,
-    force: bool,
-    **known: Any,
-) -> None:
-    """Do what the command line asks for; `known` are further fields of `Given`."""
-    if out is None and not dry_run:
+def command(asked: options.Import) -> None:
+    """Do what the command line asks for."""
+    if asked.out is None and not asked.dry_run:
         raise InputError("-o: missing; expected the table to write, or --dry-run")
-    if out is not None and not dry_run:
-        refuse_existing(out, force)
-    given = Given(
-        map=tuple(mapping or ()),
-        texture=None if texture is None else parse_texture(texture),
-        loads=parse_numbers(loads, "--loads"),
-        **known,
+    if asked.out is not None and not asked.dry_run:
+        refuse_existing(asked.out, asked.force)
+    known = {
+        one.name: getattr(asked, one.name) for one in fields(Given) if hasattr(asked, one.name)
+    }
+    known["map"] = tuple(asked.mapping or ())
+    known["texture"] = None if asked.texture is None else parse_texture(asked.texture)
+    known["loads"] = parse_numbers(asked.loads, "--loads")
+    given = Given(**known)
+    found = import_files(
+        asked.file, given, program=asked.program, brackets=asked.brackets, role=asked.role
     )
-    found = import_files(file, given, program=program, brackets=brackets, role=role)
     for line in found.messages:
         print(line)
-    if out is not None and not dry_run:
-        found.table.write(out)
-        print(f"{out}: {len(found.table)} rows, {len(found.table.textures)} textures")
+    if asked.out is not None and not asked.dry_run:
+        found.table.write(asked.out)
+        print(f"{asked.out}: {len(found.table)} rows, {len(found.table.textures)} textures")

@@ -1,10 +1,15 @@
-"""Options that several commands share, each defined once."""
+"""The options of every command: a record each, and those that several share, defined once.
 
+Nothing heavy is loaded here, so that help is quick.
+"""
+
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+DEFAULT_OUT = Path("ridgebayes-out")
 NOISE_NAMES = (
     "STRUCTURE or STRUCTURE:student, where STRUCTURE is one of iid, texture, step, texture+step, "
     "step-smooth."
@@ -42,3 +47,256 @@ Table = Annotated[Path, typer.Argument(help="Contact table, .csv or .parquet.")]
 Workers = Annotated[
     int | None, typer.Option(min=1, help="Worker processes. Results do not depend on them.")
 ]
+
+
+@dataclass(frozen=True)
+class Run:
+    """Calibrate all forms, compare them, predict, and write a report."""
+
+    table: Annotated[
+        Path | None, typer.Option(help="Contact table. The embedded sweep if not given.")
+    ] = None
+    forms: Forms = ""
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Error model: {NOISE_NAMES} The one with the highest mean evidence if not given."
+        ),
+    ] = None
+    out: OutFolder = DEFAULT_OUT
+    force: Force = False
+    seed: Seed = 0
+    resume: Resume = False
+    accuracy: Accuracy = "standard"
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Worker processes. One for each processor if not given."),
+    ] = None
+    scheduler: Scheduler = None
+
+
+@dataclass(frozen=True)
+class Generate:
+    """Compute transition loads of textures and write them as a contact table."""
+
+    out: OutFile
+    scene: Annotated[
+        Path | None, typer.Argument(help="Scene file. The paper's sweep if not given.")
+    ] = None
+    texture: Annotated[
+        list[str] | None,
+        typer.Option(help="A,B: ridge and groove width over the radius. May be repeated."),
+    ] = None
+    p_max: Annotated[float, typer.Option(help="Highest load p/E, with --texture.")] = 0.02
+    nu: Annotated[float, typer.Option(help="Poisson's ratio, with --texture.")] = 0.5
+    solver: Annotated[
+        str, typer.Option(help="auto, hertz, half-plane, cylinder-linear or cylinder-fe.")
+    ] = "auto"
+    tol: Annotated[
+        float | None,
+        typer.Option(help="Relative tolerance of each load. Set by --accuracy if not given."),
+    ] = None
+    accuracy: Accuracy = "standard"
+    fields: Annotated[
+        Path | None,
+        typer.Option(help="Folder to create for finite-element fields: XDMF, CSV, figures."),
+    ] = None
+    workers: Workers = None
+    scheduler: Scheduler = None
+    force: Force = False
+    resume: Resume = False
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Sample the posterior of one form."""
+
+    table: Table
+    form: Annotated[str, typer.Option(help="Form to fit, such as hybrid.")]
+    noise: NoiseName = "iid"
+    out: OutFolder = DEFAULT_OUT
+    force: Force = False
+    seed: Seed = 0
+    resume: Resume = False
+    accuracy: Accuracy = "standard"
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Compare forms: evidences, Bayes factors, model probabilities, leave-one-out, stacking."""
+
+    table: Table
+    forms: Forms = ""
+    noise: NoiseName = "iid"
+    out: OutFolder = DEFAULT_OUT
+    force: Force = False
+    seed: Seed = 0
+    accuracy: Accuracy = "standard"
+
+
+@dataclass(frozen=True)
+class Predict:
+    """Predict Q with uncertainty bands at given textures and loads, from a finished run."""
+
+    folder: RunFolder
+    texture: Annotated[
+        list[str],
+        typer.Option(help="A,B: ridge and groove width over the radius. May be repeated."),
+    ]
+    p_over_E: Annotated[
+        str,
+        typer.Option(
+            "--p-over-E", help="Loads p/E as LO:HI:N, evenly spaced, or log:LO:HI:N, log-spaced."
+        ),
+    ]
+    out: OutFile
+    nu: Nu = 0.5
+    form: Annotated[str, typer.Option(help="Form of the run, or average.")] = "average"
+    prob: Annotated[float, typer.Option(help="Probability inside the band.")] = 0.9
+    force: Force = False
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Leave each texture out in turn and count how often the bands contain its loads."""
+
+    table: Annotated[
+        Path | None, typer.Argument(help="Contact table. The embedded sweep if not given.")
+    ] = None
+    out: OutFolder = Path("ridgebayes-coverage")
+    forms: Forms = ""
+    noise: Annotated[
+        str,
+        typer.Option(help=f"Comma-separated error models: {NOISE_NAMES} All if not given."),
+    ] = ""
+    seed: Seed = 0
+    force: Force = False
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Worker processes, 2 if not given. Results do not depend on it."),
+    ] = None
+    scheduler: Scheduler = None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Estimate each effect in a scene and show which ones will be simulated."""
+
+    scene: Annotated[Path | None, typer.Argument(help="Scene file.")] = None
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", help="CSV to write. With --verify, the folder to create."),
+    ] = None
+    figures: Annotated[Path | None, typer.Option(help="Folder for figures of the scene.")] = None
+    verify: Annotated[
+        bool,
+        typer.Option("--verify", help="Test the estimates on scenes spread over the whole range."),
+    ] = False
+    scenes: Annotated[int, typer.Option(min=1, help="Number of scenes, with --verify.")] = 32
+    seed: Seed = 0
+    force: Force = False
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Measure accuracy against run time: loads, posteriors, evidences, bands."""
+
+    source: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[TABLE|SCENE]",
+            help="Contact table or scene file. The embedded sweep if not given.",
+        ),
+    ] = None
+    out: OutFolder = Path("ridgebayes-cost")
+    elements: Annotated[
+        bool, typer.Option("--elements/--no-elements", help="Run finite elements too.")
+    ] = True
+    repeats: Annotated[int, typer.Option(min=1, help="Timed runs of each fast setting.")] = 3
+    seed: Seed = 0
+    force: Force = False
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Worker processes. Parallel runs distort timings."),
+    ] = None
+    scheduler: Scheduler = None
+
+
+@dataclass(frozen=True)
+class Import:
+    """Read the output of your own finite elements or tests into a contact table."""
+
+    file: Annotated[list[Path], typer.Argument(help="File to read, or all files of a VTU series.")]
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Table to write.")] = None
+    program: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            help="table, calculix, calculix-contact, abaqus-dat, abaqus-rpt or series. Detected "
+            "if not given.",
+        ),
+    ] = None
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", help="KEY=HEADER, such as 'a=Ridge width \\[mm]', or a TOML file."),
+    ] = None
+    sheet: Annotated[str | None, typer.Option(help="Sheet of a workbook.")] = None
+    texture: Annotated[
+        str | None, typer.Option(help="A,B: ridge and groove width over the radius.")
+    ] = None
+    nu: Annotated[str | None, typer.Option(help="Poisson's ratio.")] = None
+    R: Annotated[str | None, typer.Option("--R", help="Radius, such as '8 mm'.")] = None
+    E: Annotated[str | None, typer.Option("--E", help="Young's modulus, such as '60 kPa'.")] = None
+    deck: Annotated[Path | None, typer.Option(help="Input deck of the run.")] = None
+    surface: Annotated[str | None, typer.Option(help="Node set of the body's rim.")] = None
+    reaction: Annotated[
+        str | None, typer.Option(help="Node set whose reaction force is the load.")
+    ] = None
+    symmetry: Annotated[
+        str | None, typer.Option(help="half or full: which part of the body is meshed.")
+    ] = None
+    top: Annotated[float | None, typer.Option(help="Height of the ridge tops.")] = None
+    corner: Annotated[
+        float | None, typer.Option(help="Corner radius of the ridges over the radius.")
+    ] = None
+    thickness: Annotated[
+        float | None, typer.Option(help="Thickness of the slice that the forces belong to.")
+    ] = None
+    field: Annotated[
+        str | None, typer.Option(help="Point data of a series. displacement if not given.")
+    ] = None
+    time: Annotated[
+        str | None, typer.Option(help="Meaning of a series' time: p_over_E or line.")
+    ] = None
+    loads: Annotated[
+        str, typer.Option(help="Comma-separated p/E or line loads of several .vtu files.")
+    ] = ""
+    brackets: Annotated[
+        bool,
+        typer.Option("--brackets", help="Write each load as an interval instead of interpolating."),
+    ] = False
+    role: Annotated[str | None, typer.Option(help="calibration or held-out.")] = None
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show how the input is read. Write nothing.")
+    ] = False
+    force: Force = False
+
+
+@dataclass(frozen=True)
+class ExportDeck:
+    """Write a scene as an input deck for your own finite elements."""
+
+    scene: Annotated[Path, typer.Argument(help="Scene file of one texture.")]
+    out: Annotated[Path, typer.Option("-o", "--out", help="File to write, such as run.inp.")]
+    program: Annotated[
+        str, typer.Option("--format", help="Program to write for: calculix or abaqus.")
+    ] = "calculix"
+    edges: Annotated[float, typer.Option(help="Element edges across a ridge.")] = 12.0
+    force: Force = False
+
+
+@dataclass(frozen=True)
+class Report:
+    """Write the report of a finished run again."""
+
+    folder: RunFolder

@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from ridgebayes.checks.plan_check import check_plans, sobol_scenes
+from ridgebayes.commands import options
 from ridgebayes.commands.parsing import refuse_existing
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.errors import ComputationError, InputError
@@ -17,31 +18,22 @@ from ridgebayes.scene.scene import Scene
 CHECK_CSV = "plan-check.csv"
 
 
-def command(
-    *,
-    scene: Path | None,
-    out: Path | None,
-    figures: Path | None,
-    verify: bool,
-    scenes: int,
-    seed: int,
-    force: bool,
-) -> None:
+def command(asked: options.Plan) -> None:
     """Do what the command line asks for."""
-    if verify:
-        if scene is not None or out is None:
+    if asked.verify:
+        if asked.scene is not None or asked.out is None:
             raise InputError("--verify: expected -o, a folder to create, and no scene")
-        found = plan_check_job(out, n=scenes, seed=seed, force=force)
-        print(f"{out}: {int(found['honest'].sum())} of {len(found)} estimates are reliable")
+        found = plan_check_job(asked.out, n=asked.scenes, seed=asked.seed, force=asked.force)
+        print(f"{asked.out}: {int(found['honest'].sum())} of {len(found)} estimates are reliable")
         if not found["honest"].all():
             n = int((~found["honest"]).sum())
-            raise ComputationError(f"{n} estimates are not reliable; see {out}/report.md")
+            raise ComputationError(f"{n} estimates are not reliable; see {asked.out}/report.md")
         return
-    if scene is None:
+    if asked.scene is None:
         raise InputError("SCENE: missing; expected a scene file, or --verify")
-    if out is not None:
-        refuse_existing(out, force)
-    for one in plan_job(Scene.from_toml(scene), out=out, figures=figures):
+    if asked.out is not None:
+        refuse_existing(asked.out, asked.force)
+    for one in plan_job(Scene.from_toml(asked.scene), out=asked.out, figures=asked.figures):
         print(f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}")
         for row in plan_table([one]).to_dict("records"):
             size, seconds = row["estimated_rel_change"], row["cost_s"]

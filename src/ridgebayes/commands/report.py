@@ -2,14 +2,15 @@
 
 from pathlib import Path
 
+from ridgebayes.commands import options
 from ridgebayes.commands.pages import write_pages
 from ridgebayes.commands.run_files import REFERENCE, read_run
 
 
-def command(*, folder: Path) -> None:
+def command(asked: options.Report) -> None:
     """Do what the command line asks for."""
-    report_job(folder)
-    print(f"read {folder / 'report.html'}")
+    report_job(asked.folder)
+    print(f"read {asked.folder / 'report.html'}")
 
 
 def report_job(folder: Path) -> None:

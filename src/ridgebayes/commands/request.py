@@ -9,6 +9,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
+from ridgebayes.commands import options
 from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.errors import ComputationError, InputError
@@ -50,6 +51,13 @@ class FitRequest:
     seed: int = 0
     accuracy: str = STANDARD.name
     settings: SampleSettings | None = None
+
+    @classmethod
+    def of(
+        cls, asked: options.Run | options.Fit | options.Compare, forms: Sequence[str]
+    ) -> "FitRequest":
+        """Return what a command line asks for."""
+        return cls(asked.table, forms, asked.noise, asked.seed, asked.accuracy)
 
     @property
     def options(self) -> dict[str, Any]:

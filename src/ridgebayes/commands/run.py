@@ -4,13 +4,14 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Optional
+from typing import TYPE_CHECKING, Optional
 
 import pandas as pd
 
 from ridgebayes.checks.cost.measured import short_costs
 from ridgebayes.checks.coverage import coverage
 from ridgebayes.checks.cross_validation import left_out_scores
+from ridgebayes.commands import options
 from ridgebayes.commands.pages import begin_figures, write_pages
 from ridgebayes.commands.parsing import parse_names
 from ridgebayes.commands.request import FitRequest, Inputs, finish
@@ -31,20 +32,20 @@ EMBEDDED_FE = "finite-element reference rows"
 _LARGEST_SENT = 2**26  # bytes of draws; beyond, sending a comparison to workers costs memory
 
 
-def command(
-    *,
-    out: Path,
-    forms: str,
-    force: bool,
-    resume: bool,
-    workers: int | None,
-    scheduler: str | None,
-    **asked: Any,
-) -> None:
+def command(asked: options.Run) -> None:
     """Do what the command line asks for."""
-    request = FitRequest(forms=parse_names(forms), **asked)
-    done = run_job(out, request, force=force, resume=resume, workers=workers, scheduler=scheduler)
-    finish(done, out, f"read {out / 'report.html'}")
+    request = FitRequest(
+        asked.table, parse_names(asked.forms), asked.noise, asked.seed, asked.accuracy
+    )
+    done = run_job(
+        asked.out,
+        request,
+        force=asked.force,
+        resume=asked.resume,
+        workers=asked.workers,
+        scheduler=asked.scheduler,
+    )
+    finish(done, asked.out, f"read {asked.out / 'report.html'}")
 
 
 def run_job(
