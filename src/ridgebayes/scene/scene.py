@@ -8,20 +8,12 @@ from typing import Annotated
 from pydantic import Field, field_validator, model_validator
 
 from ridgebayes.errors import InputError
-from ridgebayes.scene.fields import (
-    NotNegative,
-    Offset,
-    PoissonsRatio,
-    Positive,
-    Record,
-    Relative,
-    Role,
-)
+from ridgebayes.scene import fields
 from ridgebayes.scene.toml import read_scene_file, scene_text
 from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
 
 
-class Texture(Record):
+class Texture(fields.Record):
     """One ridged texture in units of the body's radius R.
 
     Attributes
@@ -40,13 +32,13 @@ class Texture(Record):
         Highest load on this texture; None is that of the scene.
     """
 
-    a_over_R: Positive
-    b_over_R: Positive
-    groove_depth_over_R: Positive | None = None
-    corner_radius_over_R: NotNegative = 0.0
-    offset: Offset = 0.0
-    role: Role = "calibration"
-    max_p_over_E: Positive | None = None
+    a_over_R: fields.Positive
+    b_over_R: fields.Positive
+    groove_depth_over_R: fields.Positive | None = None
+    corner_radius_over_R: fields.NotNegative = 0.0
+    offset: fields.Offset = 0.0
+    role: fields.Role = "calibration"
+    max_p_over_E: fields.Positive | None = None
 
     @model_validator(mode="after")
     def _shape_fits(self) -> "Texture":
@@ -69,7 +61,7 @@ class Texture(Record):
         return self
 
 
-class Scene(Record):
+class Scene(fields.Record):
     """A soft cylinder on ridged textures, free of units.
 
     Parameters
@@ -93,10 +85,10 @@ class Scene(Record):
     """
 
     textures: Annotated[tuple[Texture, ...], Field(min_length=1)]
-    nu: PoissonsRatio = 0.5
-    p_over_E: Positive = 0.02
-    friction: NotNegative = 0.0
-    relative: Relative | None = None
+    nu: fields.PoissonsRatio = 0.5
+    p_over_E: fields.Positive = 0.02
+    friction: fields.NotNegative = 0.0
+    relative: fields.Relative | None = None
 
     def highest_load(self, texture: Texture) -> float:
         """Return the highest load on one of the textures: its own, or the scene's.
@@ -232,4 +224,6 @@ class Scene(Record):
         OSError
             If the file cannot be written.
         """
-        Path(path).write_text(scene_text(self.model_dump()), encoding="utf-8")
+        textures = [one.model_dump(exclude_defaults=True) for one in self.textures]
+        text = scene_text(self.model_dump() | {"textures": textures})
+        Path(path).write_text(text, encoding="utf-8")

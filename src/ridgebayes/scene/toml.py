@@ -8,11 +8,11 @@ of max (p), line (P' = 2 R p), force with length (of the cylinder) and p_over_E,
 
 import json
 import tomllib
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
 
@@ -20,56 +20,50 @@ from ridgebayes._types import Json
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
 from ridgebayes.runtime.text import one_line_message
-from ridgebayes.scene.fields import (
-    NotNegative,
-    Offset,
-    PoissonsRatio,
-    Positive,
-    Relative,
-    Role,
-    findings,
-)
+from ridgebayes.scene import fields
 from ridgebayes.scene.units import Dimension, to_si
+
+# A texture's keys in a file, and the fields of a `Texture` that they become.
+_TEXTURE_KEYS = {
+    "ridge_width": "a_over_R",
+    "groove_width": "b_over_R",
+    "groove_depth": "groove_depth_over_R",
+    "corner_radius": "corner_radius_over_R",
+    "offset": "offset",
+    "role": "role",
+    "max_p_over_E": "max_p_over_E",
+}
 
 
 @dataclass(frozen=True)
 class _Measure:
-    """A number in SI units, or the plain number of a file without units."""
+    """A number in SI units, or the plain number of a file without units; and what was written."""
 
     value: Fraction
-    has_unit: bool
     raw: str | float
 
 
-def _measured(dimension: Dimension, *, may_be_zero: bool = False) -> Callable[[object], _Measure]:
-    """Return the parser of a quantity: text with a unit, or a plain number."""
-
-    def parse(raw: object) -> _Measure:
-        if isinstance(raw, str):
-            try:
-                measure = _Measure(to_si(raw, dimension), True, raw)
-            except InputError as error:
-                raise ValueError(str(error).removeprefix(f"{raw!r}: ")) from None
-        elif isinstance(raw, int | float) and not isinstance(raw, bool):
-            try:
-                # The decimal as written, so that ratios come out as a person would write them.
-                measure = _Measure(Fraction(repr(raw)), False, raw)
-            except ValueError:
-                raise ValueError("must be finite") from None
-        else:
-            raise ValueError("must be a number, or text with a number and a unit")
-        if measure.value < 0 or (measure.value == 0 and not may_be_zero):
-            raise ValueError(f"must be {'>= 0' if may_be_zero else '> 0'}")
-        return measure
-
-    return parse
+def _measured(dimension: Dimension, raw: object, *, may_be_zero: bool = False) -> _Measure:
+    """Read a quantity: text with a unit, or a plain number."""
+    if not isinstance(raw, str | int | float) or isinstance(raw, bool):
+        raise ValueError("must be a number, or text with a number and a unit")
+    try:
+        # The decimal as written, so that ratios come out as a person would write them.
+        value = to_si(raw, dimension) if isinstance(raw, str) else Fraction(repr(raw))
+    except InputError as error:
+        raise ValueError(str(error).removeprefix(f"{raw!r}: ")) from None
+    except ValueError:
+        raise ValueError("must be finite") from None
+    if value < 0 or (value == 0 and not may_be_zero):
+        raise ValueError(f"must be {'>= 0' if may_be_zero else '> 0'}")
+    return _Measure(value, raw)
 
 
-_Length = Annotated[_Measure, PlainValidator(_measured("length"))]
-_LengthOrZero = Annotated[_Measure, PlainValidator(_measured("length", may_be_zero=True))]
-_Pressure = Annotated[_Measure, PlainValidator(_measured("pressure"))]
-_LineLoad = Annotated[_Measure, PlainValidator(_measured("line load"))]
-_Force = Annotated[_Measure, PlainValidator(_measured("force"))]
+_Length = Annotated[_Measure, PlainValidator(partial(_measured, "length"))]
+_LengthOrZero = Annotated[_Measure, PlainValidator(partial(_measured, "length", may_be_zero=True))]
+_Pressure = Annotated[_Measure, PlainValidator(partial(_measured, "pressure"))]
+_LineLoad = Annotated[_Measure, PlainValidator(partial(_measured, "line load"))]
+_Force = Annotated[_Measure, PlainValidator(partial(_measured, "force"))]
 
 
 class _Section(BaseModel):
@@ -79,7 +73,7 @@ class _Section(BaseModel):
 class _Body(_Section):
     radius: _Length | None = None
     youngs_modulus: _Pressure | None = None
-    poissons_ratio: PoissonsRatio = 0.5
+    poissons_ratio: fields.PoissonsRatio = 0.5
 
 
 class _Texture(_Section):
@@ -87,9 +81,9 @@ class _Texture(_Section):
     groove_width: _Length
     groove_depth: _Length | None = None
     corner_radius: _LengthOrZero | None = None
-    offset: Offset = 0.0
-    role: Role = "calibration"
-    max_p_over_E: Positive | None = None
+    offset: fields.Offset = 0.0
+    role: fields.Role = "calibration"
+    max_p_over_E: fields.Positive | None = None
 
 
 class _Load(_Section):
@@ -97,12 +91,12 @@ class _Load(_Section):
     line: _LineLoad | None = None
     force: _Force | None = None
     length: _Length | None = None
-    p_over_E: Positive | None = None
-    friction: NotNegative = 0.0
+    p_over_E: fields.Positive | None = None
+    friction: fields.NotNegative = 0.0
 
 
 class _Accuracy(_Section):
-    relative: Relative | None = None
+    relative: fields.Relative | None = None
 
 
 class _SceneFile(_Section):
@@ -150,7 +144,7 @@ def read_scene_file(path: Path) -> Json:
     try:
         scene = _SceneFile(**{**data, "texture": [data["texture"]]} if single else data)
     except ValidationError as error:
-        lines = findings(error, str(path))
+        lines = fields.findings(error, str(path))
         raise InputError(
             "\n".join(line.replace("texture[1]", "texture") if single else line for line in lines)
         ) from None
@@ -162,15 +156,15 @@ def read_scene_file(path: Path) -> Json:
 
 def _clashes(scene: _SceneFile) -> list[str]:
     """Find the rules broken between keys."""
-    measures = {
-        f"{section}.{key}": value
-        for section, model in _sections(scene)
-        for key, value in model
-        if isinstance(value, _Measure)
-    }
+    names = [f"texture[{i}]" for i in range(1, len(scene.texture) + 1)]
+    textures = zip(names if len(names) > 1 else ["texture"], scene.texture, strict=True)
+    united, plain = [], []
+    for section, model in (("body", scene.body), *textures, ("load", scene.load)):
+        for key, value in model:
+            if isinstance(value, _Measure):
+                where = united if isinstance(value.raw, str) else plain
+                where.append(f"{section}.{key} = {value.raw!r}")
     problems = []
-    united = [f"{key} = {m.raw!r}" for key, m in measures.items() if m.has_unit]
-    plain = [f"{key} = {m.raw!r}" for key, m in measures.items() if not m.has_unit]
     if united and plain:
         problems.append(
             f"{', '.join(united)}: with a unit, but {', '.join(plain)}: without; give units "
@@ -178,59 +172,46 @@ def _clashes(scene: _SceneFile) -> list[str]:
         )
     if united and scene.body.radius is None:
         problems.append("body.radius: missing; widths with units need it")
-    loads = {key: getattr(scene.load, key) for key in ("max", "line", "force", "p_over_E")}
-    given = [f"load.{key}" for key, value in loads.items() if value is not None]
+    load = scene.load
+    keys = ("max", "line", "force", "p_over_E")
+    given = [f"load.{key}" for key in keys if getattr(load, key) is not None]
     if len(given) > 1:
         problems.append(f"{', '.join(given)}: give one of them")
-    if (scene.load.force is None) != (scene.load.length is None):
-        missing = "length" if scene.load.length is None else "force"
+    if (load.force is None) != (load.length is None):
+        missing = "length" if load.length is None else "force"
         problems.append(f"load.{missing}: missing; a force takes both, load.force and load.length")
-    dimensional = scene.load.max or scene.load.line or scene.load.force
-    if dimensional and scene.body.youngs_modulus is None:
+    if (load.max or load.line or load.force) and scene.body.youngs_modulus is None:
         problems.append(f"body.youngs_modulus: missing; {given[0]} needs it")
     return problems
 
 
-def _sections(scene: _SceneFile) -> list[tuple[str, _Section]]:
-    textures = [(f"texture[{i}]", texture) for i, texture in enumerate(scene.texture, start=1)]
-    if len(textures) == 1:
-        textures = [("texture", scene.texture[0])]
-    return [("body", scene.body), *textures, ("load", scene.load)]
-
-
 def _plain(scene: _SceneFile) -> Json:
     """Divide lengths by R and pressures by E, exactly until the last rounding."""
-    radius = scene.body.radius.value if scene.body.radius else Fraction(1)
+    body, load = scene.body, scene.load
+    radius = body.radius.value if body.radius else Fraction(1)
     textures = []
     for texture in scene.texture:
-        depth, corner = texture.groove_depth, texture.corner_radius
+        given = {name: getattr(texture, key) for key, name in _TEXTURE_KEYS.items()}
         textures.append(
             {
-                "a_over_R": _ratio(texture.ridge_width, radius),
-                "b_over_R": _ratio(texture.groove_width, radius),
-                "groove_depth_over_R": None if depth is None else _ratio(depth, radius),
-                "corner_radius_over_R": 0.0 if corner is None else _ratio(corner, radius),
-                "offset": texture.offset,
-                "role": texture.role,
-                "max_p_over_E": texture.max_p_over_E,
+                name: _ratio(value, radius) if isinstance(value, _Measure) else value
+                for name, value in given.items()
+                if value is not None
             }
         )
     values = {
         "textures": textures,
-        "nu": scene.body.poissons_ratio,
-        "friction": scene.load.friction,
+        "nu": body.poissons_ratio,
+        "friction": load.friction,
         "relative": scene.accuracy.relative,
     }
-    load, modulus = scene.load, scene.body.youngs_modulus
     if load.p_over_E is not None:
         values["p_over_E"] = load.p_over_E
-    elif modulus is not None and load.max is not None:
-        values["p_over_E"] = _ratio(load.max, modulus.value)
-    elif modulus is not None and load.line is not None:
-        values["p_over_E"] = _ratio(load.line, 2 * radius * modulus.value)  # P' = 2 R p
-    elif modulus is not None and load.force is not None and load.length is not None:
-        area = 2 * radius * load.length.value
-        values["p_over_E"] = _ratio(load.force, area * modulus.value)
+    across = 2 * radius  # P' = 2 R p
+    area = across * (load.length.value if load.length else 1)
+    for measure, over in ((load.max, Fraction(1)), (load.line, across), (load.force, area)):
+        if measure is not None and body.youngs_modulus is not None:
+            values["p_over_E"] = _ratio(measure, over * body.youngs_modulus.value)
     return values
 
 
@@ -247,32 +228,27 @@ def scene_text(values: Json) -> str:
     Parameters
     ----------
     values : dict
-        Fields of `Scene`, textures as dicts.
+        Fields of `Scene`, textures as dicts without what stands at its default.
 
     Returns
     -------
     str
         TOML; what stands at its default is left out where it means "not asked for".
     """
-    lines = ["[body]", "radius = 1.0", f"poissons_ratio = {values['nu']!r}"]
-    for texture in values["textures"]:
-        keys = {
-            "ridge_width": texture["a_over_R"],
-            "groove_width": texture["b_over_R"],
-            "groove_depth": texture["groove_depth_over_R"],
-            "corner_radius": texture["corner_radius_over_R"] or None,
-            "offset": texture["offset"] or None,
-            "role": None if texture["role"] == "calibration" else texture["role"],
-            "max_p_over_E": texture["max_p_over_E"],
-        }
-        lines += ["", "[[texture]]", *_entries(keys)]
     load = {"p_over_E": values["p_over_E"], "friction": values["friction"] or None}
-    lines += ["", "[load]", *_entries(load)]
-    if values["relative"] is not None:
-        lines += ["", "[accuracy]", *_entries({"relative": values["relative"]})]
-    return "\n".join(lines) + "\n"
-
-
-def _entries(keys: dict[str, Any]) -> list[str]:
-    # A JSON string of ASCII words is a TOML string, and a float's repr is a TOML float.
-    return [f"{key} = {json.dumps(value)}" for key, value in keys.items() if value is not None]
+    sections: list[tuple[str, Json]] = [
+        ("[body]", {"radius": 1.0, "poissons_ratio": values["nu"]}),
+        *(
+            ("[[texture]]", {key: texture.get(name) for key, name in _TEXTURE_KEYS.items()})
+            for texture in values["textures"]
+        ),
+        ("[load]", load),
+        ("[accuracy]", {"relative": values["relative"]}),
+    ]
+    parts = []
+    for title, keys in sections:
+        # A JSON string of ASCII words is a TOML string, and a float's repr is a TOML float.
+        lines = [f"{key} = {json.dumps(value)}" for key, value in keys.items() if value is not None]
+        if lines:
+            parts.append("\n".join([title, *lines]) + "\n")
+    return "\n".join(parts)

@@ -90,27 +90,21 @@ class RimCompliance:
                 f"a = {a!r}, b = {b!r}; expected eight edges of {self.edge:.3g} on each"
             )
         loads: list[float] = []
-        weights = np.zeros((0, len(self.x)))
-        gap, length = np.zeros(0), np.zeros(0)
-        pressure = np.zeros(0)
-        while True:
+        segments, pressure = np.zeros((0, len(self.x) + 2)), np.zeros(0)
+        while not loads or loads[-1] <= p_max:
             start = 0.5 * b + len(loads) * (a + b)
             corner = start + a + b
             if corner > self.x[-1]:
                 raise InputError(f"p_max = {p_max!r}; expected contact within {self.x[-1]:.3g} R")
-            rows, more_gap, more = self._segments(start, start + a)
-            weights = np.vstack([weights, rows])
-            gap, length = np.append(gap, more_gap), np.append(length, more)
-            active = np.append(pressure > 0, np.ones(len(more), dtype=bool))
-            pressure = self._touching(weights, gap, length, corner, active)
-            loads.append(float(length @ pressure))
-            if loads[-1] > p_max:
-                break
+            segments = np.vstack([segments, self._segments(start, start + a)])
+            active = np.append(pressure > 0, np.ones(len(segments) - len(pressure), dtype=bool))
+            pressure = self._touching(segments, corner, active)
+            loads.append(float(segments[:, -1] @ pressure))
         found = np.array(loads[:-1])
         return 4 + 2 * np.arange(len(found)), found
 
-    def _segments(self, start: float, stop: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return a ridge's segments: weights of nodes, integrated gaps, lengths."""
+    def _segments(self, start: float, stop: float) -> FloatArray:
+        """Return a ridge's segments, a row each: weights of nodes, integrated gap, length."""
         first = CORNER * self.edge
         breaks = start + cut(stop - start, first, first, SEGMENT * self.edge)
         # Between kinks the surface is smooth.
@@ -126,7 +120,7 @@ class RimCompliance:
         np.add.at(rows, segment, weight[:, None] * self._at(at))
         gap = np.zeros(len(breaks) - 1)
         np.add.at(gap, segment, weight * (1.0 - np.sqrt(1.0 - at**2)))
-        return rows, gap, np.diff(breaks)
+        return np.column_stack([rows, gap, np.diff(breaks)])
 
     def _at(self, where: FloatArray) -> FloatArray:
         """Return the rim's shape functions at abscissae, shape (n, n_node)."""
@@ -137,20 +131,12 @@ class RimCompliance:
         # low + slope s + bend s^2 = where, the root in [0, 1] without a difference.
         s = 2 * (where - low) / (slope + np.sqrt(slope**2 + 4 * bend * (where - low)))
         rows = np.zeros((len(where), len(self.x)))
-        values, place = shapes(s), np.arange(len(where))
-        for i in range(3):
-            rows[place, 2 * edge + i] = values[:, i]
+        rows[np.arange(len(where))[:, None], 2 * edge[:, None] + np.arange(3)] = shapes(s)
         return rows
 
-    def _touching(
-        self,
-        weights: FloatArray,
-        gap: FloatArray,
-        length: FloatArray,
-        corner: float,
-        active: np.ndarray,
-    ) -> FloatArray:
+    def _touching(self, segments: FloatArray, corner: float, active: np.ndarray) -> FloatArray:
         """Return the pressures at which the body just touches a corner."""
+        weights, gap, length = segments[:, :-2], segments[:, -2], segments[:, -1]
         at = self._at(np.array([corner]))[0]
         far = 1.0 - math.sqrt(1.0 - corner**2)
         # A force up on segments moves the rim up: gaps grow, and the rise d closes them.
@@ -217,9 +203,7 @@ def rim_compliance(nu: float = 0.5, *, reach: float = 0.3, edge: float = 5e-4) -
     rows = number[2 * nodes + 1]
     found = np.empty((len(nodes), len(nodes)))
     for i, row in enumerate(rows):
-        force = np.zeros(len(free))
-        force[row] = 1.0
-        found[:, i] = factor.solve(force)[rows]
+        found[:, i] = factor.solve(np.eye(1, len(free), row)[0])[rows]
     return RimCompliance(nu, edge, solid.points[nodes, 0], 0.5 * (found + found.T))
 
 

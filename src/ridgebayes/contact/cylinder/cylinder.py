@@ -16,7 +16,6 @@ from ridgebayes.contact import hertz
 from ridgebayes.contact.cylinder.contact_problem import ContactProblem, State
 from ridgebayes.contact.cylinder.faces import (
     Corner,
-    Face,
     Faces,
     Resolution,
     first_height,
@@ -115,7 +114,13 @@ class Cylinder:
                 f"{n} elements at {edges:g} edges a ridge; expected at most "
                 f"{_MOST_ELEMENTS}: fewer edges, a lower load or rounder corners need less"
             )
-        faces, self._height = self._faces(sizes)
+        if profile is None:
+            self._height = -1.0
+            faces = [plate(min(self._reach, 1.0), sizes.resolution.most)]
+        else:
+            self._height = first_height(profile)
+            numbers = _ridges_within(profile, self._reach)
+            faces = ridge_faces(profile, numbers, self._height, sizes.resolution)
         solid = Solid(mesh, material)
         held = np.zeros((solid.n_node, 2), dtype=bool)
         if self.mirrored:
@@ -127,15 +132,6 @@ class Cylinder:
         self.problem = ContactProblem(solid, Faces(faces), held, friction=friction)
         # A half model carries half the load; p is line load over 2 R.
         self._per_load = 1.0 if self.mirrored else 0.5
-
-    def _faces(self, sizes: "_Sizes") -> tuple[list[Face], float]:
-        profile = self.profile
-        if profile is None:
-            width = min(self._reach, 1.0)
-            return [plate(width, sizes.segment)], -1.0
-        numbers = _ridges_within(profile, self._reach)
-        height = first_height(profile)
-        return ridge_faces(profile, numbers, height, sizes.resolution), height
 
     def unloaded(self) -> State:
         """Return the state in which the ridges just touch the undeformed body."""
@@ -187,12 +183,11 @@ class Cylinder:
         if profile is None:
             return
         state = self.unloaded()
-        low, high = _first_touched(profile)
+        low = high = 0
+        if not profile.mirrored:
+            low = high = min((0, -1), key=lambda k: abs(proximal_corner(profile, k, 0).centre[0]))
         corners = self._ahead(profile, low, high)
-        while True:
-            found = self._next(state, corners, p_max)
-            if found is None:
-                return
+        while found := self._next(state, corners, p_max):
             state, corner = found
             low, high = min(low, corner.ridge), max(high, corner.ridge)
             count = self.first_count + (2 * high if self.mirrored else high - low)
@@ -291,10 +286,8 @@ def transition_curve(
 class _Sizes:
     """Wanted lengths of the rim's edges, and of the segments above them."""
 
-    edge: float
     at_corner: float
     resolution: Resolution
-    segment: float
     spans: FloatArray = field(repr=False)  # of ridges on the right half, (n, 2)
     windows: FloatArray = field(repr=False)  # of what meets their corners, (n, 2)
 
@@ -303,8 +296,7 @@ class _Sizes:
         if profile is None:
             edge = reach / (6 * edges)
             spans = np.array([[0.0, reach]])
-            resolution = Resolution(edge, _ARC, SEGMENT * edge, edge)
-            return cls(edge, edge, resolution, SEGMENT * edge, spans, spans)
+            return cls(edge, Resolution(edge, _ARC, SEGMENT * edge, edge), spans, spans)
         edge = min(profile.a, 4 * profile.b, 0.5 * reach) / edges
         segments = [profile.ridge(k) for k in _ridges_within(profile, reach)]
         spans = np.array([sorted((abs(one.start), abs(one.stop))) for one in segments])
@@ -321,14 +313,15 @@ class _Sizes:
         windows = np.column_stack(
             [far - around - 0.6 * p_max * far, far + around + 0.1 * np.minimum(far, 1.0) ** 3]
         )
-        return cls(edge, at_corner, resolution, SEGMENT * edge, spans, windows)
+        return cls(at_corner, resolution, spans, windows)
 
     def at(self, theta: FloatArray) -> FloatArray:
         """Return wanted lengths at angles: fine where ridges press, finer at their corners."""
         # A point of the rim comes to lie between its arc length and its abscissa, or beyond.
-        slack = 0.3 * np.minimum(theta, 1.0) ** 3 + 2 * self.edge
-        found = self.edge + _LOOSER * np.maximum(_outside(self.spans, theta) - slack, 0.0)
-        if self.at_corner < self.edge:
+        edge = self.resolution.edge
+        slack = 0.3 * np.minimum(theta, 1.0) ** 3 + 2 * edge
+        found = edge + _LOOSER * np.maximum(_outside(self.spans, theta) - slack, 0.0)
+        if self.at_corner < edge:
             found = np.minimum(found, self.at_corner + _LOOSER * _outside(self.windows, theta))
         return np.asarray(found)
 
@@ -350,11 +343,3 @@ def _ridges_within(profile: Profile, reach: float) -> range:
     while profile.ridge(first - 1).stop > -reach:
         first -= 1
     return range(first, last + 1)
-
-
-def _first_touched(profile: Profile) -> tuple[int, int]:
-    """Return the lowest and highest number of the ridges that touch first."""
-    if profile.mirrored:
-        return 0, 0
-    near = min((0, -1), key=lambda one: abs(proximal_corner(profile, one, 0.0).centre[0]))
-    return near, near

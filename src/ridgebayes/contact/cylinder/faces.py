@@ -208,24 +208,24 @@ class Corner:
 def first_height(profile: Profile) -> float:
     """Return the height of the ridges' tops at which they touch the disk of radius 1."""
     heights = []
-    for land in profile.segments(3 * profile.pitch):
-        low, high = land.flat
+    for segment in profile.segments(3 * profile.pitch):
+        low, high = segment.flat
         if low <= 0.0 <= high:
-            heights.append(-1.0 + land.depth)
+            heights.append(-1.0 + segment.depth)
             continue
         inner = min(abs(low), abs(high))
-        if inner < 1.0 + land.corner:
-            centre = -math.sqrt((1.0 + land.corner) ** 2 - inner**2)
-            heights.append(centre + land.corner + land.depth)
+        if inner < 1.0 + segment.corner:
+            centre = -math.sqrt((1.0 + segment.corner) ** 2 - inner**2)
+            heights.append(centre + segment.corner + segment.depth)
     return min(heights)
 
 
 def proximal_corner(profile: Profile, number: int, height: float) -> Corner:
     """Return the corner of a ridge nearest to the body's axis."""
-    land = profile.ridge(number)
-    right = land.start + land.stop > 0
-    x = land.start + land.corner if right else land.stop - land.corner
-    return Corner(number, (x, height - land.corner), land.corner)
+    segment = profile.ridge(number)
+    right = segment.start + segment.stop > 0
+    x = segment.start + segment.corner if right else segment.stop - segment.corner
+    return Corner(number, (x, height - segment.corner), segment.corner)
 
 
 def ridge_faces(
@@ -254,29 +254,29 @@ def ridge_faces(
         found += _ridge(profile, profile.ridge(number), height, resolution)
     if math.isfinite(profile.depth):
         for number in range(numbers.start - 1, numbers.stop):
-            land = profile.floor_after(number)
-            start = max(land.start, 0.0) if profile.mirrored else land.start
-            if land.stop > start:
-                n = math.ceil((land.stop - start) / resolution.most)
-                breaks = np.linspace(start, land.stop, n + 1)
+            segment = profile.floor_after(number)
+            start = max(segment.start, 0.0) if profile.mirrored else segment.start
+            if segment.stop > start:
+                n = math.ceil((segment.stop - start) / resolution.most)
+                breaks = np.linspace(start, segment.stop, n + 1)
                 found.append(Face(np.array([0.0, height - profile.depth]), 0.0, 0.0, breaks, None))
     return found
 
 
-def plate(width: float, segment: float) -> Face:
-    """Cut the right half of a flat under the disk, of a width, into segments of a length."""
-    breaks = np.linspace(0.0, width, math.ceil(width / segment) + 1)
+def plate(width: float, most: float) -> Face:
+    """Cut the right half of a flat under the disk into segments of at most a length."""
+    breaks = np.linspace(0.0, width, math.ceil(width / most) + 1)
     return Face(np.array([0.0, -1.0]), 0.0, 0.0, breaks, 0)
 
 
 def _ridge(
-    profile: Profile, land: RigidSegment, height: float, resolution: Resolution
+    profile: Profile, segment: RigidSegment, height: float, resolution: Resolution
 ) -> Iterator[Face]:
-    r, number = land.corner, land.ridge
+    r, number = segment.corner, segment.ridge
     depth = min(profile.depth, max(_WALL * profile.b, 2 * r))
     at_corner = r * math.pi / 2 / resolution.arc if r else resolution.corner
     cut_up = _graded if r else cut
-    start, stop = land.flat
+    start, stop = segment.flat
     halved = profile.mirrored and start < 0.0
     low = 0.0 if halved else start
     if stop > low:

@@ -6,7 +6,7 @@ generator is needed. Edges are quadratic and follow the circle.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -71,36 +71,32 @@ def disk_mesh(
         Elements are about as long as wide where they are finest, and edges at most as long as
         wanted; their neighbours inside grow with depth.
     """
-    angles, radii = [], []  # of each quadrilateral's corners, counter-clockwise
+    ring: list[FloatArray] = []
     smallest = float(np.min(size(np.linspace(0.0, math.pi / 2, 20_001))))
     n_core, n_level = _columns(smallest, _FEWEST * refine)
     edges = np.linspace(0.0, math.pi / 2, n_core + 1)
     width = edges[1]
     depth = 1.0 - _CORE
 
-    def add(low: FloatArray, high: FloatArray, inner: float, outer: float) -> None:
-        angles.append(np.column_stack([low, low, high, high]))
-        radii.append(np.tile([inner, outer, outer, inner], (len(low), 1)))
+    def add(theta: Sequence[FloatArray], radius: Sequence[float]) -> None:
+        """Add quadrilaterals of one shape, their corners counter-clockwise."""
+        angle, r = np.column_stack(theta), np.array(radius)
+        ring.append(np.stack([r * np.sin(angle), -r * np.cos(angle)], axis=-1))
 
-    def rows(edges: FloatArray, start: float, stop: float, height: float) -> None:
-        n = max(round((start - stop) / (_TALL * height)), 1)
-        at = 1.0 - np.linspace(start, stop, n + 1)
-        for inner, outer in pairwise(at):
-            add(edges[:-1], edges[1:], inner, outer)
+    def rows(stop: float) -> None:
+        low, high = edges[:-1], edges[1:]
+        n = max(round((depth - stop) / (_TALL * width)), 1)
+        for inner, outer in pairwise(1.0 - np.linspace(depth, stop, n + 1)):
+            add((low, low, high, high), (inner, outer, outer, inner))
 
-    for level in range(n_level + 1):
-        last = level == n_level
-        reach = 0.0 if last else _LAYER * width
-        if not last:
-            below = 0.8 * width / 3  # height of the row in which columns split
-            rows(edges, depth, reach, width)
-            edges = _split(edges, size, reach, below, angles, radii)
-            depth, width = reach - below, width / 3
-        else:
-            rows(edges, depth, 0.0, width)
-    theta, radius = np.concatenate(angles), np.concatenate(radii)
-    ring = np.stack([radius * np.sin(theta), -radius * np.cos(theta)], axis=-1)
-    quads = np.concatenate([_core(n_core), ring])
+    for _ in range(n_level):
+        reach = _LAYER * width
+        below = 0.8 * width / 3  # height of the row in which columns split
+        rows(reach)
+        edges = _split(edges, size, (1.0 - reach, 1.0 - reach + below), add)
+        depth, width = reach - below, width / 3
+    rows(0.0)
+    quads = np.concatenate([_core(n_core), *ring])
     if both_sides:
         quads = np.concatenate([quads, (quads * [-1.0, 1.0])[:, ::-1]])
     return _joined(quads)
@@ -122,31 +118,24 @@ def _columns(smallest: float, fewest: int) -> tuple[int, int]:
 def _split(
     edges: FloatArray,
     size: Callable[[FloatArray], FloatArray],
-    depth: float,
-    height: float,
-    angles: list[FloatArray],
-    radii: list[FloatArray],
+    radii: tuple[float, float],
+    add: Callable[[Sequence[FloatArray], Sequence[float]], None],
 ) -> FloatArray:
     """Add a row in which columns wider than wanted split in three; return the edges above it."""
     low, high = edges[:-1], edges[1:]
     width = high - low
     at = low[:, None] + np.linspace(0.0, 1.0, 9) * width[:, None]
     wide = width > (1 + 1e-9) * size(at.ravel()).reshape(at.shape).min(axis=1)
-    inner, outer = 1.0 - depth, 1.0 - depth + height
+    inner, outer = radii
     middle = 0.5 * (inner + outer)
-    plain = ~wide
-    angles.append(np.column_stack([low, low, high, high])[plain])
-    radii.append(np.tile([inner, outer, outer, inner], (int(plain.sum()), 1)))
+    left, right = low[~wide], high[~wide]
+    add((left, left, right, right), (inner, outer, outer, inner))
     first, last, third = low[wide], high[wide], width[wide] / 3
     one, two = first + third, last - third
-    for corners, heights in (
-        ((first, first, one, one), (inner, outer, outer, middle)),
-        ((one, one, two, two), (middle, outer, outer, middle)),
-        ((two, two, last, last), (middle, outer, outer, inner)),
-        ((first, one, two, last), (inner, middle, middle, inner)),
-    ):
-        angles.append(np.column_stack(corners))
-        radii.append(np.tile(heights, (len(first), 1)))
+    add((first, first, one, one), (inner, outer, outer, middle))
+    add((one, one, two, two), (middle, outer, outer, middle))
+    add((two, two, last, last), (middle, outer, outer, inner))
+    add((first, one, two, last), (inner, middle, middle, inner))
     return np.sort(np.concatenate([edges, one, two]))
 
 
@@ -199,11 +188,8 @@ def _joined(quads: FloatArray) -> DiskMesh:
     forward = (last[0] - first[0]) * -y + (last[1] - first[1]) * x > 0
     ends = np.where(forward, ends, ends[::-1])
     rim = np.column_stack([ends[0], middle[on_rim], ends[1]])[np.argsort(theta)]
-    return DiskMesh(mesh, rim, *_on_axes(points))
-
-
-def _on_axes(points: FloatArray) -> tuple[IntArray, IntArray]:
-    return np.flatnonzero(np.abs(points[0]) < 1e-12), np.flatnonzero(np.abs(points[1]) < 1e-12)
+    axis, mid_plane = (np.flatnonzero(np.abs(x) < 1e-12) for x in points)
+    return DiskMesh(mesh, rim, axis, mid_plane)
 
 
 def _halfway(points: FloatArray) -> FloatArray:

@@ -117,8 +117,8 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
             before = kind
             kind = _changed(problem, state, gaps, kind, one_by_one=step >= _ALL_AT_ONCE)
             settled = np.array_equal(kind, before)
-        error = _error(problem, state, gaps, inner, kind, control)
-        error = error if settled else max(error, _LOOSE)
+        newton = _Step(problem, control, state, gaps, inner, kind)
+        error = newton.error() if settled else max(newton.error(), _LOOSE)
         if error < (_LOOSE if damping else 1.0):
             return state, step
         # Where the rim snaps past a corner there is no equilibrium nearby: with damping the
@@ -126,7 +126,7 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
         if step >= _UNDAMPED + more:
             damping = min(damping * min(max(error / last, 0.3), 2.0), 10.0) or _DAMPING
         last = error
-        moved, active = _Step(problem, state, gaps, inner, active, kind, control, damping).solve()
+        moved, active = newton.solve(active, damping)
         if not (np.isfinite(moved.u).all() and math.isfinite(moved.rise)):
             raise NotConvergedError("the stiffness is singular")
         state = _guarded(problem, state, moved)
@@ -136,38 +136,6 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
 def _nearest(gaps: Gaps) -> np.ndarray:
     """Return the segments that touch first: nothing else holds a loose body."""
     return np.isfinite(gaps.gap) & (gaps.gap <= gaps.gap.min() + _GAP_TOL)
-
-
-def _error(
-    problem: ContactProblem,
-    state: State,
-    gaps: Gaps,
-    inner: Assembled,
-    kind: FloatArray,
-    control: Control,
-) -> float:
-    """Return the largest residual over its tolerance."""
-    outside = problem.force(state, gaps)
-    residual = (inner.force.ravel() - outside)[problem.free]
-    total = max(float(np.abs(outside).sum()), 1e-12)
-    gap = np.where(state.pressure > 0, gaps.gap, np.minimum(gaps.gap, 0.0))
-    missing = control.missing(problem, state, gaps)
-    worst = max(
-        float(np.abs(residual).max()) / (_FORCE_TOL * total),
-        float(np.abs(gap).max()) / _GAP_TOL,
-        float(np.abs(inner.volume).max()) / _VOLUME_TOL,
-        abs(missing) / max(control.tolerance, 1e-300),
-    )
-    if problem.friction:
-        on = state.pressure > 0
-        slip = np.where(on & (kind == 0), gaps.slip, 0.0) / problem.faces.length
-        off = np.where(kind == 0, 0.0, state.shear - kind * problem.friction * state.pressure)
-        worst = max(
-            worst,
-            float(np.abs(slip).max()) / _GAP_TOL,
-            float(np.abs(off * problem.faces.length).max()) / (_FORCE_TOL * total),
-        )
-    return worst
 
 
 def _changed(
@@ -207,6 +175,7 @@ def _guarded(problem: ContactProblem, state: State, moved: State) -> State:
     raise NotConvergedError("an element is turned inside out")
 
 
+@dataclass(eq=False)
 class _Step:
     """One Newton step: a linear complementarity problem for the segments' pressures.
 
@@ -214,19 +183,36 @@ class _Step:
     leave are rank-one changes of it.
     """
 
-    def __init__(
-        self,
-        problem: ContactProblem,
-        state: State,
-        gaps: Gaps,
-        inner: Assembled,
-        active: np.ndarray,
-        kind: FloatArray,
-        control: Control,
-        damping: float,
-    ) -> None:
-        self._problem, self._state, self._gaps, self._inner = problem, state, gaps, inner
-        self._control, self._kind = control, kind
+    problem: ContactProblem
+    control: Control
+    state: State
+    gaps: Gaps
+    inner: Assembled
+    kind: FloatArray  # of each segment: 0 sticks, the sign of its shear slides
+
+    def error(self) -> float:
+        """Return the largest residual over its tolerance."""
+        problem, state, gaps, kind = self.problem, self.state, self.gaps, self.kind
+        outside = problem.force(state, gaps)
+        residual = (self.inner.force.ravel() - outside)[problem.free]
+        force_tol = _FORCE_TOL * max(float(np.abs(outside).sum()), 1e-12)
+        on = state.pressure > 0
+        parts = [
+            (residual, force_tol),
+            (np.where(on, gaps.gap, np.minimum(gaps.gap, 0.0)), _GAP_TOL),
+            (self.inner.volume, _VOLUME_TOL),
+            (self.control.missing(problem, state, gaps), max(self.control.tolerance, 1e-300)),
+        ]
+        if problem.friction:
+            length = problem.faces.length
+            off = np.where(kind == 0, 0.0, state.shear - kind * problem.friction * state.pressure)
+            parts.append((np.where(on & (kind == 0), gaps.slip, 0.0) / length, _GAP_TOL))
+            parts.append((off * length, force_tol))
+        return max(float(np.abs(part).max()) / tolerance for part, tolerance in parts)
+
+    def _factorise(self, active: np.ndarray, damping: float) -> None:
+        """Condense the segments in contact into the stiffness, and solve for what never changes."""
+        problem, gaps, inner = self.problem, self.gaps, self.inner
         length = problem.faces.length
         self._candidate = np.isfinite(gaps.gap)
         self._reference = active & self._candidate
@@ -236,7 +222,7 @@ class _Step:
         # Rising ridges are the whole rim sinking.
         self._lift = -(self._C @ problem.up)
         self._slip_lift = -(gaps.along @ problem.up)
-        bending = problem.contact_stiffness(state, gaps)
+        bending = problem.contact_stiffness(self.state, gaps)
         self._bent = np.asarray(bending @ problem.up)
         K = inner.stiffness - bending
         Ca, scale = self._C[self._reference], self._scale[self._reference]
@@ -248,10 +234,9 @@ class _Step:
             K, rest, by_rise = K + stiffness, rest + force, by_rise + rubbed
         if damping:
             K = K + damping * sparse.eye_array(K.shape[0])
-        free = problem.free
         try:
             self._factor = splu(
-                sparse.csc_array(K)[free][:, free],
+                sparse.csc_array(K)[problem.free][:, problem.free],
                 permc_spec="MMD_AT_PLUS_A",
                 diag_pivot_thresh=1e-3 if problem.friction else 0.0,
             )
@@ -263,8 +248,8 @@ class _Step:
 
     def _rubbing(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
         """Return friction's stiffness, its force on the nodes, and that by the rise."""
-        problem, state, gaps = self._problem, self._state, self._gaps
-        kind, scale, on = self._kind, self._scale, self._reference
+        problem, state, gaps = self.problem, self.state, self.gaps
+        kind, scale, on = self.kind, self._scale, self._reference
         stuck, slid = np.flatnonzero(on & (kind == 0)), np.flatnonzero(on & (kind != 0))
         T, Ts = gaps.along[stuck], gaps.along[slid]
         lift = self._slip_lift
@@ -278,54 +263,48 @@ class _Step:
         by_rise = by_rise + Ts.T @ (rate * normal * self._lift[slid])
         return stiffness, np.asarray(T.T @ shear + Ts.T @ pressed), np.asarray(by_rise)
 
-    def solve(self) -> tuple[State, np.ndarray]:
+    def solve(self, active: np.ndarray, damping: float) -> tuple[State, np.ndarray]:
         """Return the state after the step, and which segments are in contact then.
 
         Block principal pivoting: all that are wrong change sides, and one at a time where that
         does not lead on. Far from equilibrium there may be no such set; then the best one serves.
         """
-        active = self._reference.copy()
-        fewest, patience, best = len(active) + 1, _PATIENCE, active
+        self._factorise(active, damping)
+        problem, state = self.problem, self.state
+        active = best = self._reference.copy()
+        fewest, patience = len(active) + 1, _PATIENCE
         for _ in range(_MOST_PIVOTS):
             du, rise, pressure, gap = self._of(active)
             tiny = 1e-9 * np.abs(pressure).max(initial=0.0)
             leaving = active & (pressure < -tiny)
             wrong = leaving | (self._candidate & ~active & (gap < -1e-13))
             n = int(wrong.sum())
-            if n == 0:
-                return self._moved(du, rise, np.maximum(pressure, 0.0), active), active
             if n < fewest:
                 fewest, patience, best = n, _PATIENCE, active
             else:
                 patience -= 1
+            if n == 0:
+                break
             if patience < 0:
                 wrong[: np.flatnonzero(wrong)[-1]] = False
             active = active ^ wrong
-        du, rise, pressure, _ = self._of(best)
-        return self._moved(du, rise, np.maximum(pressure, 0.0), best), best
-
-    def _moved(
-        self, du: FloatArray, rise: float, pressure: FloatArray, active: np.ndarray
-    ) -> State:
-        problem, state, gaps = self._problem, self._state, self._gaps
-        shear = np.zeros_like(pressure)
+        else:
+            du, rise, pressure, _ = self._of(best)
+        pressure, shear = np.maximum(pressure, 0.0), np.zeros_like(pressure)
         if problem.friction:
-            kind, scale = self._kind, self._scale
-            slip = gaps.slip + gaps.along @ du + rise * self._slip_lift
-            shear = np.where(
-                kind == 0, state.shear - scale * slip, kind * problem.friction * pressure
-            )
-            shear = np.where(active & self._reference, shear, 0.0)
-        dp = self._inner.pressure_step(du, problem.solid.dofs)
+            slip = self.gaps.slip + self.gaps.along @ du + rise * self._slip_lift
+            stuck, slid = state.shear - self._scale * slip, self.kind * problem.friction * pressure
+            shear = np.where(best & self._reference, np.where(self.kind == 0, stuck, slid), 0.0)
+        p = state.p + self.inner.pressure_step(du, problem.solid.dofs)
         u = state.u + du.reshape(-1, 2)
-        return State(u, state.p + dp, pressure, shear, state.rise + rise)
+        return State(u, p, pressure, shear, state.rise + rise), best
 
     def _of(self, active: np.ndarray) -> tuple[FloatArray, float, FloatArray, FloatArray]:
         """Return the step with the given segments in contact: du, rise, pressures and gaps."""
         changed = np.flatnonzero(active ^ self._reference)
         on = np.flatnonzero(active)
         C, scale, lift = self._C[on], self._scale[on], self._lift[on]
-        old = self._state.pressure[on]
+        old = self.state.pressure[on]
         first = self._still + self._solved(C.T @ (old - scale * self._gap[on]))
         second = self._risen - self._solved(C.T @ (scale * lift))
         if len(changed):
@@ -340,11 +319,11 @@ class _Step:
         moved = self._gap + self._C @ du + rise * self._lift
         pressure = np.zeros(len(active))
         pressure[on] = old - scale * moved[on]
-        return du, rise, pressure, moved / self._problem.faces.length
+        return du, rise, pressure, moved / self.problem.faces.length
 
     def _rise(self, first: FloatArray, second: FloatArray, on: np.ndarray) -> float:
         """Return the rise with which the control is met, du being first + rise second."""
-        control, problem, state = self._control, self._problem, self._state
+        control, problem, state = self.control, self.problem, self.state
         if control.corner is not None:
             value, row = problem.corner_distance(state, control.corner)
             slope = row @ second - row @ problem.up
@@ -354,14 +333,14 @@ class _Step:
         # The load is the force of what rises, along the rise: minus lift . pressure.
         C, scale, lift = self._C[on], self._scale[on], self._lift[on]
         pressure = state.pressure[on] - scale * (self._gap[on] + C @ first)
-        rubbing = problem.up @ (self._gaps.along.T @ state.shear)
+        rubbing = problem.up @ (self.gaps.along.T @ state.shear)
         now = -lift @ pressure + self._bent @ first + rubbing
         slope = lift @ (scale * (C @ second + lift)) + self._bent @ (second - problem.up)
         return float((control.target - now) / slope)
 
     def _solved(self, right: FloatArray) -> FloatArray:
         found = np.zeros(len(right))
-        found[self._problem.free] = self._factor.solve(right[self._problem.free])
+        found[self.problem.free] = self._factor.solve(right[self.problem.free])
         return found
 
     def _column(self, j: int) -> FloatArray:
