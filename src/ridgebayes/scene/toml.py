@@ -158,7 +158,8 @@ def _clashes(scene: _SceneFile) -> list[str]:
     """Find the rules broken between keys."""
     names = [f"texture[{i}]" for i in range(1, len(scene.texture) + 1)]
     textures = zip(names if len(names) > 1 else ["texture"], scene.texture, strict=True)
-    united, plain = [], []
+    united: list[str] = []
+    plain: list[str] = []
     for section, model in (("body", scene.body), *textures, ("load", scene.load)):
         for key, value in model:
             if isinstance(value, _Measure):

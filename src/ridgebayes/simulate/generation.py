@@ -1,22 +1,20 @@
 """Scenes to contact tables: textures one by one or shared out, now or before, in one table."""
 
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from typing import Any
 
-from ridgebayes.contact.many_textures import LoadFunction
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.scene.effects import Plan, full_profile
 from ridgebayes.scene.estimates import plan
-from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.scene.scene import Scene
 from ridgebayes.simulate.presets import LoadPreset
 from ridgebayes.simulate.solvers import (
     SOLVERS,
     CylinderVisitor,
+    TextureTask,
     friction_refused,
     many_loads,
     optional_effects,
@@ -117,116 +115,63 @@ def generate(
         raise InputError("pressed: cannot be combined with executor or journal")
     if rel_tol is None:
         rel_tol = min(wanted.load_error, scene.relative or wanted.load_error)
-    refused = _not_by(solver, scene) if solver in ("hertz", "cylinder-linear") else []
-    if refused:
-        raise InputError("\n".join(f"scene: {problem}" for problem in refused))
-    curves: list[Curve] = []
-    problems: list[str] = []
-    for found in _all_found(
-        _tasks(scene, solver, rel_tol, wanted.meshes), pressed, executor, journal, progress
-    ):
-        if isinstance(found, str):
-            problems.append(found)
-        else:
-            curves += found
-    if problems:
+    if solver in ("hertz", "cylinder-linear"):
+        refused = [
+            f"scene: textures[{number}]: {name}: is not simulated by {solver!r}"
+            for number, texture in enumerate(scene.textures, start=1)
+            for name in optional_effects(texture)
+        ]
+        if refused:
+            raise InputError("\n".join(refused))
+    tasks = _tasks(scene, solver, rel_tol, wanted.meshes)
+    solve = functools.partial(_solved, pressed=pressed) if pressed is not None else _solved
+    found = _all_found(tasks, solve, executor, journal, progress)
+    if problems := [text for text in found if isinstance(text, str)]:
         raise InputError("\n".join(problems))
+    curves = [curve for some in found if not isinstance(some, str) for curve in some]
     return ContactTable.from_frame(curves_to_frame(curves), where=curves[0].source)
 
 
-@dataclass(frozen=True)
-class _Task:
-    """All that decides the curves of one texture; small enough to be sent to a process."""
-
-    number: int
-    scene: Scene  # of this texture alone
-    planned: bool
-    solver: str
-    rel_tol: float
-    meshes: tuple[int, ...]
-    version: str
-    loads: LoadFunction | None = None
-
-    @property
-    def texture(self) -> Texture:
-        return self.scene.textures[0]
-
-    @property
-    def where(self) -> str:
-        a, b = self.texture.a_over_R, self.texture.b_over_R
-        return f"scene: textures[{self.number}] = ({a!r}, {b!r})"
-
-    def given(self) -> dict[str, Any]:
-        """Return the same for a journal: not its number, which may change."""
-        return {
-            "versions": versions(),
-            "scene": self.scene.model_dump(mode="json"),
-            "planned": self.planned,
-            "solver": self.solver,
-            "rel_tol": self.rel_tol,
-            "meshes": list(self.meshes),
-            "loads": None if self.loads is None else list(self.loads.given),
-        }
-
-
-def _tasks(scene: Scene, solver: str, rel_tol: float, meshes: tuple[int, ...]) -> list[_Task]:
+def _tasks(scene: Scene, solver: str, rel_tol: float, meshes: tuple[int, ...]) -> list[TextureTask]:
     # There is nothing to plan where every effect given is simulated anyway.
     plain = not any(optional_effects(texture) for texture in scene.textures) and not scene.friction
     planned = not (plain and (scene.relative is None or solver != "auto"))
     by_half_plane = plain and not planned and solver in ("auto", "half-plane")
     loads = many_loads(scene, rel_tol) if by_half_plane else None
-    return [
-        _Task(
-            number,
-            scene.model_copy(update={"textures": (texture,)}),
-            planned,
-            solver,
-            rel_tol,
-            meshes,
-            versions()["ridgebayes"],
-            loads,
-        )
-        for number, texture in enumerate(scene.textures, start=1)
-    ]
+    tasks = []
+    for number, texture in enumerate(scene.textures, start=1):
+        alone = scene.model_copy(update={"textures": (texture,)})
+        tasks.append(TextureTask(number, alone, planned, solver, rel_tol, meshes, loads))
+    return tasks
 
 
 def _all_found(
-    tasks: Sequence[_Task],
-    pressed: "CylinderVisitor | None",
+    tasks: Sequence[TextureTask],
+    solve: "Callable[[TextureTask], list[Curve] | str]",
     executor: Executor | None,
     journal: Journal | None,
     progress: Callable[[str], None] | None,
-) -> Iterator[list[Curve] | str]:
-    """Yield what is found of each task, in order: from the journal, or computed and put there."""
-    kept = {} if journal is None else _kept(tasks, journal)
-    n_done = len(kept)
+) -> "list[list[Curve] | str]":
+    """Return what is found of each task, in order: from the journal, or computed and put there."""
+    all_found: dict[int, list[Curve] | str] = {}
+    for task in tasks:
+        if journal is not None and (kept := journal.find(task.given())) is not None:
+            all_found[task.number] = [Curve.from_dict(values) for values in kept]
 
-    def done(task: _Task, found: list[Curve] | str) -> None:
-        nonlocal n_done
-        n_done += 1
+    def done(task: TextureTask, found: list[Curve] | str) -> None:
+        all_found[task.number] = found
         if journal is not None and not isinstance(found, str):
             journal.keep(task.given(), [curve.to_dict() for curve in found])
         if progress is not None:
-            progress(f"{n_done} of {len(tasks)} textures")
+            progress(f"{len(all_found)} of {len(tasks)} textures")
 
-    solve = _solved if pressed is None else functools.partial(_solved, pressed=pressed)
-    others = [task for task in tasks if task.number not in kept]
-    computed = map_ordered(solve, others, executor, name=lambda task: task.where, done=done)
-    for task in tasks:
-        yield kept[task.number] if task.number in kept else next(computed)
-
-
-def _kept(tasks: Sequence[_Task], journal: Journal) -> dict[int, list[Curve]]:
-    """Return the curves that are in the journal, by the texture's number."""
-    found = {task.number: journal.find(task.given()) for task in tasks if journal.exists()}
-    return {
-        number: [Curve.from_dict(values) for values in curves]
-        for number, curves in found.items()
-        if curves is not None
-    }
+    others = [task for task in tasks if task.number not in all_found]
+    for _ in map_ordered(solve, others, executor, name=lambda task: task.where, done=done):
+        pass
+    return [all_found[task.number] for task in tasks]
 
 
-def _solved(task: _Task, *, pressed: "CylinderVisitor | None" = None) -> list[Curve] | str:
+def _solved(task: TextureTask, *, pressed: "CylinderVisitor | None" = None) -> list[Curve] | str:
     """Return the curves of a texture, or why it has none."""
     here = versions()["ridgebayes"]
     if task.version != here:
@@ -237,28 +182,9 @@ def _solved(task: _Task, *, pressed: "CylinderVisitor | None" = None) -> list[Cu
         (one,) = plan(task.scene)
     else:
         one = Plan(task.texture, (), full_profile(task.texture))
-    refused = friction_refused(task.scene, one, task.solver)
-    if refused:
+    if refused := friction_refused(task.scene, one, task.solver):
         raise InputError(f"scene: {refused}")
     try:
-        return list(
-            transition_curves(
-                one,
-                task.scene,
-                task.solver,
-                task.rel_tol,
-                meshes=task.meshes,
-                loads=task.loads,
-                pressed=pressed,
-            )
-        )
+        return list(transition_curves(task, one, pressed))
     except InputError as error:
         return f"{task.where}: {error}"
-
-
-def _not_by(solver: str, scene: Scene) -> list[str]:
-    return [
-        f"textures[{number}]: {name}: is not simulated by {solver!r}"
-        for number, texture in enumerate(scene.textures, start=1)
-        for name in optional_effects(texture)
-    ]

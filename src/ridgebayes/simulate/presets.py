@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from ridgebayes.errors import InputError
-from ridgebayes.simulate.solvers import STANDARD_MESHES
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,7 @@ class LoadPreset:
 
     name: str
     load_error: float
-    meshes: tuple[int, ...] = STANDARD_MESHES
+    meshes: tuple[int, ...] = (24, 10)
 
     @classmethod
     def named(cls, name: str) -> "LoadPreset":

@@ -155,32 +155,18 @@ def ridge_forces(
         )
     rows = []
     for label, load, (found,) in _solved(scene, p_over_E, solver, rel_tol):
-        intervals, profile = found.pressing.intervals, found.profile
-        grooves = _penetrations(found)
+        profile, pressing, grooves = found.profile, found.pressing, _penetrations(found)
         if not found.segments:
             rows.append([label, load, "", -1, *[math.nan] * 5, found.status])
-        for i, (land, force) in enumerate(
-            zip(found.segments, found.pressing.forces.tolist(), strict=True)
-        ):
-            share = force / found.pressing.load
-            width = 2 * float(intervals.half_width[i])
-            number = land.ridge
+        contacts = zip(found.covered.items(), pressing.forces.tolist(), strict=True)
+        for (segment, (left, right)), force in contacts:
+            kind, number, share = "ridge", segment.ridge, force / pressing.load
             if number is None:
-                number = round((land.start - profile.ridge(0).stop) / profile.pitch)
-            rows.append(
-                [
-                    label,
-                    load,
-                    "floor" if land.ridge is None else "ridge",
-                    number,
-                    float(intervals.left[i]),
-                    float(intervals.right[i]),
-                    share,
-                    2 * load * share / width,
-                    grooves.get(number, math.nan),
-                    found.status,
-                ]
-            )
+                kind = "floor"
+                number = round((segment.start - profile.ridge(0).stop) / profile.pitch)
+            pressure, hang = 2 * load * share / (right - left), grooves.get(number, math.nan)
+            where = [kind, number, left, right]
+            rows.append([label, load, *where, share, pressure, hang, found.status])
     return pd.DataFrame(rows, columns=FORCE_COLUMNS)
 
 
@@ -206,9 +192,8 @@ def _solved(
         ]
     for texture, profile in zip(scene.textures, profiles, strict=True):
         label = texture_label(texture.a_over_R, texture.b_over_R)
-        places = [profile]
-        if texture.offset == "uniform":
-            places = [replace(profile, offset=offset) for offset in _OFFSETS]
+        offsets = _OFFSETS if texture.offset == "uniform" else [profile.offset]
+        places = [replace(profile, offset=offset) for offset in offsets]
         W = load_factor(scene.nu) * loads
         solutions = [solve_many_contacts(place, W, rel_tol=rel_tol) for place in places]
         for load, found in zip(loads.tolist(), zip(*solutions, strict=True), strict=True):
@@ -217,7 +202,7 @@ def _solved(
 
 def _penetrations(found: ContactSolution) -> dict[int, float]:
     """Return how deep the surface hangs into each groove between touched ridges."""
-    numbers = [land.ridge for land in found.segments if land.ridge is not None]
+    numbers = [one.ridge for one in found.segments if one.ridge is not None]
     if not numbers:
         return {}
     first = -1 if found.profile.mirrored and min(numbers) >= 0 else min(numbers)

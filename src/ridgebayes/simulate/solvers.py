@@ -2,13 +2,14 @@
 
 import importlib.metadata
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
-from functools import cache, partial
+from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ridgebayes._types import FloatArray, IntArray
+from ridgebayes._types import FloatArray, IntArray, Json
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.many_textures import LoadFunction, load_function
@@ -23,15 +24,14 @@ if TYPE_CHECKING:
     from ridgebayes.contact.cylinder.cylinder import Cylinder, Transition
 
 SOLVERS = ("auto", "hertz", "half-plane", "cylinder-linear", "cylinder-fe")
-STANDARD_MESHES = (24, 10)
 _MANY, _MOST_UNLIKE = 200, 1e3  # textures, and ratios of groove to ridge, that one function serves
 # A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
 _MAX_TRANSITIONS = 65_536
 
 # Q, loads and status of one texture's transitions up to p/E.
-_Rows: TypeAlias = tuple[IntArray, FloatArray, tuple[str, ...]]
+_Rows: TypeAlias = "tuple[IntArray, FloatArray, NDArray[np.str_]]"
 # The first n transitions: loads and status.
-_Solver: TypeAlias = Callable[[Texture, float, int], tuple[FloatArray, tuple[str, ...]]]
+_Solver: TypeAlias = "Callable[[TextureTask, int], tuple[FloatArray, tuple[str, ...]]]"
 # Is given each cylinder and its transitions.
 CylinderVisitor: TypeAlias = "Callable[[Texture, Cylinder, Sequence[Transition]], None]"
 
@@ -43,32 +43,79 @@ def versions() -> dict[str, str]:
     return {name: importlib.metadata.version(name) for name in names}
 
 
+@dataclass(frozen=True)
+class TextureTask:
+    """All that decides the curves of one texture; small enough to be sent to a process.
+
+    Parameters
+    ----------
+    number : int
+        Of the texture in its scene, from 1.
+    scene : Scene
+        Of this texture alone.
+    planned : bool
+        Whether to decide which effects are simulated; all that are given if not.
+    solver : str
+        One of `SOLVERS`, as for `ridgebayes.generate`.
+    rel_tol : float, scalar, dimensionless
+        Wanted relative error of each load.
+    meshes : tuple of int
+        Edges of finite elements a ridge, finest first: where one stops, the next goes on.
+    loads : LoadFunction, optional
+        Half-plane loads of sharp, centred textures, as far as it goes.
+    version : str
+        Of this package, where the task was made.
+    """
+
+    number: int
+    scene: Scene
+    planned: bool
+    solver: str
+    rel_tol: float
+    meshes: tuple[int, ...]
+    loads: LoadFunction | None = None
+    version: str = field(default_factory=lambda: versions()["ridgebayes"])
+
+    @property
+    def texture(self) -> Texture:
+        """The texture."""
+        return self.scene.textures[0]
+
+    @property
+    def p_max(self) -> float:
+        """Its highest load."""
+        return self.scene.highest_load(self.texture)
+
+    @property
+    def where(self) -> str:
+        """Words for it in messages."""
+        a, b = self.texture.a_over_R, self.texture.b_over_R
+        return f"scene: textures[{self.number}] = ({a!r}, {b!r})"
+
+    def given(self) -> Json:
+        """Return the same for a journal: not its number, which may change."""
+        return {
+            "versions": versions(),
+            "scene": self.scene.model_dump(mode="json"),
+            "planned": self.planned,
+            "solver": self.solver,
+            "rel_tol": self.rel_tol,
+            "meshes": list(self.meshes),
+            "loads": None if self.loads is None else list(self.loads.given),
+        }
+
+
 def transition_curves(
-    one: Plan,
-    scene: Scene,
-    solver: str,
-    rel_tol: float,
-    *,
-    meshes: Sequence[int] = STANDARD_MESHES,
-    loads: LoadFunction | None = None,
-    pressed: "CylinderVisitor | None" = None,
+    task: TextureTask, one: Plan, pressed: "CylinderVisitor | None" = None
 ) -> Iterator[Curve]:
     """Yield the curves of a texture: one, or several where its offset is any, or meshes change.
 
     Parameters
     ----------
+    task : TextureTask
+        The texture and how its loads are computed.
     one : Plan
-        The texture, and what is simulated of it.
-    scene : Scene
-        Poisson's ratio, friction, highest load.
-    solver : str
-        One of `SOLVERS`, as for `ridgebayes.generate`.
-    rel_tol : float, scalar, dimensionless
-        Wanted relative error of each load.
-    meshes : sequence of int, optional
-        Edges of finite elements a ridge, finest first: where one stops, the next goes on.
-    loads : LoadFunction, optional
-        Half-plane loads of sharp, centred textures, as far as it goes.
+        What is simulated of it.
     pressed : callable, optional
         As for `ridgebayes.generate`.
 
@@ -81,14 +128,13 @@ def transition_curves(
     InputError
         If the texture has no transition, or over 65,536, under the load.
     """
-    texture, p_max = one.texture, scene.highest_load(one.texture)
+    texture, scene, solver = task.texture, task.scene, task.solver
     by_elements = _by_elements(one, solver)
     profile = one.profile if solver == "auto" else full_profile(texture)
     if profile is None and by_elements:
         profile = full_profile(texture)
     if solver == "hertz" or profile is None:
-        found = _many(texture, scene, p_max, _hertz)
-        yield _curve(found, texture, scene, "hertz", "effects=none")
+        yield _curve(task, _many(task, _hertz), "hertz", "effects=none")
         return
     names = ["ridges", *optional_effects(texture)]
     if solver == "auto":
@@ -97,48 +143,39 @@ def transition_curves(
         names += ["finite body and large deformation"] + ["friction"] * (scene.friction > 0)
     effects = "effects=" + "+".join(names).replace(" ", "-")
     if solver == "cylinder-linear":
-        found = _linear(texture, scene, p_max, meshes[0])
-        yield _curve(found, texture, scene, solver, f"{effects}+finite-body", edges=meshes[0])
+        edges = task.meshes[0]
+        yield _curve(task, _linear(task), solver, f"{effects}+finite-body", edges=edges)
         return
     offsets = UNIFORM if profile.offset and texture.offset == "uniform" else [profile.offset]
     for offset in offsets:
         here = replace(profile, offset=offset)
         if by_elements:
-            for found, edges, body, reached in _elements(here, scene, p_max, meshes):
-                yield _curve(found, texture, scene, "cylinder-fe", effects, offset, edges)
+            for found, edges, body, reached in _elements(here, task):
+                yield _curve(task, found, "cylinder-fe", effects, offset, edges)
                 if pressed is not None:
                     pressed(texture, body, reached)
             continue
-        if here == Profile(here.a, here.b):
-            found = _many(texture, scene, p_max, partial(_half_plane, rel_tol=rel_tol, known=loads))
-        else:
-            found = _events(here, scene, p_max, rel_tol)
-        how = f"{effects} rel_tol={rel_tol:g}"
-        yield _curve(found, texture, scene, "half-plane", how, offset)
+        sharp = here == Profile(here.a, here.b)
+        found = _many(task, _half_plane) if sharp else _events(here, task)
+        yield _curve(task, found, "half-plane", f"{effects} rel_tol={task.rel_tol:g}", offset)
 
 
 def _curve(
-    found: _Rows,
-    texture: Texture,
-    scene: Scene,
-    solver: str,
-    how: str,
-    offset: float = 0.0,
-    edges: int = 0,
+    task: TextureTask, found: _Rows, solver: str, how: str, offset: float = 0.0, edges: int = 0
 ) -> Curve:
-    Q, p_over_E, status = found
+    texture, (Q, p_over_E, status) = task.texture, found
     return Curve(
         a_over_R=texture.a_over_R,
         b_over_R=texture.b_over_R,
         Q=tuple(Q.tolist()),
         p_over_E=tuple(p_over_E.tolist()),
         rel_se=_ELEMENTS_SE.get(edges, 0.0),
-        nu=scene.nu,
+        nu=task.scene.nu,
         offset_over_R=offset * (texture.a_over_R + texture.b_over_R),
         role=texture.role,
         solver=solver,
-        status=status,
-        source=f"ridgebayes {versions()['ridgebayes']} {solver} {how}",
+        status=tuple(status.tolist()),
+        source=f"ridgebayes {task.version} {solver} {how}",
         edges=edges,
     )
 
@@ -178,55 +215,53 @@ def friction_refused(scene: Scene, one: Plan, solver: str) -> str:
     )
 
 
-def _many(texture: Texture, scene: Scene, p_max: float, solve: _Solver) -> _Rows:
+def _many(task: TextureTask, solve: _Solver) -> _Rows:
     """Return the transitions of one texture up to the load, by a solver of the first n of them."""
-    pitch = texture.a_over_R + texture.b_over_R
+    pitch, p_max = task.texture.a_over_R + task.texture.b_over_R, task.p_max
     n_transitions, loads = 8, np.zeros(0)
     while not (loads.size and loads[-1] > p_max):
         if n_transitions > _MAX_TRANSITIONS:
             raise InputError(f"over {_MAX_TRANSITIONS} transitions under p/E = {p_max!r}")
-        p_over_E, status = solve(texture, scene.nu, n_transitions)
-        loads = _filled(p_over_E, pitch, scene.nu)
+        p_over_E, status = solve(task, n_transitions)
+        loads = _filled(p_over_E, pitch, task.scene.nu)
         n_transitions *= 2
-    k = np.arange(1, loads.size + 1)
     keep = loads <= p_max
     if not keep.any():
         raise InputError(f"no transition under p/E = {p_max!r}: the first is at {loads[0]:.4g}")
-    kept = tuple(text for text, under in zip(status, keep, strict=True) if under)
-    return 2 + 2 * k[keep], p_over_E[keep], kept
+    return 4 + 2 * np.flatnonzero(keep), p_over_E[keep], np.array(status)[keep]
 
 
-def _events(profile: Profile, scene: Scene, p_max: float, rel_tol: float) -> _Rows:
+def _events(profile: Profile, task: TextureTask) -> _Rows:
     """Return the transitions of any profile up to the load: a table holds those from Q = 4 on."""
-    factor = load_factor(scene.nu)
-    found = reaching_loads(profile, W_max=factor * p_max, n_max=_MAX_TRANSITIONS, rel_tol=rel_tol)
-    failed = np.array([text != "ok" for text in found.status], dtype=bool)
-    keep = (found.Q >= 4) | failed
+    factor, W_max = load_factor(task.scene.nu), load_factor(task.scene.nu) * task.p_max
+    found = reaching_loads(profile, W_max=W_max, n_max=_MAX_TRANSITIONS, rel_tol=task.rel_tol)
+    status = np.array(found.status, dtype=np.str_)
+    keep = (found.Q >= 4) | (status != "ok")
     if not keep.any():
-        raise InputError(f"no transition to 4 edges or more under p/E = {p_max!r}")
-    status = tuple(text for text, kept in zip(found.status, keep, strict=True) if kept)
-    return np.maximum(found.Q, 4)[keep], found.W[keep] / factor, status
+        raise InputError(f"no transition to 4 edges or more under p/E = {task.p_max!r}")
+    return np.maximum(found.Q, 4)[keep], found.W[keep] / factor, status[keep]
 
 
 def _elements(
-    profile: Profile, scene: Scene, p_max: float, meshes: Sequence[int]
+    profile: Profile, task: TextureTask
 ) -> "Iterator[tuple[_Rows, int, Cylinder, list[Transition]]]":
     """Yield the transitions by finite elements, mesh by mesh; what was found, and why no more."""
     # scikit-fem takes its time to load: only where it is used.
     from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
 
-    last = 3  # a table holds transitions from Q = 4 on
-    for edges in meshes:
+    last, scene, p_max = 3, task.scene, task.p_max  # a table holds transitions from Q = 4 on
+    for edges in task.meshes:
         body = Cylinder(profile, p_max=p_max, nu=scene.nu, friction=scene.friction, edges=edges)
         reached: list[Transition] = []
-        Q, p_over_E, status = transition_curve(body, p_max, seen=reached.append)
-        done = all(text == "ok" for text in status)
+        Q, p_over_E, words = transition_curve(body, p_max, seen=reached.append)
+        status = np.array(words, dtype=np.str_)
+        done = bool(np.all(status == "ok"))
         keep = last < Q
-        if not done and edges != meshes[-1]:
+        if not done and edges != task.meshes[-1]:
             keep &= ~np.isnan(p_over_E)
-        kept = tuple(text for text, on in zip(status, keep, strict=True) if on)
         if keep.any():
-            yield (Q[keep], p_over_E[keep], kept), edges, body, [r for r in reached if last < r.Q]
+            rows = Q[keep], p_over_E[keep], status[keep]
+            yield rows, edges, body, [one for one in reached if last < one.Q]
             last = int(Q[keep][-1])
         if done:
             break
@@ -249,33 +284,30 @@ def _filled(p_over_E: FloatArray, pitch_over_R: float, nu: float) -> FloatArray:
     return np.where(np.isnan(p_over_E), estimate, p_over_E)
 
 
-def _linear(texture: Texture, scene: Scene, p_max: float, edges: int) -> _Rows:
+def _linear(task: TextureTask) -> _Rows:
     """Return the transitions at small strain, by finite elements."""
     # scikit-fem takes its time to load: only where it is used.
     from ridgebayes.contact.cylinder.compliance import small_strain_transitions
 
-    a, b = texture.a_over_R, texture.b_over_R
-    Q, loads = small_strain_transitions(a, b, nu=scene.nu, p_max=p_max, edges=edges)
+    a, b, p_max = task.texture.a_over_R, task.texture.b_over_R, task.p_max
+    edges = task.meshes[0]
+    Q, loads = small_strain_transitions(a, b, nu=task.scene.nu, p_max=p_max, edges=edges)
     if not Q.size:
         raise InputError(f"no transition under p/E = {p_max!r}")
-    return Q, loads, ("ok",) * len(Q)
+    return Q, loads, np.full(len(Q), "ok")
 
 
-def _half_plane(
-    texture: Texture, nu: float, n_transitions: int, *, rel_tol: float, known: LoadFunction | None
-) -> tuple[FloatArray, tuple[str, ...]]:
-    a, b = texture.a_over_R, texture.b_over_R
-    if known is not None and n_transitions <= known.n_transitions:
-        F = known(a, b)[0, :n_transitions]
-        return F * (a + b) ** 2 / (1 - nu**2), ("ok",) * n_transitions
-    loads = halfplane.transition_loads(a, b, n_transitions, rel_tol=rel_tol)
+def _half_plane(task: TextureTask, n: int) -> tuple[FloatArray, tuple[str, ...]]:
+    a, b, nu = task.texture.a_over_R, task.texture.b_over_R, task.scene.nu
+    if task.loads is not None and n <= task.loads.n_transitions:
+        return task.loads(a, b)[0, :n] * (a + b) ** 2 / (1 - nu**2), ("ok",) * n
+    loads = halfplane.transition_loads(a, b, n, rel_tol=task.rel_tol)
     return loads.p_over_E(a + b, nu=nu), loads.status
 
 
-def _hertz(texture: Texture, nu: float, n_transitions: int) -> tuple[FloatArray, tuple[str, ...]]:
-    Q = 2 + 2 * np.arange(1, n_transitions + 1)
-    loads = hertz.transition_load(Q, texture.a_over_R, texture.b_over_R, nu=nu)
-    return loads, ("ok",) * n_transitions
+def _hertz(task: TextureTask, n: int) -> tuple[FloatArray, tuple[str, ...]]:
+    a, b, Q = task.texture.a_over_R, task.texture.b_over_R, 4 + 2 * np.arange(n)
+    return hertz.transition_load(Q, a, b, nu=task.scene.nu), ("ok",) * n
 
 
 def many_loads(scene: Scene, rel_tol: float) -> LoadFunction | None:
@@ -290,12 +322,8 @@ def many_loads(scene: Scene, rel_tol: float) -> LoadFunction | None:
     p_max = np.array([scene.highest_load(texture) for texture in scene.textures])
     n = float((hertz.half_width(p_max, nu=scene.nu) / (a + b)).max())
     n_transitions = next((k for k in (8, 16, 32) if k > 1.5 * n + 2), 64)
+    low, high = float((b / a).min()), float((b / a).max())
     try:
-        return load_function(
-            float((b / a).min()),
-            float((b / a).max()),
-            n_transitions,
-            rel_tol=0.1 * min(rel_tol, 1e-8),
-        )
+        return load_function(low, high, n_transitions, rel_tol=0.1 * min(rel_tol, 1e-8))
     except ComputationError:
         return None

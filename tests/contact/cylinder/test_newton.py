@@ -92,13 +92,13 @@ def test_solution__is_in_equilibrium_and_presses_only_where_it_touches():
 
 def errors(monkeypatch, run):
     found = []
-    measure = newton._error
+    measure = newton._Step.error
 
     def noted(*arguments):
         found.append(measure(*arguments))
         return found[-1]
 
-    monkeypatch.setattr(newton, "_error", noted)
+    monkeypatch.setattr(newton._Step, "error", noted)
     run()
     return np.array(found)
 

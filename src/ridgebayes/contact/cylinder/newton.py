@@ -197,7 +197,7 @@ class _Step:
         residual = (self.inner.force.ravel() - outside)[problem.free]
         force_tol = _FORCE_TOL * max(float(np.abs(outside).sum()), 1e-12)
         on = state.pressure > 0
-        parts = [
+        parts: list[tuple[FloatArray | float, float]] = [
             (residual, force_tol),
             (np.where(on, gaps.gap, np.minimum(gaps.gap, 0.0)), _GAP_TOL),
             (self.inner.volume, _VOLUME_TOL),
