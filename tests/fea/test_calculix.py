@@ -206,7 +206,7 @@ def test_read_calculix__levels_that_never_converged_are_left_out(tmp_path):
     rows.append(f"{len(times) - 2:5d} {1:10d} {1:4d}U {9:5d} {times[-3]:.6E} 0.1E+01 0.1E+01")
     (tmp_path / "run.sta").write_text("\n".join(["SUMMARY OF JOB INFORMATION", *rows, ""]))
     done = read(tmp_path, sta=tmp_path / "run.sta")
-    assert "3 levels that did not converge: left out" in done.messages
+    assert "3 levels ignored: they did not converge" in done.messages
     assert any("stopped after 1 attempts without convergence" in line for line in done.messages)
     n = len(done.table)
     assert done.table.frame["p_over_E"].tolist() == whole.table.frame["p_over_E"].tolist()[:n]

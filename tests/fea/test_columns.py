@@ -358,7 +358,7 @@ def test_read_columns__corners_reached_together_leave_the_inner_one(read):
     found = read(text)
     assert column(found, "Q") == [4]
     assert any(
-        "Q = 6 left out: reached in the same increment as Q = 4" in line for line in found.messages
+        "Q = 6 ignored: reached in the same increment as Q = 4" in line for line in found.messages
     )
 
 
@@ -372,7 +372,7 @@ def test_read_columns__increments_that_failed_are_left_out(read):
     text = history(("status Q=4,status", lambda i: f"{int(i >= 3)},{'ok' if i != 3 else 'cut'}"))
     found = read(text)
     assert column(found, "p_over_E") == [0.004]
-    assert "left out: 1 increments whose status is not 'ok'" in found.messages
+    assert "1 increments ignored: their status is not 'ok'" in found.messages
 
 
 def test_read_columns__codes_of_contact_programs_are_refused(refusal):

@@ -18,7 +18,7 @@ from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.fields import write_fields
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
-from ridgebayes.fea import vtu as vtu_module
+from ridgebayes.fea import mesh_files
 from ridgebayes.fea.mesh_series import read_series
 from ridgebayes.fea.surface import Body
 
@@ -178,7 +178,7 @@ def test_read_series__one_state_and_missing_loads_are_refused(tmp_path, paths, l
 
 
 def test_types__are_those_that_numpy_names_alike():
-    for name, kind in vtu_module._TYPES.items():
+    for name, kind in mesh_files._TYPES.items():
         assert np.dtype(kind).name == name.lower()
 
 

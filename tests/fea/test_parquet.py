@@ -70,7 +70,7 @@ def test_parquet__infinite_numbers_are_refused(refusal):
 
 def test_parquet__own_columns_of_lists_are_left_out_and_said(read):
     messages = "\n".join(read({"extra": [[1], [2]]}).messages)
-    assert "left out: column 'extra', of type list" in messages
+    assert "column 'extra' ignored: its type is list" in messages
 
 
 def test_parquet__a_contract_column_of_lists_is_refused(refusal):

@@ -152,7 +152,7 @@ def test_table_from_history__nodes_beyond_the_axis_of_a_half_mesh_are_said_to_be
         "position": np.hstack([run["position"], mirror * run["position"][:, 1:4]]),
     }
     done = table({**run, **more}, Body(run["a"], run["b"]))
-    assert "3 surface nodes beyond the axis of a half mesh: left out" in done.messages
+    assert "3 surface nodes ignored: beyond the axis of a half mesh" in done.messages
     np.testing.assert_allclose(
         done.table.column("p_over_E"), table(run).table.column("p_over_E"), rtol=1e-12
     )

@@ -48,8 +48,8 @@ def test_transitions_of__cut_backs_repeats_and_unloading_change_nothing():
     expected, _ = transitions_of(LOAD, straight(0.37), np.array([4]))
     assert rows["p_over_E"].iloc[0] == pytest.approx(expected["p_over_E"].iloc[0], rel=1e-12)
     assert messages == [
-        "2 increments without a load above 0: left out",
-        "2 increments repeat a load: left out",
+        "2 increments ignored: no load above 0",
+        "2 increments ignored: they repeat a load",
         "2 increments ignored: the load decreases or was cut back",
     ]
 
@@ -119,7 +119,7 @@ def test_transitions_of__two_corners_in_one_increment_are_one_row():
     gap = np.array([[0.1, 0.2], [-0.1, -0.01]])
     rows, messages = transitions_of(load, gap, np.array([4, 6]), brackets=True)
     assert rows["Q"].tolist() == [4]
-    assert messages == ["Q = 6 left out: reached in the same increment as Q = 4"]
+    assert messages == ["Q = 6 ignored: reached in the same increment as Q = 4"]
 
 
 def test_transitions_of__what_lies_ahead_is_said_in_one_line():

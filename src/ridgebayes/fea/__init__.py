@@ -1,7 +1,7 @@
 r"""Output of other finite element programs to contact tables, and scenes to their input decks.
 
 One module a format: `calculix` and `calculix_contact`, `abaqus_dat`, `abaqus_rpt` and `xy_report`,
-`mesh_series` (over `xdmf` and `vtu`), and tables of any columns (`columns`, over `delimited`,
+`mesh_series` (over `mesh_files`), and tables of any columns (`columns`, over `delimited`,
 `spreadsheet` and `parquet`). `read` recognises a file and calls them; `surface` and `transitions`
 make loads of what they read; `pressed_disk` and `deck_text` write decks. It knows tables and
 scenes, and nothing of models. What a file holds becomes a table, with messages about it:

@@ -140,7 +140,7 @@ def whole_levels(
         messages.append(status.summary())
         sure = status.converged(np.array([one.time for one in levels]))
         if n := int((~sure).sum()):
-            messages.append(f"{n} levels that did not converge: left out")
+            messages.append(f"{n} levels ignored: they did not converge")
         levels = [one for one, keep in zip(levels, sure, strict=True) if keep]
     whole = []
     for one in levels:

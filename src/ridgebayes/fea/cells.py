@@ -33,6 +33,7 @@ class Source(Protocol):
 
     def lines(self, rows: IntArray) -> IntArray | None:
         """Return the file's lines of some rows; None where it has no lines."""
+        return None
 
     def place(self, row: int, name: str) -> str:
         """Return words for a cell, such as ``mine.csv, line 4``."""

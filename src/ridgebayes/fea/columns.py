@@ -1,6 +1,6 @@
 """Tables of any columns and units: CSV, TSV, Excel and Parquet to contact tables."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
@@ -132,7 +132,7 @@ def read_columns(
     return Imported(table, (*messages, *_kept(table)))
 
 
-def _mapping_text(uses: list[Use], values: Mapping[str, str | float]) -> str:
+def _mapping_text(uses: Iterable[Use], values: Mapping[str, str | float]) -> str:
     """Return the mapping on one line, of many columns for each Q the first."""
     own = [use for use in uses if use.name != use.header or use.unit is not None]
     first: dict[tuple[str, bool], list[Use]] = {}

@@ -41,19 +41,17 @@ class ColumnInterpreter:
         self._uses, self._values = uses, values
         self._by_key = {(use.key, use.Q): use for use in uses}
         self._is_history = is_history
-        self.used: list[Use] = []
+        self.used: dict[Use, None] = {}
         self._dimensional: dict[str, Quantity] = {}
         self.messages: list[str] = []
         self._used_values: set[str] = set()
-        self._checked: set[Use] = set()
 
     def long(self) -> Rows:
         """Return the rows of a table with one transition each, and the columns of its own."""
         found = self._curve()
         found["Q"] = self._required("Q", self._number("Q"))
         found |= {"p_over_E": self._load(None), **self._optional(None)}
-        for key in ("kind", "role", "status"):
-            self._text(found, key)
+        found |= self._texts("kind", "role", "status")
         left = self._left()
         own = [name for name in left if name not in NAMES]
         clash = [name for name in left if name in NAMES]
@@ -75,9 +73,7 @@ class ColumnInterpreter:
                 f"{what} beside columns for each Q ({listed(u.header for u in per_Q)}"
                 "); expected a load for each Q, or columns Q and load"
             )
-        common = self._curve()
-        for key in ("kind", "role", "status"):
-            self._text(common, key)
+        common = self._curve() | self._texts("kind", "role", "status")
         n = len(self.cells.frame)
         parts = [{"p_over_E": self._load(Q), **self._optional(Q)} for Q in loads]
         for use in per_Q:
@@ -111,20 +107,19 @@ class ColumnInterpreter:
                     f"{corners[0].header!r}; expected a load of each increment, and columns "
                     "of corners"
                 )
-        curve = self._curve()
-        self._text(curve, "role")
+        curve = self._curve() | self._texts("role")
         load = self._load(None)
         corners = sorted(corners, key=lambda use: use.Q or 0)
         gaps = np.column_stack([self._gap(use) for use in corners])
         keep = np.ones(len(self.cells.frame), dtype=bool)
-        left_out = []
+        ignored = []
         if status := self._use("status", None):
             words = as_text(self.cells.frame[status.header])
             keep = words.isin(["", OK]).to_numpy(bool)
-            self.used.append(status)
+            self.used[status] = None
             if not keep.all():
                 n = int((~keep).sum())
-                left_out.append(f"left out: {n} increments whose status is not 'ok'")
+                ignored.append(f"{n} increments ignored: their status is not 'ok'")
             if not keep.any():
                 raise self._error("no increment whose status is 'ok'")
         self._summarize()
@@ -132,7 +127,7 @@ class ColumnInterpreter:
         # In a run the empty cells of a column are its default; NaN would tell rows apart.
         runs = Histories(frame, load[keep], gaps[keep], [use.Q or 0 for use in corners])
         rows, remarks = runs.transitions(self.where, brackets=brackets)
-        return rows, None, [*self._unused(), *left_out, *remarks]
+        return rows, None, [*self._unused(), *ignored, *remarks]
 
     def _curve(self) -> dict[str, Any]:
         """Return what is constant along a curve."""
@@ -142,9 +137,7 @@ class ColumnInterpreter:
             "nu": self._number("nu"),
         }
         found: dict[str, Any] = {k: value for k, value in numbers.items() if value is not None}
-        for key in ("texture", "series", "solver", "source"):
-            self._text(found, key)
-        return found
+        return found | self._texts("texture", "series", "solver", "source")
 
     def _optional(self, Q: int | None) -> dict[str, FloatArray]:
         found = {"p_over_E_lower": self._load_of(LOWERS, Q), "rel_se": self._number("rel_se", Q)}
@@ -166,21 +159,24 @@ class ColumnInterpreter:
         """Return a column or constant; None where there is none."""
         use = self._use(key, Q)
         if use is None or (use.Q is None and Q is not None and key in (*LOADS, *LOWERS)):
-            return self._constant(key)
+            found = self._constant(key)
+        else:
+            found = self._column(key, use)
+        if found is not None and key in DIMENSIONS:
+            self._dimensional[found.name] = found
+        return found
+
+    def _column(self, key: str, use: Use) -> Quantity:
         unit, factor = column_unit(key, use.header, use.unit, self.where)
         numbers = self.cells.frame[use.header].to_numpy(dtype=float)
-        if use not in self._checked:
-            self._checked.add(use)
-            self.used.append(use)
+        if use not in self.used:
+            self.used[use] = None
             self._check(use, numbers)
             how = ", a guess" if use.how == "guessed" else ""
             in_unit = f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else ""
             if use.name != use.header or key in DIMENSIONS or unit or how:
                 self.messages.append(f"{use.name}: column {use.header!r}{in_unit}{how}")
-        found = Quantity(f"{key} ({use.header!r})", numbers, unit, factor)
-        if key in DIMENSIONS:
-            self._dimensional[found.name] = found
-        return found
+        return Quantity(f"{key} ({use.header!r})", numbers, unit, factor)
 
     def _check(self, use: Use, numbers: FloatArray) -> None:
         # Increments of a run may have no load yet.
@@ -199,31 +195,24 @@ class ColumnInterpreter:
         if key not in self._values:
             return None
         text = str(self._values[key]).strip()
-        unit, factor = "", Fraction(1)
-        if NUMBER.fullmatch(text):
-            number = float(text)
-        elif key in DIMENSIONS:
+        if (plain := NUMBER.fullmatch(text)) is None:
+            if key not in DIMENSIONS:
+                raise self._error(f"value {key} = {text!r}: expected a number")
             try:
                 to_si(text, DIMENSIONS[key])
             except InputError as error:
                 raise self._error(f"value {key} = {error}") from None
-            digits = NUMBER.match(text)
-            assert digits is not None
-            number, unit = float(digits.group()), text[digits.end() :].strip()
-        else:
-            raise self._error(f"value {key} = {text!r}: expected a number")
+        digits = plain or NUMBER.match(text)
+        assert digits is not None
+        number, unit = float(digits.group()), text[digits.end() :].strip()
         if not np.isfinite(number) or (key in _ABOVE_0 and number <= 0):
             rule = "above 0" if key in _ABOVE_0 else "finite"
             raise self._error(f"value {key} = {text!r}: expected {rule}")
-        if unit:
-            factor = to_si(f"1 {unit}", DIMENSIONS[key])
-        found = Quantity(key, np.array(number), unit, factor)
-        if key in DIMENSIONS:
-            self._dimensional[found.name] = found
+        factor = to_si(f"1 {unit}", DIMENSIONS[key]) if unit else Fraction(1)
         if key not in self._used_values:
             self.messages.append(f"{key}: {text}, as given")
         self._used_values.add(key)
-        return found
+        return Quantity(key, np.array(number), unit, factor)
 
     def _number(self, key: str, Q: int | None = None) -> FloatArray | None:
         found = self._quantity(key, Q)
@@ -249,15 +238,15 @@ class ColumnInterpreter:
         return None
 
     def _gap(self, use: Use) -> FloatArray:
+        if use.key in ("status", "pressure"):
+            self.used[use] = None
+            how = ", contact pressure" if use.key == "pressure" else ""
+            self.messages.append(f"{use.name}: column {use.header!r}{how}")
         if use.key == "status":
-            self.used.append(use)
-            self.messages.append(f"{use.name}: column {use.header!r}")
             gap, bad = touching(as_text(self.cells.frame[use.header]))
             self.cells.check((bad, use.header, STATUS_RULE))
             return gap
         if use.key == "pressure":
-            self.used.append(use)
-            self.messages.append(f"{use.name}: column {use.header!r}, contact pressure")
             numbers = self.cells.frame[use.header].to_numpy(dtype=float)
             self._check(use, numbers)
             return np.where(np.isnan(numbers), np.nan, np.where(numbers > 0, -np.inf, np.inf))
@@ -267,16 +256,20 @@ class ColumnInterpreter:
         # Without R: only its zero counts, and how it falls, not its size.
         return divided(found) if R is None else divided(found, R)
 
-    def _text(self, found: dict[str, Any], key: str) -> None:
-        if (use := self._use(key, None)) is not None:
-            self.used.append(use)
-            found[key] = as_text(self.cells.frame[use.header])
-            if key != use.header:
-                self.messages.append(f"{key}: column {use.header!r}")
-        elif key in self._values:
-            self._used_values.add(key)
-            found[key] = str(self._values[key])
-            self.messages.append(f"{key}: {self._values[key]}, as given")
+    def _texts(self, *keys: str) -> dict[str, Any]:
+        """Return columns of text, and constants in place of some."""
+        found: dict[str, Any] = {}
+        for key in keys:
+            if (use := self._use(key, None)) is not None:
+                self.used[use] = None
+                found[key] = as_text(self.cells.frame[use.header])
+                if key != use.header:
+                    self.messages.append(f"{key}: column {use.header!r}")
+            elif key in self._values:
+                self._used_values.add(key)
+                found[key] = str(self._values[key])
+                self.messages.append(f"{key}: {self._values[key]}, as given")
+        return found
 
     def _needed(self, key: str, by: str) -> Quantity:
         if (found := self._quantity(key)) is not None:
@@ -311,8 +304,8 @@ class ColumnInterpreter:
                 f"column {bare[0].header!r} has no unit, beside E: p/E, pressure or "
                 "line load; name it, as --map 'p_over_E=Q=*', 'p=Q=*;kPa' or 'line=Q=*;N/mm'"
             )
-        given = set(self._values) - self._used_values
-        if given:
+
+        if given := set(self._values) - self._used_values:
             self.messages.append(f"values given but not used: {', '.join(sorted(given))}")
 
     def _left(self) -> list[str]:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import DIMENSIONS, column_unit, split_header, unit_factor
+from ridgebayes.fea.record import refusing
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_text
-from ridgebayes.runtime.text import one_line_message
 from ridgebayes.table.columns import NAMES, NUMBERS
 
 _SHOWN = 80  # characters of a key or a value that messages show
@@ -335,11 +335,9 @@ def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
     InputError
         If it is not TOML, or has other keys, or others than text in columns.
     """
-    try:
-        content = tomllib.loads(read_text(path, LARGEST_TEXT))
     # A thousand brackets in each other: RecursionError.
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise InputError(f"{path}: not TOML: {one_line_message(error, 200)}") from None
+    with refusing(f"{path}: not TOML", RecursionError, ValueError, most=200):
+        content = tomllib.loads(read_text(path, LARGEST_TEXT))
     tables: dict[str, dict[str, str]] = {"columns": {}, "values": {}}
     for name, entries in content.items():
         if name not in tables or not isinstance(entries, dict):

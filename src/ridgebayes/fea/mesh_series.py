@@ -1,22 +1,24 @@
 """Deformed meshes over load: XDMF time series and lists of VTU files.
 
 Files are read here rather than by meshio, so that no size or path in them is taken on trust: see
-`ridgebayes.fea.mesh_xml`.
+`ridgebayes.fea.mesh_files`.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
+from ridgebayes.fea.lines import parse_number
+from ridgebayes.fea.mesh_files import Budget, Vtu, Xdmf, displacements, one_named
 from ridgebayes.fea.record import HUGE, Imported, provenance
 from ridgebayes.fea.surface import Body, CylinderSurface, Origin, SurfaceHistory, table_from_history
-from ridgebayes.fea.vtu import read_vtus
-from ridgebayes.fea.xdmf import read_xdmf
 
 _ROUND = 5e-6  # of R: nodes so near to the circle are on it
 _FARTHEST = 4.0  # of R: no body moves so far
@@ -75,25 +77,25 @@ def read_series(
     if suffixes == {".xdmf"} and len(paths) == 1:
         if loads is not None:
             raise InputError(f"{where}: loads of a series; expected its times")
-        series = read_xdmf(paths[0], field)
+        states = _of_xdmf(paths[0], field)
     elif suffixes == {".vtu"}:
-        series = read_vtus(paths, field, loads)
+        states = _of_vtus(paths, field, loads)
     else:
         raise InputError(f"{where}: expected one .xdmf, or several .vtu")
-    points, moved = (np.asarray(one, dtype=float) for one in (series.points, series.moved))
+    points, moved = (np.asarray(one, dtype=float) for one in (states.points, states.moved))
     nodes, R = _rim(points, body, where)
     most = np.abs(moved).max(axis=(1, 2))
     if not most.max() <= _FARTHEST * R:
         raise InputError(
-            f"{series.places[most.argmax()]}: {field!r} up to {most.max():.3g}; expected within "
+            f"{states.places[most.argmax()]}: {field!r} up to {most.max():.3g}; expected within "
             f"{_FARTHEST:g} R"
         )
-    digits = float(np.finfo(series.moved.dtype).eps * most.max())
+    digits = float(np.finfo(states.moved.dtype).eps * most.max())
     body = replace(body, R=R)
     half = 2.0 if body.symmetry == "half" else 1.0
     scale = 2 * R * body.E if time == "p_over_E" else 1.0
     levels = SurfaceHistory(
-        series.loads * (scale * body.thickness / half),
+        states.loads * (scale * body.thickness / half),
         points[nodes, :2],
         points[nodes, :2] + moved[:, nodes, :2],
         np.zeros((0, 2)),
@@ -107,6 +109,84 @@ def read_series(
         body = replace(body, top=0.0)
     source = provenance(paths[0], "series", f"field={field}", *(one.name for one in paths[1:]))
     return table_from_history(levels, body, Origin(where, "series", source), brackets=brackets)
+
+
+class _States(NamedTuple):
+    """What stands in the files of a series.
+
+    Parameters
+    ----------
+    points : ndarray of float, shape (n_point, 2 or 3), length
+        Undeformed.
+    moved : ndarray of float, shape (n_state, n_point, 2), length
+        Displacements.
+    loads : ndarray of float, shape (n_state,)
+        Time of each state.
+    places : list of str
+        Where each state stands, for messages.
+    """
+
+    points: FloatArray
+    moved: FloatArray
+    loads: FloatArray
+    places: list[str]
+
+
+def _of_xdmf(path: Path, field: str) -> _States:
+    """Read a time series of one mesh."""
+    file = Xdmf(path, Budget())
+    series = [
+        grid
+        for grid in file.root.iter("Grid")
+        if grid.get("GridType") == "Collection" and grid.get("CollectionType") == "Temporal"
+    ]
+    if file.root.tag != "Xdmf" or len(series) != 1:
+        raise file.error(f"{len(series)} time series; expected one <Grid> of a collection")
+    states = series[0].findall("Grid")
+    points = file.points(states)
+    moved, times = [], []
+    places = [f"{path}, state {number}" for number in range(1, len(states) + 1)]
+    for here, state in zip(places, states, strict=True):
+        times.append(_time(here, state))
+        given = state.findall("Attribute")
+        data = one_named(here, field, [a for a in given if a.get("Center") == "Node"], given)
+        moved.append(displacements(here, field, file.numbers(data), points))
+    return _States(points, np.array(moved), np.array(times), places)
+
+
+def _time(here: str, state: ET.Element) -> float:
+    clocks = state.findall("Time")
+    word = clocks[0].get("Value") if clocks else None
+    if not word:
+        raise InputError(f"{here}: no <Time Value=...>")
+    if len(clocks) > 1:
+        raise InputError(f"{here}: {len(clocks)} times; expected one")
+    time = parse_number(word)
+    if not 0 <= time <= HUGE:
+        expected = "a load, from 0 to " if math.isfinite(time) else "a finite number, 0 to "
+        raise InputError(f"{here}: time {word[:40]!r}; expected {expected}{HUGE:g}")
+    return time
+
+
+def _of_vtus(paths: Sequence[Path], field: str, loads: Sequence[float] | None) -> _States:
+    """Read VTU files of one mesh."""
+    if len(paths) < 2 or loads is None or len(loads) != len(paths):
+        given = "no" if loads is None else f"{len(loads)}"
+        raise InputError(
+            f"{paths[0]}: {len(paths)} .vtu with {given} loads; expected two or more .vtu "
+            "files with one load each, or one .xdmf series"
+        )
+    for path, load in zip(paths, loads, strict=True):
+        if not 0 <= load <= HUGE:
+            raise InputError(f"{path}: loads of {load:g}; expected finite numbers, 0 to {HUGE:g}")
+    budget = Budget()
+    states = [Vtu(path, budget).state(field) for path in paths]
+    points = states[0][0]
+    for path, (here, _) in zip(paths, states, strict=True):
+        if not np.array_equal(here, points):
+            raise InputError(f"{path}: points are not those of {paths[0]}; expected one mesh")
+    moved = np.array([one for _, one in states])
+    return _States(points, moved, np.array(loads, dtype=float), [str(path) for path in paths])
 
 
 def _rim(points: FloatArray, body: Body, where: str) -> tuple[np.ndarray, float]:

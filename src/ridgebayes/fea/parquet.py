@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import FINITE, Cells, clean_headers
-from ridgebayes.runtime.text import one_line_message
+from ridgebayes.fea.cells import FINITE, Cells, Source, clean_headers
+from ridgebayes.fea.record import refusing
 
 MOST_CELLS = 10**8  # a small file of repeated values may hold any number of rows
 
 
-class ParquetTable:
+class ParquetTable(Source):
     """A Parquet file.
 
     Parameters
@@ -43,7 +42,8 @@ class ParquetTable:
                 f"{self.where}: Parquet needs pyarrow: pip install 'ridgebayes[parquet]'"
             ) from None
         self._types = pyarrow.types
-        try:
+        # pyarrow lets out exceptions of many kinds on what is no Parquet file.
+        with refusing(f"{self.where}: not a readable Parquet file", most=200):
             file = pyarrow.parquet.ParquetFile(io.BytesIO(content))
             groups = range(file.metadata.num_row_groups)
             n_row = sum(file.metadata.row_group(i).num_rows for i in groups)
@@ -54,12 +54,7 @@ class ParquetTable:
                 )
             self._table = file.read()
             self._table.validate(full=True)
-        except InputError:
-            raise
-        # pyarrow lets out exceptions of many kinds on what is no Parquet file.
-        except Exception as error:
-            message = one_line_message(error, 200)
-            raise InputError(f"{self.where}: not a readable Parquet file: {message}") from None
+
         self.headers = clean_headers(self._table.column_names, self.where)
         if not self._table.num_rows:
             raise InputError(f"{self.where}: no rows")
@@ -70,15 +65,10 @@ class ParquetTable:
         messages = [f"{self.where}: Parquet, {self._table.num_rows} rows"]
         columns: dict[str, Any] = {}
         for name, column in zip(self.headers, self._table.columns, strict=True):
-            try:
+            with refusing(f"{self.where}, column {name!r}", most=200):
                 values = self._values(name, column, name in wanted)
-            except InputError:
-                raise
-            except Exception as error:
-                message = one_line_message(error, 200)
-                raise InputError(f"{self.where}, column {name!r}: {message}") from None
             if values is None:
-                messages.append(f"left out: column {name!r}, of type {column.type}")
+                messages.append(f"column {name!r} ignored: its type is {column.type}")
             else:
                 columns[name] = values
         cells = Cells.of(self, pd.DataFrame(columns), *messages)
@@ -86,9 +76,6 @@ class ParquetTable:
             *((np.isinf(cells.frame[n].to_numpy()), n, FINITE) for n in self.headers if n in wanted)
         )
         return cells
-
-    def lines(self, rows: IntArray) -> None:
-        """Return None: there are no lines."""
 
     def place(self, row: int, name: str) -> str:
         """Return words for a cell."""

@@ -5,6 +5,7 @@ import re
 import warnings
 import zipfile
 from collections.abc import Collection, Sequence
+from contextlib import closing
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import pandas as pd
 from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import FINITE, FORMULA, NUMBER, SHOWN, Cells, cells_error, clean_headers
-from ridgebayes.runtime.text import one_line_message
+from ridgebayes.fea.record import refusing
 
 LARGEST = 2**30  # bytes of all members, unpacked
 LARGEST_XML = 2**26  # bytes of the members that are parsed: more would take minutes
@@ -70,18 +71,11 @@ class Spreadsheet:
         self._check(lambda value, kind: not _is_number(value, kind), wanted, FINITE)
         columns: dict[str, Any] = {}
         for i, name in enumerate(self.headers):
-            cells = [row[i][0] for row in self._rows]
-            full = [_is_full(cell) for cell in cells]
-            if name in wanted or all(
-                f and isinstance(c, int | float) and not isinstance(c, bool)
-                for f, c in zip(full, cells, strict=True)
-            ):
-                numbers = [float(c) if f else np.nan for c, f in zip(cells, full, strict=True)]
-                columns[name] = np.array(numbers)
+            cells = [row[i][0] if _is_full(row[i][0]) else None for row in self._rows]
+            if name in wanted or all(type(cell) in (int, float) for cell in cells):
+                columns[name] = np.array([np.nan if c is None else float(c) for c in cells])
             else:
-                columns[name] = pd.Series(
-                    [c if f else "" for c, f in zip(cells, full, strict=True)]
-                )
+                columns[name] = pd.Series(["" if c is None else c for c in cells])
         message = f"{self.where}: Excel, {len(self._rows)} rows"
         return Cells.of(self, pd.DataFrame(columns), message)
 
@@ -100,13 +94,9 @@ class Spreadsheet:
         return ["" if cell is None else str(cell) for cell in cells]
 
     def _check(self, is_bad: Any, names: Sequence[str], rule: str) -> None:
-        places = [(name, self.headers.index(name)) for name in names]
-        bad = [
-            (row, name, rule)
-            for row, cells in enumerate(self._rows)
-            for name, i in places
-            if is_bad(*cells[i])
-        ]
+        at = {name: self.headers.index(name) for name in names}
+        cells = [(row, name, one[at[name]]) for row, one in enumerate(self._rows) for name in at]
+        bad = [(row, name, rule) for row, name, cell in cells if is_bad(*cell)]
         if bad:
             raise cells_error(self, bad[:SHOWN], len(bad))
 
@@ -134,34 +124,28 @@ def _is_number(value: Any, kind: str) -> bool:
 
 def _check_archive(content: bytes, where: str) -> None:
     """Refuse what would unpack to too much, and XML with a document type: before any parser."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            members = archive.infolist()
-            parsed = [one for one in members if one.filename.lower().endswith((".xml", ".rels"))]
-            total, size = (sum(one.file_size for one in some) for some in (members, parsed))
-            most = max(10**6, LARGEST_RATIO * len(content))
-            rules = {
-                f"unpacks to {total} bytes; expected at most {LARGEST}": total <= LARGEST,
-                f"unpacks to {total} bytes from {len(content)}; expected at most {LARGEST_RATIO} "
-                "times its size": total <= most,
-                f"{size} bytes of sheets; expected at most {LARGEST_XML}, save larger tables as "
-                "CSV": size <= LARGEST_XML,
-                "holds macros; expected a workbook without macros": not any(
-                    "vbaproject" in one.filename.lower() for one in members
-                ),
-            }
-            for rule, holds in rules.items():
-                if not holds:
-                    raise InputError(f"{where}: {rule}")
-            for one in parsed:
-                _check_xml(archive.read(one), one.filename, where)
-    except InputError:
-        raise
     # zipfile lets out exceptions of many kinds on what is no archive.
-    except Exception as error:
-        raise InputError(
-            f"{where}: not a readable Excel file: {one_line_message(error, 200)}"
-        ) from None
+    unreadable = refusing(f"{where}: not a readable Excel file", most=200)
+    with unreadable, zipfile.ZipFile(io.BytesIO(content)) as archive:
+        members = archive.infolist()
+        parsed = [one for one in members if one.filename.lower().endswith((".xml", ".rels"))]
+        total, size = (sum(one.file_size for one in some) for some in (members, parsed))
+        most = max(10**6, LARGEST_RATIO * len(content))
+        macros = any("vbaproject" in one.filename.lower() for one in members)
+        rules = {
+            f"unpacks to {total} bytes; expected at most {LARGEST}": total <= LARGEST,
+            f"unpacks to {total} bytes from {len(content)}; expected at most {LARGEST_RATIO} times "
+            "its size": total <= most,
+            f"{size} bytes of sheets; expected at most {LARGEST_XML}, save larger tables as CSV": (
+                size <= LARGEST_XML
+            ),
+            "holds macros; expected a workbook without macros": not macros,
+        }
+        for rule, holds in rules.items():
+            if not holds:
+                raise InputError(f"{where}: {rule}")
+        for one in parsed:
+            _check_xml(archive.read(one), one.filename, where)
 
 
 def _check_xml(text: bytes, name: str, where: str) -> None:
@@ -187,32 +171,17 @@ def _grid(content: bytes, where: str, sheet: str | None) -> tuple[str, int, list
         raise InputError(
             f"{where}: Excel files need openpyxl: pip install 'ridgebayes[excel]'"
         ) from None
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of styles and extensions, which hold no values
-            book = openpyxl.load_workbook(
-                io.BytesIO(content), read_only=True, data_only=False, keep_links=False
-            )
-            try:
-                names = [one.title for one in book.worksheets]
-                if sheet is not None and sheet not in names:
-                    raise InputError(
-                        f"{where}: no sheet {sheet!r}; the sheets are {', '.join(map(repr, names))}"
-                    )
-                found = {
-                    one.title: _rows(one, where)
-                    for one in book.worksheets
-                    if sheet is None or one.title == sheet
-                }
-            finally:
-                book.close()
-    except InputError:
-        raise
+    options = {"read_only": True, "data_only": False, "keep_links": False}
     # openpyxl lets out exceptions of many kinds on what is no workbook.
-    except Exception as error:
-        raise InputError(
-            f"{where}: not a readable Excel file: {one_line_message(error, 200)}"
-        ) from None
+    with refusing(f"{where}: not a readable Excel file", most=200), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of styles and extensions, which hold no values
+        with closing(openpyxl.load_workbook(io.BytesIO(content), **options)) as book:
+            sheets = {one.title: one for one in book.worksheets}
+            if sheet is not None and sheet not in sheets:
+                there = ", ".join(map(repr, sheets))
+                raise InputError(f"{where}: no sheet {sheet!r}; the sheets are {there}")
+            wanted = sheets if sheet is None else {sheet: sheets[sheet]}
+            found = {name: _rows(one, where) for name, one in wanted.items()}
     full = [name for name, (_, rows) in found.items() if rows]
     if not full:
         raise InputError(f"{where}: no sheet with cells{'' if sheet is None else f' in {sheet!r}'}")

@@ -270,7 +270,7 @@ def table_from_history(
     depth = np.array([surface.overlap(one, corners, width) for one in history.position])
     # A few nodes beyond a half mesh's axis are no second side: see CylinderSurface.of.
     beyond = n - len(surface.sides[0][0]) if body.symmetry == "half" else 0
-    across = [f"{beyond} surface nodes beyond the axis of a half mesh: left out"] if beyond else []
+    across = [f"{beyond} surface nodes ignored: beyond the axis of a half mesh"] if beyond else []
     return table_from_gaps(
         history.force,
         gaps[:, 1:] / surface.R,

@@ -117,7 +117,7 @@ def transitions_of(
         if rows and row["p_over_E"] <= rows[-1]["p_over_E"]:
             # One increment went over two corners: its load is known for the first alone.
             messages.append(
-                f"Q = {Q[j]} left out: reached in the same increment as Q = {rows[-1]['Q']}"
+                f"Q = {Q[j]} ignored: reached in the same increment as Q = {rows[-1]['Q']}"
             )
             continue
         rows.append(row)
@@ -138,10 +138,10 @@ def _rising(load: FloatArray) -> tuple[IntArray, list[str]]:
     keep = finite & (load > before)
     messages = []
     if n := int((~finite).sum()):
-        messages.append(f"{n} increments without a load above 0: left out")
+        messages.append(f"{n} increments ignored: no load above 0")
     repeated = finite & (load == before)
     if n := int(repeated.sum()):
-        messages.append(f"{n} increments repeat a load: left out")
+        messages.append(f"{n} increments ignored: they repeat a load")
     if n := int((finite & (load < before)).sum()):
         messages.append(f"{n} increments ignored: the load decreases or was cut back")
     return np.flatnonzero(keep), messages
@@ -237,7 +237,7 @@ class Histories:
             frames.append(frame.assign(**{str(key): one[str(key)] for key in self.curve}))
         if not frames:
             raise InputError(f"{where}: {failed[0]}")
-        messages += [f"left out: {text}" for text in failed]
+        messages += [f"run ignored: {text}" for text in failed]
         if len(messages) > _MOST_REMARKS:
             messages = [
                 *messages[:_MOST_REMARKS],
