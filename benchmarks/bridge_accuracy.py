@@ -1,7 +1,9 @@
-"""Compare bridge with deterministic evidences: ``python benchmarks/bridge_accuracy.py [SEEDS]``.
+"""Compare bridge with deterministic evidences: ``benchmarks/bridge_accuracy.py [SEEDS] [few]``.
 
 Every form of at most four parameters on the two tables that ship with the package, and the power
-law on both, whose evidence is exact but for an integral over sigma. For each, 20 seeds (or SEEDS):
+law on both, whose evidence is exact but for an integral over sigma. With ``few``: Modified, Hybrid
+and the power law on 3, 5 and 8 rows of the sweep, all of one texture or each of another one, where
+sigma may be next to zero. For each, 20 seeds (or SEEDS):
 sample, bridge, subtract the deterministic value. If the quoted standard errors are right, the
 differences have mean zero (in units of the mean's own error) and a root mean square of one quoted
 error.
@@ -50,6 +52,18 @@ def differences(table: rb.ContactTable, form: object, n_seed: int) -> tuple[list
     return apart, quoted
 
 
+def few_rows() -> dict[str, tuple[rb.ContactTable, list]]:
+    """Return tables of 3, 5 and 8 rows by name, with the forms that they are fitted by."""
+    rows = rb.paper_sweep().calibration.frame
+    place = rows.groupby("texture", sort=False).cumcount()
+    cases = {}
+    for n in (3, 5, 8):
+        for label, some in (("one texture", rows), ("one row each", rows[place == 0])):
+            table = rb.ContactTable.from_frame(some.head(n).reset_index(drop=True))
+            cases[f"{n} rows, {label}"] = table, [rb.Modified(), rb.Hybrid(), rb.PowerLaw()]
+    return cases
+
+
 def main() -> None:
     n_seed = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     closed = [rb.Classic(), rb.Modified(), rb.Hybrid(), rb.PowerLaw()]
@@ -57,9 +71,11 @@ def main() -> None:
         "paper sweep": (rb.paper_sweep(), closed),
         "finite elements": (rb.reference_fe(), [*closed, rb.HalfPlane()]),
     }
+    if "few" in sys.argv:
+        cases = few_rows()
     print(f"bridge - reference, {n_seed} seeds; {WANTED}")
     print(
-        f"{'table':<16} {'form':<11} {'mean':>10} {'mean/its se':>11} {'rms':>9} "
+        f"{'table':<20} {'form':<11} {'mean':>10} {'mean/its se':>11} {'rms':>9} "
         f"{'quoted se':>10} {'rms of ratio':>12} {'largest':>9}"
     )
     ratios = []
@@ -70,7 +86,7 @@ def main() -> None:
             ratios.append(ratio)
             t = apart.mean() / (apart.std(ddof=1) / np.sqrt(n_seed))
             print(
-                f"{label:<16} {form.name:<11} {apart.mean():>10.6f} {t:>11.2f} "
+                f"{label:<20} {form.name:<11} {apart.mean():>10.6f} {t:>11.2f} "
                 f"{np.sqrt(np.mean(apart**2)):>9.6f} {quoted.mean():>10.6f} "
                 f"{np.sqrt(np.mean(ratio**2)):>12.2f} {np.abs(apart).max():>9.6f}",
                 flush=True,

@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ridgebayes.evidence import bridge_evidence, quadrature_evidence
+from ridgebayes.evidence import bridge_evidence, power_law_evidence, quadrature_evidence
 from ridgebayes.inference.chains import Chains, SampleSettings
 from ridgebayes.inference.emcee_sampling import sample
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.power_law_exact import sample_power_law
+from ridgebayes.model.forms import PowerLaw
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
 
 # Reference: log evidence of the 41 rows, iid, default priors; independent code, printed to 1e-4.
 KNOWN = {"hybrid": 83.3869, "modified": 78.8628, "classic": 19.1987}
@@ -200,3 +205,25 @@ def test_bridge_evidence__doubts_halves_over_five_standard_errors_apart(
     assert found.value == pytest.approx(1.0 + 0.25 * apart, rel=1e-14)  # algebra: their mean
     assert found.se == pytest.approx(0.25, rel=1e-14)
     assert found.status == ("ok" if is_ok else f"halves of the ensembles disagree by {apart} se")
+
+
+@pytest.mark.parametrize("n_row", [3, 5, 8])
+def test_bridge_evidence__of_few_rows_errs_as_its_standard_error_says(n_row, paper):
+    # One row of each texture: sigma may be next to zero, where K follows its row.
+    data = Observations.from_table(paper)
+    first = [np.flatnonzero(data.texture == j)[0] for j in range(n_row)]
+    model = Model(data.take(np.isin(np.arange(len(data)), first)), PowerLaw())
+    exact, laplace = power_law_evidence(model, tol=1e-9).value, fit_laplace(model)
+    z = []
+    for seed in range(20):
+        found = bridge_evidence(
+            model.log_density,
+            sample_power_law(model, seed=seed),
+            laplace,
+            rng=np.random.default_rng(100 + seed),
+        )
+        assert found.ok
+        assert found.se < 1e-3  # about a single centre: 4e-3, of a few draws that are far out
+        z.append((found.value - exact) / found.se)
+    # Monte Carlo: the rms of 20 normal values is 1 +- 0.16; about three of them.
+    assert 0.55 < np.sqrt(np.mean(np.square(z))) < 1.5

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from ridgebayes.inference.coordinates import Conditional, Funnel
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.power_law_exact import conditional_log_k
 from ridgebayes.model.forms import HalfPlane, Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
+from ridgebayes.model.noise import NUGGET, Noise
+from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import HalfNormal
-from ridgebayes.model.shared_offsets import NUGGET
 
 STRUCTURES = Noise.structures
 WIDTHS = np.array([(0.012, 0.03), (0.032, 0.01), (0.022, 0.02), (0.018, 0.045)])
@@ -282,3 +284,20 @@ def test_funnel__information_is_the_curvature_of_the_likelihood(fits, laplaces):
     expected = np.array(jacobian) @ np.transpose(jacobian)
     np.testing.assert_allclose(model.information(laplace.mode), expected, rtol=1e-5)
     assert theta[0] == pytest.approx(1.34, abs=0.05)
+
+
+def test_funnel__centre_follows_the_exact_conditional_mean_down_to_tiny_sigmas(paper):
+    # One row of each of five textures: sigma may be next to zero, and K is then told by its row.
+    data = Observations.from_table(paper)
+    first = [np.flatnonzero(data.texture == j)[0] for j in range(5)]
+    model = Model(data.take(np.isin(np.arange(len(data)), first)), PowerLaw())
+    frame = fit_laplace(model).frame
+    sigma = 10.0 ** np.arange(-6.0, 0.0)
+    u_noise = np.array([model.priors["sigma"].score(s) for s in sigma])[:, None]
+    mean, sd = conditional_log_k(model, sigma)
+    theta = np.concatenate([np.exp(mean), sigma[:, None]], axis=1)
+    u, width = model.to_unconstrained(theta)[:, :5], sd / 0.3  # normal scores of log K: over log_sd
+    found, _ = frame.forward(np.zeros((6, 5)), u_noise)
+    # The mode is found to 1e-9 of its width or so; a width here is down to 1e-5 of that.
+    np.testing.assert_allclose((found - u) / width, 0, atol=1e-2)
+    assert np.abs(frame.centre - u[0]).max() > 100 * width[0, 0]  # about one centre: far out

@@ -19,7 +19,14 @@ which the rows hold the information d (at error variance 1) has the standard dev
 
 the 1 being the prior's. Measured in units of its own s, a direction is nearly normal. The Jacobian
 moves the mode from the joint mode, where sigma is too small (and with few rows runs to zero), to
-the mode of sigma's own marginal.
+the mode of sigma's own marginal. The centre moves too, since rows and prior share the say on it. At
+the mode, c0 and t0, they pull with equal force, -c0 and +c0. At another t the rows pull with
+c0 t0^2/t^2, and the centre is, direction by direction,
+
+    c0 - c0 (t^2 - t0^2) / (d + t^2).
+
+Few rows leave mass at a sigma so small that this is thousands of times s: proposals about one
+centre never come near it, and an evidence by them lacks that mass.
 """
 
 import math
@@ -136,12 +143,12 @@ class Funnel:
     def about(self, mode: FloatArray) -> "FunnelAbout":
         """Return the map between coefficients and directions in units of their widths."""
         k = len(self.basis)
-        return FunnelAbout(self, mode[:k], self.log_scales(mode[k:]))
+        return FunnelAbout(self, mode[:k], mode[k:], self.log_scales(mode[k:]))
 
 
 @dataclass(frozen=True, eq=False)
 class FunnelAbout:
-    """A funnel seen from a mode, where its scales are 1.
+    """A funnel seen from a mode, where its scales are 1 and its centre is.
 
     Parameters
     ----------
@@ -149,12 +156,15 @@ class FunnelAbout:
         Scales.
     centre : ndarray of float, shape (n_coefficient,)
         Coefficients of the mode.
+    noise : ndarray of float, shape (n_noise,)
+        Error model's parameters of the mode.
     log_scale : ndarray of float, shape (n_coefficient,)
         Log scales at the mode.
     """
 
     funnel: Funnel
     centre: FloatArray
+    noise: FloatArray
     log_scale: FloatArray
 
     @property
@@ -165,10 +175,25 @@ class FunnelAbout:
     def forward(self, w: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return coefficients' coordinates at `w`, and log |du/dw|."""
         basis, log_scale = self.funnel.basis, self.funnel.log_scales(u_noise) - self.log_scale
-        return self.centre + (w @ basis * np.exp(log_scale)) @ basis.T, log_scale.sum(axis=-1)
+        step = w @ basis * np.exp(log_scale) + self._shift(u_noise)
+        return self.centre + step @ basis.T, log_scale.sum(axis=-1)
 
     def inverse(self, u: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return w of coefficients' coordinates, and log |du/dw|: the inverse of `forward`."""
         basis, log_scale = self.funnel.basis, self.funnel.log_scales(u_noise) - self.log_scale
-        w = ((u - self.centre) @ basis * np.exp(-log_scale)) @ basis.T
-        return w, log_scale.sum(axis=-1)
+        step = (u - self.centre) @ basis - self._shift(u_noise)
+        return step * np.exp(-log_scale) @ basis.T, log_scale.sum(axis=-1)
+
+    @property
+    def slope(self) -> FloatArray:
+        """How the coefficients' centre moves with u_noise at the mode, (n_coefficient, n_noise)."""
+        h = 1e-4
+        steps = self.noise + h * np.concatenate([np.eye(len(self.noise)), -np.eye(len(self.noise))])
+        up, down = np.split(self._shift(steps) @ self.funnel.basis.T, 2)
+        return (up - down).T / (2 * h)
+
+    def _shift(self, u_noise: FloatArray) -> FloatArray:
+        """Return how far the centre is from the mode's, in the basis, (..., n_coefficient)."""
+        variance = self.funnel.error_variance(u_noise)[..., None]
+        moved = variance - self.funnel.error_variance(self.noise)
+        return -(self.centre @ self.funnel.basis) * moved / (self.funnel.information + variance)

@@ -325,9 +325,13 @@ def _fit_iid_gaussian(model: Model, tol: float, u: FloatArray) -> Laplace:
     # How far the mode still is, in posterior sds: the search's own flag gives up on rounding.
     if not np.linalg.norm(_solve_lower(root, _gradient(model, funnel, u))) < tol:
         raise no_mode(model)
-    covariance = linalg.cho_solve((root, True), np.eye(len(u)))
-    factor = linalg.cholesky(covariance, lower=True)
-    return Laplace(u, factor, float(model.log_density(u)), funnel.about(u), 1)
+    frame, k = funnel.about(u), model.n_coefficient
+    # The coefficients' centre moves with sigma: what they are about it, no more, depends on sigma.
+    about_centre = np.eye(len(u))
+    about_centre[:k, k:] = -frame.slope
+    half = about_centre @ linalg.solve_triangular(root, np.eye(len(u)), lower=True, trans=1)
+    factor = linalg.cholesky(half @ half.T, lower=True)
+    return Laplace(u, factor, float(model.log_density(u)), frame, 1)
 
 
 def no_mode(model: Model) -> ComputationError:
