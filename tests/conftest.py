@@ -5,7 +5,7 @@ import itertools
 import re
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import hypothesis
 import numpy as np
@@ -87,13 +87,27 @@ def affine():
     return Affine
 
 
-def observed(texture, Q, log_load, *, rel_se=0.0, log_lower=np.nan, is_count=False, textures=None):
-    """Rows of four textures, of which the first and the last have one a/pitch."""
+def observed(
+    texture,
+    Q,
+    log_load,
+    *,
+    rel_se=0.0,
+    log_lower=np.nan,
+    is_count=False,
+    textures=None,
+    series=None,
+):
+    """Rows of four textures, of which the first and the last have one a/pitch; of one series."""
     everything = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02), (0.018, 0.045))
     columns = np.broadcast_arrays(texture, Q, log_load, rel_se, log_lower, is_count)
     kinds = (np.int64, np.int64, float, float, float, bool)
     arrays = [column.astype(kind) for column, kind in zip(columns, kinds, strict=True)]
-    return Observations(textures or everything[: arrays[0].max() + 1], *arrays)
+    data = Observations(textures or everything[: arrays[0].max() + 1], *arrays)
+    if series is None:
+        return data
+    series = np.asarray(series)
+    return replace(data, series=series, series_labels=tuple("abcdef"[: series.max() + 1]))
 
 
 @pytest.fixture(scope="session", name="observed")

@@ -1,7 +1,9 @@
+import re
+
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.model.noise import Noise
+from ridgebayes.model.noise import NUGGET, Noise
 
 
 def test_noise__default_is_independent_rows_with_one_parameter_and_a_caution():
@@ -12,16 +14,17 @@ def test_noise__default_is_independent_rows_with_one_parameter_and_a_caution():
 
 
 def test_noise__refuses_an_error_model_that_it_does_not_know():
-    rule = "expected one of iid, texture, step, texture.step, step-smooth, got structure 'cauchy'"
-    with pytest.raises(InputError, match=rule):
-        Noise("cauchy")
+    rule = "expected one of iid, .*, step-smooth, each also with .series, got structure '{}'"
+    for structure in ("cauchy", "+series", "series+series", "series+iid", "step+series+series"):
+        with pytest.raises(InputError, match=rule.format(re.escape(structure))):
+            Noise(structure)
     with pytest.raises(
         InputError, match="noise: expected one of normal, student, got tail 'cauchy'"
     ):
         Noise("step", "cauchy")
 
 
-@pytest.mark.parametrize("noise", Noise.every())
+@pytest.mark.parametrize("noise", Noise.candidates(2))
 def test_named__is_the_inverse_of_name(noise):
     assert Noise.named(noise.name) == noise
     assert Noise.named(f"{noise.structure}:{noise.tail}") == noise
@@ -32,6 +35,39 @@ def test_every__holds_each_structure_with_each_tail_once():
     assert len(names) == len(set(names)) == 10
     assert names[0] == "iid"
     assert {"step-smooth", "texture+step:student", "iid:student"} < set(names)
+
+
+def test_named__series_alone_is_the_short_name_of_independent_rows_with_series():
+    for name in ("series", "iid+series"):
+        assert Noise.named(name) == Noise("series") == Noise("iid+series")
+        assert Noise.named(f"{name}:student").name == "series:student"
+
+
+def test_candidates__are_the_ten_and_of_several_series_also_each_with_series():
+    assert Noise.candidates(1) == Noise.every()
+    found = Noise.candidates(3)
+    assert found[:10] == Noise.every()
+    assert [noise.name for noise in found[10:15]] == [
+        "series",
+        "texture+series",
+        "step+series",
+        "texture+step+series",
+        "step-smooth+series",
+    ]
+    assert [noise.tail for noise in found[10:]] == ["normal"] * 5 + ["student"] * 5
+
+
+def test_nugget__is_a_keyword_that_the_name_does_not_tell():
+    assert Noise("step-smooth").nugget == NUGGET == 1e-8
+    other = Noise("step-smooth", nugget=1e-4)
+    assert other.name == "step-smooth"
+    assert other != Noise("step-smooth")
+
+
+@pytest.mark.parametrize("nugget", [0.0, -1e-8, 1.01e-4, float("nan"), float("inf")])
+def test_nugget__is_above_zero_and_small(nugget):
+    with pytest.raises(InputError, match=r"nugget: expected a number > 0 and <= 0\.0001, got "):
+        Noise("step-smooth", nugget=nugget)
 
 
 @pytest.mark.parametrize("name", ["", "cauchy", "step:", "step:cauchy", ":student", "step+texture"])
@@ -50,6 +86,9 @@ def test_named__refuses_what_is_no_structure_and_tail(name):
         ("step", ("tau_step",)),
         ("texture+step", ("tau_texture", "tau_step")),
         ("step-smooth", ("tau_step", "length_h", "length_ratio")),
+        ("series", ("tau_series",)),
+        ("texture+step+series", ("tau_texture", "tau_step", "tau_series")),
+        ("step-smooth+series", ("tau_step", "tau_series", "length_h", "length_ratio")),
     ],
 )
 def test_parameter_names__are_sigma_then_the_structures_then_the_tails(structure, own):
@@ -59,5 +98,5 @@ def test_parameter_names__are_sigma_then_the_structures_then_the_tails(structure
 
 
 def test_caution__is_for_independent_rows_alone():
-    for noise in Noise.every():
-        assert (noise.caution is None) == (noise.structure != "iid")
+    for noise in Noise.candidates(2):
+        assert (noise.caution is None) == (noise.structure not in ("iid", "series"))

@@ -81,6 +81,25 @@ def test_from_table__takes_counts():
     assert data.log_load.tolist() == plain.log_load.tolist()
 
 
+def test_from_table__takes_series_and_sources_only_where_there_is_no_series():
+    source = ["a.csv", "b.csv"] * 3
+    plain = observations(frame_of())
+    assert (plain.n_series, plain.series_labels) == (1, ("",))
+    assert not plain.series.any()
+    by_source = observations(frame_of().assign(source=source))
+    assert by_source.series_labels == ("a.csv", "b.csv")
+    assert by_source.series.tolist() == [0, 1] * 3
+    named = observations(frame_of().assign(source=source, series=["", "", "rig 2"] * 2))
+    assert named.series_labels == ("", "rig 2")
+    assert named.series.tolist() == [0, 0, 1] * 2
+
+
+def test_from_table__counts_the_series_of_fitted_rows_alone():
+    series, role = ["one", "one", "two"] * 2, ["calibration", "calibration", "held-out"] * 2
+    data = observations(frame_of().assign(series=series, role=role))
+    assert data.series_labels == ("one",)
+
+
 def test_from_table__refuses_bodies_that_are_not_centred():
     frame = frame_of().assign(offset_over_R=[0.0, 0.001, 0.0, 0.002, 0.0, 0.0])
     rule = (
@@ -101,7 +120,10 @@ def test_from_table__does_not_mind_where_bodies_are_that_are_not_fitted():
 
 
 def test_take__keeps_rows_and_the_textures_that_they_have():
-    frame = frame_of().assign(p_over_E_lower=5e-5, kind=["count", "transition", "transition"] * 2)
+    series = ["one", "two", "three"] * 2
+    frame = frame_of().assign(
+        series=series, p_over_E_lower=5e-5, kind=["count", "transition", "transition"] * 2
+    )
     frame.loc[frame["kind"] == "count", "p_over_E_lower"] = np.nan
     data = observations(frame)
     keep = np.array([True, False, True, False, False, True])
@@ -109,5 +131,8 @@ def test_take__keeps_rows_and_the_textures_that_they_have():
     again = observations(frame[keep].reset_index(drop=True))
     assert some.textures == again.textures == tuple(map(tuple, TEXTURES[[0, 2]].tolist()))
     assert len(some.labels) == 2
+    # The series are the table's, also those without a row: what is left out has one of them.
+    assert some.series_labels == ("one", "two", "three")
+    assert some.series.tolist() == data.series[keep].tolist()
     for name in ("texture", "Q", "log_load", "rel_se", "log_lower", "is_count", "labels"):
         np.testing.assert_array_equal(getattr(some, name), getattr(again, name))

@@ -1,29 +1,34 @@
 """What rows share, against the definition: pair by pair of places."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 
-from ridgebayes.errors import ComputationError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.conditional_offsets import Design
 from ridgebayes.model.forms import Modified
 from ridgebayes.model.likelihood_marginal import IntegratedOffsets
-from ridgebayes.model.noise import Noise
+from ridgebayes.model.noise import NUGGET, Noise
 from ridgebayes.model.rows import Rows
-from ridgebayes.model.shared_offsets import LARGEST_SMOOTH, NUGGET, offsets_of
+from ridgebayes.model.shared_offsets import LARGEST_SMOOTH, offsets_of
 
-STRUCTURES = Noise.structures[1:]
+STRUCTURES = tuple(
+    noise.structure for noise in Noise.candidates(2) if noise.factors and noise.tail == "normal"
+)
 RATIO = np.array([0.012 / 0.042, 0.032 / 0.042, 0.022 / 0.042, 0.018 / 0.063])
 WIDTHS = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02), (0.018, 0.045))
 TEXTURE = np.array([0, 1, 2, 3, 0, 1, 2, 3, 0, 0])
 Q = np.array([4, 4, 6, 6, 8, 12, 12, 4, 4, 6])
+SERIES = np.array([0, 1, 2, 0, 1, 2, 0, 1, 2, 0])
 USUAL = {
     "sigma": 0.03,
     "tau_texture": 0.05,
     "tau_step": 0.04,
     "length_h": 0.8,
     "length_ratio": 0.3,
+    "tau_series": 0.07,
 }
 
 
@@ -39,15 +44,23 @@ def correlation(here, there, length_h=0.8, length_ratio=0.3):
 
 
 def covariance(structure, i, j):
-    shared = {"texture": TEXTURE[i] == TEXTURE[j], "step": Q[i] == Q[j]}
-    if structure == "step-smooth":
-        return 0.04**2 * correlation((RATIO[TEXTURE[i]], Q[i]), (RATIO[TEXTURE[j]], Q[j]))
-    return sum(USUAL[f"tau_{name}"] ** 2 * shared[name] for name in structure.split("+"))
+    shared = {
+        "texture": TEXTURE[i] == TEXTURE[j],
+        "step": Q[i] == Q[j],
+        "series": SERIES[i] == SERIES[j],
+    }
+    factors = structure.split("+")
+    value = sum(
+        USUAL[f"tau_{name}"] ** 2 * shared.get(name, 0) for name in factors if name in shared
+    )
+    if "step-smooth" in factors:
+        value += 0.04**2 * correlation((RATIO[TEXTURE[i]], Q[i]), (RATIO[TEXTURE[j]], Q[j]))
+    return value
 
 
 @pytest.fixture
 def data(observed):
-    return observed(TEXTURE, Q, -8.0)
+    return observed(TEXTURE, Q, -8.0, series=SERIES)
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
@@ -70,7 +83,16 @@ def test_offsets_of__independent_rows_are_none(data):
 
 @pytest.mark.parametrize(
     ("structure", "n_level"),
-    [("texture", 4), ("step", 4), ("texture+step", 8), ("step-smooth", 7)],
+    [
+        ("texture", 4),
+        ("step", 4),
+        ("texture+step", 8),
+        ("step-smooth", 7),
+        ("series", 3),
+        ("texture+series", 7),
+        ("texture+step+series", 11),
+        ("step-smooth+series", 10),
+    ],
 )
 def test_offsets__have_a_level_for_each_thing_that_is_shared(structure, n_level, data):
     # Smooth: textures 0 and 3 have one a/pitch, so that they share the places of Q = 4 and 6.
@@ -103,8 +125,9 @@ def test_loading__of_any_axes_of_draws_is_that_of_each(structure, lead, data):
 
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_codes_next__of_a_count_are_those_of_the_next_step(structure, observed):
-    seen = observed([0, 1, 0, 1], [4, 6, 6, 4], -8.0, is_count=[True, True, False, False])
-    reached = observed([0, 1, 0, 1, 0, 1], [4, 6, 6, 4, 6, 8], -8.0)
+    is_count = [True, True, False, False]
+    seen = observed([0, 1, 0, 1], [4, 6, 6, 4], -8.0, is_count=is_count, series=[0, 1, 1, 0])
+    reached = observed([0, 1, 0, 1, 0, 1], [4, 6, 6, 4, 6, 8], -8.0, series=[0, 1, 1, 0, 0, 1])
     counts, plain = (offsets_of(Noise(structure), rows) for rows in (seen, reached))
     assert counts.n_level == plain.n_level
     np.testing.assert_array_equal(counts.codes, plain.codes[:, :4])
@@ -118,15 +141,19 @@ def test_loading__of_a_calibrated_place_is_its_own_level_and_of_a_new_one_the_pr
     offsets, eta = offsets_of(Noise(structure), data), eta_of(structure)[None]
     root = offsets.root(eta)
     at_rows = root.loading(Design(offsets.codes, offsets.n_level))[0]
+    # What is predicted is a new series, whatever the place.
+    new_series = 0.07**2 if "series" in structure else 0.0
+    if new_series:
+        at_rows[-3:] = 0
     for i in range(10):
         loading, rest = offsets.loading(eta, WIDTHS[TEXTURE[i]], Q[i : i + 1], root)
         # A smooth place is known but for its nugget, tau x 1e-4; the others exactly.
-        atol = 1e-4 * 0.04 if structure == "step-smooth" else 0
+        atol = 1e-4 * 0.04 if "step-smooth" in structure else 0
         np.testing.assert_allclose(loading[0, :, 0], at_rows[:, i], rtol=0, atol=1.01 * atol)
-        assert 0 <= rest[0, 0] <= 1.01 * atol**2
-    if structure != "step-smooth":
+        assert new_series <= rest[0, 0] <= new_series + 1.01 * atol**2
+    if "step-smooth" not in structure:
         loading, rest = offsets.loading(eta, (0.02, 0.02), np.array([4, 14]), root)
-        new = {"texture": [0.05**2] * 2, "step": [0.0, 0.04**2]}
+        new = {"texture": [0.05**2] * 2, "step": [0.0, 0.04**2], "series": [0.07**2] * 2}
         expected = sum(np.array(new[name]) for name in structure.split("+"))
         np.testing.assert_allclose(rest[0], expected, rtol=1e-14)
         assert not loading[0, :, 1].any()
@@ -205,6 +232,25 @@ def test_given__textures_of_one_ratio_share_the_smooth_offset(data, observed):
         np.testing.assert_allclose(variance, alike[0][1], rtol=1e-6, atol=1e-12)
     other, _ = given.at(WIDTHS[1], steps)
     assert np.abs(other - alike[0][0]).max() > 1e-3
+
+
+@pytest.mark.parametrize("structure", [name for name in STRUCTURES if "series" in name])
+def test_offsets_of__refuses_series_where_the_rows_are_of_one(structure, observed):
+    rule = f"noise '{structure}': expected rows of at least two series or sources, got one"
+    with pytest.raises(InputError, match=re.escape(rule)):
+        offsets_of(Noise(structure), observed(TEXTURE, Q, -8.0))
+
+
+def test_offsets_of__a_table_of_two_series_does_not_mind_rows_taken_of_one(data):
+    assert offsets_of(Noise("series"), data.take(data.series == 1)).n_level == 3
+
+
+def test_root__of_smooth_offsets_has_the_nugget_that_the_error_model_says(data):
+    for nugget in (1e-9, 1e-5):
+        offsets = offsets_of(Noise("step-smooth", nugget=nugget), data)
+        loading = offsets.root(eta_of("step-smooth")).loading(Design(offsets.codes, 7))
+        found = (loading**2).sum(axis=0) / 0.04**2 - 1
+        np.testing.assert_allclose(found, nugget, rtol=0, atol=1e-14)  # rounding
 
 
 def test_offsets_of__refuses_more_smooth_places_than_it_can_serve(observed):

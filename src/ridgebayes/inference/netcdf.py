@@ -4,7 +4,7 @@ import io
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
 from ridgebayes.inference.posterior import SAMPLERS, Posterior
 from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
+from ridgebayes.model.noise import NUGGET, Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import Prior
 from ridgebayes.runtime.atomic import replacing
@@ -72,6 +72,8 @@ def groups_of(fit: Posterior) -> dict[str, xr.Dataset]:
             }
         ),
     }
+    if data.n_series > 1:
+        groups["constant_data"]["series_index"] = (("row",), data.series)
     if theta[..., 0].size * len(data) <= LARGEST_LOG_LIKELIHOOD:
         rows = fit.model.pointwise_log_likelihood(u.reshape(-1, n_coordinate))
         rows = rows.reshape(*flat, len(data))
@@ -114,6 +116,10 @@ def write_netcdf(fit: Posterior, path: str | os.PathLike[str]) -> None:
         "sampler": fit.sampler,
         "n_walker": fit.chains.u.shape[2],
     }
+    if fit.model.data.n_series > 1:
+        tree.attrs["series"] = json.dumps(fit.model.data.series_labels)
+    if fit.noise.nugget != NUGGET:
+        tree.attrs["nugget"] = fit.noise.nugget
     packed = {
         name: {v: {"zlib": True, "complevel": 1, "shuffle": True} for v in group.data_vars}
         for name, group in groups.items()
@@ -181,10 +187,15 @@ def _fit_of(tree: xr.DataTree) -> Posterior:
         is_count=constant["is_count"].to_numpy().astype(bool),
         labels=tuple(str(label) for label in constant["texture"].to_numpy()),
     )
+    if "series" in tree.attrs:
+        series = constant["series_index"].to_numpy().astype(np.int64)
+        labels = tuple(map(str, json.loads(tree.attrs["series"])))
+        data = replace(data, series=series, series_labels=labels)
+    noise = Noise.named(tree.attrs["noise"])
     model = Model(
         data,
         form_named(tree.attrs["form"]),
-        Noise.named(tree.attrs["noise"]),
+        replace(noise, nugget=float(tree.attrs.get("nugget", NUGGET))),
         priors_from_json(tree.attrs["priors"]),
     )
     stats, n_walker = tree["sample_stats"], int(tree.attrs["n_walker"])
@@ -217,11 +228,13 @@ def _fit_of(tree: xr.DataTree) -> Posterior:
 def _check_shapes(data: Observations, chains: Chains) -> None:
     """Raise ValueError if rows or draws are not of one length, or not numbers."""
     n, n_texture = len(data.Q), len(data.textures)
-    rows = (data.texture, data.log_load, data.rel_se, data.log_lower, data.is_count)
+    rows = (data.texture, data.log_load, data.rel_se, data.log_lower, data.is_count, data.series)
     if not n or any(one.shape != (n,) for one in rows) or len(data.labels) != n_texture:
         raise ValueError("rows of different numbers")
     if data.texture.min() < 0 or data.texture.max() >= n_texture:
         raise ValueError("a row of no texture")
+    if data.series.min() < 0 or data.series.max() >= data.n_series:
+        raise ValueError("a row of no series")
     widths = np.array([data.a_over_R, data.b_over_R])
     finite = (widths, data.log_load, data.rel_se, chains.u, chains.log_density, chains.acceptance)
     if not chains.u.size or not all(np.isfinite(one).all() for one in finite):

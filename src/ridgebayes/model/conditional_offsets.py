@@ -175,12 +175,15 @@ class FullRoot:
         return (self._upper @ x[..., None])[..., 0]
 
     def sandwich(self, gram: FloatArray) -> FloatArray:
-        """Return L' G L, shape (..., n_level, n_level), G being diagonal, shape (..., n_level)."""
-        return self._upper @ (gram[..., None] * self._factor)
+        """Return L' G L, shape (..., n_level, n_level); G of shape (..., n_level) is diagonal."""
+        if gram.ndim < self._factor.ndim:
+            return self._upper @ (gram[..., None] * self._factor)
+        return self._upper @ (gram @ self._factor)
 
     def loading(self, design: Design) -> FloatArray:
         """Return (Z L)', shape (..., n_level, n_row)."""
-        return self._upper[..., design.codes[0]]
+        others = (self._upper[..., level] for level in design.codes[1:])
+        return sum(others, start=self._upper[..., design.codes[0]])
 
     @cached_property
     def inverse(self) -> FloatArray:

@@ -12,6 +12,7 @@ _NOISE: dict[str, Prior] = {
     "sigma": HalfNormal(0.05),
     "tau_texture": HalfNormal(0.03),
     "tau_step": HalfNormal(0.03),
+    "tau_series": HalfNormal(0.1),  # rigs and laboratories differ by more than textures and steps
     # Of a smooth offset: in log h, where the steps 4 and 6 are 0.7 apart, and in a/pitch, which
     # lies between 0 and 1.
     "length_h": LogNormal(1.0, 0.7),

@@ -1,6 +1,7 @@
 """The likelihood of exact rows with normal errors and shared offsets, offsets integrated out."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from ridgebayes.model.shared_offsets import Offsets, OffsetsGiven, SmoothOffsets
 _LOG_2PI = math.log(2 * math.pi)
 _WORKED_OUT = ("_last", "_means", "_last_whole")
 _LARGEST_KEPT = 2**24  # bytes of factors that are kept for the next call
+_ALONE = 1e-5  # share of a row's precision left by its offset below which too few digits are right
 _CHUNK = 2_000_000  # numbers held at a time where draws x levels x rows are needed
 
 
@@ -100,15 +102,38 @@ class IntegratedOffsets:
         return root, factor
 
     def _conditional(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
-        groups, rows = self._groups, self._rows
+        groups, of_row, variance = self._groups, self._groups.of_row, self._variance(eta)
         root, given = self._given(log_rates, eta)
-        known = self._design.spread(root.times(given.mean))
-        uncertain = given.variance(root.loading(self._design))[..., groups.of_row]
-        variance = eta[..., :1] ** 2 + rows.rel_se**2
-        residual = rows.upper + 2 * log_rates[..., rows.texture] - known[..., groups.of_row]
-        precision = (1 - uncertain / variance) / variance
-        pull = residual / variance
-        return 0.5 * (np.log(precision) - _LOG_2PI - pull * pull / precision)
+        left = self._residual(log_rates) - self._design.spread(root.times(given.mean))
+        # What is left may be 1e-9 of the offset, whose last digits a second pass puts right.
+        amiss = root.transposed_times(self._design.gather(groups.n / variance * left)) - given.mean
+        about = replace(given, mean=np.zeros_like(given.mean))
+        step = about.at(given.half(amiss[..., None])[..., 0])
+        left = left - self._design.spread(root.times(step))
+        share = 1 - given.variance(root.loading(self._design)) / variance
+        precision, pull = share / variance, left / variance
+        # Of an offset that one row tells of, next to nothing is left of the 1; row and offset
+        # cancel too. Such a row is scored by what the others tell of its offset.
+        alone = (share < _ALONE) & (groups.n == 1)
+        for group in np.flatnonzero(alone.any(axis=0)).tolist():
+            draws = alone[:, group]
+            error, wide = self._given_others(log_rates[draws], eta[draws], group)
+            precision[draws, group] = 1 / wide
+            pull[draws, group] = error / wide
+        pull = pull[:, of_row] + (self._rows.upper - groups.mean[of_row]) / variance[:, of_row]
+        return _log_normal(precision[:, of_row], pull)
+
+    def _given_others(
+        self, log_rates: FloatArray, eta: FloatArray, group: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the error of a single row's prediction by all other rows, and its variance."""
+        root, variance = self._offsets.root(eta), self._variance(eta)
+        weight, residual = self._groups.n / variance, self._residual(log_rates)
+        weight[:, group] = 0
+        others = given_rows(self._design, root, weight, residual)
+        own = Design(self._design.codes[:, [group]], self._offsets.n_level)
+        error = residual[:, group] - own.spread(root.times(others.mean))[:, 0]
+        return error, variance[:, group] + others.variance(root.loading(own))[:, 0]
 
     def _given(self, log_rates: FloatArray, eta: FloatArray) -> tuple[Root, OffsetPosterior]:
         root, factor = self._factors(eta)
@@ -167,18 +192,32 @@ class IntegratedSmoothOffsets(IntegratedOffsets):
         half = solve_lower(self._whole_factor(eta), self._group_means(columns))
         return np.swapaxes(half, -1, -2) @ half
 
+    def _conditional(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
+        # As smooth offsets have it, sigma may be 1e-8 of tau: nothing here is taken from 1. A
+        # group's rows have the precision of their mean, over n^2, and that of their scatter.
+        groups, of_row, variance = self._groups, self._groups.of_row, self._variance(eta)
+        factor = self._whole_factor(eta)
+        inverse = solve_lower(factor, np.broadcast_to(np.eye(len(groups.n)), factor.shape))
+        half = inverse @ self._residual(log_rates)[..., None]
+        precision = (inverse**2).sum(axis=-2) / groups.n**2 + (1 - 1 / groups.n) / variance
+        pull = (np.swapaxes(inverse, -1, -2) @ half)[..., 0] / groups.n
+        pull = pull[:, of_row] + (self._rows.upper - groups.mean[of_row]) / variance[:, of_row]
+        return _log_normal(precision[:, of_row], pull)
+
     def _whole_factor(self, eta: FloatArray) -> FloatArray:
         """Return the Cholesky factor of the covariance of the groups' means."""
         key = eta.shape, eta.tobytes()
         if self._last_whole is not None and self._last_whole[0] == key:
             return self._last_whole[1]
-        groups = self._groups
-        code, index = self._smooth.codes[0, groups.row], np.arange(len(groups.n))
-        covariance = self._smooth.covariance(eta)
-        if len(code) != self._smooth.n_level or np.any(code != index):
-            covariance = covariance[..., code[:, None], code]
+        groups, index = self._groups, np.arange(len(self._groups.n))
+        covariance = self._smooth.covariance(eta, self._smooth.codes[:, groups.row])
         covariance[..., index, index] += self._variance(eta) / groups.n
         factor = cholesky_or_nan(covariance)
         if factor.nbytes <= _LARGEST_KEPT:
             self._last_whole = key, factor
         return factor
+
+
+def _log_normal(precision: FloatArray, pull: FloatArray) -> FloatArray:
+    """Return log densities of rows pull/precision off, of that precision."""
+    return 0.5 * (np.log(precision) - _LOG_2PI - pull * pull / precision)

@@ -5,11 +5,19 @@ fitted is not noise that differs from row to row: it repeats within a texture an
 texture at the same step. A structure says what is shared, a tail how far single rows may stray.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 from ridgebayes.errors import InputError
 from ridgebayes.model.tails import TAILS, Tail
+
+# Variance of a smooth offset that is its place's own, over tau_step^2. It is part of the model: how
+# far residuals of one place are taken to be a smooth function of it. A function as smooth as the
+# half-plane's residual is known by its neighbours to about this; a smaller nugget asks for more
+# digits than double precision has to factorise the covariance, a larger one for less smoothness.
+NUGGET = 1e-8
+LARGEST_NUGGET = 1e-4  # one hundredth of the offset's standard deviation: no longer smooth
+SERIES = "series"
 
 
 @dataclass(frozen=True)
@@ -22,17 +30,30 @@ class Noise:
         Which offsets rows share. ``"iid"``: none; ``"texture"``: one offset per texture;
         ``"step"``: one per count Q; ``"texture+step"``: both; ``"step-smooth"``: a smooth function
         of log h (h = Q/2 - 1) and a/pitch, the two things that the half-plane's loads depend on.
+        Each also with ``"+series"``, one offset per series over all textures; ``"iid+series"`` is
+        called ``"series"``.
     tail : str
         Distribution of a row's own error: ``"normal"`` or ``"student"``.
+    nugget : float, optional, dimensionless
+        Variance of a smooth offset that is its place's own, over tau_step^2; for sensitivity. Other
+        structures do not use it.
+
+    Raises
+    ------
+    InputError
+        If structure or tail is unknown, or `nugget` is not in (0, 1e-4].
 
     Examples
     --------
     >>> Noise.named("texture+step:student").parameter_names
     ('sigma', 'tau_texture', 'tau_step', 'df')
+    >>> Noise("iid+series").name, Noise("iid+series").parameter_names
+    ('series', ('sigma', 'tau_series'))
     """
 
     structure: str = "iid"
     tail: str = "normal"
+    nugget: float = field(default=NUGGET, kw_only=True)
     structures: ClassVar[tuple[str, ...]] = (
         "iid",
         "texture",
@@ -43,33 +64,66 @@ class Noise:
     tails: ClassVar[tuple[str, ...]] = tuple(TAILS)
 
     def __post_init__(self) -> None:
-        for kind, value, known in (
-            ("structure", self.structure, self.structures),
-            ("tail", self.tail, self.tails),
-        ):
-            if value not in known:
-                raise InputError(f"noise: expected one of {', '.join(known)}, got {kind} {value!r}")
+        if self.structure not in _CANONICAL:
+            raise InputError(f"noise: expected {_STRUCTURE}, got structure {self.structure!r}")
+        if self.tail not in self.tails:
+            known = ", ".join(self.tails)
+            raise InputError(f"noise: expected one of {known}, got tail {self.tail!r}")
+        if not 0 < self.nugget <= LARGEST_NUGGET:
+            raise InputError(
+                f"nugget: expected a number > 0 and <= {LARGEST_NUGGET:g}, got {self.nugget!r}"
+            )
+        object.__setattr__(self, "structure", _CANONICAL[self.structure])
 
     @classmethod
     def named(cls, name: str) -> "Noise":
         """Return the error model that commands and files call STRUCTURE or STRUCTURE:student."""
         structure, colon, tail = name.partition(":")
-        if structure not in cls.structures or (colon and tail not in cls.tails):
+        if structure not in _CANONICAL or (colon and tail not in cls.tails):
             raise InputError(
                 f"noise {name!r}: not an error model; expected STRUCTURE or STRUCTURE:student, "
-                f"STRUCTURE one of {', '.join(cls.structures)}"
+                f"STRUCTURE {_STRUCTURE}"
             )
         return cls(structure, tail or "normal")
 
     @classmethod
     def every(cls) -> tuple["Noise", ...]:
-        """Return every structure with every tail."""
+        """Return every structure with every tail, without series."""
         return tuple(cls(structure, tail) for tail in cls.tails for structure in cls.structures)
+
+    @classmethod
+    def candidates(cls, n_series: int) -> tuple["Noise", ...]:
+        """Return the error models to weigh for a table.
+
+        Parameters
+        ----------
+        n_series : int
+            Series, or sources, of the rows that are fitted: `Observations.n_series`.
+
+        Returns
+        -------
+        tuple of Noise
+            `every`; of two or more series also each with ``+series``.
+
+        Examples
+        --------
+        >>> len(Noise.candidates(1)), len(Noise.candidates(2))
+        (10, 20)
+        """
+        plain = cls.every()
+        if n_series < 2:
+            return plain
+        return plain + tuple(cls(f"{one.structure}+{SERIES}", one.tail) for one in plain)
 
     @property
     def name(self) -> str:
         """The name that commands and files use."""
         return self.structure if self.tail == "normal" else f"{self.structure}:{self.tail}"
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """What has offsets of its own: of texture, step, step-smooth and series, in this order."""
+        return () if self.structure == "iid" else tuple(self.structure.split("+"))
 
     @property
     def distribution(self) -> Tail:
@@ -79,19 +133,27 @@ class Noise:
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the error model's own parameters, after the form's coefficients."""
-        offsets = {
-            "iid": (),
-            "texture": ("tau_texture",),
-            "step": ("tau_step",),
-            "texture+step": ("tau_texture", "tau_step"),
-            "step-smooth": ("tau_step", "length_h", "length_ratio"),
-        }[self.structure]
-        return ("sigma", *offsets, *self.distribution.parameter_names)
+        own = [name for factor in self.factors for name in _PARAMETERS[factor]]
+        # Lengths after every tau, whatever they belong to.
+        own.sort(key=lambda name: not name.startswith("tau_"))
+        return ("sigma", *own, *self.distribution.parameter_names)
 
     @property
     def caution(self) -> str | None:
         """What a reader of Bayes factors under this error model has to be told."""
-        return "rows are not independent" if self.structure == "iid" else None
+        return "rows are not independent" if self.structure in ("iid", SERIES) else None
+
+
+_PARAMETERS = {
+    "texture": ("tau_texture",),
+    "step": ("tau_step",),
+    "step-smooth": ("tau_step", "length_h", "length_ratio"),
+    SERIES: ("tau_series",),
+}
+_WITH_SERIES = {f"{name}+{SERIES}": f"{name}+{SERIES}" for name in Noise.structures}
+_CANONICAL = {name: name for name in (*Noise.structures, SERIES)} | _WITH_SERIES
+_CANONICAL[f"iid+{SERIES}"] = SERIES
+_STRUCTURE = f"one of {', '.join(Noise.structures)}, each also with +{SERIES}"
 
 
 def as_noise(noise: str | Noise) -> Noise:

@@ -1,6 +1,6 @@
 """The rows a posterior is conditioned on, as arrays."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
@@ -35,6 +35,10 @@ class Observations:
         Whether the row says that Q was seen at the load, not reached there.
     labels : tuple of str, length n_texture
         Names of the textures.
+    series : ndarray of int, shape (n_obs,), optional
+        Index of each row's series; all of one series if not given.
+    series_labels : tuple of str, length n_series, optional
+        Names of the series. Rows that are taken keep them all, also those they have no row of.
     """
 
     textures: tuple[Texture, ...]
@@ -45,6 +49,12 @@ class Observations:
     log_lower: FloatArray
     is_count: BoolArray
     labels: tuple[str, ...] = ()
+    series: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    series_labels: tuple[str, ...] = ("",)
+
+    def __post_init__(self) -> None:
+        if not len(self.series):
+            object.__setattr__(self, "series", np.zeros(len(self.log_load), np.int64))
 
     @classmethod
     def from_table(cls, table: ContactTable) -> "Observations":
@@ -65,6 +75,9 @@ class Observations:
         widths = frame[["a_over_R", "b_over_R"]].to_numpy()
         codes, textures = pd.factorize(pd.MultiIndex.from_arrays([widths[:, 0], widths[:, 1]]))
         nu = frame["nu"].to_numpy()
+        # A source, such as a file's name, tells series apart only where nobody has named them.
+        by = "series" if (frame["series"] != "").any() else "source"
+        series, series_labels = pd.factorize(frame[by])
         with np.errstate(divide="ignore"):  # a lower end of 0 is minus infinity
             log_lower = np.log(reduced_load(frame["p_over_E_lower"].to_numpy(float), nu))
         return cls(
@@ -76,10 +89,17 @@ class Observations:
             log_lower=log_lower,
             is_count=(frame["kind"] == "count").to_numpy(),
             labels=rows.labels,
+            series=series.astype(np.int64),
+            series_labels=tuple(str(label) for label in series_labels),
         )
 
     def __len__(self) -> int:
         return len(self.log_load)
+
+    @property
+    def n_series(self) -> int:
+        """Series of the table that the rows are from, or sources where it names no series."""
+        return len(self.series_labels)
 
     @property
     def a_over_R(self) -> FloatArray:
@@ -108,6 +128,8 @@ class Observations:
             log_lower=self.log_lower[rows],
             is_count=self.is_count[rows],
             labels=tuple(self.labels[j] for j in kept) if self.labels else (),
+            series=self.series[rows],
+            series_labels=self.series_labels,
         )
 
 

@@ -1,9 +1,9 @@
 r"""Offsets that rows share: which rows share which, and how they vary together.
 
-Offsets have levels (a texture, a step, a place in the plane of log h and a/pitch). A priori they
-are normal with covariance ``L L'``, so that ``L`` times standard normal scores are offsets. The
-score vector is what is integrated out, or sampled, elsewhere; this module knows no data but where
-the rows are.
+Offsets have levels (a texture, a step, a series, a place in the plane of log h and a/pitch). A
+priori they are normal with covariance ``L L'``, so that ``L`` times standard normal scores are
+offsets. The score vector is what is integrated out, or sampled, elsewhere; this module knows no
+data but where the rows are.
 """
 
 from abc import ABC, abstractmethod
@@ -14,7 +14,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
-from ridgebayes.errors import ComputationError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.conditional_offsets import (
     DiagonalRoot,
     FullRoot,
@@ -22,12 +22,9 @@ from ridgebayes.model.conditional_offsets import (
     Root,
     cholesky_or_nan,
 )
-from ridgebayes.model.noise import Noise
+from ridgebayes.model.noise import SERIES, Noise
 from ridgebayes.model.observations import Observations
 
-# Variance of a smooth offset that is its place's own, relative to tau_step^2: what lets double
-# precision factorise the covariance of a function as smooth as the half-plane's residual.
-NUGGET = 1e-8
 LARGEST_SMOOTH = 600  # places; the cost of a likelihood call grows with their cube
 
 
@@ -61,30 +58,30 @@ class Offsets(ABC):
 
 
 class GroupedOffsets(Offsets):
-    """One offset per texture, per step, or both: independent of each other.
+    """One offset per texture, per step, per series, or several of these: all independent.
 
     Parameters
     ----------
     noise : Noise
-        Structure ``texture``, ``step`` or ``texture+step``.
+        Structure without ``step-smooth``.
     data : Observations
         Rows.
     """
 
     def __init__(self, noise: Noise, data: Observations) -> None:
-        self._factors = noise.structure.split("+")
+        self._factors = noise.factors
         names = noise.parameter_names
         self._taus = [names.index(f"tau_{factor}") for factor in self._factors]
         self._texture = {texture: j for j, texture in enumerate(data.textures)}
         self._steps = _steps(data)
-        sizes = {"texture": len(data.textures), "step": len(self._steps)}
+        sizes = {"texture": len(data.textures), "step": len(self._steps), SERIES: data.n_series}
         self._sizes = [sizes[factor] for factor in self._factors]
         self._first = np.concatenate([[0], np.cumsum(self._sizes)[:-1]])
         self.n_level = sum(self._sizes)
         later = np.where(data.is_count, data.Q + 2, data.Q)
-        self.codes_next = self._codes(data.texture, later)
+        self.codes_next = self._codes(data.texture, later, data.series)
         # A count of 2 says nothing of load(2): its own step is a dummy, never looked at.
-        self.codes = self._codes(data.texture, np.where(data.Q == 2, later, data.Q))
+        self.codes = self._codes(data.texture, np.where(data.Q == 2, later, data.Q), data.series)
 
     def root(self, eta: FloatArray) -> Root:
         pairs = zip(self._taus, self._sizes, strict=True)
@@ -97,7 +94,7 @@ class GroupedOffsets(Offsets):
         loading = np.zeros((*eta.shape[:-1], self.n_level, len(Q)))
         rest = np.zeros((*eta.shape[:-1], len(Q)))
         index = np.full(len(Q), self._texture.get(texture, -1))
-        codes = self._codes(index, Q)
+        codes = self._codes(index, Q, np.full(len(Q), -1))  # what is predicted is a new series
         for tau, levels in zip(self._taus, codes, strict=True):
             for i, level in enumerate(levels.tolist()):
                 if level >= 0:
@@ -106,11 +103,11 @@ class GroupedOffsets(Offsets):
                     rest[..., i] += eta[..., tau] ** 2
         return loading, rest
 
-    def _codes(self, texture: IntArray, Q: IntArray) -> IntArray:
+    def _codes(self, texture: IntArray, Q: IntArray, series: IntArray) -> IntArray:
         step = np.searchsorted(self._steps, Q)
         known = step < len(self._steps)
         known[known] = self._steps[step[known]] == Q[known]
-        levels = {"texture": texture, "step": np.where(known, step, -1)}
+        levels = {"texture": texture, "step": np.where(known, step, -1), SERIES: series}
         found = [
             np.where(levels[factor] >= 0, levels[factor] + first, -1)
             for factor, first in zip(self._factors, self._first.tolist(), strict=True)
@@ -128,10 +125,12 @@ class SmoothOffsets(Offsets):
     process with the variance ``tau^2 (1 - exp(-d^2/2))`` widens the offset, d being the distance
     from the range in lengths. It vanishes inside, so no likelihood knows of it.
 
+    With series each of these has an independent offset beside it; their levels follow the places.
+
     Parameters
     ----------
     noise : Noise
-        Structure ``step-smooth``.
+        Structure ``step-smooth`` or ``step-smooth+series``.
     data : Observations
         Rows.
     """
@@ -140,6 +139,8 @@ class SmoothOffsets(Offsets):
         names = noise.parameter_names
         self._tau = names.index("tau_step")
         self._lengths = [names.index("length_h"), names.index("length_ratio")]
+        self._tau_series = names.index("tau_series") if SERIES in noise.factors else None
+        self._nugget = noise.nugget
         ratio = data.a_over_R / (data.a_over_R + data.b_over_R)
         here = _coordinates(data.Q, ratio[data.texture])
         later = _coordinates(np.where(data.is_count, data.Q + 2, data.Q), ratio[data.texture])
@@ -148,12 +149,15 @@ class SmoothOffsets(Offsets):
         both = np.concatenate([here, later])
         _, first, codes = np.unique(both.round(9), axis=0, return_index=True, return_inverse=True)
         self._places = both[first]
-        self.n_level = len(self._places)
-        self.codes = codes.reshape(-1)[: len(data)][None]
-        self.codes_next = codes.reshape(-1)[len(data) :][None]
-        if self.n_level > LARGEST_SMOOTH:
+        n_place, codes = len(self._places), codes.reshape(2, len(data))
+        self.codes, self.codes_next = codes[:1], codes[1:]
+        self.n_level = n_place
+        if self._tau_series is not None:
+            self.n_level += data.n_series
+            self.codes, self.codes_next = (np.stack([one, n_place + data.series]) for one in codes)
+        if n_place > LARGEST_SMOOTH:
             raise ComputationError(
-                f"step-smooth: {self.n_level} places of Q and a/pitch; expected at most "
+                f"step-smooth: {n_place} places of Q and a/pitch; expected at most "
                 f"{LARGEST_SMOOTH}, since the cost of a likelihood call grows with their cube"
             )
         # The kernel is a product: each factor is worked out on its own few values.
@@ -165,7 +169,15 @@ class SmoothOffsets(Offsets):
             self._axes.append((squares, (code[:, None] * len(values) + code).ravel()))
 
     def root(self, eta: FloatArray) -> Root:
-        return FullRoot(cholesky_or_nan(self.covariance(eta)))
+        factor = cholesky_or_nan(self._covariance(eta))
+        if self._tau_series is None:
+            return FullRoot(factor)
+        n = self.n_level
+        whole = np.zeros((*eta.shape[:-1], n, n))
+        whole[..., : len(self._places), : len(self._places)] = factor
+        series = np.arange(len(self._places), n)
+        whole[..., series, series] = eta[..., self._tau_series, None]
+        return FullRoot(whole)
 
     def loading(
         self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root
@@ -179,20 +191,44 @@ class SmoothOffsets(Offsets):
             correlation = np.exp(-0.5 * np.einsum("lqx,...x->...lq", squares, lengths**-2.0))
             widening = -np.expm1(-0.5 * np.einsum("qx,...x->...q", beyond**2, lengths**-2.0))
         assert isinstance(root, FullRoot)
-        loading = root.solve(variance[..., None, None] * correlation)
+        shared = np.zeros((*eta.shape[:-1], self.n_level, len(Q)))
+        shared[..., : len(self._places), :] = variance[..., None, None] * correlation
+        loading = root.solve(shared)
         rest = np.maximum(variance[..., None] - (loading**2).sum(axis=-2), 0)
-        return loading, rest + variance[..., None] * widening
+        rest = rest + variance[..., None] * widening
+        if self._tau_series is not None:  # what is predicted is a new series
+            rest = rest + eta[..., self._tau_series, None] ** 2
+        return loading, rest
 
-    def covariance(self, eta: FloatArray) -> FloatArray:
-        """Return the offsets' covariance a priori, shape (..., n_level, n_level)."""
-        lead, n = eta.shape[:-1], self.n_level
+    def covariance(self, eta: FloatArray, codes: IntArray) -> FloatArray:
+        """Return the covariance a priori of rows' offsets, shape (..., n, n).
+
+        Parameters
+        ----------
+        eta : ndarray of float, shape (..., n_noise)
+            The error model's parameters.
+        codes : ndarray of int, shape (n_factor, n)
+            Levels of the rows, some of `codes`.
+        """
+        place, n = codes[0], codes.shape[1]
+        covariance = self._covariance(eta)
+        if n != len(self._places) or np.any(place != np.arange(n)):
+            covariance = covariance[..., place[:, None], place]
+        if self._tau_series is not None:
+            same = codes[1][:, None] == codes[1]
+            covariance = covariance + eta[..., self._tau_series, None, None] ** 2 * same
+        return covariance
+
+    def _covariance(self, eta: FloatArray) -> FloatArray:
+        """Return the smooth offset's covariance at its places, shape (..., n_place, n_place)."""
+        lead, n = eta.shape[:-1], len(self._places)
         covariance = np.empty((*lead, n * n))
         covariance[...] = eta[..., self._tau, None] ** 2
         for (squares, pairs), length in zip(self._axes, self._lengths, strict=True):
             with np.errstate(over="ignore", under="ignore", divide="ignore"):
                 factor = np.exp(-0.5 * squares / eta[..., length, None] ** 2)
             covariance *= np.take(factor, pairs, axis=-1)
-        covariance[..., :: n + 1] *= 1 + NUGGET
+        covariance[..., :: n + 1] *= 1 + self._nugget
         return covariance.reshape(*lead, n, n)
 
 
@@ -229,10 +265,22 @@ class OffsetsGiven:
 
 
 def offsets_of(noise: Noise, data: Observations) -> Offsets | None:
-    """Return the offsets of an error model at some rows, or None where rows share nothing."""
-    if noise.structure == "iid":
+    """Return the offsets of an error model at some rows, or None where rows share nothing.
+
+    Raises
+    ------
+    InputError
+        If the error model has series and the rows are all of one.
+    ComputationError
+        If a smooth offset has too many places.
+    """
+    if not noise.factors:
         return None
-    kind = SmoothOffsets if noise.structure == "step-smooth" else GroupedOffsets
+    if SERIES in noise.factors and data.n_series < 2:
+        raise InputError(
+            f"noise {noise.name!r}: expected rows of at least two series or sources, got one"
+        )
+    kind = SmoothOffsets if "step-smooth" in noise.factors else GroupedOffsets
     return kind(noise, data)
 
 
