@@ -151,26 +151,16 @@ def count_covered(
     # Textures of several fits are others, whatever their number within one.
     frames = [_NO_ROWS] + [frame.assign(fold=i) for i, (frame, _) in enumerate(sound)]
     everything = pd.concat(frames, ignore_index=True)
-    rows: list[dict[str, object]] = []
+    n_unconverged = sum(not converged for _, converged in sound)
+    rows = []
     for prob in probs:
         part = everything[everything["prob"] == prob]
         by_texture = part.groupby(["fold", "texture"], sort=False)["covered"]
         size, inside = (n.to_numpy().astype(float) for n in (by_texture.size(), by_texture.sum()))
-        rows.append(
-            {
-                "form": form,
-                "noise": noise,
-                "prob": prob,
-                "n": len(part),
-                "covered": int(inside.sum()),
-                "share": part["covered"].mean(),
-                "share_se": clustered_se(inside, size) / len(part) if len(part) else np.nan,
-                "mean_width": part["width"].mean(),
-                "share_extrapolated": part["extrapolation"].mean(),
-                "n_texture": len(size),
-                "n_unconverged": sum(not converged for _, converged in sound),
-                "n_failed": len(failed),
-                "failed": "; ".join(failed),
-            }
-        )
+        share_se = clustered_se(inside, size) / len(part) if len(part) else np.nan
+        shares = (len(part), int(inside.sum()), part["covered"].mean(), share_se)
+        means = (part["width"].mean(), part["extrapolation"].mean())
+        folds = (len(size), n_unconverged, len(failed), "; ".join(failed))
+        values = (form, noise, prob, *shares, *means, *folds)
+        rows.append(dict(zip(COVERAGE_COLUMNS, values, strict=True)))
     return rows

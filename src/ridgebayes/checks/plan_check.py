@@ -1,9 +1,8 @@
 """Are the estimates behind a plan honest? Scenes all over the space, each neglect put to test."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -75,19 +74,11 @@ def sobol_scenes(n: int = 32, *, rng: Rng = 0) -> list[Scene]:
             np.exp(np.log(low) + points * (np.log(high) - np.log(np.maximum(low, 1e-300)))),
             low + points * (high - low),
         )
-    return [_scene(*row) for row in values.tolist()]
+    return [_scene(row) for row in values.tolist()]
 
 
-def _scene(
-    a: float,
-    groove: float,
-    depth: float,
-    corner: float,
-    offset: float,
-    nu: float,
-    pitches: float,
-    relative: float,
-) -> Scene:
+def _scene(place: Sequence[float]) -> Scene:
+    a, groove, depth, corner, offset, nu, pitches, relative = place
     b = groove * a
     texture = Texture(
         a_over_R=a,
@@ -134,13 +125,16 @@ def check_plans(
     return pd.DataFrame(rows, columns=CHECK_COLUMNS)
 
 
-def _rows(number: int, scene: Scene, one: Plan) -> list[dict[str, Any]]:
+def _rows(number: int, scene: Scene, one: Plan) -> list[list[object]]:
+    """Return a row of `CHECK_COLUMNS` for each effect that can be switched over."""
     texture = one.texture
+    place: list[object] = [texture.a_over_R, texture.b_over_R, texture.groove_depth_over_R]
+    place += [texture.corner_radius_over_R, texture.offset, scene.nu, scene.p_over_E]
     given = full_profile(texture)
     planned = one.profile or Profile(texture.a_over_R, texture.b_over_R)
     W_max = load_factor(scene.nu) * scene.highest_load(texture)
     base = _loads(planned, 1.3 * W_max)
-    rows: list[dict[str, Any]] = []
+    rows = []
     for effect in one.effects:
         if effect.name == "ridges":
             true = effect.estimate  # it is the difference of two solutions, nothing is estimated
@@ -152,23 +146,9 @@ def _rows(number: int, scene: Scene, one: Plan) -> list[dict[str, Any]]:
             true = _change(base, _loads(other, 1.3 * W_max), W_max)
         else:
             continue
-        row: dict[str, Any] = {
-            "scene": number,
-            "a_over_R": texture.a_over_R,
-            "b_over_R": texture.b_over_R,
-            "depth_over_R": texture.groove_depth_over_R,
-            "corner_over_R": texture.corner_radius_over_R,
-            "offset": texture.offset,
-            "nu": scene.nu,
-            "p_over_E": scene.p_over_E,
-            "relative": scene.relative,
-            "effect": effect.name,
-            "number": effect.number,
-            "estimate": effect.estimate,
-            "simulated": effect.simulated,
-            "true_change": true,
-        }
-        rows.append(row | {"honest": _honest(effect.estimate, true, scene, effect.simulated)})
+        found = [effect.name, effect.number, effect.estimate, effect.simulated, true]
+        honest = _honest(effect.estimate, true, scene, effect.simulated)
+        rows.append([number, *place, scene.relative, *found, honest])
     return rows
 
 

@@ -68,18 +68,10 @@ def power_scaling(fit: Posterior, *, threshold: float = THRESHOLD) -> pd.DataFra
     model, theta = fit.model, fit.draws
     by_prior = sensitivities(theta, model.log_prior(theta))
     by_likelihood = sensitivities(theta, model.log_likelihood(theta))
-    rows = [
-        {
-            "parameter": name,
-            "prior": float(prior),
-            "likelihood": float(likelihood),
-            "diagnosis": _diagnosis(prior >= threshold, likelihood >= threshold),
-        }
-        for name, prior, likelihood in zip(
-            model.parameter_names, by_prior, by_likelihood, strict=True
-        )
-    ]
-    return pd.DataFrame(rows, columns=COLUMNS)
+    names = model.parameter_names
+    frame = pd.DataFrame({"parameter": names, "prior": by_prior, "likelihood": by_likelihood})
+    pairs = zip(by_prior >= threshold, by_likelihood >= threshold, strict=True)
+    return frame.assign(diagnosis=[_diagnosis(*pair) for pair in pairs])
 
 
 def sensitivities(draws: FloatArray, log_component: FloatArray) -> FloatArray:

@@ -75,19 +75,9 @@ class PredictiveChecks:
         if not 0 < prob < 1:
             raise InputError(f"prob: expected 0 < prob < 1, got {prob!r}")
         ends = np.quantile(self.replicated, [0.5 - prob / 2, 0.5 + prob / 2], axis=0)
-        rows = [
-            {
-                "quantity": name,
-                "observed": float(self.observed[:, i].mean()),
-                "lower": float(ends[0, i]),
-                "upper": float(ends[1, i]),
-                "prob": prob,
-                "p_value": p,
-                "two_sided": 2 * min(p, 1 - p),
-            }
-            for i, (name, p) in enumerate(self.p_values.items())
-        ]
-        return pd.DataFrame(rows, columns=CHECK_COLUMNS)
+        p = np.array(list(self.p_values.values()))
+        of_rows = (self.observed.mean(axis=0), *ends, prob, p, 2 * np.minimum(p, 1 - p))
+        return pd.DataFrame(dict(zip(CHECK_COLUMNS, (self.names, *of_rows), strict=True)))
 
 
 def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> PredictiveChecks:

@@ -8,10 +8,9 @@ from pathlib import Path
 import pandas as pd
 from markupsafe import escape
 
-from ridgebayes.checks.cost.bands import band_settings
 from ridgebayes.checks.cost.loads import load_settings
 from ridgebayes.checks.cost.measured import COST_COLUMNS, LEVELS, Setting, cheapest, measure, pareto
-from ridgebayes.checks.cost.posteriors import evidence_settings, posterior_settings
+from ridgebayes.checks.cost.posteriors import band_settings, evidence_settings, posterior_settings
 from ridgebayes.commands import options
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.drawing.costs import plot_cost

@@ -39,6 +39,7 @@ _QUICK, _MANY = 0.01, 25  # seconds under which so many runs are timed, after on
 _FEW, _ROUNDS = 128, {"n_round": 2, "n_per_round": 500}
 _MOST_COORDINATES = 40  # beyond, a second look takes minutes
 _T = TypeVar("_T")
+_Row = dict[str, float | int | str]
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Setting:
     reference: str
 
 
-def measure(one: Setting, *, repeats: int = 3) -> list[dict[str, float | int | str]]:
+def measure(one: Setting, *, repeats: int = 3) -> list[_Row]:
     """Run a setting, and return its rows: one for each quantity.
 
     Parameters
@@ -84,8 +85,12 @@ def measure(one: Setting, *, repeats: int = 3) -> list[dict[str, float | int | s
     not timed.
     """
     walls, cpus = list[float](), list[float]()
-    known = {"task": one.task, "method": one.method, "setting": one.setting}
     found: dict[str, float] = {}
+
+    def row(quantity: str, error: float, spent: Sequence[float], status: str) -> _Row:
+        known = (one.task, one.method, one.setting, quantity, error, one.reference)
+        return dict(zip(COST_COLUMNS, (*known, *spent, len(walls), status), strict=True))
+
     try:
         left, warm = repeats, False
         while left:
@@ -106,24 +111,10 @@ def measure(one: Setting, *, repeats: int = 3) -> list[dict[str, float | int | s
         finally:
             tracemalloc.stop()
     except Exception as failed:  # a method that fails is a row, not the end
-        row = dict.fromkeys(COST_COLUMNS, np.nan)
-        text = {"quantity": "", "reference": one.reference, "status": f"failed: {failed}"}
-        return [row | known | text | {"repeats": len(walls)}]
-    return [
-        {
-            **known,
-            "quantity": quantity,
-            "error": abs(error),
-            "reference": one.reference,
-            "wall_s": float(np.median(walls)),
-            "cpu_s": float(np.median(cpus)),
-            "cpu_s_spread": float(np.subtract(*np.quantile(cpus, [0.75, 0.25]))) / 2,
-            "peak_MiB": peak,
-            "repeats": len(walls),
-            "status": "ok",
-        }
-        for quantity, error in found.items()
-    ]
+        return [row("", np.nan, [np.nan] * 4, f"failed: {failed}")]
+    spread = np.subtract(*np.quantile(cpus, [0.75, 0.25])) / 2
+    spent = [float(np.median(walls)), float(np.median(cpus)), float(spread), peak]
+    return [row(quantity, abs(error), spent, "ok") for quantity, error in found.items()]
 
 
 def pareto(frame: pd.DataFrame) -> "pd.Series[bool]":
