@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.transitions import Histories, transitions_of
+from ridgebayes.fea.transitions import transitions_of, transitions_of_runs
 
 LOAD = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
 
@@ -141,7 +141,7 @@ def test_histories__remarks_on_runs_are_shown_to_the_twentieth():
         {"a_over_R": 0.03, "b_over_R": 0.01, "series": np.arange(n_run).repeat(2).astype(str)}
     )
     load, gap = np.tile([0.1, 0.2], n_run), np.tile([[1.0, 1.0], [-1.0, 1.0]], (n_run, 1))
-    rows, messages = Histories(curve, load, gap, [4, 6]).transitions("mine.csv", brackets=True)
+    rows, messages = transitions_of_runs(curve, load, gap, np.array([4, 6]), brackets=True)
     assert len(rows) == n_run
     assert messages[0] == "23 runs of increments"
     assert messages[1] == "a/R = 0.03, b/R = 0.01, 0: Q = 6: not reached"

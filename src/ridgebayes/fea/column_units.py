@@ -168,9 +168,8 @@ def everywhere_or_nowhere(quantities: Iterable[Quantity], where: str) -> bool:
     bare = [one.name for one in quantities if not one.unit]
     if have and bare:
         raise InputError(
-            f"{where}: {', '.join(have)}, but {', '.join(bare)} without a unit; expected units "
-            "on all "
-            "columns and values that have dimensions, or on none"
+            f"{where}: {', '.join(have)}, but {', '.join(bare)} without a unit; expected units on "
+            "all columns and values that have dimensions, or on none"
         )
     return bool(have)
 

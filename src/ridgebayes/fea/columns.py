@@ -24,10 +24,7 @@ SUFFIXES = (".csv", ".tsv", ".txt", ".rpt", ".xlsx", ".parquet")
 _LONGEST = 300  # characters of the mapping in `source`
 _NONE: Mapping[str, str] = MappingProxyType({})
 _DISGUISED = (
-    (b"\x80\x02", "a pickle"),
-    (b"\x80\x03", "a pickle"),
-    (b"\x80\x04", "a pickle"),
-    (b"\x80\x05", "a pickle"),
+    *((bytes([0x80, version]), "a pickle") for version in range(2, 6)),
     (b"\x1f\x8b", "compressed by gzip"),
     (b"\xd0\xcf\x11\xe0", "an Excel file before 2007, or one with a password"),
     (b"\x93NUMPY", "a NumPy file"),

@@ -78,16 +78,15 @@ class Deck:
         ------
         InputError
         """
-        if self.E is not None and not math.isclose(self.E, E, rel_tol=1e-3):
-            raise InputError(
-                f"{path}: the material has E = {self.E:.6g}, and {E:g} was given; use --E as in "
-                "the deck"
-            )
-        if self.nu is not None and abs(self.nu - nu) > 1e-3:
-            raise InputError(
-                f"{path}: the material has nu = {self.nu:.6g}, and {nu:g} was given; use --nu as "
-                "in the deck"
-            )
+        for name, own, given, off in (
+            ("E", self.E, E, {"rel_tol": 1e-3}),
+            ("nu", self.nu, nu, {"rel_tol": 0.0, "abs_tol": 1e-3}),
+        ):
+            if own is not None and not math.isclose(own, given, **off):
+                raise InputError(
+                    f"{path}: the material has {name} = {own:.6g}, and {given:g} was given; use "
+                    f"--{name} as in the deck"
+                )
 
     def rigid_nodes(self, body: list[int]) -> list[int]:
         """List the nodes that no chain of elements joins to some nodes of the body."""
@@ -197,26 +196,19 @@ class _Block:
     @classmethod
     def of(cls, line: Line) -> "_Block":
         keyword, *rest = line.text.strip()[1:].split(",")
-        options = (one.partition("=") for one in rest)
-        return cls(
-            line,
-            keyword.strip().upper(),
-            {key.strip().upper(): value.strip() for key, _, value in options},
-        )
+        parts = (one.partition("=") for one in rest)
+        options = {key.strip().upper(): value.strip() for key, _, value in parts}
+        return cls(line, keyword.strip().upper(), options)
 
 
 def _read(path: Path, deck: Deck, depth: int) -> None:
-    block: _Block | None = None
     blocks: list[_Block] = []
     for line in read_lines(path, unfinished=True):
         text = line.text.strip()
-        if not text or text.startswith("**"):
-            continue
-        if text.startswith("*"):
-            block = _Block.of(line)
-            blocks.append(block)
-        elif block is not None and block.keyword in _READERS:
-            block.rows.append(line)
+        if text.startswith("*") and not text.startswith("**"):
+            blocks.append(_Block.of(line))
+        elif text and not text.startswith("**") and blocks and blocks[-1].keyword in _READERS:
+            blocks[-1].rows.append(line)
     for block in blocks:
         if block.keyword == "INCLUDE":
             _include(block, deck, depth)
@@ -227,8 +219,9 @@ def _read(path: Path, deck: Deck, depth: int) -> None:
 def _nodes(block: _Block, deck: Deck) -> None:
     found = []
     for line in block.rows:
-        number, x, y = _numbers(line, _cells(line)[:3], at_least=3)
-        node = _integer(line, number)
+        cells = _cells(line)[:3]
+        _, x, y = _numbers(line, cells, at_least=3)
+        (node,) = _integers(line, cells[:1])
         if deck.nodes.setdefault(node, (x, y)) != (x, y):
             raise line.error(
                 f"node {node} stands at two places; expected a deck without parts, each node once"
@@ -286,24 +279,17 @@ def _hyperelastic(block: _Block, deck: Deck) -> None:
     if not (c10 > 0 and d1 >= 0):
         raise line.error(f"C10 = {c10:g}, D1 = {d1:g}; expected > 0 and >= 0")
     mu = 2 * c10
-    if d1 == 0:
-        deck.E, deck.nu = 3 * mu, 0.5
-    else:
-        bulk = 2 / d1
-        deck.E = 9 * bulk * mu / (3 * bulk + mu)
-        deck.nu = (3 * bulk - 2 * mu) / (2 * (3 * bulk + mu))
+    bulk = 2 / d1 if d1 else math.inf
+    deck.nu = (3 * bulk - 2 * mu) / (2 * (3 * bulk + mu)) if d1 else 0.5
+    deck.E = 2 * mu * (1 + deck.nu)
 
 
 def _include(block: _Block, deck: Deck, depth: int) -> None:
     given = block.options.get("INPUT", "").strip("\"'")
     folder = block.line.path.parent
     target = folder / given
-    if (
-        not given
-        or Path(given).is_absolute()
-        or ".." in Path(given).parts
-        or not target.resolve().is_relative_to(folder.resolve())
-    ):
+    is_away = not given or Path(given).is_absolute() or ".." in Path(given).parts
+    if is_away or not target.resolve().is_relative_to(folder.resolve()):
         raise block.line.error(f"*INCLUDE of {given!r}: expected a file in the deck's own folder")
     if depth >= _DEEPEST:
         raise block.line.error(f"*INCLUDE: expected at most {_DEEPEST} deep")
@@ -331,10 +317,8 @@ def _numbers(line: Line, cells: list[str], *, at_least: int = 1) -> list[float]:
 
 
 def _integers(line: Line, cells: list[str], *, at_least: int = 1) -> list[int]:
-    return [_integer(line, value) for value in _numbers(line, cells, at_least=at_least)]
-
-
-def _integer(line: Line, value: float) -> int:
-    if value != int(value) or not 0 < value < 2**53:
-        raise line.error(f"{value:g}: expected a whole number above 0")
-    return int(value)
+    values = _numbers(line, cells, at_least=at_least)
+    for value in values:
+        if value != int(value) or not 0 < value < 2**53:
+            raise line.error(f"{value:g}: expected a whole number above 0")
+    return [int(value) for value in values]

@@ -50,8 +50,7 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
     if calculix and disk.nu > 0.499:
         raise InputError(
             f"nu = {disk.nu:g}: expected at most 0.499 for CalculiX, whose elements have no "
-            "pressure "
-            "of their own; 0.49 is within 1.4 % in load, or --format abaqus"
+            "pressure of their own; 0.49 is within 1.4 % in load, or --format abaqus"
         )
     lines = [f"** {line}" for line in disk.title]
     lines += ["*HEADING", "soft cylinder on rigid ridges"]
@@ -74,11 +73,8 @@ def _body(disk: PressedDisk, element: str) -> list[str]:
     ]
     lines.append(f"*ELEMENT,TYPE={element},ELSET=EDISK")
     lines += [f"{i},{','.join(map(str, row))}" for i, row in enumerate(number[cells], 1)]
-    for name, nodes in (
-        (REACTION, disk.mesh.mid_plane),
-        ("NAX", disk.mesh.axis),
-        (SURFACE, disk.rim),
-    ):
+    sets = {REACTION: disk.mesh.mid_plane, "NAX": disk.mesh.axis, SURFACE: disk.rim}
+    for name, nodes in sets.items():
         lines += [f"*NSET,NSET={name}", *_rows(n for n in number[nodes] if n)]
     return lines
 
@@ -100,19 +96,16 @@ def _surfaces(disk: PressedDisk) -> list[str]:
     pressed = rim[middle < 2.0 * np.arcsin(min(disk.reach, 0.7)), 1]
     lines = ["*SURFACE,NAME=BODY,TYPE=ELEMENT"]
     for side in range(4):
-        lines += [
-            f"{i + 1},S{side + 1}"
-            for i in np.flatnonzero(np.isin(disk.cells[:, 4 + side], pressed))
-        ]
+        faces = np.flatnonzero(np.isin(disk.cells[:, 4 + side], pressed))
+        lines += [f"{i + 1},S{side + 1}" for i in faces]
     lines.append("*SURFACE,NAME=RIDGES,TYPE=ELEMENT")
     n_cell = len(disk.cells)
     for k, block in enumerate(disk.blocks):
-        faces = [3]
         # Walls are where no neighbour goes on at the same height.
-        left = sum(tuple(block[3]) == tuple(other[2]) for other in disk.blocks)
-        right = sum(tuple(block[2]) == tuple(other[3]) for other in disk.blocks)
-        faces += [2] * (not right) + [4] * (not left)
-        lines += [f"{n_cell + k + 1},S{face}" for face in faces]
+        left = any(tuple(block[3]) == tuple(other[2]) for other in disk.blocks)
+        right = any(tuple(block[2]) == tuple(other[3]) for other in disk.blocks)
+        sides = [3, *[2] * (not right), *[4] * (not left)]
+        lines += [f"{n_cell + k + 1},S{side}" for side in sides]
     return lines
 
 
@@ -147,17 +140,9 @@ def _level(level: float, *, first: bool, calculix: bool) -> list[str]:
         # The first forces are small beside those that the default tolerances have in mind.
         lines += ["*CONTROLS,PARAMETERS=FIELD", "0.001,0.002"]
     lines += ["*STATIC", _STEP, "*BOUNDARY", f"{REACTION},2,2,{-level:.12g}"]
-    if calculix:
-        lines += [
-            *(f"*NODE PRINT,NSET={REACTION},TOTALS=ONLY,FREQUENCY=1000", "RF"),
-            *(f"*NODE PRINT,NSET={SURFACE},FREQUENCY=1000", "U"),
-        ]
-    else:
-        lines += [
-            *(f"*NODE PRINT,NSET={REACTION},TOTALS=YES,SUMMARY=NO,FREQUENCY=1000", "RF2"),
-            *(f"*NODE PRINT,NSET={SURFACE},FREQUENCY=1000", "U1,U2"),
-        ]
-    return [*lines, "*END STEP"]
+    totals, force, moved = ("ONLY", "RF", "U") if calculix else ("YES,SUMMARY=NO", "RF2", "U1,U2")
+    lines += [f"*NODE PRINT,NSET={REACTION},TOTALS={totals},FREQUENCY=1000", force]
+    return [*lines, f"*NODE PRINT,NSET={SURFACE},FREQUENCY=1000", moved, "*END STEP"]
 
 
 def _rows(numbers: Iterable[int]) -> list[str]:

@@ -66,16 +66,11 @@ class DelimitedText:
         starts = np.frombuffer(b'\r\n\t ",;', dtype=np.uint8)
         if np.isin(data[signs[signs > 0] - 1], starts).any():
             text = self._text()
-            text.check(
-                *(
-                    (
-                        cells.str.lstrip().str.startswith("=").to_numpy(dtype=bool),
-                        str(name),
-                        FORMULA,
-                    )
-                    for name, cells in text.frame.items()
-                )
-            )
+            columns = {str(name): cells.str.lstrip() for name, cells in text.frame.items()}
+            begin = {
+                name: cells.str.startswith("=").to_numpy(bool) for name, cells in columns.items()
+            }
+            text.check(*((bad, name, FORMULA) for name, bad in begin.items()))
 
     def read(self, numeric: Collection[str]) -> Cells:
         """Read all rows, the columns of these headers as numbers."""
@@ -217,9 +212,8 @@ def _is_decimal_comma(cell: str) -> bool:
 
 def _utf8(content: bytes, where: str) -> bytes:
     """Return UTF-8 text without its mark, lines ended by LF, no blank ones at its end."""
-    for mark, name in ((codecs.BOM_UTF16_LE, "UTF-16"), (codecs.BOM_UTF16_BE, "UTF-16")):
-        if content.startswith(mark):
-            raise InputError(f"{where}, line 1: begins as {name} text; expected UTF-8")
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise InputError(f"{where}, line 1: begins as UTF-16 text; expected UTF-8")
     content = content.removeprefix(codecs.BOM_UTF8)
     if b"\0" in content:
         line = content[: content.index(b"\0")].count(b"\n") + 1

@@ -18,7 +18,7 @@ from ridgebayes.fea.column_units import (
     everywhere_or_nowhere,
 )
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
-from ridgebayes.fea.transitions import STATUS_RULE, Histories, touching
+from ridgebayes.fea.transitions import STATUS_RULE, touching, transitions_of_runs
 from ridgebayes.scene.units import to_si
 from ridgebayes.table.columns import NAMES, OK
 from ridgebayes.table.rules import as_text
@@ -125,8 +125,11 @@ class ColumnInterpreter:
         self._summarize()
         frame = self._framed(curve)[keep].reset_index(drop=True)
         # In a run the empty cells of a column are its default; NaN would tell rows apart.
-        runs = Histories(frame, load[keep], gaps[keep], [use.Q or 0 for use in corners])
-        rows, remarks = runs.transitions(self.where, brackets=brackets)
+        Q = np.array([use.Q or 0 for use in corners])
+        try:
+            rows, remarks = transitions_of_runs(frame, load[keep], gaps[keep], Q, brackets=brackets)
+        except InputError as error:
+            raise self._error(str(error)) from None
         return rows, None, [*self._unused(), *ignored, *remarks]
 
     def _curve(self) -> dict[str, Any]:

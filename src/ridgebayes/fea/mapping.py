@@ -3,7 +3,7 @@
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ridgebayes.errors import InputError
@@ -20,8 +20,9 @@ CORNERS = ("gap", "gap_over_R", "pressure", "status")
 KEYS = (*NAMES, *(key for key in DIMENSIONS if key != "gap"), "load")
 _PER_Q = (*LOADS, *LOWERS, "load", "rel_se", *CORNERS)
 _QUANTITIES = (*NUMBERS, *DIMENSIONS, "load", "gap_over_R", "pressure")
-_CONSTANTS = ("R", "E", "a", "b", "offset", *NUMBERS, *TEXTS)
-_NO_CONSTANTS = ("Q", "p_over_E", "p_over_E_lower", "source")
+_VARYING = ("Q", "p_over_E", "p_over_E_lower", "source")
+_KNOWN = ("R", "E", "a", "b", "offset", *NUMBERS, *TEXTS)
+_CONSTANTS = tuple(name for name in _KNOWN if name not in _VARYING)
 _WIDE = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
 # Words in place of keys, where nothing else is mapped.
@@ -138,9 +139,8 @@ def check_constants(values: Mapping[str, object], where: str) -> None:
         If a key is unknown or must be a column.
     """
     for key in values:
-        if key not in _CONSTANTS or key in _NO_CONSTANTS:
-            allowed = [name for name in _CONSTANTS if name not in _NO_CONSTANTS]
-            raise InputError(f"{where}: value {key!r}: expected one of {', '.join(allowed)}")
+        if key not in _CONSTANTS:
+            raise InputError(f"{where}: value {key!r}: expected one of {', '.join(_CONSTANTS)}")
 
 
 class _Columns:
@@ -276,14 +276,12 @@ def _without_load(use: Use, where: str) -> Use:
     if use.key != "load":
         return use
     unit = use.unit if use.unit is not None else split_header(use.header)[1]
-    key = "p_over_E"
     if unit_factor(unit, "pressure") is not None:
-        key = "p"
-    elif unit_factor(unit, "line load") is not None:
-        key = "line"
-    else:
-        column_unit("load", use.header, use.unit, where)
-    return Use(key, use.header, use.unit, use.Q, use.how)
+        return replace(use, key="p")
+    if unit_factor(unit, "line load") is not None:
+        return replace(use, key="line")
+    column_unit("load", use.header, use.unit, where)
+    return replace(use, key="p_over_E")
 
 
 def _plain(words: str) -> str:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ridgebayes.table.table import ContactTable
 
 _ROUND = 2e-3  # of R: how far surface nodes may lie off a circle
 _LEAST_NODES = 5
+_TINY = 1e-9  # radians: nodes so near to the axis are on both sides
 
 
 @dataclass(frozen=True)
@@ -52,11 +54,10 @@ class CylinderSurface:
             raise InputError(f"{where}: surface nodes; expected coordinates within {HUGE:g}")
         matrix = np.column_stack([2 * at, np.ones(len(at))])
         (x, y, c), *_ = np.linalg.lstsq(matrix, (at**2).sum(axis=1), rcond=None)
-        centre = np.array([x, y])
         if symmetry == "half":
             # The axis is where the mesh ends: nodes on it tell it better than a circle does.
             x = at[np.argmin(np.abs(at[:, 0] - x)), 0]
-            centre[0] = x
+        centre = np.array([x, y])
         found = math.sqrt(max(c + x * x + y * y, 0.0))
         R = found if R is None else R
         off = np.abs(np.hypot(*(at - centre).T) - R)
@@ -67,13 +68,9 @@ class CylinderSurface:
                 f"{_ROUND:g} R (the circle through them has R = {found:.6g})"
             )
         angle = np.arctan2(at[:, 0] - x, y - at[:, 1])
-        sides = []
-        tiny = 1e-9
-        for sign in (1.0, -1.0):
-            some = np.flatnonzero(sign * angle >= -tiny)
-            some = some[np.argsort(sign * angle[some])]
-            if len(some) >= _LEAST_NODES:
-                sides.append((some, sign))
+        outwards = {sign: np.argsort(sign * angle) for sign in (1.0, -1.0)}
+        halves = [(some[sign * angle[some] >= -_TINY], sign) for sign, some in outwards.items()]
+        sides = tuple(half for half in halves if len(half[0]) >= _LEAST_NODES)
         if not sides or (symmetry == "full" and len(sides) < 2):
             raise InputError(
                 f"{where}: surface nodes on one side of the axis only; use --symmetry half"
@@ -82,14 +79,17 @@ class CylinderSurface:
             raise InputError(
                 f"{where}: surface nodes on both sides of the axis; use --symmetry full"
             )
-        return cls(float(R), centre, tuple(sides))
+        return cls(float(R), centre, sides)
+
+    def _outwards(self, position: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+        """Return each side's x, counted outwards from the axis, and y."""
+        x, y = position[:, 0] - self.centre[0], position[:, 1]
+        return [(sign * x[nodes], y[nodes]) for nodes, sign in self.sides]
 
     def gaps(self, position: FloatArray, corners: FloatArray, radius: float) -> FloatArray:
         """Return how far the rim is from each corner, the nearer side's: above sharp ones."""
         sides = []
-        for nodes, sign in self.sides:
-            x = sign * (position[nodes, 0] - self.centre[0])
-            y = position[nodes, 1]
+        for x, y in self._outwards(position):
             if radius == 0:
                 sides.append([_height(x, y, far) - high for far, high in corners])
             else:
@@ -100,11 +100,9 @@ class CylinderSurface:
     def overlap(self, position: FloatArray, corners: FloatArray, width: float) -> float:
         """Return how deep the rim is inside ridges, on the mean of where it is: a penalty's."""
         deep = []
-        for nodes, sign in self.sides:
-            x = sign * (position[nodes, 0] - self.centre[0])
-            over = corners[:, :1] <= x
-            on = over & (x <= corners[:, :1] + width)
-            inside = corners[:, 1:] - position[nodes, 1]
+        for x, y in self._outwards(position):
+            on = (corners[:, :1] <= x) & (x <= corners[:, :1] + width)
+            inside = corners[:, 1:] - y
             deep.append(inside[on & (inside > 0)])
         found = np.concatenate(deep)
         return float(found.mean()) if found.size else 0.0
@@ -367,13 +365,9 @@ def _corners(
         return np.column_stack([far, np.full(n, body.top)]), f"tops at y = {body.top:g}"
     # Rigid nodes stand at the corners: the highest of those at each distance.
     near, flat = 1e-5 * surface.R, far + body.corner_over_R * surface.R
-    away = np.abs(history.rigid[:, 0] - surface.centre[0]) if len(history.rigid) else np.zeros(0)
-    heights = []
-    for one in flat:
-        here = history.rigid[np.abs(away - one) < near, 1] if away.size else np.zeros(0)
-        if not here.size:
-            break
-        heights.append(float(here.max()))
+    away = np.abs(history.rigid[:, 0] - surface.centre[0])
+    here = (history.rigid[np.abs(away - one) < near, 1] for one in flat)
+    heights = [float(some.max()) for some in takewhile(len, here)]
     if len(heights) < 2:
         raise InputError(
             f"{where}: no rigid nodes at the corners, {flat[0]:.6g} and {flat[1]:.6g} from the "

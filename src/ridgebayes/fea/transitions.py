@@ -1,8 +1,6 @@
 """From increments to transitions: at which load each corner was reached."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -99,27 +97,22 @@ def transitions_of(
             messages.append(f"Q = {Q[j]}: contact is lost again at p/E = {_listed(lost)}")
         before = np.flatnonzero(known[:first])
         lower = float(load[before[-1]]) if before.size else 0.0
-        row = {
-            "Q": int(Q[j]),
-            "p_over_E": float(load[first]),
-            "p_over_E_lower": lower,
-            "rel_se": 0.0,
-        }
-        found = (
-            None
-            if brackets
-            else _extrapolated(load, gap[:, j], error[:, j], before, float(load[first]))
-        )
-        if found is not None:
-            row |= {"p_over_E": found[0], "p_over_E_lower": math.nan, "rel_se": found[1]}
-        elif not brackets and np.isfinite(gap[before, j]).any():
-            messages.append(f"Q = {Q[j]}: the gap before contact is not smooth enough: bracketed")
-        if rows and row["p_over_E"] <= rows[-1]["p_over_E"]:
+        upper, rel_se = float(load[first]), 0.0
+        if not brackets:
+            found = _extrapolated(load, gap[:, j], error[:, j], before, upper)
+            if found is not None:
+                (upper, rel_se), lower = found, math.nan
+            elif np.isfinite(gap[before, j]).any():
+                messages.append(
+                    f"Q = {Q[j]}: the gap before contact is not smooth enough: bracketed"
+                )
+        if rows and upper <= rows[-1]["p_over_E"]:
             # One increment went over two corners: its load is known for the first alone.
             messages.append(
                 f"Q = {Q[j]} ignored: reached in the same increment as Q = {rows[-1]['Q']}"
             )
             continue
+        row = {"Q": int(Q[j]), "p_over_E": upper, "p_over_E_lower": lower, "rel_se": rel_se}
         rows.append(row)
     if ahead:
         to = f" to {ahead[-1]}" if len(ahead) > 1 else ""
@@ -135,16 +128,14 @@ def _rising(load: FloatArray) -> tuple[IntArray, list[str]]:
     finite = np.isfinite(load) & (load > 0)
     above = np.maximum.accumulate(np.where(finite, load, 0.0))
     before = np.concatenate([[0.0], above[:-1]])
-    keep = finite & (load > before)
-    messages = []
-    if n := int((~finite).sum()):
-        messages.append(f"{n} increments ignored: no load above 0")
-    repeated = finite & (load == before)
-    if n := int(repeated.sum()):
-        messages.append(f"{n} increments ignored: they repeat a load")
-    if n := int((finite & (load < before)).sum()):
-        messages.append(f"{n} increments ignored: the load decreases or was cut back")
-    return np.flatnonzero(keep), messages
+    ignored = {
+        "no load above 0": ~finite,
+        "they repeat a load": finite & (load == before),
+        "the load decreases or was cut back": finite & (load < before),
+    }
+    counts = {why: int(some.sum()) for why, some in ignored.items()}
+    messages = [f"{n} increments ignored: {why}" for why, n in counts.items() if n]
+    return np.flatnonzero(finite & (load > before)), messages
 
 
 def interpolate(x: FloatArray, y: FloatArray, at: float) -> float:
@@ -186,9 +177,10 @@ def _listed(loads: FloatArray) -> str:
     return f"{shown} and {loads.size - _MOST_LOADS} more" if loads.size > _MOST_LOADS else shown
 
 
-@dataclass(frozen=True, eq=False)
-class Histories:
-    """Increments of runs.
+def transitions_of_runs(
+    curve: pd.DataFrame, load: FloatArray, gap: FloatArray, Q: IntArray, *, brackets: bool = False
+) -> tuple[pd.DataFrame, list[str]]:
+    """Find the transitions of increments of several runs.
 
     Parameters
     ----------
@@ -197,71 +189,63 @@ class Histories:
     load : ndarray of float, shape (n_row,), dimensionless
         p/E.
     gap : ndarray of float, shape (n_row, n_corner)
-        As `ridgebayes.fea.transitions.transitions_of`.
-    Q : sequence of int, length n_corner
+        As `transitions_of`.
+    Q : ndarray of int, shape (n_corner,)
         Rising.
+    brackets : bool, optional
+        As `transitions_of`.
+
+    Returns
+    -------
+    DataFrame
+        A row for each corner that was reached.
+    list of str
+        Remarks.
+
+    Raises
+    ------
+    InputError
+        If no corner of any run was reached, or there are over 2000 runs.
     """
+    run = row_codes(*(curve[name] for name in curve))
+    n_run = int(run.max()) + 1
+    if n_run > MOST:
+        raise InputError(
+            f"increments of {n_run} runs; expected at most {MOST} (texture, nu, offset, series, "
+            "solver and source are constant in a run)"
+        )
+    frames, messages, failed = [], [], []
+    order = np.argsort(run, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(run[order])) + 1):
+        one = curve.iloc[int(rows[0])]
+        name = "" if n_run == 1 else f"{_label(one)}: "
+        try:
+            # Absurd numbers overflow where loads are extrapolated, and then are not used.
+            with np.errstate(all="ignore"):
+                _check_order(load[rows], gap[rows], Q)
+                frame, odd = transitions_of(load[rows], gap[rows], Q, brackets=brackets)
+        except InputError as error:
+            failed.append(f"{name}{error}")
+            continue
+        messages += [f"{name}{text}" for text in odd]
+        frames.append(frame.assign(**{str(key): one[str(key)] for key in curve}))
+    if not frames:
+        raise InputError(failed[0])
+    messages += [f"run ignored: {text}" for text in failed]
+    if (n := len(messages) - _MOST_REMARKS) > 0:
+        messages = [*messages[:_MOST_REMARKS], f"and {n} more remarks on runs"]
+    return pd.concat(frames, ignore_index=True), [f"{n_run} runs of increments", *messages]
 
-    curve: pd.DataFrame
-    load: FloatArray
-    gap: FloatArray
-    Q: Sequence[int]
 
-    def transitions(self, where: str, *, brackets: bool) -> tuple[pd.DataFrame, list[str]]:
-        """Return a row for each corner that was reached, and remarks.
-
-        Raises
-        ------
-        InputError
-            If no corner of any run was reached, or there are over 2000 runs.
-        """
-        run = row_codes(*(self.curve[name] for name in self.curve))
-        n_run = int(run.max()) + 1
-        if n_run > MOST:
-            raise InputError(
-                f"{where}: increments of {n_run} runs; expected at most {MOST} (texture, nu, "
-                "offset, "
-                "series, solver and source are constant in a run)"
-            )
-        frames, messages, failed = [], [], []
-        order = np.argsort(run, kind="stable")
-        for rows in np.split(order, np.flatnonzero(np.diff(run[order])) + 1):
-            one = self.curve.iloc[int(rows[0])]
-            name = "" if n_run == 1 else f"{_label(one)}: "
-            try:
-                frame, odd = self._run(rows, brackets=brackets)
-            except InputError as error:
-                failed.append(f"{name}{error}")
-                continue
-            messages += [f"{name}{text}" for text in odd]
-            frames.append(frame.assign(**{str(key): one[str(key)] for key in self.curve}))
-        if not frames:
-            raise InputError(f"{where}: {failed[0]}")
-        messages += [f"run ignored: {text}" for text in failed]
-        if len(messages) > _MOST_REMARKS:
-            messages = [
-                *messages[:_MOST_REMARKS],
-                f"and {len(messages) - _MOST_REMARKS} more remarks on runs",
-            ]
-        return pd.concat(frames, ignore_index=True), [f"{n_run} runs of increments", *messages]
-
-    def _run(self, rows: IntArray, *, brackets: bool) -> tuple[pd.DataFrame, list[str]]:
-        Q = np.array(self.Q, dtype=np.int64)
-        # Absurd numbers overflow where loads are extrapolated, and then are not used.
-        with np.errstate(all="ignore"):
-            load, gap = self.load[rows], self.gap[rows]
-            self._check_order(load, gap)
-            return transitions_of(load, gap, Q, brackets=brackets)
-
-    def _check_order(self, load: FloatArray, gap: FloatArray) -> None:
-        """Refuse outer corners that touch in an increment before inner ones: columns exchanged."""
-        touched = gap <= 0
-        first = np.where(touched.any(axis=0), touched.argmax(axis=0), len(load))
-        for i in np.flatnonzero(np.diff(first) < 0).tolist():
-            raise InputError(
-                f"Q = {self.Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before "
-                f"Q = {self.Q[i]}; expected inner corners first"
-            )
+def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray) -> None:
+    """Refuse outer corners that touch in an increment before inner ones: columns exchanged."""
+    touched = gap <= 0
+    first = np.where(touched.any(axis=0), touched.argmax(axis=0), len(load))
+    for i in np.flatnonzero(np.diff(first) < 0).tolist():
+        raise InputError(
+            f"Q = {Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before "
+            f"Q = {Q[i]}; expected inner corners first"
+        )
 
 
 def touching(words: "pd.Series[str]") -> tuple[FloatArray, BoolArray]:
