@@ -57,9 +57,7 @@ class ContactSet:
         width = 0.5 * min(segment.stop - segment.start, wanted)
         if low < 0 < high:
             return self._within(segment, -width, width)
-        into = (
-            width if segment.corner else 0.0
-        )  # contact begins on a round corner, or at a sharp one
+        into = width if segment.corner else 0.0  # a sharp corner is where contact begins
         if at == low:
             return self._within(segment, low - into, low + width)
         return self._within(segment, high - width, high + into)
@@ -137,10 +135,8 @@ class ContactSet:
             for _ in range(3):
                 x, gap = _with_vertex(found, segment, x, gap)
             # On a sloping surface a contact too narrow to be one stands for this much.
-            narrow = (
-                100 * _NOTHING * (segment.stop - segment.start) * max(-segment.start, segment.stop)
-            )
-            if gap.min() < -max(scale, narrow):
+            start, stop = segment.start, segment.stop
+            if gap.min() < -max(scale, 100 * _NOTHING * (stop - start) * max(-start, stop)):
                 inside = x[gap < 0]
                 if segment.ridge is None:
                     middle, half = 0.5 * float(inside[0] + inside[-1]), 0.5 * float(np.ptp(inside))

@@ -154,9 +154,8 @@ def solve_contact(
     hertz = math.sqrt(2 * W)
     if ridges is None and (first := hertz / profile.pitch) * m > 2 * _MAX_UNKNOWNS:
         # What Hertz's contact covers alone is too much: not even listed, there may be millions.
-        return _nothing(
-            profile, m, f"not computed: some {first * m:.2g} unknowns; cap {_MAX_UNKNOWNS}"
-        )
+        why = f"not computed: some {first * m:.2g} unknowns; cap {_MAX_UNKNOWNS}"
+        return _nothing(profile, m, why)
     within = [
         segment
         for segment in profile.segments(1.3 * hertz + 3 * profile.pitch)
@@ -177,9 +176,7 @@ def solve_contact(
         except np.linalg.LinAlgError:
             status = "not converged: singular equations"
             break
-        if state.move(found):
-            continue
-        if state.add_penetrated(found):
+        if state.move(found) or state.add_penetrated(found):
             continue
         if not _resolved(found, rel_tol) and m < _MOST_COEFFICIENTS:
             m = math.ceil(1.5 * m)  # a contact has come near its neighbour
@@ -261,9 +258,8 @@ def solve_many_contacts(
     profile: Profile, W: Sequence[float] | FloatArray, *, rel_tol: float = 1e-8
 ) -> list[ContactSolution]:
     """Press by each of several loads; each begins where the next lower one ended."""
-    order = np.argsort(W)
     found: dict[int, ContactSolution] = {}
     last = None
-    for i in order.tolist():
+    for i in np.argsort(W).tolist():
         found[i] = last = solve_contact(profile, float(W[i]), rel_tol=rel_tol, start=last)
-    return [found[i] for i in range(len(order))]
+    return [found[i] for i in sorted(found)]

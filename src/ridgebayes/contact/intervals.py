@@ -20,7 +20,7 @@ from scipy import fft
 
 from ridgebayes._types import FloatArray
 
-_FAR = 96  # coefficients of a kink's series that others' lands can tell
+_FAR = 96  # coefficients of a kink's series that other segments can tell
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +113,7 @@ class PressureSolution:
         slopes = self._at_ends(self.coefficients * np.arange(self.coefficients.shape[1]) ** 2)
         reach = 2 * self.intervals.half_width
         with np.errstate(divide="ignore", invalid="ignore"):
-            left, right = (
-                -reach * strength / slope
-                for strength, slope in zip(self.singular, slopes, strict=True)
-            )
+            left, right = -reach * np.array(self.singular) / np.array(slopes)
         return left, right
 
     def _at_ends(self, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -148,17 +145,14 @@ class PressureSolution:
     def _own_kinks(self, x: FloatArray, cut: int) -> FloatArray:
         """Return what a kink's series beyond `cut` adds on and beside its own interval."""
         added, order = np.zeros(len(x)), np.arange(cut, self.coefficients.shape[1])
-        signs = [1.0, -1.0] if self.intervals.mirrored else [1.0]
-        for i, (centre, half) in enumerate(
-            zip(self.intervals.centre, self.intervals.half_width, strict=True)
-        ):
-            for sign in signs[: 1 if self.intervals.straddles and i == 0 else 2]:
-                s = (sign * x - centre) / half
+        for i, weight in enumerate(self.intervals.weight):
+            for sign in (1.0, -1.0)[: int(weight)]:
+                s = (sign * x - self.intervals.centre[i]) / self.intervals.half_width[i]
                 near = np.flatnonzero(np.abs(s) < 1.5)
                 excess, theta = _outside_and_angle(s[near])
-                weight = self.coefficients[i, cut:] * (math.pi / order)
+                series = self.coefficients[i, cut:] * (math.pi / order)
                 for place, log_z, t in zip(near, -np.log1p(excess), theta, strict=True):
-                    added[place] += np.exp(order * log_z) * np.cos(order * t) @ weight
+                    added[place] += np.exp(order * log_z) * np.cos(order * t) @ series
         return added
 
     def surface(self, x: ArrayLike) -> FloatArray:
@@ -245,14 +239,10 @@ def solve_pressure(
     coefficients = -whole * np.arange(width) / math.pi
     coefficients[:, : used.shape[1]][used] = solved[:-1]
     ends = np.where(used, np.arange(used.shape[1]), -1).max(axis=1)
-    last = coefficients[np.arange(n), ends] - coefficients_alone(whole, ends)
+    alone = -ends * whole[np.arange(n), ends] / math.pi  # without neighbours
+    last = coefficients[np.arange(n), ends] - alone
     approach = float(solved[-1]) + 0.5 * first**2 + depth
     return PressureSolution(intervals, coefficients, approach, last, used.shape[1])
-
-
-def coefficients_alone(height: FloatArray, order: np.ndarray) -> FloatArray:
-    """Return the coefficient of each interval at an order, had it no neighbours, shape (n,)."""
-    return -order * height[np.arange(len(order)), order] / math.pi
 
 
 def chebyshev_points(intervals: Intervals, n_point: int) -> FloatArray:
@@ -292,7 +282,7 @@ def _functions(intervals: Intervals, x: FloatArray, m: int) -> FloatArray:
     found = _potentials(intervals.centre, intervals.half_width, x, m)
     if not intervals.mirrored:
         return found
-    own = 1 if intervals.straddles else 0
+    own = int(intervals.straddles)
     # A mirror image has coefficients of alternating sign about the mirrored centre.
     signs = (-1.0) ** np.arange(m)
     centre, half_width = -intervals.centre[own:], intervals.half_width[own:]

@@ -1,6 +1,6 @@
 """The record of transition loads: numbers, a status each, and what the status rests on."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -41,8 +41,9 @@ class HalfPlaneLoads:
     smallest_pressure: FloatArray
 
     def __post_init__(self) -> None:
-        for array in (self.F, self.n_coefficients, *self._measures()):
-            array.flags.writeable = False
+        for one in fields(self):
+            if one.name != "status":
+                getattr(self, one.name).flags.writeable = False
 
     def p_over_E(self, pitch_over_R: float, *, nu: float = 0.5) -> FloatArray:
         """Scale to one texture: p/E = (pitch/R)^2 F_k / (1 - nu^2).
@@ -70,20 +71,13 @@ class HalfPlaneLoads:
 
     def part(self, part: slice) -> "HalfPlaneLoads":
         """Return some of the transitions, as views."""
-        F, n_coefficients = self.F[part], self.n_coefficients[part]
-        measures = [measure[part] for measure in self._measures()]
-        return HalfPlaneLoads(F, self.status[part], n_coefficients, *measures)
+        return HalfPlaneLoads(*(getattr(self, one.name)[part] for one in fields(self)))
 
     def joined(self, other: "HalfPlaneLoads") -> "HalfPlaneLoads":
         """Return these transitions followed by those of another record."""
+        both = [(getattr(self, one.name), getattr(other, one.name)) for one in fields(self)]
         return HalfPlaneLoads(
-            np.concatenate((self.F, other.F)),
-            self.status + other.status,
-            np.concatenate((self.n_coefficients, other.n_coefficients)),
-            *(
-                np.concatenate(both)
-                for both in zip(self._measures(), other._measures(), strict=True)
-            ),
+            *(a + b if isinstance(a, tuple) else np.concatenate((a, b)) for a, b in both)
         )
 
     @classmethod
@@ -92,6 +86,3 @@ class HalfPlaneLoads:
         F, *measures = (np.full(n_transitions, np.nan) for _ in range(4))
         status = (f"not computed: {reason}",) * n_transitions
         return cls(F, status, np.zeros(n_transitions, dtype=np.int64), *measures)
-
-    def _measures(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        return self.rel_error, self.tail, self.smallest_pressure

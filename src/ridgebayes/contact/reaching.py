@@ -6,6 +6,7 @@ that reaches it. No load increment enters.
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy import optimize
@@ -76,9 +77,9 @@ def reaching_loads(
     start = float(tiny)
     while len(loads) < n_max:
         # To the right, and where the profile is no mirror image also to the left.
-        events = [_reach(profile, range(low, high + 1), high + 1, start, W_max, rel_tol)]
-        if not profile.mirrored:
-            events.append(_reach(profile, range(low, high + 1), low - 1, start, W_max, rel_tol))
+        sides = (high + 1,) if profile.mirrored else (high + 1, low - 1)
+        touched = range(low, high + 1)
+        events = [_reach(profile, touched, one, start, W_max, rel_tol) for one in sides]
         W, ridge, why, solution = min(events, key=lambda event: event[0])
         if not W_max >= W:
             break
@@ -101,17 +102,14 @@ def _reach(
     """Return the load at which a ridge beyond those given is reached, infinite if above W_max."""
     segment = profile.ridge(number)
     last: list[ContactSolution | None] = [None]
-    known: dict[float, float] = {}
 
+    @cache  # from another start it might come out on the other side of zero
     def gap(W: float) -> float:
-        if W in known:  # from another start it might come out on the other side of zero
-            return known[W]
         found = solve_contact(profile, W, rel_tol=rel_tol, start=last[0], ridges=ridges)
         if found.status != "ok":
             raise _FailedError(found.status)
         last[0] = found
-        known[W] = nearest_gap(found, segment)
-        return known[W]
+        return nearest_gap(found, segment)
 
     try:
         below, above = start, start

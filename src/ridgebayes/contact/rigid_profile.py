@@ -1,7 +1,6 @@
 """The rigid side of a contact: the tops of ridges and the floors of grooves, one segment each."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -76,17 +75,13 @@ class Profile:
     offset: float = 0.0
 
     def __post_init__(self) -> None:
+        a, b, depth, corner = self.a, self.b, self.depth, self.corner
         for name, value, holds, rule in (
-            ("a", self.a, 0 < self.a < math.inf, "finite and > 0"),
-            ("b", self.b, 0 < self.b < math.inf, "finite and > 0"),
-            ("depth", self.depth, self.depth > 0, "> 0"),
-            ("corner", self.corner, 0 <= self.corner <= 0.5 * self.a, "0 to half the ridge width"),
-            (
-                "depth",
-                self.depth,
-                2 * self.depth >= self.corner,
-                "at least half the corners' radius",
-            ),
+            ("a", a, 0 < a < math.inf, "finite and > 0"),
+            ("b", b, 0 < b < math.inf, "finite and > 0"),
+            ("depth", depth, depth > 0, "> 0"),
+            ("corner", corner, 0 <= corner <= 0.5 * a, "0 to half the ridge width"),
+            ("depth", depth, 2 * depth >= corner, "at least half the corners' radius"),
             ("offset", self.offset, -0.5 <= self.offset <= 0.5, "-0.5 to 0.5 pitches"),
         ):
             if not holds:
@@ -120,10 +115,8 @@ class Profile:
 
         Of a mirrored profile those of the right half, and the one that straddles the centre.
         """
-        return sorted(self._segments(reach), key=lambda segment: segment.start)
-
-    def _segments(self, reach: float) -> Iterator[RigidSegment]:
         n = math.ceil(reach / self.pitch) + 1
+        found = []
         for number in range(-n - 1, n + 1):
             for segment in (self.ridge(number), self.floor_after(number)):
                 if segment.ridge is None and math.isinf(self.depth):
@@ -131,4 +124,5 @@ class Profile:
                 left = segment.start + segment.stop < -1e-9 * self.pitch
                 if min(abs(segment.start), abs(segment.stop)) > reach or (self.mirrored and left):
                     continue
-                yield segment
+                found.append(segment)
+        return sorted(found, key=lambda segment: segment.start)

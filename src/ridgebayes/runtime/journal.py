@@ -57,24 +57,17 @@ class Journal:
         given : dict
             All that decides the part's content, in values that JSON has.
         """
-        path = self._path(given)
         try:
-            text = path.read_text(encoding="utf-8")
+            content = json.loads(self._path(given).read_text(encoding="utf-8"))
+            found = content["found"]
+            sound = content["given"] == given and content["sha256"] == _digest(found)
         except FileNotFoundError:
             return None
-        except (OSError, UnicodeDecodeError):
-            self.n_damaged += 1
-            return None
-        try:
-            content = json.loads(text)
-            sound = content["given"] == given and content["sha256"] == _digest(content["found"])
-        except (ValueError, KeyError, TypeError):
-            sound = False
-        if not sound:
-            self.n_damaged += 1
-            return None
-        self.n_found += 1
-        return content["found"]
+        except (OSError, ValueError, KeyError, TypeError):
+            sound, found = False, None
+        self.n_found += sound
+        self.n_damaged += not sound
+        return found if sound else None
 
     def keep(self, given: dict[str, Any], found: Any) -> None:
         """Write a finished part.

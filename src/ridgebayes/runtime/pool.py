@@ -263,8 +263,9 @@ def map_ordered(
     turn = 0
     try:
         while True:
-            room = _room(executor) - len(under_way)
-            for number, task in itertools.islice(numbered, max(room, 0)):
+            n_worker = getattr(executor, "n_worker", None)  # which may change
+            most = _UNKNOWN if n_worker is None else _PER_WORKER * max(n_worker, 1)
+            for number, task in itertools.islice(numbered, max(most - len(under_way), 0)):
                 future = executor.submit(function, task)
                 under_way[future] = number, task
                 future.add_done_callback(ended.put)
@@ -316,11 +317,6 @@ def submit_or_defer(
     if executor is None:
         return partial(function, *args, **kwargs)
     return executor.submit(function, *args, **kwargs).result
-
-
-def _room(executor: Executor) -> int:
-    n_worker = getattr(executor, "n_worker", None)
-    return _UNKNOWN if n_worker is None else _PER_WORKER * max(n_worker, 1)
 
 
 def _started() -> ProcessPoolExecutor:

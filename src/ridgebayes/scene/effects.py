@@ -1,7 +1,7 @@
 """Which effects a scene calls for, as records and as a table; `estimates` decides."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import pandas as pd
 
@@ -9,15 +9,6 @@ from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.scene.scene import Texture
 from ridgebayes.table.rules import texture_label
 
-PLAN_COLUMNS = [
-    "effect",
-    "number",
-    "estimated_rel_change",
-    "simulated",
-    "reason",
-    "cost_s",
-    "texture",
-]
 DEFAULT_RELATIVE = 1e-8  # without a wanted accuracy only what has no effect at all is left out
 BY_FINITE_ELEMENTS = ("finite body and large deformation", "friction")
 # Finite elements themselves are right to about this: a smaller effect is not worth them.
@@ -97,13 +88,10 @@ class Plan:
 
 
 def plan_table(plans: list[Plan]) -> pd.DataFrame:
-    """Return plans as a table of columns `PLAN_COLUMNS`."""
-    rows = [
-        [e.name, e.number, e.estimate, e.simulated, e.reason, e.cost_s, plan_label(one.texture)]
-        for one in plans
-        for e in one.effects
-    ]
-    return pd.DataFrame(rows, columns=PLAN_COLUMNS)
+    """Return plans as a table: a row an effect of a texture."""
+    rows = [asdict(e) | {"texture": plan_label(p.texture)} for p in plans for e in p.effects]
+    names = {"name": "effect", "estimate": "estimated_rel_change"}
+    return pd.DataFrame(rows).rename(columns=names)
 
 
 def plan_label(texture: Texture) -> str:

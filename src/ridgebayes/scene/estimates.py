@@ -36,8 +36,7 @@ _STEP = 0.03  # of a load, for the slope of a gap
 # a half-width w of 0.26 R (data/fea); and half as much again to be safe.
 _FINITE_BODY = 0.45
 _PER_PRESS, _PER_CUBE = 8e-4, 3e-11  # CPU seconds of a solution: fixed, and times unknowns cubed
-
-
+_MOST_LOOKED_AT = 64
 _PER_TRANSITION = 5.0  # CPU seconds of finite elements
 
 
@@ -72,7 +71,7 @@ def plan(scene: Scene) -> list[Plan]:
     >>> plan(scene)[0].simulated
     ('ridges', "Poisson's ratio")
     """
-    return [_planned(scene, texture) for texture in scene.textures]
+    return [_planned(_Base.of(scene, texture)) for texture in scene.textures]
 
 
 def _too_narrow(texture: Texture, status: str) -> InputError:
@@ -83,9 +82,9 @@ def _too_narrow(texture: Texture, status: str) -> InputError:
     )
 
 
-def _planned(scene: Scene, texture: Texture) -> Plan:
-    base = _Base.of(scene, texture)
-    effects = list(_effects(base))
+def _planned(base: "_Base") -> Plan:
+    effects = [_ridges(base), _partial_contact(base), _offset(base), _floor(base), _corner(base)]
+    effects += [_poisson(base), _finite_body(base), _friction(base), *_not_modelled()]
     chosen = {effect.name for effect in effects if effect.simulated}
     profile = None
     if chosen & {"ridges", "offset", "groove floor", "corner radius"}:
@@ -95,7 +94,7 @@ def _planned(scene: Scene, texture: Texture) -> Plan:
             corner=base.given.corner if "corner radius" in chosen else 0.0,
             offset=base.given.offset if "offset" in chosen else 0.0,
         )
-    return Plan(texture, tuple(effects), profile, base.tolerance)
+    return Plan(base.texture, tuple(effects), profile, base.tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,32 +185,17 @@ class _Base:
 
     def _shift_of(self, other: Profile, k: int) -> float:
         """Gap at the load of event k, over its slope: one Newton step from here to there."""
-        W, land = float(self.W[k - 1]), other.ridge(k)
+        W, ridge = float(self.W[k - 1]), other.ridge(k)
         first = solve_contact(other, W, rel_tol=_ROUGH, ridges=range(k))
         second = solve_contact(other, W * (1 + _STEP), rel_tol=_ROUGH, start=first, ridges=range(k))
         if first.status != "ok" or second.status != "ok":
             return math.nan
-        gap, later = nearest_gap(first, land), nearest_gap(second, land)
+        gap, later = nearest_gap(first, ridge), nearest_gap(second, ridge)
         return -gap / ((later - gap) / _STEP) if later != gap else math.inf
 
     def cost(self, n_solution: float, n_interval: float, m: float) -> float:
         unknowns = n_interval * m
         return n_solution * (_PER_PRESS + _PER_CUBE * unknowns**3 + 4e-8 * unknowns**2)
-
-
-_MOST_LOOKED_AT = 64
-
-
-def _effects(base: _Base) -> Iterator[Effect]:
-    yield _ridges(base)
-    yield _partial_contact(base)
-    yield _offset(base)
-    yield _floor(base)
-    yield _corner(base)
-    yield _poisson(base)
-    yield _finite_body(base)
-    yield _friction(base)
-    yield from _not_modelled()
 
 
 def _decided(

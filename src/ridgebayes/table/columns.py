@@ -155,13 +155,16 @@ class Findings:
         self.bad: dict[str, BoolArray] = {}
         self._told: list[tuple[IntArray, str, str, IntArray | None]] = []
 
-    def add(self, broken: BoolArray, column: str, rule: str, other: IntArray | None = None) -> None:
-        """Note the rows where `broken`; ``{other}`` in the rule is a second row of each."""
+    def add(
+        self, broken: BoolArray | IntArray, column: str, rule: str, other: IntArray | None = None
+    ) -> None:
+        """Note rows by a mask or by their numbers; ``{other}`` in the rule is a row beside each."""
         seen = self.bad.setdefault(column, np.zeros(self.n_row, dtype=bool))
-        rows = np.flatnonzero(broken & ~seen)
-        if len(rows):
+        rows = np.flatnonzero(broken) if broken.dtype == bool else broken
+        fresh = ~seen[rows]
+        if fresh.any():
             seen[rows] = True
-            self._told.append((rows, column, rule, other))
+            self._told.append((rows[fresh], column, rule, None if other is None else other[fresh]))
 
     def sound(self, *columns: str) -> BoolArray:
         """Return where none of the columns broke a rule so far, shape (n_row,)."""
@@ -182,9 +185,9 @@ class Findings:
         lines = []
         for i in order[:SHOWN]:
             row = int(rows[i])
-            _, column, rule, other = self._told[which[i]]
+            at, column, rule, other = self._told[which[i]]
             if other is not None:
-                rule = rule.format(other=int(other[row]) + 1)
+                rule = rule.format(other=int(other[np.flatnonzero(at == row)[0]]) + 1)
             lines.append(f"{raw.place(row)}: {column} = {raw.shown(row, column)}: {rule}")
         return listed(raw.where, lines, len(rows), len(np.unique(rows)))
 

@@ -156,14 +156,11 @@ def check_labels(typed: dict[str, Any], texture: IntArray, found: Findings) -> N
     typed["texture"] = filled
     sound = np.flatnonzero(found.sound("a_over_R", "b_over_R", "texture"))
     code = pd.factorize(filled)[0]
-    owner = np.full(found.n_row, -1, dtype=np.int64)
-    labels, where_first = np.unique(code[sound], return_index=True)
-    owner[labels] = sound[where_first]
-    other = owner[code]
-    clash = np.zeros(found.n_row, dtype=bool)
-    clash[sound] = texture[sound] != texture[other[sound]]
+    _, owner, which = np.unique(code[sound], return_index=True, return_inverse=True)
+    other = sound[owner][which]
+    clash = texture[sound] != texture[other]
     rule = "one label names one texture, and row {other} gives it to another (a_over_R, b_over_R)"
-    found.add(clash, "texture", rule, other)
+    found.add(sound[clash], "texture", rule, other[clash])
 
 
 def check_curves(typed: dict[str, Any], texture: IntArray, found: Findings) -> None:
@@ -186,11 +183,7 @@ def check_curves(typed: dict[str, Any], texture: IntArray, found: Findings) -> N
         identical = same_Q & (content[now] == content[before])
 
     def tell(pairs: BoolArray, column: str, rule: str) -> None:
-        other: IntArray = np.zeros(found.n_row, dtype=np.int64)
-        broken = np.zeros(found.n_row, dtype=bool)
-        broken[rows[now[pairs]]] = True
-        other[rows[now[pairs]]] = rows[before[pairs]]
-        found.add(broken, column, rule, other)
+        found.add(rows[now[pairs]], column, rule, rows[before[pairs]])
 
     tell(identical, "Q", "identical row of one curve twice: row {other} is the same")
     tell(same_Q, "Q", "each Q must stand once in a curve, and row {other} has it too")

@@ -119,15 +119,11 @@ class ContactProblem:
         missing = np.bincount(segment, minlength=n) < np.bincount(rays.segment, minlength=n)
         gap[missing | left_out] = math.inf
         # Where the next ray meets the next edge, the gap has a kink at the node between them.
-        after = np.flatnonzero(
-            (np.diff(hits.edge) == 1)
-            & (np.diff(hits.ray) == 1)
-            & (np.diff(rays.face[hits.ray]) == 0)
-        )
+        face = rays.face[hits.ray]
+        next_edge = (np.diff(hits.edge) == 1) & (np.diff(hits.ray) == 1)
+        after = np.flatnonzero(next_edge & (np.diff(face) == 0))
         edge = hits.edge[after]
-        tangent, normal, per_length = self.faces.frames(
-            rim[edge, 2], rays.face[hits.ray[after]], state.rise
-        )
+        tangent, normal, per_length = self.faces.frames(rim[edge, 2], face[after], state.rise)
         jump = kink(rim, edge, tangent, normal) * per_length
         along = weight[:, None, None] * shapes(hits.s)[:, :, None] * hits.tangent[:, None, :]
         slip = np.zeros(n)
@@ -169,10 +165,8 @@ class ContactProblem:
         rows = [np.repeat(dofs, 6, axis=1).ravel(), np.repeat(pair, 2, axis=1).ravel()]
         columns = [np.tile(dofs, (1, 6)).ravel(), np.tile(pair, (1, 2)).ravel()]
         values = np.concatenate([hessian.ravel(), kinks.ravel()])
-        n = 2 * self.solid.n_node
-        return sparse.csr_array(
-            (values, (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)
-        )
+        n, places = 2 * self.solid.n_node, (np.concatenate(rows), np.concatenate(columns))
+        return sparse.csr_array((values, places), shape=(n, n))
 
     def corner_distance(self, state: State, corner: Corner) -> tuple[float, FloatArray]:
         """Return the distance of a corner from the body, and its derivative by the nodes."""

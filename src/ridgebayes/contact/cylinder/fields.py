@@ -49,13 +49,15 @@ def write_fields(cylinder: Cylinder, states: Sequence[State], path: Path) -> Non
     import h5py
     from meshio.xdmf import TimeSeriesWriter
 
+    solid = cylinder.problem.solid
     side, content = path.with_suffix(".h5"), io.BytesIO()  # a full disk ends HDF5 on a file
     with replacing(path) as partial, replacing(side) as numbers:
         writer = TimeSeriesWriter(partial)
         # Entered as a context it would open a file in the current folder, named as the partial one.
         writer.h5_filename, writer.h5_file = side.name, h5py.File(content, "w")
         with writer.h5_file:
-            writer.write_points_cells(*_mesh(cylinder.problem.solid))
+            # VTK's order of nodes is scikit-fem's: corners, edges from each to the next, centre.
+            writer.write_points_cells(_with_z(solid.points), [("quad9", solid.nodes)])
             for state in states:
                 writer.write_data(cylinder.p_over_E(state), nodal_fields(cylinder, state))
             writer.__exit__()
@@ -129,11 +131,6 @@ def surface_table(cylinder: Cylinder, state: State) -> pd.DataFrame:
     table.insert(3, "length", faces.length)
     table["pressure"], table["shear"] = state.pressure, state.shear
     return table[table["pressure"] > 0].reset_index(drop=True)
-
-
-def _mesh(solid: Solid) -> tuple[FloatArray, list[tuple[str, np.ndarray]]]:
-    # VTK's order of nodes is scikit-fem's: corners, edges from each to the next, centre.
-    return _with_z(solid.points), [("quad9", solid.nodes)]
 
 
 def _with_z(plane: FloatArray) -> FloatArray:

@@ -108,11 +108,13 @@ class Solid:
     def force(self, u: FloatArray, p: FloatArray) -> FloatArray:
         """Return the internal force on the nodes, shape (n_node, 2)."""
         stress = self.material.stress(self.gradients(u), self.pressures(p))
-        return self._scattered(self._element_force(stress))
+        return self._nodal_force(stress)
 
     def volume_residual(self, u: FloatArray, p: FloatArray) -> FloatArray:
         """Return the residual of J - 1 - p/K = 0, shape (n_element, 3)."""
-        change = self._volume_change(self.gradients(u))
+        F = self.gradients(u)
+        trace = F[..., 0, 0] + F[..., 1, 1]
+        change = jacobian(F) - 1.0 if self.material.finite else trace - 2.0
         change = change - self.material.compressibility * self.pressures(p)
         return np.einsum("eg,eg,egp->ep", self._weight, change, self._linear)
 
@@ -160,7 +162,7 @@ class Solid:
         K = K + transposed @ coupling
         condensed = np.einsum("edq,eq->ed", transposed, volume).reshape(n, 9, 2)
         return Assembled(
-            self._scattered(self._element_force(stress)),
+            self._nodal_force(stress),
             volume,
             self._scattered(condensed),
             self._summed(K),
@@ -168,13 +170,10 @@ class Solid:
             inverse,
         )
 
-    def _volume_change(self, F: FloatArray) -> FloatArray:
-        if self.material.finite:
-            return jacobian(F) - 1.0
-        return np.asarray(F[..., 0, 0] + F[..., 1, 1] - 2.0)
-
-    def _element_force(self, stress: FloatArray) -> FloatArray:
-        return np.einsum("eg,egij,egnj->eni", self._weight, stress, self._grad, optimize=True)
+    def _nodal_force(self, stress: FloatArray) -> FloatArray:
+        return self._scattered(
+            np.einsum("eg,egij,egnj->eni", self._weight, stress, self._grad, optimize=True)
+        )
 
     def _scattered(self, forces: FloatArray) -> FloatArray:
         flat = np.bincount(self.dofs.ravel(), forces.reshape(-1), 2 * self.n_node)

@@ -23,6 +23,11 @@ def slopes(s: FloatArray) -> FloatArray:
     return np.stack([4 * s - 3, 4 - 8 * s, 4 * s - 1], axis=-1)
 
 
+def _dot(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the scalar products of vectors, shape (n,)."""
+    return np.einsum("ni,ni->n", x, y)
+
+
 _BENDS = np.array([4.0, -8.0, 4.0])
 _ROUNDING = 1e-12
 
@@ -45,8 +50,6 @@ class Hits:
         Derivative of the gap by the edge's node positions.
     hessian : ndarray of float, shape (n, 6, 6)
         Second derivative.
-    slide : ndarray of float, shape (n, 3, 2)
-        Derivative of s by the edge's node positions.
     tangent : ndarray of float, shape (n, 2)
         Of the rigid side.
     """
@@ -57,7 +60,6 @@ class Hits:
     gap: FloatArray
     gradient: FloatArray
     hessian: FloatArray
-    slide: FloatArray
     tangent: FloatArray
 
 
@@ -84,7 +86,7 @@ def cast(
     """
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=-1)
     along = tangent @ rim.reshape(-1, 2).T  # of every node on every ray's tangent
-    along = along.reshape(len(point), -1, 3) - np.einsum("ni,ni->n", tangent, point)[:, None, None]
+    along = along.reshape(len(point), -1, 3) - _dot(tangent, point)[:, None, None]
     # A parabola stays between its control points, the middle one twice as far out as the node.
     control = 2.0 * along[..., 1] - 0.5 * (along[..., 0] + along[..., 2])
     low = np.minimum(np.minimum(along[..., 0], along[..., 2]), control)
@@ -95,7 +97,7 @@ def cast(
     ray, edge = ray[where], edge[where]
     at = rim[edge]
     x = np.einsum("nk,nki->ni", shapes(s), at)
-    gap = np.einsum("ni,ni->n", normal[ray], x - point[ray])
+    gap = _dot(normal[ray], x - point[ray])
     near = (gap > -behind[ray]) & (gap < ahead)
     order = np.lexsort((np.abs(gap), ray))
     order = order[near[order]]
@@ -133,16 +135,15 @@ def _with_derivatives(
     at, N, dN = rim[edge], shapes(s), slopes(s)
     first = np.einsum("nk,nki->ni", dN, at)
     second = np.einsum("k,nki->ni", _BENDS, at)
-    speed = np.einsum("ni,ni->n", tangent, first)
-    m = normal - tangent * (np.einsum("ni,ni->n", normal, first) / speed)[:, None]
+    speed = _dot(tangent, first)
+    m = normal - tangent * (_dot(normal, first) / speed)[:, None]
     gradient = N[:, :, None] * m[:, None, :]
-    slide = -N[:, :, None] * tangent[:, None, :] / speed[:, None, None]
     moved = (dN[:, :, None] * m[:, None, :]).reshape(-1, 6)
-    slid = slide.reshape(-1, 6)
+    slid = (-N[:, :, None] * tangent[:, None, :] / speed[:, None, None]).reshape(-1, 6)
     cross = moved[:, :, None] * slid[:, None, :]
-    bend = np.einsum("ni,ni->n", m, second)[:, None, None]
+    bend = _dot(m, second)[:, None, None]
     hessian = cross + cross.transpose(0, 2, 1) + bend * slid[:, :, None] * slid[:, None, :]
-    return Hits(ray, edge, s, gap, gradient, hessian, slide, tangent)
+    return Hits(ray, edge, s, gap, gradient, hessian, tangent)
 
 
 def kink(rim: FloatArray, edge: IntArray, tangent: FloatArray, normal: FloatArray) -> FloatArray:
@@ -164,11 +165,8 @@ def kink(rim: FloatArray, edge: IntArray, tangent: FloatArray, normal: FloatArra
     """
     before = np.einsum("k,nki->ni", slopes(np.array(1.0)), rim[edge])
     after = np.einsum("k,nki->ni", slopes(np.array(0.0)), rim[edge + 1])
-    bend = [
-        np.einsum("ni,ni->n", normal, first) / np.einsum("ni,ni->n", tangent, first)
-        for first in (before, after)
-    ]
-    return np.asarray(bend[1] - bend[0])
+    low, high = (_dot(normal, first) / _dot(tangent, first) for first in (before, after))
+    return high - low
 
 
 def distance(rim: FloatArray, point: FloatArray) -> tuple[float, int, FloatArray]:
@@ -202,8 +200,8 @@ def distance(rim: FloatArray, point: FloatArray) -> tuple[float, int, FloatArray
         x = np.einsum("nk,nki->ni", shapes(s), at) - point
         first = np.einsum("nk,nki->ni", slopes(s), at)
         second = np.einsum("k,nki->ni", _BENDS, at)
-        f = np.einsum("ni,ni->n", x, first)
-        df = np.einsum("ni,ni->n", first, first) + np.einsum("ni,ni->n", x, second)
+        f = _dot(x, first)
+        df = _dot(first, first) + _dot(x, second)
         s = np.clip(s - f / np.where(df > 0, df, np.inf), 0.0, 1.0)
     x = np.einsum("nk,nki->ni", shapes(s), at) - point
     i = int(np.argmin(np.linalg.norm(x, axis=-1)))
