@@ -240,11 +240,5 @@ def _solve_checked(
             status.append("load does not rise above the one before")
         else:
             status.append("ok")
-    return HalfPlaneLoads(
-        fine.F,
-        tuple(status),
-        np.full(n_transitions, n_coefficients),
-        rel_error,
-        fine.tail,
-        fine.smallest_pressure,
-    )
+    n = np.full(n_transitions, n_coefficients)
+    return HalfPlaneLoads(fine.F, tuple(status), n, rel_error, fine.tail, fine.smallest_pressure)

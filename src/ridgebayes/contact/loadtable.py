@@ -1,6 +1,7 @@
 """The record of transition loads: numbers, a status each, and what the status rests on."""
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -71,14 +72,16 @@ class HalfPlaneLoads:
 
     def part(self, part: slice) -> "HalfPlaneLoads":
         """Return some of the transitions, as views."""
-        return HalfPlaneLoads(*(getattr(self, one.name)[part] for one in fields(self)))
+        parts: list[Any] = [getattr(self, one.name)[part] for one in fields(self)]
+        return HalfPlaneLoads(*parts)
 
     def joined(self, other: "HalfPlaneLoads") -> "HalfPlaneLoads":
         """Return these transitions followed by those of another record."""
-        both = [(getattr(self, one.name), getattr(other, one.name)) for one in fields(self)]
-        return HalfPlaneLoads(
-            *(a + b if isinstance(a, tuple) else np.concatenate((a, b)) for a, b in both)
-        )
+        joined: list[Any] = []
+        for name in (one.name for one in fields(self)):
+            a, b = getattr(self, name), getattr(other, name)
+            joined.append(a + b if isinstance(a, tuple) else np.concatenate((a, b)))
+        return HalfPlaneLoads(*joined)
 
     @classmethod
     def not_computed(cls, n_transitions: int, reason: str) -> "HalfPlaneLoads":

@@ -15,14 +15,7 @@ import sys
 import threading
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import (
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-)
+from concurrent import futures
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from multiprocessing import forkserver, resource_tracker
@@ -45,7 +38,7 @@ _PER_WORKER = 4
 _UNKNOWN = 1_000  # tasks under way on an executor that does not say how many workers it has
 
 
-class WorkerPool(Executor):
+class WorkerPool(futures.Executor):
     """Processes that compute what is submitted; a task whose worker died is done again.
 
     Parameters
@@ -60,16 +53,17 @@ class WorkerPool(Executor):
 
     def __init__(self, n_worker: int) -> None:
         self.n_worker = n_worker
-        self._threads = ThreadPoolExecutor(n_worker)
-        self._workers: dict[int, ProcessPoolExecutor] = {}  # by the thread that waits for it
-        self._futures: weakref.WeakSet[Future[Any]] = weakref.WeakSet()
+        self._threads = futures.ThreadPoolExecutor(n_worker)
+        # By the thread that waits for it.
+        self._workers: dict[int, futures.ProcessPoolExecutor] = {}
+        self._futures: weakref.WeakSet[futures.Future[Any]] = weakref.WeakSet()
         self._lock = threading.Lock()
         self._stopped = False
         start_server()
 
     def submit(
         self, function: Callable[..., _T], /, *args: object, **kwargs: object
-    ) -> "Future[_T]":
+    ) -> "futures.Future[_T]":
         """Have a worker call a function; all has to be picklable."""
         future = self._threads.submit(self._compute, function, args, kwargs)
         self._futures.add(future)
@@ -103,12 +97,12 @@ class WorkerPool(Executor):
             try:
                 with self._lock:
                     if self._stopped:
-                        raise CancelledError
+                        raise futures.CancelledError
                     if me not in self._workers:
                         self._workers[me] = _started()
                     future = self._workers[me].submit(_call, message)
                 return future.result()
-            except BrokenExecutor:
+            except futures.BrokenExecutor:
                 with self._lock:
                     worker = self._workers.pop(me)
                 (process,) = worker._processes.values()
@@ -175,7 +169,7 @@ def workers(n: int) -> Iterator[WorkerPool]:
 
 def executor_for(
     n_worker: int | None = None, scheduler: str | None = None
-) -> AbstractContextManager[Executor | None]:
+) -> AbstractContextManager[futures.Executor | None]:
     """Give what computes tasks, as two options of a command name it.
 
     Parameters
@@ -218,7 +212,7 @@ def executor_for(
 def map_ordered(
     function: Callable[[_Task], _T],
     tasks: Iterable[_Task],
-    executor: Executor | None,
+    executor: futures.Executor | None,
     *,
     name: Callable[[_Task], str] | None = None,
     done: Callable[[_Task, _T], None] | None = None,
@@ -257,9 +251,9 @@ def map_ordered(
             yield result
         return
     numbered = enumerate(tasks)
-    under_way: dict[Future[_T], tuple[int, _Task]] = {}
+    under_way: dict[futures.Future[_T], tuple[int, _Task]] = {}
     early: dict[int, _T] = {}
-    ended: queue.SimpleQueue[Future[_T]] = queue.SimpleQueue()
+    ended: queue.SimpleQueue[futures.Future[_T]] = queue.SimpleQueue()
     turn = 0
     try:
         while True:
@@ -275,7 +269,7 @@ def map_ordered(
             number, task = under_way.pop(future)
             try:
                 early[number] = result = future.result()
-            except (WorkerLostError, BrokenExecutor, CancelledError) as error:
+            except (WorkerLostError, futures.BrokenExecutor, futures.CancelledError) as error:
                 called = f"task {number + 1}" if name is None else name(task)
                 why = str(error) or "its worker ended before it was done"
                 raise ComputationError(f"{called}: {why}") from None
@@ -290,7 +284,10 @@ def map_ordered(
 
 
 def submit_or_defer(
-    executor: Executor | None, function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs
+    executor: futures.Executor | None,
+    function: Callable[_P, _T],
+    *args: _P.args,
+    **kwargs: _P.kwargs,
 ) -> Callable[[], _T]:
     """Have a worker begin a call, and return what waits for its result.
 
@@ -319,8 +316,8 @@ def submit_or_defer(
     return executor.submit(function, *args, **kwargs).result
 
 
-def _started() -> ProcessPoolExecutor:
-    worker = ProcessPoolExecutor(1, multiprocessing.get_context(_METHOD), _begin)
+def _started() -> futures.ProcessPoolExecutor:
+    worker = futures.ProcessPoolExecutor(1, multiprocessing.get_context(_METHOD), _begin)
     with _one_thread_each():
         worker.submit(int)  # which starts the process
     return worker

@@ -73,13 +73,8 @@ class Plan:
     @property
     def left_out(self) -> tuple[Effect, ...]:
         """Effects that are not simulated although they exceed the wanted accuracy."""
-        return tuple(
-            effect
-            for effect in self.effects
-            if effect.name in BY_FINITE_ELEMENTS
-            and not effect.simulated
-            and effect.estimate > self.relative
-        )
+        missing = [e for e in self.effects if e.name in BY_FINITE_ELEMENTS and not e.simulated]
+        return tuple(effect for effect in missing if effect.estimate > self.relative)
 
     @property
     def needs_finite_elements(self) -> bool:

@@ -10,17 +10,9 @@ from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.scene.effects import Plan, full_profile
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene
+from ridgebayes.simulate import solvers
 from ridgebayes.simulate.presets import LoadPreset
-from ridgebayes.simulate.solvers import (
-    SOLVERS,
-    CylinderVisitor,
-    TextureTask,
-    friction_refused,
-    many_loads,
-    optional_effects,
-    transition_curves,
-    versions,
-)
+from ridgebayes.simulate.solvers import CylinderVisitor, TextureTask, optional_effects, versions
 from ridgebayes.table.curves import Curve, curves_to_frame
 from ridgebayes.table.table import ContactTable
 
@@ -108,8 +100,8 @@ def generate(
     >>> frame["Q"].tolist(), [round(p, 10) for p in frame["p_over_E"].tolist()]
     ([4, 6], [0.0009778101, 0.0037869602])
     """
-    if solver not in SOLVERS:
-        raise InputError(f"solver = {solver!r}: must be one of {', '.join(SOLVERS)}")
+    if solver not in solvers.SOLVERS:
+        raise InputError(f"solver = {solver!r}: must be one of {', '.join(solvers.SOLVERS)}")
     wanted = LoadPreset.named(accuracy)
     if pressed is not None and (executor is not None or journal is not None):
         raise InputError("pressed: cannot be combined with executor or journal")
@@ -137,7 +129,7 @@ def _tasks(scene: Scene, solver: str, rel_tol: float, meshes: tuple[int, ...]) -
     plain = not any(optional_effects(texture) for texture in scene.textures) and not scene.friction
     planned = not (plain and (scene.relative is None or solver != "auto"))
     by_half_plane = plain and not planned and solver in ("auto", "half-plane")
-    loads = many_loads(scene, rel_tol) if by_half_plane else None
+    loads = solvers.many_loads(scene, rel_tol) if by_half_plane else None
     tasks = []
     for number, texture in enumerate(scene.textures, start=1):
         alone = scene.model_copy(update={"textures": (texture,)})
@@ -182,9 +174,9 @@ def _solved(task: TextureTask, *, pressed: "CylinderVisitor | None" = None) -> l
         (one,) = plan(task.scene)
     else:
         one = Plan(task.texture, (), full_profile(task.texture))
-    if refused := friction_refused(task.scene, one, task.solver):
+    if refused := solvers.friction_refused(task.scene, one, task.solver):
         raise InputError(f"scene: {refused}")
     try:
-        return list(transition_curves(task, one, pressed))
+        return list(solvers.transition_curves(task, one, pressed))
     except InputError as error:
         return f"{task.where}: {error}"

@@ -17,28 +17,11 @@ from ridgebayes.scene.scene import Scene
 from ridgebayes.table.columns import LARGEST_LOAD
 from ridgebayes.table.rules import texture_label
 
-RESPONSE_COLUMNS = [
-    "texture",
-    "p_over_E",
-    "Q",
-    "contact_fraction",
-    "half_width_over_R",
-    "approach_over_R",
-    "penetration_over_R",
-    "status",
-]
-FORCE_COLUMNS = [
-    "texture",
-    "p_over_E",
-    "land",
-    "ridge",
-    "left_over_R",
-    "right_over_R",
-    "share",
-    "mean_pressure_over_E",
-    "penetration_over_R",
-    "status",
-]
+_FIRST, _LAST = ["texture", "p_over_E"], ["penetration_over_R", "status"]
+RESPONSE_COLUMNS = [*_FIRST, "Q", "contact_fraction", "half_width_over_R", "approach_over_R"]
+RESPONSE_COLUMNS += _LAST
+FORCE_COLUMNS = [*_FIRST, "land", "ridge", "left_over_R", "right_over_R", "share"]
+FORCE_COLUMNS += ["mean_pressure_over_E", *_LAST]
 # In pitches, where the body's centre may lie from a groove's: the other half is the mirror image.
 _OFFSETS = [(2 * i + 1) / 128 for i in range(32)]
 

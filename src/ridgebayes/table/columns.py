@@ -160,7 +160,7 @@ class Findings:
     ) -> None:
         """Note rows by a mask or by their numbers; ``{other}`` in the rule is a row beside each."""
         seen = self.bad.setdefault(column, np.zeros(self.n_row, dtype=bool))
-        rows = np.flatnonzero(broken) if broken.dtype == bool else broken
+        rows = np.flatnonzero(broken) if broken.dtype == bool else broken.astype(np.int64)
         fresh = ~seen[rows]
         if fresh.any():
             seen[rows] = True

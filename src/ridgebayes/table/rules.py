@@ -7,22 +7,8 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
-from ridgebayes.table.columns import (
-    CALIBRATION,
-    COLUMNS,
-    COUNT,
-    CURVE,
-    HELD_OUT,
-    LARGEST_Q,
-    NAMES,
-    OK,
-    REQUIRED,
-    RULES,
-    TRANSITION,
-    Column,
-    Findings,
-    RawTable,
-)
+from ridgebayes.table import columns as contract
+from ridgebayes.table.columns import Column, Findings, RawTable
 
 _CONTROL = r"[\x00-\x1f\x7f]"
 
@@ -51,11 +37,11 @@ def checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
     found = Findings(len(cells))
     typed: dict[str, Any] = {}
     empty: dict[str, BoolArray] = {}
-    for column in COLUMNS:
+    for column in contract.COLUMNS:
         read = _read_number if column.holds == "number" else _read_text
         typed[column.name], empty[column.name] = read(cells, column, found)
     for name in cells.columns:
-        if name not in NAMES:
+        if name not in contract.NAMES:
             typed[name] = _own_column(cells[name], name, found)
     _check_cells(typed, empty, found)
     textures = row_codes(typed["a_over_R"], typed["b_over_R"])
@@ -117,21 +103,21 @@ def _check_cells(typed: dict[str, Any], empty: dict[str, BoolArray], found: Find
         "p_over_E_lower": lower < 0,
         "rel_se": ~(typed["rel_se"] >= 0),
         "nu": ~((nu >= 0) & (nu <= 0.5)),
-        "kind": ~kind.isin([TRANSITION, COUNT]).to_numpy(),
-        "role": ~role.isin([CALIBRATION, HELD_OUT]).to_numpy(),
+        "kind": ~kind.isin([contract.TRANSITION, contract.COUNT]).to_numpy(),
+        "role": ~role.isin([contract.CALIBRATION, contract.HELD_OUT]).to_numpy(),
     }
     for name, broken in outside.items():
-        found.add(broken, name, RULES[name])
+        found.add(broken, name, contract.RULES[name])
 
-    ok = (status == OK).to_numpy()
-    # " OK" is not `ok`: it would quietly leave the row out of every fit.
-    nearly = status.str.strip().str.lower().eq(OK).to_numpy() & ~ok
+    ok = (status == contract.OK).to_numpy()
+    # " contract.OK" is not `ok`: it would quietly leave the row out of every fit.
+    nearly = status.str.strip().str.lower().eq(contract.OK).to_numpy() & ~ok
     found.add(nearly, "status", "expected exactly 'ok', or a description of the failure")
 
-    Q, count = typed["Q"], (kind == COUNT).to_numpy()
+    Q, count = typed["Q"], (kind == contract.COUNT).to_numpy()
     centred = (typed["offset_over_R"] == 0) & found.sound("offset_over_R")
-    whole = found.sound("Q") & (np.abs(Q) <= LARGEST_Q) & (np.round(Q) == Q)
-    found.add(~whole, "Q", RULES["Q"])
+    whole = found.sound("Q") & (np.abs(Q) <= contract.LARGEST_Q) & (np.round(Q) == Q)
+    found.add(~whole, "Q", contract.RULES["Q"])
     odd = np.zeros(found.n_row, dtype=bool)
     odd[whole] = Q[whole] % 2 == 1
     found.add(odd & centred, "Q", "must be even where offset_over_R is 0")
@@ -165,12 +151,14 @@ def check_labels(typed: dict[str, Any], texture: IntArray, found: Findings) -> N
 
 def check_curves(typed: dict[str, Any], texture: IntArray, found: Findings) -> None:
     """Find what stands twice in a curve, and loads that do not rise with Q; as `check_labels`."""
-    use = (typed["kind"] == TRANSITION).to_numpy() & (typed["status"] == OK).to_numpy()
-    rows = np.flatnonzero(use & found.sound(*REQUIRED, *CURVE, "kind", "status"))
+    use = (typed["kind"] == contract.TRANSITION) & (typed["status"] == contract.OK)
+    rows = np.flatnonzero(
+        use.to_numpy() & found.sound(*contract.REQUIRED, *contract.CURVE, "kind", "status")
+    )
     if not len(rows):
         return
     Q, p = typed["Q"][rows], typed["p_over_E"][rows]
-    others = [name for name in CURVE if name not in ("a_over_R", "b_over_R")]
+    others = [name for name in contract.CURVE if name not in ("a_over_R", "b_over_R")]
     curve = row_codes(texture[rows], *(pd.Series(typed[name]).iloc[rows] for name in others))
     order = np.lexsort((rows, Q, curve))
     now, before = order[1:], order[:-1]

@@ -123,11 +123,9 @@ class Cylinder:
             faces = ridge_faces(profile, numbers, self._height, sizes.resolution)
         solid = Solid(mesh, material)
         held = np.zeros((solid.n_node, 2), dtype=bool)
-        if self.mirrored:
-            held[mesh.axis, 0] = True
-        else:
-            # The mid-plane may widen, but its middle stays where it is.
-            held[np.intersect1d(mesh.axis, mesh.mid_plane), 0] = True
+        # Of a whole body the mid-plane may widen, but its middle stays where it is.
+        middle = np.intersect1d(mesh.axis, mesh.mid_plane)
+        held[mesh.axis if self.mirrored else middle, 0] = True
         held[mesh.mid_plane, 1] = True
         self.problem = ContactProblem(solid, Faces(faces), held, friction=friction)
         # A half model carries half the load; p is line load over 2 R.
