@@ -10,7 +10,7 @@ import pandas as pd
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bayes_factors import SUMMED
-from ridgebayes.report.blocks import Block, Picture, Section, Table, Text
+from ridgebayes.report.blocks import Block, Picture, Table, Text
 from ridgebayes.report.wording import (
     ABSENT,
     decimals,
@@ -24,7 +24,7 @@ from ridgebayes.report.wording import (
 )
 
 
-def evidence_section(data: ReportData) -> Section:
+def evidence_section(data: ReportData) -> list[Block]:
     """Return log evidences, Bayes factors and how well the methods agree."""
     blocks: list[Block] = [ranking_table(data)]
     if len(data.comparison.probabilities) > 1:
@@ -37,7 +37,7 @@ def evidence_section(data: ReportData) -> Section:
             ),
             pairs_table(data),
         ]
-    return Section("Evidence", "evidence", [*blocks, agreement_table(data)])
+    return [*blocks, agreement_table(data)]
 
 
 def ranking_table(data: ReportData) -> Table:
@@ -136,12 +136,11 @@ def _hypot(*errors: float) -> float:
     return math.hypot(*(e for e in errors if e == e))
 
 
-def error_models_section(data: ReportData) -> Section:
+def error_models_section(data: ReportData) -> list[Block]:
     """Return evidences by form and error model; nothing where one error model alone was weighed."""
-    title, anchor = "Error models", "error-models"
     comparison, means = data.comparison, data.error_models
     if len(means) < 2:
-        return Section(title, anchor, ())
+        return []
     forms = [*data.ranked, *comparison.failures]
     usable = {
         (row["form"], row["noise"]): row
@@ -186,14 +185,14 @@ def error_models_section(data: ReportData) -> Section:
             "note",
         )
     )
-    return Section(title, anchor, blocks)
+    return blocks
 
 
-def prior_section(data: ReportData) -> Section:
+def prior_section(data: ReportData) -> list[Block]:
     """Return the Bayes factors against every prior scale."""
     factors, against = data.sensitivity, form_name(data.shown)
     if not len(factors):
-        return Section("Prior sensitivity", "priors", ())
+        return []
     rows = []
     for (form, prior), part in factors.groupby(["form", "prior"], sort=False):
         ordered = part.sort_values("factor").dropna()
@@ -215,4 +214,4 @@ def prior_section(data: ReportData) -> Section:
     scales = [f"ln BF at {low:g} × scale", "at default", f"at {high:g} × scale"]
     found = Table([f"Form, against {against}", "Prior of", *scales], rows, text=(0, 1))
     blocks: list[Block] = [Text(words), Picture("prior-sensitivity", caption), found]
-    return Section("Prior sensitivity", "priors", blocks)
+    return blocks

@@ -10,7 +10,7 @@ import numpy as np
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.drawing.style import rows_by_texture
-from ridgebayes.report.blocks import Block, Section, Table, Text
+from ridgebayes.report.blocks import Block, Table, Text
 from ridgebayes.report.wording import count, number
 
 MOST_TEXTURES = 40
@@ -39,7 +39,7 @@ _GLOSSARY = (
 )
 
 
-def data_section(data: ReportData) -> Section:
+def data_section(data: ReportData) -> list[Block]:
     """Return what was fitted, held out and left out."""
     table = data.comparison.table
     blocks: list[Block] = [Text(_counted(data))]
@@ -68,7 +68,7 @@ def data_section(data: ReportData) -> Section:
     n = len(table.textures)
     if n > len(rows):
         blocks.append(Text(f"{len(rows)} of {n:,} textures shown; all are in table.csv.", "note"))
-    return Section("Data", "data", blocks)
+    return blocks
 
 
 def _counted(data: ReportData) -> str:
@@ -86,11 +86,11 @@ def _counted(data: ReportData) -> str:
     )
 
 
-def cost_section(data: ReportData) -> Section:
+def cost_section(data: ReportData) -> list[Block]:
     """Return the target errors, and the cost of a few ways to the answer on the run's machine."""
     costs, wanted = data.comparison.cost, data.preset
     if not len(costs):
-        return Section("Accuracy and run time", "cost", ())
+        return []
     words = (
         f"Accuracy {wanted.name}: the target error is {wanted.moment_error:g} posterior sds for "
         "means, sds and quantiles of the posterior, and "
@@ -123,15 +123,15 @@ def cost_section(data: ReportData) -> Section:
         "Monte Carlo standard errors.",
         text=(0, 1, 3),
     )
-    return Section("Accuracy and run time", "cost", [Text(words), found])
+    return [Text(words), found]
 
 
-def glossary_section() -> Section:
+def glossary_section(_: ReportData) -> list[Block]:
     """Return units, signs and words."""
-    return Section("Glossary", "reading", [Table(["Word", "Meaning"], _GLOSSARY, text=(0, 1))])
+    return [Table(["Word", "Meaning"], _GLOSSARY, text=(0, 1))]
 
 
-def versions_section() -> Section:
+def versions_section(_: ReportData) -> list[Block]:
     """Return the versions of what made the report."""
     found = [f"Python {platform.python_version()}"]
     for name in _PACKAGES:
@@ -139,4 +139,4 @@ def versions_section() -> Section:
             found.append(f"{name} {version(name)}")
         except PackageNotFoundError:
             found.append(f"{name} unknown")
-    return Section("Made with", "versions", [Text(", ".join(found) + ".", "note")])
+    return [Text(", ".join(found) + ".", "note")]

@@ -5,7 +5,7 @@ import numpy as np
 
 from ridgebayes.checks.power_scaling import THRESHOLD
 from ridgebayes.checks.report_data import ReportData
-from ridgebayes.report.blocks import Block, Picture, Section, Table, Text
+from ridgebayes.report.blocks import Block, Picture, Table, Text
 from ridgebayes.report.figures.gallery import MOST_PARAMETERS
 from ridgebayes.report.wording import (
     ABSENT,
@@ -20,7 +20,7 @@ from ridgebayes.report.wording import (
 MOST_ROWS = 40  # of one table; the run folder's CSV files hold them all
 
 
-def coefficients_section(data: ReportData) -> Section:
+def coefficients_section(data: ReportData) -> list[Block]:
     """Return every coefficient beside the printed one and beside least squares on Q."""
     fits = data.comparison.fits
     dropped = sum(max(len(fit.summary) - MOST_ROWS, 0) for fit in fits.values())
@@ -46,7 +46,7 @@ def coefficients_section(data: ReportData) -> Section:
     ]
     if dropped:
         blocks.append(Text(f"{dropped:,} more parameters are in summary.csv.", "note"))
-    return Section("Coefficients", "coefficients", blocks)
+    return blocks
 
 
 def _coefficients(data: ReportData, name: str) -> list[list[str]]:
@@ -71,7 +71,7 @@ def _coefficients(data: ReportData, name: str) -> list[list[str]]:
     return rows
 
 
-def convergence_section(data: ReportData) -> Section:
+def convergence_section(data: ReportData) -> list[Block]:
     """Return the diagnostics of every fit, worst parameter of each."""
     fits, rows = data.comparison.fits, []
     for name in data.ranked:
@@ -110,12 +110,12 @@ def convergence_section(data: ReportData) -> Section:
             for what in fit.convergence_failures
         ),
     ]
-    return Section("Convergence", "convergence", blocks)
+    return blocks
 
 
-def corner_section(data: ReportData) -> Section:
+def corner_section(data: ReportData) -> list[Block]:
     """Return the corner plot of every fit."""
-    pictures = []
+    pictures: list[Block] = []
     for name in data.ranked:
         model = data.comparison.fits[name].model
         n = model.n_parameter
@@ -126,17 +126,16 @@ def corner_section(data: ReportData) -> Section:
             f"and 86 %.{some}"
         )
         pictures.append(Picture(f"corner-{name}", caption, narrow=n < 6))
-    return Section("Posteriors", "posteriors", pictures)
+    return pictures
 
 
-def trace_section(data: ReportData) -> Section:
+def trace_section(data: ReportData) -> list[Block]:
     """Return the traces of every fit."""
     words = "one line an ensemble. Grey: 95 % range of means of as many independent draws."
-    pictures = [Picture(f"traces-{name}", f"{form_name(name)}: {words}") for name in data.ranked]
-    return Section("Traces", "traces", pictures)
+    return [Picture(f"traces-{name}", f"{form_name(name)}: {words}") for name in data.ranked]
 
 
-def checks_section(data: ReportData) -> Section:
+def checks_section(data: ReportData) -> list[Block]:
     """Return the predictive checks of the best form."""
     blocks: list[Block] = []
     if data.checks is not None:
@@ -158,10 +157,10 @@ def checks_section(data: ReportData) -> Section:
         "Prior predictive check: loads from the priors alone, with the rows. The priors should "
         "reach well beyond the rows, but not by many powers of ten."
     )
-    return Section("Predictive checks", "checks", [*blocks, Picture("prior-bands", caption)])
+    return [*blocks, Picture("prior-bands", caption)]
 
 
-def power_scaling_section(data: ReportData) -> Section:
+def power_scaling_section(data: ReportData) -> list[Block]:
     """Return how sensitive each parameter of the best form is to its prior and to the rows."""
     rows = [
         [
@@ -182,4 +181,4 @@ def power_scaling_section(data: ReportData) -> Section:
         Text(words),
         Table(["Parameter", "Prior", "Likelihood", "Diagnosis"], rows, text=(0, 3)),
     ]
-    return Section("Sensitivity to prior and likelihood", "power-scaling", blocks)
+    return blocks

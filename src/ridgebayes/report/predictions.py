@@ -8,7 +8,7 @@ import pandas as pd
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bands import AVERAGE
-from ridgebayes.report.blocks import Block, Picture, Section, Table, Text
+from ridgebayes.report.blocks import Block, Picture, Table, Text
 from ridgebayes.report.wording import (
     ABSENT,
     count,
@@ -27,7 +27,7 @@ _NEW = {
 }
 
 
-def bands_section(data: ReportData) -> Section:
+def bands_section(data: ReportData) -> list[Block]:
     """Return Q against load with bands, texture by texture."""
     caption = (
         f"{form_name(data.shown)}. Dark: the form's own curve. Light: a further simulation. "
@@ -35,14 +35,14 @@ def bands_section(data: ReportData) -> Section:
         "axis is a square-root scale, on which steps are equally wide. A band of one count is "
         "drawn a quarter of an edge to either side."
     )
-    return Section("Q against load", "bands", [Picture("bands", caption)])
+    return [Picture("bands", caption)]
 
 
-def held_out_section(data: ReportData) -> Section:
+def held_out_section(data: ReportData) -> list[Block]:
     """Return the held-out rows beside their bands, inside or outside."""
     loads = data.held_out
     if not len(loads):
-        return Section("Held-out rows", "held-out", ())
+        return []
     band = f"{percent(loads['prob'].iloc[0])} band"
     n_row = len(data.comparison.table.held_out)
     caption = "Load error of each held-out prediction, with its band. Zero is a perfect prediction."
@@ -82,19 +82,18 @@ def held_out_section(data: ReportData) -> Section:
             badge=6,
         ),
     ]
-    return Section("Held-out rows", "held-out", blocks)
+    return blocks
 
 
 def _range(errors: "pd.Series[float]") -> str:
     return f"{decimals(errors.min(), 1)} to {decimals(errors.max(), 1)}" if len(errors) else ABSENT
 
 
-def coverage_section(data: ReportData) -> Section:
+def coverage_section(data: ReportData) -> list[Block]:
     """Return how often bands hold textures left out, where that was counted."""
-    title, anchor = "Coverage of the bands", "coverage"
     counted = data.comparison.coverage
     if not len(counted):
-        return Section(title, anchor, ())
+        return []
     rows = [
         [
             row["noise"],
@@ -125,13 +124,13 @@ def coverage_section(data: ReportData) -> Section:
     failed = counted[counted["failed"] != ""]
     if len(failed):
         blocks.append(Text(f"Not fitted: {failed['failed'].iloc[0]}", "warning"))
-    return Section(title, anchor, blocks)
+    return blocks
 
 
-def errors_section(data: ReportData) -> Section:
+def errors_section(data: ReportData) -> list[Block]:
     """Return the percent errors of each form (the study's Figs 5 and 6)."""
     if not data.textures:
-        return Section("Percent error of each form", "errors", ())
+        return []
     errors = data.percent_errors
     errors = errors[errors["coefficients"] == "calibrated"]
     cells = {
@@ -154,10 +153,10 @@ def errors_section(data: ReportData) -> Section:
             "Smallest to largest load error in per cent, calibrated coefficients.",
         ),
     ]
-    return Section("Percent error of each form", "errors", blocks)
+    return blocks
 
 
-def slopes_section(data: ReportData) -> Section:
+def slopes_section(data: ReportData) -> list[Block]:
     """Return K against pitch, where the power law was fitted to several textures."""
     caption = (
         "Left: K, the slope of Q′ over s = √(p/E), of each texture. Right: K times half the pitch, "
@@ -165,10 +164,10 @@ def slopes_section(data: ReportData) -> Section:
         "get narrower. Bars and band: 90 % intervals. Hybrid is drawn slightly to the right of the "
         "power law."
     )
-    return Section("K against pitch", "slopes", [Picture("slopes", caption)])
+    return [Picture("slopes", caption)]
 
 
-def score_section(data: ReportData) -> Section:
+def score_section(data: ReportData) -> list[Block]:
     """Return scores of whatever was left out, stacking weights, and where they disagree."""
     loo, left_out = data.comparison.loo, data.comparison.left_out
     blocks: list[Block] = []
@@ -194,7 +193,7 @@ def score_section(data: ReportData) -> Section:
             f"mixture of forms that predicts it best. {_agreement(data, leaders)}"
         )
         blocks.insert(0, Text(words))
-    return Section("Cross-validation", "loo", blocks)
+    return blocks
 
 
 def _leaders(scores: pd.DataFrame, column: str) -> tuple[str, str]:

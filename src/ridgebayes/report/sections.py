@@ -1,38 +1,13 @@
 # ruff: noqa: RUF001  (typographic minus is meant: readers see it)
 """The sections of a report in reading order: answer first, how it was reached after."""
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable
 
 from ridgebayes.checks.report_data import ReportData
+from ridgebayes.report import evidence, inputs, posteriors, predictions, study
 from ridgebayes.report.blocks import Block, Picture, Section, Table, Text
-from ridgebayes.report.evidence import (
-    error_models_section,
-    evidence_section,
-    pairs_table,
-    prior_section,
-    ranking_table,
-)
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
-from ridgebayes.report.inputs import cost_section, data_section, glossary_section, versions_section
-from ridgebayes.report.posteriors import (
-    checks_section,
-    coefficients_section,
-    convergence_section,
-    corner_section,
-    power_scaling_section,
-    trace_section,
-)
-from ridgebayes.report.predictions import (
-    bands_section,
-    coverage_section,
-    errors_section,
-    held_out_section,
-    score_section,
-    slopes_section,
-)
-from ridgebayes.report.study import study_sections
 from ridgebayes.report.wording import decimals, with_error
 
 
@@ -53,47 +28,19 @@ def contents(gallery: Gallery, reference: Gallery | None) -> list[Section]:
     """
     drawn = {False: gallery, True: {} if reference is None else reference}
     found = []
-    for section in _sections(gallery.data, None if reference is None else reference.data):
+    for title, anchor, blocks_of in _SECTIONS:
+        subject = reference if blocks_of is reference_section else gallery
         blocks = [
             block
-            for block in section.blocks
+            for block in ([] if subject is None else blocks_of(subject.data))
             if not isinstance(block, Picture) or block.name in drawn[block.of_reference]
         ]
         if blocks:
-            found.append(replace(section, blocks=blocks))
+            found.append(Section(title, anchor, blocks))
     return found
 
 
-def _sections(data: ReportData, reference: ReportData | None) -> Iterator[Section]:
-    smooth, claims = study_sections(data.study) if data.study is not None else (None, None)
-    yield evidence_section(data)
-    yield error_models_section(data)
-    yield data_section(data)
-    yield coefficients_section(data)
-    yield bands_section(data)
-    yield held_out_section(data)
-    yield coverage_section(data)
-    yield errors_section(data)
-    yield slopes_section(data)
-    if smooth is not None:
-        yield smooth
-    if reference is not None:
-        yield reference_section(reference)
-    if claims is not None:
-        yield claims
-    yield prior_section(data)
-    yield power_scaling_section(data)
-    yield score_section(data)
-    yield checks_section(data)
-    yield convergence_section(data)
-    yield cost_section(data)
-    yield corner_section(data)
-    yield trace_section(data)
-    yield glossary_section()
-    yield versions_section()
-
-
-def reference_section(reference: ReportData) -> Section:
+def reference_section(reference: ReportData) -> list[Block]:
     """Return the comparison on finite-element rows, of the first-principles form as well."""
     answer = first_screen(reference)
     blocks: list[Block] = [
@@ -109,15 +56,15 @@ def reference_section(reference: ReportData) -> Section:
     if "half-plane" in reference.ranked:
         blocks.append(Text(_scale(reference)))
     blocks += [
-        ranking_table(reference),
+        evidence.ranking_table(reference),
         Picture("evidence", "ln Bayes factors on the finite-element rows.", of_reference=True),
     ]
     if len(reference.comparison.probabilities) > 1:
-        blocks.append(pairs_table(reference))
-    blocks += [one for one in coefficients_section(reference).blocks if isinstance(one, Table)]
+        blocks.append(evidence.pairs_table(reference))
+    blocks += [one for one in posteriors.coefficients_section(reference) if isinstance(one, Table)]
     caption = "100 (p form / p data − 1) on the finite-element rows, held-out repeats included."
     blocks.append(Picture("percent-error", caption, of_reference=True))
-    return Section("Finite-element reference", "reference", blocks)
+    return blocks
 
 
 def _scale(reference: ReportData) -> str:
@@ -129,3 +76,29 @@ def _scale(reference: ReportData) -> str:
         f"{decimals(abs(mean - 1) / sd, 1)} posterior standard deviations, but only "
         f"{decimals(load, 2)} % in load."
     )
+
+
+_SECTIONS: tuple[tuple[str, str, Callable[[ReportData], list[Block]]], ...] = (
+    ("Evidence", "evidence", evidence.evidence_section),
+    ("Error models", "error-models", evidence.error_models_section),
+    ("Data", "data", inputs.data_section),
+    ("Coefficients", "coefficients", posteriors.coefficients_section),
+    ("Q against load", "bands", predictions.bands_section),
+    ("Held-out rows", "held-out", predictions.held_out_section),
+    ("Coverage of the bands", "coverage", predictions.coverage_section),
+    ("Percent error of each form", "errors", predictions.errors_section),
+    ("K against pitch", "slopes", predictions.slopes_section),
+    ("Smooth cylinder against Hertz", "smooth", study.smooth_section),
+    ("Finite-element reference", "reference", reference_section),
+    ("The study's claims", "claims", study.claims_section),
+    ("Prior sensitivity", "priors", evidence.prior_section),
+    ("Sensitivity to prior and likelihood", "power-scaling", posteriors.power_scaling_section),
+    ("Cross-validation", "loo", predictions.score_section),
+    ("Predictive checks", "checks", posteriors.checks_section),
+    ("Convergence", "convergence", posteriors.convergence_section),
+    ("Accuracy and run time", "cost", inputs.cost_section),
+    ("Posteriors", "posteriors", posteriors.corner_section),
+    ("Traces", "traces", posteriors.trace_section),
+    ("Glossary", "reading", inputs.glossary_section),
+    ("Made with", "versions", inputs.versions_section),
+)

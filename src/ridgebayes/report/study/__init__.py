@@ -6,18 +6,18 @@ They lay out the record `ridgebayes.checks.study.Study`.
 Examples
 --------
 >>> import ridgebayes as rb
->>> from ridgebayes.checks.study import study_of
->>> study = study_of(rb.compare(rb.paper_sweep(), [rb.Modified()], rng=1))
->>> [section.title for section in study_sections(study)]
-['Smooth cylinder against Hertz', "The study's claims"]
+>>> from ridgebayes.checks.report_data import report_data
+>>> data = report_data(rb.compare(rb.paper_sweep(), [rb.Modified()], rng=1))
+>>> [type(block).__name__ for block in (*smooth_section(data), *claims_section(data))]
+['Picture', 'Table', 'Text', 'Table']
 """
 
 from collections import Counter
 
-from ridgebayes.checks.study import Study
+from ridgebayes.checks.report_data import ReportData
 from ridgebayes.checks.study.claims import VERDICTS
 from ridgebayes.checks.study.smooth import FIG_3_TEXTURE
-from ridgebayes.report.blocks import Block, Picture, Section, Table, Text
+from ridgebayes.report.blocks import Block, Picture, Table, Text
 from ridgebayes.report.wording import decimals
 
 _SOLVERS = {
@@ -27,12 +27,10 @@ _SOLVERS = {
 }
 
 
-def study_sections(study: Study) -> tuple[Section, Section]:
-    """Return the smooth cylinder against Hertz (the study's Fig. 3), and the claims one by one."""
-    return _smooth(study), _claims(study)
-
-
-def _smooth(study: Study) -> Section:
+def smooth_section(data: ReportData) -> list[Block]:
+    """Return the smooth cylinder against Hertz (the study's Fig. 3)."""
+    if data.study is None:
+        return []
     rows = [
         [
             _SOLVERS.get(curve.name, curve.name),
@@ -41,7 +39,7 @@ def _smooth(study: Study) -> Section:
             decimals(100 * curve.worst_count_error, 2),
             decimals(100 * curve.worst_load_error, 2),
         ]
-        for curve in study.curves
+        for curve in data.study.curves
     ]
     a, b = FIG_3_TEXTURE
     caption = (
@@ -51,19 +49,23 @@ def _smooth(study: Study) -> Section:
     )
     header = ("Computed by", "Loads", "R² of Hertz on Q′", "Worst error in Q′, %", "in load, %")
     blocks: list[Block] = [Picture("smooth-cylinder", caption), Table(header, rows)]
-    return Section("Smooth cylinder against Hertz", "smooth", blocks)
+    return blocks
 
 
-def _claims(study: Study) -> Section:
-    counted = Counter(claim.verdict for claim in study.claims)
+def claims_section(data: ReportData) -> list[Block]:
+    """Return the claims one by one."""
+    if data.study is None:
+        return []
+    claims = data.study.claims
+    counted = Counter(claim.verdict for claim in claims)
     tally = ", ".join(f"{counted[verdict]} {verdict}" for verdict in VERDICTS)
     words = (
-        f"{len(study.claims)} claims of doi:10.1016/j.ijssolstr.2019.06.026: {tally}. They are "
+        f"{len(claims)} claims of doi:10.1016/j.ijssolstr.2019.06.026: {tally}. They are "
         "checked against loads of the half-plane equation, which has no fitted coefficient and no "
         "load increment, not against the study's own finite elements. A negative error means that "
         "the form predicts too low a load. A = a/R, B = b/R."
     )
-    rows = [[claim.text, claim.where, claim.ours, claim.verdict] for claim in study.claims]
+    rows = [[claim.text, claim.where, claim.ours, claim.verdict] for claim in claims]
     header = ("Claim", "Where", "Our numbers", "Verdict")
     found = Table(header, rows, text=(0, 1, 2, 3), badge=3, wide=True)
-    return Section("The study's claims", "claims", [Text(words), found])
+    return [Text(words), found]
