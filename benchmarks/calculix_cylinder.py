@@ -45,8 +45,7 @@ from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
 from ridgebayes.contact.cylinder.mesh import disk_mesh
 from ridgebayes.contact.halfplane import forget_loads, transition_loads
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.fea.deck_text import deck_text
-from ridgebayes.fea.pressed_disk import DEPTH, PressedDisk
+from ridgebayes.fea.deck_text import DEPTH, PressedDisk, deck_text
 from ridgebayes.table.datafiles import CALCULIX_FE, data_path
 
 OVERLAP = 1.6  # see above; 1.5 to 1.9 at the first two transitions of (0.022, 0.02)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.fea.deck_text import deck_text
-from ridgebayes.fea.pressed_disk import pressed_disk
+from ridgebayes.fea.deck_text import deck_text, pressed_disk
 from ridgebayes.scene.scene import Scene
 
 A, B, NU = 0.06, 0.03, 0.49

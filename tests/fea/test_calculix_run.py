@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.fea.calculix import read_calculix
-from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text
-from ridgebayes.fea.pressed_disk import pressed_disk
+from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
 from ridgebayes.fea.surface import Body
 from ridgebayes.scene.scene import Scene
 from ridgebayes.simulate.generation import generate

@@ -4,8 +4,7 @@ from ridgebayes.commands import options
 from ridgebayes.commands.parsing import refuse_existing
 from ridgebayes.commands.run_folder import write_text
 from ridgebayes.errors import InputError
-from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text
-from ridgebayes.fea.pressed_disk import pressed_disk
+from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
 from ridgebayes.scene.scene import Scene
 
 

@@ -3,8 +3,8 @@ r"""Output of other finite element programs to contact tables, and scenes to the
 One module a format: `calculix` and `calculix_contact`, `abaqus_dat`, `abaqus_rpt` and `xy_report`,
 `mesh_series` (over `mesh_files`), and tables of any columns (`columns`, over `delimited`,
 `spreadsheet` and `parquet`). `read` recognises a file and calls them; `surface` and `transitions`
-make loads of what they read; `pressed_disk` and `deck_text` write decks. It knows tables and
-scenes, and nothing of models. What a file holds becomes a table, with messages about it:
+make loads of what they read; `deck_text` writes decks. It knows tables and scenes, and nothing of
+models. What a file holds becomes a table, with messages about it:
 
 >>> from pathlib import Path
 >>> from tempfile import TemporaryDirectory

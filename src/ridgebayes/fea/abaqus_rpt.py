@@ -88,7 +88,9 @@ def read_abaqus_rpt(
     frames, messages = _frames(path)
     names = ["U.U1", "U.U2"] + ([] if sheet else ["COORD.COOR1", "COORD.COOR2"])
     rims, driven = _Region(surface, sheet), _Region(reaction, sheet)
-    kept: list[tuple[_Frame, _Table, float]] = []
+    kept: list[str] = []
+    used: list[_Table] = []
+    force: list[float] = []
     nodes: list[int] = []
     for one in frames:
         rim, lack = rims.table(one, *names)
@@ -100,33 +102,32 @@ def read_abaqus_rpt(
         if rim is None or forces is None or lack:
             messages.append(f"{one.name}, line {one.line}: frame ignored, {lack or also}")
         else:
-            kept.append((one, rim, _force(forces, driven.nodes_of(forces))))
+            kept.append(one.name)
+            used.append(rim)
+            force.append(_force(forces, driven.nodes_of(forces)))
     if not kept:
         raise InputError(
             f"{path}: no frame with {', '.join(names)} and RF.RF2; expected nodal field output "
             "of both" + "".join(f"; {line}" for line in messages[:3])
         )
-    moved = np.array([rim.of(nodes, "U.U1", "U.U2") for _, rim, _ in kept])
-    digits = 0.5 * 10.0 ** (1 - max(rim.digits for _, rim, _ in kept)) * float(np.abs(moved).max())
+    moved = np.array([rim.of(nodes, "U.U1", "U.U2") for rim in used])
+    digits = 0.5 * 10.0 ** (1 - max(rim.digits for rim in used)) * float(np.abs(moved).max())
     if sheet is not None and deck is not None:
         sheet.check_material(body.E, body.nu, deck)
         undeformed = sheet.coordinates(nodes, str(deck))
         rigid = sheet.coordinates(sheet.rigid_nodes(nodes), str(deck))
     else:
-        at = np.array([rim.of(nodes, "COORD.COOR1", "COORD.COOR2") for _, rim, _ in kept])
+        at = np.array([rim.of(nodes, "COORD.COOR1", "COORD.COOR2") for rim in used])
         undeformed, how = _undeformed(path, at, moved)
         messages.append(how)
         rigid = np.zeros((0, 2))
     history = SurfaceHistory(
-        np.array([force for _, _, force in kept]),
+        np.array(force),
         undeformed,
         undeformed + moved,
         rigid,
         digits=digits,
-        messages=(
-            f"{path}: {len(kept)} frames, {kept[0][0].name} to {kept[-1][0].name}",
-            *messages,
-        ),
+        messages=(f"{path}: {len(kept)} frames, {kept[0]} to {kept[-1]}", *messages),
     )
     given = {"deck": deck and deck.name, "surface": surface, "reaction": reaction}
     details = (f"{key}={name}" for key, name in given.items() if name)
@@ -299,10 +300,8 @@ def _force(table: _Table, nodes: list[int]) -> float:
 def _undeformed(path: Path, at: FloatArray, moved: FloatArray) -> tuple[FloatArray, str]:
     """Return coordinates that are the same in all frames, and whether COORD is before or after."""
     largest = float(np.abs(moved).max())
-    spread = {
-        "undeformed": float(np.ptp(at, axis=0).max()),
-        "deformed": float(np.ptp(at - moved, axis=0).max()),
-    }
+    bases = {"undeformed": at, "deformed": at - moved}
+    spread = {name: float(np.ptp(one, axis=0).max()) for name, one in bases.items()}
     digits = 1e-5 * float(np.abs(at).max())
     how = min(spread, key=lambda name: spread[name])
     if len(at) < 2 or spread[how] > _MOVED * largest + digits or largest < 10 * digits:

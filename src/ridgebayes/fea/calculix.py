@@ -121,7 +121,7 @@ def read_calculix(
 def whole_levels(
     path: Path, run: RunDeck, sta: Path | None, *, contact: bool
 ) -> tuple[list[Level], list[str]]:
-    """Return the levels of a run that converged and were printed whole, and what was left out.
+    """Return the levels of a run that converged and were printed whole, and messages.
 
     Parameters
     ----------
@@ -145,16 +145,17 @@ def whole_levels(
     whole = []
     for one in levels:
         n = sum(node in (one.moved or {}) for node in run.nodes)
-        if one.force is None:
-            lack = "total force missing"
-        elif contact and one.faces is None:
-            lack = "contact stress missing"
-        elif n < len(run.nodes) and not (contact and one.moved is None):
-            lack = f"displacements given for {n} of {len(run.nodes)} nodes"
+        lacks = {
+            "total force missing": one.force is None,
+            "contact stress missing": contact and one.faces is None,
+            f"displacements given for {n} of {len(run.nodes)} nodes": (
+                n < len(run.nodes) and not (contact and one.moved is None)
+            ),
+        }
+        if lack := next((what for what, is_so in lacks.items() if is_so), ""):
+            messages.append(f"line {one.line}: level ignored, {lack}")
         else:
             whole.append(one)
-            continue
-        messages.append(f"line {one.line}: level ignored, {lack}")
     return whole, messages
 
 

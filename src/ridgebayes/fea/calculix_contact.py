@@ -34,7 +34,7 @@ def read_calculix_contact(
     surface, reaction : str
         Node sets: the body's rim, and where the load is read.
     sta : pathlib.Path or None, optional
-        The run's ``.sta``: levels that it does not call converged are left out.
+        The run's ``.sta``: levels that it does not call converged are ignored.
 
     Returns
     -------
@@ -113,8 +113,8 @@ def _corners_of(element: int, run: RunDeck) -> tuple[int, ...]:
             f"{run.path}: no element {element}, which is pressed; expected the run's deck"
         )
     n = {3: 3, 6: 3, 4: 4, 8: 4}.get(len(nodes))
-    places = [run.deck.nodes.get(node) for node in nodes]
-    if n is None or None in places or len(set(places)) < len(nodes):
+    places = {run.deck.nodes.get(node) for node in nodes}
+    if n is None or None in places or len(places) < len(nodes):
         raise InputError(
             f"{run.path}: element {element} of {len(nodes)} nodes; expected plane triangles and "
             "quadrilaterals"

@@ -1,5 +1,6 @@
 """Cells of a table file, whatever its format: headers, values, and where each cell stands."""
 
+import heapq
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -74,21 +75,19 @@ class Cells:
         """
         empty = {name: _empty(frame[name]) for name in frame}
         unnamed = {_UNNAMED.format(i): i for i in range(1, len(empty) + 1)}
-        for name, one in empty.items():
-            if name in unnamed and not one.all():
+        for name, i in unnamed.items():
+            if name in empty and not empty[name].all():
                 raise InputError(
-                    f"{source.where}: column {unnamed[str(name)]} has cells but no header; "
-                    "expected a header for each column"
+                    f"{source.where}: column {i} has cells but no header; expected a header for "
+                    "each column"
                 )
         blank = np.logical_and.reduce(list(empty.values()))
         if blank.all():
             raise InputError(f"{source.where}: no rows below the header")
-        frame, kept = frame[[name for name in empty if name not in unnamed]], np.arange(len(blank))
-        if blank.any():
-            kept = np.flatnonzero(~blank)
+        frame, kept = frame[[name for name in empty if name not in unnamed]], np.flatnonzero(~blank)
+        if n := len(blank) - len(kept):
             frame = frame.iloc[kept].reset_index(drop=True)
-            n = len(blank) - len(kept)
-            messages = (*messages, f"{n} rows with nothing in them: passed over")
+            messages = (*messages, f"{n} empty rows ignored")
         return cls(source, frame, kept, messages)
 
     @property
@@ -98,13 +97,11 @@ class Cells:
 
     def check(self, *rules: tuple[BoolArray, str, str]) -> None:
         """Refuse the cells where a mask of shape (n_row,) is true; each with header and rule."""
-        rows = np.concatenate([np.flatnonzero(bad) for bad, *_ in rules]) if rules else np.zeros(0)
-        if not rows.size:
-            return
-        which = np.repeat(np.arange(len(rules)), [int(bad.sum()) for bad, *_ in rules])
-        order = np.lexsort((which, rows))[:SHOWN]
-        found = [(int(self.row[rows[i]]), *rules[which[i]][1:]) for i in order]
-        raise cells_error(self.source, found, len(rows))
+        found = [(row, i) for i, (bad, *_) in enumerate(rules) for row in np.flatnonzero(bad)]
+        if found:
+            first = heapq.nsmallest(SHOWN, found)
+            shown = [(int(self.row[row]), *rules[i][1:]) for row, i in first]
+            raise cells_error(self.source, shown, len(found))
 
 
 def cells_error(source: Source, bad: Sequence[tuple[int, str, str]], n: int) -> InputError:
@@ -177,9 +174,8 @@ def lossless(cells: "pd.Series[str]") -> "pd.Series[str] | pd.Series[float]":
     ([1.0, nan], ['007'])
     """
     full = cells != ""
-    if not full.any() or not re.fullmatch(_PLAIN, str(cells[full].iloc[0])):
-        return cells
-    if not cells.str.fullmatch(_PLAIN).all():
+    is_like_first = full.any() and re.fullmatch(_PLAIN, str(cells[full].iloc[0]))
+    if not is_like_first or not cells.str.fullmatch(_PLAIN).all():
         return cells
     values = cells.mask(~full, "nan").to_numpy(dtype=object).astype(np.float64)
     if full.all() and cells.str.fullmatch(r"-?\d+").all():
@@ -188,6 +184,5 @@ def lossless(cells: "pd.Series[str]") -> "pd.Series[str] | pd.Series[float]":
 
 
 def _empty(cells: "pd.Series[str]") -> BoolArray:
-    if cells.dtype.kind in "fiubM":
-        return cells.isna().to_numpy(dtype=bool)
-    return (cells.isna() | (cells == "")).to_numpy(dtype=bool)
+    empty = cells.isna() if cells.dtype.kind in "fiubM" else cells.isna() | (cells == "")
+    return empty.to_numpy(dtype=bool)

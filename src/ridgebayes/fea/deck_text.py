@@ -1,17 +1,185 @@
-"""Decks of a pressed disk as text, for CalculiX and for Abaqus."""
+"""Decks of a pressed disk: rigid blocks below it, and how far it is pressed at each level.
 
-from collections.abc import Iterable
+Everything is over the radius R and Young's modulus E: R = 1, E = 1. The text of a deck is
+CalculiX's or Abaqus's.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact import hertz
+from ridgebayes.contact.cylinder.faces import first_height
+from ridgebayes.contact.cylinder.mesh import DiskMesh, disk_mesh
+from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
-from ridgebayes.fea.pressed_disk import PressedDisk
+from ridgebayes.scene.scene import Scene
 
 FORMATS = ("calculix", "abaqus")
 SURFACE, REACTION = "NARC", "NTOP"
 _PENALTY = 1e5  # pressure over overlap, E/R: an overlap shifts the first transition most
 _RIGID = 1000.0  # E of the blocks, whose nodes are all held
 _STEP = "1.,1.,0.002,1."  # one increment a level, cut where it does not converge
+DEPTH = 0.06  # of the blocks that are the ridges, over R
+_ARC = 6  # blocks under a round corner
+_GROWTH = 0.3  # of edges away from corners
+_EACH = 12  # levels while the contact grows by a pitch
+_BEYOND = 1.2  # of the smooth body's displacement at the highest load: grooves give way
+
+
+@dataclass(frozen=True, eq=False)
+class PressedDisk:
+    """A neo-Hookean quarter disk, x >= 0 and y <= 0, whose mid-plane is driven onto rigid blocks.
+
+    Parameters
+    ----------
+    mesh : DiskMesh
+        Its last node of each element, in the middle, is not for eight-node elements.
+    blocks : tuple of ndarray of float, shape (4, 2)
+        Corners of each block, counter-clockwise from the bottom left.
+    nu, friction : float
+        Poisson's and Coulomb's.
+    displacements : ndarray of float, shape (n_level,)
+        Of the mid-plane, downwards, rising.
+    title : tuple of str
+        Lines for a reader.
+    """
+
+    mesh: DiskMesh
+    blocks: tuple[FloatArray, ...]
+    nu: float
+    friction: float
+    displacements: FloatArray
+    title: tuple[str, ...] = ()
+
+    @property
+    def cells(self) -> IntArray:
+        """Nodes of the eight-node elements, corners then middles, shape (n_element, 8)."""
+        return np.asarray(self.mesh.mesh.dofs.element_dofs[:8].T)
+
+    @property
+    def numbers(self) -> IntArray:
+        """Number from 1 of each node in a deck; 0 of those in the middle of elements."""
+        used = np.unique(self.cells)
+        found = np.zeros(len(self.mesh.points), dtype=np.int64)
+        found[used] = np.arange(1, len(used) + 1)
+        return found
+
+    @property
+    def rim(self) -> IntArray:
+        """Nodes of the rim from its lowest point on."""
+        rim = self.mesh.rim
+        return np.concatenate([rim[:, :2].ravel(), rim[-1:, 2]])
+
+    @property
+    def reach(self) -> float:
+        """Distance from the axis of the last block's end."""
+        return float(max(block[:, 0].max() for block in self.blocks))
+
+
+def pressed_disk(scene: Scene, *, edges: float = 12.0) -> PressedDisk:
+    """Make what the deck of a scene holds.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of one texture, below whose groove the body is centred.
+    edges : float, optional
+        Element edges over a ridge's width; at corners they are a third as long.
+
+    Returns
+    -------
+    PressedDisk
+
+    Raises
+    ------
+    InputError
+        If the scene has several textures or an offset one, or if ridges lie outside the disk.
+    """
+    if len(scene.textures) != 1:
+        raise InputError(f"{len(scene.textures)} textures; a deck is of one texture")
+    (texture,) = scene.textures
+    if texture.offset != 0:
+        raise InputError(f"offset = {texture.offset!r}; a deck's body is centred, offset 0")
+    if not 2 <= edges <= 200:
+        raise InputError(f"edges = {edges!r}; expected 2 to 200 on a ridge")
+    a, b, r = texture.a_over_R, texture.b_over_R, texture.corner_radius_over_R
+    p_max = scene.highest_load(texture)
+    widest = 1.1 * float(hertz.half_width(p_max, nu=scene.nu))
+    if not widest < 0.9:
+        raise InputError(
+            f"p/E = {p_max:g}: the contact is {widest:.2g} R wide; expected under 0.9 R"
+        )
+    n_ridge = max(2, math.ceil((widest - b / 2) / (a + b)) + 2)
+    starts = b / 2 + (a + b) * np.arange(n_ridge)
+    if not starts[-1] + a < 0.98:
+        raise InputError(f"a/R = {a:g}, b/R = {b:g}: ridge {n_ridge} lies outside the disk")
+    edge = min(a, 4 * b) / edges
+    places = np.concatenate([starts, starts + a])
+    size = _size(places, edge, edge / 3, widest + 0.5 * (a + b), 1.5 * r)
+    height = first_height(Profile(a, b, corner=r))
+    blocks = [block for start in starts for block in _ridge(start, a, r, height)]
+    if texture.groove_depth_over_R is not None:
+        floor = height - texture.groove_depth_over_R
+        end = starts[-1] + a
+        blocks.append(
+            np.array([[-a, floor - DEPTH], [end, floor - DEPTH], [end, floor], [-a, floor]])
+        )
+    title = (
+        f"soft cylinder on rigid ridges: a/R = {a:g}, b/R = {b:g}, nu = {scene.nu:g}, "
+        f"friction = {scene.friction:g}, to p/E = {p_max:g} or beyond",
+        "R = 1, E = 1; a quarter disk: the line load is twice the reaction of NTOP, per thickness",
+    )
+    n = math.ceil(_EACH * widest / (a + b))
+    widths = widest * (np.arange(n) + 1) / n
+    down = np.array(
+        [_approach(float(hertz.load_of_half_width(w, nu=scene.nu)), scene.nu) for w in widths]
+    )
+    return PressedDisk(
+        disk_mesh(size), tuple(blocks), scene.nu, scene.friction, _BEYOND * down, title
+    )
+
+
+def _size(
+    places: FloatArray, edge: float, corner: float, reach: float, window: float
+) -> Callable[[FloatArray], FloatArray]:
+    corners = np.arcsin(places[places < 1.0])
+
+    def size(theta: FloatArray) -> FloatArray:
+        """Return the wanted length of the rim's edges: short at corners, long where all is free."""
+        # Points of the rim that meet a corner slide as the load grows: hence the widths.
+        apart = np.abs(theta[:, None] - corners) - (0.5 * corner + window + 0.005 * corners)
+        near = corner + _GROWTH * np.maximum(apart.min(axis=1), 0.0)
+        found = np.minimum(near, edge) + _GROWTH * np.maximum(theta - reach, 0.0)
+        return np.asarray(found)
+
+    return size
+
+
+def _ridge(start: float, a: float, r: float, height: float) -> list[FloatArray]:
+    """Return the blocks of a ridge: one, or slices under round corners."""
+    if r == 0.0:
+        x, y = np.array([start, start + a]), np.array([height, height])
+    else:
+        turn = np.linspace(0.0, 0.5 * math.pi, _ARC + 1)
+        out, up = r * (1 - np.cos(turn)), height - r + r * np.sin(turn)
+        x = np.concatenate([start + out, (start + a - out)[::-1]])
+        y = np.concatenate([up, up[::-1]])
+    bottom = height - DEPTH
+    return [
+        np.array([[x[i], bottom], [x[i + 1], bottom], [x[i + 1], y[i + 1]], [x[i], y[i]]])
+        for i in range(len(x) - 1)
+        if x[i + 1] > x[i]
+    ]
+
+
+def _approach(p_over_E: float, nu: float) -> float:
+    """Estimate how far the mid-plane of a smooth cylinder comes down (Johnson 1985, 5.57)."""
+    half_width = math.sqrt(8.0 * p_over_E * (1.0 - nu**2) / math.pi)
+    return 2.0 * p_over_E * (1.0 - nu**2) / math.pi * (2.0 * math.log(4.0 / half_width) - 1.0)
 
 
 def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> str:

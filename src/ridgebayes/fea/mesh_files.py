@@ -6,7 +6,6 @@ the XML; those of VTU are text, or base64, plain or compressed.
 """
 
 import base64
-import binascii
 import math
 import re
 import zlib
@@ -155,8 +154,9 @@ class Xdmf(_Xml):
         import h5py  # slow to load, and other formats need none
 
         name, _, inner = text.rpartition(":")
-        folder, within, shown = self.path.parent.resolve(), PureWindowsPath(name), _short(inner)
+        folder, within = self.path.parent.resolve(), PureWindowsPath(name)
         target = folder / name
+        here = f"{target}: {_short(inner)}"
         # TypeError: a type of HDF5 that NumPy has not.
         kinds = (OSError, RuntimeError, KeyError, ValueError, TypeError)
         with refusing(f"{self.path}: numbers in {_short(text)}: cannot be read", *kinds):
@@ -169,20 +169,18 @@ class Xdmf(_Xml):
             if not target.is_file():
                 raise self.error(f"numbers in {_short(name)}: no such file; move both together")
             with h5py.File(target, "r") as file:
-                here = file
+                data = file
                 for key in inner[1:].split("/"):
-                    if not isinstance(here, h5py.Group) or key not in here:
-                        raise InputError(f"{target}: no {shown}")
-                    if not isinstance(here.get(key, getlink=True), h5py.HardLink):
-                        raise InputError(f"{target}: {shown} is a link; expected a dataset")
-                    here = here[key]
-                check_inside(here, f"{target}: {shown}")
-                if here.shape != shape:
-                    raise InputError(
-                        f"{target}: {shown} is {here.shape}; expected {shape}, as in {self.path}"
-                    )
-                check_stored(here, f"{target}: {shown}")
-                return _as_floats(here[()])
+                    if not isinstance(data, h5py.Group) or key not in data:
+                        raise InputError(f"{target}: no {_short(inner)}")
+                    if not isinstance(data.get(key, getlink=True), h5py.HardLink):
+                        raise InputError(f"{here} is a link; expected a dataset")
+                    data = data[key]
+                check_inside(data, here)
+                if data.shape != shape:
+                    raise InputError(f"{here} is {data.shape}; expected {shape}, as in {self.path}")
+                check_stored(data, here)
+                return _as_floats(data[()])
 
 
 class Vtu(_Xml):
@@ -238,7 +236,7 @@ class Vtu(_Xml):
             f"{self.path}: data cannot be unpacked",
             "; expected base64, as its header says",
         )
-        with refusing(where, binascii.Error, zlib.error, ValueError, rule=rule):
+        with refusing(where, zlib.error, ValueError, rule=rule):  # binascii's is a ValueError
             content = unpack(text, head, size)
         return _as_floats(np.frombuffer(content, dtype=dtype).reshape(shape))
 

@@ -58,11 +58,8 @@ def read_xy(path: Path) -> pd.DataFrame:
     if not tables:
         raise InputError(f"{path}: no rows; expected a header, X and names, and rows of numbers")
     first, *others = tables
-    frame = pd.DataFrame(
-        np.array(first.rows),
-        columns=first.names,
-        index=pd.Index([line.number for line in first.lines], name="line"),
-    )
+    index = pd.Index([line.number for line in first.lines], name="line")
+    frame = pd.DataFrame(np.array(first.rows), columns=first.names, index=index)
     for one in others:
         values = np.array(one.rows)
         if not np.array_equal(values[:, 0], frame[frame.columns[0]]):
@@ -82,11 +79,10 @@ class _Table:
     rows: list[list[float]] = field(default_factory=list)
 
     def add(self, line: Line) -> None:
-        words = _cells(line.text)
-        if len(words) != len(self.names):
+        words, n = _cells(line.text), len(self.names)
+        if len(words) != n:
             raise line.error(
-                f"{len(words)} values; expected {len(self.names)} as in the header, with decimal "
-                "points"
+                f"{len(words)} values; expected {n} as in the header, with decimal points"
             )
         self.lines.append(line)
         self.rows.append([line.finite(word) for word in words])
@@ -106,8 +102,8 @@ def _columns(line: Line, header: list[str]) -> list[str]:
     n = len(_cells(row))
     separator = next((one for one in _SEPARATORS if one in row), None)
     if separator is not None:
-        names = next(csv.reader([last.removesuffix(separator)], delimiter=separator))
-        names = [name.strip() for name in names]
+        cells = next(csv.reader([last.removesuffix(separator)], delimiter=separator))
+        names = [name.strip() for name in cells]
     else:
         # Names hold single blanks, and may be wrapped over several lines.
         names = _GAP.split(last)
