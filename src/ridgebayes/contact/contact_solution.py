@@ -156,11 +156,9 @@ def solve_contact(
         # What Hertz's contact covers alone is too much: not even listed, there may be millions.
         why = f"not computed: some {first * m:.2g} unknowns; cap {_MAX_UNKNOWNS}"
         return _nothing(profile, m, why)
-    within = [
-        segment
-        for segment in profile.segments(1.3 * hertz + 3 * profile.pitch)
-        if ridges is None or segment.ridge is None or segment.ridge in ridges
-    ]
+    within = profile.segments(1.3 * hertz + 3 * profile.pitch)
+    if ridges is not None:
+        within = [one for one in within if one.ridge is None or one.ridge in ridges]
     state = ContactSet(profile, within, rel_tol)
     state.begin(W, {} if start is None else start.covered)
     found, segments = None, []

@@ -160,9 +160,8 @@ def _table(gap_ratio: float, n_table: int, rel_tol: float) -> HalfPlaneLoads:
     batch = _solve_batch(gap_ratio, n_table // 2, n_table, rel_tol)
     n_solved = int(np.count_nonzero(np.isfinite(batch.F)))
     if n_solved < len(batch.F):  # too many unknowns: what lies beyond by the law of many ridges
-        far = _homogenised(
-            below.joined(batch.part(slice(0, n_solved))), gap_ratio, n_table, rel_tol
-        )
+        solved = below.joined(batch.part(slice(0, n_solved)))
+        far = _homogenised(solved, gap_ratio, n_table, rel_tol)
         if all(status == "ok" for status in far.status):
             batch = batch.part(slice(0, n_solved)).joined(far)
     return below.joined(batch)
@@ -211,8 +210,8 @@ def _solve_batch(gap_ratio: float, n_known: int, n_last: int, rel_tol: float) ->
     reason = (
         f"{n_coefficients:.6g} coefficients a strip are over the cap of {MAX_UNKNOWNS} unknowns"
     )
-    beyond = HalfPlaneLoads.not_computed(n_last - max(known, n_known), reason)
-    return beyond if best is None else best.part(slice(n_known, known)).joined(beyond)
+    rest = HalfPlaneLoads.not_computed(n_last - max(known, n_known), reason)
+    return rest if best is None else best.part(slice(n_known, known)).joined(rest)
 
 
 def _solve_checked(

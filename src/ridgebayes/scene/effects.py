@@ -1,7 +1,7 @@
 """Which effects a scene calls for, as records and as a table; `estimates` decides."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 
 import pandas as pd
 
@@ -86,7 +86,8 @@ def plan_table(plans: list[Plan]) -> pd.DataFrame:
     """Return plans as a table: a row an effect of a texture."""
     rows = [asdict(e) | {"texture": plan_label(p.texture)} for p in plans for e in p.effects]
     names = {"name": "effect", "estimate": "estimated_rel_change"}
-    return pd.DataFrame(rows).rename(columns=names)
+    columns = [*(field.name for field in fields(Effect)), "texture"]
+    return pd.DataFrame(rows, columns=columns).rename(columns=names)
 
 
 def plan_label(texture: Texture) -> str:

@@ -143,9 +143,8 @@ class _Base:
         solutions = [one for one in (self.last, found) if one.status == "ok"]
         if not solutions:
             raise _too_narrow(self.texture, found.status)
-        deepest = max(
-            one.penetration(groove) for one in solutions for groove in range(-1, len(one.segments))
-        )
+        grooves = [(one, k) for one in solutions for k in range(-1, len(one.segments))]
+        deepest = max(one.penetration(groove) for one, groove in grooves)
         # Beyond the ridges looked at it grows as the pressure in the middle: with the root of W.
         return deepest * math.sqrt(self.W_max / self.last.W)
 
@@ -166,11 +165,8 @@ class _Base:
         for floor, is_round in ((True, False), (False, True), (True, True)):
             if (floor and self.penetration < depth) or (is_round and not corner):
                 continue
-            other = replace(
-                self.sharp,
-                depth=depth if floor else math.inf,
-                corner=corner if is_round else 0.0,
-            )
+            deep, sharp = depth if floor else math.inf, corner if is_round else 0.0
+            other = replace(self.sharp, depth=deep, corner=sharp)
             found[floor, is_round] = np.array([self._shift_of(other, k) for k in looked_at])
         return found
 
@@ -203,11 +199,9 @@ def _decided(
 ) -> Effect:
     """Simulate an effect if its estimate, or its being unknown, exceeds the wanted accuracy."""
     simulated = not estimate <= base.tolerance
-    word = "above" if simulated else "within"
+    reason = f"{what}; {'above' if simulated else 'within'} the wanted {base.tolerance:g}"
     if math.isnan(estimate):
         reason = f"{what}; size not known, simulated to be safe"
-    else:
-        reason = f"{what}; {word} the wanted {base.tolerance:g}"
     return Effect(name, number, estimate, simulated, reason, cost)
 
 
@@ -217,9 +211,8 @@ def _ridges(base: _Base) -> Effect:
     smooth = hertz.transition_load(Q, a, b, nu=0.0) * load_factor(0)
     estimate = float(np.max(np.abs(smooth / base.W - 1)))
     cost = base.cost(2, n, 8)
-    return _decided(
-        base, "ridges", b / (a + b), estimate, "b/pitch; against Hertz in ridge units", cost
-    )
+    what = "b/pitch; against Hertz in ridge units"
+    return _decided(base, "ridges", b / (a + b), estimate, what, cost)
 
 
 def _partial_contact(base: _Base) -> Effect:

@@ -1,5 +1,6 @@
 """`Scene`: which textures, pressed how hard, computed how accurately. Knows no solver."""
 
+import itertools
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -177,11 +178,8 @@ class Scene(fields.Record):
         >>> [t.role for t in Scene.paper().textures].count("calibration")
         9
         """
-        nine = [
-            Texture(a_over_R=a, b_over_R=b)
-            for a in (0.012, 0.022, 0.032)
-            for b in (0.01, 0.02, 0.03)
-        ]
+        pairs = itertools.product((0.012, 0.022, 0.032), (0.01, 0.02, 0.03))
+        nine = [Texture(a_over_R=a, b_over_R=b) for a, b in pairs]
         extreme = Texture(a_over_R=0.012, b_over_R=0.09, role="held-out", max_p_over_E=0.045)
         return cls(textures=(*nine, extreme))
 

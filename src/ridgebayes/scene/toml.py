@@ -190,22 +190,14 @@ def _plain(scene: _SceneFile) -> Json:
     """Divide lengths by R and pressures by E, exactly until the last rounding."""
     body, load = scene.body, scene.load
     radius = body.radius.value if body.radius else Fraction(1)
-    textures = []
-    for texture in scene.texture:
-        given = {name: getattr(texture, key) for key, name in _TEXTURE_KEYS.items()}
-        textures.append(
-            {
-                name: _ratio(value, radius) if isinstance(value, _Measure) else value
-                for name, value in given.items()
-                if value is not None
-            }
-        )
-    values = {
-        "textures": textures,
-        "nu": body.poissons_ratio,
-        "friction": load.friction,
-        "relative": scene.accuracy.relative,
-    }
+    textures: list[Json] = [{} for _ in scene.texture]
+    for texture, values in zip(scene.texture, textures, strict=True):
+        for key, name in _TEXTURE_KEYS.items():
+            value = getattr(texture, key)
+            if value is not None:
+                values[name] = _ratio(value, radius) if isinstance(value, _Measure) else value
+    values = {"textures": textures, "nu": body.poissons_ratio, "friction": load.friction}
+    values["relative"] = scene.accuracy.relative
     if load.p_over_E is not None:
         values["p_over_E"] = load.p_over_E
     across = 2 * radius  # P' = 2 R p
@@ -236,13 +228,12 @@ def scene_text(values: Json) -> str:
     str
         TOML; what stands at its default is left out where it means "not asked for".
     """
+    keys_of = _TEXTURE_KEYS.items()
+    textures = [{key: one.get(name) for key, name in keys_of} for one in values["textures"]]
     load = {"p_over_E": values["p_over_E"], "friction": values["friction"] or None}
     sections: list[tuple[str, Json]] = [
         ("[body]", {"radius": 1.0, "poissons_ratio": values["nu"]}),
-        *(
-            ("[[texture]]", {key: texture.get(name) for key, name in _TEXTURE_KEYS.items()})
-            for texture in values["textures"]
-        ),
+        *(("[[texture]]", texture) for texture in textures),
         ("[load]", load),
         ("[accuracy]", {"relative": values["relative"]}),
     ]

@@ -169,10 +169,8 @@ def _solved(
         profiles = [full_profile(texture) for texture in scene.textures]
     else:
         # Pressures are of the ridges even where transition loads would not notice these.
-        profiles = [
-            one.profile or Profile(one.texture.a_over_R, one.texture.b_over_R)
-            for one in plan(scene)
-        ]
+        sharp = [Profile(texture.a_over_R, texture.b_over_R) for texture in scene.textures]
+        profiles = [one.profile or none for one, none in zip(plan(scene), sharp, strict=True)]
     for texture, profile in zip(scene.textures, profiles, strict=True):
         label = texture_label(texture.a_over_R, texture.b_over_R)
         offsets = _OFFSETS if texture.offset == "uniform" else [profile.offset]

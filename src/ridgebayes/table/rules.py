@@ -110,7 +110,7 @@ def _check_cells(typed: dict[str, Any], empty: dict[str, BoolArray], found: Find
         found.add(broken, name, contract.RULES[name])
 
     ok = (status == contract.OK).to_numpy()
-    # " contract.OK" is not `ok`: it would quietly leave the row out of every fit.
+    # " OK" is not `ok`: it would quietly leave the row out of every fit.
     nearly = status.str.strip().str.lower().eq(contract.OK).to_numpy() & ~ok
     found.add(nearly, "status", "expected exactly 'ok', or a description of the failure")
 
@@ -152,9 +152,8 @@ def check_labels(typed: dict[str, Any], texture: IntArray, found: Findings) -> N
 def check_curves(typed: dict[str, Any], texture: IntArray, found: Findings) -> None:
     """Find what stands twice in a curve, and loads that do not rise with Q; as `check_labels`."""
     use = (typed["kind"] == contract.TRANSITION) & (typed["status"] == contract.OK)
-    rows = np.flatnonzero(
-        use.to_numpy() & found.sound(*contract.REQUIRED, *contract.CURVE, "kind", "status")
-    )
+    sound = found.sound(*contract.REQUIRED, *contract.CURVE, "kind", "status")
+    rows = np.flatnonzero(use.to_numpy() & sound)
     if not len(rows):
         return
     Q, p = typed["Q"][rows], typed["p_over_E"][rows]

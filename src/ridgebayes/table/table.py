@@ -186,13 +186,8 @@ class ContactTable:
         OutputError
             If the file cannot be written, such as on a full disk.
         """
-        silent = [
-            column.name
-            for column in COLUMNS
-            if column.default is not None
-            and not column.always_written
-            and self._frame[column.name].isin([column.default]).all()
-        ]
+        optional = [c for c in COLUMNS if c.default is not None and not c.always_written]
+        silent = [c.name for c in optional if self._frame[c.name].isin([c.default]).all()]
         write_frame(self._frame.drop(columns=silent), Path(path))
 
     def digest(self) -> str:

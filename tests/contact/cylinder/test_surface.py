@@ -234,13 +234,6 @@ def test_gradient__is_the_derivative_of_the_gap_by_the_nodes():
         assert found == pytest.approx(hits.gradient[h, k, i], abs=1e-8)  # finite differences
 
 
-def test_slide__is_the_derivative_of_the_place_on_the_edge():
-    for hits, h, k, i, (plus, minus) in differences():
-        found = (plus.s[0] - minus.s[0]) / (2 * STEP)
-        # Finite differences: STEP over the edge's length, squared, and rounding.
-        assert found == pytest.approx(hits.slide[h, k, i], abs=1e-6)
-
-
 def test_hessian__is_the_derivative_of_the_gradient():
     largest = 0.0
     for hits, h, k, i, (plus, minus) in differences():

@@ -55,9 +55,8 @@ class Material:
             H = F - _IDENTITY
             trace = np.trace(H, axis1=-2, axis2=-1)[..., None, None]
             strain = 0.5 * (H + np.swapaxes(H, -1, -2))
-            return 2.0 * self.mu * (strain - trace / 3.0 * _IDENTITY) + p[..., None, None] * (
-                _IDENTITY
-            )
+            deviator = strain - trace / 3.0 * _IDENTITY
+            return 2.0 * self.mu * deviator + p[..., None, None] * _IDENTITY
         J, cof = jacobian(F), cofactor(F)
         first = np.einsum("...ij,...ij->...", F, F) + 1.0
         scale = self.mu * J ** (-2.0 / 3.0)
@@ -76,17 +75,12 @@ class Material:
         first = np.einsum("...ij,...ij->...", F, F) + 1.0
         scale = self.mu * J ** (-2.0 / 3.0)
         mixed = np.einsum("...ij,...kl->...ijkl", F, inverse)
-        found = (
-            eye4
-            - 2.0 / 3.0 * (mixed + np.moveaxis(mixed, (-4, -3), (-2, -1)))
-            + (2.0 / 9.0 * first)[..., None, None, None, None]
-            * np.einsum("...ij,...kl->...ijkl", inverse, inverse)
-            + (first / 3.0)[..., None, None, None, None]
-            * np.einsum("...il,...kj->...ijkl", inverse, inverse)
-        )
-        return scale[..., None, None, None, None] * found + (
-            p[..., None, None, None, None] * _COFACTOR
-        )
+        found = eye4 - 2.0 / 3.0 * (mixed + np.moveaxis(mixed, (-4, -3), (-2, -1)))
+        four = (..., None, None, None, None)
+        outer = np.einsum("...ij,...kl->...ijkl", inverse, inverse)
+        found = found + (2.0 / 9.0 * first)[four] * outer
+        found = found + (first / 3.0)[four] * np.einsum("...il,...kj->...ijkl", inverse, inverse)
+        return scale[four] * found + p[four] * _COFACTOR
 
 
 def jacobian(F: FloatArray) -> FloatArray:

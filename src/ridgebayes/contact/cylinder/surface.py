@@ -102,9 +102,8 @@ def cast(
     order = np.lexsort((np.abs(gap), ray))
     order = order[near[order]]
     first = order[np.unique(ray[order], return_index=True)[1]]
-    return _with_derivatives(
-        ray[first], edge[first], s[first], gap[first], rim, tangent[ray[first]], normal[ray[first]]
-    )
+    ray = ray[first]
+    return _with_derivatives(ray, edge[first], s[first], gap[first], rim, tangent, normal)
 
 
 def _rising_roots(values: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -132,7 +131,7 @@ def _with_derivatives(
     tangent: FloatArray,
     normal: FloatArray,
 ) -> Hits:
-    at, N, dN = rim[edge], shapes(s), slopes(s)
+    at, N, dN, tangent, normal = rim[edge], shapes(s), slopes(s), tangent[ray], normal[ray]
     first = np.einsum("nk,nki->ni", dN, at)
     second = np.einsum("k,nki->ni", _BENDS, at)
     speed = _dot(tangent, first)
