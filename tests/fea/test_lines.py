@@ -1,11 +1,12 @@
 """Lines of text files: numbers and nodes in them."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.lines import Line, read_lines
+from ridgebayes.fea.lines import Line, NodeTable, handled, read_lines
 
 
 @pytest.mark.parametrize(
@@ -36,3 +37,22 @@ def test_read_lines__a_last_line_without_an_end_is_told(tmp_path):
     assert [line.text for line in read_lines(path)] == ["one", "two"]
     last = read_lines(path, unfinished=True)[-1]
     assert (last.number, last.text, last.ended) == (3, "thr", False)
+
+
+def test_node_table__has_zeros_where_a_node_has_no_row(tmp_path):
+    table = NodeTable(Line(tmp_path, 1, ""), "RIM", ["U1", "U2"], {7: [1.0, 2.0]})
+    assert table.has("U2")
+    assert not table.has("U2", "RF2")
+    assert table.of([3, 7], "U2", "U1").tolist() == [[0.0, 0.0], [2.0, 1.0]]
+    assert table.of([], "U1", "U2").shape == (0, 2)
+
+
+def test_handled__gives_a_line_to_the_first_pattern(tmp_path):
+    seen = []
+    handlers = [
+        (re.compile(name), lambda line, match: seen.append((line.number, match[0])))
+        for name in ("ab", "a")
+    ]
+    assert handled(Line(tmp_path, 4, "abc"), handlers)
+    assert not handled(Line(tmp_path, 5, "xab"), handlers)
+    assert seen == [(4, "ab")]

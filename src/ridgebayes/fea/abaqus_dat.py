@@ -179,7 +179,7 @@ def _increments(path: Path) -> tuple[list[_Increment], list[str]]:
     if reader.repeated:
         messages.append(f"{reader.repeated} increments printed again: the later one counts")
     if cut and found:
-        messages.append(f"line {cut}: the last one, without an end: not read")
+        messages.append(f"line {cut} ignored: the last one, and without an end")
     return list(found.values()), messages
 
 

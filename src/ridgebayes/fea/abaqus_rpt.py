@@ -311,4 +311,4 @@ def _undeformed(path: Path, at: FloatArray, moved: FloatArray) -> tuple[FloatArr
             "or --deck for the coordinates"
         )
     base = at[0] if how == "undeformed" else np.median(at - moved, axis=0)
-    return np.asarray(base, dtype=float), f"COORD: of {how} nodes, as all frames have it"
+    return np.asarray(base, dtype=float), f"COORD: coordinates of {how} nodes"

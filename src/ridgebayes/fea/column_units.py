@@ -196,7 +196,7 @@ def divided(over: Quantity, *under: Quantity, by: int = 1) -> FloatArray:
     arrays = np.broadcast_arrays(over.values, *(one.values for one in under))
     shape = arrays[0].shape
     columns = [np.atleast_1d(one).astype(float) for one in arrays]
-    if factor == 1 and len(columns) == 1:
+    if factor == 1 and not under:
         return columns[0].reshape(shape)
     code = row_codes(*columns)
     first = np.unique(code, return_index=True)[1]

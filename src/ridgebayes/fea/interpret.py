@@ -49,7 +49,7 @@ class ColumnInterpreter:
     def long(self) -> Rows:
         """Return the rows of a table with one transition each, and the columns of its own."""
         found = self._curve()
-        found["Q"] = self._required("Q", self._number("Q"))
+        found["Q"] = self._required("Q", self._first("Q"))
         found |= {"p_over_E": self._load(None), **self._optional(None)}
         found |= self._texts("kind", "role", "status")
         left = self._left()
@@ -103,9 +103,8 @@ class ColumnInterpreter:
             wrong = use.Q is not None and use.key not in CORNERS
             if use.how == "mapped" and (wrong or use.key in ("Q", "kind", "rel_se", *LOWERS)):
                 raise self._error(
-                    f"column {use.header!r} as {use.key} beside "
-                    f"{corners[0].header!r}; expected a load of each increment, and columns "
-                    "of corners"
+                    f"column {use.header!r} as {use.key} beside {corners[0].header!r}; expected a "
+                    "load of each increment, and columns of corners"
                 )
         curve = self._curve() | self._texts("role")
         load = self._load(None)
@@ -114,11 +113,9 @@ class ColumnInterpreter:
         keep = np.ones(len(self.cells.frame), dtype=bool)
         ignored = []
         if status := self._use("status", None):
-            words = as_text(self.cells.frame[status.header])
-            keep = words.isin(["", OK]).to_numpy(bool)
+            keep = as_text(self.cells.frame[status.header]).isin(["", OK]).to_numpy(bool)
             self.used[status] = None
-            if not keep.all():
-                n = int((~keep).sum())
+            if n := int((~keep).sum()):
                 ignored.append(f"{n} increments ignored: their status is not 'ok'")
             if not keep.any():
                 raise self._error("no increment whose status is 'ok'")
@@ -137,13 +134,13 @@ class ColumnInterpreter:
         numbers = {
             **{f"{key}_over_R": self._required(f"{key}_over_R", self._over_R(key)) for key in "ab"},
             "offset_over_R": self._over_R("offset"),
-            "nu": self._number("nu"),
+            "nu": self._first("nu"),
         }
         found: dict[str, Any] = {k: value for k, value in numbers.items() if value is not None}
         return found | self._texts("texture", "series", "solver", "source")
 
     def _optional(self, Q: int | None) -> dict[str, FloatArray]:
-        found = {"p_over_E_lower": self._load_of(LOWERS, Q), "rel_se": self._number("rel_se", Q)}
+        found = {"p_over_E_lower": self._load_of(LOWERS, Q), "rel_se": self._first("rel_se", Q=Q)}
         return {key: value for key, value in found.items() if value is not None}
 
     def _framed(self, found: Mapping[str, Any]) -> pd.DataFrame:
@@ -217,28 +214,24 @@ class ColumnInterpreter:
         self._used_values.add(key)
         return Quantity(key, np.array(number), unit, factor)
 
-    def _number(self, key: str, Q: int | None = None) -> FloatArray | None:
-        found = self._quantity(key, Q)
-        return None if found is None else divided(found)
+    def _first(self, *ways: str, Q: int | None = None) -> FloatArray | None:
+        """Return the first of some quantities that is there, over those that it is divided by."""
+        for way in ways:
+            key, *under = way.split("/")
+            if (found := self._quantity(key, Q)) is not None:
+                by = [self._needed(one, key) for one in under]
+                return divided(found, *by, by=2 if len(by) == 2 else 1)  # p is line / 2 R
+        return None
 
     def _over_R(self, key: str) -> FloatArray | None:
-        if (ratio := self._number(f"{key}_over_R")) is not None:
-            return ratio
-        length = self._quantity(key)
-        return None if length is None else divided(length, self._needed("R", key))
+        return self._first(f"{key}_over_R", f"{key}/R")
 
     def _load(self, Q: int | None) -> FloatArray:
         return self._required("p_over_E", self._load_of(LOADS, Q))
 
     def _load_of(self, keys: tuple[str, ...], Q: int | None) -> FloatArray | None:
-        ratio, pressure, line = (self._quantity(key, Q) for key in keys)
-        if ratio is not None:
-            return divided(ratio)
-        if pressure is not None:
-            return divided(pressure, self._needed("E", keys[1]))
-        if line is not None:
-            return divided(line, self._needed("R", keys[2]), self._needed("E", keys[2]), by=2)
-        return None
+        ratio, pressure, line = keys
+        return self._first(ratio, f"{pressure}/E", f"{line}/R/E", Q=Q)
 
     def _gap(self, use: Use) -> FloatArray:
         if use.key in ("status", "pressure"):
@@ -293,8 +286,7 @@ class ColumnInterpreter:
         return InputError(f"{self.where}: {message}")
 
     def _summarize(self) -> None:
-        plain = [use.header for use in self.used if use.header in NAMES and use.key == use.header]
-        if plain:
+        if plain := [one.key for one in self.used if one.key == one.header and one.key in NAMES]:
             self.messages.insert(0, f"recognised by name: {', '.join(plain)}")
         if everywhere_or_nowhere(self._dimensional.values(), self.where):
             self.messages.append("all units converted")

@@ -156,7 +156,7 @@ class _Columns:
     def map(self, name: str, text: str) -> None:
         """Add what the mapping says."""
         key, Q = name.strip(), None
-        if key not in KEYS and key not in CORNERS:
+        if key not in (*KEYS, *CORNERS):
             match = _KEY.fullmatch(key)
             key, Q = (match[1] or "load", int(match[2])) if match else (key, None)
             if match is None or key not in _PER_Q:
@@ -166,11 +166,12 @@ class _Columns:
                 )
         header, unit = text, None
         if text not in self._headers and ";" in text:
-            header, unit = (part.strip() for part in text.rsplit(";", 1))
+            header, unit = map(str.strip, text.rsplit(";", 1))
         if "*" in header and header not in self._headers:
             self._map_all(key, header, unit)
             return
-        found = [header] if header in self._headers else self._with_words(header)
+        found = [one for one in self._headers if one == header]
+        found = found or [one for one in self._headers if split_header(one)[0] == header]
         if len(found) != 1:
             several = "several columns" if found else "no column"
             raise self._missing(f"mapping {name}={text}: {several} {header!r}")
@@ -195,14 +196,11 @@ class _Columns:
     def name_contract(self, is_wide: bool) -> None:
         """Add columns of the contract by their names."""
         keys, used = self._known()
-        loads = {*LOADS, "load"}
+
         for header in self._headers:
             # What is given in another way: Q by the headers, a load by another column.
-            is_given = (
-                (header == "Q" and is_wide)
-                or (header in LOADS and keys & loads)
-                or (header in LOWERS and keys & set(LOWERS))
-            )
+            by_another = header in (*LOADS, *LOWERS) and _rivals(header) & keys
+            is_given = (header == "Q" and is_wide) or by_another
             if header in NAMES and header not in keys | used and not is_given:
                 self.uses.append(Use(header, header, how="named"))
 
@@ -251,9 +249,6 @@ class _Columns:
         """Return keys that are given, and headers that are used."""
         keys = {use.key for use in self.uses} | set(self._values)
         return keys, {use.header for use in self.uses}
-
-    def _with_words(self, words: str) -> list[str]:
-        return [one for one in self._headers if split_header(one)[0] == words]
 
     def _error(self, message: str) -> InputError:
         return InputError(f"{self._where}: {message}")

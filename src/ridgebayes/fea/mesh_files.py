@@ -112,9 +112,8 @@ class Xdmf(_Xml):
         shapes = list(self.root.iter("Geometry"))
         if not shapes or not states:
             raise self.error("no geometry or no states; expected XDMF of a mesh over time")
-        given = [
-            (one.attrib, item.attrib, item.text) for one in shapes for item in [self.item(one)]
-        ]
+        items = [self.item(one) for one in shapes]
+        given = [(a.attrib, b.attrib, b.text) for a, b in zip(shapes, items, strict=True)]
         if any(one != given[0] for one in given):
             raise self.error(f"{len(shapes)} geometries; expected one, undeformed")
         kind = shapes[0].get("GeometryType", shapes[0].get("Type", "XYZ"))
@@ -296,7 +295,7 @@ def one_named(here: str, field: str, data: list[ET.Element], given: list[ET.Elem
         names = ", ".join(sorted({_short(one.get("Name")) for one in given})[:_MOST_NAMES])
         raise InputError(f"{here}: no point data {field!r}; the fields are {names or 'none'}")
     if len(found) > 1:
-        raise InputError(f"{here}: {len(found)} point data {field!r}; expected one of a name")
+        raise InputError(f"{here}: {len(found)} point data {field!r}; expected one with that name")
     return found[0]
 
 
