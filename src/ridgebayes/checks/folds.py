@@ -1,7 +1,7 @@
 """Rows left out in turn: what a fold leaves out, and its posterior given the rest."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -134,7 +134,7 @@ def row_loads(fit: Posterior, data: Observations, Q: IntArray | None = None) -> 
     """
     a, b = data.a_over_R[data.texture], data.b_over_R[data.texture]
     load = predict_load(fit, a, b, np.asarray(data.Q if Q is None else Q, dtype=float))
-    return replace(load, sd=np.hypot(load.sd, data.rel_se))
+    return load.widened(data.rel_se)
 
 
 def clustered_se(total: FloatArray, n: FloatArray) -> float:

@@ -58,8 +58,8 @@ def bands_table(
     pandas.DataFrame
         Its ``attrs["error"]`` holds the largest error of a probability, NaN where draws were
         averaged. Columns form, noise, kind_of_band (curve, simulation), a_over_R, b_over_R, nu,
-        p_over_E, q_mean, q_median, q_lower, q_upper, prob, extrapolation, p_q_ge_4, ... up to the
-        first n that is nowhere more probable than 1e-6.
+        p_over_E, q_mean, q_median, q_lower, q_upper, prob, extrapolation, extrapolation_of,
+        p_q_ge_4, ... up to the first n that is nowhere more probable than 1e-6.
 
     Raises
     ------
@@ -113,40 +113,41 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Columns form, noise, kind_of_band, a_over_R, b_over_R, nu, Q, p_over_E_median,
-        p_over_E_lower, p_over_E_upper, prob, extrapolation, p_over_E_observed; for each form and
-        the average one row for each ok transition of the table, held-out ones included.
+        p_over_E_lower, p_over_E_upper, prob, extrapolation, extrapolation_of, p_over_E_observed;
+        for each form and the average one row for each ok transition of the table, held-out ones
+        included.
     """
     frame = comparison.table.frame
     frame = frame[(frame["status"] == "ok") & (frame["kind"] == "transition")]
     blocks = []
+    a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
     for kind in KINDS:
-        for nu, rows in frame.groupby("nu", sort=False):
-            a, b, q = (rows[c].to_numpy() for c in ("a_over_R", "b_over_R", "Q"))
-            parts = {
-                name: predict_load(fit, a, b, q, nu=float(nu), kind=kind)  # type: ignore[arg-type]
-                for name, fit in comparison.fits.items()
-            }
-            for name, load in _with_average(comparison, parts, mix_loads).items():
-                lower, upper = load.interval(prob)
-                blocks.append(
-                    pd.DataFrame(
-                        {
-                            "form": name,
-                            "noise": comparison.noise.name,
-                            "kind_of_band": kind,
-                            "a_over_R": a,
-                            "b_over_R": b,
-                            "nu": float(nu),  # type: ignore[arg-type]
-                            "Q": q,
-                            "p_over_E_median": load.median(),
-                            "p_over_E_lower": lower,
-                            "p_over_E_upper": upper,
-                            "prob": prob,
-                            "extrapolation": load.extrapolation,
-                            "p_over_E_observed": rows["p_over_E"].to_numpy(),
-                        }
-                    )
+        parts = {
+            name: predict_load(fit, a, b, q, nu=nu, kind=kind)
+            for name, fit in comparison.fits.items()
+        }
+        for name, load in _with_average(comparison, parts, mix_loads).items():
+            lower, upper = load.interval(prob)
+            blocks.append(
+                pd.DataFrame(
+                    {
+                        "form": name,
+                        "noise": comparison.noise.name,
+                        "kind_of_band": kind,
+                        "a_over_R": a,
+                        "b_over_R": b,
+                        "nu": nu,
+                        "Q": q,
+                        "p_over_E_median": load.median(),
+                        "p_over_E_lower": lower,
+                        "p_over_E_upper": upper,
+                        "prob": prob,
+                        "extrapolation": load.extrapolation,
+                        "extrapolation_of": load.extrapolation_of,
+                        "p_over_E_observed": frame["p_over_E"].to_numpy(),
+                    }
                 )
+            )
     return pd.concat(blocks, ignore_index=True)
 
 
@@ -171,14 +172,15 @@ def _band_rows(
     what: dict[str, str], where: dict[str, FloatArray], q: QDistribution, prob: float
 ) -> pd.DataFrame:
     shape = q.survival.shape[:-1]
-    lower, upper = q.interval(prob)
+    (lower, upper), beyond = q.interval(prob), q.extrapolation_of(prob)
     numbers = {
         "q_mean": q.mean(),
         "q_median": q.median(),
         "q_lower": lower,
         "q_upper": upper,
         "prob": np.asarray(prob),
-        "extrapolation": q.extrapolation(prob),
+        "extrapolation": beyond != "",
+        "extrapolation_of": beyond,
     } | {f"p_q_ge_{n}": q.at_least(n) for n in q.q[1:]}
     columns = {
         name: np.broadcast_to(values, shape).ravel() for name, values in (where | numbers).items()

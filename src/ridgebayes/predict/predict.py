@@ -7,7 +7,8 @@ mean over draws of P(load(n) <= p | draw), which is a distribution function unde
 of; others widen the distribution by what is not known of theirs.
 """
 
-import math
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -15,15 +16,16 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
-from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.forms.base import even_counts, loads, widths
-from ridgebayes.predict.load_distribution import LoadDistribution
-from ridgebayes.predict.predictive_cdf import DrawAverage, NodeAverage, PosteriorLoads
+from ridgebayes.predict.extrapolation import CalibratedRange
+from ridgebayes.predict.load_distribution import LoadDistribution, LoadDraws
+from ridgebayes.predict.predictive_cdf import DrawAverage, NodeAverage, PosteriorLoads, distinct
 from ridgebayes.predict.q_distribution import QDistribution
 
 KINDS = ("curve", "simulation")
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
 N_LOAD_DRAWS = 2_560  # draws behind a load distribution; its quantiles move by 0.02 sd at most
+_STORED = 2**19  # draws times places up to which a load distribution keeps them: 8 MB
 _LARGEST_Q = 20_000
 _BLOCK = 8  # counts worked out at a time
 
@@ -67,9 +69,9 @@ def predict_q(
 
     Notes
     -----
-    *Validity.* Extrapolation beyond the calibrated range of a/pitch, of Q, and above the highest
-    calibrated load is flagged in the result, not refused. Of pitch it is not: by the half-plane's
-    scale law only a/pitch and Q count, as far as strains are small.
+    *Validity.* Extrapolation is flagged in the result, not refused: beyond the calibrated a/pitch,
+    above the highest calibrated Q or load, at an a/R or b/R below the lowest calibrated / 1.5 or
+    above the highest x 1.5, and for the power law at a texture without a K.
     Under Student errors no further count than that of a body in contact over its whole width is
     given a probability.
     *Accuracy.* Monte Carlo error of a probability under 0.005 (10,240 draws of independent rows;
@@ -91,27 +93,27 @@ def predict_q(
     reduced_load(p, nu)  # refuses a Poisson's ratio outside its range
     p, poisson = np.broadcast_arrays(p, np.asarray(nu, dtype=float))
     a, b = np.broadcast_to(a, p.shape), np.broadcast_to(b, p.shape)
-    groups = _by_texture(a, b)
     flat_p, flat_nu = p.ravel(), poisson.ravel()
+    calibrated = CalibratedRange.of(fit)
+    flags = calibrated.load_flags(flat_p, flat_nu)
+    first, place = distinct(a, b)
+    own_a, own_b = a.ravel()[first], b.ravel()[first]
+    flags |= calibrated.texture_flags(own_a, own_b)[place]
+    groups = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place))[:-1])
     ladders = [
-        _survival(fit, texture, flat_p[here], flat_nu[here], kind, compressed)
-        for texture, here in groups
+        _survival(fit, (x, y), flat_p[here], flat_nu[here], kind, compressed)
+        for x, y, here in zip(own_a.tolist(), own_b.tolist(), groups, strict=False)
     ]
     n_step = max((ladder.shape[-1] for ladder, _ in ladders), default=1)
-    survival, errors = np.zeros((p.size, n_step)), [0.0]
-    # The scale law of the half-plane makes pitches alike, not loads: strains grow with these.
-    highest = math.exp(fit.model.data.log_load.max()) * (1 + 1e-12)
-    outside = reduced_load(flat_p, flat_nu) > highest
-    for (texture, here), (ladder, error) in zip(groups, ladders, strict=True):
+    survival = np.zeros((p.size, n_step))
+    for here, (ladder, _) in zip(groups, ladders, strict=False):
         survival[here, : ladder.shape[1]] = ladder
-        outside[here] |= texture_extrapolates(fit, texture)
-        errors.append(error)
     return QDistribution(
         survival.reshape(*p.shape, n_step),
-        outside.reshape(p.shape),
-        int(fit.model.data.Q.max()),
+        flags.reshape(p.shape),
+        calibrated.Q_max,
         kind,
-        float(np.max(errors)),
+        float(np.max([0.0, *(error for _, error in ladders)])),
     )
 
 
@@ -121,7 +123,7 @@ def predict_load(
     b_over_R: float | FloatArray,
     Q: int | FloatArray,
     *,
-    nu: float = 0.5,
+    nu: float | FloatArray = 0.5,
     kind: str = "simulation",
 ) -> LoadDistribution:
     """Return the posterior predictive distribution of the load that reaches Q.
@@ -134,7 +136,7 @@ def predict_load(
         Textures.
     Q : array_like of int, broadcastable, dimensionless
         Even counts of at least 4.
-    nu : float, optional
+    nu : array_like of float, broadcastable, dimensionless
         Poisson's ratio.
     kind : str, optional
         ``simulation`` with the error model, ``curve`` for the form's own load.
@@ -160,31 +162,31 @@ def predict_load(
     True
     """
     _check_kind(kind)
-    a, b, q = np.broadcast_arrays(*widths(a_over_R, b_over_R), even_counts(Q, least=4))
+    reduced_load(1.0, nu)  # refuses a Poisson's ratio outside its range
+    columns = np.broadcast_arrays(
+        *widths(a_over_R, b_over_R), even_counts(Q, least=4), np.asarray(nu, dtype=float)
+    )
+    first, place = distinct(*columns)
+    a, b, q, poisson = own = [column.ravel()[first] for column in columns]
+    calibrated = CalibratedRange.of(fit)
+    flags = calibrated.texture_flags(a, b) | calibrated.count_flags(q)
+    highest = calibrated.highest_load(a, b, q, poisson)
     part = PosteriorLoads.of(fit, N_LOAD_DRAWS)
-    mean, sd = np.empty((len(part.theta), q.size)), np.zeros((len(part.theta), q.size))
-    outside = np.zeros(q.size, dtype=bool)
-    flat_q = q.ravel()
-    for texture, here in _by_texture(a, b):
-        mean[:, here], sd[:, here] = part.log_load(texture, flat_q[here], nu, kind)
-        outside[here] = texture_extrapolates(fit, texture)
-    shape = (len(mean), *q.shape)
-    outside = outside.reshape(q.shape) | (q > fit.model.data.Q.max())
-    weight = np.full(len(mean), 1 / len(mean))
-    return LoadDistribution(mean.reshape(shape), sd.reshape(shape), weight, outside, part.df)
+    n_draw = len(part.theta)
+    make = partial(_columns, part, own, kind)
+    draws = LoadDraws(np.full(n_draw, 1 / n_draw), part.df, make)
+    if n_draw * len(first) <= _STORED:
+        draws = LoadDraws.stored(*make(np.arange(len(first))), draws.weight, draws.df)
+    place = place.reshape(columns[0].shape)
+    return LoadDistribution.of(draws, place, flags[place], highest[place])
 
 
-def texture_extrapolates(fit: Posterior, texture: Texture) -> bool:
-    """Return whether a texture lies outside what the fit was calibrated on.
-
-    Outside means a/pitch beyond the calibrated range; for the power law, any texture without a K.
-    """
-    if isinstance(fit.form, PowerLaw):
-        return texture not in fit.form.textures
-    ratios = [a / (a + b) for a, b in fit.model.data.textures]
-    ratio = texture[0] / (texture[0] + texture[1])
-    slack = 1e-12  # of a texture that is a calibrated one at another scale, but for rounding
-    return not min(ratios) * (1 - slack) <= ratio <= max(ratios) * (1 + slack)
+def _columns(
+    part: PosteriorLoads, places: Sequence[FloatArray], kind: str, ids: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return location and scale of the log loads of some places (a/R, b/R, Q, nu)."""
+    a, b, q, nu = (column[ids] for column in places)
+    return part.log_loads(a, b, q, nu, kind)
 
 
 def _survival(
@@ -226,18 +228,6 @@ def _widest(texture: Texture) -> int:
     """
     a, b = texture
     return min(2 + 2 * int(max(1 - b / 2, 0) / (a + b)), _LARGEST_Q)
-
-
-def _by_texture(a: FloatArray, b: FloatArray) -> list[tuple[Texture, IntArray]]:
-    """Return each distinct texture with the flat indices of its places, by first appearance."""
-    if a.size == 0:
-        return []
-    pairs = np.stack([a.ravel(), b.ravel()])
-    _, first, codes = np.unique(pairs, axis=1, return_index=True, return_inverse=True)
-    order = np.argsort(codes.reshape(-1), kind="stable")
-    places = np.split(order, np.cumsum(np.bincount(codes.reshape(-1)))[:-1])
-    found = sorted(zip(first.tolist(), places, strict=True), key=lambda one: one[0])
-    return [((float(pairs[0, i]), float(pairs[1, i])), here) for i, here in found]
 
 
 def _check_kind(kind: str) -> None:

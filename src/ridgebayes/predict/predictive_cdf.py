@@ -6,6 +6,7 @@ average P(load(Q) <= p) of one texture over draws, or over the weighted nodes of
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import interpolate
@@ -17,6 +18,7 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.shared_offsets import OffsetsGiven
+from ridgebayes.predict.interpolant import Interpolant
 from ridgebayes.runtime.randomness import stream
 
 Counts = IntArray | FloatArray
@@ -89,7 +91,7 @@ class PosteriorLoads:
     def load(self, texture: Texture, Q: Counts, nu: float | FloatArray) -> FloatArray:
         """Return the form's own load of each draw, (n_draw, n_Q); infinite where none reaches Q."""
         form, theta = self._form_at(texture)
-        return np.nan_to_num(form.load(Q, *texture, theta, nu), nan=np.inf, posinf=np.inf)
+        return _or_infinite(form.load(Q, *texture, theta, nu))
 
     def log_load(
         self, texture: Texture, Q: Counts, nu: float | FloatArray, kind: str
@@ -99,11 +101,9 @@ class PosteriorLoads:
         The location is infinite for a draw whose rate reaches no further ridge.
         """
         mean = np.log(self.load(texture, Q, nu))
-        if kind == "curve":
-            return mean, np.zeros(mean.shape)
+        if kind == "curve" or self.offsets is None:
+            return mean, self._scale(mean, kind)
         sigma = self.theta[:, self.fit.model.n_coefficient, None]
-        if self.offsets is None:
-            return mean, np.broadcast_to(sigma, mean.shape)
         steps, places = np.unique(Q, return_inverse=True)
         offset, variance = self.offsets.at(texture, steps.astype(np.int64))
         if self.df is None:
@@ -113,6 +113,27 @@ class PosteriorLoads:
             offset = offset + np.sqrt(variance) * rng.standard_normal((len(offset), 1))
             scale = np.broadcast_to(sigma, offset.shape)
         return mean + offset[:, places], scale[:, places]
+
+    def log_loads(
+        self, a: FloatArray, b: FloatArray, Q: FloatArray, nu: FloatArray, kind: str
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what `log_load` does for many textures: all arguments are of shape (n,)."""
+        form = self.fit.form
+        if self.offsets is None and not isinstance(form, PowerLaw):
+            theta = self.theta[:, : self.fit.model.n_coefficient]
+            mean = np.log(_or_infinite(form.load(Q, a, b, theta, nu)))
+            return mean, self._scale(mean, kind)
+        mean, scale = np.empty((2, len(self.theta), len(Q)))
+        first, place = distinct(a, b)
+        for j, texture in enumerate(zip(a[first].tolist(), b[first].tolist(), strict=True)):
+            here = place == j
+            mean[:, here], scale[:, here] = self.log_load(texture, Q[here], nu[here], kind)
+        return mean, scale
+
+    def _scale(self, mean: FloatArray, kind: str) -> FloatArray:
+        """Return the scale of errors that are all a row's own, in the shape of `mean`."""
+        sigma = self.theta[:, self.fit.model.n_coefficient, None]
+        return np.zeros(mean.shape) if kind == "curve" else np.broadcast_to(sigma, mean.shape)
 
     def _form_at(self, texture: Texture) -> tuple[Form, FloatArray]:
         """Return the form and its draws for a texture; a new one draws its K from the prior."""
@@ -128,10 +149,30 @@ class PosteriorLoads:
         return form, prior.value_at(ndtri(self.uniform))[:, None]
 
 
+def _or_infinite(load: FloatArray) -> FloatArray:
+    """Return loads, infinite where a form has none."""
+    return np.nan_to_num(load, nan=np.inf, posinf=np.inf)
+
+
+def distinct(*columns: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the flat index of each distinct row of some columns, and the row of each place."""
+    flat = [column.ravel() for column in columns]
+    order = np.lexsort(flat[::-1])
+    new = np.zeros(len(order), dtype=bool)
+    new[:1] = True
+    for column in flat:
+        new[1:] |= np.diff(column[order]) != 0
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.cumsum(new) - 1
+    return order[new], place
+
+
 _SATURATED = 8.3  # standard deviations beyond which a normal distribution function is 0 or 1
 _N_KNOT = 256  # of a table of a probability against log load
 _SMOOTHED = 0.2  # of a curve's spread: width of the kernel that nodes are smoothed by
 _ALIKE = 1e-10  # of log loads: two counts' tables are one but for a shift
+_MANY = 1_000  # loads from which on a mean over draws is tabulated, to rounding
+_SHIFTED = 3e-14  # of log loads: two counts' means over draws are one but for a shift
 
 
 class DrawAverage:
@@ -149,6 +190,7 @@ class DrawAverage:
 
     def __init__(self, draws: PosteriorLoads, kind: str) -> None:
         self._draws, self._kind = draws, kind
+        self._known: tuple[FloatArray, FloatArray, Interpolant] | None = None
 
     def at(self, texture: Texture, Q: IntArray, p: FloatArray, nu: float) -> FloatArray:
         """Return P(load(Q) <= p), shape (n_load, n_Q)."""
@@ -163,19 +205,41 @@ class DrawAverage:
 
     def _cdf(self, p: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
         """Return the mean over draws, normals worked out where they are not 0 or 1."""
-        df = self._draws.df
+        reach = _SATURATED * scale if self._draws.df is None else np.inf
         with np.errstate(divide="ignore"):
             y = np.log(p)
-        reach = _SATURATED * scale if df is None else np.inf
         result = (y > (mean + reach).max()).astype(float)
-        between = np.flatnonzero((y >= (mean - reach).min()) & (result == 0))
-        nu = None if df is None else df[:, None]
-        cdf = self._draws.fit.noise.distribution.cdf
-        for i in range(0, len(between), 500):  # bounded memory: draws x 500 loads
-            part = between[i : i + 500]
-            z = (y[part] - mean[:, None]) / scale[:, None]
-            result[part] = cdf(z, nu).mean(axis=0)
+        between = np.flatnonzero((y >= (mean - reach).min()) & (result == 0) & (y > -np.inf))
+        if len(between) <= _MANY:
+            result[between] = self._mean(y[between], mean, scale)
+        elif len(between):
+            table, shift = self._table(mean, scale)
+            result[between] = np.clip(table(y[between] - shift), 0.0, 1.0)
         return result
+
+    def _mean(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
+        """Return the mean over draws at each y, shape (n,)."""
+        nu = None if self._draws.df is None else self._draws.df[:, None]
+        cdf, result = self._draws.fit.noise.distribution.cdf, np.empty(len(y))
+        for i in range(0, len(y), 500):  # bounded memory: draws x 500 loads
+            z = (y[i : i + 500] - mean[:, None]) / scale[:, None]
+            result[i : i + 500] = cdf(z, nu).mean(axis=0)
+        return result
+
+    def _table(self, mean: FloatArray, scale: FloatArray) -> tuple[Interpolant, float]:
+        """Return what tabulates the mean over draws, and how far in log load it lies from there.
+
+        Counts of one texture mostly share theirs.
+        """
+        if self._known is not None:
+            known, known_scale, table = self._known
+            if np.array_equal(scale, known_scale) and np.isfinite(mean).all():
+                apart = mean - known
+                if np.ptp(apart) < _SHIFTED:
+                    return table, float(apart[0])
+        table = Interpolant(partial(self._mean, mean=mean, scale=scale))
+        self._known = mean, scale, table
+        return table, 0.0
 
 
 class NodeAverage:

@@ -1,14 +1,17 @@
 """`QDistribution`: the distribution of the even count Q at each of many textures and loads."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray, Rng
 from ridgebayes.errors import InputError
+from ridgebayes.predict.extrapolation import Flags, Q, names_of
 from ridgebayes.runtime.randomness import seed_of
+
+_NO_LIMIT = 2**62
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,8 +22,8 @@ class QDistribution:
     ----------
     survival : ndarray of float, shape (..., n_step), dimensionless
         P(Q >= 2), P(Q >= 4), ...; the first is 1, and they never rise.
-    outside : ndarray of bool, shape (...)
-        Whether the texture or the load lies outside what was calibrated.
+    flags : ndarray of uint8, shape (...)
+        Which of texture and load lie outside what was calibrated, see `predict.extrapolation`.
     q_calibrated_max : int
         Largest calibrated count.
     kind : str
@@ -31,7 +34,8 @@ class QDistribution:
     Notes
     -----
     *Validity.* Where `extrapolation` says so, texture, load or count lie beyond what was
-    calibrated. The probability of counts beyond the last of `q` is under 1e-6 and set to 0.
+    calibrated; `extrapolation_of` says which. The probability of counts beyond the last of `q` is
+    under 1e-6 and set to 0.
 
     Examples
     --------
@@ -41,7 +45,7 @@ class QDistribution:
     """
 
     survival: FloatArray
-    outside: BoolArray
+    flags: Flags
     q_calibrated_max: int
     kind: str
     error: float = np.nan
@@ -162,7 +166,31 @@ class QDistribution:
         InputError
             If `prob` is outside 0 to 1.
         """
-        return self.outside | (self.interval(prob)[1] > self.q_calibrated_max)
+        return self._all_flags(prob) != 0
+
+    def extrapolation_of(self, prob: float = 0.9) -> np.ndarray:
+        """Return the names of what was not calibrated, separated by commas.
+
+        Parameters
+        ----------
+        prob : float, dimensionless
+            Probability of the interval.
+
+        Returns
+        -------
+        ndarray of str, shape (...)
+            Of Q, load, a/pitch, a/R, b/R, texture; empty text where all was calibrated.
+
+        Raises
+        ------
+        InputError
+            If `prob` is outside 0 to 1.
+        """
+        return names_of(self._all_flags(prob))
+
+    def _all_flags(self, prob: float) -> Flags:
+        beyond = self.interval(prob)[1] > self.q_calibrated_max
+        return self.flags | np.where(beyond, Q, 0).astype(np.uint8)
 
     def rvs(self, rng: Rng, size: int = 1) -> IntArray:
         """Draw counts, shape (size, ...).
@@ -187,13 +215,13 @@ class QDistribution:
         return draws
 
 
-def mix_q(parts: Sequence[QDistribution], weights: Sequence[float]) -> QDistribution:
+def mix_q(parts: Iterable[QDistribution], weights: Sequence[float]) -> QDistribution:
     """Return the average of distributions of Q, such as over forms by model probability.
 
     Parameters
     ----------
-    parts : sequence of QDistribution
-        Of one shape and kind.
+    parts : iterable of QDistribution
+        Of one shape and kind. None is kept, so that a generator of many takes the memory of few.
     weights : sequence of float
         Non-negative; normalised here.
 
@@ -208,15 +236,17 @@ def mix_q(parts: Sequence[QDistribution], weights: Sequence[float]) -> QDistribu
         If a weight is negative or not finite, or none is above 0.
     """
     share = shares(weights)
-    n_step = max(part.survival.shape[-1] for part in parts)
-    survival = np.zeros((*parts[0].survival.shape[:-1], n_step))
-    for part, weight in zip(parts, share, strict=True):
-        survival[..., : part.survival.shape[-1]] += weight * part.survival
-    heavy = [part for part, weight in zip(parts, share, strict=True) if weight > 0.01]
-    outside = np.any([part.outside for part in heavy], axis=0)
-    q_max = min(part.q_calibrated_max for part in heavy)
-    error = float(np.dot(share, [part.error for part in parts]))
-    return QDistribution(survival, outside, q_max, parts[0].kind, error)
+    survival, error, kind = np.zeros(1), 0.0, ""
+    flags, q_max = np.zeros((), dtype=np.uint8), _NO_LIMIT
+    for part, weight, is_heavy in zip(parts, share.tolist(), heavy_parts(share), strict=True):
+        # In place: a new array, as long as the longer of both.
+        new = sorted((weight * part.survival, survival), key=lambda x: -x.shape[-1])
+        survival = new[0]
+        survival[..., : new[1].shape[-1]] += new[1]
+        error, kind = error + weight * part.error, part.kind
+        if is_heavy:
+            flags, q_max = flags | part.flags, min(q_max, part.q_calibrated_max)
+    return QDistribution(survival, flags, q_max, kind, error)
 
 
 def shares(weights: Sequence[float]) -> FloatArray:
@@ -225,6 +255,11 @@ def shares(weights: Sequence[float]) -> FloatArray:
     if not (np.all(values >= 0) and 0 < values.sum() < math.inf):
         raise InputError(f"weights: expected finite, not negative, one above 0, got {weights!r}")
     return values / values.sum()
+
+
+def heavy_parts(share: FloatArray) -> BoolArray:
+    """Return which parts of a mixture weigh enough for their extrapolation to be the mixture's."""
+    return (share > 0.01) | (share == share.max())
 
 
 def seeded(rng: Rng) -> np.random.Generator:

@@ -1,0 +1,142 @@
+"""What lies beyond the calibrated range: flags, one bit for each quantity, and their names.
+
+>>> import numpy as np
+>>> names_of(np.array([0, LOAD, Q | RIDGE])).tolist()
+['', 'load', 'Q,a/R']
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes.contact.scaling import Texture, reduced_load
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.model.forms import PowerLaw
+
+NAMES = ("Q", "load", "a/pitch", "a/R", "b/R", "texture")
+Q, LOAD, RATIO, RIDGE, GROOVE, TEXTURE = (1 << bit for bit in range(len(NAMES)))
+_MARGIN = 1.5  # widths may leave their calibrated range by this factor
+_SLACK = 1e-12  # of a value that is a calibrated one but for rounding
+_NAMES = np.array(
+    [
+        ",".join(name for bit, name in enumerate(NAMES) if flags >> bit & 1)
+        for flags in range(1 << len(NAMES))
+    ],
+    dtype=object,
+)
+
+Flags = np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
+
+
+@dataclass(frozen=True)
+class CalibratedRange:
+    """What a posterior was calibrated on.
+
+    Parameters
+    ----------
+    ratio, ridge, groove : (float, float)
+        Lowest and highest a/pitch, a/R and b/R.
+    Q_max : int
+        Highest count.
+    load_max : float
+        Highest load p/E, reduced to nu = 0.5.
+    places : frozenset of (a/R, b/R, Q)
+        Counts of each texture.
+    textures : frozenset of (a/R, b/R), or None
+        Textures that have a coefficient of their own, where the form needs one.
+    """
+
+    ratio: tuple[float, float]
+    ridge: tuple[float, float]
+    groove: tuple[float, float]
+    Q_max: int
+    load_max: float
+    places: frozenset[tuple[float, float, int]]
+    textures: frozenset[Texture] | None
+
+    @classmethod
+    def of(cls, fit: Posterior) -> "CalibratedRange":
+        """Return the range of a posterior's rows."""
+        data = fit.model.data
+        a, b = data.a_over_R, data.b_over_R
+        rows = zip(data.texture.tolist(), data.Q.tolist(), strict=True)
+        return cls(
+            _ends(a / (a + b)),
+            _ends(a),
+            _ends(b),
+            int(data.Q.max()),
+            math.exp(data.log_load.max()),
+            frozenset((*data.textures[j], count) for j, count in rows),
+            frozenset(fit.form.textures) if isinstance(fit.form, PowerLaw) else None,
+        )
+
+    def texture_flags(self, a_over_R: FloatArray, b_over_R: FloatArray) -> Flags:
+        """Return the flags of textures.
+
+        Parameters
+        ----------
+        a_over_R, b_over_R : ndarray of float, shape (...), dimensionless
+            Textures.
+
+        Returns
+        -------
+        ndarray of uint8, shape (...)
+            a/pitch beyond its calibrated range; a/R or b/R below the lowest calibrated / 1.5 or
+            above the highest x 1.5; a texture without a coefficient of its own.
+        """
+        a, b = np.asarray(a_over_R, dtype=float), np.asarray(b_over_R, dtype=float)
+        flags = _flag(_beyond(a / (a + b), self.ratio, 1.0), RATIO)
+        flags |= _flag(_beyond(a, self.ridge, _MARGIN), RIDGE)
+        flags |= _flag(_beyond(b, self.groove, _MARGIN), GROOVE)
+        if self.textures is not None:
+            pairs = zip(a.ravel().tolist(), b.ravel().tolist(), strict=True)
+            unknown = np.array([pair not in self.textures for pair in pairs], dtype=bool)
+            flags |= _flag(unknown.reshape(a.shape), TEXTURE)
+        return flags
+
+    def load_flags(self, p_over_E: ArrayLike, nu: ArrayLike) -> Flags:
+        """Return the flag of loads above the highest calibrated one.
+
+        The half-plane's scale law makes pitches alike, not loads: strains grow with these.
+        """
+        return _flag(reduced_load(p_over_E, nu) > self.load_max * (1 + _SLACK), LOAD)
+
+    def count_flags(self, count: ArrayLike) -> Flags:
+        """Return the flag of counts above the highest calibrated one."""
+        return _flag(np.asarray(count) > self.Q_max, Q)
+
+    def highest_load(
+        self, a_over_R: FloatArray, b_over_R: FloatArray, count: FloatArray, nu: FloatArray
+    ) -> FloatArray:
+        """Return the load p/E above which that of a count is flagged; all of shape (n_place,).
+
+        Infinite at a texture and count that a row was fitted at: its predicted load may well lie
+        above the highest observed one, but was observed itself.
+        """
+        highest = self.load_max * (1 + _SLACK) / reduced_load(1.0, nu)
+        places = zip(a_over_R.tolist(), b_over_R.tolist(), count.tolist(), strict=True)
+        seen = np.array([place in self.places for place in places], dtype=bool)
+        return np.where(seen, np.inf, highest)
+
+
+def names_of(flags: Flags) -> np.ndarray:
+    """Return the names of flagged quantities, separated by commas; empty text where none is."""
+    found = np.empty(np.shape(flags), dtype=object)
+    found[...] = _NAMES[np.asarray(flags, dtype=np.intp)]
+    return found
+
+
+def _ends(values: FloatArray) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
+
+
+def _beyond(value: FloatArray, ends: tuple[float, float], margin: float) -> BoolArray:
+    low, high = ends[0] / margin * (1 - _SLACK), ends[1] * margin * (1 + _SLACK)
+    return (value < low) | (value > high)
+
+
+def _flag(where: BoolArray, bit: int) -> Flags:
+    return np.asarray(where).astype(np.uint8) * np.uint8(bit)
