@@ -33,9 +33,9 @@ COLUMNS = {
     "bayes_factors.csv": "form_a,form_b,noise,method,ln_bf,ln_bf_se,log10_bf,reading",
     "loo.csv": "form,noise,elpd,se,p,n_bad_k,stacking_weight",
     "bands.csv": "form,noise,kind_of_band,a_over_R,b_over_R,nu,p_over_E,q_mean,q_median,q_lower,"
-    "q_upper,prob,extrapolation",
+    "q_upper,prob,extrapolation,extrapolation_of",
     "loads.csv": "form,noise,kind_of_band,a_over_R,b_over_R,nu,Q,p_over_E_median,p_over_E_lower,"
-    "p_over_E_upper,prob,extrapolation,p_over_E_observed",
+    "p_over_E_upper,prob,extrapolation,extrapolation_of,p_over_E_observed",
     "prior_sensitivity.csv": "prior,factor,form,log_evidence",
 }
 STANDARD = {"noise": "iid", "accuracy": "standard"}

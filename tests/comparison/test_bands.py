@@ -27,6 +27,7 @@ BAND_COLUMNS = [
     "q_upper",
     "prob",
     "extrapolation",
+    "extrapolation_of",
 ]
 LOAD_COLUMNS = [
     "form",
@@ -41,6 +42,7 @@ LOAD_COLUMNS = [
     "p_over_E_upper",
     "prob",
     "extrapolation",
+    "extrapolation_of",
     "p_over_E_observed",
 ]
 
@@ -276,6 +278,11 @@ def test_bands__flag_what_lies_beyond_the_calibrated_range(comparison, paper):
     beyond = bands_table(comparison, textures=[(0.022, 0.02)], loads=np.array([0.5]))
     assert (beyond["q_upper"] > paper.calibration.frame["Q"].max()).all()
     assert beyond["extrapolation"].all()
+    assert set(beyond["extrapolation_of"]) == {"Q,load"}
+    assert frame.groupby("a_over_R")["extrapolation_of"].agg(set).to_dict() == {
+        0.022: {""},
+        wide * 0.04: {"a/pitch"},
+    }
 
 
 @pytest.mark.parametrize("prob", [0.0, 1.0, 2.0, -0.5, math.nan])
@@ -398,6 +405,17 @@ def test_loads__flag_counts_and_textures_that_were_not_calibrated(loads, paper):
     assert rows["extrapolation"].tolist() == outside.tolist()
     assert outside.any()
     assert not outside.all()
+    # A load that is above every calibrated one, of a texture and count that was not fitted.
+    above = rows["p_over_E_median"] > paper.calibration.frame["p_over_E"].max()
+    assert (above & (rows["b_over_R"] == 0.09)).any()
+    of = rows["extrapolation_of"].str.split(",")
+    for name, where in (
+        ("load", above & outside),
+        ("b/R", rows["b_over_R"] > 0.045),
+        ("a/pitch", (ratio < min(known)) | (ratio > max(known))),
+        ("Q", rows["Q"] > q_max),
+    ):
+        assert [name in names for names in of] == where.tolist()
 
 
 def test_loads__probability_inside_is_the_callers(comparison):

@@ -73,10 +73,12 @@ def textures_far_outside(folder):
         for texture in NEAR:
             assert not fitted(name).predict(*texture, [0.001, 0.009]).extrapolation().any()
             assert not fitted(name).predict_load(*texture, [4, 6, 8]).extrapolation.any()
-    assert bool(fitted("hybrid").predict(0.022, 0.02, 0.2).extrapolation())  # by Q alone
-    coarse = fitted("hybrid").predict(0.22, 0.2, [0.001, 0.3]).extrapolation()
-    assert coarse.tolist() == [False, True]  # by the load alone: Q is 4
-    assert bool(fitted("hybrid").predict_load(0.022, 0.02, 100).extrapolation)
+    hybrid = fitted("hybrid")
+    assert hybrid.predict(0.022, 0.02, 0.2).extrapolation_of().item() == "Q,load"
+    coarse = hybrid.predict(0.033, 0.03, [0.001, 0.021]).extrapolation_of()
+    assert coarse.tolist() == ["", "load"]
+    assert hybrid.predict(0.25, 0.25, 0.01).extrapolation_of().item() == "a/R,b/R"  # millimetres
+    assert hybrid.predict_load(0.022, 0.02, 100).extrapolation_of.item() == "Q,load"
     bands = bands_table(
         weighed(), textures=[FAR[0], FAR[2], NEAR[0]], loads=np.array([0.0005, 0.005])
     )

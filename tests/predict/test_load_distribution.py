@@ -3,7 +3,7 @@ import pytest
 from scipy import integrate, special, stats
 
 from ridgebayes.errors import InputError
-from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
+from ridgebayes.predict.load_distribution import LoadDistribution, LoadDraws, mix_loads
 
 PROBABILITIES = (1e-4, 0.05, 0.5, 0.9, 0.9999)
 
@@ -127,3 +127,78 @@ def test_mix_loads__flags_what_a_part_that_counts_flags_and_drops_what_does_not_
     assert mix_loads([one, flagged], [0.9, 0.1]).extrapolation.tolist() == [True, False, False]
     assert not mix_loads([one, flagged], [0.995, 0.005]).extrapolation.any()
     assert len(mix_loads([one, flagged], [1.0, 1e-12]).weight) == len(one.weight)
+
+
+def lazy(seed, place, highest=np.inf):
+    """Draws of `draws_of` that are made when asked for, and the numbers of columns asked for."""
+    log_mean, sd, weight = draws_of(seed, shape=(4,))
+    asked = []
+
+    def columns(ids):
+        asked.append(len(ids))
+        return log_mean[:, ids], np.broadcast_to(sd[:, None], (len(sd), len(ids)))
+
+    flags, ends = np.zeros(place.shape, np.uint8), np.full(place.shape, highest)
+    return LoadDistribution.of(LoadDraws(weight, None, columns), place, flags, ends), asked
+
+
+def test_distribution__of_draws_made_when_asked_is_that_of_stored_ones():
+    place = np.array([[2, 0], [0, 3]])
+    load, _ = lazy(1, place)
+    stored = mixture(1, shape=(4,))
+    p = np.array([[0.006, 0.0065], [0.007, 0.0068]])
+    by_hand = [
+        [oracle_cdf(draws_of(1, shape=(4,)), p[i, j], place[i, j]) for j in (0, 1)] for i in (0, 1)
+    ]
+    np.testing.assert_allclose(load.cdf(p), by_hand, rtol=1e-12)  # algebra
+    for ask in (LoadDistribution.mean, LoadDistribution.median):
+        np.testing.assert_allclose(ask(load), ask(stored)[place], rtol=1e-12)
+    np.testing.assert_array_equal(load.log_mean, stored.log_mean[:, place])
+    np.testing.assert_array_equal(load.sd, stored.sd[:, place])
+    same = LoadDistribution(load.log_mean, load.sd, load.weight, np.zeros((2, 2), np.uint8))
+    np.testing.assert_allclose(load.rvs(5, 7), same.rvs(5, 7), rtol=1e-14)
+
+
+def test_distribution__works_out_places_alike_once_and_no_block_is_large():
+    load, asked = lazy(1, np.resize([0, 1, 2, 3], 100_000))
+    load.interval(0.9)
+    assert max(asked) <= 4
+    assert sum(asked) == 8
+    asked.clear()
+    load.cdf(0.0065)  # 40 draws: 1,638 places at a time, of four columns
+    assert max(asked) <= 4
+    assert len(asked) == -(-100_000 // (65_536 // 40))
+
+
+def test_extrapolation__is_of_a_median_above_what_was_calibrated():
+    load, _ = lazy(1, np.array([0, 1, 2]))
+    median = load.median()
+    middle = float(np.sort(median)[1])
+    one, _ = lazy(1, np.array([0, 1, 2]), highest=middle * (1 + 1e-6))
+    assert one.extrapolation_of.tolist() == ["load" if m > middle else "" for m in median]
+    two, _ = lazy(1, np.array([0, 1, 2]), highest=1.0)
+    # The lower of two limits, and the mixture's own median.
+    assert mix_loads([one, two], [0.5, 0.5]).extrapolation.tolist() == one.extrapolation.tolist()
+    assert not mix_loads([one, two], [0.001, 0.999]).extrapolation.any()
+
+
+def test_mix_loads__of_parts_with_other_columns_is_their_sum():
+    one, _ = lazy(1, np.array([0, 0, 3]))
+    two = mixture(2, n_draw=25)
+    for parts in ([one, two], [two, one]):
+        mixed, p = mix_loads(parts, [0.25, 0.75]), np.array([0.006, 0.0065, 0.007])
+        expected = 0.25 * parts[0].cdf(p) + 0.75 * parts[1].cdf(p)
+        np.testing.assert_allclose(mixed.cdf(p), expected, rtol=1e-12)  # algebra
+
+
+def test_widened__adds_variances_place_by_place():
+    place, rel_se = np.array([3, 3, 1]), np.array([0.0, 0.2, 0.1])
+    load, _ = lazy(1, place)
+    wide = load.widened(rel_se)
+    np.testing.assert_allclose(wide.sd**2 - load.sd**2, [rel_se**2] * 40, atol=1e-15)  # algebra
+    np.testing.assert_array_equal(wide.log_mean, load.log_mean)
+    np.testing.assert_allclose(wide.median()[0], load.median()[0], rtol=1e-9)
+
+
+def test_repr__tells_shape_and_draws():
+    assert repr(mixture(n_draw=7)) == "LoadDistribution(shape (3,), 7 draws)"

@@ -1,5 +1,6 @@
 import gc
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from ridgebayes.model.forms import Hybrid
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.predict.predict import predict_load, predict_q, texture_extrapolates
+from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.predict.q_distribution import mix_q
 
 A, B = 0.022, 0.02
@@ -115,23 +116,42 @@ def test_predict_q__of_a_scalar_is_a_scalar(fits):
 
 def test_predict_q__flags_what_was_not_calibrated(fits):
     fit = fits["hybrid"]
-    # Calibrated: a/pitch from 0.286 to 0.762, Q up to its largest.
-    assert not predict_q(fit, 0.012, 0.03, 1e-3).outside
-    assert not predict_q(fit, 0.22, 0.2, 1e-3).outside  # ratio, not size
-    assert predict_q(fit, 0.012, 0.09, 1e-3).outside
-    assert predict_q(fit, 0.04, 0.01, 1e-3).outside
+    # Calibrated: a/pitch from 0.286 to 0.762, a/R 0.012 to 0.032, b/R 0.01 to 0.03, p/E to 0.02.
+    a = [0.012, 0.033, 0.22, 0.012, 0.04, 0.0079, 0.022]
+    b = [0.03, 0.03, 0.20, 0.09, 0.01, 0.007, 0.02]
+    p = [0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.021]
+    q = predict_q(fit, a, b, p)
+    expected = ["", "", "a/R,b/R", "a/pitch,b/R", "a/pitch", "a/R", "load"]
+    assert q.extrapolation_of().tolist() == expected
+    assert q.extrapolation().tolist() == [text != "" for text in expected]
     highest = int(fit.model.data.Q.max())
     load = float(fit.form.load(highest + 4, A, B, fit.draws.mean(axis=0)[:-1]))
-    assert predict_q(fit, A, B, [1e-3, load]).extrapolation().tolist() == [False, True]
+    q = predict_q(fit, A, B, [1e-3, load])
+    assert q.extrapolation().tolist() == [False, True]
+    assert q.extrapolation_of().tolist() == ["", "Q,load"]
+
+
+def test_predict_q__flags_widths_in_millimetres(fits):
+    q = predict_q(fits["modified"], 0.25, 0.25, 0.01)
+    assert int(q.median()) == 2
+    assert q.extrapolation_of().item() == "a/R,b/R"
+
+
+def test_predict_q__flags_loads_by_what_they_are_at_one_half(fits, paper):
+    highest = paper.calibration.column("p_over_E").max()
+    p = highest * 0.75 / (1 - 0.3**2) * np.array([0.99, 1.01])
+    soft = predict_q(fits["hybrid"], A, B, p, nu=0.3)
+    assert soft.extrapolation_of().tolist() == ["", "load"]
+    assert p[1] < 0.9 * highest
 
 
 def test_predict_q__power_law_draws_a_new_textures_K_from_its_prior(fits):
     fit = fits["power-law"]
     a, b = 0.02, 0.025
-    assert texture_extrapolates(fit, (a, b))
-    assert not texture_extrapolates(fit, (0.012, 0.03))
     q = predict_q(fit, a, b, LOADS, kind="curve")
-    assert q.outside.all()
+    assert q.extrapolation().all()
+    assert q.extrapolation_of().tolist() == [*["texture"] * 24, "load,texture"]
+    assert predict_q(fit, 0.012, 0.03, 1e-3).extrapolation_of().item() == ""
     # K is log-normal, median 2 x 1.382/L, log-sd 0.3: Q >= 6 where K sqrt(p) >= 4.
     exact = stats.norm.cdf((np.log(2 * 1.382 / (a + b) * np.sqrt(LOADS) / 4)) / 0.3)
     se = np.sqrt(exact * (1 - exact) / len(fit.draws))
@@ -187,6 +207,9 @@ def test_predict_load__keeps_textures_and_counts_apart_and_flags_them(fits):
     a, b = np.array([[0.012], [0.012]]), np.array([[0.03], [0.09]])
     load = fit.predict_load(a, b, [4, 100])
     assert load.median().shape == (2, 2)
+    # Classic mechanics: the load of Q = 100 is (49 L / 1.38)^2, far above 0.02.
+    expected = [["", "Q,load"], ["a/pitch,b/R", "Q,load,a/pitch,b/R"]]
+    assert load.extrapolation_of.tolist() == expected
     assert load.extrapolation.tolist() == [[False, True], [True, True]]
     one = fit.predict_load(0.012, 0.09, 4)
     assert float(one.median()) == pytest.approx(float(load.median()[1, 0]), rel=1e-9)
@@ -214,9 +237,33 @@ def test_mix_q__is_the_weighted_average_of_probabilities(fits):
 def test_mix_q__flags_what_a_part_that_counts_flags(fits):
     new = (0.02, 0.025)  # inside the ratios, but without a K
     parts = [predict_q(fits[name], *new, LOADS) for name in ("hybrid", "power-law")]
-    assert mix_q(parts, [0.9, 0.1]).outside.all()
+    assert {"texture" in names for names in mix_q(parts, [0.9, 0.1]).extrapolation_of()} == {True}
     # The last load alone is above every calibrated one.
-    assert mix_q(parts, [0.999, 0.001]).outside.tolist() == [*[False] * 24, True]
+    light = mix_q(parts, [0.999, 0.001]).extrapolation_of()
+    assert light.tolist() == [*[""] * 24, "load"]
+
+
+def test_mix_q__takes_many_parts_one_at_a_time(fits):
+    parts = [predict_q(fits[name], A, B, LOADS) for name in ("classic", "modified", "hybrid")]
+    alive = []
+
+    def one_by_one():
+        for part in parts * 20:
+            own = replace(part, survival=part.survival.copy())
+            alive.append(weakref.ref(own))
+            yield own
+            del own
+            assert sum(ref() is not None for ref in alive) <= 2
+
+    mixed = mix_q(one_by_one(), [1.0] * 60)
+    np.testing.assert_allclose(
+        mixed.survival, mix_q(parts, [1.0, 1.0, 1.0]).survival, rtol=1e-13
+    )  # algebra: a sum of 60
+
+
+def test_mix_q__of_a_hundred_alike_flags_what_all_flag(fits):
+    part = predict_q(fits["hybrid"], 0.25, 0.25, LOADS[:3])
+    assert mix_q([part] * 101, [1.0] * 101).extrapolation().all()  # none weighs 1 %
 
 
 @pytest.mark.parametrize("predict", [predict_q, predict_load])
@@ -274,10 +321,6 @@ def test_predict_load__of_a_ridge_that_some_draws_never_reach_is_infinite_not_na
     assert float(load.quantile(0.99)) == np.inf
     # Solver tolerance: 1e-10 in log load.
     assert float(load.cdf(load.quantile(0.05))) == pytest.approx(0.05, abs=1e-8)
-
-
-def test_texture_extrapolates__not_at_a_calibrated_ratio_on_another_scale(fits):
-    assert not texture_extrapolates(fits["modified"], (0.12, 0.3))  # a/pitch of (0.012, 0.03)
 
 
 def test_predict_q__curve_counts_a_draw_at_its_own_transition_load(fits):

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
+from ridgebayes.predict.extrapolation import LOAD, RIDGE
 from ridgebayes.predict.q_distribution import QDistribution, seeded
 
 # Two loads: P(Q >= 2), P(Q >= 4), ... typed by hand. All numbers are exact in binary.
@@ -72,8 +73,11 @@ def test_quantile__refuses_what_is_no_probability(bad):
 
 def test_extrapolation__flags_textures_and_counts_that_were_not_calibrated():
     assert Q.extrapolation(0.5).tolist() == [False, True]
+    marked = QDistribution(SURVIVAL, np.array([LOAD, RIDGE], np.uint8), 6, "simulation")
+    assert marked.extrapolation_of(0.99).tolist() == ["load", "Q,a/R"]
     inside = QDistribution(SURVIVAL, np.array([False, False]), 6, "simulation")
     assert inside.extrapolation(0.5).tolist() == [False, False]
+    assert inside.extrapolation_of(0.5).tolist() == ["", ""]
     assert inside.extrapolation(0.99).tolist() == [False, True]  # its upper end is 8
 
 

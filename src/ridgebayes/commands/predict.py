@@ -1,12 +1,14 @@
 """`ridgebayes predict`: bands on Q at textures and loads, from a finished run."""
 
 import math
+import sys
 
 from ridgebayes.commands import options
 from ridgebayes.commands.parsing import parse_loads, parse_texture, refuse_existing
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import write_csv
 from ridgebayes.comparison.bands import bands_table
+from ridgebayes.predict.extrapolation import NAMES
 
 
 def command(asked: options.Predict) -> None:
@@ -23,9 +25,16 @@ def command(asked: options.Predict) -> None:
         compressed=True,
     )
     write_csv(bands, asked.out)
-    outside, error = int(bands["extrapolation"].sum()), bands.attrs["error"]
+    beyond, error = bands["extrapolation_of"][bands["extrapolation"]], bands.attrs["error"]
     known = "under 0.005 (draws)" if math.isnan(error) else f"up to {error:.1g}"
     print(
-        f"{asked.out}: {len(bands)} rows, {outside} of them extrapolation; "
+        f"{asked.out}: {len(bands)} rows, {len(beyond)} of them extrapolation; "
         f"errors of probabilities {known}"
     )
+    if len(beyond):
+        names = dict.fromkeys(name for names in beyond.unique() for name in names.split(","))
+        print(
+            f"ridgebayes: warning: {len(beyond)} of {len(bands)} rows lie beyond the calibrated "
+            f"range of {', '.join(name for name in NAMES if name in names)}",
+            file=sys.stderr,
+        )

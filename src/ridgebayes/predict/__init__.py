@@ -1,7 +1,8 @@
 """Predictions of a posterior: the distribution of Q at a load, and of the load that reaches a Q.
 
 `predict` has both; `q_distribution` and `load_distribution` the records that they return, and
-mixtures of them by given weights; `predictive_cdf` the averages over draws or nodes. The room knows
+mixtures of them by given weights; `predictive_cdf` the averages over draws or nodes, `interpolant`
+their tables for many loads; `extrapolation` what lies beyond the calibrated range. The room knows
 `inference` and `model`.
 
 >>> import numpy as np

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import compress
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -87,7 +88,8 @@ class LoadDistribution:
         n = len(log_mean)
         self._draws = LoadDraws.stored(log_mean.reshape(n, -1), sd.reshape(n, -1), weight, df)
         self._place = np.arange(log_mean[0].size).reshape(shape)
-        self._flags, self._highest = np.asarray(flags, dtype=np.uint8), np.asarray(np.inf)
+        self._flags = np.broadcast_to(np.asarray(flags, dtype=np.uint8), shape)
+        self._highest = np.full(shape, np.inf)
 
     @classmethod
     def of(
@@ -395,22 +397,17 @@ def mix_loads(parts: Iterable[LoadDistribution], weights: Sequence[float]) -> Lo
         If a weight is negative or not finite, or none is above 0.
     """
     share = shares(weights)
-    large = heavy_parts(share)
-    kept = [(p, w, h) for p, w, h in zip(parts, share, large, strict=True) if w > 1e-9]
-    place = kept[0][0]._place
-    if not all(np.array_equal(part._place, place) for part, _, _ in kept):
+    pairs = [(part, w) for part, w in zip(parts, share, strict=True) if w > 1e-9]
+    kept = [part for part, _ in pairs]
+    place, columns = kept[0]._place, [part._draws.columns for part in kept]
+    if not all(np.array_equal(part._place, place) for part in kept):
         place = np.arange(place.size).reshape(place.shape)
-    sources = [
-        (part._draws, None if place is kept[0][0]._place else part._place.ravel())
-        for part, _, _ in kept
-    ]
-    draws = LoadDraws(
-        np.concatenate([part.weight * weight for part, weight, _ in kept]),
-        _joined_df([part for part, _, _ in kept]),
-        partial(_joined, sources),
-    )
-    flags = np.bitwise_or.reduce([part._flags for part, _, is_heavy in kept if is_heavy])
-    highest = np.minimum.reduce([part._highest for part, _, is_heavy in kept if is_heavy])
+        columns = [partial(_placed, part._draws, part._place.ravel()) for part in kept]
+    weight = np.concatenate([part.weight * w for part, w in pairs])
+    draws = LoadDraws(weight, _joined_df(kept), partial(_joined, columns))
+    heavy = list(compress(kept, heavy_parts(share[share > 1e-9])))
+    flags = np.bitwise_or.reduce([part._flags for part in heavy])
+    highest = np.minimum.reduce([part._highest for part in heavy])
     return LoadDistribution.of(draws, place, flags, highest)
 
 
@@ -418,15 +415,19 @@ def _stored(log_mean: FloatArray, sd: FloatArray, ids: IntArray) -> Columns:
     return log_mean[:, ids], sd[:, ids]
 
 
+def _placed(draws: LoadDraws, place: IntArray, ids: IntArray) -> Columns:
+    return draws.columns(place[ids])
+
+
 def _widened(draws: LoadDraws, place: IntArray, rel_se: FloatArray, ids: IntArray) -> Columns:
     mean, sd = draws.columns(place[ids])
     return mean, np.hypot(sd, rel_se[ids])
 
 
-def _joined(sources: Sequence[tuple[LoadDraws, IntArray | None]], ids: IntArray) -> Columns:
+def _joined(parts: Sequence[Callable[[IntArray], Columns]], ids: IntArray) -> Columns:
     """Return the columns of several draws below each other."""
-    found = [draws.columns(ids if place is None else place[ids]) for draws, place in sources]
-    return np.concatenate([mean for mean, _ in found]), np.concatenate([sd for _, sd in found])
+    means, sds = zip(*(columns(ids) for columns in parts), strict=True)
+    return np.concatenate(means), np.concatenate(sds)
 
 
 def _joined_df(parts: Sequence[LoadDistribution]) -> FloatArray | None:

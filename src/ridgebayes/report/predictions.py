@@ -31,9 +31,9 @@ def bands_section(data: ReportData) -> list[Block]:
     """Return Q against load with bands, texture by texture."""
     caption = (
         f"{form_name(data.shown)}. Dark: the form's own curve. Light: a further simulation. "
-        "Hatched: extrapolation to a count or an a/pitch beyond the calibrated range. The load "
-        "axis is a square-root scale, on which steps are equally wide. A band of one count is "
-        "drawn a quarter of an edge to either side."
+        "Hatched: extrapolation, that is a count, load, a/pitch, a/R or b/R beyond the calibrated "
+        "range. The load axis is a square-root scale, on which steps are equally wide. A band of "
+        "one count is drawn a quarter of an edge to either side."
     )
     return [Picture("bands", caption)]
 
