@@ -37,10 +37,11 @@ def differences(table: rb.ContactTable, form: object, n_seed: int) -> tuple[list
             found = (
                 power_law_evidence(fit.model, tol=1e-8)
                 if form.name == "power-law"
-                else quadrature_evidence(fit.model.log_density, laplace, tol=1e-8)
+                else quadrature_evidence(fit.model.log_density, laplace)
             )
             if not found.ok:
-                raise SystemExit(f"{form.name}: {found.status}")
+                print(f"  {form.name}: no reference: {found.status}")
+                return [], []
             reference = found.value
         bridge = bridge_evidence(
             fit.model.log_density, fit.chains, laplace, rng=stream(fit.seed, "bridge")
@@ -58,9 +59,9 @@ def few_rows() -> dict[str, tuple[rb.ContactTable, list]]:
     place = rows.groupby("texture", sort=False).cumcount()
     cases = {}
     for n in (3, 5, 8):
-        for label, some in (("one texture", rows), ("one row each", rows[place == 0])):
+        for label, some in (("one row each", rows[place == 0]), ("one texture", rows)):
             table = rb.ContactTable.from_frame(some.head(n).reset_index(drop=True))
-            cases[f"{n} rows, {label}"] = table, [rb.Modified(), rb.Hybrid(), rb.PowerLaw()]
+            cases[f"{n} rows, {label}"] = table, [rb.PowerLaw(), rb.Modified(), rb.Hybrid()]
     return cases
 
 
@@ -82,6 +83,8 @@ def main() -> None:
     for label, (table, forms) in cases.items():
         for form in forms:
             apart, quoted = map(np.asarray, differences(table, form, n_seed))
+            if not len(apart):
+                continue
             ratio = apart / quoted
             ratios.append(ratio)
             t = apart.mean() / (apart.std(ddof=1) / np.sqrt(n_seed))

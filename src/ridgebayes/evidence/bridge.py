@@ -58,7 +58,9 @@ def bridge_evidence(
     Notes
     -----
     *Accuracy.* The standard error adds the relative variances of numerator and denominator, the
-    posterior side divided by its effective sample size.
+    posterior side divided by its effective sample size. Of the two halves the numerators' errors
+    are independent. The denominators' count as equal, as they are for a normal posterior; for
+    others the standard error is up to a fifth too large.
 
     References
     ----------
@@ -95,9 +97,12 @@ def bridge_evidence(
             )
             return LogEvidence("bridge", math.nan, math.nan, reason)
         results.append(result)
-    (first, first_se), (second, second_se) = results
-    se = 0.5 * math.hypot(first_se, second_se)
-    apart = abs(first - second) / (2 * se)
+    (first, *of_first), (second, *of_second) = results
+    apart = abs(first - second) / math.hypot(*of_first, *of_second)
+    # What is off in the draws of one half meets what is off in those of the other, and that once
+    # with either half in either part: for a normal posterior it is the same number twice.
+    drawn = of_first[1] + of_second[1]
+    se = 0.5 * math.hypot(of_first[0], of_second[0], drawn)
     status = "ok" if apart < 5 else f"halves of the ensembles disagree by {apart:.1f} se"
     return LogEvidence("bridge", 0.5 * (first + second), se, status)
 
@@ -129,12 +134,13 @@ class _Normal:
 
 def _bridge(
     posterior_ratio: FloatArray, proposal_ratio: FloatArray, iterations_max: int
-) -> tuple[float, float] | None:
-    """Return log evidence and its standard error from log(target / proposal) at both sets of draws.
+) -> tuple[float, float, float] | None:
+    """Return log evidence and the standard errors of its numerator and its denominator.
 
+    Both arguments are log(target / proposal), at draws of the posterior and of the proposal:
     `posterior_ratio` has shape (n_ensemble, n_step, n_walker), `proposal_ratio` (n,).
     """
-    n_effective = float(effective_sample_size(posterior_ratio))
+    n_effective = _effective(posterior_ratio)
     log_odds = math.log(n_effective / proposal_ratio.size)  # log s1/s2
     log_z = float(np.median(posterior_ratio))
     for _ in range(iterations_max):
@@ -150,7 +156,13 @@ def _bridge(
             break
     else:
         return None
-    variance = (numerator.var() / numerator.mean() ** 2) / numerator.size
-    n_denominator = float(effective_sample_size(denominator))
-    variance += (denominator.var() / denominator.mean() ** 2) / n_denominator
-    return log_z, math.sqrt(variance)
+    return (
+        log_z,
+        float(numerator.std() / numerator.mean()) / math.sqrt(numerator.size),
+        float(denominator.std() / denominator.mean()) / math.sqrt(_effective(denominator)),
+    )
+
+
+def _effective(x: FloatArray) -> float:
+    """Return the effective sample size, at most the number: short chains seem to have more."""
+    return min(float(effective_sample_size(x)), float(x.size))
