@@ -219,14 +219,14 @@ def test_bridge_evidence__of_a_normal_posterior_errs_as_its_standard_error_says(
         return 2.5 + stats.norm.logpdf(u).sum(axis=-1)
 
     where, z = affine(np.zeros(n_parameter), np.eye(n_parameter)), []
-    for seed in range(100):
-        draws = np.random.default_rng(seed).standard_normal((4, 20, 32, n_parameter))
+    for seed in range(200):
+        draws = np.random.default_rng(seed).standard_normal((4, 10, 64, n_parameter))
         rng = np.random.default_rng(1000 + seed)
         found = bridge_evidence(normal, independent(normal, draws), where, rng=rng)
         z.append((found.value - 2.5) / found.se)
-    # Monte Carlo: the rms of 100 normal values is 1 +- 0.07; three of them. Halves taken as
-    # independent have 1.25, and with the chains' shortness taken for independence 1.5.
-    assert 0.79 < np.sqrt(np.mean(np.square(z))) < 1.21
+    # Monte Carlo: the rms of 200 normal values is 1 +- 0.05; three of them. Halves taken as
+    # independent have 1.22, and short chains taken for more draws than they are 1.2 or more.
+    assert 0.85 < np.sqrt(np.mean(np.square(z))) < 1.15
 
 
 @pytest.mark.parametrize("n_row", [3, 5, 8])

@@ -235,6 +235,14 @@ def test_n_bad_k__counts_what_is_not_a_number_as_bad():
     assert loo.n_bad_k == 2
 
 
+@pytest.mark.parametrize(
+    ("n_bad", "status"), [(2, "ok"), (3, "3 of 10 rows have a Pareto k above 0.7")]
+)
+def test_status__is_not_ok_where_more_than_a_fifth_of_the_rows_are_bad(n_bad, status):
+    k = np.where(np.arange(10) < n_bad, 0.71, 0.7)
+    assert Loo(0.0, 0.0, 0.0, np.zeros(10), k).status == status
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_stacking_weights__meet_the_conditions_of_the_optimum(seed):
     pointwise = 0.5 * noise((4, 40), seed=seed) + np.array([[0.0], [0.1], [-0.2], [-1.5]])

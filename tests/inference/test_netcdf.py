@@ -1,5 +1,6 @@
 import gc
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from ridgebayes.inference.netcdf import (
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.priors import HalfNormal, LogNormal, Normal
 from ridgebayes.results import Fit, calibrate
@@ -137,6 +139,30 @@ def test_write_netcdf__keeps_the_sampler(paper, tmp_path):
 
 
 @pytest.mark.slow
+def test_read_netcdf__brings_back_series_and_a_nugget_of_ones_own(observed, tmp_path):
+    rng = np.random.default_rng(1)
+    texture, Q = np.arange(24) % 4, 4 + 2 * (np.arange(24) // 8)
+    load = 2 * np.log((Q / 2 - 1) * 0.03) + 0.05 * rng.standard_normal(24)
+    data = observed(texture, Q, load, series=np.arange(24) // 4 % 2)
+    data = replace(data, labels=("one", "two", "three", "four"), series_labels=("a b", "ü"))
+    noise = Noise("step-smooth+series", nugget=1e-6)
+    effort = {"n_draw": 128, "n_round": 1, "n_per_round": 200}
+    fit, _ = importance_posterior(Model(data, Modified(), noise), seed=1, **effort)
+    write_netcdf(fit, tmp_path / "a.nc")
+    back = read_netcdf(tmp_path / "a.nc")
+    assert back.noise == noise
+    assert back.model.data.series_labels == ("a b", "ü")
+    np.testing.assert_array_equal(back.model.data.series, data.series)
+    lp = back.model.log_density(back.coordinates)
+    # Rounding: densities worked out together or in parts.
+    np.testing.assert_allclose(lp, back.kept_chains.log_density.ravel(), rtol=1e-9)
+    plain, _ = importance_posterior(Model(data, Modified(), Noise("series")), seed=1, **effort)
+    write_netcdf(plain, tmp_path / "b.nc")
+    with xr.open_datatree(tmp_path / "b.nc", engine="h5netcdf") as tree:
+        assert "nugget" not in tree.attrs  # as files were before there was a choice
+    assert read_netcdf(tmp_path / "b.nc").noise == Noise("series")
+
+
 def test_write_netcdf__replaces_a_file(fits, tmp_path):
     path = tmp_path / "posterior.nc"
     path.write_text("old")

@@ -15,7 +15,9 @@ LOO_COLUMNS = ["form", "noise", "elpd", "se", "p", "n_bad_k", "stacking_weight"]
 def loo_table(fits: Mapping[str, Fit]) -> pd.DataFrame:
     """Return elpd, its error, bad Pareto k and the stacking weight of each fit.
 
-    Fits to so many rows that no pointwise log-likelihood is kept are not in it.
+    Fits to so many rows that no pointwise log-likelihood is kept are not in it. Where more than a
+    fifth of the rows have a Pareto k above 0.7, elpd, se, p and weight are NaN, `n_bad_k` says why,
+    and the other fits are weighed without it: refitting would take a posterior for each row.
     """
     scores = {}
     for name, fit in fits.items():
@@ -26,18 +28,16 @@ def loo_table(fits: Mapping[str, Fit]) -> pd.DataFrame:
             scores[name] = leave_one_out(groups, min(max(reff, 1e-3), 1.0))
     if not scores:
         return pd.DataFrame(columns=LOO_COLUMNS)
-    weights = stacking_weights(np.stack([score.pointwise for score in scores.values()]))
-    return pd.DataFrame(
+    sound = {name: score.pointwise for name, score in scores.items() if score.status == "ok"}
+    weights = stacking_weights(np.stack([*sound.values()])) if sound else np.empty(0)
+    weight_of = dict(zip(sound, weights, strict=True))
+    frame = pd.DataFrame(
         [
-            {
-                "form": name,
-                "noise": fits[name].noise.name,
-                "elpd": score.elpd,
-                "se": score.se,
-                "p": score.p,
-                "n_bad_k": score.n_bad_k,
-                "stacking_weight": weight,
-            }
-            for (name, score), weight in zip(scores.items(), weights, strict=True)
-        ]
+            (name, fits[name].noise.name, score.elpd, score.se, score.p, score.n_bad_k, np.nan)
+            for name, score in scores.items()
+        ],
+        columns=LOO_COLUMNS,
     )
+    frame["stacking_weight"] = frame["form"].map(weight_of).astype(float)
+    frame.loc[frame["stacking_weight"].isna(), ["elpd", "se", "p"]] = np.nan
+    return frame

@@ -39,6 +39,7 @@ ESS_MIN = 400.0
 _R_HAT_DRAWS = 25_600  # of each ensemble: disagreement shows in them as in a million
 _FEW_LAGS = 64  # lags that cost less one by one than all of them by Fourier transform
 K_MAX = 0.7  # Pareto shape of weights above which their mean is not to be trusted
+BAD_SHARE = 0.2  # of the rows that may have such weights before their sum is not quoted
 
 
 def import_arviz() -> ModuleType:
@@ -197,6 +198,14 @@ class Loo:
     def n_bad_k(self) -> int:
         """Rows whose Pareto k is above 0.7."""
         return int(np.sum(~(self.pareto_k <= K_MAX)))
+
+    @property
+    def status(self) -> str:
+        """``ok``, or why the sum is not to be quoted: too many of its rows are not trusted."""
+        n = len(self.pareto_k)
+        if self.n_bad_k <= BAD_SHARE * n:
+            return "ok"
+        return f"{self.n_bad_k} of {n} rows have a Pareto k above {K_MAX}"
 
 
 def leave_one_out(groups: Mapping[str, xr.Dataset], reff: float) -> Loo:

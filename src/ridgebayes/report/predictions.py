@@ -179,7 +179,7 @@ def score_section(data: ReportData) -> list[Block]:
         if scores["n_bad_k"].sum():
             words = (
                 "Rows with a Pareto k above 0.7 strongly influence the posterior. Their scores are "
-                "rough estimates."
+                "rough estimates. A form with more than a fifth of such rows gets no score."
             )
             blocks.append(Text(words, "note"))
     if len(left_out):
