@@ -112,9 +112,8 @@ def read_columns(
         frame, lines, messages = interpreter.wide()
     else:
         frame, lines, messages = interpreter.long()
-    mapped = _mapping_text(interpreter.used, values)
-    details = [f"sheet={sheet}"] if sheet else []
-    origin = provenance(path, "columns", *details, *([mapped] if mapped else []))
+    details = (sheet and f"sheet={sheet}", _mapping_text(interpreter.used, values))
+    origin = provenance(path, "columns", *(text for text in details if text))
     if "source" in frame:
         own = as_text(frame["source"])
         frame["source"] = (origin + "; " + own).where(own != "", origin)
@@ -179,10 +178,10 @@ def _source(path: Path, sheet: str | None) -> Source:
 def _kept(table: ContactTable) -> list[str]:
     labels = table.labels
     n_bracket = int(np.isfinite(table.column("p_over_E_lower")).sum())
-    n_not_ok = len(table.left_out)
     Q = table.column("Q")
     messages = [
         f"textures: {len(labels)}: {listed(labels)}",
         f"kept: {len(table)} rows, Q = {Q.min()} to {Q.max()}, {n_bracket} as brackets",
     ]
-    return messages if not n_not_ok else [*messages, f"{n_not_ok} rows whose status is not 'ok'"]
+    n_not_ok = len(table.left_out)
+    return [*messages, f"{n_not_ok} rows whose status is not 'ok'"] if n_not_ok else messages

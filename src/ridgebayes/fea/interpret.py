@@ -120,11 +120,12 @@ class ColumnInterpreter:
             if not keep.any():
                 raise self._error("no increment whose status is 'ok'")
         self._summarize()
-        frame = self._framed(curve)[keep].reset_index(drop=True)
         # In a run the empty cells of a column are its default; NaN would tell rows apart.
-        Q = np.array([use.Q or 0 for use in corners])
+        frame, Q = self._framed(curve)[keep].reset_index(drop=True), [use.Q or 0 for use in corners]
         try:
-            rows, remarks = transitions_of_runs(frame, load[keep], gaps[keep], Q, brackets=brackets)
+            rows, remarks = transitions_of_runs(
+                frame, load[keep], gaps[keep], np.array(Q), brackets=brackets
+            )
         except InputError as error:
             raise self._error(str(error)) from None
         return rows, None, [*self._unused(), *ignored, *remarks]
@@ -277,9 +278,9 @@ class ColumnInterpreter:
             return found
         ways = {"a_over_R": "a", "b_over_R": "b", "p_over_E": "p, line, load"}.get(key)
         there = ", ".join(map(repr, list(self.cells.frame)[:50]))
+        either = f" (or {ways})" if ways else ""
         raise self._error(
-            f"no column {key}{f' (or {ways})' if ways else ''}; the columns are {there}; name it "
-            f"with --map '{key}=header'"
+            f"no column {key}{either}; the columns are {there}; name it with --map '{key}=header'"
         )
 
     def _error(self, message: str) -> InputError:

@@ -21,6 +21,8 @@ from ridgebayes.table.table import ContactTable
 
 _TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".parquet", ".rpt")
 _LOOKED_AT = 20_000  # bytes
+_ABAQUS = (b"THE FOLLOWING TABLE IS PRINTED", b"A B A Q U S", b"Abaqus")
+_CALCULIX = (b"displacements (", b"contact stress (", b") for set ")
 _OF_RUNS = ("deck", "surface", "reaction")
 _OF_BODIES = ("texture", "symmetry", "top", "thickness", "corner")
 _RUNS: dict[str, Callable[..., Imported]] = {
@@ -117,9 +119,9 @@ def import_files(
         If a file cannot be understood, the format needs what is not given, or takes not what is.
     """
     path = paths[0]
-    if program is not None and program not in FORMATS:
-        raise InputError(f"--format {program}: expected {', '.join(FORMATS)}")
-    name = program or recognise(path)
+    name = recognise(path) if program is None else program
+    if name not in FORMATS:
+        raise InputError(f"--format {name}: expected {', '.join(FORMATS)}")
     if len(paths) > 1 and name != "series":
         raise InputError(f"{len(paths)} files of format {name}: expected one (several of .vtu)")
     _check_given(name, given)
@@ -157,9 +159,9 @@ def recognise(path: Path) -> str:
     if b"Field Output Report" in head:
         return "abaqus-rpt"
     if suffix == ".dat":
-        if b"THE FOLLOWING TABLE IS PRINTED" in head or b"A B A Q U S" in head or b"Abaqus" in head:
+        if any(mark in head for mark in _ABAQUS):
             return "abaqus-dat"
-        if b"displacements (" in head or b"contact stress (" in head or b") for set " in head:
+        if any(mark in head for mark in _CALCULIX):
             # Contact stresses alone tell which faces carry; displacements tell more.
             return "calculix" if b"displacements (" in content else "calculix-contact"
     if suffix in _TABLES:
