@@ -83,7 +83,7 @@ def read_abaqus_dat(
     Notes
     -----
     Abaqus leaves out rows of zeros. A node that is not there has moved by nothing where its table
-    ends in a summary (``MAXIMUM``, ``TOTAL``), without which the level is left out.
+    ends in a summary (``MAXIMUM``, ``TOTAL``), without which the increment is ignored.
     """
     run = RunDeck.read(deck, surface, reaction, E=body.E, nu=body.nu)
     asked = {

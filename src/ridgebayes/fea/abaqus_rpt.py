@@ -255,7 +255,8 @@ class _Region:
         """Return the table that has some columns; or else what is missing."""
         some = [one for one in frame.tables if one.has(*columns) and one.rows and one.whole]
         if self._name is not None:
-            named = [one for one in some if self._is(one.nodes.upper(), self._name.upper())]
+            name = "." + self._name.upper()
+            named = [one for one in some if f".{one.nodes.upper()}".endswith(name)]
             some = named or (some if self._nodes else [])
         if not some:
             cut = [one for one in frame.tables if one.has(*columns) and not one.whole]
@@ -271,10 +272,6 @@ class _Region:
     def nodes_of(self, table: _Table) -> list[int]:
         """Return the set's nodes, or all of the table."""
         return self._nodes or list(table.rows)
-
-    @staticmethod
-    def _is(region: str, name: str) -> bool:
-        return region == name or region.endswith("." + name)
 
 
 def _force(table: _Table, nodes: list[int]) -> float:

@@ -85,7 +85,7 @@ def read_calculix(
     surface, reaction : str
         Node sets: the body's rim, and where the load is read.
     sta : pathlib.Path or None, optional
-        The run's ``.sta``: levels whose increment it does not have as converged are left out.
+        The run's ``.sta``: levels of increments that it does not list as converged are ignored.
     brackets : bool, optional
         As `ridgebayes.fea.transitions.transitions_of`.
 

@@ -23,7 +23,7 @@ class Imported:
     table : ContactTable
         Its rows.
     messages : tuple of str
-        What was understood, a line each: columns, units, textures, rows kept, rows left out and
+        What was understood, a line each: columns, units, textures, rows kept, what was ignored and
         why.
     """
 

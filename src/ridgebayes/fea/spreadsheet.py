@@ -112,9 +112,8 @@ def _is_formula(value: Any) -> bool:
 def _is_number(value: Any, kind: str) -> bool:
     if not _is_full(value):
         return True
-    if kind == "d" or isinstance(value, bool):
-        return False
-    if isinstance(value, str) and not NUMBER.fullmatch(value):
+    odd_text = isinstance(value, str) and not NUMBER.fullmatch(value)
+    if kind == "d" or isinstance(value, bool) or odd_text:
         return False
     try:
         return bool(np.isfinite(float(value)))

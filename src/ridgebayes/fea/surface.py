@@ -158,7 +158,7 @@ class SurfaceHistory:
     digits : float, length
         What printed digits leave open of a position.
     messages : tuple of str
-        What was understood, and what was left out.
+        What was understood, and what was ignored.
     """
 
     force: FloatArray
@@ -322,7 +322,7 @@ def table_from_gaps(
     half = 2 if body.symmetry == "half" else 1
     with np.errstate(over="ignore"):
         p_over_E = np.abs(force) * half / body.thickness / (2 * body.R * body.E)
-    if (bad := p_over_E > HUGE).any():  # of forces that are not numbers: increments are left out
+    if (bad := p_over_E > HUGE).any():  # NaN passes: transitions_of ignores those increments
         raise InputError(
             f"{where}: force {force[bad][0]:.6g}, p/E = {p_over_E[bad][0]:.6g}; expected p/E at "
             f"most {HUGE:g}"

@@ -54,7 +54,7 @@ def transitions_of(
         Columns ``Q``, ``p_over_E``, ``p_over_E_lower`` (NaN without a bracket) and
         ``rel_se`` (0 with a bracket); a row for each corner that was reached.
     list of str
-        What was left out or looks odd.
+        What was ignored or looks odd.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def transitions_of(
 
     Notes
     -----
-    *Validity.* Increments whose load is not above all before them are left out: repeats, cut-backs
+    *Validity.* Increments whose load is not above all before them are ignored: repeats, cut-backs
     and unloading. A gap is extrapolated from the two increments before contact, on the side where
     a penalty has no say; the load has to lie within the increment, else the bracket stands.
 
