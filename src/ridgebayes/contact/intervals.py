@@ -132,12 +132,9 @@ class PressureSolution:
         cut = max(_FAR, self.n_coupled)
         series, flat = self.coefficients[:, :cut], points.ravel()
         step = max(2_000_000 // series.size, 1)
-        found = np.concatenate(
-            [
-                np.einsum("xin,in->x", _functions(self.intervals, part, series.shape[1]), series)
-                for part in np.split(flat, range(step, len(flat), step))
-            ]
-        )
+        parts = np.split(flat, range(step, len(flat), step))
+        potentials = (_functions(self.intervals, part, series.shape[1]) for part in parts)
+        found = np.concatenate([np.einsum("xin,in->x", each, series) for each in potentials])
         if self.coefficients.shape[1] > cut:
             found += self._own_kinks(flat, cut)
         return found.reshape(points.shape)

@@ -130,10 +130,8 @@ def load_function(
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         values = np.stack([solved(middle + half * t) for t in nodes])
         coefficients = np.asarray(at_nodes @ values, dtype=np.float64)
-        error = max(
-            float(np.abs(chebyshev.chebval(t, coefficients) - solved(middle + half * t)).max())
-            for t in _CHECKED
-        )
+        there = np.stack([solved(middle + half * t) for t in _CHECKED])
+        error = float(np.abs(chebyshev.chebval(_CHECKED, coefficients).T - there).max())
         if error <= rel_tol / 2:
             return [(high, coefficients, error)]
         if half < _LEAST:
@@ -146,9 +144,6 @@ def load_function(
     low, high = np.log(ratio_min), np.log(ratio_max)
     margin = _ABOVE * (1 + max(abs(low), abs(high)))
     found = pieces(float(low - margin), float(high + margin))
-    return LoadFunction(
-        np.array([low - margin, *(end for end, _, _ in found)]),
-        np.stack([coefficients for _, coefficients, _ in found]),
-        max(error for _, _, error in found),
-        (ratio_min, ratio_max, n_transitions, rel_tol),
-    )
+    stops, coefficients, errors = zip(*found, strict=True)
+    ends, given = np.array([low - margin, *stops]), (ratio_min, ratio_max, n_transitions, rel_tol)
+    return LoadFunction(ends, np.stack(coefficients), max(errors), given)

@@ -118,12 +118,9 @@ def solve_strips(gap_ratio: float, n_transitions: int, n_coefficients: int) -> S
     coefficients = solved.reshape(n, m, n) / scale[:, None]
     mean = coefficients[:, 0].sum(axis=0) / k
     in_contact = np.arange(n)[:, None] < k
-    return StripSolution(
-        F=F,
-        tail=np.abs(coefficients[:, -2:]).max(axis=(0, 1)) / mean,
-        smallest_pressure=_smallest_pressure(coefficients, in_contact) / mean,
-        amplification=1.0 / shielding,
-    )
+    tail = np.abs(coefficients[:, -2:]).max(axis=(0, 1)) / mean
+    smallest = _smallest_pressure(coefficients, in_contact) / mean
+    return StripSolution(F, tail, smallest, 1.0 / shielding)
 
 
 def _net_load(n_strips: int, scale: FloatArray) -> FloatArray:

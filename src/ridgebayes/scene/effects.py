@@ -98,10 +98,6 @@ def plan_label(texture: Texture) -> str:
 
 def full_profile(texture: Texture) -> Profile:
     """Return the rigid side with all that a texture gives; a uniform offset is the largest."""
-    return Profile(
-        texture.a_over_R,
-        texture.b_over_R,
-        texture.groove_depth_over_R or math.inf,
-        texture.corner_radius_over_R,
-        0.5 if texture.offset == "uniform" else float(texture.offset),
-    )
+    offset = 0.5 if texture.offset == "uniform" else float(texture.offset)
+    depth, corner = texture.groove_depth_over_R or math.inf, texture.corner_radius_over_R
+    return Profile(texture.a_over_R, texture.b_over_R, depth, corner, offset)

@@ -286,17 +286,15 @@ def as_numbers(cells: "pd.Series[Any]") -> tuple[FloatArray, BoolArray, BoolArra
     values = np.full(len(cells), np.nan)
     text = np.zeros(len(cells), dtype=bool)
     for i, cell in enumerate(cells.astype(object)):
-        if empty[i] or (isinstance(cell, str) and not cell.strip()):
-            empty[i] = True
-        elif isinstance(cell, (bool, np.bool_)) or (
-            isinstance(cell, str) and not _NUMBER.fullmatch(cell)
-        ):
+        words = isinstance(cell, str)
+        empty[i] |= words and not cell.strip()
+        if empty[i]:
+            continue
+        text[i] = isinstance(cell, (bool, np.bool_)) or (words and not _NUMBER.fullmatch(cell))
+        try:
+            values[i] = np.nan if text[i] else float(cell)
+        except (TypeError, ValueError, OverflowError):
             text[i] = True
-        else:
-            try:
-                values[i] = float(cell)
-            except (TypeError, ValueError, OverflowError):
-                text[i] = True
     return values, empty, text
 
 

@@ -133,18 +133,11 @@ class ContactProblem:
             there[:, 1] += state.rise - before.rise
             moved = np.einsum("ni,ni->n", hits.tangent, rays.point[hits.ray] - there)
             slip += np.bincount(segment, weight * moved, n)
-        return Gaps(
-            gap,
-            self._rows(segment, hits.edge, weight[:, None, None] * hits.gradient),
-            self._rows(segment, hits.edge, along),
-            slip,
-            hits,
-            segment,
-            weight,
-            self._rim[edge, 2],
-            segment[after],
-            jump[:, None, None] * tangent[:, :, None] * tangent[:, None, :],
-        )
+        normals = self._rows(segment, hits.edge, weight[:, None, None] * hits.gradient)
+        tangents = self._rows(segment, hits.edge, along)
+        kinks = jump[:, None, None] * tangent[:, :, None] * tangent[:, None, :]
+        of_kinks = self._rim[edge, 2], segment[after], kinks
+        return Gaps(gap, normals, tangents, slip, hits, segment, weight, *of_kinks)
 
     def force(self, state: State, gaps: Gaps) -> FloatArray:
         """Return the force of the rigid side on the nodes, shape (2 n_node,)."""

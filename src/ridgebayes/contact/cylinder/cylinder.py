@@ -308,9 +308,8 @@ class _Sizes:
         # its distance; a little farther out while the load is small.
         far = spans.ravel()
         around = 1.5 * profile.corner + 3 * at_corner
-        windows = np.column_stack(
-            [far - around - 0.6 * p_max * far, far + around + 0.1 * np.minimum(far, 1.0) ** 3]
-        )
+        outside = 0.1 * np.minimum(far, 1.0) ** 3
+        windows = np.column_stack([far - around - 0.6 * p_max * far, far + around + outside])
         return cls(at_corner, resolution, spans, windows)
 
     def at(self, theta: FloatArray) -> FloatArray:
@@ -332,12 +331,9 @@ def _outside(spans: FloatArray, theta: FloatArray) -> FloatArray:
 
 def _ridges_within(profile: Profile, reach: float) -> range:
     """Return the numbers of the ridges that begin within reach of the axis."""
-    last = 0
+    first, last = 0 if profile.mirrored else -1, 0
     while profile.ridge(last + 1).start < reach:
         last += 1
-    if profile.mirrored:
-        return range(last + 1)
-    first = -1
-    while profile.ridge(first - 1).stop > -reach:
+    while first < 0 and profile.ridge(first - 1).stop > -reach:
         first -= 1
     return range(first, last + 1)

@@ -120,9 +120,8 @@ class Faces:
         self.faces = tuple(faces)
         counts = [len(face.breaks) - 1 for face in self.faces]
         self._first = np.concatenate([[0], np.cumsum(counts)])
-        self.length: FloatArray = np.concatenate(
-            [face.measure * np.diff(face.breaks) for face in self.faces]
-        )
+        lengths = [face.measure * np.diff(face.breaks) for face in self.faces]
+        self.length: FloatArray = np.concatenate(lengths)
         self.face: IntArray = np.repeat(np.arange(len(counts)), counts)
         self._radius = np.array([face.radius for face in self.faces])
         self._angle = np.array([face.angle for face in self.faces])

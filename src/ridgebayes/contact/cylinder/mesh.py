@@ -146,12 +146,8 @@ def _core(n: int) -> FloatArray:
     grid = np.linspace(0.0, side, m + 1)
     theta = np.linspace(0.0, math.pi / 2, n + 1)
     arc = _CORE * np.column_stack([np.sin(theta), -np.cos(theta)])
-    inner = np.concatenate(
-        [
-            np.column_stack([grid, np.full(m + 1, -side)]),
-            np.column_stack([np.full(m, side), -grid[-2::-1]]),
-        ]
-    )
+    across = np.column_stack([grid, np.full(m + 1, -side)])
+    inner = np.concatenate([across, np.column_stack([np.full(m, side), -grid[-2::-1]])])
     n_row = max(m // 2, 1)
     t = np.linspace(0.0, 1.0, n_row + 1)[:, None, None]
     around = inner + t * (arc - inner)  # (row, column, 2)

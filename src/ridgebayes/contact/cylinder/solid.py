@@ -161,19 +161,12 @@ class Solid:
         transposed = coupling.transpose(0, 2, 1) @ inverse
         K = K + transposed @ coupling
         condensed = np.einsum("edq,eq->ed", transposed, volume).reshape(n, 9, 2)
-        return Assembled(
-            self._nodal_force(stress),
-            volume,
-            self._scattered(condensed),
-            self._summed(K),
-            coupling,
-            inverse,
-        )
+        force, condensed = self._nodal_force(stress), self._scattered(condensed)
+        return Assembled(force, volume, condensed, self._summed(K), coupling, inverse)
 
     def _nodal_force(self, stress: FloatArray) -> FloatArray:
-        return self._scattered(
-            np.einsum("eg,egij,egnj->eni", self._weight, stress, self._grad, optimize=True)
-        )
+        weight, grad = self._weight, self._grad
+        return self._scattered(np.einsum("eg,egij,egnj->eni", weight, stress, grad, optimize=True))
 
     def _scattered(self, forces: FloatArray) -> FloatArray:
         flat = np.bincount(self.dofs.ravel(), forces.reshape(-1), 2 * self.n_node)
