@@ -37,15 +37,14 @@ class ContactSet:
     def begin(self, W: float, start: Mapping[RigidSegment, tuple[float, float]]) -> None:
         """Begin with the ends of a solution nearby, or with what Hertz's contact covers."""
         hertz = math.sqrt(2 * W)
+        tops = [one for one in self._segments if one.ridge is not None]
         self._ends = {one: start[one] for one in self._segments if one in start}
         if not self._ends:
-            for segment in self._segments:
-                low, high = max(segment.start, -hertz), min(segment.stop, hertz)
-                if segment.ridge is not None and high > low:
-                    self._ends[segment] = self._within(segment, low, high)
+            under = [one for one in tops if min(one.stop, hertz) > max(one.start, -hertz)]
+            self._ends = {one: self._within(one, -hertz, hertz) for one in under}
         if not self._ends:
             # The nearest corners: as wide as a body's slope there takes the load.
-            tops = [one for one in self._segments if one.ridge is not None] or self._segments
+            tops = tops or self._segments
             near = min(tops, key=lambda one: min(abs(one.start), abs(one.stop)))
             self._ends[near] = self._first(near, W)
 
@@ -120,7 +119,7 @@ class ContactSet:
 
     def add_penetrated(self, found: PressureSolution) -> bool:
         """Begin a contact on every segment that the surface penetrates; whether there was any."""
-        added = False
+        before = len(self._ends)
         scale = max(self._tol * found.load, 1e-15)
         for segment in self._segments:
             if segment in self._ends:
@@ -144,8 +143,7 @@ class ContactSet:
                     self._ends[segment] = self._within(segment, middle - half, middle + half)
                 else:
                     self._ends[segment] = self._first(segment, found.load)
-                added = True
-        return added
+        return len(self._ends) > before
 
 
 def _with_vertex(

@@ -24,6 +24,7 @@ MAX_UNKNOWNS = 7000
 _LARGEST_RATIO = 1e100
 _FIRST_BATCH = 4
 _MAX_SOLVES = 5
+_TOO_FAR = "not converged: estimated relative error {:.1e}"
 
 
 def transition_loads(
@@ -176,10 +177,7 @@ def _homogenised(
         return HalfPlaneLoads.not_computed(len(k), "loads below are not ok")
     F, rel_error = beyond(below.F, gap_ratio, k)
     rel_error = rel_error + below.rel_error[-1]
-    status = tuple(
-        "ok" if error <= rel_tol else f"not converged: estimated relative error {error:.1e}"
-        for error in rel_error.tolist()
-    )
+    status = tuple("ok" if e <= rel_tol else _TOO_FAR.format(e) for e in rel_error.tolist())
     none, unknown = np.zeros(len(k), dtype=np.int64), np.full(len(k), np.nan)
     return HalfPlaneLoads(F, status, none, rel_error, unknown, unknown.copy())
 
@@ -230,7 +228,7 @@ def _solve_checked(
     status = []
     for k in range(n_transitions):
         if not rel_error[k] <= rel_tol:
-            status.append(f"not converged: estimated relative error {rel_error[k]:.1e}")
+            status.append(_TOO_FAR.format(rel_error[k]))
         elif not 0.01 * fine.tail[k] ** 2 <= rel_tol:  # the load errs by under 0.01 tail^2
             status.append(f"not converged: coefficient tail {fine.tail[k]:.1e}")
         elif not fine.smallest_pressure[k] > 0.0:

@@ -114,12 +114,11 @@ def _pass_on(inner: "Future[Any]", outer: "Future[Any]") -> None:
 
     if not outer.set_running_or_notify_cancel():
         return
+    error: BaseException | None
     if inner.cancelled():  # by Dask: the one who waits would have cancelled the outer one
-        outer.set_exception(
-            WorkerLostError("the Dask scheduler cancelled the task or is unreachable")
-        )
-        return
-    error = inner.exception()
+        error = WorkerLostError("the Dask scheduler cancelled the task or is unreachable")
+    else:
+        error = inner.exception()
     if isinstance(error, KilledWorker):
         error = WorkerLostError(
             f"this task ended {error.allowed_failures + 1} workers of the cluster; "

@@ -265,21 +265,18 @@ def _poisson(base: _Base) -> Effect:
 
 
 def _finite_body(base: _Base) -> Effect:
-    width = base.half_width
-    p = base.W_max / load_factor(base.scene.nu)
-    count = max(base.last.Q, 2 * base.half_width / base.sharp.pitch)
+    width, nu = base.half_width, base.scene.nu
+    p = base.W_max / load_factor(nu)
+    count = max(base.last.Q, 2 * width / base.sharp.pitch)
     strain = 2 * p / (count * base.sharp.a)
     hang = base.penetration / base.sharp.b
     # A compressible surface draws in by (1 - 2 nu)(1 + nu) times its pressure, and loads go as
     # distances squared.
-    nu = base.scene.nu
     drawn = 2 * (1 - 2 * nu) * (1 + nu) * p / width
     # A surface that hangs into a groove by its own width is bent by as much as a body can be.
     estimate = _FINITE_BODY * width**2 + 0.3 * hang**2 + drawn
-    reason = (
-        f"contact half-width over R; load per ridge over E a is {strain:.2g}, penetration over "
-        f"b {hang:.2g}; "
-    )
+    reason = f"contact half-width over R; load per ridge over E a is {strain:.2g}, "
+    reason += f"penetration over b {hang:.2g}; "
     return _by_finite_elements(base, BY_FINITE_ELEMENTS[0], width, estimate, reason)
 
 
@@ -287,18 +284,16 @@ def _by_finite_elements(
     base: _Base, name: str, number: float, estimate: float, reason: str
 ) -> Effect:
     """Simulate an effect by finite elements where it exceeds both a stated accuracy and theirs."""
-    wanted, asked = base.tolerance, base.scene.relative is not None
-    cost = _PER_TRANSITION * len(base.W)
+    wanted, simulated = base.tolerance, False
     if estimate <= wanted:
-        return Effect(name, number, estimate, False, f"{reason}within the wanted {wanted:g}", cost)
-    if estimate <= FINITE_ELEMENT_ERROR:
+        reason += f"within the wanted {wanted:g}"
+    elif estimate <= FINITE_ELEMENT_ERROR:
         reason += f"below the error {FINITE_ELEMENT_ERROR:g} of finite elements"
-    elif not asked and name == BY_FINITE_ELEMENTS[0]:
+    elif base.scene.relative is None and name == BY_FINITE_ELEMENTS[0]:
         reason += "a scene without a stated accuracy uses the half-plane"
     else:
-        reason += f"above the wanted {wanted:g}: finite elements"
-        return Effect(name, number, estimate, True, reason, cost)
-    return Effect(name, number, estimate, False, reason, cost)
+        reason, simulated = f"{reason}above the wanted {wanted:g}: finite elements", True
+    return Effect(name, number, estimate, simulated, reason, _PER_TRANSITION * len(base.W))
 
 
 def _friction(base: _Base) -> Effect:

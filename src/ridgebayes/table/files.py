@@ -134,9 +134,8 @@ def _pyarrow(where: str) -> Any:
     try:
         import pyarrow.parquet
     except ImportError:
-        raise InputError(
-            f"{where}: Parquet needs pyarrow: pip install 'ridgebayes[parquet]'"
-        ) from None
+        why = "Parquet needs pyarrow: pip install 'ridgebayes[parquet]'"
+        raise InputError(f"{where}: {why}") from None
     return pyarrow
 
 
@@ -152,9 +151,8 @@ def _parquet(content: bytes, where: str) -> RawTable:
         frame = file.read().to_pandas() if fits else pd.DataFrame()
     # pyarrow and pandas let out exceptions of many kinds on what is no Parquet file of a table.
     except Exception as error:
-        raise InputError(
-            f"{where}: not a readable Parquet file: {one_line_message(error)}"
-        ) from None
+        why = one_line_message(error)
+        raise InputError(f"{where}: not a readable Parquet file: {why}") from None
     if not fits:
         raise InputError(
             f"{where}: {n_row} rows of {width} columns; expected at most {MOST_CELLS} cells"
