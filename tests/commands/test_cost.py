@@ -6,8 +6,9 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.checks.cost.loads import load_settings
+from ridgebayes.checks.cost import posteriors
 from ridgebayes.checks.cost.measured import COST_COLUMNS
+from ridgebayes.commands import cost
 from ridgebayes.commands.cost import CostRequest, cost_job
 from ridgebayes.errors import InputError
 
@@ -16,7 +17,19 @@ from ridgebayes.errors import InputError
 def costs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("costs") / "out"
     request = CostRequest(rb.paper_sweep(), elements=False, repeats=1)
-    return folder, cost_job(folder, request, workers=2)
+    with pytest.MonkeyPatch.context() as patch:
+        # Every move, but none with so many walkers or steps that it takes most of the time.
+        short = [walk for walk in posteriors._WALKS if walk[1:] in ((32, 50.0), (128, 50.0))]
+        assert {walk[0] for walk in short} == {walk[0] for walk in posteriors._WALKS}
+        patch.setattr(posteriors, "_WALKS", short)
+        return folder, cost_job(folder, request)
+
+
+def test_cost_job__shares_out_among_workers(tmp_path, monkeypatch):
+    monkeypatch.setattr(cost, "_TASKS", {"bands": cost._TASKS["bands"]})
+    frame = cost_job(tmp_path / "out", CostRequest(rb.paper_sweep(), repeats=1), workers=2)
+    assert set(frame["task"]) == {"bands"}
+    assert set(frame["status"]) == {"ok"}
 
 
 def test_cost_job__writes_a_table_a_page_and_figures(costs):
@@ -56,13 +69,11 @@ def test_cost_job__errors_fall_as_settings_are_turned_up(costs):
     )
 
 
-def test_load_settings__measure_forms_against_the_equation():
-    settings = load_settings(rb.paper_sweep(), (0.022, 0.02), 0.02, elements=False)
-    by_name = {(one.method, one.setting): one for one in settings if one.task == "loads"}
-    found = by_name["half-plane", "tolerance 1e-8"].compute()["largest relative error"]
-    assert found < 1e-8
-    printed = by_name["hybrid form", "printed coefficients"].compute()["largest relative error"]
-    assert 0.01 < printed < 0.2
+def test_load_settings__measure_forms_against_the_equation(costs):
+    _, frame = costs
+    of_loads = frame[frame["task"] == "loads"].set_index(["method", "setting"])["error"]
+    assert of_loads["half-plane", "tolerance 1e-8"] < 1e-8
+    assert 0.01 < of_loads["hybrid form", "printed coefficients"] < 0.2
 
 
 def test_cost__as_a_command_takes_a_scene(command, monkeypatch):

@@ -43,6 +43,7 @@ Scheduler = Annotated[
 Seed = Annotated[
     int, typer.Option(min=0, help="Random seed. The same seed gives the same numbers.")
 ]
+_TEXTURES = typer.Option(help="A,B: ridge and groove width over the radius. May be repeated.")
 Table = Annotated[Path, typer.Argument(help="Contact table, .csv or .parquet.")]
 Workers = Annotated[
     int | None, typer.Option(min=1, help="Worker processes. Results do not depend on them.")
@@ -83,10 +84,7 @@ class Generate:
     scene: Annotated[
         Path | None, typer.Argument(help="Scene file. The paper's sweep if not given.")
     ] = None
-    texture: Annotated[
-        list[str] | None,
-        typer.Option(help="A,B: ridge and groove width over the radius. May be repeated."),
-    ] = None
+    texture: Annotated[list[str] | None, _TEXTURES] = None
     p_max: Annotated[float, typer.Option(help="Highest load p/E, with --texture.")] = 0.02
     nu: Annotated[float, typer.Option(help="Poisson's ratio, with --texture.")] = 0.5
     solver: Annotated[
@@ -139,10 +137,7 @@ class Predict:
     """Predict Q with uncertainty bands at given textures and loads, from a finished run."""
 
     folder: RunFolder
-    texture: Annotated[
-        list[str],
-        typer.Option(help="A,B: ridge and groove width over the radius. May be repeated."),
-    ]
+    texture: Annotated[list[str], _TEXTURES]
     p_over_E: Annotated[
         str,
         typer.Option(

@@ -90,15 +90,13 @@ def _shares(axes: Axes, part: pd.DataFrame, dodge: float, shade: FloatArray) -> 
 
 def _axes(panels: np.ndarray, noises: list[str]) -> None:
     for (top, bottom), first in zip(panels.T, [True] + [False] * len(panels.T), strict=False):
-        top.set_xlim(-0.02, 1.02)
+        top.set(xlim=(-0.02, 1.02), xlabel="share inside")
         top.set_xticks([0, 0.5, 1], ["0", "0.5", "1"])
-        top.set_xlabel("share inside")
-        bottom.set_xscale("log")
+        bottom.set(xscale="log", xlabel="width in log load")
         low, high = bottom.get_xlim()
         bottom.xaxis.set_major_locator(LogLocator(10, (1, 3) if high < 100 * low else (1,)))
         bottom.xaxis.set_minor_locator(NullLocator())
         bottom.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-        bottom.set_xlabel("width in log load")
         for axes in (top, bottom):
             axes.set_ylim(len(noises) - 0.5, -0.5)
             axes.set_yticks(range(len(noises)), [plain(name) for name in noises])

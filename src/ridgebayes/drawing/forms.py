@@ -116,11 +116,10 @@ def plot_smooth_cylinder(curves: pd.DataFrame) -> Figure:
     left.plot(
         line["p_over_E"], line["hertz"], "--", color=OBSERVED, linewidth=1, label="Hertz, eq. (1)"
     )
-    left.set_ylabel("contact length in ridges, $Q'$ of eq. (2)")
-    right.set_ylabel("error of Hertz in $Q'$, %")
+    load = "$p/E$ (dimensionless)"
+    left.set(xlabel=load, ylabel="contact length in ridges, $Q'$ of eq. (2)")
+    right.set(xlabel=load, ylabel="error of Hertz in $Q'$, %")
     right.axhline(0, color=OBSERVED, linestyle="--", linewidth=1)
-    for axes in (left, right):
-        axes.set_xlabel("$p/E$ (dimensionless)")
     right.set_ylim(min(-0.5, right.get_ylim()[0]), max(2.2, right.get_ylim()[1]))
     right.axhline(2, color=QUIET, linestyle=":", linewidth=1.2)
     right.annotate(
@@ -204,6 +203,9 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str) -> Figure:
         A row a form; behind it the readings of Kass and Raftery.
     """
     forms = list(dict.fromkeys(factors.sort_values("ln_bf", ascending=False)["form"]))
+    methods = set(factors["method"])
+    # Every marker is named, also that of a method not known here.
+    markers = {m: _METHODS.get(m, "*") for m in (*_METHODS, *sorted(methods)) if m in methods}
     figure = new_figure(WIDTH, 1.5 + 0.75 * len(forms))
     axes = figure.subplots()
     lowest = min(float(factors["ln_bf"].min()) * 1.08, -6.0)
@@ -217,7 +219,7 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str) -> Figure:
                 row["ln_bf"],
                 i + 0.62 * ((k + 0.5) / len(rows) - 0.5),
                 xerr=error,
-                fmt=_METHODS.get(row["method"], "o"),
+                fmt=markers[row["method"]],
                 color=colour_of(form),
                 markersize=5,
                 capsize=2,
@@ -232,8 +234,7 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str) -> Figure:
             ha="right" if room else "left",
             va="center",
         )
-    axes.set_xlim(lowest, max(1.0, -0.03 * lowest))
-    axes.set_ylim(len(forms) - 0.5, -0.5)
+    axes.set(xlim=(lowest, max(1.0, -0.03 * lowest)), ylim=(len(forms) - 0.5, -0.5))
     axes.set_yticks(range(len(forms)), [title_of(form) for form in forms])
     axes.axvline(0, color="#000000", linewidth=1)
     axes.grid(axis="y", visible=False)
@@ -241,11 +242,11 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str) -> Figure:
         f"ln Bayes factor against {title_of(best)} "
         "(shades: positive, strong, very strong, from 1, 3, 5 on)"
     )
-    used = [method for method in _METHODS if (factors["method"] == method).any()]
     handles = [
-        axes.plot([], [], _METHODS[m], color=QUIET, linestyle="none", label=m)[0] for m in used
+        axes.plot([], [], marker, color=QUIET, linestyle="none", label=plain(method))[0]
+        for method, marker in markers.items()
     ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(used))
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     return figure
 
 
@@ -278,10 +279,9 @@ def plot_prior_sensitivity(factors: pd.DataFrame, best: str) -> Figure:
             )
         axes.axhline(0, color="#000000", linewidth=1)
         axes.axvline(1, color=QUIET, linewidth=1, linestyle=":")
-        axes.set_xscale("log")
         axes.set_yscale("symlog", linthresh=5, linscale=1.5)
-        axes.set_title(f"prior of {_PRIORS.get(prior) or plain(prior)}")
-        axes.set_xlabel("scale, times default")
+        title = f"prior of {_PRIORS.get(prior) or plain(prior)}"
+        axes.set(xscale="log", title=title, xlabel="scale, times default")
     low, high = factors["ln_bf"].min(), factors["ln_bf"].max()
     ticks = [t for t in (-100, -50, -20, -10, -5, -3, -1, 1, 3, 5, 10, 20) if low <= t <= high]
     panels[0].set_yticks([*ticks, 0], [f"{t}".replace("-", MINUS) for t in (*ticks, 0)])

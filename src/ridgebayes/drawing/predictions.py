@@ -156,8 +156,7 @@ def plot_held_out(loads: pd.DataFrame) -> Figure:
             )
         axes.axhline(0, color=OBSERVED, linewidth=1)
         axes.set_xticks(sorted(set(here["Q"])))
-        axes.set_xlabel("edges in contact $Q$")
-        axes.set_title(texture_title(texture))
+        axes.set(xlabel="edges in contact $Q$", title=texture_title(texture))
     panels[0].set_ylabel("load error of the prediction, %")
     shared_legend(figure, panels[0])
     return figure

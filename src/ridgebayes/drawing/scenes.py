@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from ridgebayes._types import FloatArray
-from ridgebayes.drawing.style import COLOURS, WIDTH, new_figure, plain, styled
+from ridgebayes.drawing.style import COLOURS, WIDTH, new_figure, plain, shared_legend, styled
 
 _BODY = COLOURS["modified"]
 _EFFECTS = {
@@ -45,8 +45,7 @@ def plot_counts(curves: dict[str, tuple[FloatArray, FloatArray]]) -> Figure:
             linestyle=("-", "--", ":", "-.")[i % 4],
             label=plain(name, 60),
         )
-    axes.set_xlabel("load $p/E$")
-    axes.set_ylabel("edges in contact $Q$")
+    axes.set(xlabel="load $p/E$", ylabel="edges in contact $Q$")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     figure.legend(loc="outside upper center", ncols=min(len(curves), 3))
     return figure
@@ -85,8 +84,8 @@ def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
             edgecolor=_BODY,
             height=0.6,
         )
-    axes.set_xscale("log")
-    axes.set_xlim(least, max(2.0, 2 * float(known["estimated_rel_change"].max())))
+    top = max(2.0, 2 * float(known["estimated_rel_change"].max()))
+    axes.set(xscale="log", xlim=(least, top))
     axes.xaxis.set_major_locator(LogLocator(10))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_yticks(range(len(known)), [plain(name, 40) for name in known["effect"]])
@@ -139,16 +138,11 @@ def plot_plan_check(frame: pd.DataFrame) -> Figure:
     ends = np.array([least, 3.0])
     left.plot(ends, ends, color="#000000", linewidth=0.8)
     left.plot(ends, 10 * ends, color="#000000", linewidth=0.8, linestyle=":")
-    left.set_xlabel("true change")
-    left.set_ylabel("estimate")
-    left.set_ylim(least / 2, 10)
+    left.set(xlabel="true change", ylabel="estimate", ylim=(least / 2, 10))
     right.axhline(1, color="#000000", linewidth=0.8)
-    right.set_xlabel("target accuracy")
-    right.set_ylabel("true change of neglected effects over target")
+    right.set(xlabel="target accuracy", ylabel="true change of neglected effects over target")
     for axes in (left, right):
-        axes.set_xscale("log")
-        axes.set_yscale("log")
+        axes.set(xscale="log", yscale="log")
         axes.minorticks_off()
-    handles, labels = left.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    shared_legend(figure, left, at="upper", n_column=4)
     return figure

@@ -87,6 +87,18 @@ def bare(single):
     return Gallery(report_data(single))
 
 
+def test_evidence_figure_names_every_marker():
+    methods = ["importance", "bridge", "laplace", "quadrature", "savage-dickey", "of tomorrow"]
+    factors = pd.DataFrame({"form": "classic", "method": methods, "ln_bf": -4.0, "ln_bf_se": 0.1})
+    figure = plot_bayes_factors(factors, "hybrid")
+    (legend,) = figure.legends
+    named = {handle.get_marker() for handle in legend.legend_handles}
+    drawn = [container.lines[0].get_marker() for container in figure.axes[0].containers]
+    assert set(drawn) == named
+    assert len(named) == len(drawn) == len(methods)
+    assert {text.get_text() for text in legend.get_texts()} == set(methods)
+
+
 def test_gallery_has_every_figure_of_a_full_comparison(full):
     wanted = [*NAMES, *(f"{kind}-{form}" for form in RANKED for kind in ("corner", "traces"))]
     assert list(full) == wanted
