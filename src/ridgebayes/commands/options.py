@@ -12,7 +12,7 @@ import typer
 DEFAULT_OUT = Path("ridgebayes-out")
 NOISE_NAMES = (
     "STRUCTURE or STRUCTURE:student, where STRUCTURE is one of iid, texture, step, texture+step, "
-    "step-smooth."
+    "step-smooth, each also with +series where a table has several series or sources."
 )
 Accuracy = Annotated[
     str,

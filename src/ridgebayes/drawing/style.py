@@ -179,6 +179,7 @@ def symbol(parameter: str) -> str:
         "sigma": r"$\sigma$",
         "tau_texture": r"$\tau_\mathrm{texture}$",
         "tau_step": r"$\tau_\mathrm{step}$",
+        "tau_series": r"$\tau_\mathrm{series}$",
         "length_h": r"$\ell_h$",
         "length_ratio": r"$\ell_{a/\mathrm{pitch}}$",
         "df": "df",

@@ -19,6 +19,7 @@ _PARAMETERS = {
     "sigma": "σ",
     "tau_texture": "τ texture",
     "tau_step": "τ step",
+    "tau_series": "τ series",
     "length_h": "ℓ of log h",
     "length_ratio": "ℓ of a/pitch",
     "df": "ν of t",
@@ -56,9 +57,15 @@ def noise_name(name: str) -> str:
     --------
     >>> noise_name("texture+step:student")
     'texture and step offsets, Student errors'
+    >>> noise_name("step+series")
+    'step offsets, series offsets, normal errors'
     """
     structure, _, tail = name.partition(":")
-    return f"{_STRUCTURES.get(structure, structure)}, {tail.capitalize() or 'normal'} errors"
+    base = "iid" if structure == "series" else structure.removesuffix("+series")
+    words = [_STRUCTURES.get(base, base), f"{tail.capitalize() or 'normal'} errors"]
+    if base != structure:
+        words.insert(1, "series offsets")
+    return ", ".join(words)
 
 
 def reading_text(reading: str) -> str:
