@@ -3,6 +3,10 @@ import pytest
 from scipy import integrate, stats
 
 from ridgebayes.evidence import quadrature_evidence
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.forms import Hybrid
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
 
 # Reference: log evidence of the 41 rows, iid, default priors; independent code, printed to 1e-4.
 KNOWN = {"hybrid": 83.3869, "modified": 78.8628, "classic": 19.1987}
@@ -134,3 +138,14 @@ def test_quadrature_evidence__says_so_where_the_tolerance_needs_too_many_points(
     found = quadrature_evidence(cusp, affine([0.05, 0.0], np.eye(2)), tol=1e-12, points_max=500)
     assert not found.ok
     assert found.status == "the log evidence still changes by more than 1e-12"
+
+
+def test_quadrature__settles_for_three_rows_of_two_coefficients(paper):
+    # One misfit is left: sigma's density ends abruptly towards zero.
+    data = Observations.from_table(paper)
+    first = [np.flatnonzero(data.texture == j)[0] for j in range(3)]
+    model = Model(data.take(np.isin(np.arange(len(data)), first)), Hybrid())
+    found = quadrature_evidence(model.log_density, fit_laplace(model))
+    assert found.ok
+    # Reference: the same integral about one fixed centre, not turned, at half the step.
+    assert found.value == pytest.approx(4.2572780251, abs=1e-6)
