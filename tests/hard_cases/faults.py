@@ -40,7 +40,7 @@ from ridgebayes.commands import compare as command
 from ridgebayes.commands.request import FitRequest
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
-compare.prior_sensitivity = lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known)
+compare.prior_sensitivity = lambda fits, **known: prior_sensitivity(fits, [1.5], **known)
 def job(**options):
     settings = rb.SampleSettings(n_walker=16, n_step_max=400)
     request = FitRequest(Path("few.csv"), ["modified", "hybrid"], seed=5, settings=settings)
