@@ -377,6 +377,31 @@ def test_loads__rows_that_are_not_ok_transitions_are_not_predicted(paper, fits):
     assert not set(found["p_over_E_observed"]) & set(frame.loc[[2, 5], "p_over_E"])
 
 
+def test_loads__rows_of_a_body_off_centre_are_not_predicted(paper, fits):
+    frame = paper.frame
+    off = frame.tail(3).assign(offset_over_R=0.01, role="held-out", Q=[5, 7, 9])
+    table = rb.ContactTable.from_frame(pd.concat([frame, off]))
+    found = loads_table(compared(table, fits, {"modified": 1.0}))
+    pd.testing.assert_frame_equal(found, loads_table(compared(paper, fits, {"modified": 1.0})))
+
+
+def test_loads__simulation_bands_hold_the_rows_known_error(paper, fits):
+    known = np.where(paper.frame["Q"] == 6, 0.05, 0.0)
+    table = rb.ContactTable.from_frame(paper.frame.assign(rel_se=known))
+    shares = {"modified": 1.0}
+    found, bare = (loads_table(compared(one, fits, shares)) for one in (table, paper))
+    curve = found["kind_of_band"] == "curve"
+    pd.testing.assert_frame_equal(found[curve], bare[curve])
+    width, other = (
+        np.log(f["p_over_E_upper"] / f["p_over_E_lower"])[~curve] for f in (found, bare)
+    )
+    # Monte Carlo: sigma's own spread, 11 %, makes the bands wider than a normal's by 2 %.
+    expected = np.hypot(other, 2 * 1.6449 * np.tile(known, 2))
+    np.testing.assert_allclose(width, expected, rtol=0.02)
+    same = np.tile(known, 2) == 0
+    np.testing.assert_allclose(width[same], other[same], rtol=1e-7)  # solved for to 1e-10
+
+
 def test_loads__each_row_at_its_own_poissons_ratio(paper, fits):
     frame = paper.frame
     soft = frame["a_over_R"] == 0.012

@@ -115,17 +115,19 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
         Columns form, noise, kind_of_band, a_over_R, b_over_R, nu, Q, p_over_E_median,
         p_over_E_lower, p_over_E_upper, prob, extrapolation, extrapolation_of, p_over_E_observed;
         for each form and the average one row for each ok transition of the table, held-out ones
-        included.
+        included, those of a body off centre not, which no form predicts. Simulation bands hold the
+        row's known relative error `rel_se` too: they are of the load as it was observed.
     """
     frame = comparison.table.frame
-    frame = frame[(frame["status"] == "ok") & (frame["kind"] == "transition")]
+    is_predicted = (frame["kind"] == "transition") & (frame["offset_over_R"] == 0)
+    frame = frame[(frame["status"] == "ok") & is_predicted]
     blocks = []
     a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
     for kind in KINDS:
-        parts = {
-            name: predict_load(fit, a, b, q, nu=nu, kind=kind)
-            for name, fit in comparison.fits.items()
-        }
+        parts = {}
+        for name, fit in comparison.fits.items():
+            load = predict_load(fit, a, b, q, nu=nu, kind=kind)
+            parts[name] = load if kind == "curve" else load.widened(frame["rel_se"].to_numpy())
         for name, load in _with_average(comparison, parts, mix_loads).items():
             lower, upper = load.interval(prob)
             blocks.append(

@@ -1,0 +1,40 @@
+"""Tables that strangers bring validate, and the Hybrid form finds the truth that made them."""
+
+import numpy as np
+import pytest
+
+import ridgebayes as rb
+from tests.tables_in_the_wild import tables
+
+NAMES = [one.name for one in tables()]
+SHORT = rb.SampleSettings(n_walker=16, n_step_max=100)
+
+
+def named(name):
+    return tables()[NAMES.index(name)]
+
+
+def test_tables__are_of_what_their_notes_say():
+    assert len(set(NAMES)) == len(NAMES) == 28
+    assert len(named("millimetres").table) == 24
+    assert named("millimetres").table.textures[0] == (0.03125, 0.03125)
+    assert len(named("two-hundred-rows").table.textures) == 20
+    kinds = named("all-kinds").table.frame
+    assert set(kinds["kind"]) == {"transition", "count"}
+    assert 0 < kinds["p_over_E_lower"].notna().sum() < len(kinds)
+    assert len(named("off-centre-held-out").table.held_out) == 6
+    assert set(named("two-series").table.column("series")) == {"first", "second"}
+    assert set(named("two-sources").table.column("series")) == {""}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_calibrate__finds_what_made_the_table(name):
+    one = named(name)
+    fit = rb.calibrate(one.table, rb.Hybrid(), noise="iid", rng=1, settings=SHORT)
+    assert np.isfinite(fit.draws).all()
+    if one.form == "hybrid":
+        mean, sd = fit.summary[["mean", "sd"]].to_numpy().T
+        # Monte Carlo: five posterior standard deviations, those of rows taken as independent.
+        assert np.all(np.abs(mean[:2] - one.coefficients) < 5 * sd[:2])
+        assert mean[2] > 0.5 * one.errors["sigma"]
