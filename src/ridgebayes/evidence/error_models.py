@@ -1,187 +1,302 @@
-"""Which error model does the evidence support: every form under each, and what that says.
+"""Every form under every error model: evidences, weights, and draws of what carries weight.
 
-An error model is weighed by its mean evidence over the forms, so that none is chosen for suiting
-one form alone; forms are weighed against each other under the chosen one, and with the error models
-summed out, every one as probable as the next.
+Nobody knows which error model holds, so predictions and model probabilities are averaged over all
+of them. Only what is printed is of one: the simplest whose evidence, forms summed out, is within
+1.1 of the highest.
 """
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from ridgebayes.errors import ComputationError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import (
     LogEvidence,
     laplace_evidence,
     power_law_evidence,
     quadrature_evidence,
 )
-from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, used_evidence
+from ridgebayes.evidence.tables import evidence_table, used_evidence
 from ridgebayes.inference.chains import ProgressCallback
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
+from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
-from ridgebayes.model.observations import Observations, refuse_circular
+from ridgebayes.model.noise import Noise, as_noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.priors import Prior
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import stream
-from ridgebayes.table.table import ContactTable
 
-# Error models differ by whole units, and the chosen one is then walked: Laplace's approximation
-# screens for those worth refining, which importance sampling does.
-_CLOSE = 4.0
-_EFFORT = {"n_draw": 1_024, "n_round": 4, "n_per_round": 1_000}
+AUTO = "auto"
+LEAST_WEIGHT = 0.01  # of a pair of form and error model that predictions are averaged over
+AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apart by simplicity
+# Laplace's approximation is low by up to two; e^-6.6 is a tenth of the weight that counts.
+_CLOSE = 6.6
+_EFFORT = {"n_draw": 1_024, "n_round": 3, "n_per_round": 512}
+
+Priors = Mapping[str, Mapping[str, Prior]]  # by form name or "noise", then by parameter
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A form under an error model: what its weight in an average follows from.
+
+    Parameters
+    ----------
+    form, noise : str
+        Names.
+    evidence : LogEvidence
+        Its log evidence; the status tells if there is none.
+    laplace : Laplace, optional
+        The normal approximation of its posterior.
+    posterior : Posterior, optional
+        Draws by importance sampling, where the pair carries weight.
+    left_to : str
+        Error model of normal tail whose draws stand for those of a Student tail; else empty.
+    """
+
+    form: str
+    noise: str
+    evidence: LogEvidence
+    laplace: Laplace | None = None
+    posterior: Posterior | None = None
+    left_to: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class WeighedErrorModels:
+    """Forms under error models, weighed against each other.
+
+    Parameters
+    ----------
+    candidates : dict of (str, str) to Candidate
+        By form and error model.
+    """
+
+    candidates: dict[tuple[str, str], Candidate] = field(repr=False)
+
+    @property
+    def evidence(self) -> pd.DataFrame:
+        """Columns of `evidence.csv`, a row for each pair."""
+        return evidence_table({key: [one.evidence] for key, one in self.candidates.items()})
+
+    def form_share(self, form: str) -> float:
+        """Return a form's posterior probability, error models summed out."""
+        used = self.evidence.query("used")
+        return float(used.loc[used["form"] == form, "model_probability"].sum())
+
+    def averaged(self, form: str) -> tuple[dict[str, float], dict[str, Posterior]]:
+        """Return the error models that a form's predictions are averaged over.
+
+        Parameters
+        ----------
+        form : str
+            Name.
+
+        Returns
+        -------
+        weights : dict of str to float
+            Posterior probabilities given the form, of those above one per cent; they sum to 1.
+        posteriors : dict of str to Posterior
+            Their draws; of an error model left to its normal twin the twin's.
+        """
+        own = {n: one for (f, n), one in self.candidates.items() if f == form and one.evidence.ok}
+        if not own:
+            return {}, {}
+        values = np.array([one.evidence.value for one in own.values()])
+        share = dict(zip(own, np.exp(values - logsumexp(values)).tolist(), strict=True))
+        drawn = {n: own.get(one.left_to, one).posterior for n, one in own.items()}
+        kept = {n: posterior for n, posterior in drawn.items() if posterior is not None}
+        heavy = {n: share[n] for n in kept if share[n] > LEAST_WEIGHT}
+        total = sum(heavy.values())
+        weights = {n: value / total for n, value in heavy.items()}
+        return weights, {n: kept[n] for n in weights}
 
 
 def weigh_error_models(
-    table: ContactTable,
+    data: Observations,
     forms: Sequence[Form],
-    noises: Sequence[Noise] = Noise.every(),
+    noises: Sequence[Noise],
     *,
+    priors: Priors | None = None,
     seed: int = 0,
     executor: Executor | None = None,
     progress: ProgressCallback | None = None,
     laplace_only: bool = False,
-) -> pd.DataFrame:
-    """Return the log evidence of every form under every error model.
+) -> WeighedErrorModels:
+    """Weigh every form under every error model.
 
     Parameters
     ----------
-    table : ContactTable
-        Rows of role calibration and status ok are fitted.
+    data : Observations
+        Rows.
     forms : sequence of Form
         Contact forms.
-    noises : sequence of Noise, optional
-        Error models; all ten if not given.
+    noises : sequence of Noise
+        Error models; of one alone there is nothing to average over, and nothing is drawn.
+    priors : mapping of str to mapping of str to Prior, optional
+        Replacements for default priors: by form name, or ``noise``, and parameter name.
     seed : int, optional
-        Each evidence draws from a stream of its own.
+        Each pair draws from a stream of its own.
     executor : concurrent.futures.Executor, optional
-        Runs the evidences; one after the other in this process if not given.
+        Runs the pairs; one after the other in this process if not given.
     progress : callable, optional
         Called with a line of text now and then.
     laplace_only : bool, optional
         Take Laplace's approximation, which is low by 0.1 to 0.3 under normal errors and by up to 2
-        under Student errors, where importance sampling would be asked.
+        under Student errors, where importance sampling would be asked for an evidence.
 
     Returns
     -------
-    pandas.DataFrame
-        Columns of `evidence.csv`, one row each: by quadrature where rows are exact and independent,
-        by importance sampling where an error model's mean evidence comes within four units of the
-        highest, by Laplace's approximation otherwise. A pair without a usable evidence says why in
-        its status.
+    WeighedErrorModels
+        Evidences by quadrature where rows are exact and independent, by importance sampling where
+        an error model may carry weight in its form's average, by Laplace's approximation otherwise.
+        A pair without a usable evidence says why in its status.
 
     Raises
     ------
     InputError
-        If no row can be fitted, or a form may not be fitted to these rows.
+        If a prior is given that no form or error model has.
     ComputationError
         If workers die, so that an evidence cannot be found; it is named.
-    """
-    for form in forms:
-        refuse_circular(table, form)
-    data = Observations.from_table(table)
-    pairs = list(itertools.product(forms, noises))
-    seeds = [int(stream(seed, f.name, n.name).integers(2**63)) for f, n in pairs]
 
-    def evaluated(tasks: Sequence["_Weighing"]) -> list["_Weighed"]:
+    Notes
+    -----
+    A Student tail with shared offsets is left to its normal twin where Laplace's approximation
+    finds no gain in it: their predictions then agree.
+    """
+    refuse_unknown_priors(forms, noises, priors)
+    pairs = list(itertools.product(forms, noises))
+    tasks = [
+        _Weighing(data, form, noise, priors_of(priors, form, noise), seed)
+        for form, noise in pairs
+    ]
+
+    def evaluated(tasks: Sequence["_Weighing"]) -> list[Candidate]:
         if tasks and progress is not None:
             progress(f"{len(tasks)} evidences")
         return list(map_ordered(_evaluate, tasks, executor, name=lambda task: task.name))
 
-    tasks = [_Weighing(data, *pair, one) for pair, one in zip(pairs, seeds, strict=True)]
-    screened = evaluated(tasks)
-    found = [one.evidence for one in screened]
-    means = mean_evidence(_frame(forms, pairs, found)).set_index("noise")["log_mean_evidence"]
-    close = (
-        []
-        if laplace_only
-        else [
-            i
-            for i, (_, noise) in enumerate(pairs)
-            if found[i].method == "laplace"
-            and means.get(noise.name, -math.inf) > means.max() - _CLOSE
-        ]
-    )
-    refined = evaluated([replace(tasks[i], laplace=screened[i].laplace) for i in close])
-    for i, one in zip(close, refined, strict=True):
-        found[i] = one.evidence if one.evidence.ok else found[i]
-    frame = _frame(forms, pairs, found)
-    for noise in frame["noise"].unique():
-        here = (frame["noise"] == noise) & frame["used"]
-        values = frame.loc[here, "log_evidence"]
-        frame.loc[here, "model_probability"] = np.exp(values - logsumexp(values))
-    return frame
-
-
-def _frame(
-    forms: Sequence[Form], pairs: Sequence[tuple[Form, Noise]], found: Sequence[LogEvidence]
-) -> pd.DataFrame:
-    rows = [
-        (form.name, noise.name, e.method, e.value, e.se, e.ok, 1 / len(forms), math.nan, e.status)
-        for (form, noise), e in zip(pairs, found, strict=True)
+    found = {(one.form, one.noise): one for one in evaluated(tasks)}
+    if len(noises) == 1:
+        return WeighedErrorModels(found)
+    found = {key: _left_to_twin(one, found) for key, one in found.items()}
+    close = [
+        replace(task, laplace=one.laplace, laplace_only=laplace_only)
+        for task, one in zip(tasks, found.values(), strict=True)
+        if not one.left_to and one.evidence.value > _best(found, one.form) - _CLOSE
     ]
-    return pd.DataFrame(rows, columns=EVIDENCE_COLUMNS)
+    for one in evaluated(close):
+        found[one.form, one.noise] = one
+    return WeighedErrorModels(found)
+
+
+def error_models_for(noise: str | Noise, data: Observations) -> list[Noise]:
+    """Return the error models to weigh: all that suit some rows for ``auto``, else the one named."""
+    if noise != AUTO:
+        return [as_noise(noise)]
+    return list(Noise.every())
+
+
+def priors_of(priors: Priors | None, form: Form, noise: Noise) -> dict[str, Prior]:
+    """Return the replaced priors that a form under an error model has."""
+    given = priors or {}
+    shared = given.get("noise", {})
+    own = {name: prior for name, prior in shared.items() if name in noise.parameter_names}
+    return {**given.get(form.name, {}), **own}
+
+
+def refuse_unknown_priors(
+    forms: Sequence[Form], noises: Sequence[Noise], priors: Priors | None
+) -> None:
+    """Raise InputError where a prior is of a form or an error parameter that nothing has."""
+    known = {form.name for form in forms} | {"noise"}
+    for name in priors or {}:
+        if name not in known:
+            raise InputError(f"priors: expected one of {', '.join(sorted(known))}, got {name!r}")
+    of_noise = dict.fromkeys(name for noise in noises for name in noise.parameter_names)
+    for name in (priors or {}).get("noise", {}):
+        if name not in of_noise:
+            raise InputError(f"priors of noise: expected one of {', '.join(of_noise)}, got {name!r}")
+
+
+def _best(found: Mapping[tuple[str, str], Candidate], form: str) -> float:
+    values = [one.evidence.value for (name, _), one in found.items() if name == form]
+    return float(np.nanmax(values)) if np.isfinite(values).any() else math.inf
+
+
+def _left_to_twin(one: Candidate, found: Mapping[tuple[str, str], Candidate]) -> Candidate:
+    noise = Noise.named(one.noise)
+    twin = found.get((one.form, replace(noise, tail="normal").name))
+    if noise.tail == "normal" or noise.structure == "iid" or twin is None:
+        return one
+    gain = one.evidence.value - twin.evidence.value
+    return replace(one, left_to=twin.noise) if gain < 0 else one
 
 
 @dataclass(frozen=True, eq=False)
 class _Weighing:
     """One evidence to be found; holds all that a process of its own needs.
 
-    With the approximation that its screening found, the evidence is refined.
+    With the approximation that its screening found, the posterior is drawn.
     """
 
     data: Observations
     form: Form
     noise: Noise
+    priors: Mapping[str, Prior]
     seed: int
     laplace: Laplace | None = None
+    laplace_only: bool = False
 
     @property
     def name(self) -> str:
         return f"evidence of {self.form.name}, {self.noise.name}"
 
 
-@dataclass(frozen=True, eq=False)
-class _Weighed:
-    """An evidence, and the normal approximation that was found on the way."""
-
-    evidence: LogEvidence
-    laplace: Laplace | None = None
-
-
-def _evaluate(task: _Weighing) -> _Weighed:
-    """Screen an evidence, or refine it where the approximation is known."""
-    if task.laplace is not None:
-        return _refined(task, task.laplace)
+def _evaluate(task: _Weighing) -> Candidate:
+    """Screen a pair, or draw from its posterior where the approximation is known."""
+    names = task.form.name, task.noise.name
     try:
-        return _screened(Model(task.data, task.form, task.noise))
+        model = Model(task.data, task.form, task.noise, task.priors)
+        if task.laplace is not None:
+            return Candidate(*names, *_drawn(task, model, task.laplace))
+        if drawn_exactly(model):
+            return Candidate(*names, power_law_evidence(model))
+        laplace = fit_laplace(model)
+        return Candidate(*names, _screened(model, laplace), laplace)
     except ComputationError as error:
-        return _Weighed(LogEvidence("laplace", math.nan, math.nan, str(error)))
+        return Candidate(*names, LogEvidence("laplace", math.nan, math.nan, str(error)))
 
 
-def _screened(model: Model) -> _Weighed:
+def _screened(model: Model, laplace: Laplace) -> LogEvidence:
     if model.is_iid_gaussian and isinstance(model.form, PowerLaw):
-        return _Weighed(power_law_evidence(model))
-    laplace = fit_laplace(model)
+        return power_law_evidence(model)
     if model.is_iid_gaussian:
         found = quadrature_evidence(model.log_density, laplace)
         if found.ok:
-            return _Weighed(found)
-    return _Weighed(laplace_evidence(laplace), laplace)
+            return found
+    return laplace_evidence(laplace)
 
 
-def _refined(task: _Weighing, laplace: Laplace) -> _Weighed:
-    model = Model(task.data, task.form, task.noise)
+def _drawn(
+    task: _Weighing, model: Model, laplace: Laplace
+) -> tuple[LogEvidence, Laplace, Posterior | None]:
     laplace = replace(laplace, other_modes=several_modes(model, laplace))
-    return _Weighed(importance_posterior(model, laplace, seed=task.seed, **_EFFORT)[1])
+    seed = int(stream(task.seed, task.form.name, task.noise.name).integers(2**63))
+    posterior, evidence = importance_posterior(model, laplace, seed=seed, **_EFFORT)
+    screened = _screened(model, laplace)
+    if screened.method == "quadrature" or task.laplace_only or not evidence.ok:
+        evidence = screened
+    return evidence, laplace, posterior
 
 
 def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:
@@ -190,7 +305,7 @@ def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     evidence : pandas.DataFrame
-        As `weigh_error_models` returns it, or `evidence.csv` of a run.
+        `evidence.csv` of a run.
 
     Returns
     -------
@@ -217,8 +332,18 @@ def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:
     return frame.sort_values("log_mean_evidence", ascending=False, kind="stable", ignore_index=True)
 
 
-def chosen_error_model(evidence: pd.DataFrame) -> str:
-    """Return the name of the error model with the highest mean evidence over the forms.
+def printed_error_model(evidence: pd.DataFrame) -> Noise:
+    """Return the simplest error model whose mean evidence is as good as the highest.
+
+    Parameters
+    ----------
+    evidence : pandas.DataFrame
+        `evidence.csv` of a run.
+
+    Returns
+    -------
+    Noise
+        Of the fewest parameters within `AS_GOOD`; of several the one with the most evidence.
 
     Raises
     ------
@@ -226,5 +351,9 @@ def chosen_error_model(evidence: pd.DataFrame) -> str:
         If no form has an evidence under any.
     """
     if used_evidence(evidence).empty:
-        raise ComputationError("no form has an evidence under any error model")
-    return str(mean_evidence(evidence)["noise"].iloc[0])
+        why = "; ".join(dict.fromkeys(evidence["status"]))
+        raise ComputationError(f"no form has an evidence under any error model: {why}")
+    means = mean_evidence(evidence)
+    good = means[means["log_mean_evidence"] >= means["log_mean_evidence"].max() - AS_GOOD]
+    noises = [Noise.named(name) for name in good["noise"]]
+    return min(noises, key=lambda noise: len(noise.parameter_names))

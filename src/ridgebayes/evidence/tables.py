@@ -1,11 +1,11 @@
 """Evidences of a fit by every method that applies, and as a table."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
 import pandas as pd
+from scipy.special import logsumexp
 
 from ridgebayes.evidence.bridge import bridge_evidence
 from ridgebayes.evidence.quadrature import quadrature_evidence
@@ -13,7 +13,6 @@ from ridgebayes.inference.log_evidence import LogEvidence, laplace_evidence
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.inference.power_law_exact import power_law_evidence
 from ridgebayes.model.forms import PowerLaw
-from ridgebayes.model.noise import Noise
 from ridgebayes.runtime.randomness import stream
 
 EVIDENCE_COLUMNS = [
@@ -70,22 +69,30 @@ def evidences(fit: Posterior, *, n_bridge: int | None = None) -> list[LogEvidenc
     return found
 
 
-def evidence_table(found: Mapping[str, list[LogEvidence]], noise: Noise) -> pd.DataFrame:
-    """Return evidences by form and method, and model probabilities at equal prior.
+def evidence_table(found: Mapping[tuple[str, str], Sequence[LogEvidence]]) -> pd.DataFrame:
+    """Return evidences by form, error model and method, and model probabilities at equal prior.
 
-    The first method whose status is ok is the one that Bayes factors and probabilities use.
+    Parameters
+    ----------
+    found : mapping of (str, str) to sequence of LogEvidence
+        By names of form and error model. The first whose status is ok is the one that Bayes factors
+        and probabilities use.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns of `evidence.csv`. Probabilities are of pairs: prior ones all alike, posterior ones
+        with a sum of 1.
     """
-    used = {name: next((e for e in methods if e.ok), methods[0]) for name, methods in found.items()}
-    usable = {name: e.value for name, e in used.items() if e.ok}
-    top = max(usable.values(), default=0.0)
-    total = sum(math.exp(value - top) for value in usable.values())
+    used = {key: next((e for e in methods if e.ok), None) for key, methods in found.items()}
+    total = logsumexp([-math.inf, *(e.value for e in used.values() if e is not None)])
     rows = []
-    for name, methods in found.items():
+    for key, methods in found.items():
         for e in methods:
-            chosen = e is used[name] and e.ok
-            share = math.exp(e.value - top) / total if chosen else np.nan
+            chosen = e is used[key]
+            share = math.exp(e.value - total) if chosen else math.nan
             numbers = (e.method, e.value, e.se, chosen, 1 / len(found), share, e.status)
-            rows.append((name, noise.name, *numbers))
+            rows.append((*key, *numbers))
     return pd.DataFrame(rows, columns=EVIDENCE_COLUMNS)
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings, walkers_for
 from ridgebayes.inference.checkpoint import Checkpoint
-from ridgebayes.inference.laplace import Laplace, fit_laplace
+from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
 from ridgebayes.inference.posterior import Posterior, drawn_exactly, posterior_of
 from ridgebayes.inference.power_law_exact import sample_power_law
 from ridgebayes.model.model import Model
@@ -15,6 +15,7 @@ def sample_posterior(
     *,
     seed: int,
     settings: SampleSettings | None = None,
+    laplace: Laplace | None = None,
     progress: ProgressCallback | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Posterior:
@@ -28,6 +29,8 @@ def sample_posterior(
         Seed.
     settings : SampleSettings, optional
         Lengths and thresholds of sampling.
+    laplace : Laplace, optional
+        The normal approximation, where it is known.
     progress : callable, optional
         Called with a line of text now and then.
     checkpoint : Checkpoint, optional
@@ -43,7 +46,6 @@ def sample_posterior(
     ComputationError
         If the posterior has no interior mode.
     """
-    laplace: Laplace | None = None
     sampler = "exact" if drawn_exactly(model) else "emcee"
     if sampler == "exact":
         chains = sample_power_law(model, seed=seed)
@@ -55,7 +57,8 @@ def sample_posterior(
         # emcee takes a while to load, and only sampling needs it.
         from ridgebayes.inference.emcee_sampling import sample
 
-        laplace = fit_laplace(model, search_others=True)
+        laplace = laplace or fit_laplace(model)
+        laplace = replace(laplace, other_modes=several_modes(model, laplace))
         chains = sample(
             model.log_density,
             laplace,
