@@ -10,8 +10,8 @@ from ridgebayes._types import FloatArray, Rng, __version__
 from ridgebayes.evidence.error_models import (
     AUTO,
     error_models_for,
-    priors_of,
     printed_error_model,
+    priors_of,
     weigh_error_models,
 )
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
@@ -55,23 +55,65 @@ class Fit(Posterior):
         The normal approximation that it was sampled by; a fit read from a file has none.
     sampler : str, optional
         What drew it: ``emcee``, ``importance`` or ``exact``.
+    error_model_weights : dict of str to float, optional
+        Posterior probability of each error model that predictions are averaged over.
+    others : dict of str to Posterior, optional
+        Posteriors under those of them that are not printed.
     """
 
+    error_model_weights: Mapping[str, float] = field(default_factory=dict)
+    others: Mapping[str, Posterior] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.error_model_weights:
+            object.__setattr__(self, "error_model_weights", {self.noise.name: 1.0})
+
     @classmethod
-    def of(cls, posterior: Posterior) -> "Fit":
+    def of(
+        cls,
+        posterior: Posterior,
+        weights: Mapping[str, float] | None = None,
+        posteriors: Mapping[str, Posterior] | None = None,
+    ) -> "Fit":
         """Return a posterior as a fit.
 
         Parameters
         ----------
         posterior : Posterior
             What was sampled, or read from a file.
+        weights : mapping of str to float, optional
+            Probability of each error model to average over; of this one alone if not given.
+        posteriors : mapping of str to Posterior, optional
+            Posteriors under them; that of `posterior`'s error model is not looked at.
 
         Returns
         -------
         Fit
             Of the same draws.
         """
-        return cls(**{f.name: getattr(posterior, f.name) for f in fields(posterior) if f.init})
+        own = {f.name: getattr(posterior, f.name) for f in fields(Posterior) if f.init}
+        printed = posterior.noise.name
+        others = {name: one for name, one in (posteriors or {}).items() if name != printed}
+        return cls(**own, error_model_weights=weights or {}, others=others)
+
+    @property
+    def posteriors(self) -> dict[str, Posterior]:
+        """The posterior of each error model that has one, the printed one first."""
+        drawn = {name: one for name, one in self.others.items() if one.noise.name == name}
+        return {self.noise.name: self, **drawn}
+
+    @property
+    def averaged(self) -> list[tuple[Posterior, float]]:
+        """The posteriors that predictions are averaged over, with their weights."""
+        parts: dict[int, tuple[Posterior, float]] = {}
+        for name, weight in self.error_model_weights.items():
+            one = self.others.get(name, self)
+            if one.noise.name == self.noise.name:
+                one = self
+            # Several error models may share one posterior.
+            parts[id(one)] = one, weight + parts.get(id(one), (one, 0.0))[1]
+        return list(parts.values())
 
     def predict(
         self,
@@ -277,9 +319,7 @@ def calibrate(
         settings=settings,
         laplace=laplace,
         progress=progress,
-        checkpoint=chain_checkpoint(
-            checkpoint, table.calibration.digest(), model, seed, settings
-        ),
+        checkpoint=chain_checkpoint(checkpoint, table.calibration.digest(), model, seed, settings),
     )
     return Fit.of(posterior, weights, posteriors)
 

@@ -5,7 +5,10 @@ from dataclasses import dataclass, field
 import pandas as pd
 
 from ridgebayes._types import FloatArray
+from ridgebayes.comparison.verdict import Verdict, verdict_of
 from ridgebayes.errors import ComputationError
+from ridgebayes.evidence.error_models import LEAST_WEIGHT
+from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.model.noise import Noise
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
@@ -13,6 +16,8 @@ from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.predict.q_distribution import QDistribution, mix_q
 from ridgebayes.results import Fit
 from ridgebayes.table.table import ContactTable
+
+NEGLIGIBLE = 1e-4  # of a form's probability: it is not walked, and need not converge
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +87,16 @@ class Comparison:
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """Posterior model probabilities at equal prior, by form."""
-        used = self.own_evidence[self.own_evidence["used"]]
-        return dict(zip(used["form"], used["model_probability"].astype(float), strict=True))
+        """Posterior probabilities of the forms at equal prior, error models summed out."""
+        used = self.evidence[self.evidence["used"]]
+        sums = used.groupby("form", sort=False)["model_probability"].sum()
+        return {str(name): float(share) for name, share in sums.items()}
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """Which form the evidence supports, graded; None where only one form has an evidence."""
+        n_texture = len(self.table.calibration.textures)
+        return verdict_of(self.evidence, self.prior_sensitivity, self.noise, n_texture)
 
     @property
     def best(self) -> str:
@@ -101,9 +113,42 @@ class Comparison:
 
     @property
     def complete(self) -> bool:
-        """Whether every form was fitted, converged and got an evidence."""
+        """Whether every form was fitted and got an evidence, and those that count converged."""
         weighed = set(self.fits) == set(self.probabilities)
-        return not self.failures and weighed and all(fit.converged for fit in self.fits.values())
+        return not self.failures and weighed and not self.unconverged
+
+    @property
+    def unconverged(self) -> dict[str, tuple[str, ...]]:
+        """What forms lack of convergence; a form of negligible probability may lack it."""
+        shares = self.probabilities
+        return {
+            name: fit.convergence_failures
+            for name, fit in self.fits.items()
+            if not fit.converged and shares.get(name, 1.0) >= NEGLIGIBLE
+        }
+
+    @property
+    def averaged(self) -> list[tuple[Posterior, float]]:
+        """The posteriors that predictions are averaged over, with their weights.
+
+        Those of every form and error model of more than one per cent.
+
+        Raises
+        ------
+        ComputationError
+            If no form has an evidence that can be used.
+        """
+        if not self.probabilities:
+            raise ComputationError("no form has an evidence that can be used")
+        shares = self.probabilities
+        parts = [
+            (posterior, shares[name] * weight)
+            for name, fit in self.fits.items()
+            if name in shares
+            for posterior, weight in fit.averaged
+        ]
+        least = min(LEAST_WEIGHT, max(weight for _, weight in parts))
+        return [(posterior, weight) for posterior, weight in parts if weight >= least]
 
     def predict(
         self,
@@ -144,11 +189,9 @@ class Comparison:
         >>> int(cmp.predict(0.022, 0.02, 0.009).median())
         8
         """
-        parts = [
-            predict_q(self.fits[name], a_over_R, b_over_R, p_over_E, nu=nu, kind=kind)
-            for name in self._weights
-        ]
-        return mix_q(parts, list(self._weights.values()))
+        parts, weights = zip(*self.averaged, strict=True)
+        found = [predict_q(one, a_over_R, b_over_R, p_over_E, nu=nu, kind=kind) for one in parts]
+        return mix_q(found, weights)
 
     def predict_load(
         self,
@@ -182,13 +225,6 @@ class Comparison:
         InputError
             If a number is out of its range, `kind` is neither, or no form has an evidence.
         """
-        parts = [
-            predict_load(self.fits[name], a_over_R, b_over_R, Q, nu=nu, kind=kind)
-            for name in self._weights
-        ]
-        return mix_loads(parts, list(self._weights.values()))
-
-    @property
-    def _weights(self) -> dict[str, float]:
-        """The forms that a mixture needs."""
-        return {name: share for name, share in self.probabilities.items() if share > 1e-9}
+        parts, weights = zip(*self.averaged, strict=True)
+        found = [predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in parts]
+        return mix_loads(found, weights)

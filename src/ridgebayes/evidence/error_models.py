@@ -176,8 +176,7 @@ def weigh_error_models(
     refuse_unknown_priors(forms, noises, priors)
     pairs = list(itertools.product(forms, noises))
     tasks = [
-        _Weighing(data, form, noise, priors_of(priors, form, noise), seed)
-        for form, noise in pairs
+        _Weighing(data, form, noise, priors_of(priors, form, noise), seed) for form, noise in pairs
     ]
 
     def evaluated(tasks: Sequence["_Weighing"]) -> list[Candidate]:
@@ -200,10 +199,10 @@ def weigh_error_models(
 
 
 def error_models_for(noise: str | Noise, data: Observations) -> list[Noise]:
-    """Return the error models to weigh: all that suit some rows for ``auto``, else the one named."""
+    """Return the error models to weigh: all that suit the rows for ``auto``, else the named."""
     if noise != AUTO:
         return [as_noise(noise)]
-    return list(Noise.every())
+    return list(Noise.candidates(data.n_series))
 
 
 def priors_of(priors: Priors | None, form: Form, noise: Noise) -> dict[str, Prior]:
@@ -218,14 +217,16 @@ def refuse_unknown_priors(
     forms: Sequence[Form], noises: Sequence[Noise], priors: Priors | None
 ) -> None:
     """Raise InputError where a prior is of a form or an error parameter that nothing has."""
-    known = {form.name for form in forms} | {"noise"}
+    owners = {form.name for form in forms} | {"noise"}
     for name in priors or {}:
-        if name not in known:
-            raise InputError(f"priors: expected one of {', '.join(sorted(known))}, got {name!r}")
+        if name not in owners:
+            raise InputError(f"priors: expected one of {', '.join(sorted(owners))}, got {name!r}")
     of_noise = dict.fromkeys(name for noise in noises for name in noise.parameter_names)
     for name in (priors or {}).get("noise", {}):
         if name not in of_noise:
-            raise InputError(f"priors of noise: expected one of {', '.join(of_noise)}, got {name!r}")
+            raise InputError(
+                f"priors of noise: expected one of {', '.join(of_noise)}, got {name!r}"
+            )
 
 
 def _best(found: Mapping[tuple[str, str], Candidate], form: str) -> float:
@@ -236,7 +237,7 @@ def _best(found: Mapping[tuple[str, str], Candidate], form: str) -> float:
 def _left_to_twin(one: Candidate, found: Mapping[tuple[str, str], Candidate]) -> Candidate:
     noise = Noise.named(one.noise)
     twin = found.get((one.form, replace(noise, tail="normal").name))
-    if noise.tail == "normal" or noise.structure == "iid" or twin is None:
+    if noise.tail == "normal" or not noise.factors or twin is None:
         return one
     gain = one.evidence.value - twin.evidence.value
     return replace(one, left_to=twin.noise) if gain < 0 else one

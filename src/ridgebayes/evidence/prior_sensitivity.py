@@ -1,91 +1,174 @@
-"""How far evidences depend on the priors' scales."""
+"""How far evidences depend on the priors' scales, and on the nugget of a smooth offset."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
+from ridgebayes._types import FloatArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import power_law_evidence, quadrature_evidence
+from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.diagnostics import K_MAX, pareto_k
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.model import Model
-from ridgebayes.model.priors import Prior
+from ridgebayes.runtime.pool import map_ordered
 
-# A prior's scale by the name a reader knows it under, and the parameters it belongs to.
-PRIOR_SCALES = {"c": ("c", "c1"), "c2": ("c2",), "K": ("K[",), "sigma": ("sigma",)}
 SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
-SCALE_FACTORS = tuple(10.0 ** (k / 4) for k in range(-4, 5))
+NUGGET = "nugget"
+COEFFICIENTS = ("c", "c2")  # priors that hold what is known of mechanics: shrunk less
+_FACTORS = (0.1, 0.18, 0.3, 0.55, 1.0, 1.8, 3.0, 5.5, 10.0)
+_OF_NUGGET = (0.1, 1.0, 10.0)
+_LEAST = 0.3  # factor of the coefficients' scales
+
+
+def prior_of(parameter: str) -> str:
+    """Return the name under which a parameter's prior is scaled: c and c1 alike, all K together."""
+    return {"c1": "c"}.get(parameter, parameter.partition("[")[0])
+
+
+def scale_factors(prior: str) -> tuple[float, ...]:
+    """Return the multiples of a prior's scale that are looked at."""
+    if prior == NUGGET:
+        return _OF_NUGGET
+    return tuple(f for f in _FACTORS if prior not in COEFFICIENTS or f >= _LEAST)
 
 
 def prior_sensitivity(
-    fits: Mapping[str, Posterior],
-    factors: Sequence[float] = SCALE_FACTORS,
+    posteriors: Mapping[str, Mapping[str, Posterior]],
+    evidence: pd.DataFrame,
     *,
-    log_evidence: Mapping[str, float] | None = None,
+    executor: Executor | None = None,
 ) -> pd.DataFrame:
-    """Return log evidences as each prior scale is stretched and shrunk.
+    """Return log evidences as each prior's scale is multiplied, error models summed out.
 
     Parameters
     ----------
-    fits : mapping of str to Posterior
-        By form name.
-    factors : sequence of float, optional
-        Multiples of the default scale; a factor of 100 in all if not given.
-    log_evidence : mapping of str to float, optional
-        Evidences under the default priors, where deterministic methods have none.
+    posteriors : mapping of str to mapping of str to Posterior
+        By names of form and error model.
+    evidence : pandas.DataFrame
+        `evidence.csv`, under the default priors.
+    executor : concurrent.futures.Executor, optional
+        Runs the posteriors; one after the other in this process if not given.
 
     Returns
     -------
     pandas.DataFrame
-        Columns prior (c, c2, K, sigma), factor, form, log_evidence. Independent normal rows are
-        integrated anew; otherwise the posterior's draws are weighted by new over old prior, and
-        the evidence is NaN where too few of them count (Pareto k above 0.7).
+        Columns prior (c, which is also c1; c2, K, sigma, tau_..., length_..., df; nugget), factor,
+        form, log_evidence. One prior is changed at a time. Independent normal rows are integrated
+        anew; otherwise a posterior's draws are weighted by new over old prior (for the nugget:
+        likelihood), and where too few of them count (Pareto k above 0.7) by Laplace's approximation
+        of both. An error model without draws keeps its evidence.
     """
-    rows = []
-    known = log_evidence or {}
-    unchanged = {
-        name: _deterministic_evidence(fit.model)
-        if fit.model.is_iid_gaussian
-        else known.get(name, math.nan)
-        for name, fit in fits.items()
-    }
-    for scale, starts in PRIOR_SCALES.items():
-        for name, fit in fits.items():
-            mine = {
-                p: prior
-                for p, prior in fit.model.priors.items()
-                if p in starts or (scale == "K" and p.startswith("K["))
-            }
-            for factor in factors:
-                value = unchanged[name]
-                if mine and factor != 1:
-                    stretched = {p: prior.stretched(factor) for p, prior in mine.items()}
-                    if fit.model.is_iid_gaussian:
-                        value = _deterministic_evidence(fit.model.with_priors(stretched))
-                    else:
-                        value = unchanged[name] + _log_ratio(fit, stretched)
-                rows.append({"prior": scale, "factor": factor, "form": name, "log_evidence": value})
+    used = used_evidence(evidence).set_index(["form", "noise"])["log_evidence"]
+    tasks = [
+        _Scaling(form, noise, posterior)
+        for form, by_noise in posteriors.items()
+        for noise, posterior in by_noise.items()
+        if (form, noise) in used.index
+    ]
+    found = dict(
+        zip(
+            [(task.form, task.noise) for task in tasks],
+            map_ordered(_scaled, tasks, executor, name=lambda task: task.name),
+            strict=True,
+        )
+    )
+    priors = dict.fromkeys(prior for changes in found.values() for prior, _ in changes)
+    rows = [
+        (prior, factor, form, _summed(used, found, form, prior, factor))
+        for prior in priors
+        for form in posteriors
+        if any(one == form for one, _ in found)
+        for factor in scale_factors(prior)
+    ]
     return pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS)
 
 
-def _log_ratio(fit: Posterior, priors: Mapping[str, Prior]) -> float:
-    """Return log of new over old evidence: the mean over the posterior of new over old prior."""
-    names = fit.model.parameter_names
-    log_weight = np.zeros(len(fit.draws))
-    for name, prior in priors.items():
-        values = fit.draws[:, names.index(name)]
-        log_weight += prior.log_pdf(values) - fit.model.priors[name].log_pdf(values)
-    if not pareto_k(log_weight) <= K_MAX:
+def _summed(
+    used: pd.Series,
+    found: Mapping[tuple[str, str], Mapping[tuple[str, float], float]],
+    form: str,
+    prior: str,
+    factor: float,
+) -> float:
+    values = [
+        value + found.get((form, noise), {}).get((prior, factor), 0.0)
+        for noise, value in used.loc[form].items()
+    ]
+    n_noise = used.index.get_level_values("noise").nunique()
+    return float(logsumexp(values)) - math.log(n_noise)
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaling:
+    """The changes of one posterior's evidence; holds all that a process of its own needs."""
+
+    form: str
+    noise: str
+    posterior: Posterior
+
+    @property
+    def name(self) -> str:
+        return f"prior sensitivity of {self.form}, {self.noise}"
+
+
+def _scaled(task: _Scaling) -> dict[tuple[str, float], float]:
+    """Return the change of ln evidence by prior and factor."""
+    posterior, model = task.posterior, task.posterior.model
+    owned: dict[str, list[str]] = {}
+    for name in model.parameter_names:
+        owned.setdefault(prior_of(name), []).append(name)
+    found = {}
+    for prior, names in owned.items():
+        for factor in scale_factors(prior):
+            stretched = {name: model.priors[name].stretched(factor) for name in names}
+            other = model.with_priors(stretched)
+            found[prior, factor] = 0.0 if factor == 1 else _change(posterior, other, names)
+    if "step-smooth" in model.noise.factors:
+        for factor in scale_factors(NUGGET):
+            noise = replace(model.noise, nugget=factor * model.noise.nugget)
+            other = Model(model.data, model.form, noise, model.priors)
+            found[NUGGET, factor] = 0.0 if factor == 1 else _change(posterior, other, ())
+    return found
+
+
+def _change(posterior: Posterior, other: Model, names: Iterable[str]) -> float:
+    """Return ln evidence of another model less that of a posterior's own."""
+    model = posterior.model
+    if model.is_iid_gaussian:
+        return _integrated(other) - _integrated(model)
+    names = list(names)
+    log_weight = _log_weights(posterior, other, names)
+    if pareto_k(log_weight) <= K_MAX:
+        return float(logsumexp(log_weight)) - math.log(len(log_weight))
+    try:
+        return fit_laplace(other).log_evidence - posterior.laplace.log_evidence
+    except ComputationError:
         return math.nan
-    return float(logsumexp(log_weight)) - math.log(len(log_weight))
 
 
-def _deterministic_evidence(model: Model) -> float:
+def _log_weights(posterior: Posterior, other: Model, names: list[str]) -> FloatArray:
+    model = posterior.model
+    if names:
+        columns = [model.parameter_names.index(name) for name in names]
+        pairs = [(other.priors[name], model.priors[name]) for name in names]
+        values = [posterior.draws[:, column] for column in columns]
+        changes = [
+            new.log_pdf(x) - old.log_pdf(x) for x, (new, old) in zip(values, pairs, strict=True)
+        ]
+        return np.sum(changes, axis=0)
+    few = posterior.coordinates[:: max(len(posterior.coordinates) // 1_024, 1)]
+    return other.log_density(few) - model.log_density(few)
+
+
+def _integrated(model: Model) -> float:
     if isinstance(model.form, PowerLaw):
         return power_law_evidence(model).value
     try:

@@ -1,0 +1,186 @@
+"""The verdict of a comparison: which form, how surely, and what would change it."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.special import logsumexp
+
+from ridgebayes.evidence.error_models import LEAST_WEIGHT, mean_evidence
+from ridgebayes.evidence.prior_sensitivity import NUGGET
+from ridgebayes.evidence.tables import used_evidence
+from ridgebayes.model.noise import Noise
+
+GRADES = ("decisive", "supports", "leans", "undecided")
+_OF_ERRORS = ("sigma", "tau_", "length_", "df", NUGGET)  # priors of the error model, in all forms
+_SURE = 0.95  # posterior probability that counts as decisive for a reader's own prior
+# Forms that predict the same at one texture alone: each has a free factor there.
+_ALIKE_AT_ONE = frozenset({"modified", "power-law", "hybrid"})
+_ALIKE_WITH_OFFSETS = frozenset({"modified", "power-law"})
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Which form the evidence supports, graded, and the range over priors and error models.
+
+    Parameters
+    ----------
+    form : str
+        The most probable form, whatever the grade.
+    grade : str
+        ``decisive``, ``supports``, ``leans`` or ``undecided``.
+    ln_bf : float
+        ln Bayes factor over the next form, error models summed out.
+    ln_bf_range : tuple of (float, float)
+        Its least and greatest over the strongest other form, as one prior's scale is changed at a
+        time and under each error model alone that carries weight.
+    over : str
+        The next form.
+    min_prior_probability : float
+        Smallest prior probability of the form, the others sharing the rest, at which its posterior
+        one is 0.95.
+    error_model : str
+        The one that is printed.
+    error_model_weights : dict of str to float
+        Posterior probabilities, forms summed out, of those above one per cent.
+    why : str
+        What the grade follows from, in words.
+    """
+
+    form: str
+    grade: str
+    ln_bf: float
+    ln_bf_range: tuple[float, float]
+    over: str
+    min_prior_probability: float
+    error_model: str
+    error_model_weights: Mapping[str, float]
+    why: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what run.json holds of it."""
+        return asdict(self) | {"ln_bf_range": list(self.ln_bf_range)}
+
+
+def verdict_of(
+    evidence: pd.DataFrame, sensitivity: pd.DataFrame, printed: Noise, n_texture: int
+) -> Verdict | None:
+    """Return the verdict that evidences and their sensitivity lead to.
+
+    Parameters
+    ----------
+    evidence : pandas.DataFrame
+        `evidence.csv`.
+    sensitivity : pandas.DataFrame
+        `prior_sensitivity.csv`; may be empty.
+    printed : Noise
+        Error model of the printed fits.
+    n_texture : int
+        Textures that were fitted.
+
+    Returns
+    -------
+    Verdict or None
+        None where fewer than two forms have an evidence.
+    """
+    one = used_evidence(evidence)
+    forms = one.groupby("form", sort=False)["log_evidence"].agg(lambda x: float(logsumexp(x)))
+    forms -= math.log(max(one["noise"].nunique(), 1))
+    if len(forms) < 2:
+        return None
+    ranked = forms.sort_values(ascending=False, kind="stable")
+    (best, over), ln_bf = ranked.index[:2], float(ranked.iloc[0] - ranked.iloc[1])
+    factors = {
+        what: _lead(values, best)
+        for what, values in _perturbed(one, forms, sensitivity)
+        if np.isfinite(values).all()
+    }
+    low, high = min([ln_bf, *factors.values()]), max([ln_bf, *factors.values()])
+    weights = mean_evidence(evidence).set_index("noise")["probability"]
+    alike = _alike(best, over, n_texture, weights)
+    grade = "undecided" if alike else _grade(ln_bf, low)
+    return Verdict(
+        form=str(best),
+        grade=grade,
+        ln_bf=ln_bf,
+        ln_bf_range=(low, high),
+        over=str(over),
+        min_prior_probability=_min_prior_probability(ranked),
+        error_model=printed.name,
+        error_model_weights={
+            str(name): float(w) for name, w in weights.items() if w > LEAST_WEIGHT
+        },
+        why=alike or _why(grade, ln_bf, low, min(factors, key=lambda k: factors[k], default="")),
+    )
+
+
+def _perturbed(
+    one: pd.DataFrame, forms: pd.Series, sensitivity: pd.DataFrame
+) -> Iterator[tuple[str, pd.Series]]:
+    """Give ln evidences by form under each change of a prior, and under each error model alone."""
+    for (prior, factor), part in sensitivity.groupby(["prior", "factor"], sort=False):
+        new = part.set_index("form")["log_evidence"].reindex(forms.index).fillna(forms)
+        what = (
+            f"{prior} prior's scale times {factor:g}"
+            if prior != NUGGET
+            else (f"nugget times {factor:g}")
+        )
+        if str(prior).startswith(_OF_ERRORS):
+            yield what, new
+        else:
+            for form in part["form"]:
+                values = forms.copy()
+                values[form] = new[form]
+                yield f"{form}'s {what}", values
+    share = np.exp(one["log_evidence"] - logsumexp(one["log_evidence"]))
+    by_noise = share.groupby(one["noise"]).sum()
+    for noise in by_noise.index[by_noise > LEAST_WEIGHT]:
+        alone = one[one["noise"] == noise].set_index("form")["log_evidence"]
+        yield f"error model {noise} alone", alone.reindex(forms.index).dropna()
+
+
+def _lead(values: pd.Series, best: str) -> float:
+    """Return ln BF of a form over the strongest of the others."""
+    if best not in values:
+        return -math.inf
+    return float(values[best] - values.drop(best).max())
+
+
+def _grade(ln_bf: float, low: float) -> str:
+    if ln_bf >= 5 and low > 3:
+        return "decisive"
+    if ln_bf >= 3 and low > 0:
+        return "supports"
+    return "leans" if ln_bf >= 2 and low > 0 else "undecided"
+
+
+def _alike(best: str, over: str, n_texture: int, weights: pd.Series) -> str:
+    """Say why two forms cannot be told apart by any rows of this table; empty if they can."""
+    pair = {best, over}
+    names = " and ".join(sorted(pair))
+    if n_texture == 1 and pair <= _ALIKE_AT_ONE:
+        return f"{names} make the same predictions at one texture: only their priors differ"
+    with_offsets = sum(w for name, w in weights.items() if "texture" in Noise.named(name).factors)
+    if with_offsets > 0.5 and pair == _ALIKE_WITH_OFFSETS:
+        return f"{names} are the same where each texture has an offset: only their priors differ"
+    return ""
+
+
+def _why(grade: str, ln_bf: float, low: float, weakest: str) -> str:
+    """Say what a grade follows from; `weakest`: where the lead is least."""
+    led = f"ln BF {ln_bf:.1f}, at least {low:.1f} over priors and error models"
+    at = f" ({weakest})" if weakest and low < ln_bf else ""
+    if grade != "undecided":
+        return led + at
+    if ln_bf < 2:
+        return f"ln BF {ln_bf:.1f} over the next form is under 2"
+    return f"ln BF {ln_bf:.1f}, but another form is ahead under a change of prior{at}"
+
+
+def _min_prior_probability(ranked: pd.Series) -> float:
+    others = float(logsumexp(ranked.iloc[1:])) - math.log(len(ranked) - 1)
+    odds = _SURE / (1 - _SURE) * math.exp(min(others - float(ranked.iloc[0]), 700.0))
+    return odds / (1 + odds)
