@@ -260,7 +260,8 @@ def calibrate(
     rng : int or numpy.random.Generator, optional
         Seed; the same seed gives the same draws.
     settings : SampleSettings, optional
-        Lengths and thresholds of sampling.
+        Lengths and thresholds of a walk by emcee, which is made then in any case; if not given,
+        importance sampling serves where error models with shared offsets were weighed.
     progress : callable, optional
         Called with a line of text now and then.
     checkpoint : Path, optional
@@ -304,24 +305,25 @@ def calibrate(
         form.name: {name: one for name, one in given.items() if name not in of_noise},
         "noise": {name: one for name, one in given.items() if name in of_noise},
     }
-    printed, weights, posteriors, laplace = noises[0], None, None, None
-    if len(noises) > 1:
-        weighed = weigh_error_models(
-            data, [form], noises, priors=by_owner, seed=seed, progress=progress
-        )
-        printed = printed_error_model(weighed.evidence)
-        weights, posteriors = weighed.averaged(form.name)
-        laplace = weighed.candidates[form.name, printed.name].laplace
-    model = Model(data, form, printed, priors_of(by_owner, form, printed))
-    posterior = sample_posterior(
-        model,
-        seed=seed,
-        settings=settings,
-        laplace=laplace,
-        progress=progress,
-        checkpoint=chain_checkpoint(checkpoint, table.calibration.digest(), model, seed, settings),
+    weighed = weigh_error_models(
+        data, [form], noises, priors=by_owner, seed=seed, progress=progress
     )
-    return Fit.of(posterior, weights, posteriors)
+    printed = printed_error_model(weighed.evidence)
+    found = weighed.candidates[form.name, printed.name]
+    posterior = found.posterior
+    # A walk over shared offsets takes longer than weighing all error models.
+    if settings or posterior is None or not posterior.converged or not printed.factors:
+        model = Model(data, form, printed, priors_of(by_owner, form, printed))
+        digest = table.calibration.digest()
+        posterior = sample_posterior(
+            model,
+            seed=seed,
+            settings=settings,
+            laplace=found.laplace,
+            progress=progress,
+            checkpoint=chain_checkpoint(checkpoint, digest, model, seed, settings),
+        )
+    return Fit.of(posterior, *weighed.averaged(form.name))
 
 
 def as_table(table: ContactTable | str | os.PathLike[str]) -> ContactTable:

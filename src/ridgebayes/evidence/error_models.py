@@ -186,7 +186,7 @@ def weigh_error_models(
 
     found = {(one.form, one.noise): one for one in evaluated(tasks)}
     if len(noises) == 1:
-        return WeighedErrorModels(found)
+        return WeighedErrorModels(found)  # nothing to average over
     found = {key: _left_to_twin(one, found) for key, one in found.items()}
     close = [
         replace(task, laplace=one.laplace, laplace_only=laplace_only)

@@ -10,8 +10,8 @@ from ridgebayes.errors import InputError
 from ridgebayes.inference.moves import MOVES
 
 ProgressCallback = Callable[[str], None]  # takes a line of text
-N_WALKER = 32
-_MANY, _FEW = 512, 32  # four times the draws per CPU second of 32; a tenth of the work
+N_WALKER = 64
+_MANY, _FEW = 512, 32  # many: four times the draws per CPU second of 32
 _CHEAP, _COSTLY = 100, 2_000  # textures of exact rows with independent normal errors
 
 
