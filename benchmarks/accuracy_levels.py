@@ -49,7 +49,7 @@ def main() -> None:
         seconds, off, apart = [], [], []
         for seed in range(SEEDS[name]):
             start = time.process_time()
-            found = rb.compare(table, [rb.Hybrid()], rng=seed, accuracy=wanted)
+            found = rb.compare(table, [rb.Hybrid()], rng=seed, accuracy=wanted, noise="iid")
             seconds.append(time.process_time() - start)
             off.append(np.abs((moments(all_draws(found.fits["hybrid"])) - expected) / sd).max())
             used = found.evidence[found.evidence["used"]]["log_evidence"].iloc[0]

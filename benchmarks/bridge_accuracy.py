@@ -31,7 +31,7 @@ def differences(table: rb.ContactTable, form: object, n_seed: int) -> tuple[list
     apart, quoted = [], []
     reference = None
     for seed in range(n_seed):
-        fit = rb.calibrate(table, form, rng=seed)
+        fit = rb.calibrate(table, form, rng=seed, noise="iid")
         laplace = fit_laplace(fit.model)
         if reference is None:
             found = (

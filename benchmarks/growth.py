@@ -84,11 +84,13 @@ def importance(n: int) -> Callable[[], object]:
 
 def walk(n_walker: int) -> Callable[[], object]:
     settings = SampleSettings(n_walker=n_walker, tau_change=0.1)
-    return lambda: rb.calibrate(rb.paper_sweep(), rb.Hybrid(), rng=0, settings=settings)
+    return lambda: rb.calibrate(
+        rb.paper_sweep(), rb.Hybrid(), rng=0, settings=settings, noise="iid"
+    )
 
 
 def bands(n: int) -> Callable[[], object]:
-    fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), rng=0)
+    fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), rng=0, noise="iid")
     n_texture = min(1_000, max(1, n // 100))
     a, b = np.random.default_rng(0).uniform(0.01, 0.04, (2, n_texture, 1))
     loads = np.geomspace(5e-4, 0.02, n // n_texture)

@@ -22,7 +22,7 @@ def main() -> None:
     from matplotlib.ticker import MaxNLocator, MultipleLocator
 
     table = rb.paper_sweep()
-    fit = rb.calibrate(table, rb.Hybrid(), rng=1)
+    fit = rb.calibrate(table, rb.Hybrid(), rng=1, noise="iid")
     rows = table.frame
     plt.rcParams.update({"font.size": 11, "axes.spines.top": False, "axes.spines.right": False})
     figure, axes = plt.subplots(1, 2, figsize=(8, 3.7), layout="constrained", sharey=True)

@@ -143,7 +143,7 @@ class Lazy(Mapping):
 
 
 def fits_of(table):
-    return Lazy(lambda name: rb.calibrate(table, form_named(name), rng=1))
+    return Lazy(lambda name: rb.calibrate(table, form_named(name), rng=1, noise="iid"))
 
 
 def laplaces_of(table):
@@ -207,13 +207,13 @@ def command(monkeypatch, capsys, tmp_path):
 
 @pytest.fixture(scope="session")
 def comparison(paper):
-    return rb.compare(paper, rng=0)
+    return rb.compare(paper, rng=0, noise="iid")
 
 
 @pytest.fixture(scope="session")
 def reference(fe_table):
     forms = [rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid(), rb.HalfPlane()]
-    return rb.compare(fe_table, forms, rng=0)
+    return rb.compare(fe_table, forms, rng=0, noise="iid")
 
 
 @pytest.fixture(scope="session")
@@ -239,14 +239,14 @@ def odd_table():
 
 @pytest.fixture(scope="session")
 def odd(odd_table):
-    return rb.compare(odd_table, [rb.Modified(), rb.PowerLaw()], rng=3)
+    return rb.compare(odd_table, [rb.Modified(), rb.PowerLaw()], rng=3, noise="iid")
 
 
 @pytest.fixture(scope="session")
 def single(odd_table):
     """One form, sampled for too short a time to have converged."""
     settings = rb.SampleSettings(n_step_max=20)
-    return rb.compare(odd_table, [rb.Modified()], rng=3, settings=settings)
+    return rb.compare(odd_table, [rb.Modified()], rng=3, settings=settings, noise="iid")
 
 
 def clipped_and_overlapping(figure):

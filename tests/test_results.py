@@ -53,7 +53,7 @@ def test_calibrate__summary_is_of_all_draws_in_the_parameters_themselves(fits):
 
 def test_calibrate__same_seed_same_draws_other_seed_others(paper):
     def draws(rng):
-        return calibrate(paper, Modified(), rng=rng, settings=SHORT).draws
+        return calibrate(paper, Modified(), rng=rng, settings=SHORT, noise="iid").draws
 
     assert draws(3).tobytes() == draws(3).tobytes()
     assert not np.any(draws(3) == draws(4))
@@ -64,8 +64,8 @@ def test_calibrate__same_seed_same_draws_other_seed_others(paper):
 def test_calibrate__does_not_mind_repeated_rows_beyond_the_root_of_their_number(paper):
     frame = paper.calibration.frame
     copies = [frame.assign(series=f"copy {i}") for i in range(4)]
-    many = calibrate(ContactTable.from_frame(pd.concat(copies)), Modified(), rng=1)
-    one = calibrate(paper, Modified(), rng=1)
+    many = calibrate(ContactTable.from_frame(pd.concat(copies)), Modified(), rng=1, noise="iid")
+    one = calibrate(paper, Modified(), rng=1, noise="iid")
     ratio = one.summary["sd"][0] / many.summary["sd"][0]
     # Four times the rows, half the spread; the prior of sigma and n - 1 change it by 3 %.
     assert ratio == pytest.approx(2, rel=0.05)
@@ -89,7 +89,7 @@ def test_calibrate__takes_priors_noise_and_progress(paper):
 
 def test_calibrate__tells_in_the_record_that_it_did_not_converge(paper):
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=500)
-    fit = calibrate(paper, Modified(), rng=1, settings=settings)
+    fit = calibrate(paper, Modified(), rng=1, settings=settings, noise="iid")
     assert not fit.converged
     assert fit.convergence_failures[0].startswith("c: 100 steps are not 500 tau")
     assert "NOT converged: c: 100 steps" in repr(fit)
@@ -101,7 +101,7 @@ def test_calibrate__refuses_the_half_plane_on_rows_that_it_made(paper, fe_fits):
         "rows that its own equation generated: that would be circular"
     )
     with pytest.raises(InputError, match=rule):
-        calibrate(paper, HalfPlane())
+        calibrate(paper, HalfPlane(), noise="iid")
     assert fe_fits["half-plane"].converged
     refuse_circular(paper, Hybrid())  # other forms may
 
@@ -116,7 +116,7 @@ def test_calibrate__refuses_rows_without_misfit(paper):
     frame = paper.calibration.frame
     frame["p_over_E"] = Modified().load(frame["Q"], frame["a_over_R"], frame["b_over_R"])
     with pytest.raises(ComputationError, match=r"no interior mode.* sigma has no lower bound"):
-        calibrate(ContactTable.from_frame(frame), Modified())
+        calibrate(ContactTable.from_frame(frame), Modified(), noise="iid")
 
 
 def test_calibrate__refuses_unknown_noise_and_seeds(paper):
@@ -125,7 +125,7 @@ def test_calibrate__refuses_unknown_noise_and_seeds(paper):
     with pytest.raises(
         InputError, match="rng: expected a non-negative integer or a numpy Generator, got -3"
     ):
-        calibrate(paper, Modified(), rng=-3)
+        calibrate(paper, Modified(), rng=-3, noise="iid")
 
 
 def many_textures(n=45, seed=1):
@@ -141,7 +141,7 @@ def many_textures(n=45, seed=1):
 
 
 def test_calibrate__power_law_of_many_textures_is_drawn_from_exactly():
-    fit = calibrate(many_textures(), PowerLaw(), rng=2)
+    fit = calibrate(many_textures(), PowerLaw(), rng=2, noise="iid")
     assert fit.converged
     assert fit.model.n_parameter == 46
     prior = stats.halfnorm(scale=0.05)
@@ -160,7 +160,7 @@ def test_calibrate__power_law_of_many_textures_is_drawn_from_exactly():
     assert abs(sigma.mean() - mean) < 4 * se  # Monte Carlo
     sd = np.sqrt(moment(2) / moment(0) - mean**2)
     assert sigma.std() == pytest.approx(sd, rel=4 / np.sqrt(2 * 10_240))  # Monte Carlo
-    again = calibrate(many_textures(), PowerLaw(), rng=2)
+    again = calibrate(many_textures(), PowerLaw(), rng=2, noise="iid")
     assert again.draws.tobytes() == fit.draws.tobytes()
 
 
@@ -168,7 +168,7 @@ def test_calibrate__exact_draws_of_K_agree_with_a_walk(fits, monkeypatch, paper)
     from ridgebayes.inference import posterior as module
 
     monkeypatch.setattr(module, "N_TEXTURE_WALKED", 3)
-    exact, walked = calibrate(paper, PowerLaw(), rng=3), fits["power-law"]
+    exact, walked = calibrate(paper, PowerLaw(), rng=3, noise="iid"), fits["power-law"]
     difference = exact.summary["mean"] - walked.summary["mean"]
     se = np.hypot(exact.summary["mcse_mean"], walked.summary["mcse_mean"])
     assert np.all(np.abs(difference) < 4 * se)  # Monte Carlo: the largest of ten
@@ -179,14 +179,14 @@ def test_calibrate__exact_draws_of_K_agree_with_a_walk(fits, monkeypatch, paper)
 def test_calibrate__goes_on_from_a_checkpoint_and_ends_with_the_same_bytes(paper, tmp_path):
     longer = replace(SHORT, n_step_max=200, n_tau=500)
     path = tmp_path / "chain.h5"
-    straight = calibrate(paper, Modified(), rng=6, settings=longer)
-    kept = calibrate(paper, Modified(), rng=6, settings=longer, checkpoint=path)
+    straight = calibrate(paper, Modified(), rng=6, settings=longer, noise="iid")
+    kept = calibrate(paper, Modified(), rng=6, settings=longer, checkpoint=path, noise="iid")
     assert path.is_file()
-    again = calibrate(paper, Modified(), rng=6, settings=longer, checkpoint=path)
+    again = calibrate(paper, Modified(), rng=6, settings=longer, checkpoint=path, noise="iid")
     assert straight.draws.tobytes() == kept.draws.tobytes() == again.draws.tobytes()
     rule = r"chain.h5: cannot resume, seed was '6' and is '7'; expected the same run"
     with pytest.raises(InputError, match=rule):
-        calibrate(paper, Modified(), rng=7, settings=longer, checkpoint=path)
+        calibrate(paper, Modified(), rng=7, settings=longer, checkpoint=path, noise="iid")
 
 
 def test_fit__methods_are_the_functions_of_their_modules(fits):

@@ -36,7 +36,7 @@ def bridge(fit: Fit) -> LogEvidence:
 def main() -> None:
     task = Task.begin()
     with task.timed("import"):
-        bridge(rb.calibrate(rb.paper_sweep(), rb.Classic(), rng=task.seed))
+        bridge(rb.calibrate(rb.paper_sweep(), rb.Classic(), rng=task.seed, noise="iid"))
     form, noise = MODELS[task.target.form]
     with task.timed():
         fit = rb.calibrate(rb.paper_sweep(), form, noise=noise, rng=task.seed)

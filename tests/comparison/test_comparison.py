@@ -477,7 +477,7 @@ def test_complete__needs_every_form_fitted_and_converged(comparison, fits):
 def test_forms__none_or_one_twice_is_refused(paper, names):
     forms = {"hybrid": rb.Hybrid(), "classic": rb.Classic()}
     with pytest.raises(InputError, match="expected at least one, each once"):
-        compare(paper, [forms[name] for name in names])
+        compare(paper, [forms[name] for name in names], noise="iid")
 
 
 def test_half_plane__on_its_own_rows_is_refused_before_any_sampling(paper, monkeypatch):
@@ -485,7 +485,7 @@ def test_half_plane__on_its_own_rows_is_refused_before_any_sampling(paper, monke
         "ridgebayes.comparison.compare.calibrate", lambda *_, **__: pytest.fail("sampled")
     )
     with pytest.raises(InputError, match=r"41 calibration rows.*that would be circular"):
-        compare(paper, [rb.Modified(), rb.HalfPlane()])
+        compare(paper, [rb.Modified(), rb.HalfPlane()], noise="iid")
 
 
 def test_noise__of_another_name_is_refused(paper):
@@ -504,7 +504,7 @@ def perfect_table():
 
 
 def test_failure__is_named_and_the_other_forms_are_kept():
-    found = compare(perfect_table(), [rb.Classic(), rb.Modified()], settings=QUICK)
+    found = compare(perfect_table(), [rb.Classic(), rb.Modified()], settings=QUICK, noise="iid")
     assert set(found.failures) == {"modified"}
     assert "no interior mode" in found.failures["modified"]
     assert list(found.fits) == ["classic"] == list(found.probabilities)
@@ -515,11 +515,11 @@ def test_failure__is_named_and_the_other_forms_are_kept():
 
 def test_failure__of_every_form_is_an_error_that_says_each_reason():
     with pytest.raises(ComputationError, match=r"no form could be fitted: modified: .*; hybrid: "):
-        compare(perfect_table(), [rb.Modified(), rb.Hybrid()], settings=QUICK)
+        compare(perfect_table(), [rb.Modified(), rb.Hybrid()], settings=QUICK, noise="iid")
 
 
 def test_unconverged__is_kept_and_says_what_is_missing(paper):
-    found = compare(paper, [rb.Modified()], settings=QUICK)
+    found = compare(paper, [rb.Modified()], settings=QUICK, noise="iid")
     assert isinstance(found, Comparison)
     assert not found.complete
     assert found.failures == {}
@@ -528,7 +528,7 @@ def test_unconverged__is_kept_and_says_what_is_missing(paper):
 
 def test_seed__same_numbers_again_and_others_for_another(paper):
     def numbers(seed, forms):
-        found = compare(paper, forms, rng=seed, settings=QUICK)
+        found = compare(paper, forms, rng=seed, settings=QUICK, noise="iid")
         return found.evidence.set_index(["form", "method"])["log_evidence"], found
 
     one, first = numbers(3, [rb.Modified(), rb.Classic()])
@@ -544,7 +544,7 @@ def test_seed__same_numbers_again_and_others_for_another(paper):
 
 
 def test_forms__do_not_share_their_random_numbers(paper):
-    fits = compare(paper, [rb.Modified(), rb.Classic()], settings=QUICK).fits
+    fits = compare(paper, [rb.Modified(), rb.Classic()], settings=QUICK, noise="iid").fits
     assert fits["modified"].seed != fits["classic"].seed
 
 

@@ -41,7 +41,7 @@ def test_savage_dickey__is_the_difference_of_evidences_on_other_rows(
 
 
 def test_savage_dickey__allows_a_prior_of_c2_that_is_not_centred_on_zero(paper):
-    fit = calibrate(paper, Hybrid(), priors={"c2": Normal(0.015, 0.02)}, rng=1)
+    fit = calibrate(paper, Hybrid(), priors={"c2": Normal(0.015, 0.02)}, rng=1, noise="iid")
     found = savage_dickey(fit)
     hybrid = quadrature_evidence(fit.model.log_density, fit_laplace(fit.model)).value
     # Reference: Modified's log evidence of the 41 rows, printed to 1e-4.
@@ -51,7 +51,7 @@ def test_savage_dickey__allows_a_prior_of_c2_that_is_not_centred_on_zero(paper):
 def test_savage_dickey__refuses_another_prior_of_c1(paper):
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
     priors = {"c1": LogNormal(1.5, 0.1)}
-    fit = calibrate(paper, Hybrid(), priors=priors, rng=1, settings=settings)
+    fit = calibrate(paper, Hybrid(), priors=priors, rng=1, settings=settings, noise="iid")
     rule = r"prior of 'c1': expected Modified's, .*, got LogNormal\(median=1.5, log_sd=0.1\)"
     with pytest.raises(InputError, match=rule):
         savage_dickey(fit)

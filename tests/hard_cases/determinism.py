@@ -155,7 +155,9 @@ def run_shared_out(folder):
 def other_order():
     table = generate(SCENE)
     one, other = (
-        rb.compare(table, [form_named(name) for name in names], rng=7, settings=SETTINGS)
+        rb.compare(
+            table, [form_named(name) for name in names], rng=7, settings=SETTINGS, noise="iid"
+        )
         for names in (("classic", "modified"), ("modified", "classic"))
     )
     for name in one.fits:
@@ -186,7 +188,7 @@ def numbers() -> dict[str, object]:
     for name in FORMS:
         model = Model(data, form_named(name))
         evidences[name] = quadrature_evidence(model.log_density, fit_laplace(model)).value
-    fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), rng=11, settings=SETTINGS)
+    fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), rng=11, settings=SETTINGS, noise="iid")
     columns = ("mean", "sd", "mcse_mean")
     return {
         "loads": table.column("p_over_E").tolist(),

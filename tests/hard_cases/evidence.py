@@ -89,7 +89,7 @@ def enormous_factor(folder):
 )
 def two_modes_far_apart():
     frame = made(rb.Modified(), [1.4], error=0.03)
-    fit = rb.calibrate(rb.read_table(frame), Even(), rng=1, settings=FEW)
+    fit = rb.calibrate(rb.read_table(frame), Even(), rng=1, settings=FEW, noise="iid")
     found = evidences(fit)
     # One mode by a plain sum over c2 > 0 and sigma; the other is its mirror image.
     log_sigma = np.linspace(-6, -1, 600)
@@ -122,7 +122,7 @@ def sigma_on_its_bound():
     log_c = math.log(1.4) + np.linspace(-0.1, 0.1, 1000)
     truth, _ = summed_over_grid(frame, log_c, np.linspace(-22, -1, 1000))
     bridge, quadrature, laplace = evidences(
-        rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1)
+        rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, noise="iid")
     )
     assert abs(quadrature.value - truth) < 1e-5
     assert abs(bridge.value - truth) < 5 * bridge.se < 0.01
@@ -139,7 +139,7 @@ def sigma_on_its_bound():
 )
 def bridge_of_frozen_draws():
     table = rb.read_table(made(rb.Modified(), [1.4], error=0.03))
-    fit = rb.calibrate(table, rb.Modified(), rng=1, settings=FEW)
+    fit = rb.calibrate(table, rb.Modified(), rng=1, settings=FEW, noise="iid")
     u = fit.chains.u.copy()
     u[:] = u[:, :1, :1]
     density = np.broadcast_to(fit.chains.log_density[:, :1, :1], fit.chains.log_density.shape)
@@ -159,7 +159,7 @@ def bridge_of_frozen_draws():
 )
 def bridge_stopped():
     table = rb.read_table(made(rb.Modified(), [1.4], error=0.03))
-    fit = rb.calibrate(table, rb.Modified(), rng=1, settings=FEW)
+    fit = rb.calibrate(table, rb.Modified(), rng=1, settings=FEW, noise="iid")
     found = bridge_evidence(
         fit.model.log_density,
         fit.chains,
@@ -229,7 +229,7 @@ def savage_dickey_far_out():
     seen = []
     for c2, error in ((0.02, 0.03), (0.1, 0.02), (0.1, 1e-3)):
         frame = made(rb.Hybrid(), [1.35, c2], error=error)
-        fit = rb.calibrate(rb.read_table(frame), rb.Hybrid(), rng=1, settings=FEW)
+        fit = rb.calibrate(rb.read_table(frame), rb.Hybrid(), rng=1, settings=FEW, noise="iid")
         truth = by_quadrature(fit.model, tol=1e-4) - by_quadrature(model_of(frame))
         row, found = fit.summary.iloc[1], savage_dickey(fit)
         if found.ok:
@@ -270,7 +270,7 @@ def sharp_thermodynamic_integration():
 )
 def rows_without_power():
     frame = made(rb.Modified(), [1.4], error=0.03, rel_se=1e6)
-    fit = rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, settings=FEW)
+    fit = rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, settings=FEW, noise="iid")
     found = power_scaling(fit)
     assert (found["likelihood"] < 0.005).all()
     assert (found["prior"] > 0.05).all()
@@ -302,7 +302,9 @@ def posterior_far_narrower_than_prior():
     truth = float(-0.5 * (squares + log_det + n * np.longdouble(LOG_2PI)))
     value = by_quadrature(model)
     assert abs(value - truth) < 1e-6
-    fit = rb.calibrate(rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=FEW)
+    fit = rb.calibrate(
+        rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=FEW, noise="iid"
+    )
     row = fit.summary.iloc[0]
     centre, sd = float(np.exp(-mean / 2)), 1.4 * known / 2 / math.sqrt(n)
     assert fit.converged

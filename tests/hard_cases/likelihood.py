@@ -107,7 +107,7 @@ def tiny_misfit():
     seen = []
     for error in (1e-12, 1e-9):
         frame = made(rb.Modified(), [1.4], textures=FIFTY, error=error)
-        fit = rb.calibrate(rb.read_table(frame), rb.PowerLaw(), rng=1)
+        fit = rb.calibrate(rb.read_table(frame), rb.PowerLaw(), rng=1, noise="iid")
         r = modified_residuals(frame, np.longdouble).reshape(50, 4)
         S = float(((r - r.mean(axis=1, keepdims=True)) ** 2).sum())
         m = r.size - 50 - 1
@@ -150,7 +150,9 @@ def perfect_rows_of_known_error():
     truth, m = summed_over_grid(frame, log_c, np.linspace(-20, -1, 1000))
     value = by_quadrature(model_of(frame))
     assert abs(value - truth) < 1e-5
-    assert_draws(rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1), [m[:2], m[2:]])
+    assert_draws(
+        rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, noise="iid"), [m[:2], m[2:]]
+    )
     return f"ln Z {value:.5f} for {truth:.5f}; sigma {m[2]:.5f} with its mass at 0"
 
 
@@ -178,7 +180,7 @@ def one_row():
     c_sd = math.sqrt(weight @ np.exp(2 * centre + 2 * spread) - c * c)
     s = weight @ sigma
     s_sd = math.sqrt(weight @ (sigma - s) ** 2)
-    fit = rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1)
+    fit = rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, noise="iid")
     assert_draws(fit, [(c, c_sd), (s, s_sd)])
     laplace = fit_laplace(fit.model)
     quadrature = quadrature_evidence(fit.model.log_density, laplace)
@@ -222,7 +224,7 @@ def flat_direction():
         mean = share @ values
         truth.append((mean, math.sqrt(share @ (values - mean) ** 2)))
     settings = rb.SampleSettings(n_walker=128)
-    fit = rb.calibrate(rb.read_table(frame), rb.Hybrid(), rng=1, settings=settings)
+    fit = rb.calibrate(rb.read_table(frame), rb.Hybrid(), rng=1, settings=settings, noise="iid")
     assert_draws(fit, truth)
     correlation = np.corrcoef(fit.draws[:, 0] / (a + b), fit.draws[:, 1] / a)[0, 1]
     assert correlation < -0.98
@@ -271,7 +273,9 @@ def repeats_that_disagree():
     truth, m = summed_over_grid(frame, log_c, np.linspace(-3, 1, 1000))
     value = by_quadrature(model_of(frame))
     assert abs(value - truth) < 1e-5
-    assert_draws(rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1), [m[:2], m[2:]])
+    assert_draws(
+        rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, noise="iid"), [m[:2], m[2:]]
+    )
     return f"ln Z {value:.5f} for {truth:.5f}; sigma = {m[2]:.3f} ± {m[3]:.3f}, prior sd 0.05"
 
 
@@ -349,7 +353,9 @@ def prior_twenty_sds_away():
     sigma = rb.HalfNormal(0.03)
     value = by_quadrature(model_of(frame, sigma=sigma))
     assert abs(value - truth) < 1e-4
-    fit = rb.calibrate(rb.read_table(frame), rb.Modified(), priors={"sigma": sigma}, rng=1)
+    fit = rb.calibrate(
+        rb.read_table(frame), rb.Modified(), priors={"sigma": sigma}, rng=1, noise="iid"
+    )
     assert_draws(fit, [m[:2], m[2:]])
     return f"ln Z {value:.4f} for {truth:.4f}; c = {m[0]:.3f} ± {m[1]:.3f}, prior 1.382 ± 0.138"
 
@@ -375,7 +381,9 @@ def prior_and_rows_of_two_modes():
     assert mean < 6
     priors = {"sigma": rb.HalfNormal(0.06)}
     settings = rb.SampleSettings(n_walker=32)
-    fit = rb.calibrate(rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=settings)
+    fit = rb.calibrate(
+        rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=settings, noise="iid"
+    )
     assert not fit.converged
     said = next(line for line in fit.convergence_failures if line.startswith("several modes"))
     told = float(said.split("ln evidence is ")[1].split()[0])
@@ -517,7 +525,7 @@ def known_errors_of_any_size():
     value = by_quadrature(model_of(vague))
     truth = -len(frame) * (math.log(1e3) + 0.5 * LOG_2PI)
     assert abs(value - truth) < 1e-4
-    fit = rb.calibrate(rb.read_table(vague), rb.Modified(), rng=1)
+    fit = rb.calibrate(rb.read_table(vague), rb.Modified(), rng=1, noise="iid")
     mean = 1.382 * math.exp(0.005)
     half = 0.05 * math.sqrt(2 / math.pi)
     expected = [

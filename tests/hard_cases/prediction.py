@@ -184,7 +184,7 @@ def rates_below_zero():
     A, B, Q = (x.ravel() for x in np.broadcast_arrays(*everything.T[:, :, None], [[4, 6, 8]]))
     p = rb.Hybrid().load(Q, A, B, [1.38, -0.006]) * np.exp(0.02 * rng.standard_normal(len(Q)))
     table = rb.read_table(pd.DataFrame({"a_over_R": A, "b_over_R": B, "Q": Q, "p_over_E": p}))
-    fit = rb.calibrate(table, rb.Hybrid(), priors={"c2": rb.Normal(0.0, 0.05)}, rng=1)
+    fit = rb.calibrate(table, rb.Hybrid(), priors={"c2": rb.Normal(0.0, 0.05)}, rng=1, noise="iid")
     c1, c2, sigma = fit.draws.T
     rate = c1 / (a + b) + c2 / a
     lost = float(np.mean(rate <= 0))
@@ -287,7 +287,7 @@ def a_posterior_too_narrow():
 def nodes_of_a_skewed_posterior():
     frame = rb.paper_sweep().frame
     few = rb.read_table(frame[(frame["a_over_R"] == 0.022) & (frame["b_over_R"] == 0.02)].head(3))
-    fit = rb.calibrate(few, rb.Hybrid(), rng=1)
+    fit = rb.calibrate(few, rb.Hybrid(), rng=1, noise="iid")
     skew = float(stats.skew(fit.draws[:, 2]))
     loads = np.geomspace(5e-4, 0.02, 40)
     q = predict_q(fit, 0.032, 0.01, loads, compressed=True)

@@ -322,7 +322,7 @@ def replicates_of_one_texture():
     from pandas import concat
 
     frame = concat(frames)
-    fit = rb.calibrate(rb.read_table(frame), rb.PowerLaw(), rng=1, settings=FEW)
+    fit = rb.calibrate(rb.read_table(frame), rb.PowerLaw(), rng=1, settings=FEW, noise="iid")
     row = fit.summary.iloc[0]
     expected = 0.03 / (2 * math.sqrt(len(frame)))
     assert fit.converged

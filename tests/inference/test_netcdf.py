@@ -123,7 +123,7 @@ def test_groups_of__leaves_out_a_log_likelihood_that_no_file_should_hold(fits, m
 @pytest.mark.slow
 def test_write_netcdf__keeps_what_did_not_converge(paper, tmp_path):
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=500)
-    fit = calibrate(paper, Modified(), rng=1, settings=settings)
+    fit = calibrate(paper, Modified(), rng=1, settings=settings, noise="iid")
     write_netcdf(fit, tmp_path / "short.nc")
     back = read_netcdf(tmp_path / "short.nc")
     assert not back.converged
@@ -221,7 +221,9 @@ def test_read_netcdf__refuses_somebody_elses_file(tmp_path):
 @pytest.mark.slow
 def test_read_netcdf__priors_of_another_kind_come_back(paper, tmp_path):
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
-    fit = calibrate(paper, Hybrid(), priors={"c2": Normal(0.01, 0.5)}, rng=1, settings=settings)
+    fit = calibrate(
+        paper, Hybrid(), priors={"c2": Normal(0.01, 0.5)}, rng=1, settings=settings, noise="iid"
+    )
     write_netcdf(fit, tmp_path / "posterior.nc")
     assert read_netcdf(tmp_path / "posterior.nc").model.priors["c2"] == Normal(0.01, 0.5)
 

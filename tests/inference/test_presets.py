@@ -51,7 +51,7 @@ def exact(paper):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_accuracy__keeps_what_it_promises_of_posteriors_and_evidences(paper, exact, name, seed):
     wanted, (theta, log_evidence) = PRESETS[name], exact
-    cmp = rb.compare(paper, [rb.Hybrid()], rng=seed, accuracy=wanted)
+    cmp = rb.compare(paper, [rb.Hybrid()], rng=seed, accuracy=wanted, noise="iid")
     u = cmp.fits["hybrid"].chains.u
     found = cmp.fits["hybrid"].model.to_theta(u.reshape(-1, 3))
     sd = theta.std(axis=0)
@@ -79,7 +79,7 @@ def test_accuracy__keeps_what_it_promises_of_loads(name):
 
 @pytest.mark.slow
 def test_quick__walks_where_importance_weights_are_too_uneven(paper, monkeypatch):
-    plain = rb.compare(paper, [rb.Modified()], rng=1, accuracy=QUICK)
+    plain = rb.compare(paper, [rb.Modified()], rng=1, accuracy=QUICK, noise="iid")
     assert plain.evidence["method"].tolist() == ["importance"]
 
     def uneven(*args, **options):
@@ -89,7 +89,7 @@ def test_quick__walks_where_importance_weights_are_too_uneven(paper, monkeypatch
         ), evidence
 
     monkeypatch.setattr("ridgebayes.comparison.compare.importance_posterior", uneven)
-    walked = rb.compare(paper, [rb.Modified()], rng=1, accuracy=QUICK)
+    walked = rb.compare(paper, [rb.Modified()], rng=1, accuracy=QUICK, noise="iid")
     assert walked.evidence["method"].tolist()[0] == "bridge"
     assert walked.complete
 
@@ -126,7 +126,7 @@ def test_settings__of_moves_are_known_by_name(paper):
     sds = {}
     for moves in ("mixture", "independence", "differential evolution", "stretch"):
         settings = rb.SampleSettings(n_walker=64, moves=moves, tau_change=0.1)
-        fit = calibrate(paper, rb.Hybrid(), rng=3, settings=settings)
+        fit = calibrate(paper, rb.Hybrid(), rng=3, settings=settings, noise="iid")
         sds[moves] = fit.summary["sd"].to_numpy()
         assert fit.converged, moves
     for moves, sd in sds.items():

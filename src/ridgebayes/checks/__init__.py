@@ -5,7 +5,8 @@ comparisons and scenes; it neither draws nor writes.
 
 >>> import ridgebayes as rb
 >>> from ridgebayes.checks.predictive_checks import posterior_checks
->>> checks = posterior_checks(rb.calibrate(rb.paper_sweep(), rb.Hybrid(), rng=1), n_draw=500)
+>>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
+>>> checks = posterior_checks(fit, n_draw=500)
 >>> [name for name, p in checks.p_values.items() if not 0.01 < p < 0.99]
 ['trend']
 """

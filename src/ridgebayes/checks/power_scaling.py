@@ -59,7 +59,7 @@ def power_scaling(fit: Posterior, *, threshold: float = THRESHOLD) -> pd.DataFra
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> table = power_scaling(rb.calibrate(rb.paper_sweep(), rb.Hybrid(), rng=1))
+    >>> table = power_scaling(rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1))
     >>> table["diagnosis"].tolist()
     ['', '', '']
     """

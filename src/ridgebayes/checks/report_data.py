@@ -132,7 +132,8 @@ def report_data(comparison: Comparison) -> ReportData:
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> data = report_data(rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], rng=1))
+    >>> forms = [rb.Modified(), rb.Hybrid()]
+    >>> data = report_data(rb.compare(rb.paper_sweep(), forms, noise="iid", rng=1))
     >>> data.ranked, len(data.study.claims), len(data.held_out)
     (('hybrid', 'modified'), 17, 9)
     """

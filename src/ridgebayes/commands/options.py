@@ -11,8 +11,9 @@ import typer
 
 DEFAULT_OUT = Path("ridgebayes-out")
 NOISE_NAMES = (
-    "STRUCTURE or STRUCTURE:student, where STRUCTURE is one of iid, texture, step, texture+step, "
-    "step-smooth, each also with +series where a table has several series or sources."
+    "auto, STRUCTURE or STRUCTURE:student, where STRUCTURE is one of iid, texture, step, "
+    "texture+step, step-smooth, each also with +series where a table has several series "
+    "or sources. auto weighs all that suit the table and averages over them."
 )
 Accuracy = Annotated[
     str,
@@ -58,12 +59,7 @@ class Run:
         Path | None, typer.Option(help="Contact table. The embedded sweep if not given.")
     ] = None
     forms: Forms = ""
-    noise: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Error model: {NOISE_NAMES} The one with the highest mean evidence if not given."
-        ),
-    ] = None
+    noise: NoiseName = "auto"
     out: OutFolder = DEFAULT_OUT
     force: Force = False
     seed: Seed = 0
@@ -111,7 +107,7 @@ class Fit:
 
     table: Table
     form: Annotated[str, typer.Option(help="Form to fit, such as hybrid.")]
-    noise: NoiseName = "iid"
+    noise: NoiseName = "auto"
     out: OutFolder = DEFAULT_OUT
     force: Force = False
     seed: Seed = 0
@@ -125,7 +121,7 @@ class Compare:
 
     table: Table
     forms: Forms = ""
-    noise: NoiseName = "iid"
+    noise: NoiseName = "auto"
     out: OutFolder = DEFAULT_OUT
     force: Force = False
     seed: Seed = 0

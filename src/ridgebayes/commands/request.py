@@ -13,6 +13,7 @@ from ridgebayes.commands import options
 from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.evidence.error_models import AUTO
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import Form, form_named
@@ -35,8 +36,8 @@ class FitRequest:
         Contact table; the embedded sweep if not given.
     forms : sequence of str, optional
         Form names; the four printed ones if not given.
-    noise : str or None, optional
-        Error model; None for the one with the highest mean evidence over the forms.
+    noise : str, optional
+        Error model; ``auto`` weighs all that suit the table.
     seed : int, optional
         Seed of all draws.
     accuracy : str, optional
@@ -47,7 +48,7 @@ class FitRequest:
 
     table: Path | None = None
     forms: Sequence[str] = ()
-    noise: str | None = "iid"
+    noise: str = AUTO
     seed: int = 0
     accuracy: str = STANDARD.name
     settings: SampleSettings | None = None
@@ -81,7 +82,7 @@ class FitRequest:
         if len(set(self.forms)) < len(self.forms):
             raise InputError(f"forms: expected each once, got {', '.join(self.forms)}")
         forms = tuple(form_named(name) for name in self.forms) or DEFAULT_FORMS
-        noise = None if self.noise is None else Noise.named(self.noise)
+        noise = AUTO if self.noise == AUTO else Noise.named(self.noise)
         if self.table is None:
             table = replace(paper_sweep(), where=EMBEDDED)
         else:
@@ -98,7 +99,7 @@ class Inputs:
 
     table: ContactTable
     forms: Sequence[Form]
-    noise: Noise | None
+    noise: str | Noise
     accuracy: Preset
     seed: int
     settings: SampleSettings | None
@@ -140,9 +141,8 @@ def finish(done: Comparison, out: Path, then: str = "") -> None:
         print(f"{table.where}: {len(table.left_out)} rows are not ok and were not fitted")
     print(f"{out}: {len(table.calibration)} rows fitted, {len(table.held_out)} held out. {then}")
     unfinished = [
-        f"{name} did not converge: {'; '.join(fit.convergence_failures)}"
-        for name, fit in done.fits.items()
-        if not fit.converged
+        f"{name} did not converge: {'; '.join(failures)}"
+        for name, failures in done.unconverged.items()
     ]
     unfinished += [f"{name} failed: {why}" for name, why in done.failures.items()]
     if unfinished:

@@ -5,7 +5,7 @@ tables, `ranking` reads them for a page, `bands` predicts Q and loads as the fil
 them. The room knows fits and evidences, and neither draws nor writes.
 
 >>> import ridgebayes as rb
->>> cmp = rb.compare(rb.paper_sweep(), [rb.Classic(), rb.Modified()], rng=1)
+>>> cmp = rb.compare(rb.paper_sweep(), [rb.Classic(), rb.Modified()], noise="iid", rng=1)
 >>> cmp.best, cmp.complete
 ('modified', True)
 >>> cmp.bayes_factors[["form_a", "form_b", "reading"]].iloc[0].tolist()

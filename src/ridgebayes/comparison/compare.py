@@ -155,13 +155,13 @@ def compare_with(
     rng: Rng = 0,
 ) -> Comparison:
     """Do what `compare` does, with everything about its execution in one record."""
-    forms = [as_form(form) for form in forms]
-    names = [form.name for form in forms]
+    known = [as_form(form) for form in forms]
+    names = [form.name for form in known]
     if not names or len(set(names)) < len(names):
         raise InputError(
             f"forms: expected at least one, each once, got {', '.join(names) or 'none'}"
         )
-    for form in forms:
+    for form in known:
         refuse_circular(table, form)
     data, seed, stage = Observations.from_table(table), seed_of(rng), execution.stage
     noises = error_models_for(noise, data)
@@ -170,7 +170,7 @@ def compare_with(
     with stage("error models"):
         weighed = weigh_error_models(
             data,
-            forms,
+            known,
             noises,
             priors=priors,
             seed=seed,
@@ -187,7 +187,7 @@ def compare_with(
             table_digest=table.calibration.digest(),
             execution=replace(execution, executor=None, stage=untimed, progress=None),
         )
-        for form in forms
+        for form in known
     ]
     fits, found, failures = _fit_forms(execution, tasks, weighed)
     evidence = evidence_table(found)

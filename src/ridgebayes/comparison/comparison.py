@@ -185,7 +185,7 @@ class Comparison:
         Examples
         --------
         >>> import ridgebayes as rb
-        >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], rng=1)
+        >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
         >>> int(cmp.predict(0.022, 0.02, 0.009).median())
         8
         """

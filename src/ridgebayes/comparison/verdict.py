@@ -163,7 +163,9 @@ def _alike(best: str, over: str, n_texture: int, weights: pd.Series) -> str:
     names = " and ".join(sorted(pair))
     if n_texture == 1 and pair <= _ALIKE_AT_ONE:
         return f"{names} make the same predictions at one texture: only their priors differ"
-    with_offsets = sum(w for name, w in weights.items() if "texture" in Noise.named(name).factors)
+    with_offsets = sum(
+        w for name, w in weights.items() if "texture" in Noise.named(str(name)).factors
+    )
     if with_offsets > 0.5 and pair == _ALIKE_WITH_OFFSETS:
         return f"{names} are the same where each texture has an offset: only their priors differ"
     return ""

@@ -269,7 +269,7 @@ def _evaluate(task: _Weighing) -> Candidate:
     try:
         model = Model(task.data, task.form, task.noise, task.priors)
         if task.laplace is not None:
-            return Candidate(*names, *_drawn(task, model, task.laplace))
+            return _drawn(task, model, task.laplace)
         if drawn_exactly(model):
             return Candidate(*names, power_law_evidence(model))
         laplace = fit_laplace(model)
@@ -288,16 +288,14 @@ def _screened(model: Model, laplace: Laplace) -> LogEvidence:
     return laplace_evidence(laplace)
 
 
-def _drawn(
-    task: _Weighing, model: Model, laplace: Laplace
-) -> tuple[LogEvidence, Laplace, Posterior | None]:
+def _drawn(task: _Weighing, model: Model, laplace: Laplace) -> Candidate:
     laplace = replace(laplace, other_modes=several_modes(model, laplace))
     seed = int(stream(task.seed, task.form.name, task.noise.name).integers(2**63))
     posterior, evidence = importance_posterior(model, laplace, seed=seed, **_EFFORT)
     screened = _screened(model, laplace)
     if screened.method == "quadrature" or task.laplace_only or not evidence.ok:
         evidence = screened
-    return evidence, laplace, posterior
+    return Candidate(model.form.name, model.noise.name, evidence, laplace, posterior)
 
 
 def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:

@@ -83,7 +83,7 @@ def predict_q(
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), rng=1)
+    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
     >>> q = fit.predict(0.022, 0.02, [0.002, 0.009])
     >>> q.median().tolist()
     [4, 8]
@@ -155,7 +155,7 @@ def predict_load(
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), rng=1)
+    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
     >>> load = fit.predict_load(0.022, 0.02, Q=8)
     >>> low, high = load.interval(0.9)
     >>> bool(low < load.median() < high)

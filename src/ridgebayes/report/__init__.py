@@ -7,7 +7,7 @@ a template lays both out: nothing is computed here. Everything that comes from a
 Examples
 --------
 >>> import ridgebayes as rb
->>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], rng=1)
+>>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
 >>> print(render_report(cmp, ".md").splitlines()[2])
 **Hybrid is the form the evidence supports.**
 """
@@ -72,7 +72,7 @@ def write_report(
     --------
     >>> import tempfile
     >>> import ridgebayes as rb
-    >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], rng=1)
+    >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_report(cmp, f"{folder}/report.md")
     ...     print(Path(folder, "report.md").read_text(encoding="utf-8").splitlines()[2])

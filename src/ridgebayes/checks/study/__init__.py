@@ -43,7 +43,7 @@ def study_of(comparison: Comparison) -> Study | None:
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> study = study_of(rb.compare(rb.paper_sweep(), [rb.Modified()], rng=1))
+    >>> study = study_of(rb.compare(rb.paper_sweep(), [rb.Modified()], noise="iid", rng=1))
     >>> [claim.verdict for claim in study.claims if "Classic" in claim.text]
     ['confirmed']
     """

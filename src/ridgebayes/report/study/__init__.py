@@ -7,7 +7,7 @@ Examples
 --------
 >>> import ridgebayes as rb
 >>> from ridgebayes.checks.report_data import report_data
->>> data = report_data(rb.compare(rb.paper_sweep(), [rb.Modified()], rng=1))
+>>> data = report_data(rb.compare(rb.paper_sweep(), [rb.Modified()], noise="iid", rng=1))
 >>> [type(block).__name__ for block in (*smooth_section(data), *claims_section(data))]
 ['Picture', 'Table', 'Text', 'Table']
 """
