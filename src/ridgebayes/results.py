@@ -9,6 +9,7 @@ from typing import Any
 from ridgebayes._types import FloatArray, Rng, __version__
 from ridgebayes.evidence.error_models import (
     AUTO,
+    error_model_weights,
     error_models_for,
     printed_error_model,
     priors_of,
@@ -94,7 +95,8 @@ class Fit(Posterior):
         """
         own = {f.name: getattr(posterior, f.name) for f in fields(Posterior) if f.init}
         printed = posterior.noise.name
-        others = {name: one for name, one in (posteriors or {}).items() if name != printed}
+        found = {name: one for name, one in (posteriors or {}).items() if name in (weights or {})}
+        others = {name: one for name, one in found.items() if name != printed}
         return cls(**own, error_model_weights=weights or {}, others=others)
 
     @property
@@ -323,7 +325,9 @@ def calibrate(
             progress=progress,
             checkpoint=chain_checkpoint(checkpoint, digest, model, seed, settings),
         )
-    return Fit.of(posterior, *weighed.averaged(form.name))
+    drawn = weighed.posteriors(form.name)
+    weights = error_model_weights(weighed.evidence, form.name, drawn)
+    return Fit.of(posterior, weights, drawn)
 
 
 def as_table(table: ContactTable | str | os.PathLike[str]) -> ContactTable:

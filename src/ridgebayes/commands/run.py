@@ -21,6 +21,7 @@ from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.noise import Noise
+from ridgebayes.runtime.memory import watched_memory
 from ridgebayes.runtime.pool import executor_for, n_cpu, submit_or_defer
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.table.datafiles import reference_fe
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from ridgebayes.report.figures.gallery import Gallery
 
 EMBEDDED_FE = "finite-element reference rows"
-_LARGEST_SENT = 2**26  # bytes of draws; beyond, sending a comparison to workers costs memory
 
 
 def command(asked: options.Run) -> None:
@@ -97,14 +97,13 @@ def run_job(
     with (
         new_folder(folder, force=force, resume=resume) as partial,
         Progress(_n_stage(inputs, reference_inputs)) as progress,
+        watched_memory() as memory,
         executor_for(n_worker, scheduler) as executor,
     ):
         comparison = inputs.compare(progress, partial, executor)
         if extras:
             comparison = _add_left_out(comparison, inputs, progress, executor)
         local = None if scheduler else executor  # a cluster's fonts may be others
-        if sum(fit.chains.u.nbytes for fit in comparison.fits.values()) > _LARGEST_SENT:
-            local = None
         with progress.stage("what accuracy costs"):  # nothing else runs meanwhile
             cost = submit_or_defer(local, short_costs, comparison, progress.stages)
             comparison = replace(comparison, cost=cost())
@@ -127,23 +126,20 @@ def run_job(
             options=request.options,
             stages=progress.stages,
             reference=reference,
+            peak_memory=memory.in_bytes,
         )
     if reference is not None and not reference.complete:
-        unfinished = {
-            name: fit.convergence_failures[0]
-            for name, fit in reference.fits.items()
-            if not fit.converged
-        } | reference.failures
+        lacking = {name: failures[0] for name, failures in reference.unconverged.items()}
+        unfinished = lacking | reference.failures
         prefixed = {f"{REFERENCE}: {name}": why for name, why in unfinished.items()}
         return replace(comparison, failures=comparison.failures | prefixed)
     return comparison
 
 
 def _n_stage(inputs: Inputs, reference: Inputs | None) -> int:
-    """Return how many stages a run has: two a form, the tables, and one to choose the noise."""
-    n = 2 * len(inputs.forms) + 6 + 2 * inputs.accuracy.extras
-    n += 0 if reference is None else 2 * len(reference.forms) + 4
-    return n if inputs.noise else n + 1 + (reference is not None)
+    """Return how many stages a run has: one a form, the tables and the pages."""
+    n = len(inputs.forms) + 7 + 2 * inputs.accuracy.extras
+    return n if reference is None else n + len(reference.forms) + 5
 
 
 def _add_left_out(

@@ -19,8 +19,11 @@ from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.errors import InputError
+from ridgebayes.evidence.error_models import error_model_weights
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
-from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
+from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, used_evidence
+from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
+from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.noise import Noise
 from ridgebayes.results import Fit
@@ -29,6 +32,7 @@ from ridgebayes.runtime.text import clipped, one_line_message
 from ridgebayes.table.table import read_table
 
 REFERENCE = "reference-fe"
+OTHERS = "posteriors"  # folder of the fits under error models that are not printed
 # Tables of a comparison beside its evidences, by attribute: file and columns.
 _TABLES = {
     "bayes_factors": ("bayes_factors.csv", BAYES_FACTOR_COLUMNS),
@@ -47,8 +51,12 @@ _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray
 def write_fits(comparison: Comparison, folder: Path) -> None:
     """Write the table, each posterior and the summary and evidence of all."""
     comparison.table.write(folder / "table.csv")
+    (folder / OTHERS).mkdir()
     for name, fit in comparison.fits.items():
         fit.to_netcdf(folder / f"posterior-{name}.nc")
+        for noise, posterior in fit.posteriors.items():
+            if noise != fit.noise.name:
+                write_netcdf(posterior, folder / other_file(name, noise))
     write_csv(summary_table(comparison.fits.values()), folder / "summary.csv")
     write_csv(comparison.evidence, folder / "evidence.csv")
 
@@ -65,9 +73,18 @@ def write_comparison(comparison: Comparison, folder: Path) -> None:
             write_csv(frame, folder / file)
 
 
+def other_file(form: str, noise: str) -> str:
+    """Return the file of a posterior under an error model that is not printed."""
+    return f"{OTHERS}/{form}--{noise.replace(':', '-')}.nc"
+
+
 def summary_table(fits: Iterable[Fit]) -> pd.DataFrame:
     """Return the summaries of several fits as one frame, form and noise first."""
-    parts = {(fit.form.name, fit.noise.name): fit.summary for fit in fits}
+    parts = {
+        (fit.form.name, noise): posterior.summary
+        for fit in fits
+        for noise, posterior in fit.posteriors.items()
+    }
     return pd.concat(parts, names=["form", "noise"]).reset_index(["form", "noise"])
 
 
@@ -80,8 +97,9 @@ def write_run_json(
     options: dict[str, Any],
     stages: Sequence[dict[str, Any]],
     reference: Comparison | None = None,
+    peak_memory: int | None = None,
 ) -> None:
-    """Write versions, seed, options, stage times and verdicts."""
+    """Write versions, seed, options, stage times, memory and verdicts."""
     content = {
         "command": command,
         "versions": versions(),
@@ -93,7 +111,8 @@ def write_run_json(
         "noise": comparison.noise.name,
         "accuracy": comparison.accuracy,
         "stages": list(stages),
-        "verdicts": verdicts(comparison),
+        **verdicts(comparison),
+        "peak_memory_bytes": peak_memory,
     }
     if reference is not None:
         content[REFERENCE] = verdicts(reference)
@@ -101,7 +120,40 @@ def write_run_json(
 
 
 def verdicts(comparison: Comparison) -> dict[str, Any]:
-    """Return what a program wants to know of a comparison."""
+    """Return what a program wants to know of a comparison: its verdict, its fits, its state."""
+    verdict = comparison.verdict
+    return {
+        "verdict": None if verdict is None else verdict.to_dict(),
+        "fits": fits_list(comparison),
+        "verdicts": _state(comparison),
+    }
+
+
+def fits_list(comparison: Comparison) -> list[dict[str, Any]]:
+    """Return form, noise, weight, sampler and state of every fit that predictions rest on."""
+    used = used_evidence(comparison.evidence).set_index(["form", "noise"])["model_probability"]
+    found = []
+    for form, fit in comparison.fits.items():
+        names = dict.fromkeys([fit.noise.name, *fit.error_model_weights])
+        for noise in names:
+            one = fit.others.get(noise, fit)
+            left_to = one.noise.name if one.noise.name != noise else None
+            why = "; ".join(one.convergence_failures)
+            found.append(
+                {
+                    "form": form,
+                    "noise": noise,
+                    "weight": float(used.get((form, noise), 0.0)),
+                    "sampler": one.sampler,
+                    "converged": one.converged,
+                    "why": f"left to {left_to}: no gain in ln evidence" if left_to else why,
+                    "left_to": left_to,
+                }
+            )
+    return found
+
+
+def _state(comparison: Comparison) -> dict[str, Any]:
     return {
         "complete": comparison.complete,
         "best": comparison.best if comparison.probabilities else None,
@@ -141,13 +193,12 @@ def read_run(folder: Path) -> Comparison:
     """
     about = _read_about(folder)
     failures, forms = about["verdicts"]["failures"], about["forms"]
-    fits = {}
-    for name in forms:
-        if name not in failures:
-            path = folder / f"posterior-{name}.nc"
-            fits[name] = Fit.from_netcdf(path)
-            if fits[name].form.name != name:
-                raise InputError(f"{path}: holds form {fits[name].form.name!r}; expected {name!r}")
+    evidence = _read_csv(folder / "evidence.csv", EVIDENCE_COLUMNS, forms)
+    fits = {
+        name: _read_fit(folder, name, about["fits"], evidence)
+        for name in forms
+        if name not in failures
+    }
     tables = {
         name: _read_csv(folder / file, columns, forms, optional=True)
         for name, (file, columns) in _TABLES.items()
@@ -156,11 +207,33 @@ def read_run(folder: Path) -> Comparison:
         replace(read_table(folder / "table.csv"), where=about["table"]),
         Noise.named(about["noise"]),
         fits,
-        _read_csv(folder / "evidence.csv", EVIDENCE_COLUMNS, forms),
+        evidence,
         failures=failures,
         accuracy=about["accuracy"],
         **tables,
     )
+
+
+def _read_fit(
+    folder: Path, form: str, listed: Sequence[dict[str, Any]], evidence: pd.DataFrame
+) -> Fit:
+    """Read the posterior of a form's printed error model, and of the others that carry weight."""
+    path = folder / f"posterior-{form}.nc"
+    printed = _read_posterior(path, form)
+    drawn = {printed.noise.name: printed}
+    own = [one for one in listed if one["form"] == form]
+    for one in own:
+        if one["noise"] not in drawn and not one["left_to"]:
+            drawn[one["noise"]] = _read_posterior(folder / other_file(form, one["noise"]), form)
+    drawn |= {one["noise"]: drawn[one["left_to"]] for one in own if one["left_to"] in drawn}
+    return Fit.of(printed, error_model_weights(evidence, form, drawn), drawn)
+
+
+def _read_posterior(path: Path, form: str) -> Posterior:
+    found = read_netcdf(path)
+    if found.form.name != form:
+        raise InputError(f"{path}: holds form {found.form.name!r}; expected {form!r}")
+    return found
 
 
 def _read_about(folder: Path) -> dict[str, Any]:
@@ -172,6 +245,7 @@ def _read_about(folder: Path) -> dict[str, Any]:
         about = json.loads(content.decode("utf-8"))
         named = [about["forms"], about["table"], about["noise"], about["accuracy"]]
         named.append(about["verdicts"]["failures"])
+        fits = [(one["form"], one["noise"], one["left_to"]) for one in about["fits"]]
     # Thousands of brackets in each other: RecursionError.
     except (ValueError, RecursionError) as error:
         raise InputError(
@@ -186,9 +260,12 @@ def _read_about(folder: Path) -> dict[str, Any]:
         isinstance(one, str) for one in (*about["forms"], *failures, *failures.values())
     ):
         raise InputError(f"{path}: damaged, not what ridgebayes writes; run again")
-    for name in about["forms"]:  # part of a file's name below, which must not lead elsewhere
+    # Parts of files' names below, which must not lead elsewhere.
+    for name in [*about["forms"], *(form for form, _, _ in fits)]:
         if name not in FORMS:
             raise InputError(f"{path}: form {clipped(name)}; expected one of {', '.join(FORMS)}")
+    for noise in (noise for _, *both in fits for noise in both if noise is not None):
+        Noise.named(str(noise))
     return about
 
 

@@ -20,6 +20,7 @@ from ridgebayes.evidence.error_models import (
     Candidate,
     Priors,
     WeighedErrorModels,
+    error_model_weights,
     error_models_for,
     printed_error_model,
     priors_of,
@@ -189,8 +190,9 @@ def compare_with(
         )
         for form in known
     ]
-    fits, found, failures = _fit_forms(execution, tasks, weighed)
+    drawn, found, failures = _fit_forms(execution, tasks, weighed)
     evidence = evidence_table(found)
+    fits = {name: _averaged(fit, weighed, evidence) for name, fit in drawn.items()}
     return _scored(
         execution,
         Comparison(
@@ -259,9 +261,9 @@ _Drawn = tuple[Posterior, list[LogEvidence]]
 
 def _fit_forms(
     execution: Execution, tasks: Sequence[_PrintedFit], weighed: WeighedErrorModels
-) -> tuple[dict[str, Fit], dict[tuple[str, str], list[LogEvidence]], dict[str, str]]:
-    """Return fits, evidences of every form and error model, and why forms could not be fitted."""
-    fits: dict[str, Fit] = {}
+) -> tuple[dict[str, Posterior], dict[tuple[str, str], list[LogEvidence]], dict[str, str]]:
+    """Return posteriors, evidences of every pair, and why forms could not be fitted."""
+    posteriors: dict[str, Posterior] = {}
     failures: dict[str, str] = {}
     found = {key: [one.evidence] for key, one in weighed.candidates.items()}
     results = map_ordered(_printed_fit, tasks, execution.executor, name=lambda task: task.name)
@@ -276,14 +278,20 @@ def _fit_forms(
             for key in [key for key in found if key[0] == form]:
                 del found[key]
             continue
-        posterior, own = drawn
-        fits[form] = Fit.of(posterior, *weighed.averaged(form))
+        posteriors[form], own = drawn
         # What a first look found by the same method is the same number again.
         first = [e for e in found[form, noise] if e.method not in {one.method for one in own}]
         found[form, noise] = own + first
-    if not fits:
+    if not posteriors:
         raise ComputationError("no form could be fitted: " + "; ".join(failures.values()))
-    return fits, found, failures
+    return posteriors, found, failures
+
+
+def _averaged(printed: Posterior, weighed: WeighedErrorModels, evidence: pd.DataFrame) -> Fit:
+    """Return a fit with the posteriors that its predictions are averaged over."""
+    name, noise = printed.form.name, printed.noise.name
+    drawn = weighed.posteriors(name)
+    return Fit.of(printed, error_model_weights(evidence, name, {noise, *drawn}), drawn)
 
 
 def _printed_fit(task: _PrintedFit) -> tuple[_Drawn | str, float]:

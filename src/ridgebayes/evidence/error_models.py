@@ -7,7 +7,7 @@ of them. Only what is printed is of one: the simplest whose evidence, forms summ
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
@@ -93,32 +93,40 @@ class WeighedErrorModels:
         used = self.evidence.query("used")
         return float(used.loc[used["form"] == form, "model_probability"].sum())
 
-    def averaged(self, form: str) -> tuple[dict[str, float], dict[str, Posterior]]:
-        """Return the error models that a form's predictions are averaged over.
-
-        Parameters
-        ----------
-        form : str
-            Name.
-
-        Returns
-        -------
-        weights : dict of str to float
-            Posterior probabilities given the form, of those above one per cent; they sum to 1.
-        posteriors : dict of str to Posterior
-            Their draws; of an error model left to its normal twin the twin's.
-        """
+    def posteriors(self, form: str) -> dict[str, Posterior]:
+        """Return a form's draws by error model; of one left to its normal twin the twin's."""
         own = {n: one for (f, n), one in self.candidates.items() if f == form and one.evidence.ok}
-        if not own:
-            return {}, {}
-        values = np.array([one.evidence.value for one in own.values()])
-        share = dict(zip(own, np.exp(values - logsumexp(values)).tolist(), strict=True))
         drawn = {n: own.get(one.left_to, one).posterior for n, one in own.items()}
-        kept = {n: posterior for n, posterior in drawn.items() if posterior is not None}
-        heavy = {n: share[n] for n in kept if share[n] > LEAST_WEIGHT}
-        total = sum(heavy.values())
-        weights = {n: value / total for n, value in heavy.items()}
-        return weights, {n: kept[n] for n in weights}
+        return {n: posterior for n, posterior in drawn.items() if posterior is not None}
+
+
+def error_model_weights(
+    evidence: pd.DataFrame, form: str, drawn: Iterable[str]
+) -> dict[str, float]:
+    """Return the weights of the error models that a form's predictions are averaged over.
+
+    Parameters
+    ----------
+    evidence : pandas.DataFrame
+        `evidence.csv` of a run.
+    form : str
+        Name.
+    drawn : iterable of str
+        Error models with draws of their own or of their twin.
+
+    Returns
+    -------
+    dict of str to float
+        Posterior probabilities given the form, of those above one per cent; they sum to 1.
+    """
+    one = used_evidence(evidence)
+    own = one[one["form"] == form].set_index("noise")["log_evidence"]
+    own = own[own.index.isin(list(drawn))]
+    if own.empty:
+        return {}
+    share = np.exp(own - logsumexp(one.loc[one["form"] == form, "log_evidence"]))
+    heavy = share[share > min(LEAST_WEIGHT, share.max() / 2)]
+    return {str(name): float(weight) for name, weight in (heavy / heavy.sum()).items()}
 
 
 def weigh_error_models(

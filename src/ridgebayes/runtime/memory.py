@@ -1,0 +1,64 @@
+"""How much memory a job and its worker processes take together, at their peak."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from os import getpid
+from pathlib import Path
+
+_PROC = Path("/proc")
+_EVERY = 0.5  # seconds between two looks
+
+
+@dataclass
+class PeakMemory:
+    """The greatest sum of proportional set sizes seen so far.
+
+    Parameters
+    ----------
+    in_bytes : int or None
+        None where the system does not tell (only Linux does).
+    """
+
+    in_bytes: int | None = None
+
+    def look(self) -> None:
+        """Add up this process and all below it; memory that they share counts once."""
+        parents = {}
+        for path in _PROC.glob("[0-9]*/stat"):
+            with suppress(OSError, ValueError):  # a process that has just ended
+                parents[int(path.parent.name)] = int(path.read_text().rpartition(")")[2].split()[1])
+        mine = {getpid()}
+        while found := {child for child, parent in parents.items() if parent in mine} - mine:
+            mine |= found
+        total = sum(map(_proportional_set_size, mine))
+        if total:
+            self.in_bytes = max(self.in_bytes or 0, total)
+
+
+def _proportional_set_size(process: int) -> int:
+    with suppress(OSError):
+        for line in (_PROC / str(process) / "smaps_rollup").read_text().splitlines():
+            if line.startswith("Pss:"):
+                return 1024 * int(line.split()[1])
+    return 0
+
+
+@contextmanager
+def watched_memory() -> Iterator[PeakMemory]:
+    """Watch the memory of a job while the block runs."""
+    peak, done = PeakMemory(), threading.Event()
+
+    def watch() -> None:
+        while not done.wait(_EVERY):
+            peak.look()
+
+    peak.look()
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield peak
+    finally:
+        done.set()
+        watcher.join()
