@@ -1,7 +1,7 @@
 """Bands on Q and on loads as tables: what `bands.csv` and `loads.csv` hold."""
 
-from collections.abc import Callable, Sequence
-from typing import TypeVar
+from collections.abc import Sequence
+from functools import cache, partial
 
 import numpy as np
 import pandas as pd
@@ -10,12 +10,12 @@ from ridgebayes._types import FloatArray
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
-from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.predict.load_distribution import mix_loads
 from ridgebayes.predict.predict import KINDS, NEGLIGIBLE, predict_load, predict_q
 from ridgebayes.predict.q_distribution import QDistribution, mix_q
 
 AVERAGE = "average"
-_Distribution = TypeVar("_Distribution", QDistribution, LoadDistribution)
 
 
 def default_loads(comparison: Comparison, n: int = 200) -> FloatArray:
@@ -83,17 +83,22 @@ def bands_table(
     where = {"a_over_R": a, "b_over_R": b, "nu": poisson, "p_over_E": p}
     blocks, errors = [], []
     for kind in KINDS:
-        parts = {
-            name: predict_q(fit, a, b, p, nu=poisson, kind=kind, compressed=compressed)
-            for name, fit in comparison.fits.items()
-            if AVERAGE in wanted or name in wanted
-        }
-        everything = _with_average(comparison, parts, mix_q) if AVERAGE in wanted else parts
-        for name in wanted:
-            if name in everything:
-                what = {"form": name, "noise": comparison.noise.name, "kind_of_band": kind}
-                blocks.append(_band_rows(what, where, everything[name], prob))
-                errors.append(everything[name].error)
+        predicted = cache(
+            partial(
+                predict_q,
+                a_over_R=a,
+                b_over_R=b,
+                p_over_E=p,
+                nu=poisson,
+                kind=kind,
+                compressed=compressed,
+            )
+        )
+        for name, parts in _mixtures(comparison, wanted).items():
+            q = mix_q([predicted(one) for one, _ in parts], [weight for _, weight in parts])
+            what = {"form": name, "noise": _noise_of(parts), "kind_of_band": kind}
+            blocks.append(_band_rows(what, where, q, prob))
+            errors.append(q.error)
     bands = _trimmed(pd.concat(blocks, ignore_index=True))
     bands.attrs["error"] = float(np.max(errors))
     return bands
@@ -124,17 +129,17 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
     blocks = []
     a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
     for kind in KINDS:
-        parts = {}
-        for name, fit in comparison.fits.items():
-            load = predict_load(fit, a, b, q, nu=nu, kind=kind)
-            parts[name] = load if kind == "curve" else load.widened(frame["rel_se"].to_numpy())
-        for name, load in _with_average(comparison, parts, mix_loads).items():
+        known = frame["rel_se"].to_numpy() * (kind == "simulation")
+        predicted = cache(partial(predict_load, a_over_R=a, b_over_R=b, Q=q, nu=nu, kind=kind))
+        for name, parts in _mixtures(comparison, [*comparison.fits, AVERAGE]).items():
+            shares = [weight for _, weight in parts]
+            load = mix_loads([predicted(one).widened(known) for one, _ in parts], shares)
             lower, upper = load.interval(prob)
             blocks.append(
                 pd.DataFrame(
                     {
                         "form": name,
-                        "noise": comparison.noise.name,
+                        "noise": _noise_of(parts),
                         "kind_of_band": kind,
                         "a_over_R": a,
                         "b_over_R": b,
@@ -160,14 +165,23 @@ def _nu_of_textures(comparison: Comparison) -> dict[Texture, float]:
     return {(a, b): nu for a, b, nu in zip(*columns, strict=True)}
 
 
-def _with_average(
-    comparison: Comparison,
-    parts: dict[str, _Distribution],
-    mix: Callable[[Sequence[_Distribution], Sequence[float]], _Distribution],
-) -> dict[str, _Distribution]:
-    """Add the mixture of all forms, where there is an evidence to weigh them by."""
-    weights = [comparison.probabilities.get(name, 0.0) for name in parts]
-    return parts | ({AVERAGE: mix(list(parts.values()), weights)} if any(weights) else {})
+_Mixture = list[tuple[Posterior, float]]
+
+
+def _mixtures(comparison: Comparison, wanted: Sequence[str]) -> dict[str, _Mixture]:
+    """Return the posteriors that each form's bands, and those of the average, are mixed of."""
+    found: dict[str, _Mixture] = {}
+    for name in wanted:
+        if name != AVERAGE:
+            found[name] = comparison.fits[name].averaged
+        elif comparison.probabilities:  # else there is no evidence to weigh forms by
+            found[AVERAGE] = comparison.averaged
+    return found
+
+
+def _noise_of(parts: _Mixture) -> str:
+    names = {posterior.noise.name for posterior, _ in parts}
+    return AVERAGE if len(names) > 1 else names.pop()
 
 
 def _band_rows(
