@@ -56,6 +56,8 @@ class Fit(Posterior):
         The normal approximation that it was sampled by; a fit read from a file has none.
     sampler : str, optional
         What drew it: ``emcee``, ``importance`` or ``exact``.
+    evidence : LogEvidence, optional
+        Evidence that importance sampling found with the draws; a fit read from a file has none.
     error_model_weights : dict of str to float, optional
         Posterior probability of each error model that predictions are averaged over.
     others : dict of str to Posterior, optional

@@ -9,6 +9,7 @@ from scipy.special import logsumexp
 
 from ridgebayes.evidence.bridge import bridge_evidence
 from ridgebayes.evidence.quadrature import quadrature_evidence
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.log_evidence import LogEvidence, laplace_evidence
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.inference.power_law_exact import power_law_evidence
@@ -43,12 +44,15 @@ def evidences(fit: Posterior, *, n_bridge: int | None = None) -> list[LogEvidenc
     -------
     list of LogEvidence
         bridge, quadrature where there are at most four parameters or the form is the power law,
-        laplace. A power law of very many textures has its exact evidence alone. Of a posterior of
+        laplace. Where offsets are drawn beside the parameters, importance and laplace. A power law of very many textures has its exact evidence alone. Of a posterior of
         several modes each is of one of them, and its status says so.
     """
     if drawn_exactly(fit.model):
         return [power_law_evidence(fit.model)]
     model, laplace = fit.model, fit.laplace
+    if model.is_latent:
+        drawn = fit.evidence or importance_posterior(model, laplace, seed=fit.seed)[1]
+        return [drawn, laplace_evidence(laplace)]
     is_cheap = model.is_iid_gaussian and len(model.data.textures) <= _MANY
     found = [
         bridge_evidence(

@@ -36,10 +36,9 @@ class Laplace:
 
     Parameters
     ----------
-    mode : ndarray of float, shape (n_coordinate,)
-        Mode in the coordinates w, given in u: coefficients, the error model's parameters, and
-        zeros for offsets that are sampled.
-    factor : ndarray of float, shape (n_coordinate, n_coordinate)
+    mode : ndarray of float, shape (n_parameter,)
+        Mode in the coordinates w, given in u: coefficients, then the error model's parameters.
+    factor : ndarray of float, shape (n_parameter, n_parameter)
         Lower Cholesky factor of the covariance of w.
     log_density : float
         Log posterior density in u at the mode, not normalised.
@@ -66,13 +65,13 @@ class Laplace:
 
         Parameters
         ----------
-        z : ndarray of float, shape (..., n_coordinate)
+        z : ndarray of float, shape (..., n_parameter)
             Whitened coordinates: standard normal as far as the approximation is right. The first
             `n_curved` belong to what is least normal; the order is otherwise that of `mode`.
 
         Returns
         -------
-        u : ndarray of float, shape (..., n_coordinate)
+        u : ndarray of float, shape (..., n_parameter)
             Unconstrained coordinates.
         log_jacobian : ndarray of float, shape (...)
             Log |du/dw|.
@@ -85,7 +84,7 @@ class Laplace:
     def whitened(
         self, log_density: Callable[[FloatArray], FloatArray]
     ) -> Callable[[FloatArray], FloatArray]:
-        """Return a log density in u as one in z of the same integral; (n, n_coordinate) to (n,)."""
+        """Return a log density in u as one in z of the same integral; (n, n_parameter) to (n,)."""
 
         def in_z(z: FloatArray) -> FloatArray:
             u, log_jacobian = self.unwhiten(z)
@@ -105,7 +104,7 @@ class Laplace:
     def n_curved(self) -> int:
         """Coordinates z that are not taken as normal; the others come after them.
 
-        Sampled offsets nearly are, and so are many coefficients given the error model.
+        Many coefficients nearly are, given the error model.
         """
         return self.n_noise + (self._n_coefficient if self._n_coefficient <= _FEW else 0)
 
@@ -166,9 +165,8 @@ def fit_laplace(model: Model, *, search_others: bool = False) -> Laplace:
     Notes
     -----
     Where rows share offsets, are bracketed or have Student errors, coefficients are taken as normal
-    given the error model's parameters and the mode is that of these parameters; offsets that are
-    sampled are standard normal to begin with. A posterior of several humps has no such mode:
-    `is_mode` tells.
+    given the error model's parameters and the mode is that of these parameters, offsets integrated
+    out. A posterior of several humps has no such mode: `is_mode` tells.
 
     *Validity.* Perfect data (rows without misfit, more of them than coefficients) send sigma to
     zero, where the approximation is undefined; the search says so instead of returning a point on
@@ -289,12 +287,12 @@ def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
         # Humps and kinks of a Student posterior: coordinates need a scale, not the very mode.
         precision = (vectors * np.maximum(np.abs(values), 1)) @ vectors.T
     covariance = linalg.inv(precision)
-    n_latent = model.n_coordinate - model.n_parameter
     factor = linalg.block_diag(
-        np.eye(k), linalg.cholesky(0.5 * (covariance + covariance.T), lower=True), np.eye(n_latent)
+        np.eye(k), linalg.cholesky(0.5 * (covariance + covariance.T), lower=True)
     )
-    mode = np.concatenate([reference, noise, np.zeros(n_latent)])
-    return Laplace(mode, factor, float(model.log_density(mode)), frame, n_noise, is_mode)
+    mode = np.concatenate([reference, noise])
+    log_density = float(model.marginal_log_density(mode))
+    return Laplace(mode, factor, log_density, frame, n_noise, is_mode)
 
 
 def _slope(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:

@@ -39,8 +39,8 @@ _BATCH = 512  # points whose densities are asked for at a time: memory is bounde
 class Independence:
     """A proposal for `emcee.moves.MHMove`, in whitened coordinates.
 
-    The first coordinates come from a mixture of Student t, the last from independent normals:
-    offsets that are sampled are nearly that already, and there are many of them.
+    The first coordinates come from a mixture of Student t, the last from independent normals: many
+    coefficients are nearly that already, given the error model.
 
     Parameters
     ----------

@@ -11,6 +11,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
 from ridgebayes.inference.laplace import Laplace, fit_laplace
+from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.qmc_nodes import Nodes, compress
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.model import Model
@@ -42,6 +43,8 @@ class Posterior:
         The normal approximation that it was sampled by; a posterior read from a file has none.
     sampler : str, optional
         What drew it: ``emcee``, ``importance`` or ``exact``.
+    evidence : LogEvidence, optional
+        Evidence that importance sampling found with the draws; a posterior from a file has none.
     """
 
     model: Model
@@ -51,6 +54,7 @@ class Posterior:
     seed: int
     approximation: Laplace | None = field(default=None, repr=False)
     sampler: str = "emcee"
+    evidence: LogEvidence | None = field(default=None, repr=False)
     _kept: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -154,12 +158,18 @@ class Posterior:
 
 
 def posterior_of(
-    model: Model, chains: Chains, laplace: Laplace | None, *, seed: int, sampler: str
+    model: Model,
+    chains: Chains,
+    laplace: Laplace | None,
+    *,
+    seed: int,
+    sampler: str,
+    evidence: LogEvidence | None = None,
 ) -> Posterior:
     """Return the posterior that draws of a model stand for, with their diagnostics."""
     summary = summarise(model.to_theta(chains.u), model.parameter_names)
     convergence_failures = chains.convergence_failures + failed_diagnostics(summary)
-    return Posterior(model, chains, summary, convergence_failures, seed, laplace, sampler)
+    return Posterior(model, chains, summary, convergence_failures, seed, laplace, sampler, evidence)
 
 
 def drawn_exactly(model: Model) -> bool:

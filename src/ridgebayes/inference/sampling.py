@@ -4,10 +4,14 @@ from dataclasses import replace
 
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings, walkers_for
 from ridgebayes.inference.checkpoint import Checkpoint
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
 from ridgebayes.inference.posterior import Posterior, drawn_exactly, posterior_of
 from ridgebayes.inference.power_law_exact import sample_power_law
 from ridgebayes.model.model import Model
+
+# Of draws that are estimated at many points each; the proposals settle in four rounds.
+_LATENT = {"n_round": 4, "n_per_round": 1_000}
 
 
 def sample_posterior(
@@ -28,13 +32,13 @@ def sample_posterior(
     seed : int
         Seed.
     settings : SampleSettings, optional
-        Lengths and thresholds of sampling.
+        Lengths and thresholds of a walk.
     laplace : Laplace, optional
         The normal approximation, where it is known.
     progress : callable, optional
-        Called with a line of text now and then.
+        Called with a line of text now and then by a walk.
     checkpoint : Checkpoint, optional
-        Where the chains are kept as they grow.
+        Where the chains of a walk are kept as they grow.
 
     Returns
     -------
@@ -45,30 +49,5 @@ def sample_posterior(
     ------
     ComputationError
         If the posterior has no interior mode.
-    """
-    sampler = "exact" if drawn_exactly(model) else "emcee"
-    if sampler == "exact":
-        chains = sample_power_law(model, seed=seed)
-    else:
-        settings = settings or SampleSettings()
-        if settings.n_walker is None:
-            n_walker = walkers_for(len(model.data.textures), model.is_iid_gaussian)
-            settings = replace(settings, n_walker=n_walker)
-        # emcee takes a while to load, and only sampling needs it.
-        from ridgebayes.inference.emcee_sampling import sample
-
-        laplace = laplace or fit_laplace(model)
-        laplace = replace(laplace, other_modes=several_modes(model, laplace))
-        chains = sample(
-            model.log_density,
-            laplace,
-            seed=seed,
-            names=model.coordinate_names,
-            settings=settings,
-            progress=progress,
-            checkpoint=checkpoint,
-        )
-        chains = replace(
-            chains, convergence_failures=chains.convergence_failures + laplace.other_modes
-        )
-    return posterior_of(model, chains, laplace, seed=seed, sampler=sampler)
+from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes

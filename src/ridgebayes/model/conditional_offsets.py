@@ -92,10 +92,14 @@ class OffsetPosterior:
         return self.root.ndim == self.mean.ndim
 
     @property
+    def pivots(self) -> FloatArray:
+        """Diagonal of the factor, shape (..., n_level): 1 of scores that rows say nothing of."""
+        return self.root if self._diagonal else np.diagonal(self.root, axis1=-2, axis2=-1)
+
+    @property
     def log_det(self) -> FloatArray:
         """Log |M|, shape (...)."""
-        pivots = self.root if self._diagonal else np.diagonal(self.root, axis1=-2, axis2=-1)
-        return 2 * np.log(pivots).sum(axis=-1)
+        return 2 * np.log(self.pivots).sum(axis=-1)
 
     def at(self, normal: FloatArray) -> FloatArray:
         """Return the scores that standard normals (..., n_level) stand for."""

@@ -6,8 +6,8 @@ Which likelihood serves depends on the rows and the error model:
   call costs O(textures) whatever the number of rows;
 - normal errors and shared offsets, exact rows: offsets are integrated out in closed form;
 - independent rows with Student errors, brackets or counts: row by row;
-- these with shared offsets: offsets stay unknowns, and are sampled beside the parameters in
-  coordinates in which they are nearly standard normal (`latent`).
+- these with shared offsets: the integral over the offsets is estimated, and an offset is drawn with
+  it, in coordinates in which they are nearly standard normal (`is_latent`).
 """
 
 import math
@@ -21,7 +21,7 @@ from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
 from ridgebayes.model.joint_prior import JointPrior
 from ridgebayes.model.likelihood_independent import IndependentNormalRows, IndependentRows
-from ridgebayes.model.likelihood_latent import SampledOffsets
+from ridgebayes.model.likelihood_latent import Estimate, SampledOffsets
 from ridgebayes.model.likelihood_marginal import IntegratedOffsets, IntegratedSmoothOffsets
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
@@ -63,7 +63,7 @@ class Model:
     -----
     `theta` holds the coefficients and then the error model's parameters on its last axis; any
     leading axes are draws. `u` is the same in unconstrained coordinates: the prior's normal scores,
-    in which the prior is a standard normal. Where offsets are sampled (`is_latent`), theirs follow.
+    in which the prior is a standard normal. Those of offsets that are drawn (`is_latent`) follow.
     """
 
     def __init__(
@@ -120,19 +120,13 @@ class Model:
 
     @property
     def is_latent(self) -> bool:
-        """Whether shared offsets are unknowns beside the parameters, not integrated out."""
+        """Whether shared offsets are drawn beside the parameters, having no closed-form integral."""
         return isinstance(self.likelihood, SampledOffsets)
 
     @property
     def n_coordinate(self) -> int:
-        """Length of the last axis of `u`: parameters, and offsets where these are sampled."""
+        """Length of the last axis of `u`: parameters, and offsets where these are drawn."""
         return self.n_parameter + self.likelihood.n_latent
-
-    @property
-    def coordinate_names(self) -> tuple[str, ...]:
-        """Names on the last axis of `u`."""
-        levels = range(1, self.likelihood.n_latent + 1)
-        return (*self.parameter_names, *(f"offset {level}" for level in levels))
 
     @property
     def is_iid_gaussian(self) -> bool:
@@ -210,8 +204,8 @@ class Model:
     def log_likelihood(self, theta: FloatArray) -> FloatArray:
         """Return the log-likelihood of all rows, shape ``theta.shape[:-1]``.
 
-        A texture whose rate is not positive has likelihood zero. Where offsets are sampled this is
-        an approximation, rows taken as normal (brackets at their middles); `log_density` is exact.
+        A texture whose rate is not positive has likelihood zero. Where offsets are drawn this may be
+        Laplace's approximation; `log_density` is exact.
         """
         n_at_once = max(_CACHED // len(self._a), 1)
         if theta.ndim == 2 and len(theta) > n_at_once:
@@ -227,7 +221,7 @@ class Model:
         """Return each row's log predictive density, from (n_draw, n_coordinate): (n_draw, n_obs).
 
         Where offsets are integrated out, it is conditional on the parameters and all other rows;
-        where they are sampled, on the parameters and the offsets.
+        where they are drawn, on the parameters and the offsets.
         """
         with np.errstate(all="ignore"):
             value = self.likelihood.pointwise(*self._parts(u))
@@ -255,10 +249,37 @@ class Model:
     def marginal_log_density(self, u: FloatArray) -> FloatArray:
         """Return the log posterior density of the parameters alone, offsets integrated out.
 
-        Exact unless offsets are sampled: then it is the approximation that `log_likelihood` is.
+        Exact unless offsets are drawn: then it is what `log_likelihood` is.
         """
         value = self._log_prior_of(u) + self.log_likelihood(self.to_theta(u))
         return np.where(np.isnan(value), -np.inf, value)
+
+    def estimated(self, u: FloatArray, rng: np.random.Generator, n_point: int) -> Estimate:
+        """Estimate the log posterior density of the parameters, offsets integrated out.
+
+        Parameters
+        ----------
+        u : ndarray of float, shape (n_draw, n_parameter)
+            Unconstrained coordinates.
+        rng : numpy.random.Generator
+            For offsets that have no closed-form integral.
+        n_point : int
+            Points at which these are drawn for each draw of the parameters.
+
+        Returns
+        -------
+        Estimate
+            Exact, without coordinates of offsets, unless the model is latent.
+        """
+        if not isinstance(self.likelihood, SampledOffsets):
+            value = self.marginal_log_density(u)
+            return Estimate(value, value, np.empty((len(u), 0)))
+        log_rates, eta, _ = self._parts(u)
+        with np.errstate(all="ignore"):
+            found = self.likelihood.estimated(log_rates, eta, rng, n_point)
+        prior = self._log_prior_of(u)
+        values = (prior + found.log_density, prior + found.log_joint)
+        return Estimate(*(np.where(np.isnan(v), -np.inf, v) for v in values), found.latent)
 
     def gradient(self, u: FloatArray) -> FloatArray:
         """Return d log_density / d u, shape (n_parameter,), of independent normal rows."""
@@ -341,7 +362,7 @@ class Model:
         return theta, 2 * self.form.log_rate_gradient(theta[:k], self._a, self._b) * slope
 
     def _parts(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return log rates, error parameters and sampled coordinates of the offsets."""
+        """Return log rates, error parameters and coordinates of offsets that are drawn."""
         theta = self.to_theta(u)
         return self.log_rates(theta), self._eta(theta), u[..., self.n_parameter :]
 
