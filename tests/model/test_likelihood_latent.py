@@ -294,3 +294,98 @@ def test_joint__does_not_mind_the_order_of_rows(structure, observed):
         latent = np.random.default_rng(7).standard_normal((3, likelihood.n_latent))
         found.append(likelihood.joint(rates, eta, latent))
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9)  # rounding: order of summation
+
+
+def brute_force_line(data, tail, scale):
+    """Scores of one level, and their log joint density with all rows, by scipy."""
+    z = np.arange(-10, 10, 0.01)
+    rows = [row_density(data, i, tail, scale * z, scale * z) for i in range(6)]
+    return z, log_product(rows) + stats.norm.logpdf(z)
+
+
+@pytest.mark.parametrize("tail", [NORMAL, STUDENT])
+@pytest.mark.parametrize("kind", ROWS)
+def test_marginal__of_one_factor_is_the_integral_over_plain_offsets(kind, tail, observed):
+    data = six(observed, kind)
+    likelihood, eta = sampled("texture", data, tail), eta_of("texture", tail)
+    found = likelihood.marginal(np.full((1, 1), RATE), eta[None])[0]
+    _, log_density = brute_force_line(data, tail, TAU_TEXTURE)
+    peak = log_density.max()
+    expected = peak + math.log(np.exp(log_density - peak).sum() * 0.01)
+    # Quadrature: 49 nodes of the trapezoidal rule, at edges and outliers.
+    assert found == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["student", "brackets", "counts"])
+def test_estimated__offsets_of_one_factor_have_the_posteriors_mean_and_spread(kind, observed):
+    data, n = six(observed, kind), 3_000
+    likelihood, eta = sampled("texture", data), eta_of("texture")
+    rates, etas = np.full((n, 1), RATE), np.repeat(eta[None], n, axis=0)
+    found = likelihood.estimated(rates, etas, np.random.default_rng(1), 1)
+    exact = likelihood.marginal(rates[:1], eta[None])[0]
+    np.testing.assert_allclose(found.log_density, exact, atol=1e-3)  # quadrature, nodes shifted
+    z, log_density = brute_force_line(data, STUDENT, TAU_TEXTURE)
+    weight = np.exp(log_density - log_density.max())
+    weight /= weight.sum()
+    mean, sd = weight @ z, math.sqrt(weight @ z**2 - (weight @ z) ** 2)
+    scores = likelihood.given(rates, etas, found.latent).mean[:, 0]
+    for value, expected in ((scores, mean), ((scores - mean) ** 2, sd**2)):
+        assert abs(value.mean() - expected) < 4 * value.std() / math.sqrt(n)  # Monte Carlo
+
+
+def crossed_grid(data):
+    """Log likelihood of `crossed` under texture+step, and the mean of the first texture's score."""
+    axis, line = np.arange(-6, 6.01, 0.4), np.arange(-7, 7.01, 0.2)
+    each = np.empty((3, 3, len(axis), len(line)))  # texture, step
+    for j in range(3):
+        for k in range(3):
+            rows = np.flatnonzero((data.texture == j) & (4 + 2 * k == data.Q))
+            b = TAU_TEXTURE * axis[:, None] + TAU_STEP * line
+            each[j, k] = np.prod([row_density(data, i, STUDENT, b, b) for i in rows], axis=0)
+    weights, prior = stats.norm.pdf(line) * 0.2, stats.norm.pdf(axis) * 0.4
+    steps = np.einsum("kal,kbl,kcl,l->kabc", *each, weights).prod(axis=0)
+    total = np.einsum("abc,a,b,c->", steps, prior, prior, prior)
+    first = np.einsum("abc,a,b,c->", steps, prior * axis, prior, prior)
+    return math.log(total), first / total
+
+
+def test_estimated__of_two_factors_is_unbiased_and_keeps_offsets_by_their_weight(observed):
+    data, n = crossed(observed), 4_000
+    likelihood, eta = sampled("texture+step", data), eta_of("texture+step")
+    rates, etas = np.full((n, 3), RATE), np.repeat(eta[None], n, axis=0)
+    found = likelihood.estimated(rates, etas, np.random.default_rng(2), 3)
+    exact, mean = crossed_grid(data)
+    weight = np.exp(found.log_density - exact)
+    assert weight.std() < 3
+    assert abs(weight.mean() - 1) < 4 * weight.std() / math.sqrt(n)  # Monte Carlo
+    off = likelihood.given(rates, etas, found.latent).mean[:, 0] - mean
+    # Monte Carlo: a ratio of means.
+    assert abs((weight * off).mean()) < 4 * (weight * off).std() / math.sqrt(n)
+    assert off.std() > 0.3
+
+
+@pytest.mark.parametrize("structure", Noise.structures[1:])
+@pytest.mark.parametrize("tail", [NORMAL, STUDENT])
+def test_estimated__log_joint_is_the_joint_density_at_the_latents(structure, tail, kind, observed):
+    data, rng = six(observed, kind), np.random.default_rng(8)
+    likelihood, eta = sampled(structure, data, tail), eta_of(structure, tail)
+    rates, etas = RATE + 0.02 * rng.standard_normal((7, 1)), np.repeat(eta[None], 7, axis=0)
+    found = likelihood.estimated(rates, etas, rng, 5)
+    joint = likelihood.joint(rates, etas, found.latent)
+    np.testing.assert_allclose(found.log_joint, joint, atol=1e-8)  # rounding
+    again = [
+        likelihood.estimated(rates, etas, np.random.default_rng(9), 5).latent for _ in range(2)
+    ]
+    np.testing.assert_array_equal(*again)
+
+
+def test_estimated__of_normal_exact_rows_is_the_closed_form_whatever_the_points(observed):
+    data = crossed(observed)
+    for structure in ("texture+step", "step-smooth"):
+        likelihood, eta = sampled(structure, data, NORMAL), eta_of(structure, NORMAL)
+        rates, etas = np.full((400, 3), RATE), np.repeat(eta[None], 400, axis=0)
+        found = likelihood.estimated(rates, etas, np.random.default_rng(3), 16).log_density
+        closed = IntegratedOffsets(Rows.of(data, Modified()), offsets_of(Noise(structure), data))
+        weight = np.exp(found - closed.marginal(rates[:1], eta[None])[0])
+        assert weight.std() < 0.3  # tails longer than the normal's cost little
+        assert abs(weight.mean() - 1) < 4 * weight.std() / 20  # Monte Carlo

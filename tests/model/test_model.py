@@ -119,7 +119,6 @@ def test_model__of_each_error_model_names_its_coordinates(noise):
     assert model.parameter_names == ("c1", "c2", *noise.parameter_names)
     sampled = noise.tail == "student" and noise.structure != "iid"
     assert model.is_latent == sampled
-    assert len(model.coordinate_names) == model.n_coordinate
     n_level = model.offsets.n_level if sampled else 0
     assert model.n_coordinate == model.n_parameter + n_level
     assert model.is_iid_gaussian == (noise.name == "iid")

@@ -82,8 +82,9 @@ def importance_posterior(
 
     References
     ----------
-    Andrieu & Roberts (2009), doi:10.1214/07-AOS574, for estimates in place of densities; Cappe et al. (2008), doi:10.1007/s11222-008-9059-x, for the adaptation; Vehtari et al. (2024),
-    Journal of Machine Learning Research 25(72), for the shape of the weights.
+    Andrieu & Roberts (2009), doi:10.1214/07-AOS574, for estimates in place of densities; Cappe et
+    al. (2008), doi:10.1007/s11222-008-9059-x, for the adaptation; Vehtari et al. (2024), Journal of
+    Machine Learning Research 25(72), for the shape of the weights.
     """
     if n_draw < 128 or n_draw % 128:
         raise InputError(f"n_draw: expected a multiple of 128, got {n_draw}")

@@ -40,7 +40,7 @@ _LOG_2PI = math.log(2 * math.pi)
 _PASSES = 3  # outliers' weights settle; what is left is the estimates' to correct
 _STRETCH = 0.7  # a of sinh(a t) / a: tails that outliers need, for nodes and for points
 _NARROW = 1e-3  # least share of it
-_STEP, _HALF = 0.3, 20  # the one-dimensional rule: 41 nodes, to 47 sds
+_STEP, _HALF = 0.25, 24  # the one-dimensional rule: 49 nodes, to 47 sds
 _HUGE = 1e300
 _CHUNK = 1_000_000  # numbers held at a time where draws x points x rows are needed
 
@@ -122,9 +122,9 @@ class SampledOffsets:
     def _lines(
         self, log_rates: FloatArray, eta: FloatArray, shift: FloatArray | float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return nodes xi, log densities and weights of each level's integral, (..., level, node)."""
-        root, given, *_ = self._approximation(self._residual(log_rates), eta)
-        t = _STEP * (np.arange(-_HALF, _HALF + 1)[:, None] + shift)
+        """Return nodes xi of each level, log densities, log weights, all (..., level, node)."""
+        _, given, *_ = self._approximation(self._residual(log_rates), eta)
+        t: FloatArray = _STEP * (np.arange(-_HALF, _HALF + 1.0)[:, None] + shift)
         xi, log_volume = _stretched(t, _STRETCH)
         scores = given.mean[..., None, :] + xi / given.root[..., None, :]
         each = eta[..., None, :]
@@ -133,12 +133,14 @@ class SampledOffsets:
         log_joint = self._design.gather(rows) - 0.5 * (scores * scores + _LOG_2PI)
         log_joint -= np.log(given.root)[..., None, :]
         log_weight = log_joint + log_volume + math.log(_STEP)
-        return tuple(
-            np.swapaxes(np.broadcast_to(x, log_joint.shape), -1, -2)
-            for x in (xi, log_joint, log_weight)
-        )
+        xi = np.broadcast_to(xi, log_joint.shape)
+        nodes, joint, weight = (np.swapaxes(x, -1, -2) for x in (xi, log_joint, log_weight))
+        return nodes, joint, weight
 
-    def _from_lines(self, log_rates, eta, rng, n_point):
+    def _from_lines(
+        self, log_rates: FloatArray, eta: FloatArray, rng: np.random.Generator, n_point: int
+    ) -> Estimate:
+        """Estimate level by level, by nodes shifted at random."""
         shift = rng.random((len(eta), 1, self.n_latent)) - 0.5
         xi, log_joint, log_weight = self._lines(log_rates, eta, shift)
         top, share = _shares(log_weight)
@@ -147,7 +149,10 @@ class SampledOffsets:
         total = top + np.log(share.sum(axis=-1))
         return Estimate(total.sum(axis=-1), joint.sum(axis=-1), latent)
 
-    def _from_points(self, log_rates, eta, rng, n_point):
+    def _from_points(
+        self, log_rates: FloatArray, eta: FloatArray, rng: np.random.Generator, n_point: int
+    ) -> Estimate:
+        """Estimate by points about the normal approximation."""
         root, given, weight, residual = self._approximation(self._residual(log_rates), eta)
         z = rng.standard_normal((len(eta), n_point, self.n_latent))
         # A priori offsets are normal; the more the rows know of one, the longer are its tails.
@@ -177,8 +182,10 @@ class SampledOffsets:
         The last column is the rows' residuals: they tell which rows are outliers.
         """
         residual = np.broadcast_to(columns[:, -1], (*eta.shape[:-1], len(columns)))
-        root, given, weight, _ = self._approximation(residual, eta, 1)
-        return products_given(self._design, root, weight, columns, given.root)
+        root, _, weight, _ = self._approximation(residual, eta, 1)
+        # Of other rows the expected information serves, which does not hang on what they are.
+        weight = np.minimum(weight, 1 / self._rows.normal_variance(eta, self._tail))
+        return products_given(self._design, root, weight, columns)
 
     def joint(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         """Return log-likelihood + log density of the scores + log Jacobian of xi, shape (...)."""

@@ -120,7 +120,7 @@ class Model:
 
     @property
     def is_latent(self) -> bool:
-        """Whether shared offsets are drawn beside the parameters, having no closed-form integral."""
+        """Whether shared offsets have no closed-form integral, and are drawn beside parameters."""
         return isinstance(self.likelihood, SampledOffsets)
 
     @property
@@ -204,8 +204,8 @@ class Model:
     def log_likelihood(self, theta: FloatArray) -> FloatArray:
         """Return the log-likelihood of all rows, shape ``theta.shape[:-1]``.
 
-        A texture whose rate is not positive has likelihood zero. Where offsets are drawn this may be
-        Laplace's approximation; `log_density` is exact.
+        A texture whose rate is not positive has likelihood zero. Where offsets are drawn this may
+        be Laplace's approximation; `log_density` is exact.
         """
         n_at_once = max(_CACHED // len(self._a), 1)
         if theta.ndim == 2 and len(theta) > n_at_once:
@@ -279,7 +279,8 @@ class Model:
             found = self.likelihood.estimated(log_rates, eta, rng, n_point)
         prior = self._log_prior_of(u)
         values = (prior + found.log_density, prior + found.log_joint)
-        return Estimate(*(np.where(np.isnan(v), -np.inf, v) for v in values), found.latent)
+        value, joint = (np.where(np.isnan(x), -np.inf, x) for x in values)
+        return Estimate(value, joint, found.latent)
 
     def gradient(self, u: FloatArray) -> FloatArray:
         """Return d log_density / d u, shape (n_parameter,), of independent normal rows."""
