@@ -49,5 +49,35 @@ def sample_posterior(
     ------
     ComputationError
         If the posterior has no interior mode.
-from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
+
+    Notes
+    -----
+    Offsets that have no closed-form integral are not walked over: importance sampling of the
+    parameters draws them by the way. A power law of very many textures is drawn from exactly.
+    """
+    if drawn_exactly(model):
+        chains = sample_power_law(model, seed=seed)
+        return posterior_of(model, chains, laplace, seed=seed, sampler="exact")
+    laplace = laplace or fit_laplace(model)
+    laplace = replace(laplace, other_modes=several_modes(model, laplace))
+    if model.is_latent:
+        return importance_posterior(model, laplace, seed=seed, **_LATENT)[0]
+    settings = settings or SampleSettings()
+    if settings.n_walker is None:
+        n_walker = walkers_for(len(model.data.textures), model.is_iid_gaussian)
+        settings = replace(settings, n_walker=n_walker)
+    # emcee takes a while to load, and only sampling needs it.
+    from ridgebayes.inference.emcee_sampling import sample
+
+    chains = sample(
+        model.log_density,
+        laplace,
+        seed=seed,
+        names=model.parameter_names,
+        settings=settings,
+        progress=progress,
+        checkpoint=checkpoint,
+    )
+    failures = chains.convergence_failures + laplace.other_modes
+    chains = replace(chains, convergence_failures=failures)
+    return posterior_of(model, chains, laplace, seed=seed, sampler="emcee")
