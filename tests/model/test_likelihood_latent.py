@@ -1,6 +1,7 @@
 """Offsets as unknowns: the density in whitened coordinates against brute force in plain ones."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -250,6 +251,26 @@ def test_marginal__of_a_student_of_very_many_degrees_is_the_normals_closed_form(
     latent = np.random.default_rng(4).standard_normal((1, likelihood.n_latent))
     found = likelihood.joint(rates, eta, latent) - stats.norm.logpdf(latent).sum(axis=1)
     np.testing.assert_allclose(found, expected, rtol=0, atol=2 * atol)
+
+
+@pytest.mark.parametrize("structure", ["iid", *Noise.structures[1:]])
+def test_marginal__and_joint_with_series_too_are_the_normals_closed_form(structure, observed):
+    noise, data = Noise(f"{structure}+series"), crossed(observed)
+    series = np.arange(18) // 2 % 3
+    data = replace(data, series=series, series_labels=("a", "b", "c"))
+    closed = IntegratedOffsets(Rows.of(data, Modified()), offsets_of(noise, data))
+    known = {"sigma": SIGMA, "tau_texture": TAU_TEXTURE, "tau_step": TAU_STEP, "tau_series": 0.07}
+    known |= {"length_h": 0.8, "length_ratio": 0.3, "df": 1e7}
+    rates = np.full((1, 3), RATE)
+    for tail, atol in ((NORMAL, 1e-9), (STUDENT, (7**4 / 4 + 18) / 1e7)):
+        both = Noise(noise.structure, tail.name)
+        eta = np.array([[known[name] for name in both.parameter_names]])
+        likelihood = SampledOffsets(Rows.of(data, Modified()), offsets_of(both, data), tail)
+        expected = closed.marginal(rates, eta[:, : len(noise.parameter_names)])
+        np.testing.assert_allclose(likelihood.marginal(rates, eta), expected, rtol=0, atol=atol)
+        latent = np.random.default_rng(4).standard_normal((1, likelihood.n_latent))
+        found = likelihood.joint(rates, eta, latent) - stats.norm.logpdf(latent).sum(axis=1)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=2 * atol)
 
 
 @pytest.mark.parametrize("structure", Noise.structures[1:])
