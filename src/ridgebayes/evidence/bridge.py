@@ -58,9 +58,8 @@ def bridge_evidence(
     Notes
     -----
     *Accuracy.* The standard error adds the relative variances of numerator and denominator, the
-    posterior side divided by its effective sample size. Of the two halves the numerators' errors
-    are independent. The denominators' count as equal, as they are for a normal posterior; for
-    others the standard error is up to a fifth too large.
+    posterior side divided by its effective sample size, and what the two halves' errors have in
+    common: what is off in the draws of one half, times what is off in those of the other.
 
     References
     ----------
@@ -73,20 +72,21 @@ def bridge_evidence(
     z, log_jacobian = laplace.whiten(chains.u[:, ::stride])
     in_z = chains.log_density[:, ::stride] + log_jacobian + laplace.log_volume
     log_target = laplace.whitened(log_density)
+    halves = z[:half], z[half:]
+    proposals = [_Normal.fitted(part.reshape(-1, n_parameter)) for part in halves]
     results = []
-    for fitted, bridged in (
-        (slice(0, half), slice(half, None)),
-        (slice(half, None), slice(0, half)),
-    ):
-        proposal = _Normal.fitted(z[fitted].reshape(-1, n_parameter))
-        if proposal is None:
+    for k, draws in enumerate(halves):
+        proposal, own = proposals[1 - k], proposals[k]
+        if proposal is None or own is None:
             reason = "the draws of half of the ensembles do not move in every direction"
             return LogEvidence("bridge", math.nan, math.nan, reason)
-        candidates = proposal.rvs(rng, z[bridged][..., 0].size)
+        candidates = proposal.rvs(rng, draws[..., 0].size)
         batches = range(0, len(candidates), _BATCH)
         at_candidates = np.concatenate([log_target(candidates[i : i + _BATCH]) for i in batches])
+        at_draws = in_z[half:] if k else in_z[:half]
         result = _bridge(
-            in_z[bridged] - proposal.log_pdf(z[bridged]),
+            at_draws - proposal.log_pdf(draws),
+            at_draws - own.log_pdf(draws),
             at_candidates - proposal.log_pdf(candidates),
             iterations_max,
         )
@@ -98,11 +98,8 @@ def bridge_evidence(
             return LogEvidence("bridge", math.nan, math.nan, reason)
         results.append(result)
     (first, *of_first), (second, *of_second) = results
-    apart = abs(first - second) / math.hypot(*of_first, *of_second)
-    # What is off in the draws of one half meets what is off in those of the other, and that once
-    # with either half in either part: for a normal posterior it is the same number twice.
-    drawn = of_first[1] + of_second[1]
-    se = 0.5 * math.hypot(of_first[0], of_second[0], drawn)
+    apart = abs(first - second) / math.sqrt(of_first[0] + of_second[0])
+    se = 0.5 * math.sqrt(of_first[0] + of_second[0] + of_first[1] + of_second[1])
     status = "ok" if apart < 5 else f"halves of the ensembles disagree by {apart:.1f} se"
     return LogEvidence("bridge", 0.5 * (first + second), se, status)
 
@@ -133,12 +130,22 @@ class _Normal:
 
 
 def _bridge(
-    posterior_ratio: FloatArray, proposal_ratio: FloatArray, iterations_max: int
+    posterior_ratio: FloatArray,
+    other_ratio: FloatArray,
+    proposal_ratio: FloatArray,
+    iterations_max: int,
 ) -> tuple[float, float, float] | None:
-    """Return log evidence and the standard errors of its numerator and its denominator.
+    """Return log evidence, its variance, and its covariance with that of the other half.
 
-    Both arguments are log(target / proposal), at draws of the posterior and of the proposal:
-    `posterior_ratio` has shape (n_ensemble, n_step, n_walker), `proposal_ratio` (n,).
+    Parameters
+    ----------
+    posterior_ratio, other_ratio : ndarray of float, shape (n_ensemble, n_step, n_walker)
+        log(target / proposal) at draws of the posterior, with the proposal fitted to the other half
+        and with that fitted to these draws.
+    proposal_ratio : ndarray of float, shape (n,)
+        The same at draws of the proposal.
+    iterations_max : int
+        Steps of the fixed-point iteration.
     """
     n_effective = _effective(posterior_ratio)
     log_odds = math.log(n_effective / proposal_ratio.size)  # log s1/s2
@@ -156,11 +163,14 @@ def _bridge(
             break
     else:
         return None
-    return (
-        log_z,
-        float(numerator.std() / numerator.mean()) / math.sqrt(numerator.size),
-        float(denominator.std() / denominator.mean()) / math.sqrt(_effective(denominator)),
-    )
+    scale, n_denominator = denominator.mean() ** 2, _effective(denominator)
+    variance = numerator.var() / numerator.mean() ** 2 / numerator.size
+    variance += denominator.var() / scale / n_denominator
+    # A proposal is off by what its draws are off: f = f0 + s e, of which the other half has the
+    # mean of s, and that is off like its own e. The product is one for both halves, and its
+    # variance half that of the difference between proposals.
+    apart = denominator - expit(log_z - other_ratio - log_odds)
+    return log_z, float(variance), float(0.5 * apart.var() / scale / n_denominator)
 
 
 def _effective(x: FloatArray) -> float:
