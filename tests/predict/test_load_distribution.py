@@ -129,6 +129,9 @@ def test_mix_loads__flags_what_a_part_that_counts_flags_and_drops_what_does_not_
     assert len(mix_loads([one, flagged], [1.0, 1e-12]).weight) == len(one.weight)
 
 
+FOUR = np.array([1.0, 2.0, 0.5, 1.5])  # factors of the spread, column by column
+
+
 def lazy(seed, place, highest=np.inf):
     """Draws of `draws_of` that are made when asked for, and the numbers of columns asked for."""
     log_mean, sd, weight = draws_of(seed, shape=(4,))
@@ -136,7 +139,7 @@ def lazy(seed, place, highest=np.inf):
 
     def columns(ids):
         asked.append(len(ids))
-        return log_mean[:, ids], np.broadcast_to(sd[:, None], (len(sd), len(ids)))
+        return log_mean[:, ids], sd[:, None] * FOUR[ids]
 
     flags, ends = np.zeros(place.shape, np.uint8), np.full(place.shape, highest)
     return LoadDistribution.of(LoadDraws(weight, None, columns), place, flags, ends), asked
@@ -145,12 +148,12 @@ def lazy(seed, place, highest=np.inf):
 def test_distribution__of_draws_made_when_asked_is_that_of_stored_ones():
     place = np.array([[2, 0], [0, 3]])
     load, _ = lazy(1, place)
-    stored = mixture(1, shape=(4,))
-    p = np.array([[0.006, 0.0065], [0.007, 0.0068]])
-    by_hand = [
-        [oracle_cdf(draws_of(1, shape=(4,)), p[i, j], place[i, j]) for j in (0, 1)] for i in (0, 1)
-    ]
-    np.testing.assert_allclose(load.cdf(p), by_hand, rtol=1e-12)  # algebra
+    log_mean, sd, weight = draws_of(1, shape=(4,))
+    stored = LoadDistribution(log_mean, sd[:, None] * FOUR, weight, np.zeros(4, np.uint8))
+    p = np.array([0.006, 0.0065, 0.0069, 0.0072])
+    np.testing.assert_allclose(load.cdf(p[place]), stored.cdf(p)[place], rtol=1e-12)  # algebra
+    by_hand = oracle_cdf((log_mean, 2 * sd, weight), p[1], 1)
+    assert stored.cdf(p)[1] == pytest.approx(by_hand, rel=1e-12)
     for ask in (LoadDistribution.mean, LoadDistribution.median):
         np.testing.assert_allclose(ask(load), ask(stored)[place], rtol=1e-12)
     np.testing.assert_array_equal(load.log_mean, stored.log_mean[:, place])

@@ -1,4 +1,5 @@
 import gc
+import tracemalloc
 import weakref
 from dataclasses import replace
 
@@ -105,6 +106,68 @@ def test_predict_q__does_not_mind_the_order_of_loads(fits):
     order = np.random.default_rng(0).permutation(len(LOADS))
     straight, shuffled = (predict_q(fits["hybrid"], A, B, p) for p in (LOADS, LOADS[order]))
     np.testing.assert_array_equal(shuffled.survival, straight.survival[order])
+
+
+def quick(paper, noise, form=None):
+    model = Model(Observations.from_table(paper), form or Hybrid(), Noise.named(noise))
+    return importance_posterior(model, seed=1, n_draw=128, n_round=1, n_per_round=200)[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "noise", ["iid", "texture", "texture+step", "iid:student", "texture:student"]
+)
+def test_predict_q__of_very_many_loads_is_that_of_each(paper, noise):
+    fit = quick(paper, noise)
+    p = np.append(np.random.default_rng(2).uniform(0.003, 0.03, 30_000), [0.0, 0.012])
+    nu = np.where(p > 0.02, 0.4, 0.5)
+    many = predict_q(fit, A, B, p, nu=nu)
+    few = predict_q(fit, A, B, p[::60], nu=nu[::60])
+    n = few.survival.shape[-1]
+    # Discretisation: means over draws are tabulated to 1e-13.
+    np.testing.assert_allclose(many.survival[::60, :n], few.survival, rtol=0, atol=1e-12)
+
+
+def peak_of(work):
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["simulation", "curve"])
+def test_predict_load__of_a_million_places_takes_little_memory(paper, kind):
+    fit = quick(paper, "iid")  # 128 draws of 10^5 textures: 100 MB, and the same of errors
+    share, pitch = np.linspace(0.3, 0.7, 250)[:, None], np.linspace(0.03, 0.06, 400)
+    found = []
+
+    def textures():
+        load = predict_load(fit, share * pitch, (1 - share) * pitch, 6, kind=kind)
+        found.append((load.median(), load.extrapolation))
+
+    def counts():
+        load = predict_load(fit, A, B, np.resize([4, 6, 8, 10], 10**6), kind=kind)
+        found.append((load.interval(0.9)[1], load.extrapolation_of))
+
+    assert peak_of(textures) < 5e7
+    assert peak_of(counts) < 1.5e8
+    few = predict_load(
+        fit, share[::50] * pitch[::60], (1 - share[::50]) * pitch[::60], 6, kind=kind
+    )
+    np.testing.assert_allclose(found[0][0][::50, ::60], few.median(), rtol=1e-9)  # of a solver
+    four = predict_load(fit, A, B, [4, 6, 8, 10], kind=kind).interval(0.9)[1]
+    np.testing.assert_allclose(found[1][0][:4], four, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["hybrid", "power-law"])
+def test_predict_load__takes_a_poissons_ratio_of_each_place(fits, name):
+    fit = fits[name]
+    mixed = predict_load(fit, A, B, [4, 6, 6], nu=[0.5, 0.3, 0.0]).median()
+    apart = [predict_load(fit, A, B, q, nu=nu).median() for q, nu in ((4, 0.5), (6, 0.3), (6, 0.0))]
+    np.testing.assert_allclose(mixed, apart, rtol=1e-9)  # solver
 
 
 def test_predict_q__of_a_scalar_is_a_scalar(fits):
@@ -331,9 +394,7 @@ def test_predict_q__curve_counts_a_draw_at_its_own_transition_load(fits):
 
 def test_predict_load__lets_go_of_a_fit_that_nobody_needs(paper):
     # What is worked out once for a fit is kept for as long as the fit, and no longer.
-    data = Observations.from_table(paper)
-    model = Model(data, Hybrid(), Noise.named("texture"))
-    fit, _ = importance_posterior(model, seed=1, n_draw=128, n_round=1, n_per_round=200)
+    fit = quick(paper, "texture")
     predict_load(fit, 0.012, 0.03, 6)
     ended = weakref.ref(fit)
     del fit
