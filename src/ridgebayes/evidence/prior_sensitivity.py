@@ -61,10 +61,10 @@ def prior_sensitivity(
     -------
     pandas.DataFrame
         Columns prior (c, which is also c1; c2, K, sigma, tau_..., length_..., df; nugget), factor,
-        form, log_evidence. One prior is changed at a time. Independent normal rows are integrated
-        anew; otherwise a posterior's draws are weighted by new over old prior (for the nugget:
-        likelihood), and where too few of them count (Pareto k above 0.7) by Laplace's approximation
-        of both. An error model without draws keeps its evidence.
+        form, log_evidence. One prior is changed at a time: a posterior's draws are weighted by new
+        over old prior (for the nugget: likelihood). Where too few of them count (Pareto k above
+        0.7) independent normal rows are integrated anew, and others by Laplace's approximation of
+        both. An error model without draws keeps its evidence.
     """
     used = used_evidence(evidence).set_index(["form", "noise"])["log_evidence"]
     tasks = [
@@ -141,13 +141,11 @@ def _scaled(task: _Scaling) -> dict[tuple[str, float], float]:
 
 def _change(posterior: Posterior, other: Model, names: Iterable[str]) -> float:
     """Return ln evidence of another model less that of a posterior's own."""
-    model = posterior.model
-    if model.is_iid_gaussian:
-        return _integrated(other) - _integrated(model)
-    names = list(names)
-    log_weight = _log_weights(posterior, other, names)
+    log_weight = _log_weights(posterior, other, list(names))
     if pareto_k(log_weight) <= K_MAX:
         return float(logsumexp(log_weight)) - math.log(len(log_weight))
+    if other.is_iid_gaussian:
+        return _integrated(other) - _integrated(posterior.model)
     try:
         return fit_laplace(other).log_evidence - posterior.laplace.log_evidence
     except ComputationError:
