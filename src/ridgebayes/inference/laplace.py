@@ -9,6 +9,7 @@ curvature are found, proposals are fitted, evidences integrated.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy import linalg, optimize
@@ -261,7 +262,8 @@ def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
     """Search the error model's parameters, each with the coefficients at their mean given them."""
     k, n_noise = model.n_coefficient, model.n_parameter - model.n_coefficient
     reference, noise = start[:k], np.zeros(n_noise)
-    for _ in range(3):  # linearised about the prior's centre, then about where that led
+    # Linearised about the prior's centre, then about where that led: the last search counts.
+    for flat in (100 * _FLAT, 10 * _FLAT, _FLAT):
         frame = Conditional.of(model, reference)
 
         def negative(u_noise: FloatArray, frame: Conditional = frame) -> FloatArray:
@@ -271,11 +273,11 @@ def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
             return np.where(np.isfinite(value), value, 1e300)
 
         noise = optimize.minimize(
-            lambda x: float(negative(x)),
+            partial(_value_and_slope, negative),
             noise,
-            jac=lambda x: _slope(negative, x),
+            jac=True,
             method="BFGS",
-            options={"gtol": _FLAT},
+            options={"gtol": flat},
         ).x
         if not np.all(np.abs(noise) < _RUNAWAY):
             raise no_mode(model)
@@ -295,20 +297,22 @@ def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
     return Laplace(mode, factor, log_density, frame, n_noise, is_mode)
 
 
-def _slope(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """Gradient by central differences of fourth order, all points in one call."""
-    steps = _STEP * np.eye(len(x))
-    ahead, behind, far_ahead, far_behind = function(
-        x + np.array([1.0, -1.0, 2.0, -2.0])[:, None, None] * steps
-    )
-    return (8 * (ahead - behind) - (far_ahead - far_behind)) / (12 * _STEP)
+def _value_and_slope(
+    function: Callable[[FloatArray], FloatArray], x: FloatArray
+) -> tuple[float, FloatArray]:
+    """Value, and gradient by central differences of fourth order, all points in one call."""
+    steps = np.array([1.0, -1.0, 2.0, -2.0])[:, None, None] * _STEP * np.eye(len(x))
+    values = function(np.concatenate([x[None], (x + steps).reshape(-1, len(x))]))
+    ahead, behind, far_ahead, far_behind = values[1:].reshape(4, len(x))
+    return float(values[0]), (8 * (ahead - behind) - (far_ahead - far_behind)) / (12 * _STEP)
 
 
 def _hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
     """Hessian by central differences of gradients, with a step that rounding allows."""
     steps = 5 * _STEP * np.eye(len(x))
-    rows = [(_slope(function, x + s) - _slope(function, x - s)) / (10 * _STEP) for s in steps]
-    return 0.5 * (np.array(rows) + np.array(rows).T)
+    slopes = [[_value_and_slope(function, x + s)[1] for s in (step, -step)] for step in steps]
+    rows = np.array([(ahead - behind) / (10 * _STEP) for ahead, behind in slopes])
+    return 0.5 * (rows + rows.T)
 
 
 def _fit_iid_gaussian(model: Model, tol: float, u: FloatArray) -> Laplace:
