@@ -13,9 +13,7 @@ from ridgebayes.runtime.progress import Progress
 
 def command(asked: options.Compare) -> None:
     """Do what the command line asks for."""
-    request = FitRequest(
-        asked.table, parse_names(asked.forms), asked.noise, asked.seed, asked.accuracy
-    )
+    request = FitRequest.of(asked, parse_names(asked.forms))
     done = compare_job(asked.out, request, force=asked.force)
     print(done.bayes_factors.to_string(index=False))
     finish(done, asked.out)

@@ -34,6 +34,10 @@ NoiseName = Annotated[str, typer.Option(help=f"Error model: {NOISE_NAMES}")]
 Nu = Annotated[float, typer.Option(help="Poisson's ratio.")]
 OutFile = Annotated[Path, typer.Option("-o", "--out", help="File to write.")]
 OutFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder to create.")]
+Priors = Annotated[
+    Path | None,
+    typer.Option(help="TOML file of priors: [hybrid] c1 = 'lognormal(1.382, 0.1)'."),
+]
 Resume = Annotated[
     bool, typer.Option("--resume", help="Continue an interrupted run. The results are the same.")
 ]
@@ -46,6 +50,10 @@ Seed = Annotated[
 ]
 _TEXTURES = typer.Option(help="A,B: ridge and groove width over the radius. May be repeated.")
 Table = Annotated[Path, typer.Argument(help="Contact table, .csv or .parquet.")]
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(help="Seconds after which a walk ends with what it has. No limit if not given."),
+]
 Workers = Annotated[
     int | None, typer.Option(min=1, help="Worker processes. Results do not depend on them.")
 ]
@@ -65,6 +73,8 @@ class Run:
     seed: Seed = 0
     resume: Resume = False
     accuracy: Accuracy = "standard"
+    priors: Priors = None
+    time_limit: TimeLimit = None
     workers: Annotated[
         int | None,
         typer.Option(min=1, help="Worker processes. One for each processor if not given."),
@@ -113,6 +123,8 @@ class Fit:
     seed: Seed = 0
     resume: Resume = False
     accuracy: Accuracy = "standard"
+    priors: Priors = None
+    time_limit: TimeLimit = None
 
 
 @dataclass(frozen=True)
@@ -126,6 +138,8 @@ class Compare:
     force: Force = False
     seed: Seed = 0
     accuracy: Accuracy = "standard"
+    priors: Priors = None
+    time_limit: TimeLimit = None
 
 
 @dataclass(frozen=True)

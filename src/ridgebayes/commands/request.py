@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
@@ -13,12 +13,18 @@ from ridgebayes.commands import options
 from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.evidence.error_models import AUTO
+from ridgebayes.evidence.error_models import (
+    AUTO,
+    Priors,
+    error_models_for,
+    refuse_unknown_priors,
+)
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import Form, form_named
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
+from ridgebayes.model.prior_files import read_priors
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.table.datafiles import paper_sweep
 from ridgebayes.table.table import ContactTable, read_table
@@ -42,6 +48,10 @@ class FitRequest:
         Seed of all draws.
     accuracy : str, optional
         Name of one of `ridgebayes.inference.presets`.
+    priors : Path, optional
+        File of priors that replace default ones, see `ridgebayes.model.prior_files`.
+    time_limit : float, optional
+        Seconds after which a walk ends with what is there.
     settings : SampleSettings, optional
         Lengths and thresholds of sampling, instead of those of `accuracy`.
     """
@@ -51,6 +61,8 @@ class FitRequest:
     noise: str = AUTO
     seed: int = 0
     accuracy: str = STANDARD.name
+    priors: Path | None = None
+    time_limit: float | None = None
     settings: SampleSettings | None = None
 
     @classmethod
@@ -58,7 +70,15 @@ class FitRequest:
         cls, asked: options.Run | options.Fit | options.Compare, forms: Sequence[str]
     ) -> "FitRequest":
         """Return what a command line asks for."""
-        return cls(asked.table, forms, asked.noise, asked.seed, asked.accuracy)
+        return cls(
+            asked.table,
+            forms,
+            asked.noise,
+            asked.seed,
+            asked.accuracy,
+            asked.priors,
+            asked.time_limit,
+        )
 
     @property
     def options(self) -> dict[str, Any]:
@@ -68,6 +88,8 @@ class FitRequest:
             "forms": list(self.forms),
             "noise": self.noise,
             "accuracy": self.accuracy,
+            "priors": str(self.priors) if self.priors else None,
+            "time_limit": self.time_limit,
         }
 
     def resolve(self) -> "Inputs":
@@ -78,19 +100,33 @@ class FitRequest:
         InputError
             If a name is unknown or given twice, or a form may not be fitted to the table.
         """
-        accuracy = Preset.named(self.accuracy)
         if len(set(self.forms)) < len(self.forms):
             raise InputError(f"forms: expected each once, got {', '.join(self.forms)}")
         forms = tuple(form_named(name) for name in self.forms) or DEFAULT_FORMS
-        noise = AUTO if self.noise == AUTO else Noise.named(self.noise)
         if self.table is None:
             table = replace(paper_sweep(), where=EMBEDDED)
         else:
             table = read_table(self.table)
+        return self.on(table, forms)
+
+    def on(self, table: ContactTable, forms: Sequence[Form]) -> "Inputs":
+        """Return what is asked for, of another table and other forms.
+
+        Raises
+        ------
+        InputError
+            If a form may not be fitted to the table, or a prior is of none of them.
+        """
         for form in forms:
             refuse_circular(table, form)
-        Observations.from_table(table)  # refuses rows that cannot be fitted
-        return Inputs(table, forms, noise, accuracy, self.seed, self.settings)
+        data = Observations.from_table(table)  # refuses rows that cannot be fitted
+        noise = AUTO if self.noise == AUTO else Noise.named(self.noise)
+        priors = read_priors(self.priors, data) if self.priors else {}
+        refuse_unknown_priors(forms, error_models_for(noise, data), priors)
+        accuracy, settings = Preset.named(self.accuracy), self.settings
+        if self.time_limit is not None:
+            settings = replace(settings or accuracy.settings, time_limit=self.time_limit)
+        return Inputs(table, forms, noise, accuracy, self.seed, settings, priors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +139,7 @@ class Inputs:
     accuracy: Preset
     seed: int
     settings: SampleSettings | None
+    priors: Priors = field(default_factory=dict)
 
     def compare(
         self,
@@ -125,7 +162,14 @@ class Inputs:
         execution = Execution(
             self.accuracy, self.settings, executor, progress.detail, stage, folder, scores
         )
-        return compare_with(execution, self.table, self.forms, noise=self.noise, rng=self.seed)
+        return compare_with(
+            execution,
+            self.table,
+            self.forms,
+            noise=self.noise,
+            priors=self.priors,
+            rng=self.seed,
+        )
 
 
 def finish(done: Comparison, out: Path, then: str = "") -> None:

@@ -34,9 +34,7 @@ EMBEDDED_FE = "finite-element reference rows"
 
 def command(asked: options.Run) -> None:
     """Do what the command line asks for."""
-    request = FitRequest(
-        asked.table, parse_names(asked.forms), asked.noise, asked.seed, asked.accuracy
-    )
+    request = FitRequest.of(asked, parse_names(asked.forms))
     done = run_job(
         asked.out,
         request,
@@ -92,7 +90,7 @@ def run_job(
     reference_inputs = reference = None
     if request.table is None and extras:
         rows = replace(reference_fe(), where=EMBEDDED_FE)
-        reference_inputs = replace(inputs, table=rows, forms=[form_named(name) for name in FORMS])
+        reference_inputs = request.on(rows, [form_named(name) for name in FORMS])
     n_worker = n_cpu() if workers is None and scheduler is None else workers
     with (
         new_folder(folder, force=force, resume=resume) as partial,
