@@ -19,14 +19,13 @@ from ridgebayes.checks.study import Study, study_of
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import (
-    RunnerUp,
     best_form,
     factors_by_method,
     forms_by_probability,
     problems,
-    runner_up,
     sensitivity_factors,
 )
+from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.drawing.predictions import MOST_TEXTURES
 from ridgebayes.errors import InputError
@@ -54,8 +53,8 @@ class ReportData:
         The form whose bands and checks are shown: the best one, or the first fitted.
     ranked : tuple of str
         Fitted forms, most probable first.
-    second : RunnerUp or None
-        The next best form.
+    verdict : Verdict or None
+        The graded verdict; None where only one form has an evidence.
     problems : tuple of str
         Fits that failed or did not converge.
     factors, sensitivity : pandas.DataFrame
@@ -89,7 +88,7 @@ class ReportData:
     best: str | None
     shown: str
     ranked: tuple[str, ...]
-    second: RunnerUp | None
+    verdict: Verdict | None
     problems: tuple[str, ...]
     factors: pd.DataFrame
     sensitivity: pd.DataFrame
@@ -150,7 +149,7 @@ def report_data(comparison: Comparison) -> ReportData:
         best,
         shown,
         tuple(forms_by_probability(comparison)),
-        runner_up(comparison),
+        comparison.verdict,
         problems(comparison),
         none if best is None else factors_by_method(comparison, best),
         none if best is None else sensitivity_factors(comparison, best),

@@ -9,9 +9,12 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
+import pandas as pd
+
 from ridgebayes.commands import options
 from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
 from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence.error_models import (
     AUTO,
@@ -25,6 +28,7 @@ from ridgebayes.model.forms import Form, form_named
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import read_priors
+from ridgebayes.report.first_screen import headline, lead
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.table.datafiles import paper_sweep
 from ridgebayes.table.table import ContactTable, read_table
@@ -184,6 +188,7 @@ def finish(done: Comparison, out: Path, then: str = "") -> None:
     if len(table.left_out):
         print(f"{table.where}: {len(table.left_out)} rows are not ok and were not fitted")
     print(f"{out}: {len(table.calibration)} rows fitted, {len(table.held_out)} held out. {then}")
+    print(answer(done))
     unfinished = [
         f"{name} did not converge: {'; '.join(failures)}"
         for name, failures in done.unconverged.items()
@@ -191,3 +196,24 @@ def finish(done: Comparison, out: Path, then: str = "") -> None:
     unfinished += [f"{name} failed: {why}" for name, why in done.failures.items()]
     if unfinished:
         raise ComputationError("\n".join(unfinished))
+
+
+def answer(done: Comparison) -> str:
+    """Return what was found as a few lines: the verdict, and a row for each form."""
+    verdict, shares = done.verdict, done.probabilities
+    rows = [
+        {
+            "form": name,
+            "probability": f"{shares[name]:.3g}" if name in shares else "no evidence",
+            "sampler": done.fits[name].sampler,
+            "error models": ", ".join(
+                f"{noise} {weight:.2g}"
+                for noise, weight in done.fits[name].error_model_weights.items()
+            ),
+        }
+        for name in forms_by_probability(done)
+    ]
+    table = pd.DataFrame(rows).to_string(index=False)
+    if verdict is None:
+        return table
+    return f"{headline(verdict)} {lead(verdict)}\n{table}"

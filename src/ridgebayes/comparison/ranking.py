@@ -1,7 +1,5 @@
 """What a comparison says, arranged for a reader: factors against the best form, and a verdict."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 
@@ -92,45 +90,12 @@ def sensitivity_factors(comparison: Comparison, against: str) -> pd.DataFrame:
     ]
 
 
-@dataclass(frozen=True)
-class RunnerUp:
-    """The best form against the next.
-
-    Parameters
-    ----------
-    form : str
-        The next best.
-    ln_bf, ln_bf_se : float
-        Of the best over it.
-    reading : str
-        In words, on the scale of Kass and Raftery.
-    """
-
-    form: str
-    ln_bf: float
-    ln_bf_se: float
-    reading: str
-
-
-def runner_up(comparison: Comparison) -> RunnerUp | None:
-    """Return the second most probable form and its Bayes factor, or None if there is no other."""
-    order = [name for name in forms_by_probability(comparison) if name in comparison.probabilities]
-    factors = comparison.own_bayes_factors
-    if len(order) < 2 or not len(factors):
-        return None
-    best, second = order[:2]
-    for row in factors[factors["method"] != "savage-dickey"].to_dict("records"):
-        if {row["form_a"], row["form_b"]} == {best, second}:
-            sign = 1.0 if row["form_a"] == best else -1.0
-            return RunnerUp(second, sign * row["ln_bf"], row["ln_bf_se"], row["reading"])
-    return None
-
-
 def problems(comparison: Comparison) -> tuple[str, ...]:
     """Return what is wrong with a comparison, a sentence each; empty if it is complete."""
     found = [f"{name}: could not be fitted: {why}" for name, why in comparison.failures.items()]
-    for name, fit in comparison.fits.items():
-        found += [f"{name}: did not converge: {what}" for what in fit.convergence_failures]
+    for name, failures in comparison.unconverged.items():
+        found += [f"{name}: did not converge: {what}" for what in failures]
+    for name in comparison.fits:
         if name not in comparison.probabilities:
             found.append(f"{name}: no method gave a usable evidence")
     return tuple(found)

@@ -8,6 +8,19 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.model.priors import Gamma, HalfNormal, LogNormal, Normal, Prior
 
 HERTZ = 1.382  # the smooth Hertz coefficient at nu = 0.5, as the paper prints it
+REASONS = {
+    "c": "Smooth Hertz at nu = 0.5, known to 10 %; for the half-plane form 1 is theory.",
+    "c1": "Smooth Hertz at nu = 0.5, known to 10 %.",
+    "c2": "0 is the Modified form; 0.05 is a correction of the size of the coefficient itself.",
+    "K": "Smooth Hertz at the texture's pitch, known to 30 %.",
+    "sigma": "Errors of loads of some per cent, measured or of the form.",
+    "tau_texture": "What a form misses of a texture: some per cent.",
+    "tau_step": "What a form misses of a step: some per cent.",
+    "tau_series": "Laboratories and rigs differ by up to some ten per cent.",
+    "length_h": "Steps 4 and 6 are 0.7 apart in log h.",
+    "length_ratio": "a/pitch lies between 0 and 1.",
+    "df": "From far outliers (2) to nearly normal errors (40 and more).",
+}
 _NOISE: dict[str, Prior] = {
     "sigma": HalfNormal(0.05),
     "tau_texture": HalfNormal(0.03),

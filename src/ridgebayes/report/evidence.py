@@ -10,6 +10,7 @@ import pandas as pd
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bayes_factors import SUMMED
+from ridgebayes.model.default_priors import REASONS
 from ridgebayes.report.blocks import Block, Picture, Table, Text
 from ridgebayes.report.wording import (
     ABSENT,
@@ -54,7 +55,7 @@ def ranking_table(data: ReportData) -> Table:
             cells = [
                 with_error(own["log_evidence"], own["log_evidence_se"]),
                 "0 (best)" if name == best else with_error(factor, error),
-                probability(own["model_probability"]),
+                probability(comparison.probabilities[name]),
             ]
         state = "yes" if fit.converged else "NO"
         rows.append([form_name(name), str(len(fit.summary)), *cells, state])
@@ -62,7 +63,8 @@ def ranking_table(data: ReportData) -> Table:
     return Table(
         ["Form", "Parameters", "ln evidence", "ln BF against the best", "Probability", "Converged"],
         rows,
-        "Natural logarithms. Evidence of the log loads. Probabilities at equal prior odds.",
+        "Natural logarithms. Evidence of the log loads under the printed error model. "
+        "Probabilities at equal prior odds, error models summed out.",
         text=(0, 5),
         strong=(0,) if best is not None else (),
     )
@@ -159,8 +161,9 @@ def error_models_section(data: ReportData) -> list[Block]:
         Text(
             "Residuals of the loads repeat from texture to texture and from step to step. An error "
             "model states what repeats. Ignoring correlation makes posteriors too narrow and "
-            "overstates Bayes factors. This run uses the error model with the highest mean "
-            f"evidence over the forms: {noise_name(comparison.noise.name)}."
+            "overstates Bayes factors. Predictions and probabilities of forms are averaged over "
+            "the error models. Parameters are printed under the simplest whose evidence is within "
+            f"1.1 of the highest: {noise_name(comparison.noise.name)}."
         ),
         Table(
             ["Error model", *map(form_name, forms), "ln of the mean", "Probability"],
@@ -189,10 +192,10 @@ def error_models_section(data: ReportData) -> list[Block]:
 
 
 def prior_section(data: ReportData) -> list[Block]:
-    """Return the Bayes factors against every prior scale."""
+    """Return every prior with its reason, and the Bayes factors against its scale."""
     factors, against = data.sensitivity, form_name(data.shown)
     if not len(factors):
-        return []
+        return [prior_table(data)]
     rows = []
     for (form, prior), part in factors.groupby(["form", "prior"], sort=False):
         ordered = part.sort_values("factor").dropna()
@@ -213,5 +216,28 @@ def prior_section(data: ReportData) -> list[Block]:
     )
     scales = [f"ln BF at {low:g} × scale", "at default", f"at {high:g} × scale"]
     found = Table([f"Form, against {against}", "Prior of", *scales], rows, text=(0, 1))
-    blocks: list[Block] = [Text(words), Picture("prior-sensitivity", caption), found]
+    blocks: list[Block] = [
+        prior_table(data),
+        Text(words),
+        Picture("prior-sensitivity", caption),
+        found,
+    ]
     return blocks
+
+
+def prior_table(data: ReportData) -> Table:
+    """Return every parameter's prior and why it is that; of many K the first stands for all."""
+    found: dict[str, tuple[str, str]] = {}
+    for fit in data.comparison.fits.values():
+        for posterior in fit.posteriors.values():
+            for name, prior in posterior.model.priors.items():
+                kind = name.partition("[")[0]
+                shown = f"{parameter_name(name)} and of the others" if kind != name else None
+                found.setdefault(kind, (shown or parameter_name(name), str(prior)))
+    rows = [[shown, text, REASONS.get(kind, ABSENT)] for kind, (shown, text) in found.items()]
+    return Table(
+        ["Parameter", "Prior", "Why"],
+        rows,
+        "Priors of this run. The reasons are those of the defaults.",
+        text=(0, 1, 2),
+    )

@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 
 from ridgebayes.checks.report_data import ReportData
+from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.report.wording import (
     count,
     decimals,
     form_name,
     noise_name,
+    number,
     percent,
     probability,
-    reading_text,
-    with_error,
 )
 
 CAUTIONS = {
@@ -46,12 +46,14 @@ class FirstScreen:
 def first_screen(data: ReportData, reference: ReportData | None = None) -> FirstScreen:
     """Return the first screen of a report, with a word on a second comparison if there is any."""
     caution, problems = data.comparison.noise.caution, data.problems
-    notes = [_robustness(data), _held_out(data)]
+    notes = [_held_out(data)]
     if reference is not None:
         n_row = len(reference.comparison.table.calibration)
         notes.append(
-            f"On {count(n_row, 'finite-element row')}, with every form: {_headline(reference)} "
-            f"{_lead(reference)}"
+            f"This is the answer for {data.comparison.table.where}. A second comparison asks which "
+            f"form describes {count(n_row, 'finite-element row')}, the half-plane's equation among "
+            f"them: {_headline(reference)}"
+            + (f" {lead(reference.verdict)}" if reference.verdict else "")
         )
         problems += tuple(f"finite-element rows: {what}" for what in reference.problems)
     notes.append(_error_model(data))
@@ -65,55 +67,61 @@ def first_screen(data: ReportData, reference: ReportData | None = None) -> First
 
 
 def _headline(data: ReportData) -> str:
+    verdict = data.verdict
     if data.best is None:
         return "No form got a usable evidence."
-    best, second = form_name(data.best), data.second
-    if second is None:
-        return f"Only {best} was fitted, so there is no comparison."
-    if second.reading.startswith("undecided"):
-        return f"The evidence does not decide between {best} and {form_name(second.form)}."
-    return f"{best} is the form the evidence supports."
+    if verdict is None:
+        return f"Only {form_name(data.best)} was fitted, so there is no comparison."
+    return headline(verdict)
+
+
+def headline(verdict: Verdict) -> str:
+    """Return a verdict as one sentence.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        What a comparison found.
+    """
+    best, over = form_name(verdict.form), form_name(verdict.over)
+    return {
+        "decisive": f"The evidence for {best} is decisive among the forms compared.",
+        "supports": f"The evidence supports {best} among the forms compared.",
+        "leans": f"The evidence leans towards {best}, not firmly.",
+        "undecided": f"The evidence does not decide between {best} and {over}.",
+    }[verdict.grade]
 
 
 def _sentence(data: ReportData) -> str:
-    comparison, second = data.comparison, data.second
+    comparison, verdict = data.comparison, data.verdict
     rows = comparison.table.calibration
     basis = f"{count(len(rows), 'row')} of {count(len(rows.textures), 'texture')}"
     if data.best is None:
         return f"{count(len(comparison.fits), 'form')} fitted to {basis}."
-    if second is None:
+    if verdict is None:
         return f"Fitted to {basis}."
-    return (
+    words = (
         f"Of the {len(comparison.probabilities)} forms compared on {basis}, "
-        f"{form_name(data.best)} has probability "
-        f"{probability(comparison.probabilities[data.best])} at equal prior odds. Its ln Bayes "
-        f"factor over {form_name(second.form)}, the second, is "
-        f"{with_error(second.ln_bf, second.ln_bf_se)}: {reading_text(second.reading)}."
+        f"{form_name(verdict.form)} has probability "
+        f"{probability(comparison.probabilities[verdict.form])} at equal prior odds. "
+        f"{lead(verdict)}"
+    )
+    if verdict.grade == "undecided":
+        return f"{words} Why: {verdict.why}."
+    return (
+        f"{words} Its posterior probability passes 0.95 if its prior probability is above "
+        f"{number(verdict.min_prior_probability, 2)}."
     )
 
 
-def _lead(data: ReportData) -> str:
-    second = data.second
-    if second is None:
-        return ""
-    size = with_error(second.ln_bf, second.ln_bf_se)
-    return f"ln Bayes factor over {form_name(second.form)} {size}."
-
-
-def _robustness(data: ReportData) -> str:
-    """Say how the Bayes factor against the next form moves with the prior scales."""
-    factors, second = data.sensitivity, data.second
-    if second is None or not len(factors):
-        return ""
-    ours = -factors[factors["form"] == second.form]["ln_bf"].dropna()
-    if not len(ours):
-        return ""
-    low, high, other = float(ours.min()), float(ours.max()), form_name(second.form)
-    tail = f"{form_name(data.shown)} stays ahead"
+def lead(verdict: Verdict) -> str:
+    """Return the Bayes factor and its range as one sentence, no finer than the range supports."""
+    low, high = verdict.ln_bf_range
+    digits = 1 if high - low < 10 else 0
     return (
-        f"With each prior scale varied by a factor of 100, the ln Bayes factor over {other} lies "
-        f"between {decimals(low, 1)} and {decimals(high, 1)}: "
-        f"{tail if low > 0 else f'{other} is ahead for some scales'}."
+        f"Its ln Bayes factor over {form_name(verdict.over)}, the next, is "
+        f"{decimals(verdict.ln_bf, digits)}; over priors and error models it lies between "
+        f"{decimals(low, digits)} and {decimals(high, digits)}."
     )
 
 
@@ -130,14 +138,19 @@ def _held_out(data: ReportData) -> str:
 
 
 def _error_model(data: ReportData) -> str:
-    """Say which error model the evidence chose."""
-    means = data.error_models
-    if len(means) < 2:
+    """Say which error models carry weight, and what Bayes factors mean under a smooth one."""
+    weights = {} if data.verdict is None else data.verdict.error_model_weights
+    if len(data.error_models) < 2 or not weights:
         return ""
-    best, second = means.iloc[0], means.iloc[1]
+    listed = ", ".join(f"{name} {probability(weight)}" for name, weight in weights.items())
+    words = (
+        f"Predictions are averaged over the error models by their probability: {listed}. "
+        f"Parameters are printed under {noise_name(data.comparison.noise.name)}."
+    )
+    smooth = sum(weight for name, weight in weights.items() if "smooth" in name)
+    if smooth < 0.5:
+        return words
     return (
-        f"The error model is {noise_name(data.comparison.noise.name)}. Of {len(means)} it has the "
-        f"highest mean evidence over the forms: ln {decimals(best['log_mean_evidence'], 1)}, "
-        f"against {decimals(second['log_mean_evidence'], 1)} of the next, "
-        f"{noise_name(second['noise'])}."
+        f"{words} Under a smooth offset a Bayes factor tells which form leaves the smaller and "
+        "smoother remainder."
     )
