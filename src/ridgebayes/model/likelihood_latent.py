@@ -20,6 +20,7 @@ unbiased then, and an offset taken in proportion to its weight is one of the exa
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -197,13 +198,27 @@ class SampledOffsets:
 
     def pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         """Return log p(row | offsets), shape (n_draw, n_obs)."""
+        return self._in_parts(self._pointwise, log_rates, eta, latent)
+
+    def given(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> OffsetsGiven:
+        """Return the offsets drawn, for each of many draws."""
+        scores = self._in_parts(self._scores, log_rates, eta, latent)
+        return OffsetsGiven(self._offsets, eta, self._offsets.root(eta), scores, None)
+
+    def _in_parts(
+        self, function: Callable[..., FloatArray], log_rates: FloatArray, *others: FloatArray
+    ) -> FloatArray:
+        """Return a function of (n_draw, ...) arrays, worked out for some draws at a time."""
+        n_at_once = max(_CHUNK // (len(self._rows.upper) * self.n_latent), 1)
+        parts = [slice(i, i + n_at_once) for i in range(0, len(log_rates), n_at_once)]
+        return np.concatenate([function(*(x[p] for x in (log_rates, *others))) for p in parts])
+
+    def _pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         root, given, *_ = self._approximation(self._residual(log_rates), eta)
         return self._rows_given(log_rates, eta, root.times(given.at(latent)))
 
-    def given(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> OffsetsGiven:
-        """Return the sampled offsets, for each of many draws."""
-        root, given, *_ = self._approximation(self._residual(log_rates), eta)
-        return OffsetsGiven(self._offsets, eta, root, given.at(latent), None)
+    def _scores(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
+        return self._approximation(self._residual(log_rates), eta).given.at(latent)
 
     def _rows_given(self, log_rates: FloatArray, eta: FloatArray, b: FloatArray) -> FloatArray:
         return self._rows_at(log_rates, eta, self._design.spread(b), self._design_next.spread(b))
