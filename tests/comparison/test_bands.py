@@ -220,6 +220,13 @@ def test_bands__of_some_forms_are_rows_of_the_whole(comparison, bands, forms):
         pd.testing.assert_frame_equal(ours, theirs[list(ours)], check_exact=True)
 
 
+def test_bands__of_very_many_places_keep_no_posteriors_and_are_the_same(comparison, monkeypatch):
+    where = {"textures": [(0.022, 0.02)], "loads": np.geomspace(1e-3, 0.02, 30)}
+    kept = bands_table(comparison, **where)
+    monkeypatch.setattr("ridgebayes.comparison.bands._KEPT", 29)
+    pd.testing.assert_frame_equal(bands_table(comparison, **where), kept, check_exact=True)
+
+
 def test_bands__probability_inside_widens_the_band(comparison):
     p = np.geomspace(1e-4, 0.02, 60)
     narrow, wide = (

@@ -1,6 +1,6 @@
 """Bands on Q and on loads as tables: what `bands.csv` and `loads.csv` hold."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 
 import numpy as np
@@ -16,6 +16,7 @@ from ridgebayes.predict.predict import KINDS, NEGLIGIBLE, predict_load, predict_
 from ridgebayes.predict.q_distribution import QDistribution, mix_q
 
 AVERAGE = "average"
+_KEPT = 100_000  # bands of each posterior up to which all are kept; of more, some are made twice
 
 
 def default_loads(comparison: Comparison, n: int = 200) -> FloatArray:
@@ -83,19 +84,19 @@ def bands_table(
     where = {"a_over_R": a, "b_over_R": b, "nu": poisson, "p_over_E": p}
     blocks, errors = [], []
     for kind in KINDS:
-        predicted = cache(
-            partial(
-                predict_q,
-                a_over_R=a,
-                b_over_R=b,
-                p_over_E=p,
-                nu=poisson,
-                kind=kind,
-                compressed=compressed,
-            )
+        predicted: Callable[[Posterior], QDistribution] = partial(
+            predict_q,
+            a_over_R=a,
+            b_over_R=b,
+            p_over_E=p,
+            nu=poisson,
+            kind=kind,
+            compressed=compressed,
         )
+        if a.size * p.size <= _KEPT:  # a form's own mixture and the average share posteriors
+            predicted = cache(predicted)
         for name, parts in _mixtures(comparison, wanted).items():
-            q = mix_q([predicted(one) for one, _ in parts], [weight for _, weight in parts])
+            q = mix_q((predicted(one) for one, _ in parts), [weight for _, weight in parts])
             what = {"form": name, "noise": _noise_of(parts), "kind_of_band": kind}
             blocks.append(_band_rows(what, where, q, prob))
             errors.append(q.error)
