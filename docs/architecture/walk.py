@@ -35,7 +35,7 @@ def modules_entered() -> list[tuple[str, str]]:
         getattr(rb, name)
     sys.setprofile(enter)
     try:
-        rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], rng=1)
+        rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
     finally:
         sys.setprofile(None)
     return found

@@ -19,7 +19,6 @@ from ridgebayes.commands.request import FitRequest
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.errors import ComputationError
-from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
 from ridgebayes.table.datafiles import PAPER_SWEEP, data_path
 
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
@@ -35,8 +34,7 @@ def _two_prior_scales():
     """Two prior scales say as much here as nine, in a fifth of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "ridgebayes.comparison.compare.prior_sensitivity",
-            lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known),
+            "ridgebayes.evidence.prior_sensitivity.scale_factors", lambda prior: (1.0, 1.5)
         )
         yield
 
@@ -80,7 +78,7 @@ def quick(monkeypatch):
 def finished(tmp_path_factory):
     """A run folder of two forms."""
     folder = tmp_path_factory.mktemp("finished") / "run"
-    compare_job(folder, FitRequest(SWEEP, ["modified", "classic"], settings=QUICK))
+    compare_job(folder, FitRequest(SWEEP, ["modified", "classic"], noise="iid", settings=QUICK))
     return folder
 
 
@@ -166,8 +164,9 @@ def test_table__that_is_not_there_or_of_another_kind_is_refused(refused, name, s
 
 # --- bad options ----------------------------------------------------------------------------------
 
-FIT = ("fit", SWEEP, "--form")
-COMPARE = ("compare", SWEEP)
+IID = ("--noise", "iid")
+FIT = ("fit", SWEEP, *IID, "--form")
+COMPARE = ("compare", SWEEP, *IID)
 
 
 @pytest.mark.parametrize(
@@ -519,7 +518,7 @@ def perfect(path):
 
 def test_compare__a_form_that_fails_is_named_and_the_rest_kept(command, quick):
     perfect("perfect.csv")
-    said = command("compare", "perfect.csv", "--forms", "classic,modified", "-o", "out")
+    said = command("compare", "perfect.csv", *IID, "--forms", "classic,modified", "-o", "out")
     assert said.code == 1
     assert "modified failed: modified: the posterior has no interior mode" in said.err
     assert "Traceback" not in said.err
@@ -533,7 +532,7 @@ def test_compare__a_form_that_fails_is_named_and_the_rest_kept(command, quick):
 
 def test_fit__that_fails_is_exit_1_and_no_run_folder(command):
     perfect("perfect.csv")
-    said = command("fit", "perfect.csv", "--form", "modified", "-o", "out")
+    said = command("fit", "perfect.csv", *IID, "--form", "modified", "-o", "out")
     assert said.code == 1
     assert "Traceback" not in said.err
     assert "modified: the posterior has no interior mode" in said.err
@@ -544,7 +543,7 @@ def test_rows_that_are_not_ok__are_counted_aloud(command, quick, paper):
     frame = paper.frame
     frame["status"] = frame["status"].mask(frame.index.isin([3, 4]), "diverged")
     rb.ContactTable.from_frame(frame).write("mine.csv")
-    said = command("compare", "mine.csv", "--forms", "modified", "-o", "out")
+    said = command("compare", "mine.csv", *IID, "--forms", "modified", "-o", "out")
     assert "mine.csv: 2 rows are not ok and were not fitted" in said.out
     assert "out: 39 rows fitted, 3 held out." in said.out
 
@@ -589,7 +588,7 @@ def test_run__nothing_named_is_the_embedded_sweep_with_seed_0(command, monkeypat
     assert (said.code, said.err) == (1, "ridgebayes: enough\n")
     assert asked["folder"] == Path("ridgebayes-out")
     assert asked["table"] is None
-    assert (asked["forms"], asked["noise"], asked["seed"]) == ([], None, 0)
+    assert (asked["forms"], asked["noise"], asked["seed"]) == ([], "auto", 0)
     assert (asked["force"], asked["resume"]) == (False, False)
 
 

@@ -18,7 +18,6 @@ from ridgebayes.commands.report import report_job
 from ridgebayes.commands.request import EMBEDDED, FitRequest
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
 from ridgebayes.runtime.progress import Progress
 
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
@@ -62,16 +61,16 @@ def about(folder):
     return json.loads((folder / "run.json").read_text(encoding="utf-8"))
 
 
-def run_job(folder, *, noise=None, force=False, workers=None, **request):
+def run_job(folder, *, noise="iid", force=False, workers=None, **request):
     return run.run_job(folder, FitRequest(noise=noise, **request), force=force, workers=workers)
 
 
 def compare_job(folder, table, *, resume=False, **request):
-    return compare.compare_job(folder, FitRequest(table, **request), resume=resume)
+    return compare.compare_job(folder, FitRequest(table, noise="iid", **request), resume=resume)
 
 
 def fit_job(folder, table, form, *, resume=False, **request):
-    asked = FitRequest(table, [form], **request)
+    asked = FitRequest(table, [form], noise="iid", **request)
     return compare.compare_job(folder, asked, scores=False, resume=resume)
 
 
@@ -101,8 +100,7 @@ def _two_prior_scales():
     """Two prior scales say as much here as nine, in a fifth of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "ridgebayes.comparison.compare.prior_sensitivity",
-            lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known),
+            "ridgebayes.evidence.prior_sensitivity.scale_factors", lambda prior: (1.0, 1.5)
         )
         yield
 
@@ -127,9 +125,7 @@ def runs(tmp_path_factory, table):
         patch.setattr("ridgebayes.commands.run.write_pages", pages)
         patch.setattr("ridgebayes.commands.run.Progress", Counted)
         done = {
-            name: run_job(
-                folder / name, table=table, forms=FORMS, seed=seed, settings=QUICK, noise="iid"
-            )
+            name: run_job(folder / name, table=table, forms=FORMS, seed=seed, settings=QUICK)
             for name, seed in [("first", 5), ("again", 5), ("other", 6)]
         }
     return folder, done, pages, list(Counted.made)
@@ -180,8 +176,15 @@ def test_run__another_seed_moves_what_was_drawn_and_nothing_else(runs):
     folder, _, _, _ = runs
     for name in ("summary.csv", "evidence.csv", "bayes_factors.csv", "loo.csv", "loads.csv"):
         assert (folder / "first" / name).read_bytes() != (folder / "other" / name).read_bytes()
-    for name in ("table.csv", "prior_sensitivity.csv"):
-        assert (folder / "first" / name).read_bytes() == (folder / "other" / name).read_bytes()
+    assert (folder / "first/table.csv").read_bytes() == (folder / "other/table.csv").read_bytes()
+    # Prior scales add the same to evidences that differ in their draws.
+    changes = []
+    for name in ("first", "other"):
+        scales = pd.read_csv(folder / name / "prior_sensitivity.csv")
+        of_factor = scales.pivot_table("log_evidence", ["prior", "form"], "factor")
+        changes.append(of_factor[1.5] - of_factor[1.0])
+    assert (changes[0] != 0).sum() == 5  # c and sigma of both forms, c2 of one
+    pd.testing.assert_series_equal(*changes, rtol=0, atol=1e-12)
     first, other = (
         pd.read_csv(folder / name / "evidence.csv").query("method == 'quadrature'")
         for name in ("first", "other")
@@ -222,10 +225,9 @@ def test_run__says_how_it_was_made(runs, table):
     assert content["verdicts"]["complete"] is False
     assert set(content["verdicts"]["missing"]) == set(FORMS)
     assert [stage["name"] for stage in content["stages"]] == [
+        "error models",
         "calibrate modified",
-        "evidence modified",
         "calibrate hybrid",
-        "evidence hybrid",
         "prior sensitivity",
         "savage-dickey and Bayes factors",
         "leave-one-out",
@@ -260,8 +262,8 @@ def test_run__asks_for_pages_once_before_the_folder_has_its_name(runs):
 
 
 def test_run__announces_as_many_stages_as_come(runs):
-    assert [progress.n_stage for progress in runs[3]] == [12, 12, 12]
-    assert [len(progress.stages) for progress in runs[3]] == [12, 12, 12]
+    assert [progress.n_stage for progress in runs[3]] == [11, 11, 11]
+    assert [len(progress.stages) for progress in runs[3]] == [11, 11, 11]
 
 
 @pytest.fixture
@@ -288,7 +290,7 @@ def test_run__that_fails_mid_way_leaves_no_final_folder(
     monkeypatch.setattr(f"ridgebayes.commands.run.{place}", fail)
     with pytest.raises(RuntimeError, match="disk on fire"):
         # One process: what a test puts in the place of a function is not there in a worker.
-        run_job(tmp_path / "out", table=table, forms=FORMS, settings=QUICK, noise="iid", workers=1)
+        run_job(tmp_path / "out", table=table, forms=FORMS, settings=QUICK, workers=1)
     assert not (tmp_path / "out").exists()
 
 
@@ -347,7 +349,7 @@ def default(tmp_path_factory):
     folder, pages = tmp_path_factory.mktemp("default") / "run", Pages()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("ridgebayes.commands.run.write_pages", pages)
-        done = run_job(folder, forms=["modified"], settings=QUICK, noise="iid")
+        done = run_job(folder, forms=["modified"], settings=QUICK)
     return folder, done, pages
 
 
@@ -399,9 +401,7 @@ def test_default__unfinished_fits_of_the_second_comparison_are_failures_too(defa
 
 
 def test_compare__writes_the_comparison_without_bands_and_pages(tmp_path, table, no_pages, capsys):
-    done = compare_job(
-        tmp_path / "out", table, forms=["modified"], seed=3, settings=QUICK, noise="iid"
-    )
+    done = compare_job(tmp_path / "out", table, forms=["modified"], seed=3, settings=QUICK)
     assert names(tmp_path / "out") == COMPARED | posteriors("modified")
     assert no_pages.asked == []
     content = about(tmp_path / "out")
@@ -425,7 +425,7 @@ def test_compare__default_forms_are_the_four_printed_ones(tmp_path, table, monke
 
 
 def test_fit__writes_one_posterior_with_its_evidence(tmp_path, table):
-    done = fit_job(tmp_path / "out", table, "power-law", settings=QUICK, noise="iid")
+    done = fit_job(tmp_path / "out", table, "power-law", settings=QUICK)
     expected = {"table.csv", "summary.csv", "evidence.csv", "run.json"}
     assert names(tmp_path / "out") == expected | posteriors("power-law")
     content = about(tmp_path / "out")
@@ -440,11 +440,9 @@ def test_jobs__announce_as_many_stages_as_come(tmp_path, table, monkeypatch, n_f
     Counted.made = []
     monkeypatch.setattr("ridgebayes.commands.compare.Progress", Counted)
     if n_form == 1:
-        fit_job(tmp_path / "out", table, "modified", settings=QUICK, noise="iid")
+        fit_job(tmp_path / "out", table, "modified", settings=QUICK)
     else:
-        compare_job(
-            tmp_path / "out", table, forms=["modified", "classic"], settings=QUICK, noise="iid"
-        )
+        compare_job(tmp_path / "out", table, forms=["modified", "classic"], settings=QUICK)
     (progress,) = Counted.made
     assert progress.n_stage == len(progress.stages)
 
@@ -503,16 +501,16 @@ def test_resume__after_a_kill_ends_with_the_same_bytes(tmp_path, table, monkeypa
     """Killed while the second form is sampled: the first form's chains are kept and used."""
     from ridgebayes.comparison import compare as module
 
-    calibrate, calls = module.calibrate, []
+    sample, calls = module.sample_posterior, []
 
-    def killed(table, form, **options):
-        calls.append(form.name)
+    def killed(model, **options):
+        calls.append(model.form.name)
         if len(calls) == 2:
             raise KeyboardInterrupt
-        return calibrate(table, form, **options)
+        return sample(model, **options)
 
     options = {"forms": FORMS, "seed": 5, "settings": QUICK}
-    monkeypatch.setattr("ridgebayes.comparison.compare.calibrate", killed)
+    monkeypatch.setattr("ridgebayes.comparison.compare.sample_posterior", killed)
     with pytest.raises(KeyboardInterrupt):
         compare_job(tmp_path / "out", table, **options)
     assert names(tmp_path) == {".out.partial", ".out.partial/chains-modified.h5"}
@@ -530,7 +528,7 @@ def test_resume__of_another_seed_is_refused_and_the_chains_stay(tmp_path, table,
 
     monkeypatch.setattr("ridgebayes.comparison.compare.evidences", killed)
     with pytest.raises(KeyboardInterrupt):
-        fit_job(tmp_path / "out", table, "modified", seed=1, settings=QUICK, noise="iid")
+        fit_job(tmp_path / "out", table, "modified", seed=1, settings=QUICK)
     monkeypatch.undo()
     with pytest.raises(InputError, match=r"cannot resume, seed was '\d+' and is '\d+'"):
         fit_job(tmp_path / "out", table, "modified", seed=2, settings=QUICK, resume=True)

@@ -49,8 +49,10 @@ def comparison(paper, fits):
     """Classic, power law and Modified, and Hybrid as one that failed."""
     chosen = {name: fits[name] for name in ("classic", "power-law", "modified")}
     values = {"classic": 19.19874340705391, "power-law": 77.158231, "modified": 78.862798}
-    found = {name: [LogEvidence("bridge", value, 1.5e-4)] for name, value in values.items()}
-    evidence = evidence_table(found, Noise())
+    found = {
+        (name, "iid"): [LogEvidence("bridge", value, 1.5e-4)] for name, value in values.items()
+    }
+    evidence = evidence_table(found)
     sensitivity = pd.DataFrame(
         {"prior": "c", "factor": [0.1, 10.0], "form": "classic", "log_evidence": [1 / 3, np.nan]}
     )
@@ -316,7 +318,10 @@ def test_run_json__says_with_what_and_how_it_was_made(written, comparison):
     assert content["noise"] == "iid"
     assert content["versions"]["ridgebayes"] == rb.__version__
     assert content["versions"]["numpy"] == np.__version__
-    assert content["verdicts"] == verdicts(comparison)
+    assert content["verdicts"] == verdicts(comparison)["verdicts"]
+    assert content["verdict"] == verdicts(comparison)["verdict"]
+    assert content["fits"] == verdicts(comparison)["fits"]
+    assert content["peak_memory_bytes"] is None  # nobody watched
     assert "reference-fe" not in content
 
 
@@ -324,7 +329,8 @@ def test_run_json__holds_the_verdicts_of_the_second_comparison(comparison, tmp_p
     other = replace(comparison, failures={})
     about(tmp_path, comparison, reference=other)
     content = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
-    assert content["reference-fe"] == verdicts(other) != content["verdicts"]
+    assert content["reference-fe"] == verdicts(other)
+    assert content["reference-fe"]["verdicts"] != content["verdicts"]
 
 
 def test_run_json__a_package_that_is_not_installed_is_unknown(comparison, tmp_path, monkeypatch):
@@ -340,7 +346,7 @@ def test_run_json__a_package_that_is_not_installed_is_unknown(comparison, tmp_pa
 
 
 def test_verdicts__of_a_comparison_with_a_failure(comparison):
-    found = verdicts(comparison)
+    found = verdicts(comparison)["verdicts"]
     assert found["complete"] is False
     assert found["best"] == "modified"
     assert found["probabilities"] == comparison.probabilities
@@ -355,7 +361,7 @@ def test_verdicts__name_what_a_fit_lacks(comparison):
     lacking = replace(
         comparison.fits["classic"], convergence_failures=("c: too short", "sigma: too short")
     )
-    found = verdicts(replace(comparison, fits={**comparison.fits, "classic": lacking}))
+    found = verdicts(replace(comparison, fits={**comparison.fits, "classic": lacking}))["verdicts"]
     assert found["converged"]["classic"] is False
     assert found["missing"] == {"classic": ("c: too short", "sigma: too short")}
 

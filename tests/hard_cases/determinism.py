@@ -46,12 +46,12 @@ from ridgebayes.commands.compare import compare_job
 from ridgebayes.commands.request import FitRequest
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.commands.run_folder import write_csv
-from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
-compare.prior_sensitivity = lambda fits, **known: prior_sensitivity(fits, [1.0, 1.5], **known)
+from ridgebayes.evidence import prior_sensitivity
+prior_sensitivity.scale_factors = lambda prior: (1.0, 1.5)
 textures = [(0.012, 0.03), (0.022, 0.02), (0.032, 0.01)]
 rb.generate(rb.Scene.of(textures, p_over_E=0.01)).write("t.csv")
 settings = rb.SampleSettings(n_walker=16, n_step_max=300)
-request = FitRequest(Path("t.csv"), ["modified", "hybrid"], seed=3, settings=settings)
+request = FitRequest(Path("t.csv"), ["modified", "hybrid"], "iid", seed=3, settings=settings)
 done = compare_job(Path("out"), request)
 write_csv(bands_table(done), Path("out", "bands.csv"))
 rb.write_report(done, "out/report.md")

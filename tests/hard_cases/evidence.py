@@ -20,7 +20,6 @@ from ridgebayes.evidence import (
 )
 from ridgebayes.evidence.tables import evidence_table, evidences
 from ridgebayes.inference.laplace import fit_laplace
-from ridgebayes.model.noise import Noise
 from tests.hard_cases.case import hard_case, refused
 from tests.hard_cases.likelihood import (
     LOG_2PI,
@@ -65,7 +64,7 @@ def enormous_factor(folder):
     frame = pd.concat([frame.assign(series=str(i)) for i in range(120)])
     table = rb.read_table(frame)
     few = Execution(settings=FEW, scores=False)
-    weighed = compare_with(few, table, [rb.Modified(), rb.Classic()], rng=1)
+    weighed = compare_with(few, table, [rb.Modified(), rb.Classic()], noise="iid", rng=1)
     row = weighed.bayes_factors.iloc[0]
     truth = by_quadrature(weighed.fits["modified"].model, tol=1e-4)
     truth -= by_quadrature(weighed.fits["classic"].model, tol=1e-4)
@@ -104,7 +103,7 @@ def two_modes_far_apart():
     assert abs(found[0].value - one) < 0.01
     assert not fit.converged
     assert all("several modes" in evidence.status for evidence in found)
-    table = evidence_table({"even": found}, Noise())
+    table = evidence_table({("even", "iid"): found})
     assert not table["used"].any()
     told = fit.convergence_failures[0]
     return f"ln Z of one mode {found[0].value:.2f}, of both {one + math.log(2):.2f}: {told}"
@@ -147,7 +146,7 @@ def bridge_of_frozen_draws():
     found = evidences(frozen)
     assert not found[0].ok
     assert math.isnan(found[0].value)
-    used = evidence_table({"modified": found}, Noise())
+    used = evidence_table({("modified", "iid"): found})
     assert used.loc[used["used"], "method"].tolist() == ["quadrature"]
     return f"bridge: {found[0].status}; quadrature is used"
 
@@ -325,7 +324,7 @@ def failed_evidence_among_others():
         "modified": [LogEvidence("bridge", -1e300, 1.0)],
         "hybrid": [LogEvidence("bridge", 1e300, 1.0)],
     }
-    table = evidence_table(found, Noise())
+    table = evidence_table({(name, "iid"): several for name, several in found.items()})
     shares = table["model_probability"].tolist()
     assert math.isnan(shares[0])
     assert shares[1:] == [0.0, 1.0]

@@ -17,6 +17,7 @@ from ridgebayes.commands.run_files import read_run
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import error_models
 from ridgebayes.inference.checkpoint import Checkpoint
+from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.pool import workers
 from tests.hard_cases.case import hard_case, refused
 from tests.hard_cases.machine import (
@@ -39,11 +40,12 @@ from ridgebayes.comparison import compare
 from ridgebayes.commands import compare as command
 from ridgebayes.commands.request import FitRequest
 from ridgebayes.errors import ComputationError
-from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
-compare.prior_sensitivity = lambda fits, **known: prior_sensitivity(fits, [1.5], **known)
+from ridgebayes.evidence import prior_sensitivity
+prior_sensitivity.scale_factors = lambda prior: (1.5,)
 def job(**options):
     settings = rb.SampleSettings(n_walker=16, n_step_max=400)
-    request = FitRequest(Path("few.csv"), ["modified", "hybrid"], seed=5, settings=settings)
+    forms = ["modified", "hybrid"]
+    request = FitRequest(Path("few.csv"), forms, "iid", seed=5, settings=settings)
     command.compare_job(Path("out"), request, **options)
 """
 RUN = "cli.app = lambda: job({options})\ncli.main()\n"
@@ -89,13 +91,18 @@ def finished_run() -> dict[str, bytes]:
         words = ("--forms", "modified,hybrid", "--accuracy", "quick", "-o", "out")
         done = ran(here, "compare", "few.csv", *words)
         assert done.code == 0, done.err
-        return {path.name: path.read_bytes() for path in (here / "out").iterdir()}
+        return {
+            path.relative_to(here / "out").as_posix(): path.read_bytes()
+            for path in (here / "out").rglob("*")
+            if path.is_file()
+        }
 
 
 def put(files: dict[str, bytes], folder: Path) -> Path:
     """Write the files of a run."""
     folder.mkdir()
     for name, content in files.items():
+        (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(content)
     return folder
 
@@ -388,7 +395,7 @@ def read_only_folder(folder):
         "from ridgebayes.simulate import generation\n"
         + (
             "def worked(*given, **known):\n    raise SystemExit(99)\n"
-            "compare.calibrate = generation.generate = worked\n"
+            "compare.weigh_error_models = generation.generate = worked\n"
         )
     )
     commands = [
@@ -454,7 +461,7 @@ def two_at_once(folder):
             "out",
             ("compare", "few.csv", "--accuracy", "quick", "-o", "out"),
             "comparison.compare",
-            "_draw_by_importance",
+            "weigh_error_models",
         ),
         ("t.csv", tuple(SWEEP), "simulate.generation", "map_ordered"),
     ]
@@ -569,7 +576,7 @@ def damaged_run(folder):
         if name.endswith(".csv"):
             damaged.append(content.replace(b"modified", b"modifier"))
             damaged.append(content.replace(b"0.", b"O."))
-        here = folder / name.replace(".", "-")
+        here = folder / name.replace(".", "-").replace("/", "-")
         put(files, here)
         for one in damaged:
             n += 1
@@ -598,11 +605,11 @@ def damaged_run(folder):
 
 
 def weighed(executor, noises=("iid", "texture", "step")) -> pd.DataFrame:
-    table = rb.paper_sweep()
+    data = Observations.from_table(rb.paper_sweep())
     noises = [error_models.Noise.named(name) for name in noises]
     return error_models.weigh_error_models(
-        table, [rb.Classic(), rb.Modified()], noises, seed=2, executor=executor, laplace_only=True
-    )
+        data, [rb.Classic(), rb.Modified()], noises, seed=2, executor=executor
+    ).evidence
 
 
 def deadly(task):

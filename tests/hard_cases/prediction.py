@@ -41,7 +41,7 @@ def fitted(name: str, noise: str = "iid") -> rb.Fit:
 @functools.cache
 def weighed() -> rb.Comparison:
     quick = Execution(QUICK, scores=False)
-    return compare_with(quick, rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], rng=1)
+    return compare_with(quick, rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
 
 
 def single_draw(form: Form, noise: str, theta: list[float]) -> rb.Fit:
@@ -142,7 +142,7 @@ def a_million_loads():
     work = """
 import json, resource, sys, numpy as np, ridgebayes as rb
 from ridgebayes.predict.predict import predict_q
-fit = rb.calibrate(rb.paper_sweep(), rb.Modified(), rng=1)
+fit = rb.calibrate(rb.paper_sweep(), rb.Modified(), noise="iid", rng=1)
 share, pitch = np.linspace(0.3, 0.7, 250), np.linspace(0.03, 0.06, 250)
 a, b = (share * pitch)[:, None], ((1 - share) * pitch)[:, None]
 p = np.linspace(1e-4, 0.012, 4000)[None]

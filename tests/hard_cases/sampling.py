@@ -77,7 +77,8 @@ def shortened(said):
 
 def calibrated(form, **options):
     """Return the fit of three textures."""
-    return rb.calibrate(rb.read_table(ROWS()), form, rng=1, **{"settings": FEW, **options})
+    options = {"settings": FEW, "noise": "iid", **options}
+    return rb.calibrate(rb.read_table(ROWS()), form, rng=1, **options)
 
 
 class Given:
@@ -289,7 +290,7 @@ def scales_far_apart():
 )
 def resumed_with_something_else(folder):
     settings = rb.SampleSettings(n_walker=32, n_burn=20, n_step_max=40)
-    same = {"rng": 1, "settings": settings, "checkpoint": folder / "chains.h5"}
+    same = {"rng": 1, "settings": settings, "checkpoint": folder / "chains.h5", "noise": "iid"}
     table, own = rb.read_table(ROWS()), Own("", 2.0)
     first = rb.calibrate(table, own, **same)
     again = rb.calibrate(table, own, **same)

@@ -51,11 +51,11 @@ _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray
 def write_fits(comparison: Comparison, folder: Path) -> None:
     """Write the table, each posterior and the summary and evidence of all."""
     comparison.table.write(folder / "table.csv")
-    (folder / OTHERS).mkdir()
     for name, fit in comparison.fits.items():
         fit.to_netcdf(folder / f"posterior-{name}.nc")
         for noise, posterior in fit.posteriors.items():
             if noise != fit.noise.name:
+                (folder / OTHERS).mkdir(exist_ok=True)
                 write_netcdf(posterior, folder / other_file(name, noise))
     write_csv(summary_table(comparison.fits.values()), folder / "summary.csv")
     write_csv(comparison.evidence, folder / "evidence.csv")

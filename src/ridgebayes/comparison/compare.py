@@ -179,6 +179,8 @@ def compare_with(
             progress=execution.progress,
         )
     printed = printed_error_model(weighed.evidence)
+    # What tells of progress cannot be sent to another process.
+    progress = None if execution.executor else execution.progress
     tasks = [
         _PrintedFit(
             model=Model(data, form, printed, priors_of(priors, form, printed)),
@@ -186,7 +188,7 @@ def compare_with(
             is_negligible=weighed.form_share(form.name) < NEGLIGIBLE,
             seed=int(stream(seed, form.name).integers(2**63)),
             table_digest=table.calibration.digest(),
-            execution=replace(execution, executor=None, stage=untimed, progress=None),
+            execution=replace(execution, executor=None, stage=untimed, progress=progress),
         )
         for form in known
     ]
@@ -326,6 +328,11 @@ def _draw(task: _PrintedFit) -> _Drawn:
         seed=task.seed,
         settings=settings,
         laplace=laplace,
+        progress=task.execution.progress and _labelled(task.execution.progress, model.form.name),
         checkpoint=chain_checkpoint(path, task.table_digest, model, task.seed, settings),
     )
     return posterior, evidences(posterior, n_bridge=accuracy.n_bridge)
+
+
+def _labelled(progress: ProgressCallback, name: str) -> ProgressCallback:
+    return lambda text: progress(f"{name}: {text}")

@@ -62,7 +62,9 @@ class Verdict:
 
     def to_dict(self) -> dict[str, Any]:
         """Return what run.json holds of it."""
-        return asdict(self) | {"ln_bf_range": list(self.ln_bf_range)}
+        # JSON has no infinity: of a form without an evidence under one error model.
+        ends = [end if math.isfinite(end) else None for end in self.ln_bf_range]
+        return asdict(self) | {"ln_bf_range": ends}
 
 
 def verdict_of(
@@ -146,7 +148,8 @@ def _lead(values: pd.Series, best: str) -> float:
     """Return ln BF of a form over the strongest of the others."""
     if best not in values:
         return -math.inf
-    return float(values[best] - values.drop(best).max())
+    others = values.drop(best)
+    return float(values[best] - others.max()) if len(others) else math.inf
 
 
 def _grade(ln_bf: float, low: float) -> str:
@@ -179,7 +182,7 @@ def _why(grade: str, ln_bf: float, low: float, weakest: str) -> str:
         return led + at
     if ln_bf < 2:
         return f"ln BF {ln_bf:.1f} over the next form is under 2"
-    return f"ln BF {ln_bf:.1f}, but another form is ahead under a change of prior{at}"
+    return f"ln BF {ln_bf:.1f}, but another form is ahead under another prior or error model{at}"
 
 
 def _min_prior_probability(ranked: pd.Series) -> float:
