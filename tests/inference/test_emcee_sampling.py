@@ -240,7 +240,7 @@ def test_sample__starts_more_walkers_than_a_round_of_adaptation_has_draws(affine
 
 @pytest.mark.parametrize(
     ("n_texture", "is_iid_gaussian", "expected"),
-    [(9, True, 512), (9, False, 128), (500, True, 128), (5_000, True, 32), (5_000, False, 32)],
+    [(9, True, 512), (9, False, 64), (500, True, 64), (5_000, True, 32), (5_000, False, 32)],
 )
 def test_walkers_for__takes_many_where_densities_are_cheap(n_texture, is_iid_gaussian, expected):
     assert walkers_for(n_texture, is_iid_gaussian) == expected

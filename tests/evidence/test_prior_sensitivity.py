@@ -1,0 +1,161 @@
+"""Evidences under other priors: weighted draws against evidences that are computed anew."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+import ridgebayes as rb
+from ridgebayes.evidence import LogEvidence, quadrature_evidence
+from ridgebayes.evidence.prior_sensitivity import (
+    NUGGET,
+    SENSITIVITY_COLUMNS,
+    prior_of,
+    prior_sensitivity,
+    scale_factors,
+)
+from ridgebayes.evidence.tables import evidence_table
+from ridgebayes.inference.diagnostics import K_MAX, pareto_k
+from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+
+TEXTURES = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02), (0.018, 0.045))
+
+
+def rows(observed, *, own=0.01, offset=0.05, seed=4, smooth=False):
+    """Loads of four textures that Modified made, with offsets, or a smooth misfit."""
+    rng = np.random.default_rng(seed)
+    texture, Q = np.repeat(np.arange(4), 4), np.tile([4, 6, 8, 10], 4)
+    a, b = np.array(TEXTURES)[texture].T
+    shared = offset * rng.standard_normal(4)[texture]
+    if smooth:
+        shared = offset * np.sin(1.5 * np.log(Q / 2 - 1) + 3 * a / (a + b))
+    errors = shared + own * rng.standard_normal(16)
+    return observed(texture, Q, 2 * np.log((Q / 2 - 1) * (a + b) / 1.4) + errors)
+
+
+def drawn(data, noise, **known):
+    return importance_posterior(Model(data, rb.Modified(), noise), seed=5, **known)
+
+
+def changes_of(posterior, value, prior):
+    """Return the change of ln evidence by factor."""
+    key = ("modified", posterior.noise.name)
+    table = evidence_table({key: [LogEvidence("importance", value, 0.01)]})
+    found = prior_sensitivity({key[0]: {key[1]: posterior}}, table)
+    assert list(found) == SENSITIVITY_COLUMNS
+    part = found[found["prior"] == prior].set_index("factor")["log_evidence"]
+    assert part[1.0] == pytest.approx(value, rel=1e-14)
+    return part - value
+
+
+def by_quadrature(model):
+    return quadrature_evidence(model.log_density, fit_laplace(model), tol=1e-3).value
+
+
+@pytest.mark.parametrize(
+    ("noise", "prior", "factors"),
+    [
+        (Noise("texture"), "tau_texture", (0.3, 3.0)),
+        (Noise("texture"), "c", (0.3, 10.0)),
+        (Noise("iid", "student"), "df", (0.1, 3.0)),
+        (Noise("iid", "student"), "sigma", (0.55, 10.0)),
+    ],
+)
+def test_weighted_draws__give_the_change_that_quadrature_gives(observed, noise, prior, factors):
+    data = rows(observed, offset=0.05 if noise.factors else 0.0)
+    posterior, evidence = drawn(data, noise)
+    told, model = changes_of(posterior, evidence.value, prior), posterior.model
+    base = by_quadrature(model)
+    x = posterior.draws[:, model.parameter_names.index(prior)]
+    for factor in factors:
+        wide = model.priors[prior].stretched(factor)
+        truth = by_quadrature(model.with_priors({prior: wide})) - base
+        ratio = wide.log_pdf(x) - model.priors[prior].log_pdf(x)
+        assert pareto_k(ratio) < K_MAX  # else Laplace's approximation is used, see below
+        weight = np.exp(ratio)
+        # Monte Carlo: five standard errors, draws half as good as independent ones.
+        error = weight.std() / weight.mean() / math.sqrt(len(x) / 2)
+        assert abs(told[factor] - truth) < 5 * error + 2e-3, factor
+        assert abs(truth) > 0.02  # there is something to be seen
+
+
+def test_heavy_weights__leave_it_to_laplace(observed):
+    data = rows(observed, offset=0.2)
+    posterior, evidence = drawn(data, Noise("texture"))
+    told, model = changes_of(posterior, evidence.value, "tau_texture"), posterior.model
+    narrow = model.priors["tau_texture"].stretched(0.1)
+    x = posterior.draws[:, model.parameter_names.index("tau_texture")]
+    assert pareto_k(narrow.log_pdf(x) - model.priors["tau_texture"].log_pdf(x)) > K_MAX
+    other = model.with_priors({"tau_texture": narrow})
+    laplace = fit_laplace(other).log_evidence - posterior.laplace.log_evidence
+    assert told[0.1] == pytest.approx(laplace, rel=1e-9)
+    truth = by_quadrature(other) - by_quadrature(model)
+    assert truth < -10
+    assert abs(told[0.1] - truth) < 0.05 * abs(truth)  # Laplace's own error
+
+
+def test_nugget__changes_the_evidence_as_two_evidences_say(observed):
+    data = rows(observed, own=2e-6, smooth=True)
+    posterior, evidence = drawn(data, Noise("step-smooth"))
+    told = changes_of(posterior, evidence.value, NUGGET)
+    assert told.index.tolist() == [0.1, 1.0, 10.0]
+    for factor in (0.1, 10.0):
+        noise = Noise("step-smooth", nugget=factor * 1e-8)
+        _, other = drawn(data, noise)
+        truth = other.value - evidence.value
+        # Monte Carlo of both evidences and of the weights.
+        assert abs(told[factor] - truth) < 5 * math.hypot(other.se, evidence.se) + 0.05, factor
+    assert abs(told[10.0]) > 0.3
+
+
+def test_error_models__are_summed_out_and_one_without_draws_keeps_its_evidence(observed):
+    data = rows(observed)
+    posterior, evidence = drawn(data, Noise("texture"), n_draw=256, n_round=2, n_per_round=500)
+    alone = changes_of(posterior, evidence.value, "tau_texture")
+    iid = evidence.value - 0.5
+    table = evidence_table(
+        {
+            ("modified", "iid"): [LogEvidence("quadrature", iid, 0.0)],
+            ("modified", "texture"): [LogEvidence("importance", evidence.value, 0.0)],
+        }
+    )
+    found = prior_sensitivity({"modified": {"texture": posterior}}, table)
+    for row in found[found["prior"] == "tau_texture"].itertuples():
+        both = [iid, evidence.value + alone[row.factor]]
+        assert row.log_evidence == pytest.approx(logsumexp(both) - math.log(2), rel=1e-13)
+
+
+def test_prior_of__c1_is_c_and_all_factors_of_a_power_law_are_one():
+    names = ["c", "c1", "c2", "K[a b]", "K[x[1]]", "sigma", "tau_texture", "length_ratio", "df"]
+    assert [prior_of(name) for name in names] == [
+        "c",
+        "c",
+        "c2",
+        "K",
+        "K",
+        "sigma",
+        "tau_texture",
+        "length_ratio",
+        "df",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("prior", "ends", "n"),
+    [
+        ("c", (0.3, 10.0), 7),
+        ("c2", (0.3, 10.0), 7),
+        ("K", (0.1, 10.0), 9),
+        ("sigma", (0.1, 10.0), 9),
+        ("df", (0.1, 10.0), 9),
+        ("nugget", (0.1, 10.0), 3),
+    ],
+)
+def test_scale_factors__are_wide_and_hold_the_default(prior, ends, n):
+    factors = scale_factors(prior)
+    assert (min(factors), max(factors), len(factors)) == (*ends, n)
+    assert 1.0 in factors
