@@ -34,7 +34,7 @@ def _two_prior_scales():
     """Two prior scales say as much here as nine, in a fifth of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "ridgebayes.evidence.prior_sensitivity.scale_factors", lambda prior: (1.0, 1.5)
+            "ridgebayes.evidence.prior_sensitivity.scale_factors", lambda prior: (1.0, 1.8)
         )
         yield
 
@@ -569,6 +569,8 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
         "resume": True,
         "accuracy": "standard",
         "settings": None,
+        "priors": None,
+        "time_limit": None,
         "workers": 3,
         "scheduler": "tcp://host:1",
     }

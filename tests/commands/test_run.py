@@ -37,7 +37,7 @@ COLUMNS = {
     "p_over_E_upper,prob,extrapolation,extrapolation_of,p_over_E_observed",
     "prior_sensitivity.csv": "prior,factor,form,log_evidence",
 }
-STANDARD = {"noise": "iid", "accuracy": "standard"}
+STANDARD = {"noise": "iid", "accuracy": "standard", "priors": None, "time_limit": None}
 COMPARED = {
     "table.csv",
     "summary.csv",
@@ -100,7 +100,7 @@ def _two_prior_scales():
     """Two prior scales say as much here as nine, in a fifth of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "ridgebayes.evidence.prior_sensitivity.scale_factors", lambda prior: (1.0, 1.5)
+            "ridgebayes.evidence.prior_sensitivity.scale_factors", lambda prior: (1.0, 1.8)
         )
         yield
 
@@ -174,17 +174,10 @@ def test_run__the_same_seed_gives_the_same_bytes(runs):
 
 def test_run__another_seed_moves_what_was_drawn_and_nothing_else(runs):
     folder, _, _, _ = runs
-    for name in ("summary.csv", "evidence.csv", "bayes_factors.csv", "loo.csv", "loads.csv"):
+    drawn = ("summary", "evidence", "bayes_factors", "loo", "loads", "prior_sensitivity")
+    for name in (f"{one}.csv" for one in drawn):
         assert (folder / "first" / name).read_bytes() != (folder / "other" / name).read_bytes()
     assert (folder / "first/table.csv").read_bytes() == (folder / "other/table.csv").read_bytes()
-    # Prior scales add the same to evidences that differ in their draws.
-    changes = []
-    for name in ("first", "other"):
-        scales = pd.read_csv(folder / name / "prior_sensitivity.csv")
-        of_factor = scales.pivot_table("log_evidence", ["prior", "form"], "factor")
-        changes.append(of_factor[1.5] - of_factor[1.0])
-    assert (changes[0] != 0).sum() == 5  # c and sigma of both forms, c2 of one
-    pd.testing.assert_series_equal(*changes, rtol=0, atol=1e-12)
     first, other = (
         pd.read_csv(folder / name / "evidence.csv").query("method == 'quadrature'")
         for name in ("first", "other")

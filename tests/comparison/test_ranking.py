@@ -11,7 +11,6 @@ from ridgebayes.comparison.ranking import (
     factors_by_method,
     forms_by_probability,
     problems,
-    runner_up,
     sensitivity_factors,
 )
 
@@ -46,13 +45,13 @@ def test_sensitivity_of_an_unknown_form_or_an_empty_table_is_empty(comparison):
     assert not len(sensitivity_factors(empty, "hybrid"))
 
 
-def test_ranking_and_runner_up(comparison, single):
+def test_ranking_and_problems(comparison, single):
     assert forms_by_probability(comparison) == ["hybrid", "modified", "power-law", "classic"]
     assert best_form(comparison) == "hybrid"
-    second = runner_up(comparison)
-    assert second.form == "modified"
+    assert comparison.verdict.over == "modified"
+    se = comparison.bayes_factors.query("method == 'bridge'")["ln_bf_se"].iloc[0]
     # Monte Carlo: four standard errors; reference: four printed digits.
-    assert abs(second.ln_bf - 4.5241) < 4 * second.ln_bf_se + 5e-5
-    assert runner_up(single) is None
+    assert abs(comparison.verdict.ln_bf - 4.5241) < 4 * se + 5e-5
+    assert single.verdict is None
     assert problems(comparison) == ()
     assert problems(single)

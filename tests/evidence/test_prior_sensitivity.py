@@ -37,8 +37,9 @@ def rows(observed, *, own=0.01, offset=0.05, seed=4, smooth=False):
     return observed(texture, Q, 2 * np.log((Q / 2 - 1) * (a + b) / 1.4) + errors)
 
 
-def drawn(data, noise, **known):
-    return importance_posterior(Model(data, rb.Modified(), noise), seed=5, **known)
+def drawn(data, noise):
+    effort = {"n_draw": 1_024, "n_round": 3, "n_per_round": 512}
+    return importance_posterior(Model(data, rb.Modified(), noise), seed=5, **effort)
 
 
 def changes_of(posterior, value, prior):
@@ -59,10 +60,10 @@ def by_quadrature(model):
 @pytest.mark.parametrize(
     ("noise", "prior", "factors"),
     [
-        (Noise("texture"), "tau_texture", (0.3, 3.0)),
-        (Noise("texture"), "c", (0.3, 10.0)),
-        (Noise("iid", "student"), "df", (0.1, 3.0)),
-        (Noise("iid", "student"), "sigma", (0.55, 10.0)),
+        (Noise("texture"), "tau_texture", (0.55, 3.0)),
+        (Noise("texture"), "c", (10.0,)),
+        (Noise("iid", "student"), "df", (0.1,)),
+        (Noise("iid", "student"), "sigma", (10.0,)),
     ],
 )
 def test_weighted_draws__give_the_change_that_quadrature_gives(observed, noise, prior, factors):
@@ -100,11 +101,11 @@ def test_heavy_weights__leave_it_to_laplace(observed):
 
 def test_nugget__changes_the_evidence_as_two_evidences_say(observed):
     data = rows(observed, own=2e-6, smooth=True)
-    posterior, evidence = drawn(data, Noise("step-smooth"))
+    posterior, evidence = drawn(data, Noise("step-smooth", nugget=1e-5))
     told = changes_of(posterior, evidence.value, NUGGET)
     assert told.index.tolist() == [0.1, 1.0, 10.0]
     for factor in (0.1, 10.0):
-        noise = Noise("step-smooth", nugget=factor * 1e-8)
+        noise = Noise("step-smooth", nugget=factor * 1e-5)
         _, other = drawn(data, noise)
         truth = other.value - evidence.value
         # Monte Carlo of both evidences and of the weights.
@@ -114,7 +115,7 @@ def test_nugget__changes_the_evidence_as_two_evidences_say(observed):
 
 def test_error_models__are_summed_out_and_one_without_draws_keeps_its_evidence(observed):
     data = rows(observed)
-    posterior, evidence = drawn(data, Noise("texture"), n_draw=256, n_round=2, n_per_round=500)
+    posterior, evidence = drawn(data, Noise("texture"))
     alone = changes_of(posterior, evidence.value, "tau_texture")
     iid = evidence.value - 0.5
     table = evidence_table(
