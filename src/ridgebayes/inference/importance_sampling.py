@@ -36,7 +36,7 @@ def importance_posterior(
     n_draw: int = 2_560,
     n_round: int = 6,
     n_per_round: int = 2_000,
-    n_point: int = 32,
+    n_point: int = 128,
 ) -> tuple[Posterior, LogEvidence]:
     """Draw from a posterior, and estimate its evidence, without a walk.
 

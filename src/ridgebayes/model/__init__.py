@@ -4,7 +4,7 @@
 `default_priors` the priors; `observations` the rows, `rows` their likelihood one by one. A `Model`
 (`model`) puts them together, with the likelihood that suits: of `likelihood_independent`,
 `likelihood_marginal` (offsets integrated out, see `conditional_offsets`) or `likelihood_latent`
-(offsets sampled). `replicated` says what rows could have been. Nothing here samples a posterior.
+(offsets drawn). `replicated` says what rows could have been. Nothing here samples a posterior.
 The room knows `contact` and `table`.
 
 >>> import numpy as np
