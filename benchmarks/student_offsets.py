@@ -124,7 +124,7 @@ def by_grid(model: Model, start: Posterior, n: int) -> tuple[float, float, np.nd
 def reference(case: str, model: Model) -> tuple[float, float, np.ndarray]:
     if case in ("step", "texture"):
         return by_grid(model, sample_posterior(model, seed=99), 8_000)
-    effort = {"n_draw": 16_384, "n_round": 4, "n_per_round": 1_000, "n_point": 64}
+    effort = {"n_draw": 16_384, "n_round": 4, "n_per_round": 1_000, "n_point": 256}
     fit, evidence = importance_posterior(model, seed=99, **effort)
     return evidence.value, evidence.se, fit.summary["mean"].to_numpy()
 
