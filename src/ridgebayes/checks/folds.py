@@ -20,7 +20,7 @@ from ridgebayes.runtime.randomness import stream
 
 LEAVES = ("texture", "step", "row")
 # Less than `importance_posterior` takes by itself: a share of 41 rows asks for no second digit.
-EFFORT = {"n_round": 2, "n_per_round": 384, "n_draw": 512}
+EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 384}
 
 
 @dataclass(frozen=True, eq=False)

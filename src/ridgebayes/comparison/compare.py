@@ -177,6 +177,7 @@ def compare_with(
             seed=seed,
             executor=execution.executor,
             progress=execution.progress,
+            accuracy=execution.accuracy,
         )
     printed = printed_error_model(weighed.evidence)
     # What tells of progress cannot be sent to another process.
@@ -314,7 +315,7 @@ def _draw(task: _PrintedFit) -> _Drawn:
         posterior, evidence = found.posterior, found.evidence
         if posterior is None:
             posterior, evidence = importance_posterior(
-                model, laplace, seed=task.seed, n_draw=accuracy.n_draw, n_round=2, n_per_round=500
+                model, laplace, seed=task.seed, **accuracy.effort
             )
         if found.evidence.method == "quadrature":
             evidence = found.evidence

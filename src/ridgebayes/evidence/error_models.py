@@ -27,6 +27,7 @@ from ridgebayes.inference.chains import ProgressCallback
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
+from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
@@ -40,7 +41,6 @@ LEAST_WEIGHT = 0.01  # of a pair of form and error model that predictions are av
 AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apart by simplicity
 # Laplace's approximation is low by up to two; e^-6.6 is a tenth of the weight that counts.
 _CLOSE = 6.6
-_EFFORT = {"n_draw": 1_024, "n_round": 3, "n_per_round": 512}
 
 Priors = Mapping[str, Mapping[str, Prior]]  # by form name or "noise", then by parameter
 
@@ -138,7 +138,7 @@ def weigh_error_models(
     seed: int = 0,
     executor: Executor | None = None,
     progress: ProgressCallback | None = None,
-    laplace_only: bool = False,
+    accuracy: Preset = STANDARD,
 ) -> WeighedErrorModels:
     """Weigh every form under every error model.
 
@@ -158,9 +158,8 @@ def weigh_error_models(
         Runs the pairs; one after the other in this process if not given.
     progress : callable, optional
         Called with a line of text now and then.
-    laplace_only : bool, optional
-        Take Laplace's approximation, which is low by 0.1 to 0.3 under normal errors and by up to 2
-        under Student errors, where importance sampling would be asked for an evidence.
+    accuracy : Preset, optional
+        How many draws importance sampling takes.
 
     Returns
     -------
@@ -184,7 +183,8 @@ def weigh_error_models(
     refuse_unknown_priors(forms, noises, priors)
     pairs = list(itertools.product(forms, noises))
     tasks = [
-        _Weighing(data, form, noise, priors_of(priors, form, noise), seed) for form, noise in pairs
+        _Weighing(data, form, noise, priors_of(priors, form, noise), seed, accuracy)
+        for form, noise in pairs
     ]
 
     def evaluated(tasks: Sequence["_Weighing"]) -> list[Candidate]:
@@ -197,7 +197,7 @@ def weigh_error_models(
         return WeighedErrorModels(found)  # nothing to average over
     found = {key: _left_to_twin(one, found) for key, one in found.items()}
     close = [
-        replace(task, laplace=one.laplace, laplace_only=laplace_only)
+        replace(task, laplace=one.laplace)
         for task, one in zip(tasks, found.values(), strict=True)
         if not one.left_to and one.evidence.value > _best(found, one.form) - _CLOSE
     ]
@@ -263,8 +263,8 @@ class _Weighing:
     noise: Noise
     priors: Mapping[str, Prior]
     seed: int
+    accuracy: Preset
     laplace: Laplace | None = None
-    laplace_only: bool = False
 
     @property
     def name(self) -> str:
@@ -299,9 +299,9 @@ def _screened(model: Model, laplace: Laplace) -> LogEvidence:
 def _drawn(task: _Weighing, model: Model, laplace: Laplace) -> Candidate:
     laplace = replace(laplace, other_modes=several_modes(model, laplace))
     seed = int(stream(task.seed, task.form.name, task.noise.name).integers(2**63))
-    posterior, evidence = importance_posterior(model, laplace, seed=seed, **_EFFORT)
+    posterior, evidence = importance_posterior(model, laplace, seed=seed, **task.accuracy.effort)
     screened = _screened(model, laplace)
-    if screened.method == "quadrature" or task.laplace_only or not evidence.ok:
+    if screened.method == "quadrature" or not evidence.ok:
         evidence = screened
     return Candidate(model.form.name, model.noise.name, evidence, laplace, posterior)
 

@@ -28,6 +28,8 @@ class Preset:
         emcee serves where its weights have too heavy a tail.
     n_draw : int
         Importance draws of each of four proposals.
+    n_round, n_per_round : int
+        Rounds of fitting each proposal, and draws of each round.
     n_tau : float
         Autocorrelation times that a walk takes at least.
     n_bridge : int or None
@@ -41,6 +43,8 @@ class Preset:
     evidence_error: float
     walks: bool = True
     n_draw: int = 1_024
+    n_round: int = 3
+    n_per_round: int = 512
     n_tau: float = 50.0
     n_bridge: int | None = None
     extras: bool = True
@@ -59,12 +63,21 @@ class Preset:
         return PRESETS[name]
 
     @property
+    def effort(self) -> dict[str, int]:
+        """What importance sampling is told."""
+        return {
+            "n_draw": self.n_draw,
+            "n_round": self.n_round,
+            "n_per_round": self.n_per_round,
+        }
+
+    @property
     def settings(self) -> SampleSettings:
         """How long to walk."""
         return SampleSettings(n_tau=self.n_tau)
 
 
-QUICK = Preset("quick", 0.2, 0.1, walks=False, n_draw=256, extras=False)
+QUICK = Preset("quick", 0.2, 0.1, walks=False, n_draw=256, n_round=2, n_per_round=256, extras=False)
 STANDARD = Preset("standard", 0.02, 0.01)
 REFERENCE = Preset("reference", 0.01, 0.003, n_tau=200.0, n_bridge=400_000)
 PRESETS = {one.name: one for one in (QUICK, STANDARD, REFERENCE)}
