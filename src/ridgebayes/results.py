@@ -155,7 +155,7 @@ class Fit(Posterior):
         Validity, accuracy and cost are those of `ridgebayes.predict.predict.predict_q`.
         """
         parts, weights = zip(*self.averaged, strict=True)
-        found = [predict_q(one, a_over_R, b_over_R, p_over_E, nu=nu, kind=kind) for one in parts]
+        found = (predict_q(one, a_over_R, b_over_R, p_over_E, nu=nu, kind=kind) for one in parts)
         return mix_q(found, weights)
 
     def predict_load(
@@ -192,7 +192,7 @@ class Fit(Posterior):
             `nu` is outside 0 to 0.5.
         """
         parts, weights = zip(*self.averaged, strict=True)
-        found = [predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in parts]
+        found = (predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in parts)
         return mix_loads(found, weights)
 
     def to_arviz(self) -> Any:

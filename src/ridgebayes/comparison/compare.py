@@ -313,9 +313,9 @@ def _draw(task: _PrintedFit) -> _Drawn:
     laplace = found.laplace
     if not drawn_exactly(model) and (task.is_negligible or not accuracy.walks):
         posterior, evidence = found.posterior, found.evidence
-        if posterior is None:
+        if posterior is None or not (posterior.converged or task.is_negligible):
             posterior, evidence = importance_posterior(
-                model, laplace, seed=task.seed, **accuracy.effort
+                model, laplace, seed=task.seed, **STANDARD.effort
             )
         if found.evidence.method == "quadrature":
             evidence = found.evidence

@@ -190,7 +190,7 @@ class Comparison:
         8
         """
         parts, weights = zip(*self.averaged, strict=True)
-        found = [predict_q(one, a_over_R, b_over_R, p_over_E, nu=nu, kind=kind) for one in parts]
+        found = (predict_q(one, a_over_R, b_over_R, p_over_E, nu=nu, kind=kind) for one in parts)
         return mix_q(found, weights)
 
     def predict_load(
@@ -226,5 +226,5 @@ class Comparison:
             If a number is out of its range, `kind` is neither, or no form has an evidence.
         """
         parts, weights = zip(*self.averaged, strict=True)
-        found = [predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in parts]
+        found = (predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in parts)
         return mix_loads(found, weights)

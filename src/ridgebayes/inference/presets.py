@@ -77,7 +77,7 @@ class Preset:
         return SampleSettings(n_tau=self.n_tau)
 
 
-QUICK = Preset("quick", 0.2, 0.1, walks=False, n_draw=256, n_round=2, n_per_round=256, extras=False)
+QUICK = Preset("quick", 0.2, 0.1, walks=False, n_draw=512, n_round=3, n_per_round=256, extras=False)
 STANDARD = Preset("standard", 0.02, 0.01)
 REFERENCE = Preset("reference", 0.01, 0.003, n_tau=200.0, n_bridge=400_000)
 PRESETS = {one.name: one for one in (QUICK, STANDARD, REFERENCE)}
