@@ -166,7 +166,7 @@ def compare_with(
         refuse_circular(table, form)
     data, seed, stage = Observations.from_table(table), seed_of(rng), execution.stage
     noises = error_models_for(noise, data)
-    if not execution.accuracy.walks and len(noises) > 1:
+    if not execution.accuracy.extras and len(noises) > 1:  # a quick run
         noises = [each for each in noises if each.tail == "normal"]
     with stage("error models"):
         weighed = weigh_error_models(
