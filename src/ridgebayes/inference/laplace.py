@@ -21,6 +21,7 @@ from ridgebayes.model.forms import FORMS
 from ridgebayes.model.model import Model
 
 _RUNAWAY = 25.0  # prior sds from the prior's centre at which a search has run away
+_ROUNDING = 1e-14  # misfit of log loads that their digits make
 _FLAT = 1e-3  # slope per prior sd at which a search may end: it costs an evidence 1e-6 at most
 _FEW = 4  # coefficients; of more, a proposal's mixture knows too little in its many dimensions
 _N_START = 256  # points tried where the prior's centre has no density
@@ -269,7 +270,8 @@ def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
         def negative(u_noise: FloatArray, frame: Conditional = frame) -> FloatArray:
             u, log_jacobian = frame.forward(np.zeros((*u_noise.shape[:-1], k)), u_noise)
             everything = np.concatenate([u, u_noise], axis=-1)
-            value = -model.marginal_log_density(everything) - log_jacobian
+            with np.errstate(over="ignore"):  # where a search runs off, which is told below
+                value = -model.marginal_log_density(everything) - log_jacobian
             return np.where(np.isfinite(value), value, 1e300)
 
         noise = optimize.minimize(
@@ -293,6 +295,11 @@ def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
         np.eye(k), linalg.cholesky(0.5 * (covariance + covariance.T), lower=True)
     )
     mode = np.concatenate([reference, noise])
+    if (
+        model.to_theta(mode)[k] < _ROUNDING
+        and (model.data.is_exact & (model.data.rel_se == 0)).any()
+    ):
+        raise no_mode(model)
     log_density = float(model.marginal_log_density(mode))
     return Laplace(mode, factor, log_density, frame, n_noise, is_mode)
 
