@@ -381,7 +381,7 @@ def test_default__unfinished_fits_of_the_second_comparison_are_failures_too(defa
     assert not done.complete
     content = about(folder)
     assert content["verdicts"]["failures"] == {}
-    assert set(content["reference-fe"]["probabilities"]) == {
+    assert set(content["reference-fe"]["verdicts"]["probabilities"]) == {
         "classic",
         "power-law",
         "modified",

@@ -193,9 +193,10 @@ def read_run(folder: Path) -> Comparison:
     """
     about = _read_about(folder)
     failures, forms = about["verdicts"]["failures"], about["forms"]
+    noise = Noise.named(about["noise"])
     evidence = _read_csv(folder / "evidence.csv", EVIDENCE_COLUMNS, forms)
     fits = {
-        name: _read_fit(folder, name, about["fits"], evidence)
+        name: _read_fit(folder, name, noise.name, about["fits"], evidence)
         for name in forms
         if name not in failures
     }
@@ -205,7 +206,7 @@ def read_run(folder: Path) -> Comparison:
     }
     return Comparison(
         replace(read_table(folder / "table.csv"), where=about["table"]),
-        Noise.named(about["noise"]),
+        noise,
         fits,
         evidence,
         failures=failures,
@@ -215,24 +216,26 @@ def read_run(folder: Path) -> Comparison:
 
 
 def _read_fit(
-    folder: Path, form: str, listed: Sequence[dict[str, Any]], evidence: pd.DataFrame
+    folder: Path, form: str, noise: str, listed: Sequence[dict[str, Any]], evidence: pd.DataFrame
 ) -> Fit:
     """Read the posterior of a form's printed error model, and of the others that carry weight."""
-    path = folder / f"posterior-{form}.nc"
-    printed = _read_posterior(path, form)
-    drawn = {printed.noise.name: printed}
+    printed = _read_posterior(folder / f"posterior-{form}.nc", form, noise)
+    drawn = {noise: printed}
     own = [one for one in listed if one["form"] == form]
     for one in own:
         if one["noise"] not in drawn and not one["left_to"]:
-            drawn[one["noise"]] = _read_posterior(folder / other_file(form, one["noise"]), form)
+            path = folder / other_file(form, one["noise"])
+            drawn[one["noise"]] = _read_posterior(path, form, one["noise"])
     drawn |= {one["noise"]: drawn[one["left_to"]] for one in own if one["left_to"] in drawn}
     return Fit.of(printed, error_model_weights(evidence, form, drawn), drawn)
 
 
-def _read_posterior(path: Path, form: str) -> Posterior:
+def _read_posterior(path: Path, form: str, noise: str) -> Posterior:
     found = read_netcdf(path)
     if found.form.name != form:
         raise InputError(f"{path}: holds form {found.form.name!r}; expected {form!r}")
+    if found.noise.name != noise:
+        raise InputError(f"{path}: holds error model {found.noise.name!r}; expected {noise!r}")
     return found
 
 
