@@ -32,7 +32,6 @@ centre never come near it, and an evidence by them lacks that mass.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy import linalg
@@ -40,8 +39,6 @@ from scipy import linalg
 from ridgebayes._types import FloatArray
 from ridgebayes.model.conditional_offsets import cholesky_or_nan, solve_lower
 from ridgebayes.model.model import Model
-
-_BATCH = 1_024  # draws whose covariances are held at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,19 +49,25 @@ class Conditional:
     ----------
     reference : ndarray of float, shape (n_coefficient,)
         Unconstrained coordinates that rows are linearised about.
+    columns : ndarray of float, shape (n_obs, n_coefficient + 1)
+        J, and last r.
     products : callable
-        Unconstrained coordinates of the error model's parameters, (..., n_noise), to
-        ``[J, r]' inverse(Sigma) [J, r]``, shape (..., n_coefficient + 1, n_coefficient + 1).
+        Unconstrained coordinates of the error model's parameters, (..., n_noise), and columns X to
+        ``X' inverse(Sigma) X``: `Model.products`.
+    n_at_once : int, optional
+        Draws whose covariances are held at a time: those whose likelihood is asked for next.
     """
 
     reference: FloatArray
-    products: Callable[[FloatArray], FloatArray]
+    columns: FloatArray
+    products: Callable[[FloatArray, FloatArray], FloatArray]
+    n_at_once: int = 1_024
 
     @classmethod
     def of(cls, model: Model, reference: FloatArray) -> "Conditional":
         """Linearise a model's rows about coefficients."""
         columns = model.linearised(reference)
-        return cls(reference, partial(model.products, columns=columns))
+        return cls(reference, columns, model.products, model.n_at_once)
 
     @property
     def n_coefficient(self) -> int:
@@ -86,10 +89,10 @@ class Conditional:
         lead, k = u_noise.shape[:-1], len(self.reference)
         flat = u_noise.reshape(math.prod(lead), u_noise.shape[-1])
         factor, mean = np.empty((len(flat), k, k)), np.empty((len(flat), k))
-        for i in range(0, len(flat), _BATCH):
-            here = slice(i, i + _BATCH)
+        for i in range(0, len(flat), self.n_at_once):
+            here = slice(i, i + self.n_at_once)
             with np.errstate(all="ignore"):
-                products = self.products(flat[here])
+                products = self.products(flat[here], self.columns)
             factor[here] = cholesky_or_nan(products[..., :k, :k] + np.eye(k))
             half = solve_lower(factor[here], (self.reference + products[..., :k, k])[..., None])
             step = solve_lower(factor[here], half, transposed=True)[..., 0]

@@ -88,7 +88,9 @@ def importance_posterior(
     """
     if n_draw < 128 or n_draw % 128:
         raise InputError(f"n_draw: expected a multiple of 128, got {n_draw}")
-    laplace = laplace or fit_laplace(model, search_others=True)
+    if laplace is None:
+        laplace = fit_laplace(model, search_others=True)
+    laplace = laplace.bound_to(model)
     modes = laplace.other_modes
     u, log_density, log_means, variances, shapes = [], [], [], [], []
     for repeat in range(N_REPEAT):

@@ -62,6 +62,15 @@ class Laplace:
     is_mode: bool = True
     other_modes: tuple[str, ...] = ()
 
+    def bound_to(self, model: Model) -> "Laplace":
+        """Return the same approximation in coordinates that a model of equal content works out.
+
+        What they factorise is then kept for the density that is asked for next.
+        """
+        if not isinstance(self.frame, Conditional):
+            return self
+        return replace(self, frame=replace(self.frame, products=model.products))
+
     def unwhiten(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return u at w = factor z, and log |du/dw|.
 

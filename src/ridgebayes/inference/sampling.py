@@ -58,7 +58,7 @@ def sample_posterior(
     if drawn_exactly(model):
         chains = sample_power_law(model, seed=seed)
         return posterior_of(model, chains, laplace, seed=seed, sampler="exact")
-    laplace = laplace or fit_laplace(model)
+    laplace = laplace.bound_to(model) if laplace else fit_laplace(model)
     laplace = replace(laplace, other_modes=several_modes(model, laplace))
     if model.is_latent:
         return importance_posterior(model, laplace, seed=seed, **_LATENT)[0]

@@ -30,6 +30,7 @@ from ridgebayes.model.rows import Rows
 from ridgebayes.model.shared_offsets import OffsetsGiven, SmoothOffsets, offsets_of
 
 _CACHED = 100_000  # textures times draws whose arrays fit in a processor's cache
+_COVARIANCE = 20  # numbers of a covariance that count as one texture
 _HUGE = 1e100  # coefficients beyond which a rate may overflow
 _DIFFERENCE = 1e-4  # prior sds, of the differences that a form's gradient is held to
 _LOG_2PI = math.log(2 * math.pi)
@@ -133,6 +134,18 @@ class Model:
         """Whether rows are exact with independent normal errors: the case with short cuts."""
         return isinstance(self.likelihood, IndependentNormalRows)
 
+    @property
+    def n_at_once(self) -> int:
+        """Draws whose likelihoods are worked out together.
+
+        Fewer where textures are many, or each draw has a covariance of many places: arrays stay in
+        the processor's cache, and memory does not grow with the draws.
+        """
+        per_draw = len(self._a)
+        if isinstance(self.offsets, SmoothOffsets):
+            per_draw = self.offsets.n_level**2 // _COVARIANCE
+        return max(_CACHED // max(per_draw, 1), 1)
+
     def with_priors(self, priors: Mapping[str, Prior]) -> "Model":
         """Return the model with some priors replaced."""
         return Model(self.data, self.form, self.noise, {**self.priors, **priors})
@@ -207,10 +220,8 @@ class Model:
         A texture whose rate is not positive has likelihood zero. Where offsets are drawn this may
         be Laplace's approximation; `log_density` is exact.
         """
-        n_at_once = max(_CACHED // len(self._a), 1)
+        n_at_once = self.n_at_once
         if theta.ndim == 2 and len(theta) > n_at_once:
-            # A few draws at a time where textures are many: arrays stay in the processor's cache,
-            # and memory does not grow with the draws.
             parts = range(0, len(theta), n_at_once)
             return np.concatenate([self.log_likelihood(theta[i : i + n_at_once]) for i in parts])
         with np.errstate(all="ignore"):
