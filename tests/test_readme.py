@@ -4,23 +4,26 @@ import re
 import shlex
 from pathlib import Path
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import ridgebayes as rb
 from ridgebayes.commands.cli import app
 from ridgebayes.evidence import power_law_evidence, quadrature_evidence
+from ridgebayes.evidence.prior_sensitivity import scale_factors
 from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
+from ridgebayes.model.prior_files import read_priors
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, flags=re.MULTILINE | re.DOTALL)
 PYTHON = [code for language, code in BLOCKS if language == "python"]
 SHELL = [code for language, code in BLOCKS if language == "sh"]
+PRIORS = [code for language, code in BLOCKS if language == "toml"]
 
 
 def commands(block):
@@ -29,7 +32,7 @@ def commands(block):
 
 def test_blocks__are_all_known():
     # A new block has to be run or checked below, and then counted here.
-    assert [language for language, _ in BLOCKS] == ["sh", "python", "sh", "sh"]
+    assert [language for language, _ in BLOCKS] == ["sh", "python", "sh", "toml", "sh"]
     assert TEXT.count("```") == 2 * len(BLOCKS)
 
 
@@ -43,6 +46,14 @@ def test_python_blocks__print_what_their_comments_say(tmp_path, monkeypatch):
     assert len(expected) == sum(code.count("print(") for code in PYTHON) == 4
     assert said == expected
     assert "</html>" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_priors_block__holds_the_default_priors(tmp_path):
+    (tmp_path / "priors.toml").write_text(PRIORS[0], encoding="utf-8")
+    data = Observations.from_table(rb.paper_sweep())
+    found = read_priors(tmp_path / "priors.toml", data)
+    assert list(found) == ["hybrid", "noise"]
+    assert found["hybrid"] | found["noise"] == default_priors(rb.Hybrid())
 
 
 def test_make_commands__have_targets():
@@ -90,7 +101,7 @@ def test_option_names__exist():
 
 def test_files_named__exist():
     named = re.findall(r"[`(]((?:docs|data|benchmarks|notebooks)/[\w./-]*|[A-Z]+\.md)[`)]", TEXT)
-    assert len(named) == 16
+    assert len(named) == 18
     for name in named:
         assert (ROOT / name).exists(), name
 
@@ -178,19 +189,22 @@ def test_bayes_factors_in_the_text__to_the_digits_shown(fits, on_elements):
 
 def test_prior_sensitivity_in_the_text__to_the_digits_shown(fits):
     model = {name: fits[name].model for name in ("hybrid", "modified")}
-    factors = 10.0 ** np.linspace(-1, 1, 9)
+    default = {name: exact_evidence(fits[name]) for name in model}
     ln_bf = []
-    for scale in (("c", "c1"), ("c2",), ("sigma",)):
-        for factor in factors:
-            value = {}
+    for scaled in (("c", "c1"), ("c2",), ("sigma",)):
+        for factor in scale_factors(scaled[0]):
+            new = {}
             for name, original in model.items():
                 stretched = {
-                    p: q.stretched(factor) for p, q in original.priors.items() if p in scale
+                    p: q.stretched(factor) for p, q in original.priors.items() if p in scaled
                 }
                 changed = original.with_priors(stretched)
-                value[name] = quadrature_evidence(
+                new[name] = quadrature_evidence(
                     changed.log_density, fit_laplace(changed), tol=1e-4
                 ).value
-            ln_bf.append(value["hybrid"] - value["modified"])
-    low, high = re.search(r"moves that from ([\d.]+) to (\d+\.\d+)", TEXT).groups()
+            # The error model's prior is both forms'; coefficients are each form's own.
+            together = scaled == ("sigma",)
+            ways = [new] if together else [default | {name: new[name]} for name in model]
+            ln_bf += [way["hybrid"] - way["modified"] for way in ways]
+    low, high = re.search(r"move that from ([\d.]+) to (\d+\.\d+)", TEXT).groups()
     assert (float(low), float(high)) == (round(min(ln_bf), 1), round(max(ln_bf), 1))

@@ -63,9 +63,8 @@ def run_job(
         Run folder to make.
     request : FitRequest
         What is fitted. Without a table the finite-element reference rows are compared as well, with
-        every form. With accuracy quick the error model is the normal one with the highest evidence
-        by Laplace's approximation, no textures are left out, no finite elements compared, and five
-        figures are drawn.
+        every form. With accuracy quick only error models of normal tails are weighed, no textures
+        are left out, no finite elements compared, and five figures are drawn.
     force : bool, optional
         Whether an existing run folder may be replaced.
     resume : bool, optional

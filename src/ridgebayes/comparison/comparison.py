@@ -1,4 +1,4 @@
-"""What a comparison of forms found, and its predictions averaged over the forms."""
+"""What a comparison of forms found, and its predictions averaged over forms and error models."""
 
 from dataclasses import dataclass, field
 
@@ -29,20 +29,21 @@ class Comparison:
     table : ContactTable
         The table as used.
     noise : Noise
-        Error model of the fits.
+        Error model under which parameters are printed.
     fits : dict of str to Fit
         By form name.
     evidence : pandas.DataFrame
         Columns form, noise, method, log_evidence, log_evidence_se, used, prior_probability,
-        model_probability, status. Where the error model was chosen by evidence, also one row for
-        each form under every other.
+        model_probability, status. Where several error models were weighed, rows for each form under
+        each.
     bayes_factors : pandas.DataFrame
         Columns form_a, form_b, noise, method, ln_bf, ln_bf_se, log10_bf, reading. Where several
         error models were weighed, also with these summed out.
     loo : pandas.DataFrame
         Columns form, noise, elpd, se, p, n_bad_k, stacking_weight.
     prior_sensitivity : pandas.DataFrame
-        Columns prior, factor, form, log_evidence: each prior scale over a factor of 100.
+        Columns prior, factor, form, log_evidence: each prior's scale times 0.1 (coefficients: 0.3)
+        to 10 and the nugget times 0.1 to 10, error models summed out.
     failures : dict of str to str
         Forms that could not be fitted, and why.
     left_out : pandas.DataFrame
@@ -159,7 +160,7 @@ class Comparison:
         nu: float | FloatArray = 0.5,
         kind: str = "simulation",
     ) -> QDistribution:
-        """Return the distribution of Q averaged over the forms by their probability.
+        """Return the distribution of Q averaged over forms and error models by their probability.
 
         Parameters
         ----------
@@ -202,7 +203,7 @@ class Comparison:
         nu: float = 0.5,
         kind: str = "simulation",
     ) -> LoadDistribution:
-        """Return the distribution of the load averaged over the forms by their probability.
+        """Return the distribution of the load, averaged over forms and error models.
 
         Parameters
         ----------

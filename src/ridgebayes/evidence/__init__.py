@@ -2,7 +2,8 @@
 
 | method         | for                          | error                                    |
 |----------------|------------------------------|------------------------------------------|
-| bridge         | any fit                      | Monte Carlo standard error               |
+| bridge         | posteriors walked by emcee   | Monte Carlo standard error               |
+| importance     | any model, with its draws    | the same, and the weights' Pareto shape  |
 | quadrature     | up to four parameters        | change at the last halving of the step   |
 | quadrature     | power law, any size          | the same; all K integrated exactly       |
 | laplace        | a first look                 | none given                               |
@@ -10,8 +11,9 @@
 | dynesty        | any model, minutes to hours  | Monte Carlo standard error, some tenths  |
 
 The densities are of the log loads, so evidences of one table compare across all forms. `tables`
-applies every method that suits a `Posterior`, `error_models` weighs error models, and
-`prior_sensitivity` says how far evidences depend on priors. The room knows `inference` and `model`.
+applies every method that suits a `Posterior`, `error_models` weighs every form under every error
+model, and `prior_sensitivity` says how far evidences depend on priors and on a smooth offset's
+nugget, error models summed out. The room knows `inference` and `model`.
 
 >>> from ridgebayes.inference.laplace import fit_laplace
 >>> from ridgebayes.model.forms import Modified

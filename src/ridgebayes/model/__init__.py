@@ -1,11 +1,11 @@
 """A posterior as a log density: contact forms, priors, error models, observed rows.
 
-`forms` has the contact forms; `noise`, `tails` and `shared_offsets` the error models; `priors` and
-`default_priors` the priors; `observations` the rows, `rows` their likelihood one by one. A `Model`
-(`model`) puts them together, with the likelihood that suits: of `likelihood_independent`,
-`likelihood_marginal` (offsets integrated out, see `conditional_offsets`) or `likelihood_latent`
-(offsets drawn). `replicated` says what rows could have been. Nothing here samples a posterior.
-The room knows `contact` and `table`.
+`forms` has the contact forms; `noise`, `tails` and `shared_offsets` the error models; `priors`,
+`default_priors` and `prior_files` the priors; `observations` the rows, `rows` their likelihood one
+by one. A `Model` (`model`) puts them together, with the likelihood that suits: of
+`likelihood_independent`, `likelihood_marginal` (offsets integrated out, see `conditional_offsets`)
+or `likelihood_latent` (offsets drawn, the integral estimated). `replicated` says what rows could
+have been. Nothing here samples a posterior. The room knows `contact` and `table`.
 
 >>> import numpy as np
 >>> from ridgebayes.model.forms import Modified

@@ -9,7 +9,7 @@ Examples
 >>> import ridgebayes as rb
 >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
 >>> print(render_report(cmp, ".md").splitlines()[2])
-**Hybrid is the form the evidence supports.**
+**The evidence supports Hybrid among the forms compared.**
 """
 
 import base64
@@ -76,7 +76,7 @@ def write_report(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_report(cmp, f"{folder}/report.md")
     ...     print(Path(folder, "report.md").read_text(encoding="utf-8").splitlines()[2])
-    **Hybrid is the form the evidence supports.**
+    **The evidence supports Hybrid among the forms compared.**
     """
     target = Path(path)
     suffix = target.suffix.lower()

@@ -2,8 +2,8 @@
 
 `atomic` has files that appear whole or not at all, and locks; `reading` reads what others made;
 `journal` keeps finished parts; `pool` has workers and ordered results, `cluster` those of Dask;
-`progress` times stages; `randomness` has named streams of one seed; `text` words for messages. The
-room knows `errors` and nothing of contact or statistics.
+`progress` times stages, `memory` watches how much is used; `randomness` has named streams of one
+seed; `text` words for messages. The room knows `errors` and nothing of contact or statistics.
 
 >>> from ridgebayes.runtime.pool import executor_for, map_ordered
 >>> from ridgebayes.runtime.randomness import stream
