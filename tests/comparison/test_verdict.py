@@ -132,6 +132,12 @@ def test_range__is_over_the_strongest_other_form_wherever_it_is():
     assert found.ln_bf_range == (3.0, 8.0)
 
 
+def test_range__a_form_without_an_evidence_is_in_none():
+    values = {"classic": 4.0, "modified": 10.0}
+    found = verdict(values, ("c", 0.3, {"hybrid": 99.0, "classic": 4.0, "modified": 9.0}))
+    assert found.ln_bf_range == (5.0, 6.0)
+
+
 def test_range__a_change_without_an_evidence_changes_nothing():
     values = {"classic": 4.0, "modified": 10.0}
     found = verdict(values, ("sigma", 0.1, {"classic": math.nan, "modified": math.nan}))

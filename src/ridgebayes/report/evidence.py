@@ -11,6 +11,7 @@ import pandas as pd
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bayes_factors import SUMMED
 from ridgebayes.model.default_priors import REASONS
+from ridgebayes.model.priors import Prior
 from ridgebayes.report.blocks import Block, Picture, Table, Text
 from ridgebayes.report.wording import (
     ABSENT,
@@ -225,6 +226,19 @@ def prior_section(data: ReportData) -> list[Block]:
     return blocks
 
 
+def prior_text(prior: Prior) -> str:
+    """Return a prior in words.
+
+    Examples
+    --------
+    >>> from ridgebayes.model.priors import LogNormal
+    >>> prior_text(LogNormal(2 * 1.382 / 0.042, 0.3))
+    'log-normal, median 65.81, log-sd 0.3'
+    """
+    parts = [f"{name.replace('_', '-')} {value:.4g}" for name, value in vars(prior).items()]
+    return ", ".join([prior.kind, *parts])
+
+
 def prior_table(data: ReportData) -> Table:
     """Return every parameter's prior and why it is that; of many K the first stands for all."""
     found: dict[str, tuple[str, str]] = {}
@@ -233,7 +247,7 @@ def prior_table(data: ReportData) -> Table:
             for name, prior in posterior.model.priors.items():
                 kind = name.partition("[")[0]
                 shown = f"{parameter_name(name)} and of the others" if kind != name else None
-                found.setdefault(kind, (shown or parameter_name(name), str(prior)))
+                found.setdefault(kind, (shown or parameter_name(name), prior_text(prior)))
     rows = [[shown, text, REASONS.get(kind, ABSENT)] for kind, (shown, text) in found.items()]
     return Table(
         ["Parameter", "Prior", "Why"],
