@@ -133,7 +133,7 @@ def _perturbed(
         if str(prior).startswith(_OF_ERRORS):
             yield what, new
         else:
-            for form in forms.index.intersection(part["form"]):
+            for form in forms.index.intersection(list(part["form"])):
                 values = forms.copy()
                 values[form] = new[form]
                 yield f"{form}'s {what}", values
