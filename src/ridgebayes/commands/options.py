@@ -11,9 +11,9 @@ import typer
 
 DEFAULT_OUT = Path("ridgebayes-out")
 NOISE_NAMES = (
-    "auto, STRUCTURE or STRUCTURE:student, where STRUCTURE is one of iid, texture, step, "
+    "STRUCTURE or STRUCTURE:student, where STRUCTURE is one of iid, texture, step, "
     "texture+step, step-smooth, each also with +series where a table has several series "
-    "or sources. auto weighs all that suit the table and averages over them."
+    "or sources."
 )
 Accuracy = Annotated[
     str,
@@ -30,7 +30,13 @@ Forms = Annotated[
         "The first four if not given."
     ),
 ]
-NoiseName = Annotated[str, typer.Option(help=f"Error model: {NOISE_NAMES}")]
+NoiseName = Annotated[
+    str,
+    typer.Option(
+        help=f"Error model: auto, {NOISE_NAMES} auto weighs all that suit the table and averages "
+        "over them."
+    ),
+]
 Nu = Annotated[float, typer.Option(help="Poisson's ratio.")]
 OutFile = Annotated[Path, typer.Option("-o", "--out", help="File to write.")]
 OutFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder to create.")]
@@ -172,7 +178,9 @@ class Coverage:
     forms: Forms = ""
     noise: Annotated[
         str,
-        typer.Option(help=f"Comma-separated error models: {NOISE_NAMES} All if not given."),
+        typer.Option(
+            help=f"Comma-separated error models: {NOISE_NAMES} All ten without series if not given."
+        ),
     ] = ""
     seed: Seed = 0
     force: Force = False
