@@ -328,7 +328,7 @@ def calibrate(
             checkpoint=chain_checkpoint(checkpoint, digest, model, seed, settings),
         )
     drawn = weighed.posteriors(form.name)
-    weights = error_model_weights(weighed.evidence, form.name, drawn)
+    weights = error_model_weights(weighed.evidence, form.name, {printed.name, *drawn})
     return Fit.of(posterior, weights, drawn)
 
 

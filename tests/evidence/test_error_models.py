@@ -150,6 +150,25 @@ def test_student__without_its_twin_is_not_left():
     assert found.candidates["modified", "texture:student"].left_to == ""
 
 
+# --- a power law of many textures -----------------------------------------------------------------
+
+
+def test_exact_draws__are_averaged_over_like_any_others(monkeypatch):
+    monkeypatch.setattr("ridgebayes.inference.posterior.N_TEXTURE_WALKED", 3)
+    noises = [Noise(), Noise("step")]
+    monkeypatch.setattr("ridgebayes.results.error_models_for", lambda noise, data: noises)
+    found = weigh_error_models(observations("iid"), [rb.PowerLaw()], noises, seed=3)
+    drawn = found.posteriors("power-law")
+    assert {name: one.sampler for name, one in drawn.items()} == {
+        "iid": "exact",
+        "step": "importance",
+    }
+    fit = rb.calibrate(planted("iid"), rb.PowerLaw(), rng=1)
+    assert (fit.noise.name, fit.sampler) == ("iid", "exact")
+    assert fit.error_model_weights["iid"] > fit.error_model_weights["step"] > 0.01
+    assert [one.noise.name for one, _ in fit.averaged] == ["iid", "step"]
+
+
 # --- the printed one ------------------------------------------------------------------------------
 
 

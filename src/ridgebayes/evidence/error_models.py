@@ -25,9 +25,10 @@ from ridgebayes.evidence import (
 from ridgebayes.evidence.tables import evidence_table, used_evidence
 from ridgebayes.inference.chains import ProgressCallback
 from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
+from ridgebayes.inference.laplace import Laplace, fit_laplace, no_mode, several_modes
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.inference.presets import STANDARD, Preset
+from ridgebayes.inference.sampling import sample_posterior
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
@@ -197,7 +198,7 @@ def weigh_error_models(
         return WeighedErrorModels(found)  # nothing to average over
     found = {key: _left_to_twin(one, found) for key, one in found.items()}
     close = [
-        replace(task, laplace=one.laplace)
+        replace(task, laplace=one.laplace, draws=True)
         for task, one in zip(tasks, found.values(), strict=True)
         if not one.left_to and one.evidence.value > _best(found, one.form) - _CLOSE
     ]
@@ -255,7 +256,7 @@ def _left_to_twin(one: Candidate, found: Mapping[tuple[str, str], Candidate]) ->
 class _Weighing:
     """One evidence to be found; holds all that a process of its own needs.
 
-    With the approximation that its screening found, the posterior is drawn.
+    With the approximation that its screening found, the posterior is drawn if it is asked for.
     """
 
     data: Observations
@@ -265,25 +266,38 @@ class _Weighing:
     seed: int
     accuracy: Preset
     laplace: Laplace | None = None
+    draws: bool = False
 
     @property
     def name(self) -> str:
         return f"evidence of {self.form.name}, {self.noise.name}"
 
+    @property
+    def own_seed(self) -> int:
+        return int(stream(self.seed, self.form.name, self.noise.name).integers(2**63))
+
 
 def _evaluate(task: _Weighing) -> Candidate:
-    """Screen a pair, or draw from its posterior where the approximation is known."""
+    """Screen a pair, or draw from its posterior."""
     names = task.form.name, task.noise.name
     try:
         model = Model(task.data, task.form, task.noise, task.priors)
         if task.laplace is not None:
             return _drawn(task, model, task.laplace)
         if drawn_exactly(model):
-            return Candidate(*names, power_law_evidence(model))
+            return _exact(task, model)
         laplace = fit_laplace(model)
         return Candidate(*names, _screened(model, laplace), laplace)
     except ComputationError as error:
         return Candidate(*names, LogEvidence("laplace", math.nan, math.nan, str(error)))
+
+
+def _exact(task: _Weighing, model: Model) -> Candidate:
+    evidence = power_law_evidence(model)
+    if not evidence.ok:
+        raise no_mode(model)
+    posterior = sample_posterior(model, seed=task.own_seed) if task.draws else None
+    return Candidate(model.form.name, model.noise.name, evidence, posterior=posterior)
 
 
 def _screened(model: Model, laplace: Laplace) -> LogEvidence:
@@ -298,8 +312,8 @@ def _screened(model: Model, laplace: Laplace) -> LogEvidence:
 
 def _drawn(task: _Weighing, model: Model, laplace: Laplace) -> Candidate:
     laplace = replace(laplace, other_modes=several_modes(model, laplace))
-    seed = int(stream(task.seed, task.form.name, task.noise.name).integers(2**63))
-    posterior, evidence = importance_posterior(model, laplace, seed=seed, **task.accuracy.effort)
+    effort = task.accuracy.effort
+    posterior, evidence = importance_posterior(model, laplace, seed=task.own_seed, **effort)
     screened = _screened(model, laplace)
     if screened.method == "quadrature" or not evidence.ok:
         evidence = screened
