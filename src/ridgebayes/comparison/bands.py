@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import cache, partial
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -11,11 +12,12 @@ from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
-from ridgebayes.predict.load_distribution import mix_loads
+from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.predict import KINDS, NEGLIGIBLE, predict_load, predict_q
 from ridgebayes.predict.q_distribution import QDistribution, mix_q
 
 AVERAGE = "average"
+_Distribution = TypeVar("_Distribution", QDistribution, LoadDistribution)
 _KEPT = 100_000  # bands of each posterior up to which all are kept; of more, some are made twice
 
 
@@ -85,6 +87,7 @@ def bands_table(
     blocks, errors = [], []
     for kind in KINDS:
         predicted: Callable[[Posterior], QDistribution] = partial(
+            _predicted,
             predict_q,
             a_over_R=a,
             b_over_R=b,
@@ -131,7 +134,9 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
     a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
     for kind in KINDS:
         known = frame["rel_se"].to_numpy() * (kind == "simulation")
-        predicted = cache(partial(predict_load, a_over_R=a, b_over_R=b, Q=q, nu=nu, kind=kind))
+        predicted: Callable[[Posterior], LoadDistribution] = cache(
+            partial(_predicted, predict_load, a_over_R=a, b_over_R=b, Q=q, nu=nu, kind=kind)
+        )
         for name, parts in _mixtures(comparison, [*comparison.fits, AVERAGE]).items():
             shares = [weight for _, weight in parts]
             load = mix_loads([predicted(one).widened(known) for one, _ in parts], shares)
@@ -164,6 +169,15 @@ def _nu_of_textures(comparison: Comparison) -> dict[Texture, float]:
     rows = comparison.table.frame.drop_duplicates(["a_over_R", "b_over_R"])
     columns = (rows[name].tolist() for name in ("a_over_R", "b_over_R", "nu"))
     return {(a, b): nu for a, b, nu in zip(*columns, strict=True)}
+
+
+def _predicted(
+    predict: Callable[..., _Distribution], posterior: Posterior, **where: Any
+) -> _Distribution:
+    """Predict, and let go of what was worked out for it: of all fits that would be gigabytes."""
+    found = predict(posterior, **where)
+    posterior.forget_offsets()
+    return found
 
 
 _Mixture = list[tuple[Posterior, float]]

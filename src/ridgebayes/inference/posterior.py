@@ -156,6 +156,10 @@ class Posterior:
             self._derived["offsets"] = kept
         return kept
 
+    def forget_offsets(self) -> None:
+        """Let go of what `offsets_given` keeps."""
+        self._derived.pop("offsets", None)
+
 
 def posterior_of(
     model: Model,
