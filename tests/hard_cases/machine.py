@@ -135,10 +135,11 @@ def contents(folder: Path, without: tuple[str, ...] = ()) -> dict[str, str]:
 
 
 def run_contents(folder: Path) -> dict[str, str]:
-    """Return the same of a run folder, without what is told of times."""
+    """Return the same of a run folder, without what is told of times and memory."""
     found = contents(folder, TIMES)
     for path in folder.rglob("run.json"):
         about = json.loads(path.read_text(encoding="utf-8"))
+        about.pop("peak_memory_bytes")
         names = [stage.pop("name") for stage in about["stages"]]
         about["stages"] = names
         text = json.dumps(about)
