@@ -16,7 +16,7 @@ room knows `model` and `runtime`.
 >>> model = Model(Observations.from_table(paper_sweep()), Modified())
 >>> posterior, evidence = importance_posterior(model, seed=1)
 >>> posterior
-Posterior(modified, iid: c = 1.374 ± 0.0034, sigma = 0.03183 ± 0.0037; converged)
+Posterior(modified, iid: c = 1.374 ± 0.0034, sigma = 0.03185 ± 0.0037; converged)
 >>> posterior.draws.shape, round(float(evidence.value), 1)
 ((10240, 2), 78.9)
 """
