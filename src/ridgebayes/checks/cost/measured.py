@@ -175,7 +175,7 @@ def short_costs(comparison: Comparison, stages: Sequence[dict[str, Any]]) -> pd.
     evidence = comparison.own_evidence
     evidence = evidence[(evidence["form"] == name) & evidence["used"]]
     if len(evidence):
-        seconds = spent.get(f"calibrate {name}", np.nan) + spent.get(f"evidence {name}", np.nan)
+        seconds = spent.get(f"calibrate {name}", np.nan)  # in which the evidence is found, too
         error = float(evidence["log_evidence_se"].iloc[0])
         rows.append(("evidence", f"this run, {evidence['method'].iloc[0]}", error, seconds))
     return pd.DataFrame(rows, columns=list(SHORT_COLUMNS))
