@@ -95,11 +95,9 @@ def verdict_of(
         return None
     ranked = forms.sort_values(ascending=False, kind="stable")
     (best, over), ln_bf = ranked.index[:2], float(ranked.iloc[0] - ranked.iloc[1])
-    factors = {
-        what: _lead(values, best)
-        for what, values in _perturbed(one, forms, sensitivity)
-        if np.isfinite(values).all()
-    }
+    changes = [*_perturbed(one, forms, sensitivity), *_unusable(evidence, one, forms)]
+    leads = {what: _lead(values, best) for what, values in changes}
+    factors = {what: lead for what, lead in leads.items() if math.isfinite(lead)}
     low, high = min([ln_bf, *factors.values()]), max([ln_bf, *factors.values()])
     weights = mean_evidence(evidence).set_index("noise")["probability"]
     alike = _alike(best, over, n_texture, weights)
@@ -142,6 +140,21 @@ def _perturbed(
     for noise in by_noise.index[by_noise > LEAST_WEIGHT]:
         alone = one[one["noise"] == noise].set_index("form")["log_evidence"]
         yield f"error model {noise} alone", alone.reindex(forms.index).dropna()
+
+
+def _unusable(
+    evidence: pd.DataFrame, one: pd.DataFrame, forms: pd.Series
+) -> Iterator[tuple[str, pd.Series]]:
+    """Give ln evidences with what is known of a pair whose own could not be used."""
+    known = pd.MultiIndex.from_frame(one[["form", "noise"]])
+    pairs = pd.MultiIndex.from_frame(evidence[["form", "noise"]])
+    lost = evidence[~pairs.isin(known) & np.isfinite(evidence["log_evidence"])]
+    n_noise = max(one["noise"].nunique(), 1)
+    for (form, noise), value in lost.groupby(["form", "noise"])["log_evidence"].max().items():
+        if form in forms:
+            values = forms.copy()
+            values[form] = np.logaddexp(values[form], value - math.log(n_noise))
+            yield f"{form} under {noise}, whose evidence is uncertain", values
 
 
 def _lead(values: pd.Series, best: str) -> float:
