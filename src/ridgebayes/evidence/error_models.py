@@ -314,6 +314,8 @@ def _drawn(task: _Weighing, model: Model, laplace: Laplace) -> Candidate:
     laplace = replace(laplace, other_modes=several_modes(model, laplace))
     effort = task.accuracy.effort
     posterior, evidence = importance_posterior(model, laplace, seed=task.own_seed, **effort)
+    if not evidence.ok:  # more draws, and more rounds of fitting proposals
+        posterior, evidence = importance_posterior(model, laplace, seed=task.own_seed)
     screened = _screened(model, laplace)
     if screened.method == "quadrature" or not evidence.ok:
         evidence = screened
