@@ -174,7 +174,7 @@ def test_results_table__printed_coefficients_are_those_of_the_forms():
 
 def test_bayes_factors_in_the_text__to_the_digits_shown(fits, on_elements):
     sweep = {name: exact_evidence(fits[name]) for name in ("hybrid", "modified")}
-    shown = [float(text) for text in re.findall(r"ln BF = ([\d.]+)", TEXT)]
+    shown = [float(text) for text in re.findall(r"ln BF = (\d+\.\d+)", TEXT)]
     assert shown == [
         round(sweep["hybrid"] - sweep["modified"], 2),
         round(on_elements["half-plane"] - on_elements["hybrid"], 1),

@@ -14,12 +14,15 @@ from ridgebayes.model.replicated import form_log_loads, is_possible, prior_draws
 from tests.validation.simulated import simulated
 
 N = 40_000
-# Rows 0 and 1 share a texture, 0 and 2 a step, 0 and 3 the ratio a/pitch and the step.
+# Rows 0 and 1 share a texture, 0 and 2 a step, 0 and 3 the ratio a/pitch and the step; 1 and 2 a
+# series, 0 and 3 the other.
 PLACES = {"texture": [0, 0, 1, 3], "Q": [4, 8, 4, 4]}
+SERIES = [0, 1, 1, 0]
 ETA = {
     "sigma": 0.02,
     "tau_texture": 0.03,
     "tau_step": 0.05,
+    "tau_series": 0.04,
     "length_h": 0.8,
     "length_ratio": 0.3,
     "df": 6.0,
@@ -29,7 +32,8 @@ ETA = {
 @pytest.fixture
 def model(observed):
     def make(noise, rel_se=0.0, form=Modified):
-        data = observed(PLACES["texture"], PLACES["Q"], -6.0, rel_se=rel_se)
+        series = SERIES if "series" in noise else None
+        data = observed(PLACES["texture"], PLACES["Q"], -6.0, rel_se=rel_se, series=series)
         return Model(data, form(), Noise.named(noise))
 
     return make

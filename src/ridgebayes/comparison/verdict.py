@@ -97,7 +97,7 @@ def verdict_of(
     (best, over), ln_bf = ranked.index[:2], float(ranked.iloc[0] - ranked.iloc[1])
     changes = [*_perturbed(one, forms, sensitivity), *_unusable(evidence, one, forms)]
     leads = {what: _lead(values, best) for what, values in changes}
-    factors = {what: lead for what, lead in leads.items() if math.isfinite(lead)}
+    factors = {what: lead for what, lead in leads.items() if not math.isnan(lead)}
     low, high = min([ln_bf, *factors.values()]), max([ln_bf, *factors.values()])
     weights = mean_evidence(evidence).set_index("noise")["probability"]
     alike = _alike(best, over, n_texture, weights)

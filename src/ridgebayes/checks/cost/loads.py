@@ -150,5 +150,5 @@ def _elements(a: float, b: float, p_max: float, edges: float, *, finite: bool = 
 
 def _coefficients(table: ContactTable, form: Form) -> FloatArray:
     """Return the posterior means of a form's coefficients."""
-    mean = calibrate(table, form, rng=0).summary.set_index("parameter")["mean"]
+    mean = calibrate(table, form, noise="iid", rng=0).summary.set_index("parameter")["mean"]
     return mean.loc[list(form.parameter_names)].to_numpy(dtype=float)

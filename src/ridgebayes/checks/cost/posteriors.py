@@ -67,7 +67,7 @@ def posterior_settings(table: ContactTable, form: Form, *, seed: int = 0) -> lis
 
     def walked(moves: str, n_walker: int, n_tau: float) -> _Draws:
         settings = SampleSettings(n_walker=n_walker, n_tau=n_tau, tau_change=0.1, moves=moves)
-        return all_draws(calibrate(table, form, rng=seed, settings=settings)), None
+        return all_draws(calibrate(table, form, noise="iid", rng=seed, settings=settings)), None
 
     def off(draws: Callable[[], _Draws]) -> Callable[[], dict[str, float]]:
         def error() -> dict[str, float]:
@@ -122,7 +122,7 @@ def evidence_settings(table: ContactTable, form: Form, *, seed: int = 0) -> list
     model = Model(Observations.from_table(table), form, Noise.named("iid"))
     laplace = fit_laplace(model)
     best = quadrature_evidence(model.log_density, laplace, tol=1e-9).value
-    fit = calibrate(table, form, rng=seed)
+    fit = calibrate(table, form, noise="iid", rng=seed)
     reference = "quadrature, tolerance 1e-9"
 
     def off(value: Callable[[], float]) -> Callable[[], dict[str, float]]:
