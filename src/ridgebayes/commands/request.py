@@ -28,7 +28,6 @@ from ridgebayes.model.forms import Form, form_named
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import read_priors
-from ridgebayes.report.first_screen import headline, lead
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.table.datafiles import paper_sweep
 from ridgebayes.table.table import ContactTable, read_table
@@ -216,4 +215,6 @@ def answer(done: Comparison) -> str:
     table = pd.DataFrame(rows).to_string(index=False)
     if verdict is None:
         return table
-    return f"{headline(verdict)} {lead(verdict)}\n{table}"
+    # What imports all that draws: a fit, which has no verdict, need not wait for it.
+    words = import_module("ridgebayes.report.first_screen")
+    return f"{words.headline(verdict)} {words.lead(verdict)}\n{table}"

@@ -182,13 +182,14 @@ def compare_with(
     printed = printed_error_model(weighed.evidence)
     # What tells of progress cannot be sent to another process.
     progress = None if execution.executor else execution.progress
+    digest = table.calibration.digest()
     tasks = [
         _PrintedFit(
             model=Model(data, form, printed, priors_of(priors, form, printed)),
             candidate=weighed.candidates[form.name, printed.name],
             is_negligible=weighed.form_share(form.name) < NEGLIGIBLE,
             seed=int(stream(seed, form.name).integers(2**63)),
-            table_digest=table.calibration.digest(),
+            table_digest=digest,
             execution=replace(execution, executor=None, stage=untimed, progress=progress),
         )
         for form in known

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -84,7 +85,7 @@ class WeighedErrorModels:
 
     candidates: dict[tuple[str, str], Candidate] = field(repr=False)
 
-    @property
+    @cached_property
     def evidence(self) -> pd.DataFrame:
         """Columns of `evidence.csv`, a row for each pair."""
         return evidence_table({key: [one.evidence] for key, one in self.candidates.items()})
@@ -198,7 +199,7 @@ def weigh_error_models(
         return WeighedErrorModels(found)  # nothing to average over
     found = {key: _left_to_twin(one, found) for key, one in found.items()}
     close = [
-        replace(task, laplace=one.laplace, draws=True)
+        replace(task, screened=one, draws=True)
         for task, one in zip(tasks, found.values(), strict=True)
         if not one.left_to and one.evidence.value > _best(found, one.form) - _CLOSE
     ]
@@ -256,7 +257,7 @@ def _left_to_twin(one: Candidate, found: Mapping[tuple[str, str], Candidate]) ->
 class _Weighing:
     """One evidence to be found; holds all that a process of its own needs.
 
-    With the approximation that its screening found, the posterior is drawn if it is asked for.
+    With what its screening found, the posterior is drawn if it is asked for.
     """
 
     data: Observations
@@ -265,7 +266,7 @@ class _Weighing:
     priors: Mapping[str, Prior]
     seed: int
     accuracy: Preset
-    laplace: Laplace | None = None
+    screened: Candidate | None = None
     draws: bool = False
 
     @property
@@ -282,8 +283,8 @@ def _evaluate(task: _Weighing) -> Candidate:
     names = task.form.name, task.noise.name
     try:
         model = Model(task.data, task.form, task.noise, task.priors)
-        if task.laplace is not None:
-            return _drawn(task, model, task.laplace)
+        if task.screened is not None and task.screened.laplace is not None:
+            return _drawn(task, model, task.screened.evidence, task.screened.laplace)
         if drawn_exactly(model):
             return _exact(task, model)
         laplace = fit_laplace(model)
@@ -310,13 +311,12 @@ def _screened(model: Model, laplace: Laplace) -> LogEvidence:
     return laplace_evidence(laplace)
 
 
-def _drawn(task: _Weighing, model: Model, laplace: Laplace) -> Candidate:
+def _drawn(task: _Weighing, model: Model, screened: LogEvidence, laplace: Laplace) -> Candidate:
     laplace = replace(laplace, other_modes=several_modes(model, laplace))
     effort = task.accuracy.effort
     posterior, evidence = importance_posterior(model, laplace, seed=task.own_seed, **effort)
     if not evidence.ok:  # more draws, and more rounds of fitting proposals
         posterior, evidence = importance_posterior(model, laplace, seed=task.own_seed)
-    screened = _screened(model, laplace)
     if screened.method == "quadrature" or not evidence.ok:
         evidence = screened
     return Candidate(model.form.name, model.noise.name, evidence, laplace, posterior)

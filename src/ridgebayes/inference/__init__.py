@@ -1,6 +1,6 @@
 """Draws from a posterior: its normal approximation, samplers, diagnostics, files.
 
-`laplace` finds a mode, in the `coordinates` that suit; `moves` fits proposals. Three ways lead to a
+`laplace` finds a mode (`mode_search`), in the `coordinates` that suit; `moves` fits proposals. Three ways lead to a
 `Posterior` (`posterior`): a walk (`emcee_sampling`; `chains` has what it is asked for and what it
 returns, `checkpoint` keeps it on disk), `importance_sampling` (always where offsets have no
 closed-form integral), and for the power law exact draws (`power_law_exact`); `sampling` picks the

@@ -9,7 +9,6 @@ curvature are found, proposals are fitted, evidences integrated.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy import linalg, optimize
@@ -17,6 +16,7 @@ from scipy import linalg, optimize
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.coordinates import Conditional, Funnel, FunnelAbout
+from ridgebayes.inference.mode_search import WIDTH, hessian, scale, searched
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.model import Model
 
@@ -32,8 +32,6 @@ _NEGLIGIBLE = -14.0  # ln of the share of the mass below which a mode does not c
 _FAR = 1e100  # stands for minus the log density where there is none; its square is a number
 _SHARP = 1e12  # curvature by (prior sds)^2 beyond which it is of rounding
 _ROUGH = 0.1  # by which a log density may differ between two ways to one point
-_WITHOUT_SLOPE = {"xatol": 1e-3, "fatol": 1e-4, "maxfev": 300}
-_STEP = 0.02  # of numerical derivatives by an error model's parameters, in prior sds
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,16 +285,16 @@ def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
                 value = -model.marginal_log_density(everything) - log_jacobian
             return np.where(np.isfinite(value), value, _FAR)
 
-        noise = _searched(negative, noise, flat)
+        noise = searched(negative, noise, flat)
         if not np.all(np.abs(noise) < _RUNAWAY):
             raise no_mode(model)
         reference = frame.forward(np.zeros(k), noise)[0]
-    precision = _hessian(negative, noise)
+    precision = hessian(negative, noise)
     values, vectors = linalg.eigh(precision)
     is_mode = bool(np.all(values > 0))
     if not np.all(np.abs(values) < _SHARP):
         # Beside an edge of what rounding lets be computed: only how far away it is, is known.
-        precision, is_mode = np.diag((5 * _STEP * _scale(negative, noise)) ** -2.0), False
+        precision, is_mode = np.diag((WIDTH * scale(negative, noise)) ** -2.0), False
     elif not is_mode:
         # Humps and kinks of a Student posterior: coordinates need a scale, not the very mode.
         precision = (vectors * np.maximum(np.abs(values), 1)) @ vectors.T
@@ -320,61 +318,6 @@ def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
             "decides: rows agree with each other to more digits than their covariance can hold"
         )
     return Laplace(mode, factor, log_density, frame, n_noise, is_mode)
-
-
-def _value_and_slope(
-    function: Callable[[FloatArray], FloatArray], x: FloatArray
-) -> tuple[float, FloatArray]:
-    """Value, and gradient by central differences of fourth order, all points in one call."""
-    steps = np.array([1.0, -1.0, 2.0, -2.0])[:, None, None] * _STEP * np.eye(len(x))
-    values = function(np.concatenate([x[None], (x + steps).reshape(-1, len(x))]))
-    ahead, behind, far_ahead, far_behind = values[1:].reshape(4, len(x))
-    return float(values[0]), (8 * (ahead - behind) - (far_ahead - far_behind)) / (12 * _STEP)
-
-
-def _searched(
-    function: Callable[[FloatArray], FloatArray], start: FloatArray, flat: float
-) -> FloatArray:
-    """Return the minimiser, searched for in units of how sharply the function bends."""
-    scale = _scale(function, start)
-
-    def scaled(y: FloatArray) -> FloatArray:
-        return function(start + scale * y)
-
-    found = optimize.minimize(
-        partial(_value_and_slope, scaled),
-        np.zeros(len(start)),
-        jac=True,
-        method="BFGS",
-        options={"gtol": flat},
-    )
-    if not found.success:
-        # Rounding of nearly singular covariances: no slope is to be had of it.
-        found = optimize.minimize(
-            lambda y: float(scaled(y)), found.x, method="Nelder-Mead", options=_WITHOUT_SLOPE
-        )
-    return start + scale * found.x
-
-
-def _scale(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """Return factors of at most 1 by which steps have to shrink where a function bends sharply."""
-    factors = 0.5 ** np.arange(9)
-    steps = 5 * _STEP * factors[:, None, None] * np.eye(len(x))
-    bends = np.abs(function(x + steps) + function(x - steps) - 2 * function(x))
-    return factors[np.argmax(bends < 1, axis=0)]
-
-
-def _hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """Hessian by central differences of gradients, with steps that rounding and bends allow."""
-    scale = _scale(function, x)
-
-    def scaled(y: FloatArray) -> FloatArray:
-        return function(x + scale * y)
-
-    steps = 5 * _STEP * np.eye(len(x))
-    slopes = [[_value_and_slope(scaled, s)[1] for s in (step, -step)] for step in steps]
-    rows = np.array([(ahead - behind) / (10 * _STEP) for ahead, behind in slopes])
-    return 0.5 * (rows + rows.T) / np.outer(scale, scale)
 
 
 def _fit_iid_gaussian(model: Model, tol: float, u: FloatArray) -> Laplace:

@@ -1,0 +1,68 @@
+"""Search for the minimum of a function of a few numbers by its values, many points in one call."""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from scipy import optimize
+
+from ridgebayes._types import FloatArray
+
+_WITHOUT_SLOPE = {"xatol": 1e-3, "fatol": 1e-4, "maxfev": 300}
+_STEP = 0.02  # of numerical derivatives by an error model's parameters, in prior sds
+WIDTH = 5 * _STEP  # of steps between slopes, where the function bends little
+
+
+def _value_and_slope(
+    function: Callable[[FloatArray], FloatArray], x: FloatArray
+) -> tuple[float, FloatArray]:
+    """Value, and gradient by central differences of fourth order, all points in one call."""
+    steps = np.array([1.0, -1.0, 2.0, -2.0])[:, None, None] * _STEP * np.eye(len(x))
+    values = function(np.concatenate([x[None], (x + steps).reshape(-1, len(x))]))
+    ahead, behind, far_ahead, far_behind = values[1:].reshape(4, len(x))
+    return float(values[0]), (8 * (ahead - behind) - (far_ahead - far_behind)) / (12 * _STEP)
+
+
+def searched(
+    function: Callable[[FloatArray], FloatArray], start: FloatArray, flat: float
+) -> FloatArray:
+    """Return the minimiser, searched for in units of how sharply the function bends."""
+    factors = scale(function, start)
+
+    def scaled(y: FloatArray) -> FloatArray:
+        return function(start + factors * y)
+
+    found = optimize.minimize(
+        partial(_value_and_slope, scaled),
+        np.zeros(len(start)),
+        jac=True,
+        method="BFGS",
+        options={"gtol": flat},
+    )
+    if not found.success:
+        # Rounding of nearly singular covariances: no slope is to be had of it.
+        found = optimize.minimize(
+            lambda y: float(scaled(y)), found.x, method="Nelder-Mead", options=_WITHOUT_SLOPE
+        )
+    return start + factors * found.x
+
+
+def scale(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+    """Return factors of at most 1 by which steps have to shrink where a function bends sharply."""
+    factors = 0.5 ** np.arange(9)
+    steps = WIDTH * factors[:, None, None] * np.eye(len(x))
+    bends = np.abs(function(x + steps) + function(x - steps) - 2 * function(x))
+    return factors[np.argmax(bends < 1, axis=0)]
+
+
+def hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+    """Hessian by central differences of gradients, with steps that rounding and bends allow."""
+    factors = scale(function, x)
+
+    def scaled(y: FloatArray) -> FloatArray:
+        return function(x + factors * y)
+
+    steps = WIDTH * np.eye(len(x))
+    slopes = [[_value_and_slope(scaled, s)[1] for s in (step, -step)] for step in steps]
+    rows = np.array([(ahead - behind) / (2 * WIDTH) for ahead, behind in slopes])
+    return 0.5 * (rows + rows.T) / np.outer(factors, factors)

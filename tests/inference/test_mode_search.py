@@ -1,0 +1,32 @@
+"""The search of a function's minimum by its values: quadratics have closed forms."""
+
+import numpy as np
+
+from ridgebayes.inference.mode_search import hessian, scale, searched
+
+CENTRE = np.array([0.3, -1.2, 0.05])
+# One direction bends 1e4 times more than another, and the first two depend on each other.
+CURVATURE = np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 1e4]])
+
+
+def bowl(x):
+    away = x - CENTRE
+    return 0.5 * np.einsum("...i,ij,...j->...", away, CURVATURE, away)
+
+
+def test_searched__finds_the_centre_of_a_bowl_that_is_sharp_in_one_direction():
+    found = searched(bowl, np.zeros(3), 1e-3)
+    # The slope at which the search ends, over the least curvature.
+    assert np.all(np.abs(found - CENTRE) < 2e-3)
+
+
+def test_hessian__of_a_bowl_is_its_curvature():
+    # Differences of fourth order are exact for a quadratic: rounding alone.
+    np.testing.assert_allclose(hessian(bowl, CENTRE), CURVATURE, rtol=1e-6, atol=1e-6)
+
+
+def test_scale__shrinks_only_where_the_function_bends_sharply():
+    factors = scale(bowl, CENTRE)
+    assert factors[:2].tolist() == [1.0, 1.0]
+    # Two steps of 0.1 raise the bowl by 100, of a sixteenth of that by 100 / 256.
+    assert factors[2] == 1 / 16
