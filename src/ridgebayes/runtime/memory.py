@@ -8,7 +8,7 @@ from os import getpid
 from pathlib import Path
 
 _PROC = Path("/proc")
-_EVERY = 0.5  # seconds between two looks
+_EVERY = 1.0  # seconds between two looks, each of some 10 ms
 
 
 @dataclass
@@ -25,16 +25,19 @@ class PeakMemory:
 
     def look(self) -> None:
         """Add up this process and all below it; memory that they share counts once."""
-        parents = {}
-        for path in _PROC.glob("[0-9]*/stat"):
-            with suppress(OSError, ValueError):  # a process that has just ended
-                parents[int(path.parent.name)] = int(path.read_text().rpartition(")")[2].split()[1])
-        mine = {getpid()}
-        while found := {child for child, parent in parents.items() if parent in mine} - mine:
-            mine |= found
-        total = sum(map(_proportional_set_size, mine))
-        if total:
-            self.in_bytes = max(self.in_bytes or 0, total)
+        if (_PROC / "self/task" / str(threading.get_native_id()) / "children").exists():
+            total = sum(map(_proportional_set_size, _family(getpid())))
+            self.in_bytes = max(self.in_bytes or 0, total) or None
+
+
+def _family(process: int) -> list[int]:
+    """Return a process and all below it."""
+    found = [process]
+    for one in found:  # which grows meanwhile
+        for path in (_PROC / str(one) / "task").glob("*/children"):
+            with suppress(OSError):  # a thread or process that has just ended
+                found += map(int, path.read_text().split())
+    return found
 
 
 def _proportional_set_size(process: int) -> int:

@@ -259,6 +259,13 @@ def test_a_figure_is_drawn_once(single):
     assert gallery.file("bands", "png") is gallery.file("bands", "png")
 
 
+def test_asking_whether_a_figure_is_there_draws_none(single):
+    gallery = Gallery(report_data(single))
+    gallery._recipes = {"bands": lambda: pytest.fail("drawn")}
+    assert "bands" in gallery
+    assert "evidence" not in gallery
+
+
 def test_gallery_of_workers_is_the_same_to_the_last_byte(single, bare):
     with workers(2) as pool:
         elsewhere = Gallery(report_data(replace(single)), pool)

@@ -63,6 +63,9 @@ class Gallery(Mapping[str, Figure]):
             self._figures[name] = self._recipes[name]()
         return self._figures[name]
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._recipes  # `Mapping` would draw it to find out
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._recipes)
 
