@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from ridgebayes.comparison.bayes_factors import summed_bayes_factors
 from ridgebayes.contact.halfplane import transition_loads
+from ridgebayes.distributions.distribution import LogNormal
 from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import LogNormal
 from ridgebayes.model.rows import Rows
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.q_distribution import QDistribution, mix_q

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from scipy import integrate, stats
 
+from ridgebayes.distributions.distribution import LogNormal
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.diagnostics import effective_sample_size
@@ -12,7 +13,6 @@ from ridgebayes.inference.power_law_exact import log_evidence_given_sigma
 from ridgebayes.model.forms import HalfPlane, Hybrid, Modified, PowerLaw
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import refuse_circular
-from ridgebayes.model.priors import LogNormal
 from ridgebayes.results import Fit, calibrate
 from ridgebayes.table.table import ContactTable
 

@@ -33,9 +33,13 @@ _HOME = {
     "Hybrid": "model.forms",
     "Modified": "model.forms",
     "PowerLaw": "model.forms",
-    "HalfNormal": "model.priors",
-    "LogNormal": "model.priors",
-    "Normal": "model.priors",
+    "Empirical": "distributions.empirical",
+    "Gamma": "distributions.distribution",
+    "HalfNormal": "distributions.distribution",
+    "LogNormal": "distributions.distribution",
+    "Normal": "distributions.distribution",
+    "Truncated": "distributions.bounded",
+    "Uniform": "distributions.bounded",
     "Fit": "results",
     "calibrate": "results",
     "SampleSettings": "inference.chains",
@@ -64,10 +68,12 @@ if TYPE_CHECKING:
     from ridgebayes._types import __version__
     from ridgebayes.comparison.compare import compare
     from ridgebayes.comparison.comparison import Comparison
+    from ridgebayes.distributions.bounded import Truncated, Uniform
+    from ridgebayes.distributions.distribution import Gamma, HalfNormal, LogNormal, Normal
+    from ridgebayes.distributions.empirical import Empirical
     from ridgebayes.errors import ComputationError, InputError, RidgebayesError
     from ridgebayes.inference.chains import SampleSettings
     from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
-    from ridgebayes.model.priors import HalfNormal, LogNormal, Normal
     from ridgebayes.predict.load_distribution import LoadDistribution
     from ridgebayes.predict.q_distribution import QDistribution
     from ridgebayes.report import write_report

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ridgebayes._types import FloatArray, Rng, __version__
+from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.evidence.error_models import (
     AUTO,
     error_model_weights,
@@ -25,7 +26,7 @@ from ridgebayes.model.forms import FORMS, Form, form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.model.priors import Prior
+from ridgebayes.model.prior_files import OF_ERRORS, Priors, resolve_priors
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.predict.q_distribution import QDistribution, mix_q
@@ -243,7 +244,7 @@ def calibrate(
     form: Form | str,
     *,
     noise: str | Noise = AUTO,
-    priors: Mapping[str, Prior] | None = None,
+    priors: Mapping[str, Distribution | str] | None = None,
     rng: Rng = 0,
     settings: SampleSettings | None = None,
     progress: ProgressCallback | None = None,
@@ -259,8 +260,9 @@ def calibrate(
         Contact form, or its name.
     noise : str or Noise, optional
         Error model; ``auto`` weighs all that suit the table and averages predictions over them.
-    priors : mapping of str to Prior, optional
-        Replacements for default priors, by parameter name.
+    priors : mapping of str to Distribution or str, optional
+        Replacements for default priors, by parameter name; a text is as in a file of priors, such
+        as ``lognormal(1.382, 10 %)``.
     rng : int or numpy.random.Generator, optional
         Seed; the same seed gives the same draws.
     settings : SampleSettings, optional
@@ -305,10 +307,11 @@ def calibrate(
     data, seed, given = Observations.from_table(table), seed_of(rng), dict(priors or {})
     noises = error_models_for(noise, data)
     of_noise = {name for each in noises for name in each.parameter_names}
-    by_owner = {
+    split: Priors = {
         form.name: {name: one for name, one in given.items() if name not in of_noise},
-        "noise": {name: one for name, one in given.items() if name in of_noise},
+        OF_ERRORS: {name: one for name, one in given.items() if name in of_noise},
     }
+    by_owner = resolve_priors(split, [form], noises, data)
     weighed = weigh_error_models(
         data, [form], noises, priors=by_owner, seed=seed, progress=progress
     )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.evidence.nested import _log_likelihood_given_offsets, nested_evidence
@@ -12,7 +13,6 @@ from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.priors import HalfNormal, LogNormal
 
 TEXTURE = np.array([0, 0, 0, 1, 1, 1])
 Q = np.array([4, 6, 8, 4, 6, 8])

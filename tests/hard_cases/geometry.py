@@ -16,10 +16,10 @@ from ridgebayes.contact.loadtable import HalfPlaneLoads
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.contact.scaling import reduced_load
+from ridgebayes.distributions.distribution import LogNormal
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import LogNormal
 from ridgebayes.scene.scene import Texture
 from tests.hard_cases.case import hard_case, refused
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from ridgebayes.distributions.distribution import HalfNormal
 from ridgebayes.inference.coordinates import Conditional, Funnel
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.power_law_exact import conditional_log_k
@@ -12,7 +13,6 @@ from ridgebayes.model.forms import HalfPlane, Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import NUGGET, Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import HalfNormal
 
 STRUCTURES = Noise.structures
 WIDTHS = np.array([(0.012, 0.03), (0.032, 0.01), (0.022, 0.02), (0.018, 0.045)])

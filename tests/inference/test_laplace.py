@@ -3,6 +3,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from ridgebayes.distributions.distribution import HalfNormal
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import laplace_evidence
 from ridgebayes.inference.coordinates import Funnel
@@ -11,7 +12,6 @@ from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import HalfNormal
 from ridgebayes.table.table import ContactTable
 
 FACTOR = np.array([[0.3, 0, 0], [-0.04, 0.02, 0], [0.1, 0.2, 0.15]])

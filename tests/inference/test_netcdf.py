@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+from ridgebayes.distributions.distribution import HalfNormal, LogNormal, Normal
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import bridge_evidence, quadrature_evidence
 from ridgebayes.inference import netcdf as labelled
@@ -26,7 +27,6 @@ from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import HalfNormal, LogNormal, Normal
 from ridgebayes.results import Fit, calibrate
 
 NAMES = ("classic", "power-law", "modified", "hybrid")

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from scipy import integrate, stats
 
+from ridgebayes.distributions.distribution import Normal
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import bridge_evidence, power_law_evidence, quadrature_evidence
 from ridgebayes.inference.power_law_exact import (
@@ -17,7 +18,6 @@ from ridgebayes.inference.power_law_exact import (
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import Normal
 from ridgebayes.table.table import ContactTable
 
 

@@ -1,9 +1,9 @@
 import pytest
 
+from ridgebayes.distributions.distribution import Gamma, HalfNormal, LogNormal, Normal
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.priors import Gamma, HalfNormal, LogNormal, Normal
 
 
 def test_default_priors__of_each_error_model_follow_the_coefficients():

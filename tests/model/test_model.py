@@ -3,12 +3,12 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from ridgebayes.distributions.distribution import HalfNormal, LogNormal, Normal
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import HalfNormal, LogNormal, Normal
 from ridgebayes.table.table import ContactTable
 
 TEXTURES = np.array([(0.012, 0.03), (0.032, 0.01), (0.022, 0.02)])

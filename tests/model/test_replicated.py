@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from ridgebayes.distributions.distribution import Normal
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import Normal
 from ridgebayes.model.replicated import form_log_loads, is_possible, prior_draws, simulate_log_loads
 from tests.validation.simulated import simulated
 

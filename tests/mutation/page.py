@@ -19,7 +19,7 @@ CORE = {
     "forms": ("model.forms.",),
     "likelihood": (
         *("model.model", "model.rows", "model.likelihood", "model.observations", "model.noise"),
-        *("model.priors", "model.shared_offsets", "inference.laplace"),
+        *("distributions.distribution", "model.shared_offsets", "inference.laplace"),
     ),
     "evidence": (
         *("evidence.", "inference.log_evidence", "inference.power_law_exact"),

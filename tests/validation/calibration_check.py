@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray, Rng
+from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.importance_sampling import importance_posterior
@@ -25,7 +26,6 @@ from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import Prior
 from ridgebayes.model.replicated import prior_draws, simulate_log_loads
 from ridgebayes.results import Fit
 from ridgebayes.runtime.pool import map_ordered
@@ -180,7 +180,7 @@ class _Replication:
     places: Observations
     form: Form
     noise: Noise
-    priors: Mapping[str, Prior] | None
+    priors: Mapping[str, Distribution] | None
     engine: Engine
     n_draw: int
     seed: int
@@ -234,7 +234,7 @@ def sbc(
     rng: Rng = 0,
     fit: str | Engine = "walk",
     n_draw: int = 199,
-    priors: Mapping[str, Prior] | None = None,
+    priors: Mapping[str, Distribution] | None = None,
     executor: Executor | None = None,
     progress: ProgressCallback | None = None,
 ) -> SBC:
@@ -259,7 +259,7 @@ def sbc(
         `importance_posterior`; or what makes a Fit of a Model and a ``seed``.
     n_draw : int, optional
         Draws of each posterior that the truth is ranked among.
-    priors : mapping of str to Prior, optional
+    priors : mapping of str to Distribution, optional
         Replacements for default priors, by parameter name.
     executor : concurrent.futures.Executor, optional
         What replicates are computed on; one after another if not given. The result is the same.

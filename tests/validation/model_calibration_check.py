@@ -16,6 +16,7 @@ from scipy import stats
 from scipy.special import softmax
 
 from ridgebayes._types import Rng
+from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.log_evidence import LogEvidence
@@ -23,7 +24,6 @@ from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import Prior
 from ridgebayes.model.replicated import is_possible, simulate_log_loads
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
@@ -154,7 +154,7 @@ class _Replication:
     places: Observations
     forms: tuple[Form, ...]
     noise: Noise
-    priors: Mapping[str, Prior]
+    priors: Mapping[str, Distribution]
     weigh: Weigh
     seed: int
 
@@ -207,7 +207,7 @@ def model_sbc(
     *,
     n_replicate: int = 200,
     rng: Rng = 0,
-    priors: Mapping[str, Prior] | None = None,
+    priors: Mapping[str, Distribution] | None = None,
     weigh: Weigh = _by_importance,
     executor: Executor | None = None,
 ) -> ModelSBC:
@@ -225,7 +225,7 @@ def model_sbc(
         Simulated sets of rows.
     rng : int or numpy.random.Generator, optional
         Seed; each replicate has a stream of its own.
-    priors : mapping of str to Prior, optional
+    priors : mapping of str to Distribution, optional
         Replacements for default priors, for the forms that have such a parameter.
     weigh : callable, optional
         What makes a LogEvidence of a Model and a ``seed``: `importance_posterior` if not given.

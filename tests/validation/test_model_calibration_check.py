@@ -3,12 +3,12 @@ import pandas as pd
 import pytest
 from scipy.special import logsumexp
 
+from ridgebayes.distributions.distribution import LogNormal
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.forms import Classic, Modified
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import LogNormal
 from tests.validation.model_calibration_check import PROBABILITY_COLUMNS, ModelSBC, model_sbc
 
 LOG_SIGMA = np.linspace(-14.0, 0.0, 3_000)

@@ -16,18 +16,13 @@ from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.evidence.error_models import (
-    AUTO,
-    Priors,
-    error_models_for,
-    refuse_unknown_priors,
-)
+from ridgebayes.evidence.error_models import AUTO, error_models_for
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import Form, form_named
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.model.prior_files import read_priors
+from ridgebayes.model.prior_files import ResolvedPriors, read_priors, resolve_priors
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.table.datafiles import paper_sweep
 from ridgebayes.table.table import ContactTable, read_table
@@ -124,8 +119,11 @@ class FitRequest:
             refuse_circular(table, form)
         data = Observations.from_table(table)  # refuses rows that cannot be fitted
         noise = AUTO if self.noise == AUTO else Noise.named(self.noise)
-        priors = read_priors(self.priors, data) if self.priors else {}
-        refuse_unknown_priors(forms, error_models_for(noise, data), priors)
+        priors = {}
+        if self.priors:
+            content, where = read_priors(self.priors), str(self.priors)
+            noises, folder = error_models_for(noise, data), self.priors.parent
+            priors = resolve_priors(content, forms, noises, data, where=where, folder=folder)
         accuracy, settings = Preset.named(self.accuracy), self.settings
         if self.time_limit is not None:
             settings = replace(settings or accuracy.settings, time_limit=self.time_limit)
@@ -142,7 +140,7 @@ class Inputs:
     accuracy: Preset
     seed: int
     settings: SampleSettings | None
-    priors: Priors = field(default_factory=dict)
+    priors: ResolvedPriors = field(default_factory=dict)
 
     def compare(
         self,

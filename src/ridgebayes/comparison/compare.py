@@ -18,7 +18,6 @@ from ridgebayes.evidence import LogEvidence, laplace_evidence
 from ridgebayes.evidence.error_models import (
     AUTO,
     Candidate,
-    Priors,
     WeighedErrorModels,
     error_model_weights,
     error_models_for,
@@ -38,6 +37,7 @@ from ridgebayes.model.forms import Classic, Form, Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
+from ridgebayes.model.prior_files import Priors, resolve_priors
 from ridgebayes.results import Fit, as_form, as_table, chain_checkpoint
 from ridgebayes.runtime.pool import map_ordered, submit_or_defer
 from ridgebayes.runtime.randomness import seed_of, stream
@@ -106,8 +106,9 @@ def compare(
         Classic, power law, Modified and Hybrid if not given.
     noise : str or Noise, optional
         Error model of all forms; ``auto`` weighs all that suit the table, and averages over them.
-    priors : mapping of str to mapping of str to Prior, optional
-        Replacements for default priors: by form name, or ``noise``, and parameter name.
+    priors : mapping of str to mapping of str to Distribution or str, optional
+        Replacements for default priors: by form name, or ``noise``, and parameter name; a text is
+        as in a file of priors, such as ``lognormal(1.382, 10 %)``.
     rng : int or numpy.random.Generator, optional
         Seed. Each form draws from a stream of its own name.
     settings : SampleSettings, optional
@@ -168,12 +169,13 @@ def compare_with(
     noises = error_models_for(noise, data)
     if not execution.accuracy.extras and len(noises) > 1:  # a quick run
         noises = [each for each in noises if each.tail == "normal"]
+    known_priors = resolve_priors(priors, known, noises, data)
     with stage("error models"):
         weighed = weigh_error_models(
             data,
             known,
             noises,
-            priors=priors,
+            priors=known_priors,
             seed=seed,
             executor=execution.executor,
             progress=execution.progress,
@@ -185,7 +187,7 @@ def compare_with(
     digest = table.calibration.digest()
     tasks = [
         _PrintedFit(
-            model=Model(data, form, printed, priors_of(priors, form, printed)),
+            model=Model(data, form, printed, priors_of(known_priors, form, printed)),
             candidate=weighed.candidates[form.name, printed.name],
             is_negligible=weighed.form_share(form.name) < NEGLIGIBLE,
             seed=int(stream(seed, form.name).integers(2**63)),
@@ -219,7 +221,8 @@ def _scored(execution: Execution, comparison: Comparison) -> Comparison:
     executor = execution.executor
     nested_later = None  # begun beside the scores, where there are workers
     if {"modified", "hybrid"} <= set(fits):
-        nested_later = submit_or_defer(executor, savage_dickey, fits["hybrid"])
+        nested_prior = fits["modified"].model.priors["c"]
+        nested_later = submit_or_defer(executor, savage_dickey, fits["hybrid"], nested_prior)
     loo, sensitivity = comparison.loo, comparison.prior_sensitivity
     if execution.scores:
         loo_later = submit_or_defer(executor, loo_table, fits)

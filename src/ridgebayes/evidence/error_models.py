@@ -16,7 +16,8 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.distributions.distribution import Distribution
+from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import (
     LogEvidence,
     laplace_evidence,
@@ -28,13 +29,14 @@ from ridgebayes.inference.chains import ProgressCallback
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import Laplace, fit_laplace, no_mode, several_modes
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
+from ridgebayes.inference.power_law_exact import is_conjugate
 from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.inference.sampling import sample_posterior
-from ridgebayes.model.forms import Form, PowerLaw
+from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import Prior
+from ridgebayes.model.prior_files import OF_ERRORS, Priors, ResolvedPriors, resolve_priors
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import stream
 
@@ -43,8 +45,6 @@ LEAST_WEIGHT = 0.01  # of a pair of form and error model that predictions are av
 AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apart by simplicity
 # Laplace's approximation is low by up to two; e^-6.6 is a tenth of the weight that counts.
 _CLOSE = 6.6
-
-Priors = Mapping[str, Mapping[str, Prior]]  # by form name or "noise", then by parameter
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +152,7 @@ def weigh_error_models(
         Contact forms.
     noises : sequence of Noise
         Error models; of one alone there is nothing to average over, and nothing is drawn.
-    priors : mapping of str to mapping of str to Prior, optional
+    priors : mapping of str to mapping of str to Distribution or str, optional
         Replacements for default priors: by form name, or ``noise``, and parameter name.
     seed : int, optional
         Each pair draws from a stream of its own.
@@ -182,10 +182,10 @@ def weigh_error_models(
     A Student tail with shared offsets is left to its normal twin where Laplace's approximation
     finds no gain in it: their predictions then agree.
     """
-    refuse_unknown_priors(forms, noises, priors)
+    known = resolve_priors(priors, forms, noises, data)
     pairs = list(itertools.product(forms, noises))
     tasks = [
-        _Weighing(data, form, noise, priors_of(priors, form, noise), seed, accuracy)
+        _Weighing(data, form, noise, priors_of(known, form, noise), seed, accuracy)
         for form, noise in pairs
     ]
 
@@ -215,28 +215,12 @@ def error_models_for(noise: str | Noise, data: Observations) -> list[Noise]:
     return list(Noise.candidates(data.n_series))
 
 
-def priors_of(priors: Priors | None, form: Form, noise: Noise) -> dict[str, Prior]:
+def priors_of(priors: ResolvedPriors | None, form: Form, noise: Noise) -> dict[str, Distribution]:
     """Return the replaced priors that a form under an error model has."""
     given = priors or {}
-    shared = given.get("noise", {})
+    shared = given.get(OF_ERRORS, {})
     own = {name: prior for name, prior in shared.items() if name in noise.parameter_names}
     return {**given.get(form.name, {}), **own}
-
-
-def refuse_unknown_priors(
-    forms: Sequence[Form], noises: Sequence[Noise], priors: Priors | None
-) -> None:
-    """Raise InputError where a prior is of a form or an error parameter that nothing has."""
-    owners = {form.name for form in forms} | {"noise"}
-    for name in priors or {}:
-        if name not in owners:
-            raise InputError(f"priors: expected one of {', '.join(sorted(owners))}, got {name!r}")
-    of_noise = dict.fromkeys(name for noise in noises for name in noise.parameter_names)
-    for name in (priors or {}).get("noise", {}):
-        if name not in of_noise:
-            raise InputError(
-                f"priors of noise: expected one of {', '.join(of_noise)}, got {name!r}"
-            )
 
 
 def _best(found: Mapping[tuple[str, str], Candidate], form: str) -> float:
@@ -263,7 +247,7 @@ class _Weighing:
     data: Observations
     form: Form
     noise: Noise
-    priors: Mapping[str, Prior]
+    priors: Mapping[str, Distribution]
     seed: int
     accuracy: Preset
     screened: Candidate | None = None
@@ -302,7 +286,7 @@ def _exact(task: _Weighing, model: Model) -> Candidate:
 
 
 def _screened(model: Model, laplace: Laplace) -> LogEvidence:
-    if model.is_iid_gaussian and isinstance(model.form, PowerLaw):
+    if is_conjugate(model):
         return power_law_evidence(model)
     if model.is_iid_gaussian:
         found = quadrature_evidence(model.log_density, laplace)

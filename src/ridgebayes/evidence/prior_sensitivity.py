@@ -16,7 +16,7 @@ from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.diagnostics import K_MAX, pareto_k
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import Posterior
-from ridgebayes.model.forms import PowerLaw
+from ridgebayes.inference.power_law_exact import is_conjugate
 from ridgebayes.model.model import Model
 from ridgebayes.runtime.pool import map_ordered
 
@@ -127,6 +127,8 @@ def _scaled(task: _Scaling) -> dict[tuple[str, float], float]:
         owned.setdefault(prior_of(name), []).append(name)
     found = {}
     for prior, names in owned.items():
+        if not all(model.priors[name].scale_name for name in names):
+            continue
         for factor in scale_factors(prior):
             stretched = {name: model.priors[name].stretched(factor) for name in names}
             other = model.with_priors(stretched)
@@ -145,7 +147,9 @@ def _change(posterior: Posterior, other: Model, names: Iterable[str]) -> float:
     if pareto_k(log_weight) <= K_MAX:
         return float(logsumexp(log_weight)) - math.log(len(log_weight))
     if other.is_iid_gaussian:
-        return _integrated(other) - _integrated(posterior.model)
+        change = _integrated(other) - _integrated(posterior.model)
+        if math.isfinite(change):
+            return change
     try:
         return fit_laplace(other).log_evidence - posterior.laplace.log_evidence
     except ComputationError:
@@ -167,7 +171,7 @@ def _log_weights(posterior: Posterior, other: Model, names: list[str]) -> FloatA
 
 
 def _integrated(model: Model) -> float:
-    if isinstance(model.form, PowerLaw):
+    if is_conjugate(model):
         return power_law_evidence(model).value
     try:
         laplace = fit_laplace(model)

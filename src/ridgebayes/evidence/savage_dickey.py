@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
+from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import InputError
 from ridgebayes.inference.diagnostics import effective_sample_size, pareto_k
 from ridgebayes.inference.log_evidence import LogEvidence
@@ -27,25 +28,28 @@ _NEGLIGIBLE = 30.0  # log density relative to the peak at which that grid may en
 _N_DRAW = 128  # draws of each ensemble that the error model's parameters are taken from
 
 
-def savage_dickey(fit: Posterior) -> LogEvidence:
+def savage_dickey(fit: Posterior, nested: Distribution | None = None) -> LogEvidence:
     """Return ln BF of Hybrid over Modified, the log of prior over posterior density at c2 = 0.
 
     Parameters
     ----------
     fit : Posterior
         Posterior of the Hybrid form.
+    nested : Distribution, optional
+        Modified's prior of c; the default one if not given.
 
     Returns
     -------
     LogEvidence
         Method ``savage-dickey``; the value is a log Bayes factor, not an evidence. The status is
-        not ok where offsets are sampled beside the parameters, where hardly any draw of the other
+        not ok where offsets are sampled beside the parameters, where the prior of c1 is not the one
+        that Modified gives c, or that of c2 has no density at 0, where hardly any draw of the other
         parameters would suit c2 = 0, or where that lies more than 200 posterior sds out.
 
     Raises
     ------
     InputError
-        If the form is not Hybrid, or its prior of c1 is not the one that Modified gives c.
+        If the form is not Hybrid.
 
     Notes
     -----
@@ -62,12 +66,13 @@ def savage_dickey(fit: Posterior) -> LogEvidence:
     model = fit.model
     if model.form.name != "hybrid":
         raise InputError(f"form: expected hybrid, got {model.form.name!r}")
-    nested = default_priors(Modified())["c"]
+    nested = nested or default_priors(Modified())["c"]
     if model.priors["c1"] != nested:
-        raise InputError(f"prior of 'c1': expected Modified's, {nested}, got {model.priors['c1']}")
+        return _impossible(f"prior of c1: {model.priors['c1'].words}, of Modified: {nested.words}")
+    if not np.isfinite(model.priors["c2"].log_pdf(np.zeros(()))):
+        return _impossible("prior of c2: no density at 0")
     if model.is_latent:
-        reason = "offsets are sampled: no conditional density of c2 alone"
-        return LogEvidence("savage-dickey", math.nan, math.nan, reason)
+        return _impossible("offsets are sampled: no conditional density of c2 alone")
     if not model.is_iid_gaussian:
         return _given_error_model(fit)
     chains = fit.kept_chains
@@ -101,7 +106,10 @@ def _far(draws: FloatArray, zero: float) -> bool:
 
 
 def _too_far() -> LogEvidence:
-    reason = f"c2 = 0 lies more than {_FAR} posterior sds out"
+    return _impossible(f"c2 = 0 lies more than {_FAR} posterior sds out")
+
+
+def _impossible(reason: str) -> LogEvidence:
     return LogEvidence("savage-dickey", math.nan, math.nan, reason)
 
 

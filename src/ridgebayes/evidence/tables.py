@@ -12,7 +12,7 @@ from ridgebayes.evidence.quadrature import quadrature_evidence
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.log_evidence import LogEvidence, laplace_evidence
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
-from ridgebayes.inference.power_law_exact import power_law_evidence
+from ridgebayes.inference.power_law_exact import is_conjugate, power_law_evidence
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.runtime.randomness import stream
 
@@ -64,9 +64,9 @@ def evidences(fit: Posterior, *, n_bridge: int | None = None) -> list[LogEvidenc
             draws_max=n_bridge or (100_000 if is_cheap else 20_000),  # an error of 0.002 will do
         )
     ]
-    if isinstance(model.form, PowerLaw) and model.is_iid_gaussian:
+    if is_conjugate(model):
         found.append(power_law_evidence(model))
-    elif model.is_iid_gaussian:
+    elif model.is_iid_gaussian and not isinstance(model.form, PowerLaw):
         found.append(quadrature_evidence(model.log_density, laplace))
     found.append(laplace_evidence(laplace))
     if laplace.other_modes:

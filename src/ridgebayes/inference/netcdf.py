@@ -4,7 +4,7 @@ import io
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,8 @@ import pandas as pd
 import xarray as xr
 
 from ridgebayes._types import FloatArray, __version__
+from ridgebayes.distributions.distribution import Distribution
+from ridgebayes.distributions.grammar import from_dict, to_dict
 from ridgebayes.errors import InputError
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
@@ -20,7 +22,6 @@ from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import NUGGET, Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import Prior
 from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import one_line_message
@@ -243,14 +244,11 @@ def _check_shapes(data: Observations, chains: Chains) -> None:
         raise ValueError("a width that is not above 0")
 
 
-def priors_from_json(text: str) -> dict[str, Prior]:
+def priors_from_json(text: str) -> dict[str, Distribution]:
     """Return priors from the JSON text that `priors_to_json` wrote."""
-    kinds = {kind.kind: kind for kind in Prior.__subclasses__()}
-    return {name: kinds[fields.pop("kind")](**fields) for name, fields in json.loads(text).items()}
+    return {name: from_dict(values) for name, values in json.loads(text).items()}
 
 
-def priors_to_json(priors: Mapping[str, Prior]) -> str:
+def priors_to_json(priors: Mapping[str, Distribution]) -> str:
     """Return priors as JSON text."""
-    return json.dumps(
-        {name: {"kind": prior.kind, **asdict(prior)} for name, prior in priors.items()}
-    )
+    return json.dumps({name: to_dict(prior) for name, prior in priors.items()})

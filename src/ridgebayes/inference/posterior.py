@@ -12,8 +12,9 @@ from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
 from ridgebayes.inference.laplace import Laplace, fit_laplace
 from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.inference.power_law_exact import is_conjugate
 from ridgebayes.inference.qmc_nodes import Nodes, compress
-from ridgebayes.model.forms import Form, PowerLaw
+from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.shared_offsets import OffsetsGiven
@@ -178,5 +179,4 @@ def posterior_of(
 
 def drawn_exactly(model: Model) -> bool:
     """Return whether a posterior is drawn from exactly: a power law of very many textures."""
-    many = isinstance(model.form, PowerLaw) and len(model.form.textures) > N_TEXTURE_WALKED
-    return many and model.is_iid_gaussian
+    return is_conjugate(model) and model.n_coefficient > N_TEXTURE_WALKED

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
+from ridgebayes.distributions.distribution import LogNormal
 from ridgebayes.errors import InputError
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.laplace import no_mode
@@ -18,11 +19,19 @@ from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.likelihood_independent import IndependentNormalRows
 from ridgebayes.model.model import Model
-from ridgebayes.model.priors import LogNormal
 from ridgebayes.model.rows import RowGroups
 from ridgebayes.runtime.randomness import stream
 
 _SHAPE = (4, 20, 128)  # ensembles, steps and walkers of the chains that the draws are laid out as
+
+
+def is_conjugate(model: Model) -> bool:
+    """Return whether every K has a closed-form posterior given sigma."""
+    return (
+        isinstance(model.form, PowerLaw)
+        and model.is_iid_gaussian
+        and all(isinstance(prior, LogNormal) for prior in list(model.priors.values())[:-1])
+    )
 
 
 def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 
+from ridgebayes.distributions.distribution import Distribution, Gamma, HalfNormal, LogNormal, Normal
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.priors import Gamma, HalfNormal, LogNormal, Normal, Prior
 
 HERTZ = 1.382  # the smooth Hertz coefficient at nu = 0.5, as the paper prints it
 REASONS = {
@@ -21,7 +21,7 @@ REASONS = {
     "length_ratio": "a/pitch lies between 0 and 1.",
     "df": "From far outliers (2) to nearly normal errors (40 and more).",
 }
-_NOISE: dict[str, Prior] = {
+NOISE_PRIORS: dict[str, Distribution] = {
     "sigma": HalfNormal(0.05),
     "tau_texture": HalfNormal(0.03),
     "tau_step": HalfNormal(0.03),
@@ -35,8 +35,8 @@ _NOISE: dict[str, Prior] = {
 
 
 def default_priors(
-    form: Form, noise: Noise | None = None, given: Mapping[str, Prior] | None = None
-) -> dict[str, Prior]:
+    form: Form, noise: Noise | None = None, given: Mapping[str, Distribution] | None = None
+) -> dict[str, Distribution]:
     """Return the default prior of each parameter of a form and an error model.
 
     Parameters
@@ -45,12 +45,12 @@ def default_priors(
         A form; PowerLaw bound to its textures.
     noise : Noise, optional
         Error model; independent normal errors if not given.
-    given : mapping of str to Prior, optional
+    given : mapping of str to Distribution, optional
         Priors of coefficients that have no default: those of forms not of this package.
 
     Returns
     -------
-    dict of str to Prior
+    dict of str to Distribution
         Coefficients, then the error model's parameters, sigma first.
 
     Raises
@@ -64,25 +64,36 @@ def default_priors(
     >>> list(default_priors(Hybrid()))
     ['c1', 'c2', 'sigma']
     """
-    priors: dict[str, Prior]
+    own = {name: one for name, one in (given or {}).items() if name not in NOISE_PRIORS}
+    priors = {
+        name: own.get(name) if one is None else one
+        for name, one in coefficient_priors(form).items()
+    }
+    lost = [name for name, one in priors.items() if one is None]
+    if lost:
+        raise InputError(
+            f"{form.name}: expected a prior of {', '.join(map(repr, lost))}, got none; only c, c1, "
+            "c2 have defaults, pass priors={name: prior}"
+        )
+    found = {name: one for name, one in priors.items() if one is not None}
+    return found | {name: NOISE_PRIORS[name] for name in (noise or Noise()).parameter_names}
+
+
+def coefficient_priors(form: Form) -> dict[str, Distribution | None]:
+    """Return the default prior of each coefficient of a form; None of those that have none.
+
+    Parameters
+    ----------
+    form : Form
+        A form; PowerLaw bound to its textures.
+    """
     if isinstance(form, PowerLaw):
         # K = 2 c / L: smooth Hertz at the texture's pitch, known to 30 %.
-        priors = {
-            name: LogNormal(2 * HERTZ / (a + b), 0.3)
-            for name, (a, b) in zip(form.parameter_names, form.textures, strict=True)
-        }
-    else:
-        known: dict[str, Prior] = {
-            "c": LogNormal(1.0 if form.name == "half-plane" else HERTZ, 0.1),
-            "c1": LogNormal(HERTZ, 0.1),
-            "c2": Normal(0.0, 0.05),
-        }
-        own = {name: prior for name, prior in (given or {}).items() if name not in _NOISE}
-        lost = [name for name in form.parameter_names if name not in known | own]
-        if lost:
-            raise InputError(
-                f"{form.name}: expected a prior of {', '.join(map(repr, lost))}, got none; only "
-                f"{', '.join(known)} have defaults, pass priors={{name: prior}}"
-            )
-        priors = {name: (own | known)[name] for name in form.parameter_names}
-    return priors | {name: _NOISE[name] for name in (noise or Noise()).parameter_names}
+        widths = zip(form.parameter_names, form.textures, strict=True)
+        return {name: LogNormal(2 * HERTZ / (a + b), 0.3) for name, (a, b) in widths}
+    known: dict[str, Distribution] = {
+        "c": LogNormal(1.0 if form.name == "half-plane" else HERTZ, 0.1),
+        "c1": LogNormal(HERTZ, 0.1),
+        "c2": Normal(0.0, 0.05),
+    }
+    return {name: known.get(name) for name in form.parameter_names}

@@ -6,7 +6,7 @@ from dataclasses import astuple
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.model.priors import Prior
+from ridgebayes.distributions.distribution import Distribution
 
 
 class JointPrior:
@@ -14,17 +14,19 @@ class JointPrior:
 
     Parameters
     ----------
-    priors : iterable of Prior
+    priors : iterable of Distribution
         One per parameter, in the order of the last axis of `theta`.
     """
 
-    def __init__(self, priors: Iterable[Prior]) -> None:
+    def __init__(self, priors: Iterable[Distribution]) -> None:
         self._priors = tuple(priors)
-        self._groups: list[tuple[list[int], Prior]] = []
-        for kind in dict.fromkeys(type(prior) for prior in self._priors):
+        self._groups: list[tuple[list[int], Distribution]] = []
+        alone = [([i], prior) for i, prior in enumerate(self._priors) if not prior.is_stackable]
+        self._groups += alone
+        for kind in dict.fromkeys(type(prior) for prior in self._priors if prior.is_stackable):
             columns = [i for i, prior in enumerate(self._priors) if type(prior) is kind]
             fields = zip(*(astuple(self._priors[i]) for i in columns), strict=True)
-            together: Callable[..., Prior] = kind
+            together: Callable[..., Distribution] = kind
             self._groups.append((columns, together(*map(np.array, fields))))
 
     def log_pdf(self, theta: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ridgebayes._types import FloatArray
+from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
@@ -25,7 +26,6 @@ from ridgebayes.model.likelihood_latent import Estimate, SampledOffsets
 from ridgebayes.model.likelihood_marginal import IntegratedOffsets, IntegratedSmoothOffsets
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import Prior
 from ridgebayes.model.rows import Rows
 from ridgebayes.model.shared_offsets import OffsetsGiven, SmoothOffsets, offsets_of
 
@@ -47,7 +47,7 @@ class Model:
         Contact form; it is bound to the textures of the rows.
     noise : Noise, optional
         Error model.
-    priors : mapping of str to Prior, optional
+    priors : mapping of str to Distribution, optional
         Replacements for some of the default priors, by parameter name; the priors of coefficients
         that have no default.
 
@@ -72,19 +72,20 @@ class Model:
         data: Observations,
         form: Form,
         noise: Noise | None = None,
-        priors: Mapping[str, Prior] | None = None,
+        priors: Mapping[str, Distribution] | None = None,
     ) -> None:
         self.data = data
         self.form = form.bind(data.textures, data.labels)
         self.noise = noise or Noise()
-        self.priors = default_priors(self.form, self.noise, priors)
+        known = default_priors(self.form, self.noise, priors)
+        self.priors = known | dict(priors or {})
         for name, prior in (priors or {}).items():
-            if name not in self.priors or prior.positive != self.priors[name].positive:
+            default = known.get(name)
+            if default is None or prior.support[0] < default.support[0]:
                 raise InputError(
-                    f"prior of {name!r}: expected one of {', '.join(self.priors)}, with the "
-                    f"support of its default, got {prior}"
+                    f"prior of {name!r}: expected one of {', '.join(known)}, with the support of "
+                    f"its default, got {prior}"
                 )
-            self.priors[name] = prior
         self._joint = JointPrior(self.priors.values())
         self._of_noise = JointPrior(list(self.priors.values())[self.n_coefficient :])
         self._a, self._b = data.a_over_R, data.b_over_R
@@ -146,7 +147,7 @@ class Model:
             per_draw = self.offsets.n_level**2 // _COVARIANCE
         return max(_CACHED // max(per_draw, 1), 1)
 
-    def with_priors(self, priors: Mapping[str, Prior]) -> "Model":
+    def with_priors(self, priors: Mapping[str, Distribution]) -> "Model":
         """Return the model with some priors replaced."""
         return Model(self.data, self.form, self.noise, {**self.priors, **priors})
 

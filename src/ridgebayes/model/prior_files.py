@@ -1,9 +1,9 @@
-"""Priors as text: a TOML file of replacements for the default ones.
+"""Replacements for default priors: from a TOML file, or as a caller gives them.
 
-A table for each form, and one for the error models:
+A table for each form, and one for the error models; `distributions.grammar` lists what there is:
 
     [hybrid]
-    c1 = "lognormal(1.382, 0.1)"   # median, sd of the logarithm
+    c1 = "lognormal(1.382, 10 %)"  # median, sd of the logarithm
     c2 = "normal(0, 0.05)"         # mean, sd
     [power-law]
     K = "lognormal(auto, 30 %)"    # of every texture; auto: smooth Hertz at the texture's pitch
@@ -12,127 +12,119 @@ A table for each form, and one for the error models:
     df = "gamma(2, 0.1)"           # shape, rate
 """
 
-import re
 import tomllib
-from dataclasses import fields
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
+from ridgebayes._types import Json
+from ridgebayes.distributions.distribution import Distribution, LogNormal
+from ridgebayes.distributions.grammar import parse_distribution
 from ridgebayes.errors import InputError
-from ridgebayes.model.default_priors import default_priors
-from ridgebayes.model.forms import FORMS, PowerLaw
+from ridgebayes.model.default_priors import NOISE_PRIORS, coefficient_priors
+from ridgebayes.model.forms import Form, PowerLaw
+from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.priors import Gamma, HalfNormal, LogNormal, Normal, Prior
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_text
-from ridgebayes.runtime.text import one_line_message
+from ridgebayes.runtime.text import clipped, one_line_message
 
-_KINDS: dict[str, type[Prior]] = {
-    "normal": Normal,
-    "lognormal": LogNormal,
-    "halfnormal": HalfNormal,
-    "gamma": Gamma,
-}
-_CALL = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*")
-_OF_ERRORS = "noise"
+OF_ERRORS = "noise"
+# By form name or "noise", then by parameter: distributions, or texts that stand for them.
+Priors: TypeAlias = Mapping[str, Mapping[str, Distribution | str]]
+ResolvedPriors: TypeAlias = Mapping[str, Mapping[str, Distribution]]
 
 
-def read_priors(path: Path, data: Observations) -> dict[str, dict[str, Prior]]:
-    """Read a file of priors.
+def read_priors(path: Path) -> Json:
+    """Read a file of priors: what `resolve_priors` takes, its texts not looked at.
 
     Parameters
     ----------
     path : Path
         TOML file.
-    data : Observations
-        Rows, whose textures the power law has a K for.
 
     Returns
     -------
-    dict of str to dict of str to Prior
-        By form name, or ``noise``, and parameter name: what `rb.compare` takes as ``priors``.
+    dict
+        By form name, or ``noise``, and parameter name.
 
     Raises
     ------
     InputError
-        If the file cannot be read, or names a form or distribution that there is not; the key and
-        the value are named.
+        If the file cannot be read, or is not TOML.
     """
     try:
-        content = tomllib.loads(read_text(path, LARGEST_TEXT))
-    except tomllib.TOMLDecodeError as error:
+        return tomllib.loads(read_text(path, LARGEST_TEXT))
+    except InputError:
+        raise
+    # A thousand brackets in each other: RecursionError.
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not TOML: {one_line_message(error)}") from None
-    found: dict[str, dict[str, Prior]] = {}
-    for owner, table in content.items():
-        if owner not in (*FORMS, _OF_ERRORS) or not isinstance(table, dict):
-            known = ", ".join(f"[{name}]" for name in (*FORMS, _OF_ERRORS))
-            raise InputError(f"{path}: expected tables {known}, got {owner!r}")
-        found[owner] = {}
-        for name, text in table.items():
-            where = f"{path}: [{owner}] {name}"
-            if owner == PowerLaw.name and name == "K":
-                found[owner] |= _of_every_texture(text, data, where)
-            else:
-                found[owner][name] = parse_prior(text, where)
-    return found
 
 
-def parse_prior(text: object, where: str, auto: float | None = None) -> Prior:
-    """Return the prior that a text such as ``normal(0, 0.05)`` stands for.
+def resolve_priors(
+    given: Mapping[str, object] | None,
+    forms: Sequence[Form],
+    noises: Sequence[Noise],
+    data: Observations,
+    *,
+    where: str = "priors",
+    folder: Path = Path(),
+) -> dict[str, dict[str, Distribution]]:
+    """Return the distributions that replace default priors.
 
     Parameters
     ----------
-    text : object
-        What a file holds.
-    where : str
-        Place that errors name.
-    auto : float, optional
-        What ``auto`` stands for as a median.
+    given : mapping, optional
+        By form name, or ``noise``, and parameter name; K of the power law is that of every texture.
+    forms : sequence of Form
+        What is fitted.
+    noises : sequence of Noise
+        Error models.
+    data : Observations
+        Rows, whose textures the power law has a K for.
+    where : str, optional
+        What errors call it all.
+    folder : Path, optional
+        Folder that files of samples are relative to.
 
     Raises
     ------
     InputError
-        If it is no known distribution, or a number is missing or out of its range.
+        If a prior is of a form or a parameter that nothing has, no known distribution, or not above
+        0 where the parameter is; key and value are named.
     """
-    call = _CALL.fullmatch(text) if isinstance(text, str) else None
-    if call is None or call[1] not in _KINDS:
-        known = ", ".join(_usage(name) for name in _KINDS)
-        raise InputError(f"{where}: expected one of {known}, got {text!r}")
-    kind = _KINDS[call[1]]
-    names, parts = [f.name for f in fields(kind)], call[2].split(",")
-    if len(parts) != len(names):
-        raise InputError(f"{where}: expected {_usage(call[1])}, got {text!r}")
-    numbers: list[float] = []
-    for name, part in zip(names, parts, strict=True):
-        numbers.append(_number(part.strip(), name, numbers, auto, f"{where} = {text!r}"))
-    try:
-        return kind(*numbers)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
+    defaults: dict[str, dict[str, Distribution | None]] = {
+        form.name: dict(coefficient_priors(form.bind(data.textures, data.labels))) for form in forms
+    }
+    defaults[OF_ERRORS] = {
+        name: NOISE_PRIORS[name] for noise in noises for name in noise.parameter_names
+    }
+    found: dict[str, dict[str, Distribution]] = {}
+    for owner, own in (given or {}).items():
+        if owner not in defaults or not isinstance(own, Mapping):
+            known = ", ".join(sorted(defaults))
+            raise InputError(f"{where}: expected one of {known}, got {clipped(str(owner))}")
+        found[owner] = {}
+        for name, value in own.items():
+            every = [name]
+            if owner == PowerLaw.name and name == "K":
+                every = list(defaults[owner])
+            elif name not in defaults[owner]:
+                known = ", ".join(dict.fromkeys(one.partition("[")[0] for one in defaults[owner]))
+                shown = clipped(str(name))
+                raise InputError(f"{where}: [{owner}]: expected one of {known}, got {shown}")
+            for one in every:
+                at, default = f"{where}: [{owner}] {name}", defaults[owner][one]
+                found[owner][one] = _resolved(value, default, at, folder)
+    return found
 
 
-def _of_every_texture(text: object, data: Observations, where: str) -> dict[str, Prior]:
-    default = default_priors(PowerLaw().bind(data.textures, data.labels))
-    own = {name: prior for name, prior in default.items() if isinstance(prior, LogNormal)}
-    return {name: parse_prior(text, where, float(prior.median)) for name, prior in own.items()}
-
-
-def _number(part: str, name: str, before: list[float], auto: float | None, where: str) -> float:
-    if part == "auto" and name == "median" and auto is not None:
-        return auto
-    digits, percent = part.removesuffix("%").strip(), part.endswith("%")
-    try:
-        value = float(digits)
-    except ValueError:
-        raise InputError(f"{where}: expected a number for {name}, got {part!r}") from None
-    if not percent:
-        return value
-    if name == "log_sd":
-        return value / 100
-    if name == "sd" and before:
-        return abs(before[0]) * value / 100
-    raise InputError(
-        f"{where}: percent: expected only for sd after a mean, or log_sd, got {part!r}"
-    )
-
-
-def _usage(name: str) -> str:
-    return f"{name}({', '.join(f.name for f in fields(_KINDS[name]))})"
+def _resolved(
+    value: object, default: Distribution | None, where: str, folder: Path
+) -> Distribution:
+    if not isinstance(value, Distribution):
+        auto = float(default.median) if isinstance(default, LogNormal) else None
+        value = parse_distribution(value, where, folder=folder, auto=auto)
+    if default is not None and value.support[0] < default.support[0]:
+        raise InputError(f"{where}: expected a distribution above 0, got {value.words}")
+    return value

@@ -11,7 +11,6 @@ import pandas as pd
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bayes_factors import SUMMED
 from ridgebayes.model.default_priors import REASONS
-from ridgebayes.model.priors import Prior
 from ridgebayes.report.blocks import Block, Picture, Table, Text
 from ridgebayes.report.wording import (
     ABSENT,
@@ -196,7 +195,7 @@ def prior_section(data: ReportData) -> list[Block]:
     """Return every prior with its reason, and the Bayes factors against its scale."""
     factors, against = data.sensitivity, form_name(data.shown)
     if not len(factors):
-        return [prior_table(data)]
+        return [prior_table(data), *_unscaled(data)]
     rows = []
     for (form, prior), part in factors.groupby(["form", "prior"], sort=False):
         ordered = part.sort_values("factor").dropna()
@@ -220,23 +219,30 @@ def prior_section(data: ReportData) -> list[Block]:
     blocks: list[Block] = [
         prior_table(data),
         Text(words),
+        *_unscaled(data),
         Picture("prior-sensitivity", caption),
         found,
     ]
     return blocks
 
 
-def prior_text(prior: Prior) -> str:
-    """Return a prior in words.
-
-    Examples
-    --------
-    >>> from ridgebayes.model.priors import LogNormal
-    >>> prior_text(LogNormal(2 * 1.382 / 0.042, 0.3))
-    'log-normal, median 65.81, log-sd 0.3'
-    """
-    parts = [f"{name.replace('_', '-')} {value:.4g}" for name, value in vars(prior).items()]
-    return ", ".join([prior.kind, *parts])
+def _unscaled(data: ReportData) -> list[Block]:
+    """Say which priors have no scale that could be varied."""
+    fixed = {
+        f"{parameter_name(name.partition('[')[0])} ({form_name(form)})"
+        for form, fit in data.comparison.fits.items()
+        for posterior in fit.posteriors.values()
+        for name, prior in posterior.model.priors.items()
+        if not prior.scale_name
+    }
+    if not fixed:
+        return []
+    return [
+        Text(
+            f"Not varied, because uniform, truncated and empirical priors have no one scale: the "
+            f"priors of {', '.join(sorted(fixed))}. The range of the verdict does not include them."
+        )
+    ]
 
 
 def prior_table(data: ReportData) -> Table:
@@ -247,7 +253,7 @@ def prior_table(data: ReportData) -> Table:
             for name, prior in posterior.model.priors.items():
                 kind = name.partition("[")[0]
                 shown = f"{parameter_name(name)} and of the others" if kind != name else None
-                found.setdefault(kind, (shown or parameter_name(name), prior_text(prior)))
+                found.setdefault(kind, (shown or parameter_name(name), prior.words))
     rows = [[shown, text, REASONS.get(kind, ABSENT)] for kind, (shown, text) in found.items()]
     return Table(
         ["Parameter", "Prior", "Why"],

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy import integrate, special, stats
 
+from ridgebayes.distributions.distribution import Gamma, HalfNormal, LogNormal, Normal
 from ridgebayes.errors import InputError
 from ridgebayes.model.joint_prior import JointPrior
-from ridgebayes.model.priors import Gamma, HalfNormal, LogNormal, Normal
 
 PRIORS = [
     (LogNormal(1.382, 0.3), stats.lognorm(s=0.3, scale=1.382)),
@@ -31,12 +31,12 @@ def test_log_pdf__integrates_to_one(prior, oracle):
 @pytest.mark.parametrize("prior", [LogNormal(1.0, 0.1), HalfNormal(0.05), Gamma(2.0, 0.1)])
 def test_log_pdf__is_minus_infinity_off_the_support(prior):
     assert np.all(prior.log_pdf(np.array([-1.0, -0.3, 0.0])) == -np.inf)
-    assert prior.positive
+    assert prior.support == (0.0, np.inf)
 
 
 def test_log_pdf__of_a_normal_is_on_the_whole_line():
     assert np.isfinite(Normal(0.0, 1.0).log_pdf(np.array([-1.0, 0.0, 1.0]))).all()
-    assert not Normal.positive
+    assert Normal(0.0, 1.0).support == (-np.inf, np.inf)
 
 
 @pytest.mark.parametrize(("prior", "oracle"), PRIORS)
@@ -169,11 +169,11 @@ def test_prior__refuses_scales_that_are_not_positive_and_finite(bad):
         ("normal", "sd", lambda: Normal(0.0, bad)),
         ("half-normal", "sd", lambda: HalfNormal(bad)),
     ):
-        message = rf"{kind} prior: expected finite and > 0, got {name} = {bad}"
+        message = rf"{kind} distribution: expected finite and > 0, got {name} = {bad}"
         with pytest.raises(InputError, match=message):
             make()
 
 
 def test_prior__refuses_a_mean_that_is_not_finite():
-    with pytest.raises(InputError, match="normal prior: expected finite, got mean = nan"):
+    with pytest.raises(InputError, match="normal distribution: expected finite, got mean = nan"):
         Normal(np.nan, 1.0)

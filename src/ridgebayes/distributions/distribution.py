@@ -1,9 +1,9 @@
-"""Prior distributions of coefficients and error scales.
+"""Distributions of one number: priors of parameters, and uncertain values of a scene.
 
-Each prior is a small frozen record with a normalised log density. `stretched` widens it by a
-factor, which is how Bayes factors are shown against every prior scale.
+Each is a small frozen record with a normalised log density. `stretched` widens it by a factor,
+which is how Bayes factors are shown against every prior scale.
 
-Sampling and integration run in normal scores: u is where a standard normal has the prior's
+Sampling and integration run in normal scores: u is where a standard normal has the distribution's
 probability. There every prior is a standard normal, a scale that tends to zero falls off like one
 too, and nothing is cut off: tails are computed from log probabilities, not from a unit cube.
 """
@@ -23,24 +23,30 @@ _LOG_2PI = math.log(2 * math.pi)
 
 
 @dataclass(frozen=True)
-class Prior(ABC):
-    """One parameter's prior density.
+class Distribution(ABC):
+    """The distribution of one number.
 
-    `positive` says whether the parameter lives on (0, inf) or on the whole line. `scale_name` is
-    the field that says how wide the prior is. Inside the package fields may be arrays, of many
-    parameters at once.
+    `scale_name` is the field that says how wide it is; empty where no one field does. Inside the
+    package fields may be arrays, of many numbers at once, where `is_stackable`.
     """
 
     kind: ClassVar[str]
-    positive: ClassVar[bool]
-    scale_name: ClassVar[str]
+    scale_name: ClassVar[str] = ""
+    is_stackable: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             positive = name != "mean"
             if not np.all(np.isfinite(value)) or (positive and not np.all(np.greater(value, 0))):
                 rule = "finite and > 0" if positive else "finite"
-                raise InputError(f"{self.kind} prior: expected {rule}, got {name} = {value!r}")
+                raise InputError(
+                    f"{self.kind} distribution: expected {rule}, got {name} = {value!r}"
+                )
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """The ends of where the density is above 0."""
+        return 0.0, math.inf
 
     @abstractmethod
     def log_pdf(self, x: FloatArray) -> FloatArray:
@@ -59,7 +65,7 @@ class Prior(ABC):
 
     @abstractmethod
     def value_at(self, u: FloatArray | float) -> FloatArray:
-        """Return the value whose prior probability is a standard normal's.
+        """Return the value below which the probability is a standard normal's.
 
         Parameters
         ----------
@@ -104,7 +110,6 @@ class Prior(ABC):
             Slopes.
         """
 
-    @abstractmethod
     def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
         """Draw values.
 
@@ -120,14 +125,25 @@ class Prior(ABC):
         ndarray of float, shape (size,), unit of the parameter
             Draws.
         """
+        return self.value_at(rng.standard_normal(size))
+
+    @property
+    def words(self) -> str:
+        """Kind and numbers, as a report shows them.
+
+        >>> LogNormal(65.81, 0.3).words
+        'log-normal, median 65.81, log-sd 0.3'
+        """
+        parts = [f"{name.replace('_', '-')} {value:.4g}" for name, value in vars(self).items()]
+        return ", ".join([self.kind, *parts])
 
     @property
     def scale(self) -> float:
-        """How wide the prior is, in the unit of `scale_name`."""
+        """How wide it is, in the unit of `scale_name`."""
         return float(getattr(self, self.scale_name))
 
-    def stretched(self, factor: float) -> "Prior":
-        """Return the same prior with its scale multiplied.
+    def stretched(self, factor: float) -> "Distribution":
+        """Return the same distribution with its scale multiplied.
 
         Parameters
         ----------
@@ -136,19 +152,21 @@ class Prior(ABC):
 
         Returns
         -------
-        Prior
+        Distribution
             Of the same kind.
 
         Raises
         ------
         InputError
-            If the factor leaves no finite scale above 0.
+            If it has no scale, or the factor leaves no finite one above 0.
         """
+        if not self.scale_name:
+            raise InputError(f"{self.kind}: expected a distribution with a scale, got {self}")
         return replace(self, **{self.scale_name: self.scale * factor})
 
 
 @dataclass(frozen=True)
-class LogNormal(Prior):
+class LogNormal(Distribution):
     """Log-normal: log x is normal about log(median) with standard deviation log_sd.
 
     Parameters
@@ -172,7 +190,6 @@ class LogNormal(Prior):
     median: float
     log_sd: float
     kind: ClassVar[str] = "log-normal"
-    positive: ClassVar[bool] = True
     scale_name: ClassVar[str] = "log_sd"
 
     def log_pdf(self, x: FloatArray) -> FloatArray:
@@ -192,12 +209,9 @@ class LogNormal(Prior):
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
         return self.log_sd * x
 
-    def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
-        return self.median * np.exp(self.log_sd * rng.standard_normal(size))
-
 
 @dataclass(frozen=True)
-class Normal(Prior):
+class Normal(Distribution):
     """Normal with mean and standard deviation.
 
     Parameters
@@ -221,8 +235,11 @@ class Normal(Prior):
     mean: float
     sd: float
     kind: ClassVar[str] = "normal"
-    positive: ClassVar[bool] = False
     scale_name: ClassVar[str] = "sd"
+
+    @property
+    def support(self) -> tuple[float, float]:
+        return -math.inf, math.inf
 
     def log_pdf(self, x: FloatArray) -> FloatArray:
         z = self.score(x)
@@ -237,12 +254,9 @@ class Normal(Prior):
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
         return self.sd + 0 * np.asarray(u)
 
-    def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
-        return self.mean + self.sd * rng.standard_normal(size)
-
 
 @dataclass(frozen=True)
-class HalfNormal(Prior):
+class HalfNormal(Distribution):
     """Half-normal on (0, inf): the absolute value of a normal with standard deviation sd.
 
     Parameters
@@ -263,7 +277,6 @@ class HalfNormal(Prior):
 
     sd: float
     kind: ClassVar[str] = "half-normal"
-    positive: ClassVar[bool] = True
     scale_name: ClassVar[str] = "sd"
 
     def log_pdf(self, x: FloatArray) -> FloatArray:
@@ -299,7 +312,7 @@ class HalfNormal(Prior):
 
 
 @dataclass(frozen=True)
-class Gamma(Prior):
+class Gamma(Distribution):
     """Gamma on (0, inf) with shape and rate: mean shape/rate.
 
     Parameters
@@ -318,7 +331,6 @@ class Gamma(Prior):
     shape: float
     rate: float
     kind: ClassVar[str] = "gamma"
-    positive: ClassVar[bool] = True
     scale_name: ClassVar[str] = "rate"
 
     def log_pdf(self, x: FloatArray) -> FloatArray:
@@ -349,7 +361,7 @@ class Gamma(Prior):
         return np.exp(-0.5 * (u * u + _LOG_2PI) - self.log_pdf(x))
 
     def stretched(self, factor: float) -> "Gamma":
-        """Return the prior with its mean and width multiplied by `factor`."""
+        """Return the distribution with its mean and width multiplied by `factor`."""
         return replace(self, rate=self.rate / factor)
 
     def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:

@@ -1,0 +1,155 @@
+"""Distributions as text, such as ``lognormal(1.382, 10 %)``, and as plain values.
+
+| text | |
+|---|---|
+| ``normal(mean, sd)`` | sd may be a percentage of the mean |
+| ``lognormal(median, log_sd)`` | log_sd: sd of the natural logarithm, which may be in per cent |
+| ``halfnormal(sd)`` | |
+| ``gamma(shape, rate)`` | |
+| ``uniform(low, high)`` | |
+| ``truncated(DIST, low, high)`` | any of the others between bounds; -inf or inf for none |
+| ``empirical(FILE.csv, COLUMN)`` | a column of a file, relative to the file that names it |
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from ridgebayes._types import Json
+from ridgebayes.distributions.bounded import Truncated, Uniform
+from ridgebayes.distributions.distribution import Distribution, Gamma, HalfNormal, LogNormal, Normal
+from ridgebayes.distributions.empirical import Empirical, read_sample
+from ridgebayes.errors import InputError
+from ridgebayes.runtime.text import clipped
+
+_CLOSED: dict[str, type[Distribution]] = {
+    "normal": Normal,
+    "lognormal": LogNormal,
+    "halfnormal": HalfNormal,
+    "gamma": Gamma,
+    "uniform": Uniform,
+}
+_USAGE = {
+    name: f"{name}({', '.join(f.name for f in fields(kind))})" for name, kind in _CLOSED.items()
+} | {"truncated": "truncated(DIST, low, high)", "empirical": "empirical(FILE.csv, COLUMN)"}
+_ALL: tuple[type[Distribution], ...] = (*_CLOSED.values(), Truncated, Empirical)
+_KINDS = {kind.kind: kind for kind in _ALL}
+_WITHOUT_UNIT = ("log_sd", "shape", "rate")
+_CALL = re.compile(r"\s*(\w+)\s*\((.*)\)\s*", flags=re.DOTALL)
+_LONGEST = 1_000  # characters
+
+
+def parse_distribution(
+    text: object,
+    where: str,
+    *,
+    number: Callable[[str], float] = float,
+    folder: Path = Path(),
+    auto: float | None = None,
+) -> Distribution:
+    """Return the distribution that a text stands for.
+
+    Parameters
+    ----------
+    text : object
+        What a file holds.
+    where : str
+        Place that errors name.
+    number : callable, optional
+        Reads a number in the parameter's unit, such as ``60 kPa``; raises ValueError.
+    folder : Path, optional
+        Folder that files of samples are relative to.
+    auto : float, optional
+        What ``auto`` stands for as a median.
+
+    Raises
+    ------
+    InputError
+        If it is no known distribution, or a number is missing or out of its range.
+
+    Examples
+    --------
+    >>> parse_distribution("truncated(normal(1, 10 %), 0.9, inf)", "c")
+    Truncated(base=Normal(mean=1.0, sd=0.1), low=0.9, high=inf)
+    """
+    call = _CALL.fullmatch(text) if isinstance(text, str) and len(text) <= _LONGEST else None
+    if call is None or call[1] not in _USAGE:
+        got = clipped(text) if isinstance(text, str) else repr(text)
+        raise InputError(f"{where}: expected one of {', '.join(_USAGE.values())}, got {got}")
+    name, parts, at = call[1], _split(call[2]), f"{where} = {clipped(str(text))}"
+    usage = _USAGE[name]
+    if len(parts) != usage.count(",") + 1 or not all(parts):
+        raise InputError(f"{at}: expected {usage}")
+    arguments: list[Any] = []
+    if name == "truncated":
+        inner = parts.pop(0)
+        arguments.append(parse_distribution(inner, where, number=number, folder=folder, auto=auto))
+    if name != "empirical":
+        names = usage[usage.index("(") + 1 : -1].split(", ")[len(arguments) :]
+        for part, parameter in zip(parts, names, strict=True):
+            arguments.append(_number(part, parameter, arguments, number, at, auto))
+    try:
+        if name == "empirical":
+            sample = read_sample(folder / parts[0], parts[1], number)
+            return Empirical.of(sample, f"{parts[1]} of {parts[0]}")
+        return Truncated(*arguments) if name == "truncated" else _CLOSED[name](*arguments)
+    except InputError as error:
+        raise InputError(f"{at}: {error}") from None
+
+
+def _split(text: str) -> list[str]:
+    """Return what stands between commas that are in no brackets."""
+    parts, depth = [""], 0
+    for letter in text:
+        depth += (letter == "(") - (letter == ")")
+        if letter == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts]
+
+
+def _number(
+    part: str,
+    name: str,
+    before: list[Any],
+    number: Callable[[str], float],
+    at: str,
+    auto: float | None,
+) -> float:
+    if part == "auto" and name == "median" and auto is not None:
+        return auto
+    if name in ("low", "high") and part in ("-inf", "inf"):
+        return float(part)  # no unit; uniform ones refuse it themselves
+    try:
+        if not part.endswith("%"):
+            return float(part) if name in _WITHOUT_UNIT else number(part)
+        share = float(part.removesuffix("%")) / 100
+    except ValueError:
+        raise InputError(f"{at}: expected a number for {name}, got {clipped(part)}") from None
+    if name == "log_sd":
+        return share
+    if name == "sd" and before:
+        return abs(before[0]) * share
+    raise InputError(f"{at}: percent: expected only for sd after a mean, or log_sd, got {part!r}")
+
+
+def as_distribution(value: object, where: str) -> Distribution:
+    """Return a distribution, from its text where that is given."""
+    return value if isinstance(value, Distribution) else parse_distribution(value, where)
+
+
+def to_dict(distribution: Distribution) -> Json:
+    """Return a distribution as plain values, which `from_dict` reads."""
+    values = {f.name: getattr(distribution, f.name) for f in fields(distribution)}
+    plain = {k: to_dict(v) if isinstance(v, Distribution) else v for k, v in values.items()}
+    return {"kind": distribution.kind, **plain}
+
+
+def from_dict(values: Json) -> Distribution:
+    """Return the distribution that `to_dict` made plain values of."""
+    given: dict[str, Any] = dict(values)
+    kind = _KINDS[given.pop("kind")]
+    return kind(**{k: from_dict(v) if isinstance(v, dict) else v for k, v in given.items()})
