@@ -23,6 +23,7 @@ _HOME = {
     "Scene": "scene.scene",
     "generate": "simulate.generation",
     "contact_at_loads": "simulate.responses",
+    "edge_forces": "simulate.responses",
     "ridge_forces": "simulate.responses",
     "ContactTable": "table.table",
     "read_table": "table.table",
@@ -80,6 +81,6 @@ if TYPE_CHECKING:
     from ridgebayes.results import Fit, calibrate
     from ridgebayes.scene.scene import Scene
     from ridgebayes.simulate.generation import generate
-    from ridgebayes.simulate.responses import contact_at_loads, ridge_forces
+    from ridgebayes.simulate.responses import contact_at_loads, edge_forces, ridge_forces
     from ridgebayes.table.datafiles import paper_sweep, reference_fe
     from ridgebayes.table.table import ContactTable, read_table

@@ -13,9 +13,11 @@ from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.responses import (
+    EDGE_COLUMNS,
     FORCE_COLUMNS,
     RESPONSE_COLUMNS,
     contact_at_loads,
+    edge_forces,
     ridge_forces,
 )
 
@@ -84,6 +86,28 @@ def test_contact_at_loads__refuse_bad_input():
         contact_at_loads(scene_with(), [0.01], solver="hertz")
     with pytest.raises(InputError, match="offset: expected a number, got 'uniform'"):
         ridge_forces(scene_with(offset="uniform"), [0.01])
+    with pytest.raises(InputError, match="offset: expected a number, got 'uniform'"):
+        edge_forces(scene_with(offset="uniform"), [0.01])
+
+
+def test_edge_forces__are_those_of_the_contact_that_ridge_forces_tells():
+    scene = scene_with(offset=0.2, groove_depth_over_R=5e-4)
+    found = edge_forces(scene, [0.004, 0.002])
+    assert found.columns.tolist() == EDGE_COLUMNS
+    assert found["p_over_E"].drop_duplicates().tolist() == [0.004, 0.002]
+    contacts = ridge_forces(scene, [0.004, 0.002], solver="half-plane", rel_tol=1e-8)
+    for side, end in ((-1, "left_over_R"), (1, "right_over_R")):
+        edges = found[found["side"] == side].reset_index(drop=True)
+        np.testing.assert_array_equal(edges["x_over_R"], contacts[end])
+        assert edges[["land", "ridge"]].equals(contacts[["land", "ridge"]])
+    np.testing.assert_allclose(found["G"], 0.375 * found["K"] ** 2, rtol=1e-12)  # algebra
+    assert found["lateral_force"].nunique() == 2
+
+
+def test_edge_forces__say_why_there_are_none():
+    found = edge_forces(Scene.of([(1e-6, 1e-6)]), [0.01])
+    assert found["status"].iloc[0].startswith("not computed")
+    assert found["K"].isna().all()
 
 
 OFFSETS = (np.arange(32) + 0.5) / 64

@@ -110,6 +110,12 @@ class Profile:
         stop = self.ridge(number + 1).start
         return RigidSegment(None, stop - self.b, stop, self.depth)
 
+    def ridge_before(self, segment: RigidSegment) -> int:
+        """Return the number of a ridge, or of the one to the left of a groove's floor."""
+        if segment.ridge is not None:
+            return segment.ridge
+        return round((segment.start - self.ridge(0).stop) / self.pitch)
+
     def segments(self, reach: float) -> list[RigidSegment]:
         """Return every segment that begins within `reach` of the centre, from left to right.
 

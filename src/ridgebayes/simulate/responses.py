@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from ridgebayes.contact.contact_solution import ContactSolution, load_factor, solve_many_contacts
+from ridgebayes.contact.edges import edge_forces as edges_of
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.scene.effects import full_profile
@@ -22,6 +23,7 @@ RESPONSE_COLUMNS = [*_FIRST, "Q", "contact_fraction", "half_width_over_R", "appr
 RESPONSE_COLUMNS += _LAST
 FORCE_COLUMNS = [*_FIRST, "land", "ridge", "left_over_R", "right_over_R", "share"]
 FORCE_COLUMNS += ["mean_pressure_over_E", *_LAST]
+EDGE_COLUMNS = [*_FIRST, "land", "ridge", "side", "x_over_R", "K", "G", "lateral_force", "status"]
 # In pitches, where the body's centre may lie from a groove's: the other half is the mirror image.
 _OFFSETS = [(2 * i + 1) / 128 for i in range(32)]
 
@@ -132,10 +134,7 @@ def ridge_forces(
     >>> found["ridge"].tolist(), found["share"].round(6).tolist()
     ([0], [0.5])
     """
-    if any(texture.offset == "uniform" for texture in scene.textures):
-        raise InputError(
-            "offset: expected a number, got 'uniform' (ridge forces depend on the offset)"
-        )
+    _refuse_uniform(scene)
     rows = []
     for label, load, (found,) in _solved(scene, p_over_E, solver, rel_tol):
         profile, pressing, grooves = found.profile, found.pressing, _penetrations(found)
@@ -143,14 +142,82 @@ def ridge_forces(
             rows.append([label, load, "", -1, *[math.nan] * 5, found.status])
         contacts = zip(found.covered.items(), pressing.forces.tolist(), strict=True)
         for (segment, (left, right)), force in contacts:
-            kind, number, share = "ridge", segment.ridge, force / pressing.load
-            if number is None:
-                kind = "floor"
-                number = round((segment.start - profile.ridge(0).stop) / profile.pitch)
+            kind, share = "floor" if segment.ridge is None else "ridge", force / pressing.load
+            number = profile.ridge_before(segment)
             pressure, hang = 2 * load * share / (right - left), grooves.get(number, math.nan)
             where = [kind, number, left, right]
             rows.append([label, load, *where, share, pressure, hang, found.status])
     return pd.DataFrame(rows, columns=FORCE_COLUMNS)
+
+
+def edge_forces(scene: Scene, p_over_E: ArrayLike, *, rel_tol: float = 1e-8) -> pd.DataFrame:
+    """Return the forces on the edges of every contact, and the net lateral force on the body.
+
+    On a sharp corner in full contact the pressure ends like K/sqrt(2 pi r), and
+    G = (1 - nu^2) K^2/(2 E) is a force on the body per length: from the ridge into the groove.
+
+    Parameters
+    ----------
+    scene : Scene
+        Textures and Poisson's ratio; its own load does not matter. All that it gives is simulated.
+    p_over_E : array_like of float, shape (n_load,), dimensionless
+        Loads per projected area over Young's modulus.
+    rel_tol : float, optional
+        Tolerance of contact ends.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row an edge, from left to right. Columns texture, p_over_E, land (``ridge`` or ``floor``),
+        ridge (its number, or that of the ridge to the left of a floor), side (-1 left, 1 right),
+        x_over_R (where contact ends, from the body's axis), K (over E sqrt(R)), G (over E R),
+        lateral_force (net, on the body, over E R: the load is 2 p/E), status. K and G are 0 where
+        contact ends on a ridge's top, or the corner is round. A load of which nothing was
+        computed has one row, whose status says why.
+
+    Raises
+    ------
+    InputError
+        As `contact_at_loads`, or if a texture's offset is ``"uniform"``.
+
+    Notes
+    -----
+    *Validity.* As `contact_at_loads`. Without friction; what edges resist in sliding is not
+    computed here: see `docs/derivations/edges.md`.
+
+    *Accuracy.* The lateral force is that of the pressure's centroid. With sharp corners it is the
+    sum of side G to 1e-6 of the sum of G.
+
+    Examples
+    --------
+    Off centre the edges no longer balance:
+
+    >>> from ridgebayes.scene.scene import Texture
+    >>> scene = Scene(textures=(Texture(a_over_R=0.012, b_over_R=0.03, offset=0.2),))
+    >>> found = edge_forces(scene, [0.0003])
+    >>> found["side"].tolist(), bool(found["lateral_force"].iloc[0] < 0)
+    ([-1, 1, -1, 1], True)
+    >>> net = (found["side"] * found["G"]).sum()
+    >>> bool(abs(net - found["lateral_force"].iloc[0]) < 1e-6 * found["G"].sum())
+    True
+    """
+    _refuse_uniform(scene)
+    rows = []
+    for label, load, (found,) in _solved(scene, p_over_E, "half-plane", rel_tol):
+        if not found.segments:
+            rows.append([label, load, "", -1, 0, *[math.nan] * 4, found.status])
+            continue
+        edges = edges_of(found, scene.nu)
+        kinds = np.where(edges.is_floor, "floor", "ridge")
+        each = (kinds, edges.ridge, edges.side, edges.x, edges.K, edges.G)
+        for one in zip(*(column.tolist() for column in each), strict=True):
+            rows.append([label, load, *one, edges.lateral, found.status])
+    return pd.DataFrame(rows, columns=EDGE_COLUMNS)
+
+
+def _refuse_uniform(scene: Scene) -> None:
+    if any(texture.offset == "uniform" for texture in scene.textures):
+        raise InputError("offset: expected a number, got 'uniform' (forces depend on the offset)")
 
 
 def _solved(
