@@ -171,15 +171,15 @@ def report_data(comparison: Comparison) -> ReportData:
 def _panel_bands(comparison: Comparison, form: str, transitions: pd.DataFrame) -> pd.DataFrame:
     """Return the bands of one form at loads that suit each texture's panel."""
     # One figure holds so many panels: textures beyond are in the run folder's bands.csv.
-    parts = []
-    for a, b in comparison.table.textures[:MOST_TEXTURES]:
+    textures = comparison.table.textures[:MOST_TEXTURES]
+    loads = []
+    for a, b in textures:
         own = transitions[(transitions["a_over_R"] == a) & (transitions["b_over_R"] == b)]
         top = float((own if len(own) else transitions)["p_over_E"].max())
-        loads = (np.linspace(0.0, np.sqrt(_BEYOND * top), _N_LOAD) ** 2)[1:]
-        parts.append(
-            bands_table(comparison, textures=[(a, b)], forms=[form], loads=loads, compressed=True)
-        )
-    return pd.concat(parts, ignore_index=True)
+        loads.append((np.linspace(0.0, np.sqrt(_BEYOND * top), _N_LOAD) ** 2)[1:])
+    return bands_table(
+        comparison, textures=textures, forms=[form], loads=np.array(loads), compressed=True
+    )
 
 
 def _least_squares(comparison: Comparison) -> dict[str, LeastSquares]:

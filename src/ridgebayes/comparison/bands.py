@@ -45,8 +45,8 @@ def bands_table(
         Fits and model probabilities.
     textures : sequence of (float, float), optional
         (a/R, b/R); those of the table if not given.
-    loads : ndarray of float, shape (n_load,), dimensionless, optional
-        p/E; 200 log-spaced over the table's range if not given.
+    loads : ndarray of float, shape (n_load,) or (n_texture, n_load), dimensionless, optional
+        p/E, of each texture its own or of all; 200 log-spaced over the table's range if not given.
     nu : float, optional
         Poisson's ratio; if not given each texture's own in the table, 0.5 where it has none.
     forms : sequence of str, optional
@@ -82,7 +82,7 @@ def bands_table(
     a, b = np.array(chosen).T[:, :, None]
     own = _nu_of_textures(comparison) if nu is None else {}
     poisson = np.array([[own.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
-    p = (default_loads(comparison) if loads is None else np.asarray(loads, dtype=float))[None]
+    p = np.atleast_2d(default_loads(comparison) if loads is None else loads).astype(float)
     where = {"a_over_R": a, "b_over_R": b, "nu": poisson, "p_over_E": p}
     blocks, errors = [], []
     for kind in KINDS:
@@ -96,7 +96,7 @@ def bands_table(
             kind=kind,
             compressed=compressed,
         )
-        if a.size * p.size <= _KEPT:  # a form's own mixture and the average share posteriors
+        if np.broadcast(a, p).size <= _KEPT:  # a form's own mixture and the average share posteriors
             predicted = cache(predicted)
         for name, parts in _mixtures(comparison, wanted).items():
             q = mix_q((predicted(one) for one, _ in parts), [weight for _, weight in parts])

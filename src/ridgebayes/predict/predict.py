@@ -180,7 +180,7 @@ def predict_load(
     calibrated = CalibratedRange.of(fit)
     flags = calibrated.texture_flags(a, b) | calibrated.count_flags(q)
     highest = calibrated.highest_load(a, b, q, poisson)
-    part = PosteriorLoads.of(fit, N_LOAD_DRAWS)
+    part = PosteriorLoads.of(fit, N_LOAD_DRAWS, kind)
     n_draw = len(part.theta)
     make = partial(_columns, part, own, kind)
     draws = LoadDraws(np.full(n_draw, 1 / n_draw), part.df, make)
@@ -208,7 +208,8 @@ def _survival(
     draws = PosteriorLoads.nodes(fit, kind) if compressed else None
     if draws is None:
         n_draw = len(fit.draws) if fit.model.offsets is None else N_LOAD_DRAWS
-        draws = PosteriorLoads.of(fit, n_draw if fit.noise.tail == "normal" else N_LOAD_DRAWS // 2)
+        n_draw = n_draw if fit.noise.tail == "normal" else N_LOAD_DRAWS // 2
+        draws = PosteriorLoads.of(fit, n_draw, kind)
     average = DrawAverage(draws, kind) if draws.weight is None else NodeAverage(draws, kind)
     columns = [np.ones(len(p))]
     last = _LARGEST_Q if draws.df is None else _widest(texture)

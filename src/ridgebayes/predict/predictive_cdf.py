@@ -52,10 +52,10 @@ class PosteriorLoads:
     uniform: FloatArray | None = None
 
     @classmethod
-    def of(cls, fit: Posterior, n: int) -> "PosteriorLoads":
-        """Take about n of a fit's draws, evenly."""
+    def of(cls, fit: Posterior, n: int, kind: str) -> "PosteriorLoads":
+        """Take about n of a fit's draws, evenly; a form's own curve needs no offsets."""
         stride = -(-len(fit.draws) // n)
-        if fit.model.offsets is None:
+        if fit.model.offsets is None or kind == "curve":
             return cls(fit, fit.draws[::stride], None)
         stride, offsets = fit.offsets_given(stride)
         return cls(fit, fit.draws[::stride], offsets)
