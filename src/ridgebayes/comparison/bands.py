@@ -96,7 +96,8 @@ def bands_table(
             kind=kind,
             compressed=compressed,
         )
-        if np.broadcast(a, p).size <= _KEPT:  # a form's own mixture and the average share posteriors
+        # A form's own mixture and the average share posteriors.
+        if np.broadcast(a, p).size <= _KEPT:
             predicted = cache(predicted)
         for name, parts in _mixtures(comparison, wanted).items():
             q = mix_q((predicted(one) for one, _ in parts), [weight for _, weight in parts])
