@@ -31,7 +31,8 @@ class Ensemble(emcee.EnsembleSampler):
     Parameters
     ----------
     log_density : callable
-        (n, n_coordinate) to (n,): log density; not NaN.
+        (n, n_coordinate) to (n,), the log density, not NaN; and to (n, m), what is to be kept of
+        each step as its blobs.
     n_walker, n_coordinate : int
         Walkers and dimensions.
     proposal : Independence
@@ -42,7 +43,7 @@ class Ensemble(emcee.EnsembleSampler):
 
     def __init__(
         self,
-        log_density: Callable[[FloatArray], FloatArray],
+        log_density: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
         n_walker: int,
         n_coordinate: int,
         proposal: Independence,
@@ -53,22 +54,25 @@ class Ensemble(emcee.EnsembleSampler):
         super().__init__(n_walker, n_coordinate, log_density, vectorize=True, moves=shares)
         self.log_prob_fn = log_density  # emcee's own wrapper prints a traceback on Ctrl-C
 
-    def compute_log_prob(self, coords: FloatArray) -> tuple[FloatArray, None]:
-        """Return the log densities at `coords`, shape (n,), and no blobs."""
+    def compute_log_prob(self, coords: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the log densities at `coords`, shape (n,), and their blobs."""
         if not np.isfinite(coords).all():
             raise ValueError("a walker's coordinate is not finite")
-        log_density = self.log_prob_fn(coords)
+        log_density, kept = self.log_prob_fn(coords)
         if np.isnan(log_density).any():
             raise ValueError("the log density is NaN")
-        return log_density, None
+        return log_density, kept
 
 
 def state_at(
-    z: FloatArray, random_state: Any, log_density: FloatArray | None = None
+    z: FloatArray,
+    random_state: Any,
+    log_density: FloatArray | None = None,
+    kept: FloatArray | None = None,
 ) -> emcee.State:
     """Return walkers at `z`, (n_walker, n_coordinate), with the state of a `RandomState`."""
     # emcee takes the state of a RandomState; such an object it would silently ignore.
-    return emcee.State(z, log_prob=log_density, random_state=random_state)
+    return emcee.State(z, log_prob=log_density, blobs=kept, random_state=random_state)
 
 
 def sample(
@@ -120,9 +124,11 @@ def sample(
     n_coordinate = len(laplace.mode)
     n_walker = max(settings.n_walker or N_WALKER, 4 * n_coordinate)
 
-    def in_z(z: FloatArray) -> FloatArray:
+    def in_z(z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the log density of z, and u and its own, which a walk keeps."""
         u, log_jacobian = laplace.unwhiten(z)
-        return log_density(u) + log_jacobian
+        value = log_density(u)
+        return value + log_jacobian, np.column_stack([u, value])
 
     begun, limit = time.monotonic(), settings.time_limit or math.inf
     walk = checkpoint.load() if checkpoint is not None else None
@@ -146,7 +152,7 @@ def sample(
             unmet = [f"time limit of {limit:g} s: stopped after {walk.n_step} steps; {unmet[0]}"]
             break
         target = min(max(int(1.05 * walk.n_step) + 20, 100), settings.n_step_max)
-        walk = _walked_on(walk, samplers, laplace, target - walk.n_step, tau)
+        walk = _walked_on(walk, samplers, target - walk.n_step, tau)
         if checkpoint is not None:
             checkpoint.save(walk)
     acceptance = walk.accepted / (walk.n_step * n_walker)
@@ -154,7 +160,7 @@ def sample(
 
 
 def _burnt_in(
-    in_z: Callable[[FloatArray], FloatArray],
+    in_z: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
     n_walker: int,
     n_coordinate: int,
     n_curved: int,
@@ -167,7 +173,7 @@ def _burnt_in(
         rng = stream(seed, f"ensemble {i}")
         rest = n_coordinate - n_curved
         n = max(1_000, 3 * n_walker // 2)  # walkers start from different ones of them
-        proposal, draws = adapted(in_z, n_curved, rest, rng, n_round=4, n=n)
+        proposal, draws = adapted(lambda z: in_z(z)[0], n_curved, rest, rng, n_round=4, n=n)
         z = _start(draws, rng, n_walker)
         start = state_at(z, np.random.RandomState(rng.integers(2**32)).get_state())
         sampler = Ensemble(in_z, n_walker, n_coordinate, proposal, settings.moves)
@@ -188,22 +194,23 @@ def _burnt_in(
     )
 
 
-def _walked_on(
-    walk: Walk, samplers: Sequence[Ensemble], laplace: Laplace, n_step: int, tau: FloatArray
-) -> Walk:
+def _walked_on(walk: Walk, samplers: Sequence[Ensemble], n_step: int, tau: FloatArray) -> Walk:
     """Let every ensemble take `n_step` more steps from where it is."""
     ends = []
     for i, sampler in enumerate(samplers):
         sampler.reset()
-        here = state_at(walk.coordinates[i], walk.random_states[i], walk.last_log_density[i])
+        known: tuple[FloatArray, ...] = ()  # at first all is worked out anew
+        if walk.n_step:
+            last = np.column_stack([walk.u[i, -1], walk.log_density[i, -1]])
+            known = walk.last_log_density[i], last
+        here = state_at(walk.coordinates[i], walk.random_states[i], *known)
         ends.append(sampler.run_mcmc(here, n_step))
-    u, log_jacobian = laplace.unwhiten(np.stack([sampler.get_chain() for sampler in samplers]))
-    log_density = np.stack([sampler.get_log_prob() for sampler in samplers]) - log_jacobian
+    kept = np.stack([sampler.get_blobs() for sampler in samplers])
     accepted = np.array([sampler.backend.accepted.sum() for sampler in samplers])
     return replace(
         walk,
-        u=np.concatenate([walk.u, u], axis=1),
-        log_density=np.concatenate([walk.log_density, log_density], axis=1),
+        u=np.concatenate([walk.u, kept[..., :-1]], axis=1),
+        log_density=np.concatenate([walk.log_density, kept[..., -1]], axis=1),
         accepted=walk.accepted + accepted,
         coordinates=np.stack([end.coords for end in ends]),
         last_log_density=np.stack([end.log_prob for end in ends]),
