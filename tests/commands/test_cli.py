@@ -453,9 +453,11 @@ def test_generate__fields_without_finite_elements_are_refused(refused):
 def test_fit__done_is_exit_0_and_says_the_coefficients(command):
     said = command(*FIT, "modified", "-o", "out")
     assert said.code == 0
-    assert said.out.startswith("Fit(modified, iid: c = 1.37")
-    assert "converged)" in said.out
-    assert "out: 41 rows fitted, 3 held out." in said.out
+    assert said.out.startswith("out: 41 rows fitted, 3 held out.\n")
+    assert "modified, error model iid, drawn by emcee: converged\n" in said.out
+    assert re.search(r"^c +1\.37\d\d +0\.003\d +1\.3\d{3} to 1\.3\d{3}$", said.out, flags=re.M)
+    files = "evidence.csv, posterior-modified.nc, run.json, summary.csv, table.csv"
+    assert said.out.endswith(f"\nWritten: out: {files}\n")
     assert all(re.fullmatch(r".+: \d+\.\d\d s", line) for line in said.err.splitlines())
     assert {path.name for path in Path("out").iterdir()} == {
         "table.csv",
@@ -486,11 +488,15 @@ def test_fit__unconverged_can_be_predicted_from(command, quick):
     assert command(*words).code == 0
 
 
-def test_compare__done_is_exit_0_and_prints_the_bayes_factors(command):
-    said = command(*COMPARE, "--forms", "modified, hybrid", "--seed", "4", "-o", "out")
+def test_compare__done_is_exit_0_and_prints_verdict_and_coefficients(command):
+    words = (*COMPARE, "--forms", "modified, hybrid", "--seed", "4", "-o", "out")
+    said = command(*words, "--verbose")
     assert said.code == 0
     assert "savage-dickey" in said.out
     assert "strong for hybrid (Kass & Raftery); rows are not independent" in said.out
+    assert "The evidence supports Hybrid among the forms compared. " in said.out
+    assert "Grade: supports." in said.out
+    assert re.search(r"^hybrid +c1 +1\.33\d\d ", said.out, flags=re.M)
     content = json.loads(Path("out/run.json").read_text())
     assert content["seed"] == 4
     assert content["forms"] == ["modified", "hybrid"]
@@ -600,7 +606,8 @@ def test_report__is_written_again(command, monkeypatch, run):
         "ridgebayes.commands.report.write_pages", lambda *words: asked.append(words)
     )
     said = command("report", run)
-    assert (said.code, said.out) == (0, f"read {run / 'report.html'}\n")
+    assert said.code == 0
+    assert said.out.startswith(f"read {run / 'report.html'}\n")
     assert asked[0][1:] == (run, None)
 
 

@@ -379,9 +379,9 @@ def test_sweep__a_failed_computation_keeps_what_is_done(tmp_path, monkeypatch, c
 def test_sweep__tells_now_and_then_where_there_is_no_terminal(tmp_path, monkeypatch, capsys):
     sweep(tmp_path / "quick.csv")
     assert capsys.readouterr().err == ""
-    monkeypatch.setattr("ridgebayes.commands.generate._EVERY_S", 0.0)
+    monkeypatch.setattr("ridgebayes.runtime.progress._EVERY_S", {0: 0.0})
     sweep(tmp_path / "long.csv")
-    assert f"{N} of {N} textures\n" in capsys.readouterr().err
+    assert f"textures: {N} of {N}\n" in capsys.readouterr().err
 
 
 # --- as commands ----------------------------------------------------------------------------------

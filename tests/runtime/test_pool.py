@@ -190,11 +190,11 @@ from ridgebayes.runtime.pool import start_server, workers
 def loaded(name):
     return name in sys.modules
 if __name__ == "__main__":
-    import ridgebayes.runtime.text
+    import ridgebayes.runtime.journal
     if sys.argv[1:]:
         start_server(sys.argv[1:])
     with workers(1) as pool:
-        names = ("colorsys", "ridgebayes.runtime.text")
+        names = ("colorsys", "ridgebayes.runtime.journal")
         print([pool.submit(loaded, name).result() for name in names])
 """
 

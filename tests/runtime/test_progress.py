@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from ridgebayes.runtime.progress import Progress
+from ridgebayes.runtime.progress import VERBOSITY, Progress, tell_count
 
 
 class Terminal(io.StringIO):
@@ -57,6 +57,35 @@ def test_plain__a_line_is_out_before_the_next_stage_begins(clock):
             assert out.getvalue() == "first: 0.00 s\n"
 
 
+@pytest.mark.parametrize(
+    ("level", "told"),
+    [
+        (-1, ""),
+        (0, "folds: 3 of 9, about 1 min left\nfolds: 31.00 s\n"),
+        (1, "folds: 1 of 9, about 20 s left\nfolds: 3 of 9, about 1 min left\nfolds: 31.00 s\n"),
+    ],
+)
+def test_counts__are_told_as_much_as_asked_for(clock, level, told):
+    out, token = io.StringIO(), VERBOSITY.set(level)
+    with Progress(1, out) as progress, progress.stage("folds"):
+        for n_done, seconds in ((1, 2.5), (2, 0.5), (3, 27.0)):
+            clock.wall += seconds
+            tell_count(n_done, 9)
+        clock.wall += 1.0
+    VERBOSITY.reset(token)
+    tell_count(1, 2)  # nobody's
+    assert out.getvalue() == told
+
+
+def test_plain__a_stage_of_minutes_tells_how_far_it_is(clock):
+    out = io.StringIO()
+    with Progress(1, out) as progress, progress.stage("folds"):
+        clock.wall += 30.0
+        tell_count(1)
+        tell_count(2)
+    assert out.getvalue() == "folds: 1 done\nfolds: 30.00 s\n"
+
+
 def test_stage__that_raises_is_timed_and_its_error_goes_on(clock):
     progress = Progress(1, io.StringIO())
 
@@ -95,6 +124,11 @@ def test_terminal__a_bar_instead_of_lines(clock, monkeypatch):
         assert progress._bar.tasks[0].completed == 1
         with progress.stage("evidence hybrid"):
             assert progress._bar.tasks[0].description == "evidence hybrid"
+            clock.wall += 8.0
+            progress.count(2, 3)
+            told = "evidence hybrid: 2 of 3, about 4.0 s left"
+            assert progress._bar.tasks[0].description == told
+            assert progress._bar.tasks[0].completed == pytest.approx(1 + 2 / 3)  # algebra
         assert progress._bar.finished
     assert [stage["name"] for stage in progress.stages] == ["calibrate hybrid", "evidence hybrid"]
     assert "calibrate hybrid: " not in out.getvalue()

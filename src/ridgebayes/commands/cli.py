@@ -3,8 +3,9 @@
 Exit code 0 is done, 1 a computation that failed or did not converge (what was finished is written),
 2 bad input or usage (nothing written).
 
-What a command does is the function `command` of the module of its name, loaded when the command is
-called: until then nothing heavy is, so that help is quick.
+What a command does is the function `command` of the module of its name: it returns an `Answer`, and
+that is told here. It is loaded when the command is called: until then nothing heavy is, so that
+help is quick.
 """
 
 import inspect
@@ -12,8 +13,9 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 from importlib import import_module
-from typing import Any
+from typing import Annotated, Any
 
 # One BLAS thread: the matrices are small, and threads only fight. Before numpy is imported.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -39,50 +41,95 @@ _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
 }
 # What workers of a run import at the same time as this process.
 _OF_A_RUN = ("ridgebayes.commands.run", "ridgebayes.report.figures.gallery", "arviz", "corner")
+# Click's, which newer versions of typer bring along and older ones import.
+_UsageError: Any = typer.BadParameter.__base__
 app = typer.Typer(
     help="How many ridges does a soft body touch, how certain is that, and which contact model "
     "does the evidence support?",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 
 
-def _caller(module: str, options_of: type[Any]) -> Callable[..., None]:
-    """Return the function of a command, whose parameters are the fields of its options."""
+def _show_version(asked: bool) -> None:
+    if asked:
+        print(f"ridgebayes {import_module('ridgebayes._types').__version__}")  # which loads numpy
+        raise typer.Exit
+
+
+@app.callback()
+def _program(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
+    ] = False,
+) -> None: ...
+
+
+def _caller(name: str, module: str, options_of: type[Any]) -> Callable[..., None]:
+    """Return the function of a command, whose parameters are its options and those of all."""
+    records = (options_of, options.Output)
 
     def call(**given: Any) -> None:
-        asked = options_of(**given)
-        if module == "run" and asked.scheduler is None and asked.workers != 1:
-            # Workers import at the same time as this process, so their server starts first.
-            import_module("ridgebayes.runtime.pool").start_server(_OF_A_RUN)
-        import_module(f"ridgebayes.commands.{module}").command(asked)
+        output = options.Output(**{one.name: given.pop(one.name) for one in fields(options.Output)})
+        code = _done(name, module, options_of(**given), output)
+        if code:
+            raise typer.Exit(code)
 
     call.__name__, call.__doc__ = module, options_of.__doc__
-    call.__annotations__ = options_of.__annotations__
-    call.__signature__ = inspect.signature(options_of)  # type: ignore[attr-defined]
+    call.__annotations__ = {k: v for one in records for k, v in one.__annotations__.items()}
+    parameters = [p for one in records for p in inspect.signature(one).parameters.values()]
+    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return call
 
 
 for _name, _what in _COMMANDS.items():
-    app.command(_name)(_caller(*_what))
+    app.command(_name)(_caller(_name, *_what))
+
+
+def _done(name: str, module: str, asked: Any, output: options.Output) -> int:
+    """Do a command, tell what it found or what went wrong, and return the exit code."""
+    if module == "run" and asked.scheduler is None and asked.workers != 1:
+        # Workers import at the same time as this process, so their server starts first.
+        import_module("ridgebayes.runtime.pool").start_server(_OF_A_RUN)
+    terminal = import_module("ridgebayes.commands.terminal")
+    progress = import_module("ridgebayes.runtime.progress")
+    answer, code, error = terminal.Answer(), 0, ""
+    level = progress.VERBOSITY.set(output.verbosity)
+    try:
+        answer = import_module(f"ridgebayes.commands.{module}").command(asked)
+        code, error = (1 if answer.problem else 0), answer.problem
+    except InputError as bad:
+        code, error = 2, str(bad)
+    except ComputationError as failed:
+        code, error = 1, str(failed)
+    except OSError as failed:
+        why = " ".join(str(failed.strerror or failed).split())
+        code, error = 1, f"{failed.filename or 'output'}: {why}"
+    except (KeyboardInterrupt, _Interrupted):
+        code, error = 130, "interrupted; continue run, fit or generate with --resume"
+    finally:
+        progress.VERBOSITY.reset(level)
+    terminal.tell(name, answer, code, error, output)
+    return code
 
 
 def main() -> None:
     """Run the command line, with errors as one message on standard error and an exit code."""
-    # Typer ends silently on its own KeyboardInterrupt; this one reaches the message below.
+    # Typer ends silently on its own KeyboardInterrupt; this one reaches the message above.
     signal.signal(signal.SIGINT, _interrupt)
-    try:
+    words = sys.argv[1:]
+    if "--json" not in words:
         app()
-    except InputError as error:
-        _stop(error, 2)
-    except ComputationError as error:
-        _stop(error, 1)
-    except OSError as error:
-        why = " ".join(str(error.strerror or error).split())
-        _stop(f"{error.filename or 'output'}: {why}", 1)
-    except _Interrupted:
-        _stop("interrupted; continue run, fit or generate with --resume", 130)
+        return
+    try:  # wrong usage, too, is told as an object
+        code = app(standalone_mode=False)
+    except _UsageError as error:
+        terminal = import_module("ridgebayes.commands.terminal")
+        name, code = next((word for word in words if word in _COMMANDS), None), error.exit_code
+        told = options.Output(as_json=True)
+        terminal.tell(name, terminal.Answer(), code, error.format_message(), told)
+    sys.exit(code if isinstance(code, int) else 0)
 
 
 class _Interrupted(BaseException):
@@ -91,8 +138,3 @@ class _Interrupted(BaseException):
 
 def _interrupt(signum: int, frame: object) -> None:
     raise _Interrupted
-
-
-def _stop(why: object, code: int) -> None:
-    print(f"ridgebayes: {why}", file=sys.stderr)
-    sys.exit(code)

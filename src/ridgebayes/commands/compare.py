@@ -3,20 +3,21 @@
 from pathlib import Path
 
 from ridgebayes.commands import options
+from ridgebayes.commands.answers import comparison_answer
 from ridgebayes.commands.parsing import parse_names
-from ridgebayes.commands.request import FitRequest, finish
+from ridgebayes.commands.request import FitRequest
 from ridgebayes.commands.run_files import write_comparison, write_fits, write_run_json
 from ridgebayes.commands.run_folder import new_folder
+from ridgebayes.commands.terminal import Answer
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.runtime.progress import Progress
 
 
-def command(asked: options.Compare) -> None:
+def command(asked: options.Compare) -> Answer:
     """Do what the command line asks for."""
     request = FitRequest.of(asked, parse_names(asked.forms))
     done = compare_job(asked.out, request, force=asked.force)
-    print(done.bayes_factors.to_string(index=False))
-    finish(done, asked.out)
+    return comparison_answer(done, asked.out)
 
 
 def compare_job(

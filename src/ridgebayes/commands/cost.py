@@ -13,6 +13,7 @@ from ridgebayes.checks.cost.measured import COST_COLUMNS, LEVELS, Setting, cheap
 from ridgebayes.checks.cost.posteriors import band_settings, evidence_settings, posterior_settings
 from ridgebayes.commands import options
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.drawing.costs import plot_cost
 from ridgebayes.drawing.style import save
 from ridgebayes.errors import InputError
@@ -71,7 +72,7 @@ _TASKS: dict[str, Callable[[CostRequest], list[Setting]]] = {
 }
 
 
-def command(asked: options.Cost) -> None:
+def command(asked: options.Cost) -> Answer:
     """Do what the command line asks for."""
     if asked.source is not None and asked.source.suffix == ".toml":
         scene = Scene.from_toml(asked.source)
@@ -82,9 +83,8 @@ def command(asked: options.Cost) -> None:
     request = replace(known, elements=asked.elements, repeats=asked.repeats, seed=asked.seed)
     workers, scheduler = asked.workers, asked.scheduler
     found = cost_job(asked.out, request, force=asked.force, workers=workers, scheduler=scheduler)
-    for line in cheapest(found):
-        print(line)
-    print(f"{asked.out}: {len(found)} rows; look at {asked.out / 'cost.html'}")
+    told = f"{asked.out}: {len(found)} rows; look at {asked.out / 'cost.html'}"
+    return Answer((*cheapest(found), told), found, files_in(asked.out))
 
 
 def cost_job(

@@ -12,9 +12,10 @@ from ridgebayes.commands.parsing import parse_names
 from ridgebayes.commands.request import FitRequest
 from ridgebayes.commands.run_files import versions
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.drawing.coverage import plot_coverage
 from ridgebayes.drawing.style import save
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import InputError
 from ridgebayes.model.noise import Noise
 from ridgebayes.runtime.pool import executor_for
 from ridgebayes.runtime.progress import Progress
@@ -22,7 +23,7 @@ from ridgebayes.runtime.progress import Progress
 COVERAGE_JSON = "coverage.json"
 
 
-def command(asked: options.Coverage) -> None:
+def command(asked: options.Coverage) -> Answer:
     """Count how often bands contain transitions of textures left out, form by form.
 
     The folder holds coverage.csv, its figure as PNG and SVG, and coverage.json.
@@ -58,17 +59,19 @@ def command(asked: options.Coverage) -> None:
             "stages": progress.stages,
         }
         write_text(json.dumps(content, indent=2) + "\n", partial / COVERAGE_JSON)
-    _print(found, asked.out)
+    return _answer(found, asked.out)
 
 
-def _print(found: pd.DataFrame, out: Path) -> None:
-    """Print the bands of 90 %; fits that failed are an error."""
+def _answer(found: pd.DataFrame, out: Path) -> Answer:
+    """Return the bands of 90 %; fits that failed are an error."""
     shown = found[found["prob"] == 0.9]
     columns = ["form", "noise", "n", "covered", "share", "share_se", "mean_width"]
-    print("Bands of 90 %:")
-    print(shown[columns].to_string(index=False, float_format="{:.3f}".format))
-    print(f"{out}: {len(found)} rows; look at {out / 'coverage.png'}")
     failed = shown[shown["n_failed"] > 0]
-    if len(failed):
-        rows = zip(failed["form"], failed["noise"], failed["failed"], strict=True)
-        raise ComputationError("\n".join(f"{form}, {name}: {why}" for form, name, why in rows))
+    rows = zip(failed["form"], failed["noise"], failed["failed"], strict=True)
+    told = f"{out}: {len(found)} rows; look at {out / 'coverage.png'}"
+    return Answer(
+        ("Bands of 90 %:", shown[columns].round(3), told),
+        found,
+        files_in(out),
+        problem="\n".join(f"{form}, {name}: {why}" for form, name, why in rows),
+    )

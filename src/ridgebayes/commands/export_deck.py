@@ -3,12 +3,13 @@
 from ridgebayes.commands import options
 from ridgebayes.commands.parsing import refuse_existing
 from ridgebayes.commands.run_folder import write_text
+from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
 from ridgebayes.scene.scene import Scene
 
 
-def command(asked: options.ExportDeck) -> None:
+def command(asked: options.ExportDeck) -> Answer:
     """Do what the command line asks for."""
     refuse_existing(asked.out, asked.force)
     wanted = Scene.from_toml(asked.scene)
@@ -21,10 +22,12 @@ def command(asked: options.ExportDeck) -> None:
     out = asked.out
     (texture,) = wanted.textures
     corner = texture.corner_radius_over_R
-    print(f"{out}: {len(disk.cells)} elements, {len(disk.displacements)} levels, R = 1, E = 1")
-    print(
+    n_cell, n_level = len(disk.cells), len(disk.displacements)
+    said = (
+        f"{out}: {n_cell} elements, {n_level} levels, R = 1, E = 1",
         f"import the run with: ridgebayes import {out.with_suffix('.dat')} --deck {out} "
         f"--surface {SURFACE} --reaction {REACTION} --texture {texture.a_over_R:g},"
         f"{texture.b_over_R:g} --nu {wanted.nu:g}{f' --corner {corner:g}' if corner else ''} "
-        "-o TABLE.csv"
+        "-o TABLE.csv",
     )
+    return Answer(said, {"elements": n_cell, "levels": n_level}, [out])

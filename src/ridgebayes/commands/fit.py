@@ -1,14 +1,14 @@
 """`ridgebayes fit`: the posterior of one form, and its evidence."""
 
 from ridgebayes.commands import options
+from ridgebayes.commands.answers import fit_answer
 from ridgebayes.commands.compare import compare_job
-from ridgebayes.commands.request import FitRequest, finish
+from ridgebayes.commands.request import FitRequest
+from ridgebayes.commands.terminal import Answer
 
 
-def command(asked: options.Fit) -> None:
+def command(asked: options.Fit) -> Answer:
     """Do what the command line asks for."""
     request = FitRequest.of(asked, [asked.form])
     done = compare_job(asked.out, request, scores=False, force=asked.force, resume=asked.resume)
-    for fit in done.fits.values():
-        print(fit)
-    finish(done, asked.out)
+    return fit_answer(done, asked.out)

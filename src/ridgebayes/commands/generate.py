@@ -1,8 +1,7 @@
 """`ridgebayes generate`: transition loads of many textures, kept as they come, in one table."""
 
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,7 +9,8 @@ from typing import Any
 
 from ridgebayes.commands import options
 from ridgebayes.commands.parsing import parse_texture, refuse_existing
-from ridgebayes.errors import ComputationError, InputError, RidgebayesError
+from ridgebayes.commands.terminal import Answer, files_in
+from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.atomic import exclusive_lock
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import executor_for, map_ordered
@@ -22,10 +22,8 @@ from ridgebayes.simulate import generation
 from ridgebayes.table.files import check_name
 from ridgebayes.table.table import ContactTable
 
-_EVERY_S = 30.0  # a line where there is no terminal to draw a bar on
 
-
-def command(asked: options.Generate) -> None:
+def command(asked: options.Generate) -> Answer:
     """Do what the command line asks for."""
     refuse_existing(asked.out, asked.force)
     if asked.scene is not None and asked.texture:
@@ -54,11 +52,13 @@ def command(asked: options.Generate) -> None:
             raise InputError("--fields: expected without --workers, --scheduler and --resume")
         table, left_out = fields_job(asked.out, wanted, asked.fields, force=asked.force, **solving)
     failed = len(table.left_out)
-    print(f"{asked.out}: {len(table)} rows, {len(table.textures)} textures, {failed} not ok")
-    for line in left_out:
-        print(line)
-    if failed:
-        raise ComputationError(f"{failed} rows are not ok, see column status of {asked.out}")
+    told = f"{asked.out}: {len(table)} rows, {len(table.textures)} textures, {failed} not ok"
+    return Answer(
+        (told, *left_out),
+        {"rows": len(table), "textures": len(table.textures), "not_ok": failed},
+        [asked.out, *(files_in(asked.fields) if asked.fields else ())],
+        problem=f"{failed} rows are not ok, see column status of {asked.out}" if failed else "",
+    )
 
 
 def sweep_job(
@@ -118,10 +118,8 @@ def sweep_job(
         with who as executor:
             if not resume:
                 journal.remove()
-            with _journal_report(journal, n, resume), _progress_report() as report:
-                table = generation.generate(
-                    scene, executor=executor, journal=journal, progress=report, **solving
-                )
+            with _journal_report(journal, n, resume), Progress(1, name="textures"):
+                table = generation.generate(scene, executor=executor, journal=journal, **solving)
             left_out = _neglected_effects(scene, executor, **solving)
         try:
             table.write(out)
@@ -186,22 +184,6 @@ def _journal_report(journal: Journal, n_texture: int, resume: bool) -> Iterator[
         _print_error(f"{journal.folder}: {journal.n_damaged} damaged textures, computed again")
     if resume:
         _print_error(f"{journal.n_found} of {n_texture} textures taken from the journal")
-
-
-@contextmanager
-def _progress_report() -> Iterator[Callable[[str], None]]:
-    """Give a progress callback: a bar on a terminal, a line now and then elsewhere."""
-    with Progress(1) as progress:
-        last = time.monotonic()
-
-        def report(text: str) -> None:
-            nonlocal last
-            progress.detail(text)
-            if not sys.stderr.isatty() and time.monotonic() > last + _EVERY_S:
-                last = time.monotonic()
-                _print_error(text)
-
-        yield report
 
 
 def _print_kept(journal: Journal, n_texture: int) -> None:

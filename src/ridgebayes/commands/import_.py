@@ -4,11 +4,12 @@ from dataclasses import fields
 
 from ridgebayes.commands import options
 from ridgebayes.commands.parsing import parse_numbers, parse_texture, refuse_existing
+from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
 from ridgebayes.fea.read import Given, import_files
 
 
-def command(asked: options.Import) -> None:
+def command(asked: options.Import) -> Answer:
     """Do what the command line asks for."""
     if asked.out is None and not asked.dry_run:
         raise InputError("-o: missing; expected the table to write, or --dry-run")
@@ -24,8 +25,9 @@ def command(asked: options.Import) -> None:
     found = import_files(
         asked.file, given, program=asked.program, brackets=asked.brackets, role=asked.role
     )
-    for line in found.messages:
-        print(line)
-    if asked.out is not None and not asked.dry_run:
-        found.table.write(asked.out)
-        print(f"{asked.out}: {len(found.table)} rows, {len(found.table.textures)} textures")
+    size = {"rows": len(found.table), "textures": len(found.table.textures)}
+    if asked.out is None or asked.dry_run:
+        return Answer(found.messages, size)
+    found.table.write(asked.out)
+    told = f"{asked.out}: {size['rows']} rows, {size['textures']} textures"
+    return Answer((*found.messages, told), size, [asked.out])

@@ -66,6 +66,24 @@ Workers = Annotated[
 
 
 @dataclass(frozen=True)
+class Output:
+    """What every command may be told of its output."""
+
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Print more, and how far the work is.")
+    ] = False
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of text.")
+    ] = False
+
+    @property
+    def verbosity(self) -> int:
+        """As `ridgebayes.runtime.progress.VERBOSITY`."""
+        return -1 if self.quiet else int(self.verbose)
+
+
+@dataclass(frozen=True)
 class Run:
     """Calibrate all forms, compare them, predict, and write a report."""
 

@@ -9,7 +9,8 @@ from ridgebayes.checks.plan_check import check_plans, sobol_scenes
 from ridgebayes.commands import options
 from ridgebayes.commands.parsing import refuse_existing
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.commands.terminal import Answer, files_in
+from ridgebayes.errors import InputError
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.scene.effects import Plan, plan_table
 from ridgebayes.scene.estimates import plan
@@ -18,29 +19,31 @@ from ridgebayes.scene.scene import Scene
 CHECK_CSV = "plan-check.csv"
 
 
-def command(asked: options.Plan) -> None:
+def command(asked: options.Plan) -> Answer:
     """Do what the command line asks for."""
     if asked.verify:
         if asked.scene is not None or asked.out is None:
             raise InputError("--verify: expected -o, a folder to create, and no scene")
         found = plan_check_job(asked.out, n=asked.scenes, seed=asked.seed, force=asked.force)
-        print(f"{asked.out}: {int(found['honest'].sum())} of {len(found)} estimates are reliable")
-        if not found["honest"].all():
-            n = int((~found["honest"]).sum())
-            raise ComputationError(f"{n} estimates are not reliable; see {asked.out}/report.md")
-        return
+        n_bad = int((~found["honest"]).sum())
+        told = f"{asked.out}: {len(found) - n_bad} of {len(found)} estimates are reliable"
+        problem = f"{n_bad} estimates are not reliable; see {asked.out}/report.md"
+        return Answer((told,), found, files_in(asked.out), problem=problem if n_bad else "")
     if asked.scene is None:
         raise InputError("SCENE: missing; expected a scene file, or --verify")
     if asked.out is not None:
         refuse_existing(asked.out, asked.force)
-    for one in plan_job(Scene.from_toml(asked.scene), out=asked.out, figures=asked.figures):
-        print(f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}")
+    parts = []
+    plans = plan_job(Scene.from_toml(asked.scene), out=asked.out, figures=asked.figures)
+    for one in plans:
+        parts.append(f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}")
         for row in plan_table([one]).to_dict("records"):
             size, seconds = row["estimated_rel_change"], row["cost_s"]
             known = "size not known" if math.isnan(size) else f"changes loads by {size:.1e}"
             word = "simulated" if row["simulated"] else "left out"
             cost = "" if math.isnan(seconds) else f", {seconds:.2g} s"
-            print(f"  {row['effect']}: {word}; {known}{cost}; {row['reason']}")
+            parts.append(f"  {row['effect']}: {word}; {known}{cost}; {row['reason']}")
+    return Answer(parts, plan_table(plans), [asked.out] if asked.out else [])
 
 
 def plan_job(scene: Scene, *, out: Path | None = None, figures: Path | None = None) -> list[Plan]:

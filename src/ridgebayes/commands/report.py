@@ -5,12 +5,15 @@ from pathlib import Path
 from ridgebayes.commands import options
 from ridgebayes.commands.pages import write_pages
 from ridgebayes.commands.run_files import REFERENCE, read_run
+from ridgebayes.commands.terminal import Answer, files_in
 
 
-def command(asked: options.Report) -> None:
+def command(asked: options.Report) -> Answer:
     """Do what the command line asks for."""
     report_job(asked.folder)
-    print(f"read {asked.folder / 'report.html'}")
+    names = {"report.html", "report.md", "figures"}
+    written = [path for path in files_in(asked.folder) if not names.isdisjoint(path.parts)]
+    return Answer((f"read {asked.folder / 'report.html'}",), files=written)
 
 
 def report_job(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""What `run`, `compare` and `fit` are asked for, and what they say at the end."""
+"""What `run`, `compare` and `fit` are asked for."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
@@ -9,13 +9,10 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-import pandas as pd
-
 from ridgebayes.commands import options
 from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import forms_by_probability
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import InputError
 from ridgebayes.evidence.error_models import AUTO, error_models_for
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.presets import STANDARD, Preset
@@ -171,48 +168,3 @@ class Inputs:
             priors=self.priors,
             rng=self.seed,
         )
-
-
-def finish(done: Comparison, out: Path, then: str = "") -> None:
-    """Say what was fitted.
-
-    Raises
-    ------
-    ComputationError
-        If a form failed or did not converge, so that the program ends with exit code 1.
-    """
-    table = done.table
-    if len(table.left_out):
-        print(f"{table.where}: {len(table.left_out)} rows are not ok and were not fitted")
-    print(f"{out}: {len(table.calibration)} rows fitted, {len(table.held_out)} held out. {then}")
-    print(answer(done))
-    unfinished = [
-        f"{name} did not converge: {'; '.join(failures)}"
-        for name, failures in done.unconverged.items()
-    ]
-    unfinished += [f"{name} failed: {why}" for name, why in done.failures.items()]
-    if unfinished:
-        raise ComputationError("\n".join(unfinished))
-
-
-def answer(done: Comparison) -> str:
-    """Return what was found as a few lines: the verdict, and a row for each form."""
-    verdict, shares = done.verdict, done.probabilities
-    rows = [
-        {
-            "form": name,
-            "probability": f"{shares[name]:.3g}" if name in shares else "no evidence",
-            "sampler": done.fits[name].sampler,
-            "error models": ", ".join(
-                f"{noise} {weight:.2g}"
-                for noise, weight in done.fits[name].error_model_weights.items()
-            ),
-        }
-        for name in forms_by_probability(done)
-    ]
-    table = pd.DataFrame(rows).to_string(index=False)
-    if verdict is None:
-        return table
-    # What imports all that draws: a fit, which has no verdict, need not wait for it.
-    words = import_module("ridgebayes.report.first_screen")
-    return f"{words.headline(verdict)} {words.lead(verdict)}\n{table}"

@@ -12,11 +12,13 @@ from ridgebayes.checks.cost.measured import short_costs
 from ridgebayes.checks.coverage import coverage
 from ridgebayes.checks.cross_validation import left_out_scores
 from ridgebayes.commands import options
+from ridgebayes.commands.answers import comparison_answer
 from ridgebayes.commands.pages import begin_figures, write_pages
 from ridgebayes.commands.parsing import parse_names
-from ridgebayes.commands.request import FitRequest, Inputs, finish
+from ridgebayes.commands.request import FitRequest, Inputs
 from ridgebayes.commands.run_files import REFERENCE, write_comparison, write_run_json
 from ridgebayes.commands.run_folder import new_folder, write_csv
+from ridgebayes.commands.terminal import Answer
 from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.model.forms import FORMS, form_named
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 EMBEDDED_FE = "finite-element reference rows"
 
 
-def command(asked: options.Run) -> None:
+def command(asked: options.Run) -> Answer:
     """Do what the command line asks for."""
     request = FitRequest.of(asked, parse_names(asked.forms))
     done = run_job(
@@ -43,7 +45,7 @@ def command(asked: options.Run) -> None:
         workers=asked.workers,
         scheduler=asked.scheduler,
     )
-    finish(done, asked.out, f"read {asked.out / 'report.html'}")
+    return comparison_answer(done, asked.out, f"read {asked.out / 'report.html'}")
 
 
 def run_job(

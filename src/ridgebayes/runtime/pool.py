@@ -14,7 +14,7 @@ import signal
 import sys
 import threading
 import weakref
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from concurrent import futures
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
@@ -22,6 +22,7 @@ from multiprocessing import forkserver, resource_tracker
 from typing import Any, ParamSpec, TypeVar
 
 from ridgebayes.errors import ComputationError, InputError, WorkerLostError
+from ridgebayes.runtime.progress import tell_count
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -243,18 +244,20 @@ def map_ordered(
         If workers die, so that a task cannot be computed; it is named. Whatever else a task
         raises is passed on as soon as it comes.
     """
+    n = len(tasks) if isinstance(tasks, Sized) else None
     if executor is None:
-        for task in tasks:
+        for n_done, task in enumerate(tasks, start=1):
             result = function(task)
             if done is not None:
                 done(task, result)
+            tell_count(n_done, n)
             yield result
         return
     numbered = enumerate(tasks)
     under_way: dict[futures.Future[_T], tuple[int, _Task]] = {}
     early: dict[int, _T] = {}
     ended: queue.SimpleQueue[futures.Future[_T]] = queue.SimpleQueue()
-    turn = 0
+    turn = n_done = 0
     try:
         while True:
             n_worker = getattr(executor, "n_worker", None)  # which may change
@@ -275,6 +278,8 @@ def map_ordered(
                 raise ComputationError(f"{called}: {why}") from None
             if done is not None:
                 done(task, result)
+            n_done += 1
+            tell_count(n_done, n)
             while turn in early:
                 yield early.pop(turn)
                 turn += 1

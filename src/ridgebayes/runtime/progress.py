@@ -4,8 +4,17 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar, Token
 from dataclasses import dataclass, field
 from typing import Any, TextIO
+
+from ridgebayes.runtime.text import duration
+
+# How much is told: -1 nothing, 0 stages, 1 also how far each is where there is no terminal. Set for
+# the time of one command, so that what works need not hand it on.
+VERBOSITY: ContextVar[int] = ContextVar("VERBOSITY", default=0)
+_CURRENT: ContextVar["Progress | None"] = ContextVar("_CURRENT", default=None)
+_EVERY_S = {0: 30.0, 1: 2.0}  # a line on a stage that takes long, where there is no terminal
 
 
 @dataclass
@@ -18,6 +27,8 @@ class Progress:
         Stages to come, for the bar.
     out : text file
         Where to tell; standard error, so that it never mixes with output.
+    name : str
+        What is counted where there are no stages.
 
     Examples
     --------
@@ -30,12 +41,18 @@ class Progress:
 
     n_stage: int
     out: TextIO = field(default_factory=lambda: sys.stderr)
+    name: str = ""
     stages: list[dict[str, Any]] = field(default_factory=list)
     _bar: Any = None
     _task: Any = None
+    _began: float = 0.0
+    _told: float = 0.0
+    _token: "Token[Progress | None] | None" = None
 
     def __enter__(self) -> "Progress":
-        if self.out.isatty():
+        self._token = _CURRENT.set(self)
+        self._began = self._told = time.perf_counter()
+        if self.out.isatty() and VERBOSITY.get() >= 0:
             # Loaded for a terminal only: most runs in scripts never show a bar.
             from rich.console import Console
             from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
@@ -44,7 +61,7 @@ class Progress:
             self._bar = Bar(
                 BarColumn(bar_width=24),
                 TimeElapsedColumn(),
-                TextColumn("{task.description}"),
+                TextColumn("{task.description}", markup=False),
                 console=Console(file=self.out),
                 transient=True,
             )
@@ -53,6 +70,8 @@ class Progress:
         return self
 
     def __exit__(self, *error: object) -> None:
+        if self._token is not None:
+            _CURRENT.reset(self._token)
         if self._bar is not None:
             self._bar.stop()
             self._bar = None
@@ -74,17 +93,41 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._task, description=name)
         wall, cpu, elsewhere = time.perf_counter(), time.process_time(), [0.0]
+        self.name, self._began, self._told = name, wall, wall
         try:
             yield elsewhere.append
         finally:
             wall, cpu = time.perf_counter() - wall, time.process_time() - cpu + sum(elsewhere)
             self.stages.append({"name": name, "wall_s": wall, "cpu_s": cpu})
+            self.name = ""
             if self._bar is not None:
-                self._bar.advance(self._task)
-            else:
+                self._bar.update(self._task, completed=len(self.stages))
+            elif VERBOSITY.get() >= 0:
                 print(f"{name}: {wall:.2f} s", file=self.out, flush=True)
 
     def detail(self, text: str) -> None:
-        """Tell how far a stage is; on a terminal only, plain lines tell of whole stages."""
+        """Tell how far a stage is: at once on a terminal, else a line now and then."""
         if self._bar is not None:
             self._bar.update(self._task, description=text)
+            return
+        now, every = time.perf_counter(), _EVERY_S.get(VERBOSITY.get())
+        if every is not None and now >= self._told + every:
+            self._told = now
+            print(text, file=self.out, flush=True)
+
+    def count(self, n_done: int, n: int | None) -> None:
+        """Tell how many parts of a stage are done, and about how long the others will take."""
+        text = f"{n_done} of {n}" if n is not None else f"{n_done} done"
+        if n is not None and 0 < n_done < n:
+            left = (time.perf_counter() - self._began) * (n - n_done) / n_done
+            text += f", about {duration(left)} left"
+        if n and self._bar is not None:
+            self._bar.update(self._task, completed=len(self.stages) + n_done / n)
+        self.detail(f"{self.name}: {text}" if self.name else text)
+
+
+def tell_count(n_done: int, n: int | None = None) -> None:
+    """Tell the running command's progress, if there is one, how many parts of how many are done."""
+    progress = _CURRENT.get()
+    if progress is not None:
+        progress.count(n_done, n)

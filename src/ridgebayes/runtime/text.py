@@ -1,5 +1,6 @@
 """Words for messages: one line, cut where it would swamp them, with nothing unseen in them."""
 
+import math
 import unicodedata
 
 _UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # controls, such as those of writing right to left
@@ -35,3 +36,41 @@ def one_line_message(error: Exception, most: int = 120) -> str:
     """Return what an error says as one line, cut off at a length, that ends in no blank."""
     text = getattr(error, "strerror", None) or str(error) or type(error).__name__
     return " ".join(text.split())[:most].strip()
+
+
+def duration(seconds: float) -> str:
+    """Return a time as a person says it.
+
+    Examples
+    --------
+    >>> [duration(seconds) for seconds in (0.004, 0.44, 40.2, 90, 5400, 2e5)]
+    ['under 0.1 s', '0.4 s', '40 s', '1.5 min', '1.5 h', '2.3 days']
+    """
+    if seconds < 0.1:
+        return "under 0.1 s"
+    if seconds < 60:
+        return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
+    size, unit = next(
+        (size, unit)
+        for limit, size, unit in ((3600, 60, "min"), (86400, 3600, "h"), (math.inf, 86400, "days"))
+        if seconds < limit
+    )
+    return f"{seconds / size:.1f}".removesuffix(".0") + f" {unit}"
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent, to two digits; above 100 % as a factor says more.
+
+    Examples
+    --------
+    >>> [percent(share) for share in (0.00312, 0.017, 0.25, 2e-7, 0.0, 1.9, float("inf"))]
+    ['0.31 %', '1.7 %', '25 %', 'under 0.01 %', '0', '190 %', 'over 1000 %']
+    """
+    if share == 0:
+        return "0"
+    if share < 1e-4:
+        return "under 0.01 %"
+    if not share <= 10:
+        return "over 1000 %"
+    digits = max(1 - math.floor(math.log10(100 * share)), 0)
+    return f"{100 * share:.{digits}f} %"

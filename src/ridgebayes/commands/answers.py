@@ -1,0 +1,116 @@
+"""What `run`, `compare` and `fit` answer at their end: the verdict, and each form in numbers."""
+
+import math
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+
+import pandas as pd
+
+from ridgebayes.commands.run_files import summary_table, verdicts
+from ridgebayes.commands.terminal import Answer, files_in
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import forms_by_probability
+from ridgebayes.results import Fit
+
+_MOST_ROWS = 4  # of one form's parameters: a power law has one a texture
+
+
+def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
+    """Return the verdict, forms by probability, and their coefficients."""
+    verdict, shares, parts = done.verdict, done.probabilities, [_rows_text(done, out, then)]
+    if verdict is not None:
+        # What imports all that draws: a fit, which has no verdict, need not wait for it.
+        words = import_module("ridgebayes.report.first_screen")
+        parts.append(f"{words.headline(verdict)} {words.lead(verdict)} Grade: {verdict.grade}.")
+    ranked = [done.fits[name] for name in forms_by_probability(done)]
+    forms = [
+        {
+            "form": fit.form.name,
+            "probability": _share_text(shares.get(fit.form.name)),
+            "error models": ", ".join(
+                f"{noise} {weight:.2g}" for noise, weight in fit.error_model_weights.items()
+            ),
+            "sampler": fit.sampler,
+        }
+        for fit in ranked
+    ]
+    found = verdicts(done)
+    return Answer(
+        (*parts, pd.DataFrame(forms), *_coefficients(ranked)),
+        {"verdict": found["verdict"], "fits": found["fits"]},
+        files_in(out),
+        details=(done.bayes_factors,),
+        problem=_problem(done),
+    )
+
+
+def fit_answer(done: Comparison, out: Path) -> Answer:
+    """Return the parameters of one fit, those of the error model too."""
+    (fit,) = done.fits.values()
+    state = "converged" if fit.converged else "NOT converged"
+    told = f"{fit.form.name}, error model {fit.noise.name}, drawn by {fit.sampler}: {state}"
+    return Answer(
+        (_rows_text(done, out), told, pd.DataFrame(_rows(fit, fit.summary))),
+        summary_table([fit]),
+        files_in(out),
+        details=(fit.summary,),
+        problem=_problem(done),
+    )
+
+
+def _rows_text(done: Comparison, out: Path, then: str = "") -> str:
+    """Say which rows were fitted."""
+    table = done.table
+    told = f"{out}: {len(table.calibration)} rows fitted, {len(table.held_out)} held out. {then}"
+    if not len(table.left_out):
+        return told.strip()
+    n_left_out = len(table.left_out)
+    return f"{table.where}: {n_left_out} rows are not ok and were not fitted\n{told.strip()}"
+
+
+def _coefficients(fits: Sequence[Fit]) -> list[str | pd.DataFrame]:
+    """Return the coefficients of each form; of many textures' K only where they are."""
+    rows: list[dict[str, str]] = []
+    more: list[str | pd.DataFrame] = []
+    for fit in fits:
+        own = fit.summary[fit.summary["parameter"].isin(fit.form.parameter_names)]
+        if len(own) > _MOST_ROWS:
+            more.append(f"{fit.form.name}: {len(own)} coefficients, see summary.csv")
+        else:
+            rows += [{"form": fit.form.name} | row for row in _rows(fit, own)]
+    if not rows:
+        return more
+    return [f"Coefficients under error model {fits[0].noise.name}:", pd.DataFrame(rows), *more]
+
+
+def _rows(fit: Fit, summary: pd.DataFrame) -> list[dict[str, str]]:
+    """Return parameters as they are printed: two digits of the sd, and the rest to match."""
+    rows = []
+    for row in summary.to_dict("records"):
+        places = 3
+        if 0 < row["sd"] < math.inf:
+            places = max(1 - math.floor(math.log10(row["sd"])), 0)
+        low, high = (f"{row[name]:.{places}f}" for name in ("eti_lower", "eti_upper"))
+        rows.append(
+            {
+                "parameter": row["parameter"],
+                "mean": f"{row['mean']:.{places}f}",
+                "sd": f"{row['sd']:.{places}f}",
+                f"{100 * row['prob']:g} % interval": f"{low} to {high}",
+            }
+        )
+    return rows
+
+
+def _share_text(share: float | None) -> str:
+    return "no evidence" if share is None else f"{share:.3g}"
+
+
+def _problem(done: Comparison) -> str:
+    """Say which forms failed or did not converge; nothing if none did."""
+    lacking = done.unconverged.items()
+    unfinished = [f"{name} did not converge: {'; '.join(failures)}" for name, failures in lacking]
+    return "\n".join(
+        [*unfinished, *(f"{name} failed: {why}" for name, why in done.failures.items())]
+    )

@@ -1,0 +1,148 @@
+"""What a command says at its end: a short table for people, one JSON object for programs."""
+
+import json
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import __version__
+from ridgebayes.commands.options import Output
+
+_MOST_NAMES = 16  # files and folders that one line lists
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command found.
+
+    Parameters
+    ----------
+    parts : sequence of str or pandas.DataFrame
+        Sentences and tables, in the order in which they are read.
+    result : object, optional
+        The same for programs.
+    files : sequence of Path, optional
+        What was written.
+    details : sequence of str or pandas.DataFrame, optional
+        What is shown with --verbose alone.
+    warnings : sequence of str, optional
+        What to bear in mind; on standard error.
+    problem : str, optional
+        What failed or did not converge: the program ends with exit code 1.
+    """
+
+    parts: Sequence[str | pd.DataFrame] = ()
+    result: Any = None
+    files: Sequence[Path] = ()
+    details: Sequence[str | pd.DataFrame] = ()
+    warnings: Sequence[str] = ()
+    problem: str = ""
+
+
+def tell(command: str | None, answer: Answer, code: int, error: str, output: Output) -> None:
+    """Print what a command found, and what went wrong.
+
+    Parameters
+    ----------
+    command : str or None
+        Its name, where that is known.
+    answer : Answer
+        What it found.
+    code : int
+        Exit code.
+    error : str
+        What went wrong; empty if nothing did.
+    output : Output
+        How much is told, and to whom.
+    """
+    sentences = [part for part in answer.parts if isinstance(part, str)]
+    if output.as_json:
+        content = {
+            "command": command,
+            "version": __version__,
+            "exit_code": code,
+            "messages": [*sentences, *answer.warnings],
+            "files": answer.files,
+            "result": answer.result,
+        } | ({"error": error} if error else {})
+        print(json.dumps(to_plain(content), indent=2))
+    elif not output.quiet:
+        for part in (*answer.parts, *(answer.details if output.verbose else ())):
+            print(part if isinstance(part, str) else _table_text(part))
+        # One file that a sentence names already is not told again.
+        named = any(str(file) in text for file in answer.files[:1] for text in sentences)
+        if answer.files and not (named and len(answer.files) == 1):
+            print(f"Written: {_names(answer.files)}")
+    sys.stdout.flush()
+    for warning in () if output.quiet else answer.warnings:
+        print(f"ridgebayes: warning: {warning}", file=sys.stderr)
+    if error:
+        print(f"ridgebayes: {error}", file=sys.stderr)
+
+
+def files_in(folder: Path) -> list[Path]:
+    """Return every file of a folder that was written."""
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def to_plain(value: Any) -> Any:
+    """Return what JSON can hold of a value: tables as rows, NaN and infinity as null.
+
+    Examples
+    --------
+    >>> to_plain({"rows": pd.DataFrame({"a": [1.0, float("nan")]}), "file": Path("t.csv")})
+    {'rows': [{'a': 1.0}, {'a': None}], 'file': 't.csv'}
+    """
+    if isinstance(value, pd.DataFrame):
+        return to_plain(value.to_dict("records"))
+    if isinstance(value, Mapping):
+        return {str(key): to_plain(one) for key, one in value.items()}
+    if isinstance(value, np.generic | np.ndarray):
+        return to_plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [to_plain(one) for one in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, str | int) else str(value)
+
+
+def _table_text(frame: pd.DataFrame) -> str:
+    """Return a table as text: ruled on a terminal and as wide as that, plain where it is piped."""
+    # Loaded where there is something to show.
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    ruled = sys.stdout.isatty()
+    table = Table(box=box.SIMPLE_HEAD if ruled else None, pad_edge=False)
+    for name, kind in zip(frame.columns, frame.dtypes, strict=True):
+        table.add_column(Text(str(name)), justify="right" if kind.kind in "iuf" else "left")
+    for row in frame.itertuples(index=False):
+        table.add_row(*(Text(f"{x:.4g}" if isinstance(x, float) else str(x)) for x in row))
+    console = Console(width=None if ruled else 1_000)
+    with console.capture() as text:
+        console.print(table)
+    return "\n".join(line.rstrip() for line in text.get().splitlines())
+
+
+def _names(files: Sequence[Path]) -> str:
+    """Return files as a list: those of one folder by their names, sub-folders with a count."""
+    if len(files) == 1:
+        return str(files[0])
+    top = min((file.parent for file in files), key=lambda folder: len(folder.parts))
+    inner: dict[str, int] = {}
+    for file in files:
+        name, *deeper = file.relative_to(top).parts if file.is_relative_to(top) else [str(file)]
+        key = f"{name}/" if deeper else name
+        inner[key] = inner.get(key, 0) + bool(deeper)
+    shown = [f"{name} ({n} file{'s' * (n > 1)})" if n else name for name, n in inner.items()]
+    if len(shown) > _MOST_NAMES:
+        shown[_MOST_NAMES:] = [f"and {len(shown) - _MOST_NAMES} more"]
+    return f"{'' if top == Path() else f'{top}: '}{', '.join(shown)}"
