@@ -155,7 +155,7 @@ def test_run_json__says_what_a_student_error_model_is_left_to(folder):
     fits = {(one["form"], one["noise"]): one for one in content(folder)["fits"]}
     student = fits["modified", "texture:student"]
     assert student["left_to"] == "texture"
-    assert student["why"] == "left to texture: no gain in ln evidence"
+    assert student["why"] == "left to texture: gains less than 1 in ln evidence"
     assert fits["modified", "texture"]["left_to"] is None
     assert not (folder / "posteriors/modified--texture-student.nc").exists()
 

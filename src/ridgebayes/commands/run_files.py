@@ -146,7 +146,9 @@ def fits_list(comparison: Comparison) -> list[dict[str, Any]]:
                     "weight": float(used.get((form, noise), 0.0)),
                     "sampler": one.sampler,
                     "converged": one.converged,
-                    "why": f"left to {left_to}: no gain in ln evidence" if left_to else why,
+                    "why": f"left to {left_to}: gains less than 1 in ln evidence"
+                    if left_to
+                    else why,
                     "left_to": left_to,
                 }
             )

@@ -15,9 +15,9 @@ from ridgebayes.comparison.comparison import NEGLIGIBLE, Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS, loo_table
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence, laplace_evidence
+from ridgebayes.evidence.candidates import Candidate
 from ridgebayes.evidence.error_models import (
     AUTO,
-    Candidate,
     WeighedErrorModels,
     error_model_weights,
     error_models_for,

@@ -18,59 +18,25 @@ from scipy.special import logsumexp
 
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError
-from ridgebayes.evidence import (
-    LogEvidence,
-    laplace_evidence,
-    power_law_evidence,
-    quadrature_evidence,
-)
+from ridgebayes.evidence.candidates import GAIN, Candidate, Effort, Weighing, evaluate
 from ridgebayes.evidence.tables import evidence_table, used_evidence
 from ridgebayes.inference.chains import ProgressCallback
-from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.laplace import Laplace, fit_laplace, no_mode, several_modes
-from ridgebayes.inference.posterior import Posterior, drawn_exactly
-from ridgebayes.inference.power_law_exact import is_conjugate
-from ridgebayes.inference.presets import STANDARD, Preset
-from ridgebayes.inference.sampling import sample_posterior
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.presets import QUICK, STANDARD, Preset
 from ridgebayes.model.forms import Form
-from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.prior_files import OF_ERRORS, Priors, ResolvedPriors, resolve_priors
 from ridgebayes.runtime.pool import map_ordered
-from ridgebayes.runtime.randomness import stream
 
 AUTO = "auto"
 LEAST_WEIGHT = 0.01  # of a pair of form and error model that predictions are averaged over
 AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apart by simplicity
-# Laplace's approximation is low by up to two; e^-6.6 is a tenth of the weight that counts.
+# In ln evidence. Laplace's approximation is low by up to two; e^-6.6 is a tenth of the weight that
+# counts. Behind the best by more than `_HEAVY` a pair is part of a mixture, and takes fewer draws.
 _CLOSE = 6.6
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A form under an error model: what its weight in an average follows from.
-
-    Parameters
-    ----------
-    form, noise : str
-        Names.
-    evidence : LogEvidence
-        Its log evidence; the status tells if there is none.
-    laplace : Laplace, optional
-        The normal approximation of its posterior.
-    posterior : Posterior, optional
-        Draws by importance sampling, where the pair carries weight.
-    left_to : str
-        Error model of normal tail whose draws stand for those of a Student tail; else empty.
-    """
-
-    form: str
-    noise: str
-    evidence: LogEvidence
-    laplace: Laplace | None = None
-    posterior: Posterior | None = None
-    left_to: str = ""
+_HEAVY = 1.6
+_OUT_OF_REACH = 16.0  # of a form that has less than 1e-4 of the best one's evidence, whatever errs
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,32 +145,48 @@ def weigh_error_models(
 
     Notes
     -----
-    A Student tail with shared offsets is left to its normal twin where Laplace's approximation
-    finds no gain in it: their predictions then agree.
+    A Student tail with shared offsets is left to its normal twin where it gains less than 1 in ln
+    evidence: their predictions then agree. Of what is drawn, a form that the rows rule out takes
+    few draws, and so does an error model that is a small part of its form's average.
     """
     known = resolve_priors(priors, forms, noises, data)
     pairs = list(itertools.product(forms, noises))
     tasks = [
-        _Weighing(data, form, noise, priors_of(known, form, noise), seed, accuracy)
-        for form, noise in pairs
+        Weighing(data, form, noise, priors_of(known, form, noise), seed) for form, noise in pairs
     ]
 
-    def evaluated(tasks: Sequence["_Weighing"]) -> list[Candidate]:
+    def evaluated(tasks: Sequence[Weighing]) -> list[Candidate]:
         if tasks and progress is not None:
             progress(f"{len(tasks)} evidences")
-        return list(map_ordered(_evaluate, tasks, executor, name=lambda task: task.name))
+        return list(map_ordered(evaluate, tasks, executor, name=lambda task: task.name))
 
-    found = {(one.form, one.noise): one for one in evaluated(tasks)}
+    names = {noise.name for noise in noises}
+    later = {task.key for task in tasks if task.twin_name in names}
+    found = {one.key: one for one in evaluated([task for task in tasks if task.key not in later])}
     if len(noises) == 1:
         return WeighedErrorModels(found)  # nothing to average over
-    found = {key: _left_to_twin(one, found) for key, one in found.items()}
+    beside = [
+        replace(
+            task, twin=found[task.form.name, str(task.twin_name)], is_tame=_is_tame(found, task)
+        )
+        for task in tasks
+        if task.key in later
+    ]
+    found |= {one.key: one for one in evaluated(beside)}
+    found = {task.key: found[task.key] for task in tasks}
+    best = max(_best(found, form.name) for form in forms)
     close = [
-        replace(task, screened=one, draws=True)
+        replace(task, screened=one, efforts=_efforts(one, _best(found, one.form), best, accuracy))
         for task, one in zip(tasks, found.values(), strict=True)
         if not one.left_to and one.evidence.value > _best(found, one.form) - _CLOSE
     ]
-    for one in evaluated(close):
-        found[one.form, one.noise] = one
+    screened = {key: one.evidence.value for key, one in found.items()}
+    found |= {one.key: one for one in evaluated(close)}
+    for key, one in found.items():
+        if one.left_to:  # what the twin's draws found is common to both
+            twin = key[0], one.left_to
+            value = one.evidence.value + found[twin].evidence.value - screened[twin]
+            found[key] = replace(one, evidence=replace(one.evidence, value=value))
     return WeighedErrorModels(found)
 
 
@@ -228,82 +210,20 @@ def _best(found: Mapping[tuple[str, str], Candidate], form: str) -> float:
     return float(np.nanmax(values)) if np.isfinite(values).any() else math.inf
 
 
-def _left_to_twin(one: Candidate, found: Mapping[tuple[str, str], Candidate]) -> Candidate:
-    noise = Noise.named(one.noise)
-    twin = found.get((one.form, replace(noise, tail="normal").name))
-    if noise.tail == "normal" or not noise.factors or twin is None:
-        return one
-    gain = one.evidence.value - twin.evidence.value
-    return replace(one, left_to=twin.noise) if gain < 0 else one
+def _is_tame(found: Mapping[tuple[str, str], Candidate], task: Weighing) -> bool:
+    """Return whether independent rows of a form show no sign of outliers."""
+    pair = [found.get((task.form.name, name)) for name in ("iid:student", "iid")]
+    student, normal = (math.nan if one is None else one.evidence.value for one in pair)
+    return student - normal < GAIN
 
 
-@dataclass(frozen=True, eq=False)
-class _Weighing:
-    """One evidence to be found; holds all that a process of its own needs.
-
-    With what its screening found, the posterior is drawn if it is asked for.
-    """
-
-    data: Observations
-    form: Form
-    noise: Noise
-    priors: Mapping[str, Distribution]
-    seed: int
-    accuracy: Preset
-    screened: Candidate | None = None
-    draws: bool = False
-
-    @property
-    def name(self) -> str:
-        return f"evidence of {self.form.name}, {self.noise.name}"
-
-    @property
-    def own_seed(self) -> int:
-        return int(stream(self.seed, self.form.name, self.noise.name).integers(2**63))
-
-
-def _evaluate(task: _Weighing) -> Candidate:
-    """Screen a pair, or draw from its posterior."""
-    names = task.form.name, task.noise.name
-    try:
-        model = Model(task.data, task.form, task.noise, task.priors)
-        if task.screened is not None and task.screened.laplace is not None:
-            return _drawn(task, model, task.screened.evidence, task.screened.laplace)
-        if drawn_exactly(model):
-            return _exact(task, model)
-        laplace = fit_laplace(model)
-        return Candidate(*names, _screened(model, laplace), laplace)
-    except ComputationError as error:
-        return Candidate(*names, LogEvidence("laplace", math.nan, math.nan, str(error)))
-
-
-def _exact(task: _Weighing, model: Model) -> Candidate:
-    evidence = power_law_evidence(model)
-    if not evidence.ok:
-        raise no_mode(model)
-    posterior = sample_posterior(model, seed=task.own_seed) if task.draws else None
-    return Candidate(model.form.name, model.noise.name, evidence, posterior=posterior)
-
-
-def _screened(model: Model, laplace: Laplace) -> LogEvidence:
-    if is_conjugate(model):
-        return power_law_evidence(model)
-    if model.is_iid_gaussian:
-        found = quadrature_evidence(model.log_density, laplace)
-        if found.ok:
-            return found
-    return laplace_evidence(laplace)
-
-
-def _drawn(task: _Weighing, model: Model, screened: LogEvidence, laplace: Laplace) -> Candidate:
-    laplace = replace(laplace, other_modes=several_modes(model, laplace))
-    effort = task.accuracy.effort
-    posterior, evidence = importance_posterior(model, laplace, seed=task.own_seed, **effort)
-    if not evidence.ok:  # more draws, and more rounds of fitting proposals
-        posterior, evidence = importance_posterior(model, laplace, seed=task.own_seed)
-    if screened.method == "quadrature" or not evidence.ok:
-        evidence = screened
-    return Candidate(model.form.name, model.noise.name, evidence, laplace, posterior)
+def _efforts(one: Candidate, own: float, best: float, accuracy: Preset) -> tuple[Effort, ...]:
+    """Return how many draws to take, and how many if weights turn out too uneven."""
+    if own < best - _OUT_OF_REACH:
+        return (QUICK.effort,)
+    if one.evidence.value < own - _HEAVY:
+        return (QUICK.effort, STANDARD.effort)
+    return (accuracy.effort, {})
 
 
 def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:

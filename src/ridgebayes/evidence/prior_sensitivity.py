@@ -26,6 +26,7 @@ COEFFICIENTS = ("c", "c2")  # priors that hold what is known of mechanics: shrun
 _FACTORS = (0.1, 0.18, 0.3, 0.55, 1.0, 1.8, 3.0, 5.5, 10.0)
 _OF_NUGGET = (0.1, 1.0, 10.0)
 _LEAST = 0.3  # factor of the coefficients' scales
+_N_LIKELIHOOD = 512  # draws that are weighted by a ratio of likelihoods
 
 
 def prior_of(parameter: str) -> str:
@@ -151,7 +152,8 @@ def _change(posterior: Posterior, other: Model, names: Iterable[str]) -> float:
         if math.isfinite(change):
             return change
     try:
-        return fit_laplace(other).log_evidence - posterior.laplace.log_evidence
+        near = posterior.model.to_theta(posterior.laplace.mode)
+        return fit_laplace(other, near=near).log_evidence - posterior.laplace.log_evidence
     except ComputationError:
         return math.nan
 
@@ -166,8 +168,9 @@ def _log_weights(posterior: Posterior, other: Model, names: list[str]) -> FloatA
             new.log_pdf(x) - old.log_pdf(x) for x, (new, old) in zip(values, pairs, strict=True)
         ]
         return np.sum(changes, axis=0)
-    few = posterior.coordinates[:: max(len(posterior.coordinates) // 1_024, 1)]
-    return other.log_density(few) - model.log_density(few)
+    every = slice(None, None, max(len(posterior.coordinates) // _N_LIKELIHOOD, 1))
+    before = posterior.kept_chains.log_density.ravel()[every]
+    return other.log_density(posterior.coordinates[every]) - before
 
 
 def _integrated(model: Model) -> float:

@@ -152,7 +152,9 @@ class Laplace:
         return slice(self._n_coefficient, self._n_coefficient + self.n_noise)
 
 
-def fit_laplace(model: Model, *, search_others: bool = False) -> Laplace:
+def fit_laplace(
+    model: Model, *, search_others: bool = False, near: FloatArray | None = None
+) -> Laplace:
     """Find the posterior's mode and its curvature there.
 
     Parameters
@@ -161,6 +163,8 @@ def fit_laplace(model: Model, *, search_others: bool = False) -> Laplace:
         Posterior.
     search_others : bool, optional
         Whether other modes are searched for, see `several_modes`; `other_modes` tells of them.
+    near : ndarray of float, shape (n_parameter,), optional
+        Parameters `theta` near the mode, where they are known: the search is shorter from there.
 
     Returns
     -------
@@ -185,9 +189,12 @@ def fit_laplace(model: Model, *, search_others: bool = False) -> Laplace:
     zero, where the approximation is undefined; the search says so instead of returning a point on
     the way.
     """
-    start = _start(model)
+    start = _start(model) if near is None else _within(model.to_unconstrained(near))
     model.check_gradient(start)
-    found = _fit(model, start)
+    if near is None or model.is_iid_gaussian:
+        found = _fit(model, start)
+    else:
+        found = _fit_conditional(model, start, start[model.n_coefficient :])
     return replace(found, other_modes=several_modes(model, found)) if search_others else found
 
 
@@ -270,12 +277,16 @@ def _start(model: Model) -> FloatArray:
     )
 
 
-def _fit_conditional(model: Model, start: FloatArray) -> Laplace:
+def _within(u: FloatArray) -> FloatArray:
+    return np.clip(u, -0.5 * _RUNAWAY, 0.5 * _RUNAWAY)
+
+
+def _fit_conditional(model: Model, start: FloatArray, near: FloatArray | None = None) -> Laplace:
     """Search the error model's parameters, each with the coefficients at their mean given them."""
     k, n_noise = model.n_coefficient, model.n_parameter - model.n_coefficient
-    reference, noise = start[:k], np.zeros(n_noise)
+    reference, noise = start[:k], np.zeros(n_noise) if near is None else near
     # Linearised about the prior's centre, then about where that led: the last search counts.
-    for flat in (100 * _FLAT, 10 * _FLAT, _FLAT):
+    for flat in (100 * _FLAT, 10 * _FLAT, _FLAT)[0 if near is None else 1 :]:
         frame = Conditional.of(model, reference)
 
         def negative(u_noise: FloatArray, frame: Conditional = frame) -> FloatArray:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from ridgebayes.errors import InputError
 from ridgebayes.inference.chains import SampleSettings
 
+_N_POINT = 32  # of offsets that are drawn: more were not measured to make evidences surer
+
 
 @dataclass(frozen=True)
 class Preset:
@@ -69,6 +71,7 @@ class Preset:
             "n_draw": self.n_draw,
             "n_round": self.n_round,
             "n_per_round": self.n_per_round,
+            "n_point": _N_POINT,
         }
 
     @property
