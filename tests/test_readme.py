@@ -15,8 +15,9 @@ from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.prior_files import read_priors
+from ridgebayes.model.prior_files import read_priors, resolve_priors
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -51,7 +52,8 @@ def test_python_blocks__print_what_their_comments_say(tmp_path, monkeypatch):
 def test_priors_block__holds_the_default_priors(tmp_path):
     (tmp_path / "priors.toml").write_text(PRIORS[0], encoding="utf-8")
     data = Observations.from_table(rb.paper_sweep())
-    found = read_priors(tmp_path / "priors.toml", data)
+    text = read_priors(tmp_path / "priors.toml")
+    found = resolve_priors(text, [rb.Hybrid()], [Noise()], data)
     assert list(found) == ["hybrid", "noise"]
     assert found["hybrid"] | found["noise"] == default_priors(rb.Hybrid())
 

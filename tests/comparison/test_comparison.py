@@ -285,7 +285,12 @@ def test_error_models__evidence_has_each_method_of_each_form_once(paper, fits):
     }
     assert math.isclose(used["model_probability"].sum(), 1.0, rel_tol=1e-14)
     factors = factors_by_method(found, found.best)
-    assert sorted(factors["method"]) == ["bridge", "laplace", "quadrature", "savage-dickey"]
+    own = ["summed out", "bridge", "laplace", "quadrature", "savage-dickey"]
+    assert sorted(factors["method"], key=own.index) == own
+    # The first is the verdict's number: that of the average, not of the printed error model.
+    assert factors["method"].iloc[0] == "summed out"
+    (summed,) = found.bayes_factors.query("noise == 'summed out'")["ln_bf"]
+    assert -factors["ln_bf"].iloc[0] == pytest.approx(abs(summed), rel=1e-12)
 
 
 def test_error_models__a_form_that_failed_is_in_no_table(paper, fits):

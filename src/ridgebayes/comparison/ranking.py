@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from ridgebayes.comparison.bayes_factors import SUMMED
 from ridgebayes.comparison.comparison import Comparison
 
 
@@ -31,11 +32,13 @@ def factors_by_method(comparison: Comparison, against: str) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Columns form, method, ln_bf (= ln Z_form - ln Z_against), ln_bf_se (NaN where the method
-        has none). Savage-Dickey where the pair is Modified and Hybrid.
+        has none). First with the error models summed out, where several were weighed; the methods
+        are of the printed one. Savage-Dickey where the pair is Modified and Hybrid.
     """
     usable = comparison.own_evidence[comparison.own_evidence["status"] == "ok"]
     other = usable[usable["form"] == against].set_index("method")
-    rows = []
+    every = comparison.bayes_factors
+    rows = _against(every[every["noise"] == SUMMED].assign(method=SUMMED), against)
     for row in usable[usable["form"] != against].to_dict("records"):
         if row["method"] in other.index:
             theirs = other.loc[row["method"]]
@@ -47,14 +50,20 @@ def factors_by_method(comparison: Comparison, against: str) -> pd.DataFrame:
                     float(np.hypot(row["log_evidence_se"], theirs["log_evidence_se"])),
                 )
             )
-    factors = comparison.own_bayes_factors
-    if len(factors):
-        for row in factors[factors["method"] == "savage-dickey"].to_dict("records"):
-            pair = {row["form_a"]: 1.0, row["form_b"]: -1.0}
-            if against in pair:
-                form = next(name for name in pair if name != against)
-                rows.append((form, row["method"], pair[form] * row["ln_bf"], row["ln_bf_se"]))
+    own = comparison.own_bayes_factors
+    rows += _against(own[own["method"] == "savage-dickey"], against)
     return pd.DataFrame(rows, columns=["form", "method", "ln_bf", "ln_bf_se"])
+
+
+def _against(factors: pd.DataFrame, against: str) -> list[tuple[str, str, float, float]]:
+    """Return form, method, ln BF over one form and its error, of pairs with that form."""
+    rows = []
+    for row in factors.to_dict("records"):
+        sign = {row["form_a"]: 1.0, row["form_b"]: -1.0}
+        if against in sign:
+            form = next(name for name in sign if name != against)
+            rows.append((form, row["method"], sign[form] * row["ln_bf"], row["ln_bf_se"]))
+    return rows
 
 
 def sensitivity_factors(comparison: Comparison, against: str) -> pd.DataFrame:

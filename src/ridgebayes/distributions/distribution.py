@@ -361,7 +361,18 @@ class Gamma(Distribution):
         return np.exp(-0.5 * (u * u + _LOG_2PI) - self.log_pdf(x))
 
     def stretched(self, factor: float) -> "Gamma":
-        """Return the distribution with its mean and width multiplied by `factor`."""
+        """Return the distribution with its mean and width multiplied by a factor.
+
+        Parameters
+        ----------
+        factor : float, dimensionless
+            Above 0.
+
+        Returns
+        -------
+        Gamma
+            Of the same shape.
+        """
         return replace(self, rate=self.rate / factor)
 
     def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:

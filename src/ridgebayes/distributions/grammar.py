@@ -126,13 +126,13 @@ def _number(
     try:
         if not part.endswith("%"):
             return float(part) if name in _WITHOUT_UNIT else number(part)
-        share = float(part.removesuffix("%")) / 100
+        percent = float(part.removesuffix("%"))
     except ValueError:
         raise InputError(f"{at}: expected a number for {name}, got {clipped(part)}") from None
     if name == "log_sd":
-        return share
+        return percent / 100
     if name == "sd" and before:
-        return abs(before[0]) * share
+        return abs(before[0]) * percent / 100
     raise InputError(f"{at}: percent: expected only for sd after a mean, or log_sd, got {part!r}")
 
 

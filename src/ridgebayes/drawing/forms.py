@@ -1,5 +1,6 @@
 """Figures of the forms: errors against data, slopes, Bayes factors, the smooth cylinder."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import pandas as pd
@@ -24,7 +25,9 @@ from ridgebayes.drawing.style import (
     title_of,
 )
 
+_SUMMED = "summed out"  # not of the printed error model, but of all
 _METHODS = {
+    _SUMMED: "*",
     "bridge": "o",
     "importance": "p",
     "quadrature": "s",
@@ -187,15 +190,18 @@ def plot_slopes(slopes: pd.DataFrame) -> Figure:
 
 
 @styled()
-def plot_bayes_factors(factors: pd.DataFrame, best: str) -> Figure:
+def plot_bayes_factors(factors: pd.DataFrame, best: str, noise: str = "iid") -> Figure:
     """Draw ln BF of every form against the best one, by every method.
 
     Parameters
     ----------
     factors : pandas.DataFrame
-        Columns form, method, ln_bf, ln_bf_se: form over best, so at most 0 up to error.
+        Columns form, method, ln_bf, ln_bf_se: form over best. The method ``summed out`` is over
+        all error models, and is the one whose number is shown.
     best : str
         Form of highest evidence.
+    noise : str, optional
+        Error model of the other methods.
 
     Returns
     -------
@@ -205,7 +211,8 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str) -> Figure:
     forms = list(dict.fromkeys(factors.sort_values("ln_bf", ascending=False)["form"]))
     methods = set(factors["method"])
     # Every marker is named, also that of a method not known here.
-    markers = {m: _METHODS.get(m, "*") for m in (*_METHODS, *sorted(methods)) if m in methods}
+    markers = {m: _METHODS.get(m, "X") for m in (*_METHODS, *sorted(methods)) if m in methods}
+    is_summed = _SUMMED in methods
     figure = new_figure(WIDTH, 1.5 + 0.75 * len(forms))
     axes = figure.subplots()
     lowest = min(float(factors["ln_bf"].min()) * 1.08, -6.0)
@@ -221,20 +228,23 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str) -> Figure:
                 xerr=error,
                 fmt=markers[row["method"]],
                 color=colour_of(form),
-                markersize=5,
+                markersize=11 if row["method"] == _SUMMED else 5,
+                alpha=0.5 if is_summed and row["method"] != _SUMMED else 1.0,
                 capsize=2,
             )
         middle = float(rows["ln_bf"].iloc[0])
+        height = i + 0.31 * (1 / len(rows) - 1) if is_summed else i
         room = middle > 0.6 * lowest  # else the number would stand outside on the left
         axes.annotate(
             f"{middle:.2f}".replace("-", MINUS),
-            (middle, i),
+            (middle, height),
             xytext=(-10 if room else 10, 0),
             textcoords="offset points",
             ha="right" if room else "left",
             va="center",
         )
-    axes.set(xlim=(lowest, max(1.0, -0.03 * lowest)), ylim=(len(forms) - 0.5, -0.5))
+    highest = max(1.0, -0.03 * lowest, 1.08 * float(factors["ln_bf"].max()))
+    axes.set(xlim=(lowest, highest), ylim=(len(forms) - 0.5, -0.5))
     axes.set_yticks(range(len(forms)), [title_of(form) for form in forms])
     axes.axvline(0, color="#000000", linewidth=1)
     axes.grid(axis="y", visible=False)
@@ -243,11 +253,20 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str) -> Figure:
         "(shades: positive, strong, very strong, from 1, 3, 5 on)"
     )
     handles = [
-        axes.plot([], [], marker, color=QUIET, linestyle="none", label=plain(method))[0]
-        for method, marker in markers.items()
+        axes.plot([], [], marker, color=QUIET, linestyle="none", label=label)[0]
+        for label, marker in zip(_labels(markers, noise), markers.values(), strict=True)
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     return figure
+
+
+def _labels(methods: Iterable[str], noise: str) -> list[str]:
+    """Return what the legend calls each method, and under which error model it is."""
+    methods = list(methods)
+    if _SUMMED not in methods:
+        return [plain(method) for method in methods]
+    others = [plain(f"{method} ({noise})") for method in methods if method != _SUMMED]
+    return ["error models summed out", *others]
 
 
 @styled()

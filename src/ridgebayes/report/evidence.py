@@ -28,13 +28,21 @@ from ridgebayes.report.wording import (
 def evidence_section(data: ReportData) -> list[Block]:
     """Return log evidences, Bayes factors and how well the methods agree."""
     blocks: list[Block] = [ranking_table(data)]
+    summed = bool((data.comparison.bayes_factors["noise"] == SUMMED).any())
     if len(data.comparison.probabilities) > 1:
         blocks += [
             Picture(
                 "evidence",
-                "ln Bayes factor of each form against the best, by every method. Where the methods "
-                "agree, their symbols lie below one another. Monte Carlo errors are smaller than "
-                "the symbols unless a bar shows.",
+                "ln Bayes factor of each form against the best, with its number: "
+                + (
+                    "error models summed out, as in the verdict (star). Behind it "
+                    if summed
+                    else ""
+                )
+                + "by every method"
+                + (" under the printed error model alone" if summed else "")
+                + ". Where the methods agree, their symbols lie below one another. Monte Carlo "
+                "errors are smaller than the symbols unless a bar shows.",
             ),
             pairs_table(data),
         ]
@@ -44,6 +52,8 @@ def evidence_section(data: ReportData) -> list[Block]:
 def ranking_table(data: ReportData) -> Table:
     """Return one row per form: evidence, factor against the best, probability."""
     comparison, best = data.comparison, data.best
+    summed = data.factors[data.factors["method"] == SUMMED] if len(data.factors) else data.factors
+    over_best = {row["form"]: (row["ln_bf"], row["ln_bf_se"]) for row in summed.to_dict("records")}
     used = {row["form"]: row for row in comparison.own_evidence.query("used").to_dict("records")}
     rows = []
     for name in data.ranked:
@@ -51,7 +61,7 @@ def ranking_table(data: ReportData) -> Table:
         if name in used and best is not None:
             own, top = used[name], used[best]
             error = _hypot(own["log_evidence_se"], top["log_evidence_se"])
-            factor = own["log_evidence"] - top["log_evidence"]
+            factor, error = over_best.get(name, (own["log_evidence"] - top["log_evidence"], error))
             cells = [
                 with_error(own["log_evidence"], own["log_evidence_se"]),
                 "0 (best)" if name == best else with_error(factor, error),
@@ -63,8 +73,8 @@ def ranking_table(data: ReportData) -> Table:
     return Table(
         ["Form", "Parameters", "ln evidence", "ln BF against the best", "Probability", "Converged"],
         rows,
-        "Natural logarithms. Evidence of the log loads under the printed error model. "
-        "Probabilities at equal prior odds, error models summed out.",
+        "Natural logarithms. Evidence of the log loads under the printed error model. Bayes "
+        "factors, and probabilities at equal prior odds, with error models summed out.",
         text=(0, 5),
         strong=(0,) if best is not None else (),
     )

@@ -99,6 +99,16 @@ def test_evidence_figure_names_every_marker():
     assert {text.get_text() for text in legend.get_texts()} == set(methods)
 
 
+def test_evidence_figure_shows_the_number_with_error_models_summed_out():
+    methods = ["summed out", "bridge", "laplace"]
+    ln_bf = [-6.0, -26.0, -26.5]
+    factors = pd.DataFrame({"form": "modified", "method": methods, "ln_bf": ln_bf, "ln_bf_se": 0.1})
+    figure = plot_bayes_factors(factors, "hybrid", "texture+step")
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["error models summed out", "bridge (texture+step)", "laplace (texture+step)"]
+    assert [text.get_text() for text in figure.axes[0].texts] == ["\N{MINUS SIGN}6.00"]
+
+
 def test_gallery_has_every_figure_of_a_full_comparison(full):
     wanted = [*NAMES, *(f"{kind}-{form}" for form in RANKED for kind in ("corner", "traces"))]
     assert list(full) == wanted

@@ -141,7 +141,7 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
     comparison, shown = data.comparison, data.shown
     found: dict[str, Callable[[], Figure]] = {}
     if len(data.factors):
-        found["evidence"] = partial(plot_bayes_factors, data.factors, shown)
+        found["evidence"] = partial(plot_bayes_factors, data.factors, shown, comparison.noise.name)
     if len(data.sensitivity) and data.preset.extras:
         found["prior-sensitivity"] = partial(plot_prior_sensitivity, data.sensitivity, shown)
     n_texture = len(comparison.table.textures)
