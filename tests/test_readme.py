@@ -73,7 +73,7 @@ def test_command_block__runs(tmp_path, monkeypatch):
         done = CliRunner().invoke(app, words, catch_exceptions=False)
         assert done.exit_code == 0, done.output
     bands = (tmp_path / "bands.csv").read_text(encoding="utf-8").splitlines()
-    assert len(bands) == 1 + 2 * 50  # kinds of band x loads
+    assert len(bands) == 1 + 50
 
 
 def test_scene_block__runs(tmp_path, monkeypatch):

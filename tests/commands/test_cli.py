@@ -209,8 +209,10 @@ def test_texture__typed_wrongly_is_refused(refused, run, text):
     "text",
     [
         "0.001:0.02",
-        "0.001",
         "",
+        "0",
+        "inf",
+        "log:0.001",
         "a:b:c",
         "0:0.02:5",
         "-0.001:0.02:5",
@@ -227,7 +229,7 @@ def test_texture__typed_wrongly_is_refused(refused, run, text):
 )
 def test_loads__typed_wrongly_are_refused(refused, run, text):
     words = ["predict", run, *AT, "--p-over-E", text, "-o", "b.csv"]
-    refused(words, f"--p-over-E {text!r}", "expected LO:HI:N or log:LO:HI:N", "0.001:0.02:50")
+    refused(words, f"--p-over-E {text!r}", "expected one load, LO:HI:N or log:LO:HI:N", "0.0")
 
 
 @pytest.mark.parametrize(
@@ -277,13 +279,26 @@ def test_output__an_existing_file_needs_force(refused, run):
     refused(["generate", "-o", "mine.csv"], "mine.csv: exists", "--force")
 
 
-@pytest.mark.parametrize("name", ["nowhere", "thesis", "letter"])
-def test_run_folder__what_is_none_is_refused(refused, name):
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("nowhere", "no such folder"),
+        ("thesis", "not a run folder, no run.json in it"),
+        ("letter", "is a file"),
+        ("checked", "written by ridgebayes coverage, not a run"),
+        ("begun", "the run is not finished, its parts are in .begun.partial; continue it with --r"),
+        (".begun.partial", "the run is not finished, its parts are in .begun.partial"),
+    ],
+)
+def test_run_folder__what_is_none_is_refused(refused, name, why):
+    Path("checked").mkdir()
+    Path("checked/coverage.json").write_text("{}")
+    Path(".begun.partial").mkdir()
     Path("thesis").mkdir()
     Path("thesis/chapter.tex").write_text("years of work")
     Path("letter").write_text("mine")
-    told = f"{name}: no run.json in it"
-    refused(["predict", name, *AT, *OVER, "-o", "b.csv"], told, "expected a folder written by")
+    told, rule = f"{name}: {why}", "expected a folder written by ridgebayes run"
+    refused(["predict", name, *AT, *OVER, "-o", "b.csv"], told, rule)
     refused(["report", name], told)
 
 
@@ -626,20 +641,28 @@ def test_predict__is_the_table_of_the_library(command, run):
         forms=["classic"],
         prob=0.5,
         compressed=True,
+        kinds=["simulation"],
     )
     # Bit for bit: floats are written in full.
     assert Path("b.csv").read_text() == expected.to_csv(index=False, lineterminator="\n")
     n_outside = int(expected["extrapolation"].sum())
     error = expected.attrs["error"]
     assert 0 < error < 1e-3
-    assert said.out == (
-        f"b.csv: 20 rows, {n_outside} of them extrapolation; errors of probabilities up to "
-        f"{error:.1g}\n"
+    first, *lines = said.out.splitlines()
+    assert first == (
+        f"b.csv: 10 rows, {n_outside} of them extrapolation; errors of probabilities up to "
+        f"{error:.1g}"
     )
-    assert 0 < n_outside <= 20
+    assert len(lines) == 1 + 10
+    for line, row in zip(lines[1:], expected.to_dict("records"), strict=True):
+        low, high = row["q_lower"], row["q_upper"]
+        cells = [f"{row['p_over_E']:.4g}", f"{row['q_median']}"]
+        cells += [f"{low}" if low == high else f"{low} to {high}", row["extrapolation_of"]]
+        assert line.split(maxsplit=2)[2].split() == " ".join(cells).split()
+    assert 0 < n_outside <= 10
     # Once, of all rows; 0.02 at nu = 0.4 is 0.0224 at one half.
     assert said.err == (
-        f"ridgebayes: warning: {n_outside} of 20 rows lie beyond the calibrated range of "
+        f"ridgebayes: warning: {n_outside} of 10 rows lie beyond the calibrated range of "
         "load, a/pitch, b/R\n"
     )
 
@@ -650,7 +673,107 @@ def test_predict__defaults_are_the_average_at_one_half_and_90_percent(command, r
     assert set(frame["form"]) == {"average"}
     assert set(frame["nu"]) == {0.5}
     assert set(frame["prob"]) == {0.9}
-    assert frame["kind_of_band"].tolist() == ["curve"] * 5 + ["simulation"] * 5
+    assert frame["kind_of_band"].tolist() == ["simulation"] * 5
+
+
+@pytest.mark.parametrize(
+    ("kind", "kinds"),
+    [("curve", ["curve"]), ("simulation", ["simulation"]), ("both", ["curve", "simulation"])],
+)
+def test_predict__writes_a_row_a_texture_and_load_of_each_kind(command, run, kind, kinds):
+    words = ("predict", run, *AT, "--p-over-E", "0.01", "--kind", kind, "-o", "b.csv")
+    assert command(*words).code == 0
+    assert pd.read_csv("b.csv")["kind_of_band"].tolist() == kinds
+
+
+def test_predict__takes_units_of_a_body_or_of_a_scene(command, run):
+    Path("my.toml").write_text(
+        '[body]\nradius = "8 mm"\nyoungs_modulus = "60 kPa"\npoissons_ratio = 0.4\n'
+        '[texture]\nridge_width = "0.2 mm"\ngroove_width = "0.16 mm"\n'
+        '[load]\nforce = "0.192 N"\nlength = "20 mm"\n'
+    )
+    plain = ("--texture", "0.025,0.02", "--p-over-E", "0.01", "--nu", "0.4")
+    body = ("--R", "8 mm", "--E", "60 kPa", "--texture", "0.2 mm,0.16mm", "--nu", "0.4")
+    scene = ("--scene", "my.toml")
+    words = {
+        "plain": plain,
+        "pressure": (*body, "--load", "0.6 kPa"),
+        "line": (*body, "--load", "9.6 N/m"),
+        "scene": scene,  # its textures, at its highest load
+        "force": (*scene, "--load", "0.192 N"),
+        "one-load": (*scene, "--texture", "0.025,0.02", "--p-over-E", "0.01"),
+    }
+    found = {}
+    for name, given in words.items():
+        assert command("predict", run, *given, "-o", f"{name}.csv").code == 0
+        found[name] = Path(f"{name}.csv").read_bytes()
+    assert set(found.values()) == {found["plain"]}
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--load", "1.2 kPa"), ["--load '1.2 kPa': needs Young's modulus (--E)"]),
+        (("--E", "60 kPa", "--load", "5 N/m"), ["--load '5 N/m': needs the radius (--R)"]),
+        (("--R", "8 mm", "--E", "6 kPa", "--load", "5 N"), ["needs the body's length"]),
+        (("--load", "3 mm"), ["--load '3 mm': expected a number and a unit of a load", "'5 N'"]),
+        (
+            ("--load", "1,2 kPa"),
+            ["'1,2 kPa': has a decimal comma", "such as '1.2 kPa'"],
+        ),
+        (("--E", "5 mm", *OVER), ["--E '5 mm': must be a number and a unit of pressure", "60 kPa"]),
+        (("--R", "0 mm", *OVER), ["--R '0 mm': must be > 0"]),
+        ((*OVER, "--load", "1 kPa"), ["--p-over-E and --load: expected one of them"]),
+        ((*OVER, "--scene", "a.toml", "--R", "8 mm"), ["--scene, and --R or --E: expected one"]),
+        ((*OVER, "--scene", "a.toml"), ["a.toml: cannot be read"]),
+        ((*OVER, "--kind", "all"), ["--kind 'all': expected curve, simulation or both"]),
+        ((*OVER, "--plot", "b.jpg"), ["b.jpg: expected a file name that ends in .png or .svg"]),
+        ((*OVER, "--plot", "no/b.png"), ["no/b.png: folder no does not exist"]),
+        ((*OVER, "--texture", "0.2 mm,0.2 mm"), ["'0.2 mm': needs the radius"]),
+    ],
+)
+def test_predict__bad_units_kinds_and_figures_are_refused(refused, run, words, expected):
+    refused(["predict", run, *AT, *words, "-o", "b.csv"], *expected)
+
+
+@pytest.mark.parametrize("name", ["b.xlsx", "b.txt", "b"])
+def test_predict__an_output_of_another_kind_is_refused(refused, run, name):
+    refused(["predict", run, *AT, *OVER, "-o", name], name, "ends in .csv or .parquet")
+
+
+def test_predict__writes_parquet_too(command, run):
+    for name in ("b.csv", "b.parquet"):
+        assert command("predict", run, *AT, *OVER, "-o", name).code == 0
+    written = pd.read_parquet("b.parquet")
+    pd.testing.assert_frame_equal(
+        written, pd.read_csv("b.csv", keep_default_na=False), check_dtype=False
+    )
+
+
+@pytest.mark.parametrize("name", ["b.png", "b.svg"])
+def test_predict__draws_bands(command, run, name):
+    words = ("predict", run, *AT, *OVER, "-o", "b.csv", "--plot", name)
+    said = command(*words)
+    assert said.code == 0
+    assert said.out.endswith(f"Written: b.csv, {name}\n")
+    assert Path(name).read_bytes().startswith((b"\x89PNG", b"<?xml"))
+    assert "exists" in command(*words).err
+
+
+def test_predict__shows_some_of_many_loads(command, run):
+    said = command("predict", run, *AT, "--p-over-E", "0.001:0.02:50", "-o", "b.csv")
+    assert "50 rows" in said.out
+    assert ". 5 of the rows:\n" in said.out
+    assert len(said.out.splitlines()) == 1 + 1 + 5
+
+
+def test_predict__json_has_every_row(command, run):
+    said = command("predict", run, *AT, "--p-over-E", "0.001:0.02:50", "-o", "b.csv", "--json")
+    rows = json.loads(said.out)["result"]
+    frame = pd.read_csv("b.csv")
+    assert list(rows[0]) == list(frame.columns)
+    assert [row["p_over_E"] for row in rows] == frame["p_over_E"].tolist()
+    assert "beyond the calibrated range" in json.loads(said.out)["messages"][-1]
 
 
 @pytest.mark.parametrize(
@@ -659,6 +782,7 @@ def test_predict__defaults_are_the_average_at_one_half_and_90_percent(command, r
         ("0.01:0.03:3", [0.01, 0.02, 0.03]),
         ("log:0.0001:0.01:3", [0.0001, 0.001, 0.01]),
         ("0.01:0.01:1", [0.01]),
+        ("0.01", [0.01]),
         ("0.01:0.03:1", [0.01]),
         ("1e-3:2e-3:2", [0.001, 0.002]),
     ],
@@ -686,7 +810,7 @@ def test_predict__leaves_the_run_folder_alone(command, run):
 def test_predict__force_replaces_a_file(command, run):
     Path("b.csv").write_text("old")
     assert command("predict", run, *AT, *OVER, "--force", "-o", "b.csv").code == 0
-    assert len(pd.read_csv("b.csv")) == 10
+    assert len(pd.read_csv("b.csv")) == 5
 
 
 # --- the program itself ---------------------------------------------------------------------------

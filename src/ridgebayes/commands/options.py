@@ -37,7 +37,6 @@ NoiseName = Annotated[
         "over them."
     ),
 ]
-Nu = Annotated[float, typer.Option(help="Poisson's ratio.")]
 OutFile = Annotated[Path, typer.Option("-o", "--out", help="File to write.")]
 OutFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder to create.")]
 Priors = Annotated[
@@ -171,17 +170,47 @@ class Predict:
     """Predict Q with uncertainty bands at given textures and loads, from a finished run."""
 
     folder: RunFolder
-    texture: Annotated[list[str], _TEXTURES]
+    out: Annotated[Path, typer.Option("-o", "--out", help="Bands to write, .csv or .parquet.")]
+    texture: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A,B: ridge and groove width over the radius, or with units where --R or --scene "
+            "gives it. May be repeated. Those of --scene if not given."
+        ),
+    ] = None
     p_over_E: Annotated[
+        str | None,
+        typer.Option(
+            "--p-over-E",
+            help="Loads p/E: one such as 0.01, LO:HI:N evenly spaced, or log:LO:HI:N log-spaced.",
+        ),
+    ] = None
+    load: Annotated[
+        str | None,
+        typer.Option(
+            help="Loads with units instead: '1.2 kPa' over the projected area, '20 N/m' over the "
+            "length, '5 N', or LO:HI:N of them."
+        ),
+    ] = None
+    scene: Annotated[
+        Path | None,
+        typer.Option(help="Scene file: textures, Poisson's ratio, radius, modulus, highest load."),
+    ] = None
+    R: Annotated[str | None, typer.Option("--R", help="Radius, such as '8 mm'.")] = None
+    E: Annotated[str | None, typer.Option("--E", help="Young's modulus, such as '60 kPa'.")] = None
+    nu: Annotated[float | None, typer.Option(help="Poisson's ratio. 0.5 if nothing gives it.")] = (
+        None
+    )
+    kind: Annotated[
         str,
         typer.Option(
-            "--p-over-E", help="Loads p/E as LO:HI:N, evenly spaced, or log:LO:HI:N, log-spaced."
+            help="simulation: the band of a further simulation, errors included; curve: of the "
+            "form itself; both."
         ),
-    ]
-    out: OutFile
-    nu: Nu = 0.5
+    ] = "simulation"
     form: Annotated[str, typer.Option(help="Form of the run, or average.")] = "average"
     prob: Annotated[float, typer.Option(help="Probability inside the band.")] = 0.9
+    plot: Annotated[Path | None, typer.Option(help="Figure to draw, .png or .svg.")] = None
     force: Force = False
 
 

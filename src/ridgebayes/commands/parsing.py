@@ -1,14 +1,17 @@
 """Values of options as they are typed: names, textures, loads, files to write."""
 
 import os
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
+from ridgebayes.scene.body import Body
 
-_LOADS = "LO:HI:N or log:LO:HI:N with 0 < LO <= HI and N >= 1, such as 0.001:0.02:50"
+_LOADS = "one load, LO:HI:N or log:LO:HI:N with 0 < LO <= HI and N >= 1, such as 0.001:0.02:50"
 
 
 def refuse_existing(path: Path, force: bool) -> None:
@@ -24,6 +27,15 @@ def refuse_existing(path: Path, force: bool) -> None:
     if not os.access(path.absolute().parent, os.W_OK):
         raise InputError(
             f"{path}: folder {path.parent} cannot be written to; expected a writable one"
+        )
+
+
+def refuse_suffix(path: Path, known: tuple[str, ...]) -> None:
+    """Refuse a file of a kind that is not written: no other is written under its name."""
+    if path.suffix.lower() not in known:
+        raise InputError(
+            f"{path}: expected a file name that ends in {' or '.join(known)}, "
+            f"got {path.suffix or 'no suffix'!r}"
         )
 
 
@@ -45,10 +57,12 @@ def parse_numbers(text: str, option: str) -> tuple[float, ...]:
         raise InputError(f"{option} {text!r}: expected numbers with commas between them") from None
 
 
-def parse_texture(text: str) -> tuple[float, float]:
-    """Return the ridge and groove width of A,B."""
+def parse_texture(text: str, body: Body | None = None) -> tuple[float, float]:
+    """Return the ridge and groove width of A,B over the radius, of a body also with units."""
     try:
-        a, b = (float(part) for part in text.split(","))
+        a, b = (_width(part, body) for part in text.split(","))
+    except InputError as error:
+        raise InputError(f"--texture {text!r}: {error}") from None
     except ValueError:
         raise InputError(
             f"--texture {text!r}: expected A,B, two numbers with one comma, such as 0.022,0.02"
@@ -58,13 +72,28 @@ def parse_texture(text: str) -> tuple[float, float]:
     return a, b
 
 
-def parse_loads(text: str) -> FloatArray:
-    """Return the loads p/E of LO:HI:N or log:LO:HI:N, shape (N,)."""
+def _width(text: str, body: Body | None) -> float:
+    has_unit = re.search(r"\d.*[^\W\d_eE]", text) is not None
+    return body.over_radius(text) if body is not None and has_unit else float(text)
+
+
+def parse_loads(
+    text: str, option: str = "--p-over-E", number: Callable[[str], float] = float
+) -> FloatArray:
+    """Return the loads p/E of one load, LO:HI:N or log:LO:HI:N, shape (N,).
+
+    `number` makes p/E of what is typed for a load.
+    """
+    is_log, parts = text.startswith("log:"), text.removeprefix("log:").split(":")
+    if len(parts) == 1 and not is_log:
+        parts = [text, text, "1"]
     try:
-        low, high, n = text.removeprefix("log:").split(":")
-        ends, count = (float(low), float(high)), int(n)
+        low, high, n = parts
+        ends, count = (number(low), number(high)), int(n)
+    except InputError as error:
+        raise InputError(f"{option} {error}") from None
     except ValueError:
-        raise InputError(f"--p-over-E {text!r}: expected {_LOADS}") from None
+        raise InputError(f"{option} {text!r}: expected {_LOADS}") from None
     if not 0 < ends[0] <= ends[1] < float("inf") or count < 1:
-        raise InputError(f"--p-over-E {text!r}: expected {_LOADS}")
-    return np.geomspace(*ends, count) if text.startswith("log:") else np.linspace(*ends, count)
+        raise InputError(f"{option} {text!r}: expected {_LOADS}")
+    return np.geomspace(*ends, count) if is_log else np.linspace(*ends, count)

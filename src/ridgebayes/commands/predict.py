@@ -1,36 +1,122 @@
 """`ridgebayes predict`: bands on Q at textures and loads, from a finished run."""
 
 import math
+from collections.abc import Sequence
+from pathlib import Path
 
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray
 from ridgebayes.commands import options
-from ridgebayes.commands.parsing import parse_loads, parse_texture, refuse_existing
+from ridgebayes.commands.parsing import parse_loads, parse_texture, refuse_existing, refuse_suffix
 from ridgebayes.commands.run_files import read_run
-from ridgebayes.commands.run_folder import write_csv
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.comparison.bands import bands_table
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.errors import InputError
 from ridgebayes.predict.extrapolation import NAMES
+from ridgebayes.predict.predict import KINDS
+from ridgebayes.runtime.atomic import replacing
+from ridgebayes.scene.body import Body
+from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.toml import read_body
+from ridgebayes.table.files import check_name, write_frame
+
+_MOST_LOADS = 5  # of each texture on the terminal
 
 
 def command(asked: options.Predict) -> Answer:
     """Do what the command line asks for."""
-    refuse_existing(asked.out, asked.force)
-    textures, loads = [parse_texture(text) for text in asked.texture], parse_loads(asked.p_over_E)
+    check_name(asked.out)
+    for file in filter(None, (asked.out, asked.plot)):
+        refuse_existing(file, asked.force)
+    if asked.plot is not None:
+        refuse_suffix(asked.plot, (".png", ".svg"))
+    if asked.kind not in (*KINDS, "both"):
+        raise InputError(f"--kind {asked.kind!r}: expected curve, simulation or both")
+    kinds = KINDS if asked.kind == "both" else (asked.kind,)
+    textures, loads, nu = _where(asked)
+    run = read_run(asked.folder)
     bands = bands_table(
-        read_run(asked.folder),
+        run,
         textures=textures,
         loads=loads,
-        nu=asked.nu,
+        nu=nu,
         forms=[asked.form],
         prob=asked.prob,
         compressed=True,
+        kinds=kinds,
     )
-    write_csv(bands, asked.out)
+    write_frame(bands, asked.out)
+    if asked.plot is not None:
+        _draw(bands, run, asked.form, asked.plot)
+    return _answer(bands, [file for file in (asked.out, asked.plot) if file is not None])
+
+
+def _where(asked: options.Predict) -> tuple[Sequence[Texture], FloatArray, float]:
+    """Return textures, their loads and Poisson's ratio: as typed, or a scene's."""
+    if asked.scene is None:
+        scene, body = None, Body.of(asked.R, asked.E)
+    elif asked.R is not None or asked.E is not None:
+        raise InputError("--scene, and --R or --E: expected one of them, got both")
+    else:
+        scene, body = Scene.from_toml(asked.scene), read_body(asked.scene)
+    if not asked.texture and scene is None:
+        raise InputError("--texture: missing; expected A,B, or --scene")
+    if asked.p_over_E is not None and asked.load is not None:
+        raise InputError("--p-over-E and --load: expected one of them, got both")
+    textures = [parse_texture(text, body) for text in asked.texture or ()]
+    own = [] if textures or scene is None else scene.textures
+    textures += [(one.a_over_R, one.b_over_R) for one in own]
+    if asked.load is not None:
+        loads = parse_loads(asked.load, "--load", body.p_over_E)
+    elif asked.p_over_E is not None:
+        loads = parse_loads(asked.p_over_E)
+    elif scene is None:
+        raise InputError("--p-over-E: missing; expected loads, or --load or --scene")
+    else:
+        highest = [scene.highest_load(one) for one in own] or [scene.p_over_E]
+        loads = np.array(highest)[:, None]
+    nu = 0.5 if scene is None else scene.nu
+    return textures, loads, nu if asked.nu is None else asked.nu
+
+
+def _draw(bands: pd.DataFrame, run: Comparison, form: str, path: Path) -> None:
+    # Here, not above: they load matplotlib, which bands alone do without.
+    from ridgebayes.drawing.predictions import plot_bands
+    from ridgebayes.drawing.style import as_bytes
+
+    rows = run.table.frame
+    figure = plot_bands(bands, rows[rows["status"] == "ok"], form)
+    with replacing(path) as partial:
+        partial.write_bytes(as_bytes(figure, path.suffix.lower().removeprefix(".")))
+
+
+def _answer(bands: pd.DataFrame, files: Sequence[Path]) -> Answer:
+    """Return the band of each texture, at some of its loads."""
+    by_texture = ["kind_of_band", "a_over_R", "b_over_R"]
+    shown = pd.concat(_thinned(part) for _, part in bands.groupby(by_texture, sort=False))
+    low, high = (shown[name].astype(int).astype(str) for name in ("q_lower", "q_upper"))
+    prob = bands["prob"].iloc[0]
+    columns = {
+        "a/R": shown["a_over_R"],
+        "b/R": shown["b_over_R"],
+        "p/E": shown["p_over_E"],
+        "Q (median)": shown["q_median"].astype(int),
+        f"{100 * prob:g} % band": low.where(low == high, low + " to " + high),
+        "beyond the calibrated": shown["extrapolation_of"],
+    }
+    if len(set(bands["kind_of_band"])) > 1:
+        columns = {"band of the": shown["kind_of_band"], **columns}
     beyond, error = bands["extrapolation_of"][bands["extrapolation"]], bands.attrs["error"]
     known = "under 0.005 (draws)" if math.isnan(error) else f"up to {error:.1g}"
-    told = (
-        f"{asked.out}: {len(bands)} rows, {len(beyond)} of them extrapolation; "
-        f"errors of probabilities {known}"
-    )
+    n_row = f"{len(bands)} row{'s' * (len(bands) > 1)}"
+    told = f"{files[0]}: {n_row}, {len(beyond)} of them extrapolation; "
+    told += f"errors of probabilities {known}"
+    if len(shown) < len(bands):
+        told += f". {len(shown)} of the rows:"
     warnings = []
     if len(beyond):
         names = dict.fromkeys(name for names in beyond.unique() for name in names.split(","))
@@ -38,4 +124,10 @@ def command(asked: options.Predict) -> Answer:
             f"{len(beyond)} of {len(bands)} rows lie beyond the calibrated range of "
             f"{', '.join(name for name in NAMES if name in names)}"
         )
-    return Answer((told,), bands, [asked.out], warnings=warnings)
+    return Answer((told, pd.DataFrame(columns)), bands, files, warnings=warnings)
+
+
+def _thinned(part: pd.DataFrame) -> pd.DataFrame:
+    """Return the first load, the last and some between."""
+    places = np.unique(np.linspace(0, len(part) - 1, min(len(part), _MOST_LOADS)).astype(int))
+    return part.iloc[places]

@@ -14,7 +14,7 @@ import pandas as pd
 from ridgebayes.checks.cost.measured import SHORT_COLUMNS
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS
 from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
-from ridgebayes.commands.run_folder import RUN_JSON, write_csv, write_text
+from ridgebayes.commands.run_folder import PARTIAL, RUN_JSON, write_csv, write_text
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS
@@ -41,6 +41,13 @@ _TABLES = {
     "left_out": ("left_out.csv", LEFT_OUT_COLUMNS),
     "coverage": ("coverage.csv", COVERAGE_COLUMNS),
     "cost": ("costs.csv", SHORT_COLUMNS),
+}
+# What other commands write, by the file that tells of it.
+_OTHER_FOLDERS = {
+    "coverage.json": "coverage",
+    "cost.csv": "cost",
+    "plan-check.csv": "plan --verify",
+    "design.json": "design",
 }
 _ONLY_IF_ANY = ("left_out", "coverage", "cost")
 _FORM = ("form", "form_a", "form_b")  # columns of forms of the run
@@ -244,7 +251,8 @@ def _read_posterior(path: Path, form: str, noise: str) -> Posterior:
 def _read_about(folder: Path) -> dict[str, Any]:
     path = folder / RUN_JSON
     if not path.is_file():
-        raise InputError(f"{folder}: no {RUN_JSON} in it; expected a folder written by ridgebayes")
+        rule = "expected a folder written by ridgebayes run, compare or fit"
+        raise InputError(f"{folder}: {_why_no_run(folder)}; {rule}")
     content = read_bytes(path, LARGEST_TEXT)
     try:
         about = json.loads(content.decode("utf-8"))
@@ -272,6 +280,22 @@ def _read_about(folder: Path) -> dict[str, Any]:
     for noise in (noise for _, *both in fits for noise in both if noise is not None):
         Noise.named(str(noise))
     return about
+
+
+def _why_no_run(folder: Path) -> str:
+    """Say why a folder is none of a finished run."""
+    own = folder.name.startswith(".") and folder.name.endswith(PARTIAL)
+    partial = folder if own else folder.with_name(f".{folder.name}{PARTIAL}")
+    if partial.is_dir():
+        return f"the run is not finished, its parts are in {partial}; continue it with --resume"
+    if not folder.exists():
+        return "no such folder"
+    if not folder.is_dir():
+        return "is a file"
+    for name, command in _OTHER_FOLDERS.items():
+        if (folder / name).is_file():
+            return f"written by ridgebayes {command}, not a run"
+    return f"not a run folder, no {RUN_JSON} in it"
 
 
 def _read_csv(

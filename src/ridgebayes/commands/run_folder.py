@@ -13,6 +13,7 @@ from ridgebayes.runtime.atomic import exclusive_lock, replacing
 
 RUN_JSON = "run.json"
 CHAINS = "chains-*.h5"
+PARTIAL = ".partial"  # with a dot before it, what a folder is called until it is finished
 
 
 @contextmanager
@@ -75,7 +76,7 @@ def _refuse_occupied(path: Path, force: bool, about: str) -> None:
 
 def _fill(path: Path, resume: bool) -> Iterator[Path]:
     """Give the partial folder, and then its name to it: what `new_folder` does under its lock."""
-    partial = path.with_name(f".{path.name}.partial")
+    partial = path.with_name(f".{path.name}{PARTIAL}")
     try:
         resumed = resume and partial.is_dir()
         if resumed:

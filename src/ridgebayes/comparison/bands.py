@@ -36,6 +36,7 @@ def bands_table(
     forms: Sequence[str] | None = None,
     prob: float = 0.9,
     compressed: bool = False,
+    kinds: Sequence[str] = KINDS,
 ) -> pd.DataFrame:
     """Return bands on Q for each form and their average, texture by texture and load by load.
 
@@ -55,6 +56,8 @@ def bands_table(
         Probability inside the band.
     compressed : bool, optional
         Whether weighted nodes stand for posteriors, see `predict_q`.
+    kinds : sequence of str, optional
+        ``curve``, ``simulation`` or both, see `predict_q`.
 
     Returns
     -------
@@ -85,7 +88,7 @@ def bands_table(
     p = np.atleast_2d(default_loads(comparison) if loads is None else loads).astype(float)
     where = {"a_over_R": a, "b_over_R": b, "nu": poisson, "p_over_E": p}
     blocks, errors = [], []
-    for kind in KINDS:
+    for kind in kinds:
         predicted: Callable[[Posterior], QDistribution] = partial(
             _predicted,
             predict_q,

@@ -1,5 +1,6 @@
 """Validated values: the rules that scene files and the records of a scene share."""
 
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
@@ -39,7 +40,9 @@ class Record(BaseModel):
             raise InputError("\n".join(findings(error, type(self).__name__))) from None
 
 
-def findings(error: ValidationError, where: str) -> list[str]:
+def findings(
+    error: ValidationError, where: str, hint: Callable[[tuple[int | str, ...]], str] | None = None
+) -> list[str]:
     """Say each finding of pydantic as place, key, value and rule.
 
     Parameters
@@ -48,6 +51,8 @@ def findings(error: ValidationError, where: str) -> list[str]:
         What validation found.
     where : str
         File or record name.
+    hint : callable, optional
+        Of the place of an unknown key, what was meant.
 
     Returns
     -------
@@ -61,7 +66,7 @@ def findings(error: ValidationError, where: str) -> list[str]:
             key += f"[{part + 1}]" if isinstance(part, int) else f"{'.' if key else ''}{part}"
         rule = found["msg"].removeprefix("Value error, ")
         if found["type"] == "extra_forbidden":
-            rule = "unknown key"
+            rule = "unknown key" + ("" if hint is None else f"; {hint(found['loc'])}")
         elif found["type"] == "missing":
             rule = "missing; expected a value"
         shown = "" if found["type"] == "missing" else f" = {_shown(found['input'])}"

@@ -7,8 +7,10 @@ of max (p), line (P' = 2 R p), force with length (of the cylinder) and p_over_E,
 """
 
 import json
+import re
 import tomllib
 from dataclasses import dataclass
+from difflib import get_close_matches
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
@@ -21,7 +23,8 @@ from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
 from ridgebayes.runtime.text import one_line_message
 from ridgebayes.scene import fields
-from ridgebayes.scene.units import Dimension, to_si
+from ridgebayes.scene.body import Body
+from ridgebayes.scene.units import Dimension, to_si, with_point
 
 # A texture's keys in a file, and the fields of a `Texture` that they become.
 _TEXTURE_KEYS = {
@@ -106,6 +109,47 @@ class _SceneFile(_Section):
     accuracy: _Accuracy = _Accuracy()
 
 
+_SECTIONS: dict[str, type[BaseModel]] = {
+    "body": _Body,
+    "texture": _Texture,
+    "load": _Load,
+    "accuracy": _Accuracy,
+}
+# What is no TOML but was meant as a quantity: a decimal comma, or a unit without quotes.
+_QUANTITY_LINE = re.compile(
+    r"\s*([\w.]+\s*=\s*)([+-]?[0-9][0-9.,]*)[ \t]*([^\s\"'#\[\],][^\"'#]*)?(#.*)?"
+)
+
+
+def read_body(path: Path) -> Body:
+    """Read what a scene file gives with units, for loads and lengths beside it.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The TOML file.
+
+    Returns
+    -------
+    Body
+        Empty where the file has no units.
+
+    Raises
+    ------
+    InputError
+        As `read_scene_file` does.
+    """
+    scene = _read(path)
+    body, load = scene.body, scene.load
+    if body.radius is None or not isinstance(body.radius.raw, str):
+        return Body()
+    words = next((str(one.raw) for one in (load.max, load.line, load.force) if one), "")
+    if load.force and load.length:
+        words += f" on {load.length.raw}"
+    modulus = body.youngs_modulus.value if body.youngs_modulus else None
+    return Body(body.radius.value, modulus, load.length.value if load.length else None, words)
+
+
 def read_scene_file(path: Path) -> Json:
     """Read a scene file into the plain numbers of a `Scene`.
 
@@ -130,6 +174,11 @@ def read_scene_file(path: Path) -> Json:
     -----
     Without units a missing radius is 1. Without any load, p/E goes to the 0.02 of the study.
     """
+    return _plain(_read(path))
+
+
+def _read(path: Path) -> _SceneFile:
+    """Read a scene file, and check every rule of keys and between them."""
     try:
         path.stat()
     except OSError as error:
@@ -139,19 +188,46 @@ def read_scene_file(path: Path) -> Json:
         data = tomllib.loads(content.decode("utf-8"))
     # A thousand brackets in each other: RecursionError.
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not a TOML file in UTF-8: {one_line_message(error)}") from None
+        raise InputError(f"{path}: {_syntax_error(content, error)}") from None
     single = isinstance(data.get("texture"), dict)
     try:
         scene = _SceneFile(**{**data, "texture": [data["texture"]]} if single else data)
     except ValidationError as error:
-        lines = fields.findings(error, str(path))
+        lines = fields.findings(error, str(path), _meant)
         raise InputError(
             "\n".join(line.replace("texture[1]", "texture") if single else line for line in lines)
         ) from None
     problems = _clashes(scene)
     if problems:
         raise InputError("\n".join(f"{path}: {problem}" for problem in problems))
-    return _plain(scene)
+    return scene
+
+
+def _syntax_error(content: bytes, error: Exception) -> str:
+    """Say why a file is not TOML: in the words of a quantity where it was meant as one."""
+    place = re.search(r"at line (\d+)", str(error))
+    if isinstance(error, tomllib.TOMLDecodeError) and place is not None:
+        number = int(place[1])
+        quantity = _QUANTITY_LINE.fullmatch(content.decode("utf-8").split("\n")[number - 1])
+        if quantity is not None:
+            key, value, unit = quantity[1], quantity[2], (quantity[3] or "").strip()
+            wrong = "a decimal comma" if "," in value else "a unit without quotes"
+            right = f'"{with_point(value)} {unit}"' if unit else with_point(value)
+            given = f"{key}{value} {unit}".strip()
+            return f"line {number}: {given}: has {wrong}; expected {key}{right}"
+    return f"not a TOML file in UTF-8: {one_line_message(error)}"
+
+
+def _meant(place: tuple[int | str, ...]) -> str:
+    """Say which key was meant by an unknown one."""
+    section, key = place[0], str(place[-1])
+    keys = list(_SECTIONS if len(place) == 1 else _SECTIONS[str(section)].model_fields)
+    longer = [name for name in keys if key.lower() in name]
+    near = longer if len(key) > 2 and longer else get_close_matches(key.lower(), keys, 1, 0.5)
+    if near:
+        return f"did you mean {' or '.join(near)}?"
+    others = [name for name, model in _SECTIONS.items() if key in model.model_fields]
+    return f"it belongs to [{others[0]}]" if others else f"expected one of {', '.join(keys)}"
 
 
 def _clashes(scene: _SceneFile) -> list[str]:

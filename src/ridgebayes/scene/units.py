@@ -10,6 +10,13 @@ from ridgebayes.errors import InputError
 Dimension: TypeAlias = Literal["length", "pressure", "line load", "force"]
 
 _SI: dict[Dimension, str] = {"length": "m", "pressure": "Pa", "line load": "N/m", "force": "N"}
+EXAMPLES: dict[Dimension, str] = {
+    "length": "0.25 mm",
+    "pressure": "60 kPa",
+    "line load": "20 N/m",
+    "force": "5 N",
+}
+_DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
 # One number, then unit names with one-digit powers: pint's own parser would also take "2 * 3 mm",
 # and would compute "mm ** 999999".
 _NUMBER = r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)"
@@ -49,7 +56,9 @@ def to_si(text: str, dimension: Dimension) -> Fraction:
     """
     match = _QUANTITY.fullmatch(text)
     shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
-    rule = f"must be a number and a unit of {dimension}, such as '2.5 {_SI[dimension]}'"
+    rule = f"must be a number and a unit of {dimension}, such as {EXAMPLES[dimension]!r}"
+    if _DECIMAL_COMMA.search(text):
+        rule = f"has a decimal comma; expected a point, such as {with_point(shown)!r}"
     if match is None:
         raise InputError(f"{shown!r}: {rule}")
     number, unit = match.groups()
@@ -63,6 +72,17 @@ def to_si(text: str, dimension: Dimension) -> Fraction:
         return Fraction(number) * Fraction(factor)
     except ValueError:  # Python makes no integers of some thousand digits
         raise InputError(f"{shown!r}: {rule}") from None
+
+
+def with_point(text: str) -> str:
+    """Return text with decimal points for decimal commas.
+
+    Examples
+    --------
+    >>> with_point("0,25 mm")
+    '0.25 mm'
+    """
+    return _DECIMAL_COMMA.sub(".", text)
 
 
 @functools.cache
