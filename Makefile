@@ -1,8 +1,8 @@
 # Set-up included, each of these is one command:
 #   make run        the main job on the embedded sweep, into ridgebayes-out/
 #   make fast       lint, types, and the tests that need no sub-process, CalculiX or long chain
-#   make test       lint, types, all tests, doctests, the notebook and the README's code blocks
-#   make test-long  make test's tests on every Python of PYTHONS, and the validation tools once
+#   make test       lint, types, the tests, doctests, the notebook and the README's code blocks
+#   make test-long  all tests, those marked `long` too, on every Python of PYTHONS, and fuzzing
 #   make hard-cases, make mutation, make architecture: the pages of docs/ that are made by running code
 # Another Python: make test PYTHON=python3.12 VENV=.venv-3.12
 
@@ -39,10 +39,10 @@ types: setup
 	$(BIN)/mypy
 
 fast: lint types
-	$(PYTEST) -q -m "not slow and not process and not ccx"
+	$(PYTEST) -q -m "not slow and not process and not ccx and not long"
 
 test: lint types
-	$(PYTEST)
+	$(PYTEST) -m "not long"
 
 # One environment for each Python; one that is not there is an error, not a silent skip.
 test-long: setup

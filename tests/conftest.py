@@ -25,8 +25,9 @@ hypothesis.settings.register_profile("steady", deadline=None, derandomize=True, 
 hypothesis.settings.load_profile("steady")
 
 
-# What `make fast` leaves out. Whole folders whose tests run commands, refit or draw reports; tests
-# that ask for sampled fits; and modules whose tests start processes.
+# Tests that carry the mark `long` are left to `make test-long`: rare faults, repeats of a claim at
+# further settings. Beside them `make fast` leaves out whole folders whose tests run commands, refit
+# or draw reports; tests that ask for sampled fits; and modules whose tests start processes.
 SLOW_FOLDERS = {
     "__init__.py",
     "checks",

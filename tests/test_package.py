@@ -137,7 +137,7 @@ def test_errors__can_be_told_apart_and_caught_together():
         ("emcee", ["inference/emcee_sampling"]),
         ("arviz", ["inference/diagnostics"]),
         ("typer", ["commands/cli", "commands/options"]),
-        ("rich", ["runtime/progress"]),
+        ("rich", ["commands/terminal", "runtime/progress"]),
         ("distributed", ["runtime/cluster"]),
     ],
 )

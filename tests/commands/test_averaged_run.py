@@ -83,7 +83,19 @@ def content(folder):
     return json.loads(text, parse_constant=refuse)
 
 
-@pytest.mark.parametrize("name", [noise.name for noise in Noise.every()])
+# Of Student tails one stands for all, which differ in their likelihood alone.
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            noise.name,
+            marks=[pytest.mark.long]
+            if noise.tail != "normal" and noise.name != "iid:student"
+            else [],
+        )
+        for noise in Noise.every()
+    ],
+)
 def test_winner__each_error_model_is_printed_written_and_read_back(
     table, monkeypatch, tmp_path, name
 ):

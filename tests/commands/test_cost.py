@@ -18,10 +18,12 @@ def costs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("costs") / "out"
     request = CostRequest(rb.paper_sweep(), elements=False, repeats=1)
     with pytest.MonkeyPatch.context() as patch:
-        # Every move, but none with so many walkers or steps that it takes most of the time.
-        short = [walk for walk in posteriors._WALKS if walk[1:] in ((32, 50.0), (128, 50.0))]
-        assert {walk[0] for walk in short} == {walk[0] for walk in posteriors._WALKS}
-        patch.setattr(posteriors, "_WALKS", short)
+        # Every move, but none with so many walkers or steps that it takes most of the time; and
+        # references of a quarter of the draws.
+        short = [(moves, 32, 10.0) for moves, *_ in posteriors._WALKS]
+        patch.setattr(posteriors, "_WALKS", list(dict.fromkeys(short)))
+        for name in ("_LONG", "_LONGEST"):
+            patch.setattr(posteriors, name, getattr(posteriors, name) // 4)
         return folder, cost_job(folder, request)
 
 
@@ -30,8 +32,12 @@ def test_cost_job__shares_out_among_workers(tmp_path, monkeypatch):
     frame = cost_job(tmp_path / "out", CostRequest(rb.paper_sweep(), repeats=1), workers=2)
     assert set(frame["task"]) == {"bands"}
     assert set(frame["status"]) == {"ok"}
+    names = {"cost.csv", "cost.html", "cost-bands.png", "cost-bands.svg"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    assert "is reached most cheaply by" in (tmp_path / "out/cost.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_cost_job__writes_a_table_a_page_and_figures(costs):
     folder, frame = costs
     tasks = ["loads", "small-strain-loads", "100th-transition", "posterior", "evidence", "bands"]
@@ -52,6 +58,7 @@ def error(frame, task, method, setting, quantity):
     return rows["error"].item()
 
 
+@pytest.mark.long
 def test_cost_job__errors_fall_as_settings_are_turned_up(costs):
     _, frame = costs
     loads = ("small-strain loads", "half-plane")
@@ -69,6 +76,7 @@ def test_cost_job__errors_fall_as_settings_are_turned_up(costs):
     )
 
 
+@pytest.mark.long
 def test_load_settings__measure_forms_against_the_equation(costs):
     _, frame = costs
     of_loads = frame[frame["task"] == "loads"].set_index(["method", "setting"])["error"]

@@ -61,7 +61,8 @@ def about(folder):
     return json.loads((folder / "run.json").read_text(encoding="utf-8"))
 
 
-def run_job(folder, *, noise="iid", force=False, workers=None, **request):
+def run_job(folder, *, noise="iid", force=False, workers=1, **request):
+    """Run in this process: workers take seconds to import what they need."""
     return run.run_job(folder, FitRequest(noise=noise, **request), force=force, workers=workers)
 
 
@@ -118,15 +119,17 @@ def table(tmp_path_factory, paper):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory, table):
-    """The main job on a user's table: twice with one seed, once with another."""
+    """The main job on a user's table: twice with one seed, then by workers, once with another."""
     folder, pages = tmp_path_factory.mktemp("runs"), Pages()
     Counted.made = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("ridgebayes.commands.run.write_pages", pages)
         patch.setattr("ridgebayes.commands.run.Progress", Counted)
         done = {
-            name: run_job(folder / name, table=table, forms=FORMS, seed=seed, settings=QUICK)
-            for name, seed in [("first", 5), ("again", 5), ("other", 6)]
+            name: run_job(
+                folder / name, table=table, forms=FORMS, seed=seed, settings=QUICK, workers=workers
+            )
+            for name, seed, workers in [("first", 5, 1), ("again", 5, 2), ("other", 6, 1)]
         }
     return folder, done, pages, list(Counted.made)
 
@@ -283,7 +286,7 @@ def test_run__that_fails_mid_way_leaves_no_final_folder(
     monkeypatch.setattr(f"ridgebayes.commands.run.{place}", fail)
     with pytest.raises(RuntimeError, match="disk on fire"):
         # One process: what a test puts in the place of a function is not there in a worker.
-        run_job(tmp_path / "out", table=table, forms=FORMS, settings=QUICK, workers=1)
+        run_job(tmp_path / "out", table=table, forms=FORMS, settings=QUICK)
     assert not (tmp_path / "out").exists()
 
 
@@ -466,6 +469,7 @@ def test_report__takes_the_second_comparison_along(default, no_pages):
     assert list(no_pages.asked[0][2].fits)[-1] == "half-plane"
 
 
+@pytest.mark.long
 def test_report__real_pages_stand_in_the_folder_whole(default, tmp_path):
     folder = shutil.copytree(default[0], tmp_path / "run")
     before = {path: path.read_bytes() for path in folder.rglob("*.csv")}

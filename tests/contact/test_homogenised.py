@@ -10,7 +10,9 @@ from ridgebayes.contact.homogenised import beyond, edge_constants
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [0.02, 0.12, 0.286, 0.5, 0.76, 0.95])
+@pytest.mark.parametrize(
+    "share", [0.02, 0.12, 0.286, 0.5, 0.76, pytest.param(0.95, marks=pytest.mark.long)]
+)
 @pytest.mark.parametrize("n", [4, 16, 64])
 def test_beyond__errs_by_less_than_it_says_and_not_by_far_less(share, n):
     exact = transition_loads(share, 1 - share, 256, rel_tol=1e-9)

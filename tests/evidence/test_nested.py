@@ -67,6 +67,7 @@ def test_nested_evidence__of_offsets_integrated_out_is_the_quadrature(observed):
     assert found.value == pytest.approx(quadrature(model), abs=3 * found.se)  # Monte Carlo
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("structure", ["texture", "step"])
 def test_nested_evidence__of_sampled_offsets_is_the_quadrature_of_narrow_brackets(
     structure, observed
@@ -82,6 +83,7 @@ def test_nested_evidence__of_sampled_offsets_is_the_quadrature_of_narrow_bracket
     assert found.value == pytest.approx(exact + len(Q) * np.log(WIDTH), abs=3 * found.se)
 
 
+@pytest.mark.long
 def test_nested_evidence__of_student_errors_with_offsets_is_that_in_whitened_coordinates(observed):
     model = sharing(narrow(observed, "texture")[1], "texture", "student")
     assert model.is_latent

@@ -21,7 +21,9 @@ def test_quadrature_evidence__of_the_sweep_is_the_reference_value(fits, laplaces
     assert 0 < found.se < 1e-6
 
 
-@pytest.mark.parametrize("name", ["modified", "classic", "half-plane"])
+@pytest.mark.parametrize(
+    "name", ["modified", pytest.param("classic", marks=pytest.mark.long), "half-plane"]
+)
 def test_quadrature_evidence__is_scipys_double_integral(fe_models, fe_laplaces, name):
     # In theta itself, not in unconstrained or whitened coordinates.
     model, laplace = fe_models[name], fe_laplaces[name]

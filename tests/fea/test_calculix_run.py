@@ -27,7 +27,7 @@ A, B, NU = 0.06, 0.03, 0.49
 
 @pytest.fixture(scope="module")
 def scene():
-    return Scene.of([(A, B)], p_over_E=0.006, nu=NU)
+    return Scene.of([(A, B)], p_over_E=0.005, nu=NU)
 
 
 @pytest.fixture(scope="module")

@@ -26,6 +26,8 @@ class HardCase:
         Why it is hard: what goes wrong in a package that does not take care.
     expected : str
         True answer with its tolerance and the kind of it, or the refusal.
+    long : bool
+        Whether `make test` leaves it to `make test-long`.
     check : callable
         Takes a folder of its own if it has a parameter ``folder``; returns what was seen.
     """
@@ -34,6 +36,7 @@ class HardCase:
     area: str
     why: str
     expected: str
+    long: bool
     check: Callable[..., str]
 
     @property
@@ -49,12 +52,14 @@ class HardCase:
 CASES: list[HardCase] = []
 
 
-def hard_case(name: str, *, why: str, expected: str) -> Callable[[Callable], Callable]:
+def hard_case(
+    name: str, *, why: str, expected: str, long: bool = False
+) -> Callable[[Callable], Callable]:
     """Add the decorated function to the table of cases, in the area of its module's name."""
 
     def add(check: Callable) -> Callable:
         area = check.__module__.rpartition(".")[2]
-        CASES.append(HardCase(name, area, why, expected, check))
+        CASES.append(HardCase(name, area, why, expected, long, check))
         return check
 
     return add

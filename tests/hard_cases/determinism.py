@@ -58,16 +58,27 @@ rb.write_report(done, "out/report.md")
 """
 
 
-def elsewhere(**environment: str) -> dict[str, str]:
-    """Return the digests of the pipeline's files in a process with another environment."""
-    return _elsewhere(tuple(sorted(environment.items())))
+PLAIN = {"PYTHONHASHSEED": "1", "TZ": "UTC", "LC_ALL": "C"}
+OTHER = {  # all that the two cases below are about, in one process
+    "PYTHONHASHSEED": "4242",
+    "TZ": "Pacific/Chatham",
+    "LC_ALL": "C.UTF-8",
+    "LANG": "de_DE",
+    "OMP_NUM_THREADS": "2",
+    "OPENBLAS_NUM_THREADS": "2",
+}
 
 
 @functools.cache
-def _elsewhere(environment: tuple[tuple[str, str], ...]) -> dict[str, str]:
+def of_two_environments() -> tuple[dict[str, str], dict[str, str]]:
+    """Return the digests of the pipeline's files in a plain process and in another one."""
+    return elsewhere(PLAIN), elsewhere(OTHER)
+
+
+def elsewhere(environment: dict[str, str]) -> dict[str, str]:
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    given = {**os.environ, "PYTHONPATH": path, **threads, **dict(environment)}
+    given = {**os.environ, "PYTHONPATH": path, **threads, **environment}
     with tempfile.TemporaryDirectory() as scratch:
         command = [sys.executable, "-c", PIPELINE]
         done = subprocess.run(
@@ -86,8 +97,7 @@ def _elsewhere(environment: tuple[tuple[str, str], ...]) -> dict[str, str]:
     "(exact, apart from times).",
 )
 def environments():
-    first = elsewhere(PYTHONHASHSEED="1", TZ="UTC", LC_ALL="C")
-    other = elsewhere(PYTHONHASHSEED="4242", TZ="Pacific/Chatham", LC_ALL="C.UTF-8", LANG="de_DE")
+    first, other = of_two_environments()
     assert first == other
     return f"{len(first)} files, the same bytes"
 
@@ -99,10 +109,7 @@ def environments():
     expected="Every file has the same bytes (exact): the matrices are too small for threads.",
 )
 def threads():
-    first = elsewhere(PYTHONHASHSEED="1", TZ="UTC", LC_ALL="C")
-    other = elsewhere(
-        PYTHONHASHSEED="1", TZ="UTC", LC_ALL="C", OMP_NUM_THREADS="2", OPENBLAS_NUM_THREADS="2"
-    )
+    first, other = of_two_environments()
     assert first == other
     return f"{len(first)} files, the same bytes"
 
@@ -130,6 +137,7 @@ def shared_out(folder):
     "and sums over other strides differ in the last digit.",
     expected="Every file has the same bytes: posteriors, bands, figures and reports (exact, apart "
     "from times).",
+    long=True,
 )
 def run_shared_out(folder):
     generate(SCENE).write(folder / "t.csv")

@@ -7,6 +7,7 @@ computes and not the imports: `python -m tests.hard_cases.machine` is that proce
 import atexit
 import functools
 import hashlib
+import io
 import json
 import os
 import re
@@ -17,7 +18,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from ridgebayes.commands import cli
 
 ROOT = Path(__file__).parents[2]
 _MOST_S = 120.0  # after which something hangs that should not
@@ -253,8 +260,13 @@ def _session(leader: int) -> list[str]:
 
 
 def _main() -> None:
-    """Fork a child for each request; say its number, and later how it ended."""
-
+    """Import what commands do; fork a child for each request, say its number, and how it ended."""
+    for module, _ in cli._COMMANDS.values():
+        import_module(f"ridgebayes.commands.{module}")
+    for module in (*cli._OF_A_RUN, "emcee"):
+        import_module(module)
+    # What xarray imports when it writes for the first time.
+    xr.Dataset({"x": ("n", np.zeros(1))}).to_netcdf(io.BytesIO(), engine="h5netcdf")
     for line in sys.stdin:
         request = json.loads(line)
         if "wait" in request:
@@ -266,8 +278,6 @@ def _main() -> None:
 
 
 def _child(request: dict[str, object]) -> None:
-    from ridgebayes.commands import cli
-
     os.setsid()
     os.chdir(request["folder"])
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)

@@ -8,7 +8,15 @@ from tests.hard_cases.table import every_case
 CASES = every_case()
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.area}-{case.test_id}")
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(
+            case, id=f"{case.area}-{case.test_id}", marks=[pytest.mark.long] if case.long else []
+        )
+        for case in CASES
+    ],
+)
 def test_hard_case(case, tmp_path):
     seen = case.run(tmp_path)
 

@@ -48,7 +48,7 @@ def exact(paper):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(PRESETS))
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_accuracy__keeps_what_it_promises_of_posteriors_and_evidences(paper, exact, name, seed):
     wanted, (theta, log_evidence) = PRESETS[name], exact
     cmp = rb.compare(paper, [rb.Hybrid()], rng=seed, accuracy=wanted, noise="iid")
@@ -97,7 +97,7 @@ def test_quick__walks_where_importance_weights_are_too_uneven(paper, monkeypatch
 
 @pytest.mark.slow
 def test_quick_run__chooses_the_same_error_model_and_form(tmp_path):
-    cmp = run_job(tmp_path / "out", FitRequest(accuracy="quick"))
+    cmp = run_job(tmp_path / "out", FitRequest(accuracy="quick"), workers=1)
     assert cmp.complete
     assert (cmp.noise.name, cmp.best) == ("step-smooth", "hybrid")
     assert not (tmp_path / "out/reference-fe").exists()
@@ -118,12 +118,16 @@ def test_quick_run__chooses_the_same_error_model_and_form(tmp_path):
     assert math.isclose(own, 261.89, abs_tol=3 * QUICK.evidence_error)
 
 
-@pytest.mark.slow
-def test_settings__of_moves_are_known_by_name(paper):
+def test_settings__of_moves_by_another_name_are_refused():
     with pytest.raises(
         InputError, match=r"moves: expected mixture, independence, .*, got 'snooker'"
     ):
         rb.SampleSettings(moves="snooker")
+
+
+@pytest.mark.slow
+@pytest.mark.long
+def test_settings__of_moves_are_known_by_name(paper):
     sds = {}
     for moves in ("mixture", "independence", "differential evolution", "stretch"):
         settings = rb.SampleSettings(n_walker=64, moves=moves, tau_change=0.1)

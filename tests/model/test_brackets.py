@@ -166,7 +166,7 @@ def test_brackets_beside_exact_rows_are_each_taken_for_what_they_are():
 def test_brackets_with_offsets_per_step_agree_with_the_exact_loads():
     def fitted(table):
         model = Model(Observations.from_table(table), rb.Hybrid(), Noise("step"))
-        fit, _ = importance_posterior(model, seed=1)
+        fit, _ = importance_posterior(model, seed=1, n_draw=1_280, n_round=4, n_per_round=500)
         assert fit.converged
         return model.is_latent, fit.summary.set_index("parameter").loc[["c1", "c2"]]
 

@@ -236,7 +236,10 @@ def test_friction_that_changes_loads_is_refused_on_a_half_plane():
         {"offset": 0.25},
         {"groove_depth_over_R": 3e-4},
         {"corner_radius_over_R": 2e-3},
-        {"offset": -0.1, "corner_radius_over_R": 1e-3, "groove_depth_over_R": 5e-4},
+        pytest.param(
+            {"offset": -0.1, "corner_radius_over_R": 1e-3, "groove_depth_over_R": 5e-4},
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_rows_of_other_effects_are_the_events_of_their_profile(changed):

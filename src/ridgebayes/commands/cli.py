@@ -104,14 +104,24 @@ def _done(name: str, module: str, asked: Any, output: options.Output) -> int:
     except ComputationError as failed:
         code, error = 1, str(failed)
     except OSError as failed:
-        why = " ".join(str(failed.strerror or failed).split())
-        code, error = 1, f"{failed.filename or 'output'}: {why}"
+        code, error = 1, _words(failed)
     except (KeyboardInterrupt, _Interrupted):
         code, error = 130, "interrupted; continue run, fit or generate with --resume"
     finally:
         progress.VERBOSITY.reset(level)
-    terminal.tell(name, answer, code, error, output)
+    try:
+        terminal.tell(name, answer, code, error, output)
+    except OSError as failed:
+        # Nobody takes what is told: nothing is left to be written when Python ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        print(f"ridgebayes: {_words(failed)}", file=sys.stderr)
+        return 1
     return code
+
+
+def _words(failed: OSError) -> str:
+    why = " ".join(str(failed.strerror or failed).split())
+    return f"{failed.filename or 'output'}: {why}"
 
 
 def main() -> None:

@@ -119,7 +119,7 @@ def test_transitions__of_tiny_ridges_are_the_half_planes():
 @pytest.mark.parametrize(
     ("others", "tolerance"),
     [
-        pytest.param({"offset": 0.2}, 1e-2, id="off centre"),
+        pytest.param({"offset": 0.2}, 1e-2, id="off centre", marks=pytest.mark.long),
         pytest.param({"offset": 0.5}, 5e-3, id="over a ridge"),
         pytest.param({"corner": A / 10}, 1e-2, id="round corners"),
     ],
