@@ -136,6 +136,7 @@ def test_winner__each_error_model_is_printed_written_and_read_back(
     told = content(folder)
     assert told["verdict"]["error_model"] == told["noise"] == name
     assert told["peak_memory_bytes"] == 7
+    assert told["nugget"] == live.noise.nugget == again.noise.nugget == 1e-8
     weights = {(one["form"], one["noise"]): one["weight"] for one in told["fits"]}
     assert set(weights) == {
         (form, noise) for form, fit in live.fits.items() for noise in fit.error_model_weights
@@ -167,7 +168,13 @@ def test_run_json__says_what_a_student_error_model_is_left_to(folder):
     fits = {(one["form"], one["noise"]): one for one in content(folder)["fits"]}
     student = fits["modified", "texture:student"]
     assert student["left_to"] == "texture"
-    assert student["why"] == "left to texture: gains less than 1 in ln evidence"
+    weights = [fits["modified", noise]["weight"] for noise in ("texture:student", "texture")]
+    lead = np.log(weights[0] / weights[1])
+    assert lead < -1
+    assert student["why"] == (
+        f"left to texture: ln evidence {lead:+.1f} relative to it, so its weight is under 0.37 of "
+        "the other's"
+    )
     assert fits["modified", "texture"]["left_to"] is None
     assert not (folder / "posteriors/modified--texture-student.nc").exists()
 

@@ -569,6 +569,16 @@ def test_rows_that_are_not_ok__are_counted_aloud(command, quick, paper):
     assert "out: 39 rows fitted, 3 held out." in said.out
 
 
+def test_rows_of_two_sources_with_one_load__are_told(command, quick, paper):
+    rows = paper.calibration.frame
+    both = pd.concat([rows.assign(source="A"), rows.iloc[:2].assign(source="B")])
+    rb.ContactTable.from_frame(both).write("mine.csv")
+    said = command("compare", "mine.csv", *IID, "--forms", "modified", "-o", "out")
+    told = "mine.csv: rows with the load of another source, solver or series to all digits: 2."
+    assert said.code == 0
+    assert f"{told} Copies count twice; leave one of each out." in said.out
+
+
 def test_run__passes_every_option_on(command, monkeypatch, finished):
     asked = {}
 

@@ -10,9 +10,11 @@ from ridgebayes.comparison.ranking import (
     best_form,
     factors_by_method,
     forms_by_probability,
+    predicting,
     problems,
     sensitivity_factors,
 )
+from ridgebayes.model.noise import Noise
 
 
 def test_factors_by_method_are_differences_and_agree(comparison):
@@ -33,6 +35,37 @@ def test_sensitivity_at_the_default_scale_is_the_bayes_factor(comparison):
     at_one = table[np.isclose(table["factor"], 1) & (table["form"] == "modified")]
     np.testing.assert_allclose(at_one["ln_bf"], -4.5241, atol=1e-3)
     assert set(table["prior"]) == {"c", "c2", "K", "sigma"}
+
+
+def test_predicting__is_what_errors_grow_by_without_the_form_and_without_the_offset(comparison):
+    smooth = Noise("step-smooth")
+    left_out = pd.DataFrame(
+        {
+            "form": ["classic", "hybrid"] * 2,
+            "leave": ["texture"] * 2 + ["step"] * 2,
+            "mean_crps": [0.03, 0.01, 9.0, 1.0],
+        }
+    )
+    coverage = pd.DataFrame(
+        {
+            "form": "hybrid",
+            "noise": ["step-smooth", "iid"] * 2,
+            "prob": [0.9, 0.9, 0.5, 0.5],
+            "mean_width": [0.02, 0.1, 1.0, 1.0],
+        }
+    )
+    known = replace(comparison, noise=smooth, left_out=left_out, coverage=coverage)
+    found = predicting(known)
+    assert found.without_form == pytest.approx(3.0, rel=1e-14)
+    assert found.without_offset == pytest.approx(5.0, rel=1e-14)
+    for lacking in (
+        replace(known, noise=Noise("step")),
+        replace(known, left_out=pd.DataFrame()),
+        replace(known, left_out=left_out[left_out["form"] != "classic"]),
+        replace(known, left_out=left_out.assign(mean_crps=np.nan)),
+        replace(known, coverage=coverage[coverage["noise"] != "iid"]),
+    ):
+        assert predicting(lacking) is None
 
 
 def test_sensitivity_leaves_out_priors_that_no_form_has(odd):

@@ -721,3 +721,17 @@ def test_read_table__truth_values_are_no_numbers(tmp_path, row, cell):
     path.write_bytes(b"a_over_R,b_over_R,Q,p_over_E\n" + row)
     with pytest.raises(InputError, match=cell):
         read_table(path)
+
+
+def test_repeated__are_rows_to_fit_with_a_load_of_another_source_to_all_digits():
+    one, other = sweep().assign(source="A"), sweep().assign(source="B")
+    other.loc[[0, 4], "p_over_E"] *= 1 + 1e-15
+    other.loc[1, "p_over_E"] *= 1.01
+    other.loc[2, "nu"], other.loc[3, "role"] = 0.45, "held-out"
+    table = ContactTable.from_frame(
+        pd.concat([one, other.fillna({"nu": 0.5, "role": "calibration"})])
+    )
+    assert len(ContactTable.from_frame(one).repeated) == 0
+    found = table.repeated
+    assert set(found.column("source")) == {"B"}
+    assert found.column("p_over_E").tolist() == other["p_over_E"].iloc[5:].tolist()

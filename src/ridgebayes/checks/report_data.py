@@ -19,9 +19,11 @@ from ridgebayes.checks.study import Study, study_of
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import (
+    Predicting,
     best_form,
     factors_by_method,
     forms_by_probability,
+    predicting,
     problems,
     sensitivity_factors,
 )
@@ -59,6 +61,8 @@ class ReportData:
         Fits that failed or did not converge.
     factors, sensitivity : pandas.DataFrame
         ln Bayes factors of each form against the best, by method and by prior scale.
+    predicting : Predicting or None
+        Whether form or smooth offset predicts textures left out.
     error_models : pandas.DataFrame
         Mean evidence of each error model.
     transitions : pandas.DataFrame
@@ -92,6 +96,7 @@ class ReportData:
     problems: tuple[str, ...]
     factors: pd.DataFrame
     sensitivity: pd.DataFrame
+    predicting: Predicting | None
     error_models: pd.DataFrame
     transitions: pd.DataFrame
     bands: pd.DataFrame
@@ -153,6 +158,7 @@ def report_data(comparison: Comparison) -> ReportData:
         problems(comparison),
         none if best is None else factors_by_method(comparison, best),
         none if best is None else sensitivity_factors(comparison, best),
+        predicting(comparison),
         mean_evidence(comparison.evidence),
         transitions,
         _panel_bands(comparison, shown, transitions),

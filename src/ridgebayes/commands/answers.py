@@ -63,10 +63,15 @@ def _rows_text(done: Comparison, out: Path, then: str = "") -> str:
     """Say which rows were fitted."""
     table = done.table
     told = f"{out}: {len(table.calibration)} rows fitted, {len(table.held_out)} held out. {then}"
-    if not len(table.left_out):
-        return told.strip()
-    n_left_out = len(table.left_out)
-    return f"{table.where}: {n_left_out} rows are not ok and were not fitted\n{told.strip()}"
+    notes = []
+    if n_left_out := len(table.left_out):
+        notes.append(f"{table.where}: {n_left_out} rows are not ok and were not fitted")
+    if n_repeated := len(table.repeated):
+        notes.append(
+            f"{table.where}: rows with the load of another source, solver or series to all digits: "
+            f"{n_repeated}. Copies count twice; leave one of each out."
+        )
+    return "\n".join([*notes, told.strip()])
 
 
 def _coefficients(fits: Sequence[Fit]) -> list[str | pd.DataFrame]:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import platform
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -25,7 +26,7 @@ from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, used_evidence
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import FORMS
-from ridgebayes.model.noise import Noise
+from ridgebayes.model.noise import NUGGET, Noise
 from ridgebayes.results import Fit
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
 from ridgebayes.runtime.text import clipped, one_line_message
@@ -116,6 +117,7 @@ def write_run_json(
         "table_digest": comparison.table.digest(),
         "forms": [*comparison.fits, *comparison.failures],
         "noise": comparison.noise.name,
+        "nugget": comparison.noise.nugget,
         "accuracy": comparison.accuracy,
         "stages": list(stages),
         **verdicts(comparison),
@@ -138,13 +140,17 @@ def verdicts(comparison: Comparison) -> dict[str, Any]:
 
 def fits_list(comparison: Comparison) -> list[dict[str, Any]]:
     """Return form, noise, weight, sampler and state of every fit that predictions rest on."""
-    used = used_evidence(comparison.evidence).set_index(["form", "noise"])["model_probability"]
+    pairs = used_evidence(comparison.evidence).set_index(["form", "noise"])
+    used, log_evidence = pairs["model_probability"], pairs["log_evidence"]
     found = []
     for form, fit in comparison.fits.items():
         names = dict.fromkeys([fit.noise.name, *fit.error_model_weights])
         for noise in names:
             one = fit.others.get(noise, fit)
             left_to = one.noise.name if one.noise.name != noise else None
+            lead = log_evidence.get((form, noise), -math.inf) - log_evidence.get(
+                (form, left_to), -math.inf
+            )
             why = "; ".join(one.convergence_failures)
             found.append(
                 {
@@ -153,13 +159,19 @@ def fits_list(comparison: Comparison) -> list[dict[str, Any]]:
                     "weight": float(used.get((form, noise), 0.0)),
                     "sampler": one.sampler,
                     "converged": one.converged,
-                    "why": f"left to {left_to}: gains less than 1 in ln evidence"
-                    if left_to
-                    else why,
+                    "why": _left_to(left_to, lead) if left_to else why,
                     "left_to": left_to,
                 }
             )
     return found
+
+
+def _left_to(twin: str, lead: float) -> str:
+    """Say why predictions under a Student tail are taken from its normal twin."""
+    told = f"left to {twin}: ln evidence {lead:+.1f} relative to it, "
+    if lead < -1:
+        return f"{told}so its weight is under 0.37 of the other's"
+    return f"{told}less than 1 apart, so predictions agree"
 
 
 def _state(comparison: Comparison) -> dict[str, Any]:
@@ -202,7 +214,7 @@ def read_run(folder: Path) -> Comparison:
     """
     about = _read_about(folder)
     failures, forms = about["verdicts"]["failures"], about["forms"]
-    noise = Noise.named(about["noise"])
+    noise = replace(Noise.named(about["noise"]), nugget=about["nugget"])
     evidence = _read_csv(folder / "evidence.csv", EVIDENCE_COLUMNS, forms)
     fits = {
         name: _read_fit(folder, name, noise.name, about["fits"], evidence)
@@ -257,7 +269,7 @@ def _read_about(folder: Path) -> dict[str, Any]:
     try:
         about = json.loads(content.decode("utf-8"))
         named = [about["forms"], about["table"], about["noise"], about["accuracy"]]
-        named.append(about["verdicts"]["failures"])
+        named += [about["verdicts"]["failures"], about.setdefault("nugget", NUGGET)]
         fits = [(one["form"], one["noise"], one["left_to"]) for one in about["fits"]]
     # Thousands of brackets in each other: RecursionError.
     except (ValueError, RecursionError) as error:
@@ -269,7 +281,7 @@ def _read_about(folder: Path) -> dict[str, Any]:
     except TypeError:
         raise InputError(f"{path}: damaged, not what ridgebayes writes; run again") from None
     failures = about["verdicts"]["failures"]
-    if not all(map(isinstance, named, (list, str, str, str, dict))) or not all(
+    if not all(map(isinstance, named, (list, str, str, str, dict, float))) or not all(
         isinstance(one, str) for one in (*about["forms"], *failures, *failures.values())
     ):
         raise InputError(f"{path}: damaged, not what ridgebayes writes; run again")

@@ -1,10 +1,15 @@
 """What a comparison says, arranged for a reader: factors against the best form, and a verdict."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 
 from ridgebayes.comparison.bayes_factors import SUMMED
 from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.model.noise import SMOOTH
+
+_PLAINEST = "classic"  # the smooth contact: it knows of pitch and groove, not of single ridges
 
 
 def best_form(comparison: Comparison) -> str | None:
@@ -64,6 +69,44 @@ def _against(factors: pd.DataFrame, against: str) -> list[tuple[str, str, float,
             form = next(name for name in sign if name != against)
             rows.append((form, row["method"], sign[form] * row["ln_bf"], row["ln_bf_se"]))
     return rows
+
+
+@dataclass(frozen=True)
+class Predicting:
+    """What predicts textures left out under a smooth offset: the form, or the offset.
+
+    Parameters
+    ----------
+    without_form : float
+        Times that the error (CRPS) of log loads is larger with Classic in the best form's place.
+    without_offset : float
+        Times that the 90 % band of loads is wider with independent rows in the offset's place.
+    """
+
+    without_form: float
+    without_offset: float
+
+
+def predicting(comparison: Comparison) -> Predicting | None:
+    """Return what textures left out tell of the best form and its smooth offset.
+
+    None where the printed error model has no smooth offset, Classic was not compared or is the best
+    form, or textures were not left out.
+    """
+    scores, widths, best = comparison.left_out, comparison.coverage, best_form(comparison) or ""
+    if SMOOTH not in comparison.noise.factors or best in ("", _PLAINEST):
+        return None
+    if not len(scores) or not len(widths):
+        return None
+    crps = scores[scores["leave"] == "texture"].set_index("form")["mean_crps"]
+    width = widths[(widths["prob"] == 0.9) & (widths["form"] == best)].set_index("noise")
+    if not {best, _PLAINEST} <= set(crps.dropna().index) or len(width) < 2:
+        return None
+    wide = width["mean_width"]
+    found = Predicting(
+        float(crps[_PLAINEST] / crps[best]), float(wide["iid"] / wide[comparison.noise.name])
+    )
+    return found if np.isfinite([found.without_form, found.without_offset]).all() else None
 
 
 def sensitivity_factors(comparison: Comparison, against: str) -> pd.DataFrame:

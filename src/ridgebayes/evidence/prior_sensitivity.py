@@ -18,6 +18,7 @@ from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.power_law_exact import is_conjugate
 from ridgebayes.model.model import Model
+from ridgebayes.model.noise import SMOOTH
 from ridgebayes.runtime.pool import map_ordered
 
 SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
@@ -134,7 +135,7 @@ def _scaled(task: _Scaling) -> dict[tuple[str, float], float]:
             stretched = {name: model.priors[name].stretched(factor) for name in names}
             other = model.with_priors(stretched)
             found[prior, factor] = 0.0 if factor == 1 else _change(posterior, other, names)
-    if "step-smooth" in model.noise.factors:
+    if SMOOTH in model.noise.factors:
         for factor in scale_factors(NUGGET):
             noise = replace(model.noise, nugget=factor * model.noise.nugget)
             other = Model(model.data, model.form, noise, model.priors)

@@ -18,6 +18,7 @@ from ridgebayes.model.tails import TAILS, Tail
 NUGGET = 1e-8
 LARGEST_NUGGET = 1e-4  # one hundredth of the offset's standard deviation: no longer smooth
 SERIES = "series"
+SMOOTH = "step-smooth"
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class Noise:
         "texture",
         "step",
         "texture+step",
-        "step-smooth",
+        SMOOTH,
     )
     tails: ClassVar[tuple[str, ...]] = tuple(TAILS)
 
@@ -147,7 +148,7 @@ class Noise:
 _PARAMETERS = {
     "texture": ("tau_texture",),
     "step": ("tau_step",),
-    "step-smooth": ("tau_step", "length_h", "length_ratio"),
+    SMOOTH: ("tau_step", "length_h", "length_ratio"),
     SERIES: ("tau_series",),
 }
 _WITH_SERIES = {f"{name}+{SERIES}": f"{name}+{SERIES}" for name in Noise.structures}

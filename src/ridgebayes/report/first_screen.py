@@ -57,10 +57,16 @@ def first_screen(data: ReportData, reference: ReportData | None = None) -> First
         )
         problems += tuple(f"finite-element rows: {what}" for what in reference.problems)
     notes.append(_error_model(data))
+    cautions = [CAUTIONS.get(caution, caution)] if caution else []
+    if n_repeated := len(data.comparison.table.repeated):
+        cautions.append(
+            f"{count(n_repeated, 'row')} with the load of another source, solver or series to all "
+            "digits. Copies count twice: leave one of each out."
+        )
     return FirstScreen(
         _headline(data),
         _sentence(data),
-        (CAUTIONS.get(caution, caution),) if caution else (),
+        tuple(cautions),
         tuple(words for words in notes if words),
         problems,
     )
@@ -150,7 +156,16 @@ def _error_model(data: ReportData) -> str:
     smooth = sum(weight for name, weight in weights.items() if "smooth" in name)
     if smooth < 0.5:
         return words
+    words += (
+        " Under a smooth offset a Bayes factor tells which form leaves the smaller and smoother "
+        "remainder, given the priors of that offset."
+    )
+    if data.predicting is None:
+        return words
+    form, offset = data.predicting.without_form, data.predicting.without_offset
+    more, less = ("form", "offset") if form > offset else ("offset", "form")
     return (
-        f"{words} Under a smooth offset a Bayes factor tells which form leaves the smaller and "
-        "smoother remainder."
+        f"{words} On textures left out, loads are {number(form, 2)} times less exact with Classic "
+        f"in the place of {form_name(data.shown)}, and bands {number(offset, 2)} times as wide "
+        f"without the offset: the {more} does more of the predicting than the {less}."
     )

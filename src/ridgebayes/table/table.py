@@ -12,6 +12,8 @@ from ridgebayes.table.columns import CALIBRATION, COLUMNS, HELD_OUT, OK, RawTabl
 from ridgebayes.table.files import frame_digest, read_raw, write_frame
 from ridgebayes.table.rules import checked
 
+_SAME_LOAD = ("a_over_R", "b_over_R", "nu", "offset_over_R", "Q", "kind", "p_over_E_lower")
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactTable:
@@ -150,6 +152,15 @@ class ContactTable:
     def left_out(self) -> "ContactTable":
         """The rows whose status is not ok, to be counted aloud."""
         return self._where(~self._ok)
+
+    @property
+    def repeated(self) -> "ContactTable":
+        """The rows to fit that repeat the load of another source, solver or series to all digits.
+
+        They are fitted like any other, so what was measured once counts twice.
+        """
+        rows = self.calibration
+        return rows._where(rows._frame.duplicated([*_SAME_LOAD, "p_over_E"]).to_numpy())
 
     @property
     def _ok(self) -> np.ndarray:
