@@ -1,9 +1,14 @@
-"""Array aliases for signatures, and the version: what every room may know."""
+"""Array aliases for signatures, the version, and how records show themselves."""
 
-from typing import Any, TypeAlias
+from abc import ABC, abstractmethod
+from html import escape
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:  # heavy
+    import pandas as pd
 
 __version__ = "0.1.0"
 
@@ -12,3 +17,23 @@ IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 Rng: TypeAlias = np.random.Generator | int
 Json: TypeAlias = dict[str, Any]
+
+_ROWS_SHOWN = 20
+
+
+class Tabular(ABC):
+    """A record that is shown as a table: in a notebook its first rows, below its short form."""
+
+    @abstractmethod
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return the record as a table."""
+
+    def _first_rows(self, n: int) -> "pd.DataFrame":
+        """Return at most the first `n` rows; for records whose rows cost time."""
+        return self.to_dataframe().head(n)
+
+    def _repr_html_(self) -> str:
+        rows = self._first_rows(_ROWS_SHOWN + 1)
+        more = f"<p>the first {_ROWS_SHOWN} rows</p>" if len(rows) > _ROWS_SHOWN else ""
+        table = rows.head(_ROWS_SHOWN).to_html(index=False, border=0)
+        return f"<p>{escape(repr(self))}</p>{table}{more}"

@@ -4,9 +4,12 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ridgebayes._types import FloatArray, Rng, __version__
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import Rng, Tabular, __version__
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.evidence.error_models import (
     AUTO,
@@ -22,20 +25,23 @@ from ridgebayes.inference.diagnostics import arviz_object
 from ridgebayes.inference.netcdf import groups_of, priors_to_json, read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.sampling import sample_posterior
-from ridgebayes.model.forms import FORMS, Form, form_named
+from ridgebayes.model.forms import FORMS, Form, as_form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import OF_ERRORS, Priors, resolve_priors
-from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.predict import predict_load, predict_q
-from ridgebayes.predict.q_distribution import QDistribution, mix_q
+from ridgebayes.predict.predict import Predictive
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable, read_table
 
+if TYPE_CHECKING:  # heavy
+    from matplotlib.axes import Axes
+
+_MOST_SHOWN = 500  # transitions in a plot
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit(Posterior):
+class Fit(Posterior, Predictive, Tabular):
     """The posterior of one form, with its predictions and its file.
 
     Where several error models carry weight it holds a posterior for each, and predictions are
@@ -120,81 +126,39 @@ class Fit(Posterior):
             parts[id(one)] = one, weight + parts.get(id(one), (one, 0.0))[1]
         return list(parts.values())
 
-    def predict(
-        self,
-        a_over_R: float | FloatArray,
-        b_over_R: float | FloatArray,
-        p_over_E: float | FloatArray,
-        *,
-        nu: float | FloatArray = 0.5,
-        kind: str = "simulation",
-    ) -> QDistribution:
-        """Return the posterior predictive distribution of Q.
-
-        Parameters
-        ----------
-        a_over_R, b_over_R, p_over_E : array_like of float, broadcastable, dimensionless
-            Ridge width, groove width and load; the result has their broadcast shape.
-        nu : array_like of float, broadcastable, dimensionless
-            Poisson's ratio.
-        kind : str, optional
-            ``simulation`` with the error model, ``curve`` for the form's own count.
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the summary of the posterior as a table.
 
         Returns
         -------
-        QDistribution
-            P(Q >= n) for every n up to the first that is negligible at the highest load.
-
-        Raises
-        ------
-        InputError
-            If `kind` is neither, a width or load is not positive and finite, `nu` is outside 0 to
-            0.5, or counts pass 20,000.
-
-        Notes
-        -----
-        Validity, accuracy and cost are those of `ridgebayes.predict.predict.predict_q`.
+        pandas.DataFrame
+            A copy of `summary`: a row a parameter, columns parameter, mean, sd, eti_lower,
+            eti_upper, prob, ess_bulk, ess_tail, r_hat, mcse_mean.
         """
-        parts, weights = zip(*self.averaged, strict=True)
-        found = (predict_q(one, a_over_R, b_over_R, p_over_E, nu=nu, kind=kind) for one in parts)
-        return mix_q(found, weights)
+        return self.summary.copy()
 
-    def predict_load(
-        self,
-        a_over_R: float | FloatArray,
-        b_over_R: float | FloatArray,
-        Q: int | FloatArray,
-        *,
-        nu: float = 0.5,
-        kind: str = "simulation",
-    ) -> LoadDistribution:
-        """Return the posterior predictive distribution of the load that reaches Q.
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the fitted loads over those predicted, with 90 % bands, transition by transition.
 
         Parameters
         ----------
-        a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
-            Ridge and groove width.
-        Q : array_like of int, broadcastable, dimensionless
-            Even counts of at least 4.
-        nu : float, dimensionless
-            Poisson's ratio.
-        kind : str, optional
-            ``simulation`` with the error model, ``curve`` for the form's own load.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure's if not given.
 
         Returns
         -------
-        LoadDistribution
-            Of p/E, of the broadcast shape.
-
-        Raises
-        ------
-        InputError
-            If `kind` is neither, a width is not positive and finite, a count is odd or under 4, or
-            `nu` is outside 0 to 0.5.
+        matplotlib.axes.Axes
+            The axes drawn on; at most the first 500 transitions are shown.
         """
-        parts, weights = zip(*self.averaged, strict=True)
-        found = (predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in parts)
-        return mix_loads(found, weights)
+        from ridgebayes.drawing import records  # loads matplotlib
+
+        data = self.model.data
+        shown = np.flatnonzero(self.model.rows.exact)[:_MOST_SHOWN]
+        texture = data.texture[shown]
+        a, b = data.a_over_R[texture], data.b_over_R[texture]
+        predicted = self.predict_load(a, b, data.Q[shown]).widened(data.rel_se[shown])
+        frame = predicted.to_dataframe().assign(p_over_E_observed=np.exp(data.log_load[shown]))
+        return records.draw_errors(frame, self.form.name, ax)
 
     def to_arviz(self) -> Any:
         """Return the thinned draws in arviz's container.
@@ -240,7 +204,7 @@ class Fit(Posterior):
 
 
 def calibrate(
-    table: ContactTable | str | os.PathLike[str],
+    table: ContactTable | pd.DataFrame | str | os.PathLike[str],
     form: Form | str,
     *,
     noise: str | Noise = AUTO,
@@ -254,7 +218,7 @@ def calibrate(
 
     Parameters
     ----------
-    table : ContactTable or path
+    table : ContactTable, path or pandas.DataFrame
         Rows of role calibration and status ok are fitted.
     form : Form or str
         Contact form, or its name.
@@ -302,7 +266,7 @@ def calibrate(
     >>> [round(mean, 2) for mean in fit.summary["mean"]]
     [1.34, 0.02, 0.03]
     """
-    table, form = as_table(table), as_form(form)
+    table, form = read_table(table), as_form(form)
     refuse_circular(table, form)
     data, seed, given = Observations.from_table(table), seed_of(rng), dict(priors or {})
     noises = error_models_for(noise, data)
@@ -333,16 +297,6 @@ def calibrate(
     drawn = weighed.posteriors(form.name)
     weights = error_model_weights(weighed.evidence, form.name, {printed.name, *drawn})
     return Fit.of(posterior, weights, drawn)
-
-
-def as_table(table: ContactTable | str | os.PathLike[str]) -> ContactTable:
-    """Return a table, read from its file where a path is given."""
-    return table if isinstance(table, ContactTable) else read_table(table)
-
-
-def as_form(form: Form | str) -> Form:
-    """Return a form, by its name where that is given."""
-    return form_named(form) if isinstance(form, str) else form
 
 
 def chain_checkpoint(

@@ -3,7 +3,8 @@ import pytest
 from scipy import integrate, special, stats
 
 from ridgebayes.errors import InputError
-from ridgebayes.predict.load_distribution import LoadDistribution, LoadDraws, mix_loads
+from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
+from ridgebayes.predict.load_draws import LoadDraws
 
 PROBABILITIES = (1e-4, 0.05, 0.5, 0.9, 0.9999)
 
@@ -88,14 +89,14 @@ def test_mean__is_the_integral_of_the_survival():
 @pytest.mark.slow
 def test_rvs__has_the_mean_and_the_distribution():
     load, n = mixture(), 20_000
-    draws = load.rvs(3, size=n)
+    draws = load.rvs(n, 3)
     assert draws.shape == (n, 3)
     # Monte Carlo: 4.5 standard errors, 1e-4 for Kolmogorov-Smirnov.
     assert np.all(np.abs(draws.mean(0) - load.mean()) < 4.5 * draws.std(0) / np.sqrt(n))
     for i in range(3):
         test = stats.kstest(draws[:, i], lambda x, i=i: oracle_cdf(draws_of(), x, i))
         assert test.pvalue > 1e-4
-    assert draws.tolist() == load.rvs(3, size=n).tolist()
+    assert draws.tolist() == load.rvs(n, 3).tolist()
 
 
 def test_median_and_interval__are_quantiles():
@@ -159,7 +160,7 @@ def test_distribution__of_draws_made_when_asked_is_that_of_stored_ones():
     np.testing.assert_array_equal(load.log_mean, stored.log_mean[:, place])
     np.testing.assert_array_equal(load.sd, stored.sd[:, place])
     same = LoadDistribution(load.log_mean, load.sd, load.weight, np.zeros((2, 2), np.uint8))
-    np.testing.assert_allclose(load.rvs(5, 7), same.rvs(5, 7), rtol=1e-14)
+    np.testing.assert_allclose(load.rvs(7, 5), same.rvs(7, 5), rtol=1e-14)
 
 
 def test_distribution__works_out_places_alike_once_and_no_block_is_large():
@@ -205,3 +206,64 @@ def test_widened__adds_variances_place_by_place():
 
 def test_repr__tells_shape_and_draws():
     assert repr(mixture(n_draw=7)) == "LoadDistribution(shape (3,), 7 draws)"
+
+
+def test_names_of_scipy__give_scipys_log_normal_where_there_is_a_single_draw():
+    mean, sd = np.array([[-5.0, -4.0]]), np.array([0.3])
+    load = LoadDistribution(mean, sd, np.ones(1), np.zeros(2, np.uint8))
+    for i in (0, 1):
+        theirs = stats.lognorm(s=0.3, scale=np.exp(mean[0, i]))
+        p = np.exp(mean[0, i] + 0.3 * np.array([-30.0, -2.0, 0.0, 1.5, 30.0]))
+        for name in ("cdf", "sf", "pdf"):  # rounding, in both tails
+            found = getattr(load, name)(p[:, None])[:, i]
+            np.testing.assert_allclose(found, getattr(theirs, name)(p), rtol=1e-12)
+        assert load.pdf(0.0)[i] == load.pdf(-1.0)[i] == load.cdf(-1.0)[i] == 0
+        assert load.sf(0.0)[i] == 1
+        np.testing.assert_allclose(
+            load.ppf([[0.01], [0.5], [0.99]])[:, i], theirs.ppf([0.01, 0.5, 0.99]), rtol=1e-9
+        )
+        assert load.mean()[i] == pytest.approx(theirs.mean(), rel=1e-13)
+        assert load.std()[i] == pytest.approx(theirs.std(), rel=1e-12)
+        ends = [float(end[i]) for end in load.interval(0.8)]
+        assert ends == pytest.approx(theirs.interval(0.8), rel=1e-9)  # the search's
+        draws = load.rvs(size=4_000, random_state=2)[:, i]
+        assert stats.kstest(draws, theirs.cdf).pvalue > 1e-4  # Monte Carlo
+
+
+def test_std__of_a_mixture_is_the_root_of_the_second_moment():
+    load, (log_mean, sd, weight) = mixture(), draws_of()
+    first = weight @ np.exp(log_mean + 0.5 * sd[:, None] ** 2)
+    second = weight @ np.exp(2 * log_mean + 2 * sd[:, None] ** 2)
+    np.testing.assert_allclose(load.std(), np.sqrt(second - first**2), rtol=1e-11)  # cancels
+
+
+def test_std__is_infinite_under_student_errors_and_0_at_a_point():
+    one = (np.array([-5.0]), np.array([0.1]), np.ones(1), np.zeros((), np.uint8))
+    assert LoadDistribution(*one, df=np.array([4.0])).std() == np.inf
+    assert LoadDistribution(one[0], np.zeros(1), *one[2:]).std() == 0
+
+
+def test_quantile__of_a_probability_for_each_place_is_that_of_each():
+    load, prob = mixture(), np.array([0.1, 0.5, 0.9])
+    found = load.quantile(prob)
+    assert found.tolist() == [load.quantile(p)[i] for i, p in enumerate(prob.tolist())]
+    with pytest.raises(InputError, match=r"got prob \(2,\), distribution \(3,\)"):
+        load.quantile([0.1, 0.2])
+    with pytest.raises(InputError, match=r"got p_over_E \(2,\), distribution \(3,\)"):
+        load.cdf([0.1, 0.2])
+
+
+def test_rvs__puts_size_before_the_places():
+    assert mixture().rvs().shape == (3,)
+    assert mixture().rvs((2, 5), random_state=1).shape == (2, 5, 3)
+
+
+def test_html__asks_for_no_more_places_than_it_shows():
+    load, asked = lazy(1, np.arange(4))
+    many = LoadDistribution.of(
+        load._draws,
+        np.resize(np.arange(4), 10**6),
+        *(np.zeros(10**6, t) for t in (np.uint8, float)),
+    )
+    assert many._repr_html_().count("<tr") == 21
+    assert max(asked) <= 4

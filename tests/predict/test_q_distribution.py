@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
+from scipy import stats
 
 from ridgebayes.errors import InputError
 from ridgebayes.predict.extrapolation import LOAD, RIDGE
-from ridgebayes.predict.q_distribution import QDistribution, seeded
+from ridgebayes.predict.q_distribution import QDistribution
 
 # Two loads: P(Q >= 2), P(Q >= 4), ... typed by hand. All numbers are exact in binary.
 SURVIVAL = np.array([[1.0, 0.75, 0.25, 0.0], [1.0, 1.0, 0.5, 0.125]])
@@ -84,23 +85,93 @@ def test_extrapolation__flags_textures_and_counts_that_were_not_calibrated():
 @pytest.mark.slow
 def test_rvs__follows_the_probabilities_reproducibly():
     n = 40_000
-    draws = Q.rvs(1, size=n)
+    draws = Q.rvs(n, 1)
     assert draws.shape == (n, 2)
     share = (draws[..., None] == Q.q).mean(axis=0)
     # Monte Carlo: 4.5 standard errors of a share.
     assert np.all(np.abs(share - Q.pmf) <= 4.5 * np.sqrt(Q.pmf * (1 - Q.pmf) / n))
-    assert draws.tolist() == Q.rvs(1, size=n).tolist()
-    assert draws.tolist() == Q.rvs(np.random.default_rng(1), size=n).tolist()
-
-
-def test_seeded__passes_generators_through_and_refuses_nonsense():
-    rng = np.random.default_rng(1)
-    assert seeded(rng) is rng
-    with pytest.raises(
-        InputError, match="rng: expected a non-negative integer or a numpy Generator, got -1"
-    ):
-        seeded(-1)
+    assert draws.tolist() == Q.rvs(n, 1).tolist()
+    assert draws.tolist() == Q.rvs(size=n, random_state=np.random.default_rng(1)).tolist()
 
 
 def test_repr__tells_kind_shape_and_reach():
     assert repr(Q) == "QDistribution(simulation, shape (2,), Q <= 8)"
+
+
+def scipys(survival):
+    """The same distribution as scipy has it."""
+    q = 2 + 2 * np.arange(len(survival))
+    return stats.rv_discrete(values=(q, survival - np.append(survival[1:], 0)))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_names_of_scipy__give_what_scipy_gives(seed):
+    mine, k = random_distribution(seed, n=1), np.arange(-3, 25).astype(float)
+    theirs, prob = scipys(mine.survival[0]), np.array([0.01, 0.3, 0.5, 0.77, 0.999])
+    for name in ("pmf", "cdf", "sf"):
+        expected = getattr(theirs, name)(k)
+        np.testing.assert_allclose(getattr(mine, name)(k[:, None])[:, 0], expected, atol=1e-14)
+        np.testing.assert_allclose(
+            getattr(mine, name)[0], getattr(theirs, name)(mine.q), atol=1e-14
+        )
+    assert mine.ppf(prob).tolist() == theirs.ppf(prob).tolist()
+    assert mine.mean()[0] == pytest.approx(theirs.mean(), rel=1e-13)  # algebra
+    assert mine.std()[0] == pytest.approx(theirs.std(), rel=1e-12)
+    assert [float(end[0]) for end in mine.interval(0.8)] == list(theirs.interval(0.8))
+
+
+def test_names_of_scipy__broadcast_counts_and_probabilities_with_places():
+    assert Q.sf([3, 4]).tolist() == [0.75, 0.5]
+    assert Q.pmf([[4], [6], [5]]).tolist() == [[0.5, 0.5], [0.25, 0.375], [0.0, 0.0]]
+    assert Q.ppf([[0.2], [0.9]]).tolist() == [[2, 4], [6, 8]]
+    assert Q.at_least([4, 8]).tolist() == [0.75, 0.125]
+    for ask in (Q.pmf, Q.cdf, Q.sf, Q.at_least, Q.quantile):
+        with pytest.raises(
+            InputError, match=r"shapes broadcast, got .* \(3,\), distribution \(2,\)"
+        ):
+            ask([0.1, 0.2, 0.3])
+    with pytest.raises(InputError, match="k: expected numbers, got 'many'"):
+        Q.pmf("many")
+
+
+def test_what_is_worked_out_of_probabilities__is_an_ordinary_array():
+    assert type(1 - Q.cdf) is type(Q.pmf.sum(axis=-1)) is np.ndarray
+    assert isinstance(Q.pmf.sum(), float)
+
+
+@pytest.mark.parametrize(
+    ("size", "shape"), [(None, (2,)), (3, (3, 2)), ((2, 3), (2, 3, 2)), (0, (0, 2)), ((), (2,))]
+)
+def test_rvs__puts_size_before_the_places(size, shape):
+    assert Q.rvs(size, random_state=1).shape == shape
+    assert Q.rvs(size).shape == shape  # of other draws each time
+
+
+def test_rvs__of_blocks_is_that_of_one_after_the_other(monkeypatch):
+    whole = Q.rvs(50, 3)
+    monkeypatch.setattr("ridgebayes.predict.q_distribution._AT_ONCE", 1)
+    assert Q.rvs(50, 3).tolist() == whole.tolist()
+
+
+@pytest.mark.parametrize("size", ["5", 2.5, -1, (2, -1), np.random.default_rng(1)])
+def test_rvs__refuses_sizes_that_are_none(size):
+    with pytest.raises(InputError, match="size: expected whole numbers from 0, got"):
+        Q.rvs(size)
+
+
+def test_to_dataframe__has_the_columns_of_bands_and_its_html_the_first_rows():
+    places = {"a_over_R": np.array(0.02), "p_over_E": np.array([0.01, 0.02])}
+    frame = QDistribution(SURVIVAL, np.array([0, LOAD]), 6, "curve", places=places).to_dataframe(
+        0.5
+    )
+    assert frame["kind_of_band"].tolist() == ["curve", "curve"]
+    assert frame["a_over_R"].tolist() == [0.02, 0.02]
+    assert frame["p_over_E"].tolist() == [0.01, 0.02]
+    assert frame[["q_lower", "q_median", "q_upper"]].to_numpy().tolist() == [[2, 4, 4], [4, 4, 6]]
+    assert frame["extrapolation_of"].tolist() == ["", "load"]
+    assert frame["p_q_ge_8"].tolist() == [0.0, 0.125]
+    html = random_distribution(1)._repr_html_()
+    assert "QDistribution(simulation, shape (50,), Q &lt;= 16)" in html
+    assert html.count("<tr") == 1 + 20
+    assert "the first 20 rows" in html
+    assert Q._repr_html_().count("<tr") == 1 + 2

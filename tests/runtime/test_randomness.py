@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.runtime.randomness import seed_of, stream
+from ridgebayes.runtime.randomness import seed_of, seeded, stream
 
 
 def test_seed_of__takes_integers_as_they_are():
@@ -53,3 +53,12 @@ def test_stream__is_the_same_in_every_process():
         for seed in ("1", "2")
     ]
     assert found == [float(stream(3, "x").random()).hex()] * 2
+
+
+def test_seeded__passes_generators_through_and_refuses_nonsense():
+    rng = np.random.default_rng(1)
+    assert seeded(rng) is rng
+    with pytest.raises(
+        InputError, match="rng: expected a non-negative integer or a numpy Generator, got -1"
+    ):
+        seeded(-1)

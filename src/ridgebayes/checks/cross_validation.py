@@ -358,7 +358,7 @@ def row_crps(fit: Posterior, data: Observations, rng: np.random.Generator) -> Fl
     # A count of 2 needs no load to be reached; 4 stands in its place and is not looked at.
     load = row_loads(fit, data, np.maximum(data.Q, 4))
     with np.errstate(all="ignore"):
-        crps = crps_of_draws(np.log(load.rvs(rng, N_CRPS)), data.log_load)
+        crps = crps_of_draws(np.log(load.rvs(N_CRPS, rng)), data.log_load)
     return np.where(data.is_exact, crps, np.nan)
 
 

@@ -86,7 +86,6 @@ def bands_table(
     own = _nu_of_textures(comparison) if nu is None else {}
     poisson = np.array([[own.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
     p = np.atleast_2d(default_loads(comparison) if loads is None else loads).astype(float)
-    where = {"a_over_R": a, "b_over_R": b, "nu": poisson, "p_over_E": p}
     blocks, errors = [], []
     for kind in kinds:
         predicted: Callable[[Posterior], QDistribution] = partial(
@@ -104,8 +103,7 @@ def bands_table(
             predicted = cache(predicted)
         for name, parts in _mixtures(comparison, wanted).items():
             q = mix_q((predicted(one) for one, _ in parts), [weight for _, weight in parts])
-            what = {"form": name, "noise": _noise_of(parts), "kind_of_band": kind}
-            blocks.append(_band_rows(what, where, q, prob))
+            blocks.append(_of_form(name, parts, q.to_dataframe(prob)))
             errors.append(q.error)
     bands = _trimmed(pd.concat(blocks, ignore_index=True))
     bands.attrs["error"] = float(np.max(errors))
@@ -144,27 +142,8 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
         for name, parts in _mixtures(comparison, [*comparison.fits, AVERAGE]).items():
             shares = [weight for _, weight in parts]
             load = mix_loads([predicted(one).widened(known) for one, _ in parts], shares)
-            lower, upper = load.interval(prob)
-            blocks.append(
-                pd.DataFrame(
-                    {
-                        "form": name,
-                        "noise": _noise_of(parts),
-                        "kind_of_band": kind,
-                        "a_over_R": a,
-                        "b_over_R": b,
-                        "nu": nu,
-                        "Q": q,
-                        "p_over_E_median": load.median(),
-                        "p_over_E_lower": lower,
-                        "p_over_E_upper": upper,
-                        "prob": prob,
-                        "extrapolation": load.extrapolation,
-                        "extrapolation_of": load.extrapolation_of,
-                        "p_over_E_observed": frame["p_over_E"].to_numpy(),
-                    }
-                )
-            )
+            blocks.append(_of_form(name, parts, load.to_dataframe(prob)))
+            blocks[-1]["p_over_E_observed"] = frame["p_over_E"].to_numpy()
     return pd.concat(blocks, ignore_index=True)
 
 
@@ -203,24 +182,11 @@ def _noise_of(parts: _Mixture) -> str:
     return AVERAGE if len(names) > 1 else names.pop()
 
 
-def _band_rows(
-    what: dict[str, str], where: dict[str, FloatArray], q: QDistribution, prob: float
-) -> pd.DataFrame:
-    shape = q.survival.shape[:-1]
-    (lower, upper), beyond = q.interval(prob), q.extrapolation_of(prob)
-    numbers = {
-        "q_mean": q.mean(),
-        "q_median": q.median(),
-        "q_lower": lower,
-        "q_upper": upper,
-        "prob": np.asarray(prob),
-        "extrapolation": beyond != "",
-        "extrapolation_of": beyond,
-    } | {f"p_q_ge_{n}": q.at_least(n) for n in q.q[1:]}
-    columns = {
-        name: np.broadcast_to(values, shape).ravel() for name, values in (where | numbers).items()
-    }
-    return pd.DataFrame(what | columns)
+def _of_form(name: str, parts: _Mixture, rows: pd.DataFrame) -> pd.DataFrame:
+    """Put the form and its error model before the columns of bands or loads."""
+    rows.insert(0, "form", name)
+    rows.insert(1, "noise", _noise_of(parts))
+    return rows
 
 
 def _trimmed(frame: pd.DataFrame) -> pd.DataFrame:

@@ -118,18 +118,28 @@ def summed_bayes_factors(evidence: pd.DataFrame) -> pd.DataFrame:
     pandas.DataFrame
         Columns of `bayes_factors.csv`; the noise is ``summed out``.
     """
-    one = used_evidence(evidence)
-    n_noise = one["noise"].nunique()
-    if n_noise < 2:
+    if used_evidence(evidence)["noise"].nunique() < 2:
         return pd.DataFrame(columns=BAYES_FACTOR_COLUMNS)
-    sums, errors = {}, {}
+    sums = summed_evidence(evidence)
+    rows = [
+        factor_row(a, b, SUMMED, "sum", one - other, math.hypot(se, other_se), None)
+        for (a, (one, se)), (b, (other, other_se)) in itertools.combinations(sums.items(), 2)
+    ]
+    return pd.DataFrame(rows, columns=BAYES_FACTOR_COLUMNS)
+
+
+def summed_evidence(evidence: pd.DataFrame) -> dict[str, tuple[float, float]]:
+    """Return ln evidence and its error of each form, error models summed out at equal prior.
+
+    Parameters
+    ----------
+    evidence : pandas.DataFrame
+        As for `mean_evidence`.
+    """
+    one, sums = used_evidence(evidence), {}
     for form, part in one.groupby("form", sort=False):
         value = float(logsumexp(part["log_evidence"]))
         share = np.exp(part["log_evidence"] - value)
-        sums[str(form)] = value - math.log(n_noise)
-        errors[str(form)] = float(np.sqrt(((share * part["log_evidence_se"].fillna(0)) ** 2).sum()))
-    rows = [
-        factor_row(a, b, SUMMED, "sum", sums[a] - sums[b], math.hypot(errors[a], errors[b]), None)
-        for a, b in itertools.combinations(sums, 2)
-    ]
-    return pd.DataFrame(rows, columns=BAYES_FACTOR_COLUMNS)
+        se = float(np.sqrt(((share * part["log_evidence_se"].fillna(0)) ** 2).sum()))
+        sums[str(form)] = value - math.log(one["noise"].nunique()), se
+    return sums

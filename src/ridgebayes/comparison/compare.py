@@ -1,5 +1,6 @@
 """Which form does the evidence support: each is fitted, weighed against the others, and scored."""
 
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
@@ -33,15 +34,15 @@ from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.inference.sampling import sample_posterior
-from ridgebayes.model.forms import Classic, Form, Hybrid, Modified, PowerLaw
+from ridgebayes.model.forms import Classic, Form, Hybrid, Modified, PowerLaw, as_form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import Priors, resolve_priors
-from ridgebayes.results import Fit, as_form, as_table, chain_checkpoint
+from ridgebayes.results import Fit, chain_checkpoint
 from ridgebayes.runtime.pool import map_ordered, submit_or_defer
 from ridgebayes.runtime.randomness import seed_of, stream
-from ridgebayes.table.table import ContactTable
+from ridgebayes.table.table import ContactTable, read_table
 
 DEFAULT_FORMS: tuple[Form, ...] = (Classic(), PowerLaw(), Modified(), Hybrid())
 StageTimer = Callable[[str], AbstractContextManager[Callable[[float], None]]]
@@ -86,8 +87,8 @@ class Execution:
 
 
 def compare(
-    table: ContactTable | str | Path,
-    forms: Sequence[Form | str] = DEFAULT_FORMS,
+    table: ContactTable | pd.DataFrame | str | os.PathLike[str],
+    forms: Sequence[Form | str] | Form | str = DEFAULT_FORMS,
     *,
     noise: str | Noise = AUTO,
     priors: Priors | None = None,
@@ -100,10 +101,10 @@ def compare(
 
     Parameters
     ----------
-    table : ContactTable or path
+    table : ContactTable, path or pandas.DataFrame
         Rows of role calibration and status ok are fitted.
     forms : sequence of Form or str, optional
-        Classic, power law, Modified and Hybrid if not given.
+        Forms or their names; Classic, power law, Modified and Hybrid if not given.
     noise : str or Noise, optional
         Error model of all forms; ``auto`` weighs all that suit the table, and averages over them.
     priors : mapping of str to mapping of str to Distribution or str, optional
@@ -144,20 +145,20 @@ def compare(
     'supports'
     """
     execution = Execution(accuracy, settings, executor)
-    return compare_with(execution, as_table(table), forms, noise=noise, priors=priors, rng=rng)
+    return compare_with(execution, read_table(table), forms, noise=noise, priors=priors, rng=rng)
 
 
 def compare_with(
     execution: Execution,
     table: ContactTable,
-    forms: Sequence[Form | str],
+    forms: Sequence[Form | str] | Form | str,
     *,
     noise: str | Noise = AUTO,
     priors: Priors | None = None,
     rng: Rng = 0,
 ) -> Comparison:
     """Do what `compare` does, with everything about its execution in one record."""
-    known = [as_form(form) for form in forms]
+    known = [as_form(form) for form in ([forms] if isinstance(forms, Form | str) else forms)]
     names = [form.name for form in known]
     if not names or len(set(names)) < len(names):
         raise InputError(

@@ -1,27 +1,31 @@
 """What a comparison of forms found, and its predictions averaged over forms and error models."""
 
+import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import Tabular
+from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.comparison.verdict import Verdict, verdict_of
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence.error_models import LEAST_WEIGHT
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.model.noise import Noise
-from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.predict import predict_load, predict_q
-from ridgebayes.predict.q_distribution import QDistribution, mix_q
+from ridgebayes.predict.predict import Predictive
 from ridgebayes.results import Fit
 from ridgebayes.table.table import ContactTable
+
+if TYPE_CHECKING:  # heavy
+    from matplotlib.axes import Axes
 
 NEGLIGIBLE = 1e-4  # of a form's probability: it is not walked, and need not converge
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Predictive, Tabular):
     """Fits of several forms to one table and what they say against each other.
 
     Parameters
@@ -75,6 +79,47 @@ class Comparison:
     def __repr__(self) -> str:
         parts = [f"{name} {share:.3g}" for name, share in self.probabilities.items()]
         return f"Comparison({self.table.where}: {', '.join(parts)})"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return what the comparison says of each form, the most probable first.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns form, model_probability, log_evidence and log_evidence_se (error models summed
+            out), ln_bf (over the most probable form), elpd, elpd_se, stacking_weight, converged.
+            NaN where a form has no evidence or score.
+        """
+        weighed, shares = summed_evidence(self.evidence), self.probabilities
+        top = max((value for value, _ in weighed.values()), default=math.nan)
+        scores = self.loo.set_index("form")[["elpd", "se", "stacking_weight"]]
+        rows = []
+        for name, fit in self.fits.items():
+            value, se = weighed.get(name, (math.nan, math.nan))
+            row = (name, shares.get(name, math.nan), value, se, value - top, fit.converged)
+            rows.append(row)
+        names = ["form", "model_probability", "log_evidence", "log_evidence_se", "ln_bf"]
+        frame = pd.DataFrame(rows, columns=[*names, "converged"])
+        frame = frame.join(scores.rename(columns={"se": "elpd_se"}), on="form")
+        order = [*names, "elpd", "elpd_se", "stacking_weight", "converged"]
+        return frame.sort_values("ln_bf", ascending=False, ignore_index=True)[order]
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the log Bayes factor of each form over the most probable one.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure's if not given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        from ridgebayes.drawing import records  # loads matplotlib
+
+        return records.draw_forms(self.to_dataframe(), ax)
 
     @property
     def own_evidence(self) -> pd.DataFrame:
@@ -150,82 +195,3 @@ class Comparison:
         ]
         least = min(LEAST_WEIGHT, max(weight for _, weight in parts))
         return [(posterior, weight) for posterior, weight in parts if weight >= least]
-
-    def predict(
-        self,
-        a_over_R: float | FloatArray,
-        b_over_R: float | FloatArray,
-        p_over_E: float | FloatArray,
-        *,
-        nu: float | FloatArray = 0.5,
-        kind: str = "simulation",
-    ) -> QDistribution:
-        """Return the distribution of Q averaged over forms and error models by their probability.
-
-        Parameters
-        ----------
-        a_over_R, b_over_R : float or ndarray of float, dimensionless
-            Ridge and groove width over radius. All arrays broadcast to one shape (...).
-        p_over_E : float or ndarray of float, dimensionless
-            Loads p/E.
-        nu : float or ndarray of float, dimensionless, optional
-            Poisson's ratio.
-        kind : str, optional
-            ``simulation``, with the error model, or ``curve``, the forms' own curves.
-
-        Returns
-        -------
-        QDistribution
-            Shape (...).
-
-        Raises
-        ------
-        InputError
-            If a number is out of its range, `kind` is neither, or no form has an evidence.
-
-        Examples
-        --------
-        >>> import ridgebayes as rb
-        >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
-        >>> int(cmp.predict(0.022, 0.02, 0.009).median())
-        8
-        """
-        parts, weights = zip(*self.averaged, strict=True)
-        found = (predict_q(one, a_over_R, b_over_R, p_over_E, nu=nu, kind=kind) for one in parts)
-        return mix_q(found, weights)
-
-    def predict_load(
-        self,
-        a_over_R: float | FloatArray,
-        b_over_R: float | FloatArray,
-        Q: int | FloatArray,
-        *,
-        nu: float = 0.5,
-        kind: str = "simulation",
-    ) -> LoadDistribution:
-        """Return the distribution of the load, averaged over forms and error models.
-
-        Parameters
-        ----------
-        a_over_R, b_over_R : float or ndarray of float, dimensionless
-            Ridge and groove width over radius. All arrays broadcast to one shape (...).
-        Q : int or ndarray of int, dimensionless
-            Proximal edges in contact that the load reaches: even, at least 4.
-        nu : float, dimensionless, optional
-            Poisson's ratio.
-        kind : str, optional
-            ``simulation``, with the error model, or ``curve``, the forms' own curves.
-
-        Returns
-        -------
-        LoadDistribution
-            Of p/E, shape (...).
-
-        Raises
-        ------
-        InputError
-            If a number is out of its range, `kind` is neither, or no form has an evidence.
-        """
-        parts, weights = zip(*self.averaged, strict=True)
-        found = (predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in parts)
-        return mix_loads(found, weights)

@@ -3,7 +3,8 @@
 `drawing.style` holds what all figures share. The other modules hold one function a figure, named
 ``plot_...``, from arrays or frames to a matplotlib `Figure`. Only this folder and `report.figures`
 import matplotlib, and never pyplot's state: figures can be drawn on any thread and without a
-display. Equal input gives equal bytes.
+display. Equal input gives equal bytes. Only `records`, behind the ``.plot()`` of records, asks
+pyplot for axes where it is given none.
 
 Examples
 --------

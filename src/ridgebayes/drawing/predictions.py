@@ -56,7 +56,8 @@ def plot_bands(
     figure, panels = panel_grid(len(shown), 2.15, 1.2, labels=labels)
     for axes, texture in zip(panels, shown, strict=True):
         rows = observed.get(texture, table.iloc[:0])
-        _panel(axes, by_texture[texture], rows, colour_of(form))
+        draw_band(axes, by_texture[texture], colour_of(form))
+        _observed(axes, rows)
         axes.set_title(texture_title(texture, rows), fontsize=9)
     _legend(figure, colour_of(form), float(bands["prob"].iloc[0]))
     total = n_texture or len(by_texture)
@@ -65,7 +66,8 @@ def plot_bands(
     return figure
 
 
-def _panel(axes: Axes, bands: pd.DataFrame, rows: pd.DataFrame, colour: str) -> None:
+def draw_band(axes: Axes, bands: pd.DataFrame, colour: str) -> None:
+    """Draw the bands of one texture, light and dark, grey where extrapolated."""
     for kind, alpha in (("simulation", 0.30), ("curve", 0.75)):
         part = bands[bands["kind_of_band"] == kind].sort_values("p_over_E")
         p, lower, upper = (part[c].to_numpy(float) for c in ("p_over_E", "q_lower", "q_upper"))
@@ -84,6 +86,14 @@ def _panel(axes: Axes, bands: pd.DataFrame, rows: pd.DataFrame, colour: str) -> 
                 edgecolor="#FFFFFF" if is_outside else None,
                 alpha=alpha,
             )
+    # Q grows with the root of the load: on this axis its steps are equally wide.
+    axes.set_xscale("function", functions=(_root, np.square))
+    axes.set_xlim(0.0, float(bands["p_over_E"].max()))
+    axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    axes.yaxis.set_major_locator(MaxNLocator(6, integer=True, steps=[2, 4, 10]))
+
+
+def _observed(axes: Axes, rows: pd.DataFrame) -> None:
     for _, curve in rows.groupby(["nu", "solver", "series"], dropna=False, sort=False):
         rise = curve.sort_values("p_over_E")
         load, q = rise["p_over_E"].to_numpy(), rise["Q"].to_numpy()
@@ -95,11 +105,6 @@ def _panel(axes: Axes, bands: pd.DataFrame, rows: pd.DataFrame, colour: str) -> 
             linewidth=1.0,
         )
         axes.plot(load, q, ".", color=OBSERVED, markersize=6)
-    # Q grows with the root of the load: on this axis its steps are equally wide.
-    axes.set_xscale("function", functions=(_root, np.square))
-    axes.set_xlim(0.0, float(bands["p_over_E"].max()))
-    axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    axes.yaxis.set_major_locator(MaxNLocator(6, integer=True, steps=[2, 4, 10]))
 
 
 def _root(p: FloatArray) -> FloatArray:

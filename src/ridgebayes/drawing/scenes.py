@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
@@ -31,7 +32,13 @@ def plot_counts(curves: dict[str, tuple[FloatArray, FloatArray]]) -> Figure:
     matplotlib.figure.Figure
     """
     figure = new_figure(WIDTH, 4.2)
-    axes = figure.subplots()
+    draw_steps(figure.subplots(), curves)
+    figure.legend(loc="outside upper center", ncols=min(len(curves), 3))
+    return figure
+
+
+def draw_steps(axes: Axes, curves: dict[str, tuple[FloatArray, FloatArray]]) -> None:
+    """Draw the steps of `plot_counts` on axes."""
     colours = [*COLOURS.values()]
     top = max(float(p[-1]) for p, _ in curves.values())
     for i, (name, (p, Q)) in enumerate(curves.items()):
@@ -47,8 +54,6 @@ def plot_counts(curves: dict[str, tuple[FloatArray, FloatArray]]) -> Figure:
         )
     axes.set(xlabel="load $p/E$", ylabel="edges in contact $Q$")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    figure.legend(loc="outside upper center", ncols=min(len(curves), 3))
-    return figure
 
 
 @styled()
@@ -67,9 +72,14 @@ def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
     matplotlib.figure.Figure
         A bar an effect whose size is known; hollow ones are not simulated.
     """
+    figure = new_figure(WIDTH, 1.2 + 0.36 * int(table["estimated_rel_change"].notna().sum()))
+    draw_effects(figure.subplots(), table, relative)
+    return figure
+
+
+def draw_effects(axes: Axes, table: pd.DataFrame, relative: float | None) -> None:
+    """Draw the bars of `plot_effects` on axes."""
     known = table[table["estimated_rel_change"].notna()]
-    figure = new_figure(WIDTH, 1.2 + 0.36 * len(known))
-    axes = figure.subplots()
     least = 1e-6
     for row, effect in enumerate(known.to_dict("records")):
         size = max(float(effect["estimated_rel_change"]), least)
@@ -95,7 +105,6 @@ def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
         axes.axvline(relative, color="#000000", linewidth=1, linestyle=":")
     dotted = "" if relative is None else "; dotted: target"
     axes.set_xlabel(f"relative change of a transition load (filled: simulated{dotted})")
-    return figure
 
 
 @styled()

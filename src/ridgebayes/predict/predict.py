@@ -7,20 +7,23 @@ mean over draws of P(load(n) <= p | draw), which is a distribution function unde
 of; others widen the distribution by what is not known of theirs.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
-from ridgebayes.model.forms.base import even_counts, loads, widths
+from ridgebayes.model.forms.arguments import common_shape, even_counts, loads, numbers, widths
 from ridgebayes.predict.extrapolation import CalibratedRange
-from ridgebayes.predict.load_distribution import LoadDistribution, LoadDraws
+from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
+from ridgebayes.predict.load_draws import LoadDraws
 from ridgebayes.predict.predictive_cdf import DrawAverage, NodeAverage, PosteriorLoads, distinct
-from ridgebayes.predict.q_distribution import QDistribution
+from ridgebayes.predict.q_distribution import QDistribution, mix_q
 
 KINDS = ("curve", "simulation")
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
@@ -30,70 +33,159 @@ _LARGEST_Q = 20_000
 _BLOCK = 8  # counts worked out at a time
 
 
+class Predictive(ABC):
+    """What predicts: an average over posteriors, which `averaged` names with their weights."""
+
+    @property
+    @abstractmethod
+    def averaged(self) -> list[tuple[Posterior, float]]:
+        """The posteriors that predictions are averaged over, with their weights."""
+
+    def predict(
+        self,
+        a_over_R: ArrayLike,
+        b_over_R: ArrayLike,
+        p_over_E: ArrayLike,
+        *,
+        nu: ArrayLike = 0.5,
+        kind: str = "simulation",
+    ) -> QDistribution:
+        """Return the posterior predictive distribution of Q, averaged by the models' weights.
+
+        Parameters
+        ----------
+        a_over_R, b_over_R, p_over_E : array_like of float, broadcastable, dimensionless
+            Ridge width, groove width and load; the result has their broadcast shape.
+        nu : array_like of float, broadcastable, dimensionless
+            Poisson's ratio.
+        kind : str, optional
+            ``simulation`` with the error model, ``curve`` for the form's own count.
+
+        Returns
+        -------
+        QDistribution
+            P(Q >= n) for every n up to the first that is negligible at the highest load.
+
+        Raises
+        ------
+        InputError
+            If `kind` is neither, a width or load is not positive and finite, `nu` is outside 0 to
+            0.5, the shapes do not broadcast, or counts pass 20,000.
+        ComputationError
+            If a comparison has no form with an evidence.
+
+        Notes
+        -----
+        *Validity.* Extrapolation is flagged in the result, not refused: beyond the calibrated
+        a/pitch, above the highest calibrated Q or load, at an a/R or b/R below the lowest
+        calibrated / 1.5 or above the highest x 1.5, and for the power law at a texture without a K.
+        Under Student errors no further count than that of a body in contact over its whole width
+        is given a probability.
+        *Accuracy.* Monte Carlo error of a probability under 0.005 (10,240 draws of independent
+        rows; 2,560 where rows share offsets, 1,280 under Student errors).
+        *Cost.* Some 0.3 s for 100,000 loads of one texture: means over draws are tabulated, to
+        1e-13, where more than 1,000 loads need one.
+
+        Examples
+        --------
+        >>> import ridgebayes as rb
+        >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
+        >>> q = fit.predict(0.022, 0.02, [0.002, 0.009])
+        >>> q.median().tolist()
+        [4, 8]
+        """
+        parts, weights = zip(*self.averaged, strict=True)
+        found = (predict_q(one, a_over_R, b_over_R, p_over_E, nu=nu, kind=kind) for one in parts)
+        return mix_q(found, weights)
+
+    def predict_load(
+        self,
+        a_over_R: ArrayLike,
+        b_over_R: ArrayLike,
+        Q: ArrayLike,
+        *,
+        nu: ArrayLike = 0.5,
+        kind: str = "simulation",
+    ) -> LoadDistribution:
+        """Return the posterior predictive distribution of the load that reaches Q, averaged alike.
+
+        Parameters
+        ----------
+        a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
+            Ridge and groove width.
+        Q : array_like of int, broadcastable, dimensionless
+            Even counts of at least 4.
+        nu : array_like of float, broadcastable, dimensionless
+            Poisson's ratio.
+        kind : str, optional
+            ``simulation`` with the error model, ``curve`` for the form's own load.
+
+        Returns
+        -------
+        LoadDistribution
+            Of p/E, of the broadcast shape.
+
+        Raises
+        ------
+        InputError
+            If `kind` is neither, a width is not positive and finite, a count is odd or under 4,
+            `nu` is outside 0 to 0.5, or the shapes do not broadcast.
+        ComputationError
+            If a comparison has no form with an evidence.
+
+        Notes
+        -----
+        *Validity.* As `predict`; a load is flagged where its median lies above the highest
+        calibrated one, but not at a texture and count that a row was fitted at.
+        *Cost.* Each distinct place is worked out once, a block at a time: some 0.2 ms a quantile
+        where rows are independent, 1 ms where textures or steps share offsets, 8 ms under
+        ``step-smooth``. A million places take some 300 MB.
+
+        Examples
+        --------
+        >>> import ridgebayes as rb
+        >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
+        >>> load = fit.predict_load(0.022, 0.02, Q=8)
+        >>> low, high = load.interval(0.9)
+        >>> bool(low < load.median() < high)
+        True
+        """
+        parts, weights = zip(*self.averaged, strict=True)
+        found = (predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in parts)
+        return mix_loads(found, weights)
+
+
 def predict_q(
     fit: Posterior,
-    a_over_R: float | FloatArray,
-    b_over_R: float | FloatArray,
-    p_over_E: float | FloatArray,
+    a_over_R: ArrayLike,
+    b_over_R: ArrayLike,
+    p_over_E: ArrayLike,
     *,
-    nu: float | FloatArray = 0.5,
+    nu: ArrayLike = 0.5,
     kind: str = "simulation",
     compressed: bool = False,
 ) -> QDistribution:
-    """Return the posterior predictive distribution of Q.
+    """Return the predictive distribution of Q of one posterior, see `Predictive.predict`.
 
     Parameters
     ----------
     fit : Posterior
         Posterior.
-    a_over_R, b_over_R, p_over_E : array_like of float, broadcastable, dimensionless
-        Textures and loads; the result has their broadcast shape.
-    nu : array_like of float, broadcastable, dimensionless
-        Poisson's ratio.
-    kind : str, optional
-        ``simulation`` with the error model, ``curve`` for the form's own count.
+    a_over_R, b_over_R, p_over_E, nu, kind
+        As there.
     compressed : bool, optional
         Whether weighted nodes stand for the posterior where they can, see `inference.qmc_nodes`:
-        more accurate than draws, faster, and with an error of their own.
+        faster, some 4 s for a million loads of a thousand textures, and with an error of their
+        own, under 0.001 on the paper's sweep.
 
     Returns
     -------
     QDistribution
-        P(Q >= n) for every n up to the first that is negligible at the highest load.
-
-    Raises
-    ------
-    InputError
-        If `kind` is neither, a width or load is not positive and finite, `nu` is outside 0 to 0.5,
-        or counts pass 20,000.
-
-    Notes
-    -----
-    *Validity.* Extrapolation is flagged in the result, not refused: beyond the calibrated a/pitch,
-    above the highest calibrated Q or load, at an a/R or b/R below the lowest calibrated / 1.5 or
-    above the highest x 1.5, and for the power law at a texture without a K.
-    Under Student errors no further count than that of a body in contact over its whole width is
-    given a probability.
-    *Accuracy.* Monte Carlo error of a probability under 0.005 (10,240 draws of independent rows;
-    2,560 where rows share offsets, 1,280 under Student errors); with nodes as `error` tells, under
-    0.001 on the paper's sweep.
-    *Cost.* Some 0.3 s for 100,000 loads of one texture: means over draws are tabulated, to 1e-13,
-    where more than 1,000 loads need one. With nodes some 4 s for a million loads of a thousand
-    textures, where rows are independent.
-
-    Examples
-    --------
-    >>> import ridgebayes as rb
-    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
-    >>> q = fit.predict(0.022, 0.02, [0.002, 0.009])
-    >>> q.median().tolist()
-    [4, 8]
+        Of the broadcast shape.
     """
     _check_kind(kind)
-    a, b, p = np.broadcast_arrays(*widths(a_over_R, b_over_R), loads(p_over_E))
-    reduced_load(p, nu)  # refuses a Poisson's ratio outside its range
-    p, poisson = np.broadcast_arrays(p, np.asarray(nu, dtype=float))
-    a, b = np.broadcast_to(a, p.shape), np.broadcast_to(b, p.shape)
+    places = _broadcast(*widths(a_over_R, b_over_R), nu, p_over_E=loads(p_over_E))
+    a, b, poisson, p = places.values()
     flat_p, flat_nu = p.ravel(), poisson.ravel()
     calibrated = CalibratedRange.of(fit)
     flags = calibrated.load_flags(flat_p, flat_nu)
@@ -115,68 +207,38 @@ def predict_q(
         calibrated.Q_max,
         kind,
         float(np.max([0.0, *(error for _, error in ladders)])),
+        places,
     )
 
 
 def predict_load(
     fit: Posterior,
-    a_over_R: float | FloatArray,
-    b_over_R: float | FloatArray,
-    Q: int | FloatArray,
+    a_over_R: ArrayLike,
+    b_over_R: ArrayLike,
+    Q: ArrayLike,
     *,
-    nu: float | FloatArray = 0.5,
+    nu: ArrayLike = 0.5,
     kind: str = "simulation",
 ) -> LoadDistribution:
-    """Return the posterior predictive distribution of the load that reaches Q.
+    """Return the predictive distribution of loads of one posterior, see `Predictive.predict_load`.
 
     Parameters
     ----------
     fit : Posterior
         Posterior.
-    a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
-        Textures.
-    Q : array_like of int, broadcastable, dimensionless
-        Even counts of at least 4.
-    nu : array_like of float, broadcastable, dimensionless
-        Poisson's ratio.
-    kind : str, optional
-        ``simulation`` with the error model, ``curve`` for the form's own load.
+    a_over_R, b_over_R, Q, nu, kind
+        As there.
 
     Returns
     -------
     LoadDistribution
         Of the broadcast shape.
-
-    Raises
-    ------
-    InputError
-        If `kind` is neither, a width is not positive and finite, a count is odd or under 4, or
-        `nu` is outside 0 to 0.5.
-
-    Notes
-    -----
-    *Validity.* As `predict_q`; a load is flagged where its median lies above the highest calibrated
-    one, but not at a texture and count that a row was fitted at.
-    *Cost.* Each distinct place is worked out once, a block at a time: some 0.2 ms a quantile where
-    rows are independent, 1 ms where textures or steps share offsets, 8 ms under ``step-smooth``.
-    A million places take some 300 MB.
-
-    Examples
-    --------
-    >>> import ridgebayes as rb
-    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
-    >>> load = fit.predict_load(0.022, 0.02, Q=8)
-    >>> low, high = load.interval(0.9)
-    >>> bool(low < load.median() < high)
-    True
     """
     _check_kind(kind)
-    reduced_load(1.0, nu)  # refuses a Poisson's ratio outside its range
-    columns = np.broadcast_arrays(
-        *widths(a_over_R, b_over_R), even_counts(Q, least=4), np.asarray(nu, dtype=float)
-    )
-    first, place = distinct(*columns)
-    a, b, q, poisson = own = [column.ravel()[first] for column in columns]
+    places = _broadcast(*widths(a_over_R, b_over_R), nu, Q=even_counts(Q, least=4))
+    a, b, poisson, q = places.values()
+    first, place = distinct(a, b, q, poisson)
+    a, b, q, poisson = own = [column.ravel()[first] for column in (a, b, q, poisson)]
     calibrated = CalibratedRange.of(fit)
     flags = calibrated.texture_flags(a, b) | calibrated.count_flags(q)
     highest = calibrated.highest_load(a, b, q, poisson)
@@ -186,8 +248,9 @@ def predict_load(
     draws = LoadDraws(np.full(n_draw, 1 / n_draw), part.df, make)
     if n_draw * len(first) <= _STORED:
         draws = LoadDraws.stored(*make(np.arange(len(first))), draws.weight, draws.df)
-    place = place.reshape(columns[0].shape)
-    return LoadDistribution.of(draws, place, flags[place], highest[place])
+    place = place.reshape(places["Q"].shape)
+    where = {"kind_of_band": np.array(kind), **places, "Q": places["Q"].astype(np.int64)}
+    return LoadDistribution.of(draws, place, flags[place], highest[place], where)
 
 
 def _columns(
@@ -238,6 +301,16 @@ def _widest(texture: Texture) -> int:
     """
     a, b = texture
     return min(2 + 2 * int(max(1 - b / 2, 0) / (a + b)), _LARGEST_Q)
+
+
+def _broadcast(
+    a: FloatArray, b: FloatArray, nu: ArrayLike, **other: FloatArray
+) -> dict[str, FloatArray]:
+    """Return textures, Poisson's ratio and loads or counts in one shape, by name."""
+    columns = {"a_over_R": a, "b_over_R": b, "nu": numbers("nu", nu), **other}
+    shape = common_shape(**columns)
+    reduced_load(1.0, nu)  # refuses a Poisson's ratio outside its range
+    return {name: np.broadcast_to(column, shape) for name, column in columns.items()}
 
 
 def _check_kind(kind: str) -> None:

@@ -1,22 +1,49 @@
 """`QDistribution`: the distribution of the even count Q at each of many textures and loads."""
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ridgebayes._types import BoolArray, FloatArray, IntArray, Rng
+from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
+from ridgebayes.model.forms.arguments import common_shape, numbers
 from ridgebayes.predict.extrapolation import Flags, Q, names_of
-from ridgebayes.runtime.randomness import seed_of
+from ridgebayes.predict.predicted import Predicted
+
+if TYPE_CHECKING:  # heavy
+    from matplotlib.axes import Axes
 
 _NO_LIMIT = 2**62
+_AT_ONCE = 2**20  # numbers of a block of draws
 
 
-@dataclass(frozen=True, eq=False)
-class QDistribution:
-    """Distributions of Q on 2, 4, 6, ...
+class OfCounts(np.ndarray[Any, np.dtype[np.float64]]):
+    """A probability for each count of a distribution; called with counts, that of these."""
+
+    _at: Callable[[ArrayLike], FloatArray]
+
+    @classmethod
+    def of(cls, values: FloatArray, at: Callable[[ArrayLike], FloatArray]) -> "OfCounts":
+        """Return values of all counts as an array that can be called."""
+        self = values.view(cls)
+        self._at = at
+        return self
+
+    def __call__(self, k: ArrayLike) -> FloatArray:
+        return self._at(k)
+
+    def __array_wrap__(self, array: np.ndarray, *_: Any) -> Any:
+        return np.asarray(array)[()]  # what is worked out of it is an array like any other
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class QDistribution(Predicted):
+    """Distributions of Q on 2, 4, 6, ..., with the names of scipy.stats.
 
     Parameters
     ----------
@@ -30,6 +57,8 @@ class QDistribution:
         ``simulation`` or ``curve``.
     error : float, optional
         Largest error of a probability as weighted nodes tell it; NaN where draws were averaged.
+    places : mapping of str to ndarray, shape (...), optional
+        a_over_R, b_over_R, nu and p_over_E of each distribution.
 
     Notes
     -----
@@ -40,8 +69,8 @@ class QDistribution:
     Examples
     --------
     >>> q = QDistribution(np.array([1.0, 0.75, 0.25]), np.array(False), 10, "simulation")
-    >>> q.pmf.tolist(), float(q.mean()), int(q.median())
-    ([0.25, 0.5, 0.25], 4.0, 4)
+    >>> q.pmf.tolist(), float(q.pmf(4)), float(q.sf(4)), float(q.mean()), int(q.median())
+    ([0.25, 0.5, 0.25], 0.5, 0.25, 4.0, 4)
     """
 
     survival: FloatArray
@@ -49,9 +78,15 @@ class QDistribution:
     q_calibrated_max: int
     kind: str
     error: float = np.nan
+    places: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        return f"QDistribution({self.kind}, shape {self.survival.shape[:-1]}, Q <= {self.q[-1]})"
+        return f"QDistribution({self.kind}, shape {self.shape}, Q <= {self.q[-1]})"
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The shape of textures and loads."""
+        return self.survival.shape[:-1]
 
     @property
     def q(self) -> IntArray:
@@ -59,94 +94,75 @@ class QDistribution:
         return 2 + 2 * np.arange(self.survival.shape[-1])
 
     @property
-    def pmf(self) -> FloatArray:
-        """P(Q = q) for each of `q`, shape (..., n_step)."""
-        after = np.concatenate([self.survival[..., 1:], np.zeros_like(self.survival[..., :1])], -1)
-        return self.survival - after
+    def pmf(self) -> OfCounts:
+        """P(Q = q) for each of `q`, shape (..., n_step); ``pmf(k)`` is that of counts k."""
+        return OfCounts.of(self.survival - self._above, self._pmf)
 
     @property
-    def cdf(self) -> FloatArray:
-        """P(Q <= q) for each of `q`, shape (..., n_step)."""
-        return 1 - self.survival + self.pmf
+    def cdf(self) -> OfCounts:
+        """P(Q <= q) for each of `q`, shape (..., n_step); ``cdf(k)`` is that of counts k."""
+        return OfCounts.of(1 - self._above, lambda k: 1 - self._sf(k))
 
-    def at_least(self, n: float) -> FloatArray:
+    @property
+    def sf(self) -> OfCounts:
+        """P(Q > q) for each of `q`, shape (..., n_step); ``sf(k)`` is that of counts k."""
+        return OfCounts.of(self._above, self._sf)
+
+    @property
+    def _above(self) -> FloatArray:
+        return np.concatenate([self.survival[..., 1:], np.zeros_like(self.survival[..., :1])], -1)
+
+    def _sf(self, k: ArrayLike) -> FloatArray:
+        return self._from_step(np.floor(numbers("k", k) / 2), "k")
+
+    def _pmf(self, k: ArrayLike) -> FloatArray:
+        count = numbers("k", k)
+        return np.where(count % 2 == 0, self._sf(count - 1) - self._sf(count), 0.0)
+
+    def _from_step(self, step: FloatArray, name: str) -> FloatArray:
+        """Return P(Q >= 2 + 2 step), of whole steps that broadcast with the distributions."""
+        if np.any(np.isnan(step)):
+            raise InputError(f"{name}: expected a number, got nan")
+        n_step = self.survival.shape[-1]
+        shape = common_shape(**{name: step}, distribution=self._numbers)
+        column = np.broadcast_to(np.clip(step, 0, n_step).astype(np.intp), shape)[..., None]
+        survival = np.broadcast_to(self.survival, (*shape, n_step))
+        found = np.take_along_axis(survival, np.minimum(column, n_step - 1), -1)
+        return np.where(column < n_step, found, 0.0)[..., 0]
+
+    def at_least(self, n: ArrayLike) -> FloatArray:
         """Return P(Q >= n).
 
         Parameters
         ----------
-        n : float, dimensionless
-            Count.
+        n : array_like of float, broadcastable, dimensionless
+            Counts.
 
         Returns
         -------
-        ndarray of float, shape (...), dimensionless
+        ndarray of float, broadcast shape, dimensionless
             Probabilities.
 
         Raises
         ------
         InputError
-            If `n` is NaN.
+            If a count is NaN, or the shapes do not broadcast.
         """
-        if math.isnan(n):
-            raise InputError(f"n: expected a number, got {n!r}")
-        step = max((n - 2) / 2, 0)
-        if step > self.survival.shape[-1] - 1:
-            return np.zeros(self.survival.shape[:-1])
-        return self.survival[..., math.ceil(step)]
+        return self._from_step(np.ceil(numbers("n", n) / 2 - 1), "n")
 
     def mean(self) -> FloatArray:
         """Return the mean of Q, shape (...)."""
         return 2 * self.survival.sum(axis=-1)
 
-    def quantile(self, prob: float) -> IntArray:
-        """Return the smallest q with P(Q <= q) >= prob.
+    def std(self) -> FloatArray:
+        """Return the standard deviation of Q, shape (...)."""
+        far = (self.q - self.mean()[..., None]) ** 2
+        return np.sqrt((np.asarray(self.pmf) * far).sum(axis=-1))
 
-        Parameters
-        ----------
-        prob : float, dimensionless
-            Probability.
-
-        Returns
-        -------
-        ndarray of int, shape (...), dimensionless
-            Even counts.
-
-        Raises
-        ------
-        InputError
-            If `prob` is outside 0 to 1.
-        """
-        if not 0 <= prob <= 1:
-            raise InputError(f"prob: expected 0 <= prob <= 1, got {prob!r}")
+    def _quantile(self, prob: FloatArray) -> IntArray:
         # A rounding error of the sum must not push the quantile a step up.
-        reached = self.cdf >= prob * (1 - 1e-12)
+        reached = np.asarray(self.cdf) >= prob[..., None] * (1 - 1e-12)
         return self.q[np.argmax(reached, axis=-1)]
-
-    def median(self) -> IntArray:
-        """Return the median, shape (...)."""
-        return self.quantile(0.5)
-
-    def interval(self, prob: float = 0.9) -> tuple[IntArray, IntArray]:
-        """Return the equal-tailed interval that holds at least `prob`.
-
-        Parameters
-        ----------
-        prob : float, dimensionless
-            Probability.
-
-        Returns
-        -------
-        lower, upper : ndarray of int, shape (...)
-            Even counts.
-
-        Raises
-        ------
-        InputError
-            If `prob` is outside 0 to 1.
-        """
-        if not 0 <= prob <= 1:
-            raise InputError(f"prob: expected 0 <= prob <= 1, got {prob!r}")
-        return self.quantile(0.5 - prob / 2), self.quantile(0.5 + prob / 2)
 
     def extrapolation(self, prob: float = 0.9) -> BoolArray:
         """Return where texture, load or the upper end of the interval were not calibrated.
@@ -192,27 +208,42 @@ class QDistribution:
         beyond = self.interval(prob)[1] > self.q_calibrated_max
         return self.flags | np.where(beyond, Q, 0).astype(np.uint8)
 
-    def rvs(self, rng: Rng, size: int = 1) -> IntArray:
-        """Draw counts, shape (size, ...).
-
-        Parameters
-        ----------
-        rng : int or numpy.random.Generator
-            Source of randomness.
-        size : int, optional
-            Draws of each distribution.
-
-        Returns
-        -------
-        ndarray of int, shape (size, ...)
-            Even counts.
-        """
-        generator = seeded(rng)
-        draws = np.empty((size, *self.survival.shape[:-1]), dtype=np.int64)
-        for i in range(size):
-            u = generator.random(self.survival.shape[:-1])
-            draws[i] = 2 * np.sum(u[..., None] < self.survival, axis=-1)
+    def _draw(self, generator: np.random.Generator, n: int) -> IntArray:
+        draws = np.empty((n, *self.shape), dtype=np.int64)
+        step = max(_AT_ONCE // max(self.survival.size, 1), 1)
+        for first in range(0, n, step):
+            here = draws[first : first + step]
+            here[...] = 2 * np.sum(generator.random(here.shape)[..., None] < self.survival, axis=-1)
         return draws
+
+    @property
+    def _where(self) -> Mapping[str, Any]:
+        return {"kind_of_band": self.kind, **self.places}
+
+    def _columns(self, prob: float) -> dict[str, np.ndarray]:
+        (lower, upper), beyond = self.interval(prob), self.extrapolation_of(prob)
+        return {
+            "q_mean": self.mean(),
+            "q_median": self.median(),
+            "q_lower": lower,
+            "q_upper": upper,
+            "prob": np.asarray(prob),
+            "extrapolation": beyond != "",
+            "extrapolation_of": beyond,
+        } | {f"p_q_ge_{n}": self.survival[..., i] for i, n in enumerate(self.q) if i}
+
+    def _some(self, which: IntArray) -> "QDistribution":
+        survival = self.survival.reshape(-1, self.survival.shape[-1])[which]
+        flags, places = np.broadcast_to(self.flags, self.shape), self._flat_places(which)
+        places.pop("kind_of_band")
+        of_some = (survival, flags.ravel()[which], self.q_calibrated_max, self.kind)
+        return QDistribution(*of_some, self.error, places)
+
+    def _drawn(self, records: ModuleType, ax: "Axes | None") -> "Axes":
+        if not self.shape or "p_over_E" not in self.places:
+            one = self._some(self._numbers.ravel()[:1])
+            return records.draw_probabilities(one.q, np.asarray(one.pmf)[0], ax)
+        return records.draw_bands(self.to_dataframe(), ax)
 
 
 def mix_q(parts: Iterable[QDistribution], weights: Sequence[float]) -> QDistribution:
@@ -238,15 +269,16 @@ def mix_q(parts: Iterable[QDistribution], weights: Sequence[float]) -> QDistribu
     share = shares(weights)
     survival, error, kind = np.zeros(1), 0.0, ""
     flags, q_max = np.zeros((), dtype=np.uint8), _NO_LIMIT
+    places: Mapping[str, np.ndarray] = {}
     for part, weight, is_heavy in zip(parts, share.tolist(), heavy_parts(share), strict=True):
         # In place: a new array, as long as the longer of both.
         new = sorted((weight * part.survival, survival), key=lambda x: -x.shape[-1])
         survival = new[0]
         survival[..., : new[1].shape[-1]] += new[1]
-        error, kind = error + weight * part.error, part.kind
+        error, kind, places = error + weight * part.error, part.kind, part.places
         if is_heavy:
             flags, q_max = flags | part.flags, min(q_max, part.q_calibrated_max)
-    return QDistribution(survival, flags, q_max, kind, error)
+    return QDistribution(survival, flags, q_max, kind, error, places)
 
 
 def shares(weights: Sequence[float]) -> FloatArray:
@@ -260,8 +292,3 @@ def shares(weights: Sequence[float]) -> FloatArray:
 def heavy_parts(share: FloatArray) -> BoolArray:
     """Return which parts of a mixture weigh enough for their extrapolation to be the mixture's."""
     return (share > 0.01) | (share == share.max())
-
-
-def seeded(rng: Rng) -> np.random.Generator:
-    """Return a generator seeded by an integer, or the generator itself."""
-    return rng if isinstance(rng, np.random.Generator) else np.random.default_rng(seed_of(rng))

@@ -42,6 +42,13 @@ def seed_of(rng: Rng) -> int:
     return int(rng)
 
 
+def seeded(rng: Rng | None) -> np.random.Generator:
+    """Return the generator that was given, one seeded by an integer, or one like no other."""
+    if rng is None or isinstance(rng, np.random.Generator):
+        return np.random.default_rng(rng)
+    return np.random.default_rng(seed_of(rng))
+
+
 def stream(seed: int, *labels: str) -> np.random.Generator:
     """Return the random stream that `labels` name under `seed`.
 

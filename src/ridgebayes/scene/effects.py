@@ -2,12 +2,17 @@
 
 import math
 from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from ridgebayes._types import Tabular
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.scene.scene import Texture
 from ridgebayes.table.rules import texture_label
+
+if TYPE_CHECKING:  # heavy
+    from matplotlib.axes import Axes
 
 DEFAULT_RELATIVE = 1e-8  # without a wanted accuracy only what has no effect at all is left out
 BY_FINITE_ELEMENTS = ("finite body and large deformation", "friction")
@@ -43,8 +48,8 @@ class Effect:
     cost_s: float
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, repr=False)
+class Plan(Tabular):
     """What is simulated of one texture.
 
     Parameters
@@ -64,6 +69,38 @@ class Plan:
     effects: tuple[Effect, ...]
     profile: Profile | None
     relative: float = DEFAULT_RELATIVE
+
+    def __repr__(self) -> str:
+        return f"Plan({plan_label(self.texture)}: {', '.join(self.simulated) or 'nothing'})"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the effects as a table.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row an effect: columns effect, number, estimated_rel_change, simulated, reason,
+            cost_s, texture.
+        """
+        return plan_table([self])
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the size of each effect as a bar, against the wanted accuracy.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure's if not given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        from ridgebayes.drawing import records  # loads matplotlib
+
+        relative = None if self.relative == DEFAULT_RELATIVE else self.relative
+        return records.draw_plan(self.to_dataframe(), relative, ax)
 
     @property
     def simulated(self) -> tuple[str, ...]:

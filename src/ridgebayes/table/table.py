@@ -2,21 +2,35 @@
 
 import os
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
+from ridgebayes._types import Tabular
 from ridgebayes.errors import InputError
-from ridgebayes.table.columns import CALIBRATION, COLUMNS, HELD_OUT, OK, RawTable, check_header
+from ridgebayes.table.columns import (
+    CALIBRATION,
+    COLUMNS,
+    CURVE,
+    HELD_OUT,
+    OK,
+    RawTable,
+    check_header,
+)
 from ridgebayes.table.files import frame_digest, read_raw, write_frame
 from ridgebayes.table.rules import checked
+
+if TYPE_CHECKING:  # heavy
+    from matplotlib.axes import Axes
 
 _SAME_LOAD = ("a_over_R", "b_over_R", "nu", "offset_over_R", "Q", "kind", "p_over_E_lower")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactTable:
+class ContactTable(Tabular):
     """Rows of the contact table, every rule of the contract held.
 
     `ContactTable.from_frame` and `read_table` make it. Columns of the user's own stand after those
@@ -86,9 +100,12 @@ class ContactTable:
         Raises
         ------
         InputError
-            If a rule is broken: one message that lists every bad cell with row (from 1), column,
-            value and rule, the first twenty shown and the rest counted.
+            If `frame` is no DataFrame, or a rule is broken: one message that lists every bad cell
+            with row (from 1), column, value and rule, the first twenty shown and the rest counted.
         """
+        if not isinstance(frame, pd.DataFrame):
+            kind = type(frame).__name__
+            raise InputError(f"{where}: expected a pandas.DataFrame, got {kind}")
         return cls._validated(RawTable(frame.copy(), where))
 
     @classmethod
@@ -109,6 +126,46 @@ class ContactTable:
     def frame(self) -> pd.DataFrame:
         """A copy of the rows: contract columns in their order, all filled, then the user's own."""
         return self._frame.copy()
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a copy of the rows, as `frame`.
+
+        Returns
+        -------
+        pandas.DataFrame, shape (n_row, n_column)
+            Contract columns in their order, all filled, then the user's own.
+        """
+        return self.frame
+
+    def _first_rows(self, n: int) -> pd.DataFrame:
+        return self._frame.head(n)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw Q against load as steps, a curve a texture; rows that are not ``ok`` are not shown.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure's if not given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        from ridgebayes.drawing import records  # loads matplotlib
+
+        ok = self._frame[self._ok]
+        if ok.empty:
+            raise InputError(f"{self.where}: expected a row with status ok to draw, got none")
+        varying = [name for name in CURVE[2:] if len(ok[name].unique()) > 1]
+        by_curve, curves = ok.groupby(list(CURVE), sort=False, dropna=False), {}
+        for _, rows in islice(by_curve, records.MOST_TEXTURES):
+            rise = rows.sort_values("p_over_E")
+            told = [f"{name} {rise[name].iloc[0]}" for name in varying]
+            label = ", ".join([str(rise["texture"].iloc[0]), *told])
+            curves[label] = (rise["p_over_E"].to_numpy(), rise["Q"].to_numpy())
+        return records.draw_curves(curves, by_curve.ngroups, ax)
 
     def column(self, name: str) -> np.ndarray:
         """Return one column without a copy, which is cheaper than `frame`.
@@ -213,14 +270,14 @@ class ContactTable:
         return frame_digest(self._frame)
 
 
-def read_table(source: str | os.PathLike[str] | pd.DataFrame) -> ContactTable:
+def read_table(source: ContactTable | pd.DataFrame | str | os.PathLike[str]) -> ContactTable:
     """Read and validate a contact table.
 
     Parameters
     ----------
-    source : str, path or pandas.DataFrame
+    source : str, path, pandas.DataFrame or ContactTable
         A ``.csv`` file (UTF-8, commas, one header line), a ``.parquet`` file, or the rows
-        themselves. `ContactTable` describes the columns.
+        themselves. `ContactTable` describes the columns; one is returned as it is.
 
     Returns
     -------
@@ -230,8 +287,9 @@ def read_table(source: str | os.PathLike[str] | pd.DataFrame) -> ContactTable:
     Raises
     ------
     InputError
-        If the file cannot be read or a rule is broken; the message names file, row, column, value
-        and rule of every bad cell (the first twenty shown, the rest counted).
+        If the source is none of these, the file cannot be read, or a rule is broken; the message
+        names file, row, column, value and rule of every bad cell (the first twenty shown, the rest
+        counted).
 
     Examples
     --------
@@ -242,6 +300,11 @@ def read_table(source: str | os.PathLike[str] | pd.DataFrame) -> ContactTable:
     ridgebayes.errors.InputError: table: 1 value in 1 row breaks the rules of the table
       table, row 2: p_over_E = 0.00098: must rise with Q along a curve: row 1 has a lower Q
     """
+    if isinstance(source, ContactTable):
+        return source
     if isinstance(source, pd.DataFrame):
         return ContactTable.from_frame(source)
-    return ContactTable._validated(read_raw(Path(source)))
+    if isinstance(source, str | os.PathLike):
+        return ContactTable._validated(read_raw(Path(source)))
+    kind = type(source).__name__
+    raise InputError(f"table: expected a path, a ContactTable or a pandas.DataFrame, got {kind}")

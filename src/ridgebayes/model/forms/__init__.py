@@ -35,6 +35,7 @@ __all__ = [
     "Hybrid",
     "Modified",
     "PowerLaw",
+    "as_form",
     "form_named",
 ]
 
@@ -59,3 +60,18 @@ def form_named(name: str) -> Form:
     if name not in FORMS:
         raise InputError(f"form {name!r}: unknown; expected one of {', '.join(FORMS)}")
     return FORMS[name]()
+
+
+def as_form(form: Form | str) -> Form:
+    """Return a form, by its name where that is given.
+
+    Raises
+    ------
+    InputError
+        If it is neither, or no form has that name.
+    """
+    if isinstance(form, Form):
+        return form
+    if isinstance(form, str):
+        return form_named(form)
+    raise InputError(f"form: expected a form, such as Hybrid(), or its name, got {form!r}")

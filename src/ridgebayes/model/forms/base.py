@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
-from ridgebayes.table.columns import LARGEST_LOAD, LARGEST_WIDTH, LEAST_WIDTH
+from ridgebayes.model.forms.arguments import aligned, even_counts, loads, widths
 
-LARGEST_COEFFICIENT, LARGEST_COUNT = 1e60, 2**53
+LARGEST_COEFFICIENT = 1e60
 
 
 @dataclass(frozen=True)
@@ -172,9 +172,9 @@ class Form(ABC):
         Raises
         ------
         InputError
-            If a count is odd, below 2 or above 2^53, a width is outside 1e-50 to 1e50, a
-            coefficient is not finite or beyond 1e60, or the form has no printed coefficients and
-            `theta` is not given.
+            If a count is odd, below 2 or above 2^53, a width is outside 1e-50 to 1e50, shapes do
+            not broadcast, a coefficient is not finite or beyond 1e60, or the form has no printed
+            coefficients and `theta` is not given.
 
         Notes
         -----
@@ -190,7 +190,7 @@ class Form(ABC):
         0.0004
         """
         Q = even_counts(Q)
-        a, b = aligned(Q, nu, *widths(a_over_R, b_over_R))
+        a, b = aligned(*widths(a_over_R, b_over_R), Q=Q, nu=nu)
         return self._load(Q, a, b, self.rate(self._theta(theta), a, b), nu)
 
     def _load(
@@ -215,12 +215,8 @@ class Form(ABC):
         ----------
         p_over_E : array_like of float, broadcastable, dimensionless
             Normalised load, at least 0.
-        a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
-            Ridge and groove width over radius.
-        theta : array_like of float, shape (..., n_parameter), dimensionless
-            Coefficients; the printed ones if not given.
-        nu : array_like of float, broadcastable, dimensionless
-            Poisson's ratio.
+        a_over_R, b_over_R, theta, nu : array_like of float, broadcastable, dimensionless
+            As for `load`.
 
         Returns
         -------
@@ -244,7 +240,7 @@ class Form(ABC):
         2.0
         """
         p = loads(p_over_E)
-        a, b = aligned(p, nu, *widths(a_over_R, b_over_R))
+        a, b = aligned(*widths(a_over_R, b_over_R), p_over_E=p, nu=nu)
         rate = self.rate(self._theta(theta), a, b)
         s = np.sqrt(reduced_load(p, nu))
         return 2 + 2 * self.pairs(s * np.where(rate > 0, rate, np.nan), a, b)
@@ -293,7 +289,7 @@ class Form(ABC):
         if np.any(guess > 2**52):
             raise InputError(f"p_over_E: expected counts up to 2^52, got {p_over_E!r}")
         pairs, p = np.maximum(np.floor(guess / 2 - 1), 0), np.asarray(p_over_E, dtype=float)
-        a, b = aligned(p, nu, *widths(a_over_R, b_over_R))
+        a, b = aligned(*widths(a_over_R, b_over_R), p_over_E=p, nu=nu)
         rate = self.rate(self._theta(theta), a, b)
         for _ in range(2):  # one rounding error either way, and once more to see it settled
             up = self._load(2 * pairs + 4, a, b, rate, nu) <= p
@@ -349,46 +345,3 @@ class Form(ABC):
                 f"{LARGEST_COEFFICIENT:g}, got {values[beyond][0]!s}"
             )
         return values
-
-
-def even_counts(Q: ArrayLike, least: int = 2) -> FloatArray:
-    """Return `Q` as floats, or raise InputError naming them if one is odd or out of range."""
-    counts = np.asarray(Q, dtype=float)
-    if not (np.all((counts >= least) & (counts <= LARGEST_COUNT)) and np.all(counts % 2 == 0)):
-        raise InputError(f"Q: expected even and at least {least}, at most 2^53, got {Q!r}")
-    return counts
-
-
-def widths(a_over_R: ArrayLike, b_over_R: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return both widths as floats, or raise InputError naming one that is out of range."""
-    a, b = np.asarray(a_over_R, dtype=float), np.asarray(b_over_R, dtype=float)
-    for name, width in (("a_over_R", a), ("b_over_R", b)):
-        if not np.all((width >= LEAST_WIDTH) & (width <= LARGEST_WIDTH)):
-            raise InputError(
-                f"{name}: expected finite and > 0, {LEAST_WIDTH:g} to {LARGEST_WIDTH:g}, "
-                f"got {width.tolist()!r}"
-            )
-    return a, b
-
-
-def loads(p_over_E: ArrayLike) -> FloatArray:
-    """Return loads as floats, or raise InputError naming them if one is negative or not finite."""
-    p = np.asarray(p_over_E, dtype=float)
-    if not np.all((p >= 0) & (p <= LARGEST_LOAD)):
-        raise InputError(
-            f"p_over_E: expected finite and >= 0, at most {LARGEST_LOAD:g}, got {p_over_E!r}"
-        )
-    return p
-
-
-def aligned(
-    other: ArrayLike, another: ArrayLike, a: FloatArray, b: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the widths with as many axes as all will have, so that draws can come before them."""
-    n_axis = max(np.ndim(other), np.ndim(another), a.ndim, b.ndim)
-    return a[(None,) * (n_axis - a.ndim)], b[(None,) * (n_axis - b.ndim)]
-
-
-def unique_textures(a: FloatArray, b: FloatArray) -> list[Texture]:
-    """Return the distinct (a, b) pairs of two arrays of one shape, in order of appearance."""
-    return list(dict.fromkeys(zip(a.ravel().tolist(), b.ravel().tolist(), strict=True)))

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ridgebayes._types import FloatArray
-from ridgebayes.model.forms.base import Form, widths
+from ridgebayes.model.forms.arguments import widths
+from ridgebayes.model.forms.base import Form
 
 
 def per_texture(theta: FloatArray, a: ArrayLike, b: ArrayLike) -> FloatArray:

@@ -12,7 +12,7 @@ from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.hertz import hertz_constant
 from ridgebayes.contact.scaling import REFERENCE, Texture
 from ridgebayes.errors import InputError
-from ridgebayes.model.forms.base import unique_textures
+from ridgebayes.model.forms.arguments import unique_textures
 from ridgebayes.model.forms.closed import OneCoefficient
 
 

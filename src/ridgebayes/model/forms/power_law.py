@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
-from ridgebayes.model.forms.base import Form, widths
+from ridgebayes.model.forms.arguments import widths
+from ridgebayes.model.forms.base import Form
 
 
 @dataclass(frozen=True)

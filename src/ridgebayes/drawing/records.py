@@ -1,0 +1,185 @@
+"""Pictures of single records, on axes of the user's or new ones, in the user's own style.
+
+New axes are pyplot's, so that a notebook shows them.
+"""
+
+import pandas as pd
+from matplotlib import pyplot
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.drawing.predictions import MOST_TEXTURES, draw_band
+from ridgebayes.drawing.scenes import draw_effects, draw_steps
+from ridgebayes.drawing.style import COLOURS, colour_of, look_of, rows_by_texture, title_of
+
+_COLOURS = list(COLOURS.values())[:-1]
+_LOAD, _COUNT = "load $p/E$", "edges in contact $Q$"
+
+
+def axes_or_new(ax: Axes | None) -> Axes:
+    """Return axes, of a new figure where none are given."""
+    return pyplot.subplots(layout="constrained")[1] if ax is None else ax
+
+
+def draw_curves(curves: dict[str, tuple[FloatArray, FloatArray]], n: int, ax: Axes | None) -> Axes:
+    """Draw Q against load as steps, a line a curve of a table.
+
+    Parameters
+    ----------
+    curves : dict of str to (ndarray, ndarray)
+        By label: loads p/E in rising order, and Q from each load on.
+    n : int
+        How many curves the table has.
+    ax : matplotlib.axes.Axes or None
+        Where.
+    """
+    axes = axes_or_new(ax)
+    draw_steps(axes, curves)
+    _told(axes, len(curves), n)
+    return axes
+
+
+def draw_bands(bands: pd.DataFrame, ax: Axes | None) -> Axes:
+    """Draw bands on Q against load, a colour a texture, grey where extrapolated.
+
+    Parameters
+    ----------
+    bands : pandas.DataFrame
+        Columns of the run folder's bands.csv. The first twelve textures are drawn.
+    ax : matplotlib.axes.Axes or None
+        Where.
+    """
+    axes = axes_or_new(ax)
+    by_texture = rows_by_texture(bands)
+    shown = list(by_texture.items())[:MOST_TEXTURES]
+    for i, (texture, rows) in enumerate(shown):
+        colour, rows = _COLOURS[i % len(_COLOURS)], rows.sort_values("p_over_E")
+        draw_band(axes, rows, colour)
+        median = (rows["p_over_E"], rows["q_median"])
+        label = _texture_label(texture)
+        axes.step(*median, where="post", color=colour, linewidth=1.2, marker=".", label=label)
+    axes.set_xlim(0.0, float(bands["p_over_E"].max()))
+    axes.set(xlabel=_LOAD, ylabel=f"{_COUNT}, {_band_title(bands)}")
+    _told(axes, len(shown), len(by_texture))
+    return axes
+
+
+def draw_probabilities(q: IntArray, pmf: FloatArray, ax: Axes | None) -> Axes:
+    """Draw the probability of each count as a bar."""
+    axes = axes_or_new(ax)
+    axes.bar(q, pmf, width=1.2, color=COLOURS["modified"])
+    axes.set(xlabel=_COUNT, ylabel="probability")
+    axes.set_xticks(q)
+    return axes
+
+
+def draw_distribution(p: FloatArray, cdf: FloatArray, ax: Axes | None) -> Axes:
+    """Draw the distribution function of a load."""
+    axes = axes_or_new(ax)
+    axes.plot(p, cdf, color=COLOURS["modified"])
+    axes.set(xlabel=_LOAD, ylabel="probability that the count is reached", ylim=(0, 1))
+    return axes
+
+
+def draw_loads(loads: pd.DataFrame, ax: Axes | None) -> Axes:
+    """Draw intervals of the load over Q, a colour a texture.
+
+    Parameters
+    ----------
+    loads : pandas.DataFrame
+        Columns of the run folder's loads.csv. The first twelve textures are drawn.
+    ax : matplotlib.axes.Axes or None
+        Where.
+    """
+    axes = axes_or_new(ax)
+    by_texture = rows_by_texture(loads)
+    shown = list(by_texture.items())[:MOST_TEXTURES]
+    for i, (texture, rows) in enumerate(shown):
+        middle, lower, upper = (rows[f"p_over_E_{x}"] for x in ("median", "lower", "upper"))
+        axes.errorbar(
+            rows["Q"] + 1.2 * ((i + 0.5) / len(shown) - 0.5),
+            middle,
+            yerr=[middle - lower, upper - middle],
+            linestyle="none",
+            marker="o",
+            markersize=4,
+            capsize=2.5,
+            color=_COLOURS[i % len(_COLOURS)],
+            label=_texture_label(texture),
+        )
+    axes.set(xlabel=_COUNT, ylabel=f"{_LOAD}, {_band_title(loads)}", yscale="log")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[2, 4, 10]))
+    _told(axes, len(shown), len(by_texture))
+    return axes
+
+
+def draw_errors(loads: pd.DataFrame, form: str, ax: Axes | None) -> Axes:
+    """Draw predicted over observed loads in per cent, with their bands.
+
+    Parameters
+    ----------
+    loads : pandas.DataFrame
+        Columns of the run folder's loads.csv, p_over_E_observed among them.
+    form : str
+        Name of the form.
+    ax : matplotlib.axes.Axes or None
+        Where.
+    """
+    axes = axes_or_new(ax)
+    observed = loads["p_over_E_observed"]
+    middle, lower, upper = (
+        100 * (loads[f"p_over_E_{x}"] / observed - 1) for x in ("median", "lower", "upper")
+    )
+    bars = [middle - lower, upper - middle]
+    axes.errorbar(observed, middle, yerr=bars, linestyle="none", markersize=4, **look_of(form))
+    axes.axhline(0, color="#000000", linewidth=1)
+    label = f"load error of the prediction, %, {_band_title(loads)}"
+    axes.set(xscale="log", xlabel=f"observed {_LOAD}", ylabel=label, title=title_of(form))
+    return axes
+
+
+def draw_forms(forms: pd.DataFrame, ax: Axes | None) -> Axes:
+    """Draw the log Bayes factor of each form over the best one as a bar, with its probability.
+
+    Parameters
+    ----------
+    forms : pandas.DataFrame
+        Columns form, ln_bf, model_probability.
+    ax : matplotlib.axes.Axes or None
+        Where.
+    """
+    axes = axes_or_new(ax)
+    weighed = forms[forms["ln_bf"].notna()]
+    names = weighed["form"].tolist()
+    axes.barh(range(len(names)), weighed["ln_bf"], color=[colour_of(name) for name in names])
+    for place, share in enumerate(weighed["model_probability"]):
+        axes.annotate(
+            f"probability {share:.3g}", (0, place), (4, 0), textcoords="offset points", va="center"
+        )
+    axes.set_yticks(range(len(names)), [title_of(name) for name in names])
+    axes.invert_yaxis()
+    axes.margins(x=0.35)
+    axes.set_xlabel("ln Bayes factor over the most probable form")
+    return axes
+
+
+def draw_plan(table: pd.DataFrame, relative: float | None, ax: Axes | None) -> Axes:
+    """Draw the size of each effect as a bar, see `drawing.scenes.plot_effects`."""
+    axes = axes_or_new(ax)
+    draw_effects(axes, table, relative)
+    return axes
+
+
+def _texture_label(texture: tuple[float, float]) -> str:
+    return f"a/R {texture[0]:g}, b/R {texture[1]:g}"
+
+
+def _band_title(frame: pd.DataFrame) -> str:
+    return f"{100 * frame['prob'].iloc[0]:g} % {frame['kind_of_band'].iloc[0]}"
+
+
+def _told(axes: Axes, n_shown: int, n: int) -> None:
+    axes.legend(fontsize="small")
+    if n_shown < n:
+        axes.set_title(f"the first {n_shown} of {n:,}")
