@@ -206,3 +206,15 @@ def test_from_netcdf__brings_a_fit_back(fits, tmp_path):
     back = Fit.from_netcdf(path)
     assert back.draws.tobytes() == fit.draws.tobytes()
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_fit__is_a_table_and_a_picture_of_its_errors(fits):
+    fit = fits["modified"]
+    pd.testing.assert_frame_equal(fit.to_dataframe(), fit.summary)
+    assert fit.to_dataframe() is not fit.summary
+    axes = fit.plot()
+    assert axes.get_title() == "Modified"
+    observed = axes.lines[0].get_xdata()
+    np.testing.assert_allclose(observed, np.exp(fit.model.data.log_load))
+    assert len(repr(fit)) < 200
+    assert fit._repr_html_().count("<tr") == 1 + len(fit.summary)

@@ -19,10 +19,11 @@ from ridgebayes.evidence.error_models import (
     priors_of,
     weigh_error_models,
 )
+from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import arviz_object
-from ridgebayes.inference.netcdf import groups_of, priors_to_json, read_netcdf, write_netcdf
+from ridgebayes.inference.netcdf import priors_to_json, read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.sampling import sample_posterior
 from ridgebayes.model.forms import FORMS, Form, as_form
@@ -167,12 +168,25 @@ class Fit(Posterior, Predictive, Tabular):
         -------
         arviz.InferenceData or xarray.DataTree
             InferenceData of arviz 0.x, DataTree of 1.x: posterior (chain = ensemble, draw),
-            sample_stats, observed_data, constant_data, log_likelihood.
+            sample_stats, observed_data, constant_data, log_likelihood, log_prior, prior,
+            prior_predictive, posterior_predictive. The last three hold 500 draws; groups that
+            would be very large are left out.
+
+        Raises
+        ------
+        InputError
+            If the environment's SOURCE_DATE_EPOCH, the date that data are given, is no number.
+
+        Notes
+        -----
+        Where rows share offsets, log_likelihood holds each row's density given the others, for
+        leave-one-out scores. Its sum is not the likelihood of all rows: that is
+        log_likelihood_joint of sample_stats.
         """
-        return arviz_object(groups_of(self))
+        return arviz_object(all_groups(self))
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
-        """Write thinned draws, log-likelihood, data and diagnostics; both arviz lines open it.
+        """Write what `to_arviz` returns, so that the fit can be read again, and arviz opens it.
 
         Parameters
         ----------

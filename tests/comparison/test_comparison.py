@@ -632,3 +632,27 @@ def test_stages__are_told_in_order_and_progress_names_what_is_under_way(paper):
     assert lines[0] == "2 evidences"
     assert {line.split(": ")[0] for line in lines[1:]} == {"modified", "hybrid"}
     assert all("ensembles" in line for line in lines[1:])
+
+
+def test_comparison__is_a_table_of_its_forms_and_a_picture(comparison):
+    frame = comparison.to_dataframe()
+    assert frame["form"].iloc[0] == comparison.best
+    assert frame["ln_bf"].iloc[0] == 0
+    assert frame["ln_bf"].is_monotonic_decreasing
+    shares = dict(zip(frame["form"], frame["model_probability"], strict=True))
+    assert shares == comparison.probabilities
+    expected = np.exp(frame["ln_bf"]) / np.exp(frame["ln_bf"]).sum()
+    np.testing.assert_allclose(frame["model_probability"], expected, rtol=1e-9)  # equal priors
+    weights = comparison.loo.set_index("form")["stacking_weight"]
+    assert frame.set_index("form")["stacking_weight"].to_dict() == weights.to_dict()
+    axes = comparison.plot()
+    assert len(axes.patches) == len(frame)
+    assert comparison._repr_html_().count("<tr") == 1 + len(frame)
+
+
+def test_compare__refuses_what_is_no_form_and_takes_a_single_name(paper):
+    for bad in (3, [3], None):
+        with pytest.raises(InputError, match="form: expected a form, such as Hybrid"):
+            compare(paper, bad)
+    with pytest.raises(InputError, match="form 'nope': unknown; expected one of classic"):
+        compare(paper, "nope")

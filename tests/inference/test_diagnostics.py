@@ -8,6 +8,7 @@ import xarray as xr
 from scipy import optimize, signal, stats
 
 from ridgebayes.evidence import quadrature_evidence
+from ridgebayes.inference.arviz_groups import groups_of
 from ridgebayes.inference.diagnostics import (
     Loo,
     arviz_object,
@@ -23,7 +24,6 @@ from ridgebayes.inference.diagnostics import (
     summarise,
 )
 from ridgebayes.inference.laplace import fit_laplace
-from ridgebayes.inference.netcdf import groups_of
 from ridgebayes.model.model import Model
 
 

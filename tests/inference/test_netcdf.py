@@ -11,12 +11,12 @@ import xarray as xr
 from ridgebayes.distributions.distribution import HalfNormal, LogNormal, Normal
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import bridge_evidence, quadrature_evidence
-from ridgebayes.inference import netcdf as labelled
+from ridgebayes.inference import arviz_groups as labelled
+from ridgebayes.inference.arviz_groups import groups_of
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.diagnostics import import_arviz
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.netcdf import (
-    groups_of,
     priors_from_json,
     priors_to_json,
     read_netcdf,

@@ -267,3 +267,9 @@ def test_html__asks_for_no_more_places_than_it_shows():
     )
     assert many._repr_html_().count("<tr") == 21
     assert max(asked) <= 4
+
+
+def test_numbers_of_a_single_place__are_scalars():
+    one = mixture(shape=())
+    found = [one.mean(), one.std(), one.median(), *one.interval(), one.cdf(0.006), one.ppf(0.2)]
+    assert all(isinstance(number, float) for number in found)

@@ -400,3 +400,35 @@ def test_predict_load__lets_go_of_a_fit_that_nobody_needs(paper):
     del fit
     gc.collect()
     assert ended() is None
+
+
+@pytest.mark.parametrize(
+    ("ask", "shapes"),
+    [
+        (lambda fit: fit.predict([A, A], [B] * 3, 0.01), r"a_over_R \(2,\), b_over_R \(3,\)"),
+        (lambda fit: fit.predict(A, [B] * 2, [0.01] * 3), r"b_over_R \(2,\), p_over_E \(3,\)"),
+        (lambda fit: fit.predict(A, B, [0.01] * 2, nu=[0.5] * 3), r"nu \(3,\), p_over_E \(2,\)"),
+        (lambda fit: fit.predict_load(A, [B] * 2, [4, 6, 8]), r"b_over_R \(2,\), Q \(3,\)"),
+    ],
+)
+def test_predict__refuses_shapes_that_do_not_broadcast(fits, ask, shapes):
+    with pytest.raises(InputError, match=rf"expected arrays whose shapes broadcast, got {shapes}"):
+        ask(fits["modified"])
+
+
+def test_predict__refuses_what_are_no_numbers(fits):
+    with pytest.raises(InputError, match="a_over_R: expected numbers, got 'wide'"):
+        fits["modified"].predict("wide", B, 0.01)
+    with pytest.raises(InputError, match="nu: expected numbers, got 'soft'"):
+        fits["modified"].predict(A, B, 0.01, nu="soft")
+
+
+def test_predictions__carry_their_places_to_tables(fits):
+    q = fits["modified"].predict([[A], [0.012]], B, [0.002, 0.01], nu=0.3).to_dataframe()
+    assert q["a_over_R"].tolist() == [A, A, 0.012, 0.012]
+    assert q["p_over_E"].tolist() == [0.002, 0.01] * 2
+    assert set(q["nu"]) == {0.3}
+    load = fits["modified"].predict_load(A, B, [4, 8], kind="curve").to_dataframe()
+    assert load["Q"].tolist() == [4, 8]
+    assert load["kind_of_band"].tolist() == ["curve"] * 2
+    assert (load["p_over_E_lower"] < load["p_over_E_upper"]).all()

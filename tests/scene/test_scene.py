@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.scene.scene import Scene, Texture, as_scene
 
 SCENES = Path(__file__).parents[2] / "data" / "scenes"
 
@@ -251,3 +251,12 @@ def test_a_scene_knows_no_solver_and_loads_no_units():
     )
     for name in ("ridgebayes.contact", "pint", "pandas", "scipy"):
         assert f"'{name}'" not in modules.stdout
+
+
+def test_as_scene__takes_a_scene_or_a_path_and_nothing_else(tmp_path):
+    scene = Scene.of([(0.02, 0.03)], p_over_E=0.005)
+    scene.to_toml(tmp_path / "s.toml")
+    assert as_scene(scene) is scene
+    assert as_scene(str(tmp_path / "s.toml")) == as_scene(tmp_path / "s.toml") == scene
+    with pytest.raises(InputError, match="scene: expected a Scene or a path, got float"):
+        as_scene(0.02)

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from ridgebayes.errors import InputError, OutputError
 from ridgebayes.table import files as table_files
 from ridgebayes.table.columns import NAMES, REQUIRED
+from ridgebayes.table.datafiles import paper_sweep
 from ridgebayes.table.rules import as_numbers, as_text, row_codes
 from ridgebayes.table.table import ContactTable, read_table
 
@@ -735,3 +736,16 @@ def test_repeated__are_rows_to_fit_with_a_load_of_another_source_to_all_digits()
     found = table.repeated
     assert set(found.column("source")) == {"B"}
     assert found.column("p_over_E").tolist() == other["p_over_E"].iloc[5:].tolist()
+
+
+def test_read_table__takes_a_table_a_frame_or_a_path_and_nothing_else(tmp_path):
+    table = paper_sweep()
+    assert read_table(table) is table
+    assert read_table(table.to_dataframe()).digest() == table.digest()
+    table.write(tmp_path / "t.csv")
+    for path in (tmp_path / "t.csv", str(tmp_path / "t.csv")):
+        assert read_table(path).digest() == table.digest()
+    with pytest.raises(InputError, match="table: expected a path, a ContactTable or a"):
+        read_table([0.01, 0.02])
+    with pytest.raises(InputError, match=r"table: expected a pandas\.DataFrame, got str"):
+        ContactTable.from_frame("t.csv")

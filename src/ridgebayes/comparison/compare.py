@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
@@ -158,7 +158,8 @@ def compare_with(
     rng: Rng = 0,
 ) -> Comparison:
     """Do what `compare` does, with everything about its execution in one record."""
-    known = [as_form(form) for form in ([forms] if isinstance(forms, Form | str) else forms)]
+    several = isinstance(forms, Iterable) and not isinstance(forms, str)
+    known = [as_form(form) for form in (forms if several else [forms])]
     names = [form.name for form in known]
     if not names or len(set(names)) < len(names):
         raise InputError(

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from ridgebayes.inference.arviz_groups import groups_of
 from ridgebayes.inference.diagnostics import leave_one_out, stacking_weights
-from ridgebayes.inference.netcdf import groups_of
 from ridgebayes.results import Fit
 
 LOO_COLUMNS = ["form", "noise", "elpd", "se", "p", "n_bad_k", "stacking_weight"]

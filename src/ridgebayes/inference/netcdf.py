@@ -1,4 +1,4 @@
-"""A fit as labelled datasets, and as a NetCDF file that both arviz lines open."""
+"""A fit as a NetCDF file that both arviz lines open."""
 
 import io
 import json
@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from ridgebayes._types import FloatArray, __version__
+from ridgebayes._types import __version__
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.distributions.grammar import from_dict, to_dict
 from ridgebayes.errors import InputError
+from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
 from ridgebayes.inference.posterior import SAMPLERS, Posterior
@@ -26,86 +27,13 @@ from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import one_line_message
 
-LARGEST_LOG_LIKELIHOOD = 30_000_000  # numbers; beyond it the group is left out and LOO says so
-
-
-def groups_of(fit: Posterior) -> dict[str, xr.Dataset]:
-    """Return the thinned posterior as datasets named as arviz names them.
-
-    Parameters
-    ----------
-    fit : Posterior
-        Posterior.
-
-    Returns
-    -------
-    dict of str to xarray.Dataset
-        posterior (dimensions chain, draw; K has texture), sample_stats, observed_data,
-        constant_data and, unless there are very many rows, log_likelihood. A chain is an
-        ensemble; its draws run step by step, walkers side by side.
-    """
-    chains, data = fit.kept_chains, fit.model.data
-    n_ensemble, n_step, n_walker, n_coordinate = chains.u.shape
-    flat = (n_ensemble, n_step * n_walker)
-    u = chains.u.reshape(*flat, n_coordinate)
-    theta = fit.model.to_theta(u)
-    groups = {
-        "posterior": xr.Dataset(_posterior(fit, theta)),
-        "sample_stats": xr.Dataset(
-            {
-                "lp": (("chain", "draw"), chains.log_density.reshape(flat)),
-                # Kept beside the parameters so that a fit read back is the same to the last bit.
-                "u": (("chain", "draw", "coordinate"), u),
-                "acceptance_rate": (("chain",), chains.acceptance),
-                "tau": (("quantity",), chains.tau),
-            }
-        ),
-        "observed_data": xr.Dataset({"log_load": (("row",), data.log_load)}),
-        "constant_data": xr.Dataset(
-            {
-                "Q": (("row",), data.Q),
-                "texture_index": (("row",), data.texture),
-                "rel_se": (("row",), data.rel_se),
-                "log_lower": (("row",), data.log_lower),
-                "is_count": (("row",), data.is_count.astype(np.int8)),
-                "a_over_R": (("texture",), data.a_over_R),
-                "b_over_R": (("texture",), data.b_over_R),
-            }
-        ),
-    }
-    if data.n_series > 1:
-        groups["constant_data"]["series_index"] = (("row",), data.series)
-    if theta[..., 0].size * len(data) <= LARGEST_LOG_LIKELIHOOD:
-        rows = fit.model.pointwise_log_likelihood(u.reshape(-1, n_coordinate))
-        rows = rows.reshape(*flat, len(data))
-        groups["log_likelihood"] = xr.Dataset({"log_load": (("chain", "draw", "row"), rows)})
-        if fit.model.offsets is not None:
-            # Rows are scored given the others: their sum is not the likelihood, which this is.
-            steps = np.array_split(theta, max(theta.shape[1] // 512, 1), axis=1)
-            joint = np.concatenate([fit.model.log_likelihood(part) for part in steps], axis=1)
-            groups["sample_stats"]["log_likelihood_joint"] = (("chain", "draw"), joint)
-    for name, group in groups.items():
-        labels = {"texture": list(data.labels), "row": np.arange(len(data))}
-        sizes = {"chain": np.arange(n_ensemble), "draw": np.arange(flat[1])}
-        coords = {k: v for k, v in {**sizes, **labels}.items() if k in group.dims}
-        groups[name] = group.assign_coords(coords)
-    return groups
-
-
-def _posterior(fit: Posterior, theta: FloatArray) -> dict[str, tuple[tuple[str, ...], FloatArray]]:
-    names = fit.model.parameter_names
-    if fit.form.name != "power-law":
-        return {name: (("chain", "draw"), theta[..., i]) for i, name in enumerate(names)}
-    k = fit.model.n_coefficient
-    noise = {name: (("chain", "draw"), theta[..., i]) for i, name in enumerate(names) if i >= k}
-    return {"K": (("chain", "draw", "texture"), theta[..., :k]), **noise}
-
 
 def write_netcdf(fit: Posterior, path: str | os.PathLike[str]) -> None:
     """Write a fit, whole or not at all."""
-    groups = groups_of(fit)
+    groups = all_groups(fit)
     tree = xr.DataTree.from_dict(dict(groups))
     tree.attrs = {
+        **groups["posterior"].attrs,
         "ridgebayes_version": __version__,
         "form": fit.form.name,
         "noise": fit.noise.name,

@@ -255,7 +255,7 @@ class Model:
         if not isinstance(self.likelihood, SampledOffsets):
             return self.marginal_log_density(u)
         with np.errstate(all="ignore"):
-            value = self._log_prior_of(u) + self.likelihood.joint(*self._parts(u))
+            value = self.log_prior_density(u) + self.likelihood.joint(*self._parts(u))
         return np.where(np.isnan(value), -np.inf, value)
 
     def marginal_log_density(self, u: FloatArray) -> FloatArray:
@@ -263,7 +263,7 @@ class Model:
 
         Exact unless offsets are drawn: then it is what `log_likelihood` is.
         """
-        value = self._log_prior_of(u) + self.log_likelihood(self.to_theta(u))
+        value = self.log_prior_density(u) + self.log_likelihood(self.to_theta(u))
         return np.where(np.isnan(value), -np.inf, value)
 
     def estimated(self, u: FloatArray, rng: np.random.Generator, n_point: int) -> Estimate:
@@ -289,7 +289,7 @@ class Model:
         log_rates, eta, _ = self._parts(u)
         with np.errstate(all="ignore"):
             found = self.likelihood.estimated(log_rates, eta, rng, n_point)
-        prior = self._log_prior_of(u)
+        prior = self.log_prior_density(u)
         values = (prior + found.log_density, prior + found.log_joint)
         value, joint = (np.where(np.isnan(x), -np.inf, x) for x in values)
         return Estimate(value, joint, found.latent)
@@ -382,6 +382,7 @@ class Model:
     def _eta(self, theta: FloatArray) -> FloatArray:
         return theta[..., self.n_coefficient :]
 
-    def _log_prior_of(self, u: FloatArray) -> FloatArray:
+    def log_prior_density(self, u: FloatArray) -> FloatArray:
+        """Return the log prior density of the parameters in `u`, shape ``u.shape[:-1]``."""
         scores = u[..., : self.n_parameter]
         return -0.5 * ((scores * scores).sum(axis=-1) + self.n_parameter * _LOG_2PI)

@@ -206,7 +206,7 @@ class LoadDistribution(Predicted):
         """
         p = numbers("p_over_E", p_over_E)
         density = self._at_loads(self._draws.density, p)
-        return np.where(p > 0, density / np.where(p > 0, p, 1.0), 0.0)
+        return np.where(p > 0, density / np.where(p > 0, p, 1.0), 0.0)[()]
 
     def mean(self) -> FloatArray:
         """Return the mean load p/E, shape (...); infinite under Student errors, whose tails are."""
@@ -224,8 +224,8 @@ class LoadDistribution(Predicted):
             here = prob == one
             some = self if here.all() and shape == self.shape else self._some(places[here])
             quantiles = some._by_column(partial(self._draws.quantile, one))
-            found[here] = quantiles.ravel()
-        return found
+            found[here] = np.ravel(quantiles)
+        return found[()]
 
     def median(self) -> FloatArray:
         """Return the median load p/E, shape (...)."""
@@ -320,7 +320,7 @@ class LoadDistribution(Predicted):
         value = np.empty(len(columns))
         for here, mean, sd in self._blocks(columns):
             value[here] = function(mean, sd)
-        return value[place].reshape(self.shape)
+        return value[place].reshape(self.shape)[()]  # a scalar of a single place
 
     def _at_loads(
         self, function: Callable[[FloatArray, FloatArray, FloatArray], FloatArray], load: ArrayLike
@@ -335,7 +335,7 @@ class LoadDistribution(Predicted):
         found = np.empty(len(y))
         for here, mean, sd in self._blocks(np.broadcast_to(self._place, shape).ravel()):
             found[here] = function(y[here], mean, sd)
-        return found.reshape(shape)
+        return found.reshape(shape)[()]
 
 
 def mix_loads(parts: Iterable[LoadDistribution], weights: Sequence[float]) -> LoadDistribution:

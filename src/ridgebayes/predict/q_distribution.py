@@ -117,7 +117,7 @@ class QDistribution(Predicted):
 
     def _pmf(self, k: ArrayLike) -> FloatArray:
         count = numbers("k", k)
-        return np.where(count % 2 == 0, self._sf(count - 1) - self._sf(count), 0.0)
+        return np.where(count % 2 == 0, self._sf(count - 1) - self._sf(count), 0.0)[()]
 
     def _from_step(self, step: FloatArray, name: str) -> FloatArray:
         """Return P(Q >= 2 + 2 step), of whole steps that broadcast with the distributions."""
@@ -128,7 +128,7 @@ class QDistribution(Predicted):
         column = np.broadcast_to(np.clip(step, 0, n_step).astype(np.intp), shape)[..., None]
         survival = np.broadcast_to(self.survival, (*shape, n_step))
         found = np.take_along_axis(survival, np.minimum(column, n_step - 1), -1)
-        return np.where(column < n_step, found, 0.0)[..., 0]
+        return np.where(column < n_step, found, 0.0)[..., 0][()]
 
     def at_least(self, n: ArrayLike) -> FloatArray:
         """Return P(Q >= n).

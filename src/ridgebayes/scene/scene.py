@@ -225,3 +225,18 @@ class Scene(fields.Record):
         textures = [one.model_dump(exclude_defaults=True) for one in self.textures]
         text = scene_text(self.model_dump() | {"textures": textures})
         Path(path).write_text(text, encoding="utf-8")
+
+
+def as_scene(scene: Scene | str | os.PathLike[str]) -> Scene:
+    """Return a scene, read from its TOML file where a path is given.
+
+    Raises
+    ------
+    InputError
+        If it is neither, or the file cannot be read or breaks a rule.
+    """
+    if isinstance(scene, Scene):
+        return scene
+    if isinstance(scene, str | os.PathLike):
+        return Scene.from_toml(scene)
+    raise InputError(f"scene: expected a Scene or a path, got {type(scene).__name__}")

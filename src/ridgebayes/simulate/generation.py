@@ -1,6 +1,7 @@
 """Scenes to contact tables: textures one by one or shared out, now or before, in one table."""
 
 import functools
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
@@ -9,7 +10,7 @@ from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.scene.effects import Plan, full_profile
 from ridgebayes.scene.estimates import plan
-from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.simulate import solvers
 from ridgebayes.simulate.presets import LoadPreset
 from ridgebayes.simulate.solvers import CylinderVisitor, TextureTask, optional_effects, versions
@@ -18,7 +19,7 @@ from ridgebayes.table.table import ContactTable
 
 
 def generate(
-    scene: Scene,
+    scene: Scene | str | os.PathLike[str],
     *,
     solver: str = "auto",
     rel_tol: float | None = None,
@@ -32,7 +33,7 @@ def generate(
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or path
         Textures, Poisson's ratio, highest load.
     solver : {"auto", "hertz", "half-plane", "cylinder-linear", "cylinder-fe"}
         ``"auto"`` simulates the effects that the scene calls for, see `scene.estimates.plan`;
@@ -102,7 +103,7 @@ def generate(
     """
     if solver not in solvers.SOLVERS:
         raise InputError(f"solver = {solver!r}: must be one of {', '.join(solvers.SOLVERS)}")
-    wanted = LoadPreset.named(accuracy)
+    scene, wanted = as_scene(scene), LoadPreset.named(accuracy)
     if pressed is not None and (executor is not None or journal is not None):
         raise InputError("pressed: cannot be combined with executor or journal")
     if rel_tol is None:

@@ -1,6 +1,7 @@
 """What a scene does under given loads: counts, contact, penetration, the force on each ridge."""
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -14,7 +15,7 @@ from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.scene.effects import full_profile
 from ridgebayes.scene.estimates import plan
-from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.table.columns import LARGEST_LOAD
 from ridgebayes.table.rules import texture_label
 
@@ -29,13 +30,17 @@ _OFFSETS = [(2 * i + 1) / 128 for i in range(32)]
 
 
 def contact_at_loads(
-    scene: Scene, p_over_E: ArrayLike, *, solver: str = "auto", rel_tol: float = 1e-6
+    scene: Scene | str | os.PathLike[str],
+    p_over_E: ArrayLike,
+    *,
+    solver: str = "auto",
+    rel_tol: float = 1e-6,
 ) -> pd.DataFrame:
     """Return what each texture of a scene does at each load.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or path
         Textures and Poisson's ratio; its own load does not matter.
     p_over_E : array_like of float, shape (n_load,), dimensionless
         Loads per projected area over Young's modulus.
@@ -76,7 +81,7 @@ def contact_at_loads(
     ([2, 4, 6], [0.44, 0.22, 0.26])
     """
     rows = []
-    for label, load, places in _solved(scene, p_over_E, solver, rel_tol):
+    for label, load, places in _solved(as_scene(scene), p_over_E, solver, rel_tol):
         each = np.array([_measures(found) for found in places])
         mean = each[0] if len(places) == 1 else each.mean(axis=0)
         count = places[0].Q if len(places) == 1 else mean[0]
@@ -93,13 +98,17 @@ def _measures(found: ContactSolution) -> list[float]:
 
 
 def ridge_forces(
-    scene: Scene, p_over_E: ArrayLike, *, solver: str = "auto", rel_tol: float = 1e-6
+    scene: Scene | str | os.PathLike[str],
+    p_over_E: ArrayLike,
+    *,
+    solver: str = "auto",
+    rel_tol: float = 1e-6,
 ) -> pd.DataFrame:
     """Return the contact on each ridge and floor of a scene at each load.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or path
         Textures and Poisson's ratio; its own load does not matter.
     p_over_E : array_like of float, shape (n_load,), dimensionless
         Loads per projected area over Young's modulus.
@@ -158,7 +167,7 @@ def edge_forces(scene: Scene, p_over_E: ArrayLike, *, rel_tol: float = 1e-8) -> 
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or path
         Textures and Poisson's ratio; its own load does not matter. All that it gives is simulated.
     p_over_E : array_like of float, shape (n_load,), dimensionless
         Loads per projected area over Young's modulus.
@@ -216,6 +225,7 @@ def edge_forces(scene: Scene, p_over_E: ArrayLike, *, rel_tol: float = 1e-8) -> 
 
 
 def _refuse_uniform(scene: Scene) -> None:
+    scene = as_scene(scene)
     if any(texture.offset == "uniform" for texture in scene.textures):
         raise InputError("offset: expected a number, got 'uniform' (forces depend on the offset)")
 
@@ -224,7 +234,10 @@ def _solved(
     scene: Scene, p_over_E: ArrayLike, solver: str, rel_tol: float
 ) -> Iterator[tuple[str, float, tuple[ContactSolution, ...]]]:
     """Yield each texture's label and load with its solutions: one, or one an offset."""
-    loads = np.atleast_1d(np.asarray(p_over_E, dtype=np.float64))
+    try:
+        loads = np.atleast_1d(np.asarray(p_over_E, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise InputError(f"p_over_E: expected numbers, got {p_over_E!r}") from None
     within = (loads > 0) & (loads <= LARGEST_LOAD)
     if not np.all(within):
         raise InputError(

@@ -15,6 +15,7 @@ from ridgebayes.model.forms import (
     Hybrid,
     Modified,
     PowerLaw,
+    as_form,
     form_named,
 )
 
@@ -269,3 +270,26 @@ def test_count__broadcasts_draws_textures_and_loads(form):
     for d, theta in enumerate(draws):
         for t, (one_a, one_b) in enumerate(textures):
             assert counts[d, t].tolist() == [form.count(x, one_a, one_b, theta, nu) for x in p]
+
+
+@pytest.mark.parametrize(
+    ("ask", "shapes"),
+    [
+        (lambda f: f.load([4, 6], [0.01] * 3, 0.01), r"a_over_R \(3,\), Q \(2,\)"),
+        (lambda f: f.load(4, [0.01] * 3, 0.01, nu=[0.5] * 2), r"a_over_R \(3,\), nu \(2,\)"),
+        (lambda f: f.count([0.01] * 2, 0.01, [0.01] * 3), r"b_over_R \(3,\), p_over_E \(2,\)"),
+        (lambda f: f.slope([0.01] * 2, [0.01] * 3), r"a_over_R \(2,\), b_over_R \(3,\)"),
+        (lambda f: f.log_load_gradient([1, 0], [0.01] * 2, [0.01] * 3), r"a_over_R \(2,\), b_over"),
+    ],
+)
+def test_forms__refuse_shapes_that_do_not_broadcast(ask, shapes):
+    with pytest.raises(InputError, match=rf"expected arrays whose shapes broadcast, got {shapes}"):
+        ask(Hybrid())
+
+
+def test_as_form__takes_a_form_or_its_name():
+    form = Hybrid()
+    assert as_form(form) is form
+    assert as_form("hybrid") == form
+    with pytest.raises(InputError, match=r"form: expected a form, such as Hybrid\(\)"):
+        as_form(Hybrid)

@@ -1,0 +1,184 @@
+"""A fit as labelled datasets, named and attributed as arviz has it."""
+
+import os
+from datetime import UTC, datetime
+from importlib.metadata import version
+
+import numpy as np
+import xarray as xr
+
+from ridgebayes._types import FloatArray, __version__
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.model.forms import PowerLaw
+from ridgebayes.model.model import Model
+from ridgebayes.model.replicated import prior_draws, simulate_log_loads
+from ridgebayes.model.shared_offsets import SmoothOffsets
+from ridgebayes.runtime.randomness import stream
+
+LARGEST_LOG_LIKELIHOOD = 30_000_000  # numbers; beyond it the group is left out and LOO says so
+N_PREDICTIVE = 500  # draws of the prior, and of what prior and posterior predict
+# Numbers that predictions of all rows may take, and those of the factors of smooth offsets.
+LARGEST_PREDICTIVE, _LARGEST_FACTORS = 4_000_000, 200_000_000
+
+_SAMPLE = ("chain", "draw")
+_Variables = dict[str, tuple[tuple[str, ...], FloatArray]]
+
+
+def all_groups(fit: Posterior) -> dict[str, xr.Dataset]:
+    """Return a fit as the datasets that arviz knows.
+
+    Parameters
+    ----------
+    fit : Posterior
+        Posterior.
+
+    Returns
+    -------
+    dict of str to xarray.Dataset
+        Those of `groups_of`, log_prior (of each parameter, that of K over all textures), prior
+        and, unless there are very many rows, prior_predictive and posterior_predictive: 500 draws
+        of log loads of the rows, with shared offsets drawn anew. They are left out where hardly
+        any prior draw has a load. Each has the attributes of arviz.
+    """
+    groups = groups_of(fit)
+    groups |= {"log_prior": _log_prior(fit), **_predictive(fit)}
+    attributes = _attributes(fit)
+    return {name: _labelled(fit, group).assign_attrs(attributes) for name, group in groups.items()}
+
+
+def groups_of(fit: Posterior) -> dict[str, xr.Dataset]:
+    """Return the thinned posterior as datasets named as arviz names them.
+
+    Parameters
+    ----------
+    fit : Posterior
+        Posterior.
+
+    Returns
+    -------
+    dict of str to xarray.Dataset
+        posterior (dimensions chain, draw; K has texture), sample_stats, observed_data,
+        constant_data and, unless there are very many rows, log_likelihood. A chain is an
+        ensemble; its draws run step by step, walkers side by side.
+    """
+    chains, data = fit.kept_chains, fit.model.data
+    n_ensemble, n_step, n_walker, n_coordinate = chains.u.shape
+    flat = (n_ensemble, n_step * n_walker)
+    u, log_density = chains.u.reshape(*flat, n_coordinate), chains.log_density.reshape(flat)
+    theta = fit.model.to_theta(u)
+    groups = {
+        "posterior": xr.Dataset(_parameters(fit.model, theta)),
+        "sample_stats": xr.Dataset(
+            {
+                "lp": (_SAMPLE, log_density),
+                # Kept beside the parameters so that a fit read back is the same to the last bit.
+                "u": ((*_SAMPLE, "coordinate"), u),
+                "acceptance_rate": (("chain",), chains.acceptance),
+                "tau": (("quantity",), chains.tau),
+            }
+        ),
+        "observed_data": xr.Dataset({"log_load": (("row",), data.log_load)}),
+        "constant_data": xr.Dataset(
+            {
+                "Q": (("row",), data.Q),
+                "texture_index": (("row",), data.texture),
+                "rel_se": (("row",), data.rel_se),
+                "log_lower": (("row",), data.log_lower),
+                "is_count": (("row",), data.is_count.astype(np.int8)),
+                "a_over_R": (("texture",), data.a_over_R),
+                "b_over_R": (("texture",), data.b_over_R),
+            }
+        ),
+    }
+    if data.n_series > 1:
+        groups["constant_data"]["series_index"] = (("row",), data.series)
+    if log_density.size * len(data) <= LARGEST_LOG_LIKELIHOOD:
+        rows = fit.model.pointwise_log_likelihood(u.reshape(-1, n_coordinate))
+        rows = rows.reshape(*flat, len(data))
+        groups["log_likelihood"] = xr.Dataset({"log_load": ((*_SAMPLE, "row"), rows)})
+        if fit.model.offsets is not None:
+            # Rows are scored given the others: their sum is not the likelihood, which this is.
+            joint = _joint(fit.model, u, log_density)
+            groups["sample_stats"]["log_likelihood_joint"] = (_SAMPLE, joint)
+    return {name: _labelled(fit, group) for name, group in groups.items()}
+
+
+def _joint(model: Model, u: FloatArray, log_density: FloatArray) -> FloatArray:
+    """Return the log-likelihood of all rows: what was sampled less the prior, unless latent."""
+    if not model.is_latent:
+        return log_density - model.log_prior_density(u)
+    theta = model.to_theta(u)
+    steps = np.array_split(theta, max(theta.shape[1] // 512, 1), axis=1)
+    return np.concatenate([model.log_likelihood(part) for part in steps], axis=1)
+
+
+def _parameters(model: Model, theta: FloatArray) -> _Variables:
+    """Return draws of shape (chain, draw, n_parameter) by name."""
+    names = model.parameter_names
+    if not isinstance(model.form, PowerLaw):
+        return {name: (_SAMPLE, theta[..., i]) for i, name in enumerate(names)}
+    k = model.n_coefficient
+    noise = {name: (_SAMPLE, theta[..., i]) for i, name in enumerate(names) if i >= k}
+    return {"K": ((*_SAMPLE, "texture"), theta[..., :k]), **noise}
+
+
+def _log_prior(fit: Posterior) -> xr.Dataset:
+    """Return the log prior density of each parameter at the draws."""
+    model = fit.model
+    found: dict[str, FloatArray] = {}
+    theta = fit.draws.reshape(len(fit.chains.u), -1, model.n_parameter)
+    for i, (name, prior) in enumerate(model.priors.items()):
+        is_K = isinstance(model.form, PowerLaw) and i < model.n_coefficient
+        key, value = "K" if is_K else name, prior.log_pdf(theta[..., i])
+        found[key] = found[key] + value if key in found else value
+    return xr.Dataset({name: (_SAMPLE, value) for name, value in found.items()})
+
+
+def _predictive(fit: Posterior) -> dict[str, xr.Dataset]:
+    """Return prior, prior_predictive and posterior_predictive, as far as they take little."""
+    model, rng = fit.model, stream(fit.seed, "predictive")
+    n_level = model.offsets.n_level if isinstance(model.offsets, SmoothOffsets) else 0
+    if N_PREDICTIVE * n_level**2 > _LARGEST_FACTORS:
+        return {}
+    try:
+        prior = prior_draws(model, rng, N_PREDICTIVE)[None]
+    except ComputationError:
+        return {}
+    groups = {"prior": xr.Dataset(_parameters(model, prior))}
+    if N_PREDICTIVE * len(model.data) <= LARGEST_PREDICTIVE:
+        n_chain, n_walk = len(fit.chains.u), len(fit.draws) // len(fit.chains.u)
+        draw = np.linspace(0, n_walk - 1, min(N_PREDICTIVE // n_chain, n_walk)).astype(np.int64)
+        posterior = fit.draws.reshape(n_chain, n_walk, -1)[:, draw]
+        for name, theta in (("prior", prior), ("posterior", posterior)):
+            loads = simulate_log_loads(model, theta, rng)[0]
+            groups[f"{name}_predictive"] = xr.Dataset({"log_load": ((*_SAMPLE, "row"), loads)})
+        groups["posterior_predictive"] = groups["posterior_predictive"].assign_coords(draw=draw)
+    return groups
+
+
+def _labelled(fit: Posterior, group: xr.Dataset) -> xr.Dataset:
+    labels = {"texture": list(fit.model.data.labels), "row": np.arange(len(fit.model.data))}
+    labels |= {name: np.arange(group.sizes[name]) for name in _SAMPLE if name in group.dims}
+    return group.assign_coords(
+        {name: v for name, v in labels.items() if name in group.dims and name not in group.coords}
+    )
+
+
+def _attributes(fit: Posterior) -> dict[str, str]:
+    """Return what arviz tells of the origin of data, of a date that is the same in every run."""
+    since = os.environ.get("SOURCE_DATE_EPOCH", "0")
+    try:
+        created = datetime.fromtimestamp(int(since), UTC)
+    except (ValueError, OverflowError, OSError):
+        rule = "expected whole seconds since 1970"
+        raise InputError(f"SOURCE_DATE_EPOCH: {rule}, got {since!r}") from None
+    walked = fit.sampler == "emcee"
+    return {
+        "created_at": created.isoformat(),
+        "creation_library": "ridgebayes",
+        "creation_library_version": __version__,
+        "creation_library_language": "Python",
+        "inference_library": "emcee" if walked else "ridgebayes",
+        "inference_library_version": version("emcee") if walked else __version__,
+    }

@@ -1,0 +1,166 @@
+from importlib.metadata import version
+
+import matplotlib
+import numpy as np
+import pytest
+from scipy import stats
+
+from ridgebayes.errors import InputError
+from ridgebayes.inference import arviz_groups
+from ridgebayes.inference.arviz_groups import all_groups, groups_of
+from ridgebayes.inference.diagnostics import arviz_object, import_arviz, leave_one_out
+from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
+from ridgebayes.model.forms import Hybrid, Modified
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+
+GROUPS = {
+    "posterior",
+    "prior",
+    "posterior_predictive",
+    "prior_predictive",
+    "log_likelihood",
+    "log_prior",
+    "observed_data",
+    "constant_data",
+    "sample_stats",
+}
+IS_NEW = not version("arviz").startswith("0.")
+
+
+@pytest.fixture(scope="module")
+def opened(fits, tmp_path_factory):
+    path = tmp_path_factory.mktemp("arviz") / "hybrid.nc"
+    write_netcdf(fits["hybrid"], path)
+    return import_arviz().from_netcdf(path)
+
+
+def test_all_groups__of_a_file_have_arvizs_attributes(fits, opened):
+    found = opened.children if IS_NEW else opened.groups()
+    assert set(found) == GROUPS
+    for name in GROUPS:
+        attributes = opened[name].attrs
+        assert attributes["creation_library"] == "ridgebayes"
+        assert attributes["inference_library"] == "emcee"
+        assert attributes["created_at"].startswith("1970-01-01T00:00:00")
+
+
+@pytest.mark.slow
+def test_arviz__summarises_scores_and_draws_a_file(fits, opened):
+    matplotlib.use("Agg")
+    az = import_arviz()
+    summary = az.summary(opened, var_names=["c1", "sigma"])
+    assert list(summary.index) == ["c1", "sigma"]
+    loo = az.loo(opened)
+    elpd = loo.elpd if IS_NEW else loo.elpd_loo
+    assert elpd == pytest.approx(leave_one_out(groups_of(fits["hybrid"]), 1.0).elpd, abs=0.1)
+    if IS_NEW:
+        az.plot_ppc_dist(opened)
+        az.plot_ppc_dist(opened, group="prior_predictive")
+        az.plot_prior_posterior(opened)
+        sense = az.psense_summary(opened)
+        prior, likelihood = sense["prior"].astype(float), sense["likelihood"].astype(float)
+    else:
+        az.plot_ppc(opened)
+        az.plot_ppc(opened, group="prior")
+        az.plot_dist_comparison(opened)
+        prior, likelihood = (az.psens(opened, component=c) for c in ("prior", "likelihood"))
+    for name in ("c1", "c2", "sigma"):  # forty rows against vague priors
+        assert float(prior[name]) < 0.1 < float(likelihood[name])
+
+
+def test_prior_from_idata_of_pymc_extras__reads_a_file(opened):
+    extras = pytest.importorskip("pymc_extras", reason="pymc is heavy: an extra of nobody's here")
+    import pymc
+
+    with pymc.Model():
+        found = extras.prior_from_idata(
+            opened, var_names=["c1", "c2"], sigma=pymc.distributions.transforms.log
+        )
+    assert set(found) == {"c1", "c2", "sigma"}
+
+
+def test_log_prior__is_that_of_each_parameter(fits):
+    fit = fits["hybrid"]
+    groups = all_groups(fit)
+    of_sigma = groups["log_prior"]["sigma"].to_numpy().ravel()
+    expected = stats.halfnorm(scale=0.05).logpdf(fit.draws[:, -1])
+    np.testing.assert_allclose(of_sigma, expected, rtol=1e-12)
+    total = sum(value.to_numpy() for value in groups["log_prior"].data_vars.values())
+    np.testing.assert_allclose(total.ravel(), fit.model.log_prior(fit.draws), rtol=1e-11)
+    K = all_groups(fits["power-law"])["log_prior"]
+    assert K["K"].dims == ("chain", "draw")
+    power_law = fits["power-law"]
+    total = (K["K"] + K["sigma"]).to_numpy().ravel()
+    np.testing.assert_allclose(total, power_law.model.log_prior(power_law.draws), rtol=1e-11)
+
+
+@pytest.mark.slow
+def test_predictive_groups__are_of_the_prior_and_of_the_rows(fits):
+    fit = fits["hybrid"]
+    groups = all_groups(fit)
+    prior = groups["prior"]["sigma"].to_numpy().ravel()
+    assert stats.kstest(prior, stats.halfnorm(scale=0.05).cdf).pvalue > 1e-4  # Monte Carlo
+    replicated = groups["posterior_predictive"]["log_load"]
+    assert replicated.shape == (4, 125, 41)
+    # Monte Carlo: each row's load is a log-normal about the form's, of sd sigma.
+    centre = replicated.mean(("chain", "draw")).to_numpy()
+    z = (centre - fit.model.data.log_load) / fit.summary["mean"].iloc[-1]
+    assert np.sqrt((z**2).mean()) == pytest.approx(1, abs=0.2)
+    spread = replicated.std(("chain", "draw")).to_numpy() / fit.summary["mean"].iloc[-1]
+    np.testing.assert_allclose(spread, 1.0, atol=0.2)
+    wide = groups["prior_predictive"]["log_load"].std(("chain", "draw")).to_numpy()
+    assert np.all(wide > 0.1)
+    kept = groups["posterior"]["sigma"].sel(draw=replicated["draw"])
+    assert kept.shape == (4, 125)
+
+
+def test_predictive_groups__are_left_out_where_they_would_be_large(fits, monkeypatch):
+    monkeypatch.setattr(arviz_groups, "LARGEST_PREDICTIVE", 500 * 41 - 1)
+    assert set(all_groups(fits["modified"])) == GROUPS - {
+        "prior_predictive",
+        "posterior_predictive",
+    }
+
+
+@pytest.fixture(scope="module")
+def smooth(paper):
+    model = Model(Observations.from_table(paper), Hybrid(), Noise("step-smooth"))
+    return importance_posterior(model, seed=1, n_draw=256, n_round=1, n_per_round=400)[0]
+
+
+def test_joint_log_likelihood__is_that_of_all_rows(smooth, monkeypatch):
+    joint = groups_of(smooth)["sample_stats"]["log_likelihood_joint"].to_numpy().ravel()
+    np.testing.assert_allclose(joint, smooth.model.log_likelihood(smooth.draws), rtol=1e-9)
+    assert set(all_groups(smooth)) >= GROUPS
+    monkeypatch.setattr(arviz_groups, "_LARGEST_FACTORS", 1)
+    assert "prior" not in all_groups(smooth)
+
+
+def test_predictive_groups__are_left_out_where_no_prior_draw_has_a_load(paper, monkeypatch):
+    from ridgebayes.errors import ComputationError
+
+    def none(*_):
+        raise ComputationError("none has")
+
+    model = Model(Observations.from_table(paper), Modified())
+    fit, _ = importance_posterior(model, seed=1, n_draw=128, n_round=1, n_per_round=200)
+    assert all_groups(fit)["posterior"].attrs["inference_library"] == "ridgebayes"
+    monkeypatch.setattr(arviz_groups, "prior_draws", none)
+    assert set(all_groups(fit)) == GROUPS - {"prior", "prior_predictive", "posterior_predictive"}
+
+
+def test_date__is_that_of_the_environment_and_the_bytes_are_the_same(fits, tmp_path, monkeypatch):
+    fit = fits["modified"]
+    write_netcdf(fit, tmp_path / "a.nc")
+    write_netcdf(fit, tmp_path / "b.nc")
+    assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    assert all_groups(fit)["prior"].attrs["created_at"] == "2023-11-14T22:13:20+00:00"
+    write_netcdf(fit, tmp_path / "c.nc")
+    assert read_netcdf(tmp_path / "c.nc").draws.tobytes() == fit.draws.tobytes()
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "today")
+    with pytest.raises(InputError, match="SOURCE_DATE_EPOCH: expected whole seconds since 1970"):
+        arviz_object(all_groups(fit))
