@@ -1,9 +1,10 @@
 """Predictions of a posterior: the distribution of Q at a load, and of the load that reaches a Q.
 
-`predict` has both; `q_distribution` and `load_distribution` the records that they return, and
-mixtures of them by given weights; `predictive_cdf` the averages over draws or nodes, `interpolant`
-their tables for many loads; `extrapolation` what lies beyond the calibrated range. The room knows
-`inference` and `model`.
+`predict` has both, of one posterior and of weighted ones (`Predictive`); `q_distribution` and
+`load_distribution` the records that they return (`predicted` what both do, `load_draws` the draws
+of loads), and mixtures of them by given weights; `predictive_cdf` the averages over draws or
+nodes, `interpolant` their tables for many loads; `extrapolation` what lies beyond the calibrated
+range. The room knows `inference` and `model`.
 
 >>> import numpy as np
 >>> from ridgebayes.predict.q_distribution import QDistribution, mix_q
