@@ -158,8 +158,9 @@ def compare_with(
     rng: Rng = 0,
 ) -> Comparison:
     """Do what `compare` does, with everything about its execution in one record."""
-    several = isinstance(forms, Iterable) and not isinstance(forms, str)
-    known = [as_form(form) for form in (forms if several else [forms])]
+    if isinstance(forms, Form | str) or not isinstance(forms, Iterable):
+        forms = [forms]
+    known = [as_form(form) for form in forms]
     names = [form.name for form in known]
     if not names or len(set(names)) < len(names):
         raise InputError(

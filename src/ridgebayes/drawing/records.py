@@ -56,10 +56,10 @@ def draw_bands(bands: pd.DataFrame, ax: Axes | None) -> Axes:
     for i, (texture, rows) in enumerate(shown):
         colour, rows = _COLOURS[i % len(_COLOURS)], rows.sort_values("p_over_E")
         draw_band(axes, rows, colour)
-        look = {"color": colour, "linewidth": 1.2, "label": _texture_label(texture)}
-        # Steps of one load have no length.
-        marker = "." if len(rows) == 1 else ""
-        axes.step(rows["p_over_E"], rows["q_median"], where="post", marker=marker, **look)
+        (line,) = axes.step(rows["p_over_E"], rows["q_median"], where="post", color=colour)
+        line.set(linewidth=1.2, label=_texture_label(texture))
+        if len(rows) == 1:  # a step of no length
+            line.set_marker(".")
     axes.set_xlim(0.0, float(bands["p_over_E"].max()))
     axes.set(xlabel=_LOAD, ylabel=f"{_COUNT}, {_band_title(bands)}")
     _told(axes, len(shown), len(by_texture))

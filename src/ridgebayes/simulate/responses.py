@@ -143,7 +143,7 @@ def ridge_forces(
     >>> found["ridge"].tolist(), found["share"].round(6).tolist()
     ([0], [0.5])
     """
-    _refuse_uniform(scene)
+    scene = _of_known_offset(scene)
     rows = []
     for label, load, (found,) in _solved(scene, p_over_E, solver, rel_tol):
         profile, pressing, grooves = found.profile, found.pressing, _penetrations(found)
@@ -159,7 +159,9 @@ def ridge_forces(
     return pd.DataFrame(rows, columns=FORCE_COLUMNS)
 
 
-def edge_forces(scene: Scene, p_over_E: ArrayLike, *, rel_tol: float = 1e-8) -> pd.DataFrame:
+def edge_forces(
+    scene: Scene | str | os.PathLike[str], p_over_E: ArrayLike, *, rel_tol: float = 1e-8
+) -> pd.DataFrame:
     """Return the forces on the edges of every contact, and the net lateral force on the body.
 
     On a sharp corner in full contact the pressure ends like K/sqrt(2 pi r), and
@@ -210,7 +212,7 @@ def edge_forces(scene: Scene, p_over_E: ArrayLike, *, rel_tol: float = 1e-8) -> 
     >>> bool(abs(net - found["lateral_force"].iloc[0]) < 1e-6 * found["G"].sum())
     True
     """
-    _refuse_uniform(scene)
+    scene = _of_known_offset(scene)
     rows = []
     for label, load, (found,) in _solved(scene, p_over_E, "half-plane", rel_tol):
         if not found.segments:
@@ -224,10 +226,12 @@ def edge_forces(scene: Scene, p_over_E: ArrayLike, *, rel_tol: float = 1e-8) -> 
     return pd.DataFrame(rows, columns=EDGE_COLUMNS)
 
 
-def _refuse_uniform(scene: Scene) -> None:
-    scene = as_scene(scene)
+def _of_known_offset(given: Scene | str | os.PathLike[str]) -> Scene:
+    """Return a scene, or raise InputError where a texture's offset is uniform."""
+    scene = as_scene(given)
     if any(texture.offset == "uniform" for texture in scene.textures):
         raise InputError("offset: expected a number, got 'uniform' (forces depend on the offset)")
+    return scene
 
 
 def _solved(
