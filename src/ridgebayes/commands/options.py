@@ -57,7 +57,11 @@ _TEXTURES = typer.Option(help="A,B: ridge and groove width over the radius. May 
 Table = Annotated[Path, typer.Argument(help="Contact table, .csv or .parquet.")]
 TimeLimit = Annotated[
     float | None,
-    typer.Option(help="Seconds after which a walk ends with what it has. No limit if not given."),
+    typer.Option(
+        help="Seconds that each walk by emcee may take, one a form. One that is stopped is "
+        "written as it is, with exit code 1. Weighing error models and importance sampling are "
+        "not stopped. No limit if not given."
+    ),
 ]
 Workers = Annotated[
     int | None, typer.Option(min=1, help="Worker processes. Results do not depend on them.")

@@ -165,7 +165,8 @@ def _error_model(data: ReportData) -> str:
     form, offset = data.predicting.without_form, data.predicting.without_offset
     more, less = ("form", "offset") if form > offset else ("offset", "form")
     return (
-        f"{words} On textures left out, loads are {number(form, 2)} times less exact with Classic "
-        f"in the place of {form_name(data.shown)}, and bands {number(offset, 2)} times as wide "
-        f"without the offset: the {more} does more of the predicting than the {less}."
+        f"{words} On textures left out, the error of predicted loads is {number(form, 2)} times as "
+        f"large with Classic in the place of {form_name(data.shown)}, and bands are "
+        f"{number(offset, 2)} times as wide without the offset: the {more} does more of the "
+        f"predicting than the {less}."
     )
