@@ -1,6 +1,7 @@
 """`ridgebayes plan` as a person types it: exit codes, what is said, what is written."""
 
 import functools
+import json
 import re
 from pathlib import Path
 
@@ -8,9 +9,12 @@ import pandas as pd
 import pytest
 
 from ridgebayes.checks.plan_check import CHECK_COLUMNS
+from ridgebayes.errors import ComputationError
+from ridgebayes.runtime.text import percent
 from ridgebayes.scene.effects import plan_table
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene
+from ridgebayes.simulate.responses import contact_at_loads
 
 SCENE = """
 [texture]
@@ -48,32 +52,142 @@ def canned(monkeypatch):
     return asked
 
 
-def test_plan__prints_every_effect_and_writes_nothing(command):
+def test_plan__says_what_the_scene_is_and_writes_nothing(command):
     said = command("scene.toml")
     assert (said.code, said.err) == (0, "")
-    heading, *lines = said.out.splitlines()
-    assert heading == "a/R = 0.02, b/R = 0.03"
-    effects = plan(Scene.from_toml("scene.toml"))[0].effects
-    assert [line.split(":")[0].strip() for line in lines] == [effect.name for effect in effects]
-    for line, effect in zip(lines, effects, strict=True):
-        word = "simulated" if effect.simulated else "left out"
-        size = "size not known"
-        if effect.estimate == effect.estimate:
-            size = f"changes loads by {effect.estimate:.1e}"
-        assert line.startswith(f"  {effect.name}: {word}; {size}")
-        assert line.endswith(f"; {effect.reason}")
+    expected, simulate, heading, *rows, last = said.out.splitlines()
+    scene = Scene.from_toml("scene.toml")
+    found = contact_at_loads(scene, [0.004]).iloc[0]
+    assert expected == (
+        f"a/R = 0.02, b/R = 0.03: at p/E = 0.004 expect Q = {found['Q']} in a contact "
+        f"{2 * found['half_width_over_R']:.2g} R wide, of which "
+        f"{100 * found['contact_fraction']:.2g} % touches."
+    )
+    effects = plan(scene)[0].effects
+    assert simulate.startswith("To compute loads right to 1 %, simulate: ridges (")
+    assert re.search(r" By the half-plane equation that takes (about|under) [\d.]+ s\.$", simulate)
+    assert heading.split() == ["effect", "simulated", "changes", "loads", "by", "takes"]
+    known = [effect for effect in effects if effect.cost_s == effect.cost_s]
+    for row, effect in zip(rows, known, strict=True):
+        cells = re.split(r"  +", row)
+        size = percent(effect.estimate)
+        assert cells[:3] == [effect.name, "yes" if effect.simulated else "no", size]
+    assert last.startswith("Not modelled: adhesion, viscoelasticity, ")
     assert {path.name for path in Path().iterdir()} == {"scene.toml"}
 
 
-def test_plan__prints_each_texture_below_its_widths(command):
+def test_plan__gives_reasons_when_asked(command):
+    said = command("scene.toml", "--verbose")
+    for effect in plan(Scene.from_toml("scene.toml"))[0].effects:
+        assert effect.reason in said.out
+
+
+def test_plan__says_each_texture(command):
     text = SCENE.replace("[texture]", "[[texture]]")
-    more = "[[texture]]\nridge_width = 0.03\ngroove_width = 0.01\n"
+    more = "[[texture]]\nridge_width = 0.03\ngroove_width = 0.01\noffset = 'uniform'\n"
     Path("scene.toml").write_text(more + text)
     said = command("scene.toml")
     assert said.code == 0
-    headings = [line for line in said.out.splitlines() if not line.startswith(" ")]
-    assert headings == ["a/R = 0.03, b/R = 0.01", "a/R = 0.02, b/R = 0.03"]
-    assert len(said.out.splitlines()) == 2 * 13
+    first, second = re.findall(r"^a/R = .*$", said.out, flags=re.M)
+    assert first.startswith("a/R = 0.03, b/R = 0.01: at p/E = 0.004 expect Q = ")
+    assert " on average over offsets in a contact " in first
+    assert second.startswith("a/R = 0.02, b/R = 0.03: ")
+
+
+UNITS = """
+[body]
+radius = "12 mm"
+youngs_modulus = "60 kPa"
+[texture]
+ridge_width = "1 mm"
+groove_width = "1 mm"
+[load]
+force = "5 N"
+length = "12 mm"
+"""
+
+
+def test_plan__says_a_load_beyond_reach_first_and_in_its_own_units(command, monkeypatch):
+    Path("scene.toml").write_text(UNITS)
+    monkeypatch.setattr("ridgebayes.commands.plan.plan", stopped)
+    said = command("scene.toml")  # before anything is computed
+    warning = "5 N on 12 mm is p/E = 0.29; this package computes to p/E = 0.1. "
+    assert said.code == 1
+    assert said.err.startswith(f"ridgebayes: warning: {warning}")
+    said = command("scene.toml", "--json")
+    assert json.loads(said.out)["error"] == "enough"
+    assert command("scene.toml", "--quiet").err == "ridgebayes: enough\n"
+    monkeypatch.undo()
+
+
+def stopped(*_, **__):
+    raise ComputationError("enough")
+
+
+def test_generate__says_a_load_beyond_reach_before_it_runs(command, monkeypatch):
+    Path("scene.toml").write_text(UNITS)
+    monkeypatch.setattr("ridgebayes.commands.generate.sweep_job", stopped)
+    monkeypatch.setattr("sys.argv", ["ridgebayes"])
+    said = command.func("generate", "scene.toml", "-o", "t.csv")
+    assert said.err.startswith("ridgebayes: warning: 5 N on 12 mm is p/E = 0.29; ")
+    assert said.err.endswith("ridgebayes: enough\n")
+
+
+def test_plan__says_lengths_in_the_scenes_units(command):
+    Path("scene.toml").write_text(UNITS.replace("5 N", "0.1 N"))
+    said = command("scene.toml")
+    assert (said.code, said.err) == (0, "")
+    assert "at 0.1 N on 12 mm (p/E = 0.00579) expect Q = " in said.out
+    assert re.search(r"in a contact 0\.\d+ R \(\d\.\d mm\) wide", said.out)
+
+
+def test_plan__json_holds_every_effect(command):
+    content = json.loads(command("scene.toml", "--json").out)
+    expected = plan_table(plan(Scene.from_toml("scene.toml")))
+    assert [row["effect"] for row in content["result"]] == expected["effect"].tolist()
+    assert content["result"][0]["estimated_rel_change"] == expected["estimated_rel_change"][0]
+
+
+def test_plan__new_writes_a_scene_to_start_from(command):
+    said = command("--new", "my.toml")
+    assert said.code == 0
+    assert said.out.startswith("my.toml: a scene to start from.")
+    assert command("my.toml").code == 0
+    text = Path("my.toml").read_text()
+    written = set(re.findall(r"^(?:# )?(\w+) +=", text, flags=re.M))
+    written |= set(re.findall(r"^(?:# )?(\w+) =", text, flags=re.M))
+    assert written == {
+        *("radius", "youngs_modulus", "poissons_ratio", "ridge_width", "groove_width"),
+        *("groove_depth", "corner_radius", "offset", "role", "max_p_over_E", "max", "line"),
+        *("force", "length", "p_over_E", "friction", "relative"),
+    }
+    # What is commented out is valid as well: of the loads, one at a time.
+    loads = ("line", "force", "length", "p_over_E", "friction")
+    kept = [
+        line for line in text.splitlines() if not line.startswith(tuple(f"# {k} " for k in loads))
+    ]
+    Path("all.toml").write_text("\n".join(re.sub(r"^# (?=\w+ = )", "", one) for one in kept))
+    assert Scene.from_toml("all.toml").textures[0].role == "held-out"
+
+
+def test_plan__figures_fail_one_by_one(command, monkeypatch):
+    monkeypatch.setattr("ridgebayes.commands.plan_figures._deformed", stopped)
+    said = command("scene.toml", "--figures", "drawn")
+    assert said.code == 0
+    assert "expect Q = " in said.out
+    assert said.err == "ridgebayes: warning: deformed-a0.02_b0.03: no figure: enough\n"
+    assert {path.stem for path in Path("drawn").iterdir()} == {
+        "counts-a0.02_b0.03",
+        "effects-a0.02_b0.03",
+    }
+
+
+def test_plan__is_told_where_figures_cannot_be_written(command):
+    Path("letter").write_text("mine")
+    said = command("scene.toml", "--figures", "letter/drawn")
+    assert said.code == 1
+    assert "expect Q = " in said.out
+    assert said.err == "ridgebayes: letter/drawn: Not a directory\n"
 
 
 def test_plan__writes_the_table(command):
@@ -96,7 +210,7 @@ def test_plan__refuses_an_existing_file_unless_told(command):
     Path("plan.csv").write_text("mine")
     said = command("scene.toml", "-o", "plan.csv")
     assert (said.code, said.out) == (2, "")
-    assert "plan.csv: exists; use another -o, or --force to replace it" in said.err
+    assert "plan.csv: exists; use another name, or --force to replace it" in said.err
     assert Path("plan.csv").read_text() == "mine"
     assert command("scene.toml", "-o", "plan.csv", "--force").code == 0
     assert Path("plan.csv").read_text().startswith("effect,number,")
@@ -130,14 +244,22 @@ def test_plan__of_the_same_scene_is_the_same_bytes(command):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ((), "SCENE: missing; expected a scene file, or --verify"),
+        ((), "SCENE: missing; expected a scene file, --new or --verify"),
+        (("scene.toml", "-o", "plan.xlsx"), "plan.xlsx: a table file ends in .csv or .parquet"),
+        (
+            ("scene.toml", "--figures", "scene.toml"),
+            "scene.toml: not a folder; --figures names one",
+        ),
+        (("--new", "my.txt"), "my.txt: expected a file name that ends in .toml, got '.txt'"),
+        (("--new", "scene.toml"), "scene.toml: exists; use another name, or --force"),
+        (("scene.toml", "--new", "my.toml"), "--new: expected without a scene and --verify"),
         (("--verify",), "--verify: expected -o, a folder to create, and no scene"),
         (
             ("scene.toml", "--verify", "-o", "out"),
             "--verify: expected -o, a folder to create, and no",
         ),
         (("nowhere.toml",), "nowhere.toml: cannot be read: No such file"),
-        (("scene.toml", "-o", "."), ".: expected a file for -o, got a folder"),
+        (("scene.toml", "-o", "."), ".: a table file ends in .csv or .parquet"),
         (("scene.toml", "-o", "no/plan.csv"), "no/plan.csv: folder no does not exist"),
         (("--verify", "-o", "out", "--scenes", "0"), "--scenes"),
         (("--verify", "-o", "out", "--seed", "x"), "--seed"),

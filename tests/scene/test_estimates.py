@@ -281,4 +281,4 @@ def test_plan__says_of_friction_at_most_that_of_full_stick():
     assert sizes[2] == sizes[3] == pytest.approx(math.log(3) - 1, rel=1e-12)  # rounding
     effect = planned(friction=0.5, nu=0.0, relative=0.01)[1]["friction"]
     assert effect.simulated
-    assert effect.reason.endswith("above the wanted 0.01: finite elements")
+    assert effect.reason.endswith("above the wanted 1 %: finite elements")

@@ -9,15 +9,16 @@ from typing import Any
 
 from ridgebayes.commands import options
 from ridgebayes.commands.parsing import parse_texture, refuse_existing
-from ridgebayes.commands.terminal import Answer, files_in
+from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.atomic import exclusive_lock
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import executor_for, map_ordered
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.scene.effects import Plan
-from ridgebayes.scene.estimates import plan
+from ridgebayes.scene.estimates import beyond_reach, plan
 from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.toml import read_body
 from ridgebayes.simulate import generation
 from ridgebayes.table.files import check_name
 from ridgebayes.table.table import ContactTable
@@ -35,6 +36,8 @@ def command(asked: options.Generate) -> Answer:
         wanted = Scene.of(textures, p_over_E=asked.p_max, nu=asked.nu)
     else:
         wanted = Scene.paper()
+    written = read_body(asked.scene).load if asked.scene is not None else ""
+    warned = warn(*filter(None, [beyond_reach(wanted, written)]))
     solving: dict[str, Any]
     solving = {"solver": asked.solver, "rel_tol": asked.tol, "accuracy": asked.accuracy}
     if asked.fields is None:
@@ -57,6 +60,7 @@ def command(asked: options.Generate) -> Answer:
         (told, *left_out),
         {"rows": len(table), "textures": len(table.textures), "not_ok": failed},
         [asked.out, *(files_in(asked.fields) if asked.fields else ())],
+        told=warned,
         problem=f"{failed} rows are not ok, see column status of {asked.out}" if failed else "",
     )
 

@@ -244,12 +244,16 @@ class Coverage:
 
 @dataclass(frozen=True)
 class Plan:
-    """Estimate each effect in a scene and show which ones will be simulated."""
+    """Say what a scene is: load, Q to expect, contact width, and which effects matter."""
 
     scene: Annotated[Path | None, typer.Argument(help="Scene file.")] = None
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", help="CSV to write. With --verify, the folder to create."),
+        typer.Option("-o", "--out", help=".csv or .parquet to write. With --verify, a folder."),
+    ] = None
+    new: Annotated[
+        Path | None,
+        typer.Option(help="Write a commented scene file to start from, such as my.toml."),
     ] = None
     figures: Annotated[Path | None, typer.Option(help="Folder for figures of the scene.")] = None
     verify: Annotated[

@@ -17,13 +17,13 @@ _LOADS = "one load, LO:HI:N or log:LO:HI:N with 0 < LO <= HI and N >= 1, such as
 def refuse_existing(path: Path, force: bool) -> None:
     """Refuse a file that cannot be written, before the work rather than after it."""
     if path.is_dir():
-        raise InputError(f"{path}: expected a file for -o, got a folder")
+        raise InputError(f"{path}: expected a file, got a folder")
     if not path.absolute().parent.is_dir():
         raise InputError(
             f"{path}: folder {path.parent} does not exist; expected an existing folder"
         )
     if path.exists() and not force:
-        raise InputError(f"{path}: exists; use another -o, or --force to replace it")
+        raise InputError(f"{path}: exists; use another name, or --force to replace it")
     if not os.access(path.absolute().parent, os.W_OK):
         raise InputError(
             f"{path}: folder {path.parent} cannot be written to; expected a writable one"

@@ -1,26 +1,35 @@
 """`ridgebayes plan`: a scene's effects as a table and figures, and the check of estimates."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from ridgebayes.checks.plan_check import check_plans, sobol_scenes
 from ridgebayes.commands import options
-from ridgebayes.commands.parsing import refuse_existing
+from ridgebayes.commands.parsing import refuse_existing, refuse_suffix
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
-from ridgebayes.commands.terminal import Answer, files_in
+from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.progress import Progress
+from ridgebayes.runtime.text import duration, percent
+from ridgebayes.scene.body import Body
 from ridgebayes.scene.effects import Plan, plan_table
-from ridgebayes.scene.estimates import plan
+from ridgebayes.scene.estimates import beyond_reach, plan
 from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.toml import read_body
+from ridgebayes.simulate.responses import contact_at_loads
+from ridgebayes.table.datafiles import data_path
+from ridgebayes.table.files import check_name, write_frame
 
 CHECK_CSV = "plan-check.csv"
 
 
 def command(asked: options.Plan) -> Answer:
     """Do what the command line asks for."""
+    if asked.new is not None:
+        return _new_scene(asked)
     if asked.verify:
         if asked.scene is not None or asked.out is None:
             raise InputError("--verify: expected -o, a folder to create, and no scene")
@@ -30,53 +39,113 @@ def command(asked: options.Plan) -> Answer:
         problem = f"{n_bad} estimates are not reliable; see {asked.out}/report.md"
         return Answer((told,), found, files_in(asked.out), problem=problem if n_bad else "")
     if asked.scene is None:
-        raise InputError("SCENE: missing; expected a scene file, or --verify")
+        raise InputError("SCENE: missing; expected a scene file, --new or --verify")
     if asked.out is not None:
+        check_name(asked.out)
         refuse_existing(asked.out, asked.force)
-    parts = []
-    plans = plan_job(Scene.from_toml(asked.scene), out=asked.out, figures=asked.figures)
-    for one in plans:
-        parts.append(f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}")
-        for row in plan_table([one]).to_dict("records"):
-            size, seconds = row["estimated_rel_change"], row["cost_s"]
-            known = "size not known" if math.isnan(size) else f"changes loads by {size:.1e}"
-            word = "simulated" if row["simulated"] else "left out"
-            cost = "" if math.isnan(seconds) else f", {seconds:.2g} s"
-            parts.append(f"  {row['effect']}: {word}; {known}{cost}; {row['reason']}")
-    return Answer(parts, plan_table(plans), [asked.out] if asked.out else [])
+    if asked.figures is not None and asked.figures.exists() and not asked.figures.is_dir():
+        raise InputError(f"{asked.figures}: not a folder; --figures names one")
+    scene, body = Scene.from_toml(asked.scene), read_body(asked.scene)
+    warned = warn(*filter(None, [beyond_reach(scene, body.load)]))
+    plans = plan(scene)
+    if asked.out is not None:
+        write_frame(plan_table(plans), asked.out)
+    parts = [part for one in plans for part in scene_text(scene, one, body)]
+    reasons = plan_table(plans)[["texture", "effect", "number", "reason"]]
+    files, failed, problem = [asked.out] if asked.out else [], [], ""
+    if asked.figures is not None:
+        try:
+            failed = _draw(scene, plans, asked.figures)
+            files += files_in(asked.figures)
+        except OSError as error:  # the plan is told all the same
+            problem = f"{error.filename or asked.figures}: {error.strerror or error}"
+    return Answer(
+        parts, plan_table(plans), files, (reasons,), warnings=failed, told=warned, problem=problem
+    )
 
 
-def plan_job(scene: Scene, *, out: Path | None = None, figures: Path | None = None) -> list[Plan]:
-    """Plan a scene, write the table, draw the figures.
+def _new_scene(asked: options.Plan) -> Answer:
+    """Write a scene file to start from."""
+    path = asked.new
+    if path is None or asked.scene is not None or asked.verify:
+        raise InputError("--new: expected without a scene and --verify")
+    refuse_suffix(path, (".toml",))
+    refuse_existing(path, asked.force)
+    write_text(data_path("scenes/template.toml").read_text(encoding="utf-8"), path)
+    told = f"{path}: a scene to start from. Change its values, then: ridgebayes plan {path}"
+    return Answer((told,), files=[path])
+
+
+def _draw(scene: Scene, plans: Sequence[Plan], folder: Path) -> list[str]:
+    """Draw each texture, and return why a figure could not be made."""
+    # Here, not above: it loads matplotlib, which a plan alone does without.
+    from ridgebayes.commands.plan_figures import draw_plan
+
+    folder.mkdir(parents=True, exist_ok=True)
+    return [why for one in plans for why in draw_plan(scene, one, folder)]
+
+
+def scene_text(scene: Scene, one: Plan, body: Body) -> list[str | pd.DataFrame]:
+    """Say what a texture of a scene is: sentences, and its effects as a table.
 
     Parameters
     ----------
     scene : Scene
-        What is there.
-    out : Path, optional
-        CSV file to write.
-    figures : Path, optional
-        Folder to draw into, made if it does not exist: of each texture the body pressed by the
-        highest load, Q against load, and the size of each effect, as PNG and SVG.
-
-    Returns
-    -------
-    list of Plan
-        One per texture.
+        With the load.
+    one : Plan
+        Of one of its textures.
+    body : Body
+        What the scene file gives with units; may be empty.
     """
-    if figures is not None and figures.exists() and not figures.is_dir():
-        raise InputError(f"{figures}: not a folder; --figures names one")
-    plans = plan(scene)
-    if out is not None:
-        write_csv(plan_table(plans), out)
-    if figures is not None:
-        # Here, not above: it loads matplotlib, which a plan alone does without.
-        from ridgebayes.commands.plan_figures import draw_plan
+    texture = one.texture
+    lines = [
+        f"a/R = {texture.a_over_R:g}, b/R = {texture.b_over_R:g}: {_expected(scene, one, body)}"
+    ]
+    simulated = [effect for effect in one.effects if effect.simulated]
+    wanted = f"loads right to {percent(scene.relative)}" if scene.relative else "its loads"
+    sizes = ", ".join(
+        f"{effect.name} ({percent(effect.estimate)})"
+        for effect in simulated
+        if effect.estimate != 0
+    )
+    cost = duration(sum(effect.cost_s for effect in simulated))
+    cost = cost if cost.startswith("under") else f"about {cost}"
+    how = "finite elements" if one.needs_finite_elements else "the half-plane equation"
+    lines.append(f"To compute {wanted}, simulate: {sizes}. By {how} that takes {cost}.")
+    if one.left_out:
+        names = ", ".join(f"{effect.name} ({percent(effect.estimate)})" for effect in one.left_out)
+        lines.append(f"Not simulated, though it may matter: {names}.")
+    rows = [
+        {
+            "effect": effect.name,
+            "simulated": "yes" if effect.simulated else "no",
+            "changes loads by": percent(effect.estimate),
+            "takes": duration(effect.cost_s),
+        }
+        for effect in one.effects
+        if not math.isnan(effect.cost_s)
+    ]
+    unknown = ", ".join(effect.name for effect in one.effects if math.isnan(effect.cost_s))
+    return [*lines, pd.DataFrame(rows), f"Not modelled: {unknown}."]
 
-        figures.mkdir(parents=True, exist_ok=True)
-        for one in plans:
-            draw_plan(scene, one, figures)
-    return plans
+
+def _expected(scene: Scene, one: Plan, body: Body) -> str:
+    """Say which count and contact the highest load gives, by the half-plane equation."""
+    p = scene.highest_load(one.texture)
+    load = f"p/E = {p:.3g}"
+    if body.load and p == scene.p_over_E:
+        load = f"{body.load} ({load})"
+    alone = scene.model_copy(update={"textures": (one.texture,)})
+    (found,) = contact_at_loads(alone, [p]).to_dict("records")
+    if found["status"] != "ok":
+        return f"Q at {load} is not known: {found['status']}."
+    width = 2 * found["half_width_over_R"]
+    size = f"{width:.2g} R"
+    if body.radius is not None:
+        size += f" ({1e3 * width * float(body.radius):.2g} mm)"
+    mean = " on average over offsets" if one.texture.offset == "uniform" else ""
+    words = f"at {load} expect Q = {found['Q']:.3g}{mean} in a contact {size} wide"
+    return f"{words}, of which {percent(found['contact_fraction'])} touches."
 
 
 def plan_check_job(

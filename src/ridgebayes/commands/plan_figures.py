@@ -15,19 +15,43 @@ from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.drawing.scenes import plot_counts, plot_effects, plot_plan_check
 from ridgebayes.drawing.style import save
-from ridgebayes.errors import ComputationError
+from ridgebayes.errors import ComputationError, RidgebayesError
 from ridgebayes.report.figures.bodies import plot_deformed, plot_pressed
+from ridgebayes.runtime.text import one_line_message
 from ridgebayes.scene.effects import Plan, full_profile, plan_label, plan_table
+from ridgebayes.scene.estimates import HIGHEST_LOAD
 from ridgebayes.scene.scene import Scene
 
 _TOLERANCE = 1e-5  # of the curves
 _EDGES = 10.0  # a ridge, of the mesh
 
 
-def draw_plan(scene: Scene, one: Plan, folder: Path) -> None:
-    """Draw a texture's body at the highest load, Q against load, and the size of each effect."""
-    for name, figure in _figures(scene, one).items():
-        save(figure, folder / f"{name}-{plan_label(one.texture)}")
+def draw_plan(scene: Scene, one: Plan, folder: Path) -> list[str]:
+    """Draw a texture's body at the highest load, Q against load, and the size of each effect.
+
+    Returns
+    -------
+    list of str
+        Why there is none, of each figure that could not be made.
+    """
+    texture, p_max = one.texture, scene.highest_load(one.texture)
+    sharp = Profile(texture.a_over_R, texture.b_over_R)
+    profile = one.profile or (full_profile(texture) if one.needs_finite_elements else sharp)
+    failed = []
+    for name, make in {
+        "effects": lambda: plot_effects(plan_table([one]), scene.relative),
+        "counts": lambda: _counts(profile, sharp, scene, one),
+        "deformed": lambda: _deformed(profile, scene, one, p_max),
+    }.items():
+        label = f"{name}-{plan_label(texture)}"
+        try:
+            figure = make()
+        # Of what a solver cannot do there is no figure; of a full disk, below, there is an error.
+        except (RidgebayesError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+            failed.append(f"{label}: no figure: {one_line_message(error)}")
+        else:
+            save(figure, folder / label)
+    return failed
 
 
 def draw_check(found: pd.DataFrame, folder: Path) -> None:
@@ -35,26 +59,20 @@ def draw_check(found: pd.DataFrame, folder: Path) -> None:
     save(plot_plan_check(found), folder / "plan-check")
 
 
-def _figures(scene: Scene, one: Plan) -> dict[str, Figure]:
-    texture, p_max = one.texture, scene.highest_load(one.texture)
-    sharp = Profile(texture.a_over_R, texture.b_over_R)
-    profile = one.profile or (full_profile(texture) if one.needs_finite_elements else sharp)
-    figures = {
-        "deformed": _deformed(profile, scene, one, p_max),
-        "effects": plot_effects(plan_table([one]), scene.relative),
-    }
+def _counts(profile: Profile, sharp: Profile, scene: Scene, one: Plan) -> Figure:
+    p_max = scene.highest_load(one.texture)
     # The same line twice would hide the first: each profile goes by its first name.
     names: dict[Profile, str] = {profile: "as planned"}
-    names.setdefault(full_profile(texture), "all that the scene gives")
+    names.setdefault(full_profile(one.texture), "all that the scene gives")
     names.setdefault(sharp, "ridges alone")
     found = {name: _curve(each, scene, p_max) for each, name in names.items()}
     curves = {name: curve for name, curve in found.items() if len(curve[0])}
     smooth = _smooth(sharp, scene, p_max)
     if len(smooth[0]):
         curves["Hertz, no grooves"] = smooth
-    if curves:
-        figures["counts"] = plot_counts(curves)
-    return figures
+    if not curves:
+        raise ComputationError(f"no further ridges are reached under p/E = {p_max:g}")
+    return plot_counts(curves)
 
 
 def _deformed(profile: Profile, scene: Scene, one: Plan, p_max: float) -> Figure:
@@ -62,13 +80,13 @@ def _deformed(profile: Profile, scene: Scene, one: Plan, p_max: float) -> Figure
         return plot_pressed(
             solve_contact(profile, load_factor(scene.nu) * p_max, rel_tol=_TOLERANCE)
         )
+    if p_max > HIGHEST_LOAD:  # it would take minutes to find out
+        raise ComputationError(f"p/E = {p_max:.2g} is above {HIGHEST_LOAD:g}")
     body = Cylinder(profile, p_max=p_max, nu=scene.nu, friction=scene.friction, edges=_EDGES)
     try:
         return plot_deformed(body, body.at_load(p_max, body.unloaded()))
     except NotConvergedError as failed:
-        raise ComputationError(
-            f"{plan_label(one.texture)}: no figure of the body: {failed}"
-        ) from None
+        raise ComputationError(str(failed)) from None
 
 
 def _curve(profile: Profile, scene: Scene, p_max: float) -> tuple[FloatArray, FloatArray]:

@@ -13,6 +13,7 @@ import pandas as pd
 
 from ridgebayes._types import __version__
 from ridgebayes.commands.options import Output
+from ridgebayes.runtime.progress import VERBOSITY
 
 _MOST_NAMES = 16  # files and folders that one line lists
 
@@ -33,6 +34,8 @@ class Answer:
         What is shown with --verbose alone.
     warnings : sequence of str, optional
         What to bear in mind; on standard error.
+    told : sequence of str, optional
+        Warnings that were printed before the work.
     problem : str, optional
         What failed or did not converge: the program ends with exit code 1.
     """
@@ -42,6 +45,7 @@ class Answer:
     files: Sequence[Path] = ()
     details: Sequence[str | pd.DataFrame] = ()
     warnings: Sequence[str] = ()
+    told: Sequence[str] = ()
     problem: str = ""
 
 
@@ -67,7 +71,7 @@ def tell(command: str | None, answer: Answer, code: int, error: str, output: Out
             "command": command,
             "version": __version__,
             "exit_code": code,
-            "messages": [*sentences, *answer.warnings],
+            "messages": [*answer.told, *sentences, *answer.warnings],
             "files": answer.files,
             "result": answer.result,
         } | ({"error": error} if error else {})
@@ -80,10 +84,17 @@ def tell(command: str | None, answer: Answer, code: int, error: str, output: Out
         if answer.files and not (named and len(answer.files) == 1):
             print(f"Written: {_names(answer.files)}")
     sys.stdout.flush()
-    for warning in () if output.quiet else answer.warnings:
-        print(f"ridgebayes: warning: {warning}", file=sys.stderr)
+    if not output.quiet:
+        warn(*answer.warnings)
     if error:
         print(f"ridgebayes: {error}", file=sys.stderr)
+
+
+def warn(*warnings: str) -> tuple[str, ...]:
+    """Print warnings on standard error, unless the command is quiet, and return them."""
+    for warning in warnings if VERBOSITY.get() >= 0 else ():
+        print(f"ridgebayes: warning: {warning}", file=sys.stderr, flush=True)
+    return warnings
 
 
 def files_in(folder: Path) -> list[Path]:

@@ -46,6 +46,8 @@ def duration(seconds: float) -> str:
     >>> [duration(seconds) for seconds in (0.004, 0.44, 40.2, 90, 5400, 2e5)]
     ['under 0.1 s', '0.4 s', '40 s', '1.5 min', '1.5 h', '2.3 days']
     """
+    if math.isnan(seconds):
+        return "not known"
     if seconds < 0.1:
         return "under 0.1 s"
     if seconds < 60:
@@ -59,18 +61,20 @@ def duration(seconds: float) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share in per cent, to two digits; above 100 % as a factor says more.
+    """Return a share in per cent, to two digits where it is under 100 %.
 
     Examples
     --------
     >>> [percent(share) for share in (0.00312, 0.017, 0.25, 2e-7, 0.0, 1.9, float("inf"))]
     ['0.31 %', '1.7 %', '25 %', 'under 0.01 %', '0', '190 %', 'over 1000 %']
     """
+    if math.isnan(share):
+        return "not known"
     if share == 0:
         return "0"
     if share < 1e-4:
         return "under 0.01 %"
     if not share <= 10:
         return "over 1000 %"
-    digits = max(1 - math.floor(math.log10(100 * share)), 0)
-    return f"{100 * share:.{digits}f} %"
+    size = 100 * share
+    return f"{size:.2g} %" if size < 99.5 else f"{size:.0f} %"

@@ -19,6 +19,7 @@ from ridgebayes.contact.contact_solution import ContactSolution, load_factor, so
 from ridgebayes.contact.reaching import nearest_gap
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.text import percent
 from ridgebayes.scene.effects import (
     BY_FINITE_ELEMENTS,
     DEFAULT_RELATIVE,
@@ -38,6 +39,7 @@ _FINITE_BODY = 0.45
 _PER_PRESS, _PER_CUBE = 8e-4, 3e-11  # CPU seconds of a solution: fixed, and times unknowns cubed
 _MOST_LOOKED_AT = 64
 _PER_TRANSITION = 5.0  # CPU seconds of finite elements
+HIGHEST_LOAD = 0.1  # p/E to which loads were checked: docs/validation/cylinder.md
 
 
 def plan(scene: Scene) -> list[Plan]:
@@ -72,6 +74,26 @@ def plan(scene: Scene) -> list[Plan]:
     ('ridges', "Poisson's ratio")
     """
     return [_planned(_Base.of(scene, texture)) for texture in scene.textures]
+
+
+def beyond_reach(scene: Scene, written: str = "") -> str:
+    """Say that the highest load of a scene is beyond what was checked; nothing if it is not.
+
+    Parameters
+    ----------
+    scene : Scene
+        With its loads.
+    written : str, optional
+        The load with its unit, as a scene file has it.
+    """
+    highest = max(scene.highest_load(texture) for texture in scene.textures)
+    if highest <= HIGHEST_LOAD:
+        return ""
+    load = f"{written} is p/E = {highest:.2g}" if written else f"p/E = {highest:.2g}"
+    return (
+        f"{load}; this package computes to p/E = {HIGHEST_LOAD:g}. Above it finite elements often "
+        "end without a result, and half-plane loads, which are for small strain, are far off"
+    )
 
 
 def _too_narrow(texture: Texture, status: str) -> InputError:
@@ -128,6 +150,12 @@ class _Base:
     @property
     def tolerance(self) -> float:
         return self.scene.relative or DEFAULT_RELATIVE
+
+    @property
+    def wanted(self) -> str:
+        """The same in words."""
+        relative = self.scene.relative
+        return f"the wanted {percent(relative)}" if relative else "0, and no accuracy is stated"
 
     @cached_property
     def given(self) -> Profile:
@@ -199,7 +227,7 @@ def _decided(
 ) -> Effect:
     """Simulate an effect if its estimate, or its being unknown, exceeds the wanted accuracy."""
     simulated = not estimate <= base.tolerance
-    reason = f"{what}; {'above' if simulated else 'within'} the wanted {base.tolerance:g}"
+    reason = f"{what}; {'above' if simulated else 'within'} {base.wanted}"
     if math.isnan(estimate):
         reason = f"{what}; size not known, simulated to be safe"
     return Effect(name, number, estimate, simulated, reason, cost)
@@ -286,13 +314,13 @@ def _by_finite_elements(
     """Simulate an effect by finite elements where it exceeds both a stated accuracy and theirs."""
     wanted, simulated = base.tolerance, False
     if estimate <= wanted:
-        reason += f"within the wanted {wanted:g}"
+        reason += f"within {base.wanted}"
     elif estimate <= FINITE_ELEMENT_ERROR:
-        reason += f"below the error {FINITE_ELEMENT_ERROR:g} of finite elements"
+        reason += f"below the error of finite elements, {percent(FINITE_ELEMENT_ERROR)}"
     elif base.scene.relative is None and name == BY_FINITE_ELEMENTS[0]:
         reason += "a scene without a stated accuracy uses the half-plane"
     else:
-        reason, simulated = f"{reason}above the wanted {wanted:g}: finite elements", True
+        reason, simulated = f"{reason}above {base.wanted}: finite elements", True
     return Effect(name, number, estimate, simulated, reason, _PER_TRANSITION * len(base.W))
 
 
