@@ -48,6 +48,7 @@ _HOME = {
     "LoadDistribution": "predict.load_distribution",
     "Comparison": "comparison.comparison",
     "compare": "comparison.compare",
+    "friction_inputs": "friction.inputs",
     "write_report": "report",
 }
 __all__ = list(_HOME)
@@ -73,6 +74,7 @@ if TYPE_CHECKING:
     from ridgebayes.distributions.distribution import Gamma, HalfNormal, LogNormal, Normal
     from ridgebayes.distributions.empirical import Empirical
     from ridgebayes.errors import ComputationError, InputError, RidgebayesError
+    from ridgebayes.friction.inputs import friction_inputs
     from ridgebayes.inference.chains import SampleSettings
     from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
     from ridgebayes.predict.load_distribution import LoadDistribution

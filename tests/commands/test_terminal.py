@@ -26,6 +26,7 @@ WRONG = {
     "fit": ("no.csv", "--form", "hybrid"),
     "compare": ("no.csv",),
     "predict": ("no", "--texture", "0.02,0.02", "--p-over-E", "0.01", "-o", "b.csv"),
+    "friction": ("no", "no.toml", "-o", "x.nc"),
     "coverage": ("no.csv",),
     "plan": ("no.toml",),
     "cost": ("no.csv",),

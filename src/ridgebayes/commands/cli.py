@@ -32,6 +32,7 @@ _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "fit": ("fit", options.Fit),
     "compare": ("compare", options.Compare),
     "predict": ("predict", options.Predict),
+    "friction": ("friction", options.Friction),
     "coverage": ("coverage", options.Coverage),
     "plan": ("plan", options.Plan),
     "cost": ("cost", options.Cost),

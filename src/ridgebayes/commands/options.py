@@ -219,6 +219,29 @@ class Predict:
 
 
 @dataclass(frozen=True)
+class Friction:
+    """Draw counts and the contacts that go with them, for friction models, from a finished run."""
+
+    folder: RunFolder
+    scene: Annotated[Path, typer.Argument(help="Scene file of one texture.")]
+    out: Annotated[Path, typer.Option("-o", "--out", help="File to write: .nc, .parquet or .csv.")]
+    p_over_E: Annotated[
+        str | None,
+        typer.Option(
+            "--p-over-E", help="Loads p/E as LO:HI:N, evenly spaced, or log:LO:HI:N, log-spaced."
+        ),
+    ] = None
+    loads: Annotated[
+        int | None,
+        typer.Option(min=1, help="Equal steps to the scene's largest load. 20 if not given."),
+    ] = None
+    n: Annotated[int, typer.Option("--n", min=1, help="Draws.")] = 4000
+    edges: Annotated[bool, typer.Option("--edges", help="Add the forces on edges.")] = False
+    seed: Seed = 0
+    force: Force = False
+
+
+@dataclass(frozen=True)
 class Coverage:
     """Leave each texture out in turn and count how often the bands contain its loads."""
 

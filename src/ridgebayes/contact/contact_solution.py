@@ -7,6 +7,7 @@ end that is found from zero pressure, see `contact_set`.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import optimize
@@ -107,6 +108,15 @@ class ContactSolution:
             options={"xatol": 1e-6 * self.profile.b},
         )
         return float(-lowest.fun)
+
+    @cached_property
+    def penetrations(self) -> dict[int, float]:
+        """How deep the surface hangs into each groove between touched ridges, by ridge."""
+        numbers = [one.ridge for one in self.segments if one.ridge is not None]
+        if not numbers:
+            return {}
+        first = -1 if self.profile.mirrored and min(numbers) >= 0 else min(numbers)
+        return {number: self.penetration(number) for number in range(first, max(numbers))}
 
 
 def solve_contact(

@@ -93,7 +93,7 @@ def contact_at_loads(
 def _measures(found: ContactSolution) -> list[float]:
     """Return the count, contact fraction, half-width, approach and deepest penetration."""
     left, right = found.ends
-    deepest = max(_penetrations(found).values(), default=math.nan)
+    deepest = max(found.penetrations.values(), default=math.nan)
     return [found.Q, found.contact_fraction, 0.5 * (right - left), found.approach, deepest]
 
 
@@ -146,7 +146,7 @@ def ridge_forces(
     scene = _of_known_offset(scene)
     rows = []
     for label, load, (found,) in _solved(scene, p_over_E, solver, rel_tol):
-        profile, pressing, grooves = found.profile, found.pressing, _penetrations(found)
+        profile, pressing, grooves = found.profile, found.pressing, found.penetrations
         if not found.segments:
             rows.append([label, load, "", -1, *[math.nan] * 5, found.status])
         contacts = zip(found.covered.items(), pressing.forces.tolist(), strict=True)
@@ -263,12 +263,3 @@ def _solved(
         solutions = [solve_many_contacts(place, W, rel_tol=rel_tol) for place in places]
         for load, found in zip(loads.tolist(), zip(*solutions, strict=True), strict=True):
             yield label, load, found
-
-
-def _penetrations(found: ContactSolution) -> dict[int, float]:
-    """Return how deep the surface hangs into each groove between touched ridges."""
-    numbers = [one.ridge for one in found.segments if one.ridge is not None]
-    if not numbers:
-        return {}
-    first = -1 if found.profile.mirrored and min(numbers) >= 0 else min(numbers)
-    return {number: found.penetration(number) for number in range(first, max(numbers))}

@@ -1,0 +1,317 @@
+"""What many bodies do under many loads, interpolated between contacts that were solved.
+
+Contact of sharp ridges without floors is a function of W/pitch^2, groove over ridge, and the offset
+in pitches (the scale law). Loads of one count make an interval, whose ends are the loads that reach
+this count and the next. Within it quantities are smooth but where a free end reaches its corner, or
+the flat of a round one. Each piece between such loads is a polynomial in the root of its own
+coordinate, since a contact that begins grows like one.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.contact_solution import ContactSolution, solve_contact
+from ridgebayes.contact.edges import edge_forces
+from ridgebayes.contact.reaching import reaching_loads
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.errors import ComputationError, InputError
+
+_TOL = 1e-8
+_N_PIECE, _N_SCAN, _N_BISECTION = 8, 7, 16
+_INSIDE = 1e-5  # of an interval: at its very ends a contact is only rounding
+CLOSEST = 1e-4  # of an interval, by which loads stay away from its ends
+_CLOSEST_BETWEEN = 0.01  # where ends are interpolated between offsets
+_FROM = 1e-4  # of the load of the first change of the count: where the table begins
+_MOST_DISTINCT, _MOST_NODES = 32, 400
+_N_SMOOTH, _N_OFFSET = 9, 17  # nodes along an axis
+_FIXED = 5  # quantities before those of edges: see `ContactValues`
+
+
+@dataclass(frozen=True, eq=False)
+class ContactValues:
+    """Contacts of n bodies, each with one count Q; lengths over R.
+
+    Parameters
+    ----------
+    W : ndarray of float, shape (n,)
+        The load nearest to the wanted one at which the mechanics counts Q.
+    length : ndarray of float, shape (n,)
+        Sum of touching widths.
+    extent : ndarray of float, shape (n,)
+        Between the outermost ends of contact.
+    penetration : ndarray of float, shape (n,)
+        Deepest, into any groove; NaN where one ridge alone is touched.
+    share, largest_share : ndarray of float, shape (n,)
+        Of the load on all ridges (less than 1 where floors are touched), and on one.
+    x, K : ndarray of float, shape (n, 2 Q)
+        Edges from left to right, as `edges.EdgeForces`; K at nu = 0.
+    """
+
+    W: FloatArray
+    length: FloatArray
+    extent: FloatArray
+    penetration: FloatArray
+    share: FloatArray
+    largest_share: FloatArray
+    x: FloatArray
+    K: FloatArray
+
+
+class ResponseTable:
+    """Contacts of many bodies.
+
+    Parameters
+    ----------
+    profiles : ndarray of float, shape (n, 5)
+        a, b, depth, corner and offset of each, as of `Profile`.
+
+    Raises
+    ------
+    InputError
+        If so many of them vary that a table would take more than 400 shapes.
+
+    Notes
+    -----
+    *Accuracy.* Measured by whoever asks, with `solved`.
+
+    *Cost.* Some 0.1 s for each shape and count: up to 32 distinct shapes are solved each, more
+    are interpolated from 9 ratios of groove to ridge, or 17 offsets, or both.
+    """
+
+    def __init__(self, profiles: FloatArray) -> None:
+        a, b, depth, corner, offset = profiles.T
+        self._profiles = profiles
+        self.unit = np.where(corner > 0, 1.0, a + b)
+        with np.errstate(divide="ignore"):
+            columns = [np.log(b / a), np.abs(offset), np.log(depth / self.unit**2)]
+            columns += [np.log(corner / self.unit), np.log((a + b) / self.unit)]
+        at = np.stack(columns, axis=1).round(12)
+        distinct, self._place = np.unique(at, axis=0, return_inverse=True)
+        self._margin = CLOSEST
+        self._axes: list[tuple[FloatArray, FloatArray]] | None = None
+        if len(distinct) > _MOST_DISTINCT:
+            self._axes = [_axis(column, j == 1) for j, column in enumerate(at.T)]
+            if math.prod(len(nodes) for nodes, _ in self._axes) > _MOST_NODES:
+                raise InputError(
+                    "scene: too many values vary at once; expected certain widths and radius where "
+                    "corners are round or floors are touched"
+                )
+            if len(self._axes[1][0]) > 1:
+                self._margin = _CLOSEST_BETWEEN
+            mesh = np.meshgrid(*(nodes for nodes, _ in self._axes), indexing="ij")
+            distinct = np.stack([one.ravel() for one in mesh], axis=1)
+        self._shapes = [_Shape(_profile(row)) for row in distinct]
+
+    def _weights(self, index: IntArray) -> FloatArray:
+        """Return the weight of each shape, (n, n_shape)."""
+        if self._axes is None:
+            return (self._place.ravel()[index][:, None] == np.arange(len(self._shapes))) * 1.0
+        weights = np.ones((len(index), 1))
+        for _, own in self._axes:
+            weights = (weights[:, :, None] * own[index][:, None, :]).reshape(len(index), -1)
+        return weights
+
+    def at(self, index: IntArray, Q: int, W: FloatArray) -> ContactValues:
+        """Return the contacts of some bodies that all have the count Q, at loads near W.
+
+        Parameters
+        ----------
+        index : ndarray of int, shape (n,)
+            Which of the bodies.
+        Q : int
+            Even count.
+        W : ndarray of float, shape (n,)
+            Loads wanted.
+
+        Raises
+        ------
+        InputError
+            If a body never touches Q ridges: over a ridge's centre counts are odd.
+        ComputationError
+            If a contact cannot be solved.
+        """
+        weights, unit = self._weights(index), self.unit[index]
+        used = np.flatnonzero((weights != 0).any(axis=0))
+        weights, shapes = weights[:, used], [self._shapes[i] for i in used]
+        ends = np.array([np.log(one.interval(Q)) for one in shapes])
+        low, high = (weights @ ends).T
+        wanted = np.log(W / unit**2)
+        y = (wanted - low) / (high - low)
+        kept = np.clip(y, -np.inf if Q == 2 else self._margin, 1 - self._margin)
+        near = np.where(kept == y, W, np.exp(low + kept * (high - low)) * unit**2)
+        breaks = [one.pieces(Q)[0] for one in shapes]
+        alike = len({len(one) for one in breaks}) == 1
+        own = weights @ np.array(breaks) if alike else None
+        values = np.zeros((len(index), _FIXED + 4 * Q))
+        for i, one in enumerate(shapes):
+            values += weights[:, i, None] * one.values(Q, np.clip(kept, 0.0, 1.0), own)
+        x, K = np.split(values[:, _FIXED:], 2, axis=1)
+        mirrored = (self._profiles[index, 4] < 0)[:, None]
+        x, K = np.where(mirrored, -x[:, ::-1], x), np.where(mirrored, K[:, ::-1], K)
+        length, extent, penetration, share, largest = values[:, :_FIXED].T
+        lengths = (length * unit, extent * unit, penetration * unit**2)
+        edges = (x * unit[:, None], K * unit[:, None] ** 1.5)
+        return ContactValues(near, *lengths, share, largest, *edges)
+
+    def solved(self, i: int, Q: int, W: float) -> ContactValues:
+        """Return the contact of one body solved on its own, as `at` returns it."""
+        a, b, depth, corner, offset = self._profiles[i].tolist()
+        found = solve_contact(Profile(a, b, depth, corner, offset), W, rel_tol=_TOL)
+        values = _measured(found, Q)
+        length, extent, penetration, share, largest = values[:_FIXED, None]
+        x, K = np.split(values[None, _FIXED:], 2, axis=1)
+        return ContactValues(np.array([W]), length, extent, penetration, share, largest, x, K)
+
+
+def smooth_axis(column: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    """Return n Chebyshev nodes over a column's range, and polynomial weights of them, (.., n).
+
+    Examples
+    --------
+    >>> nodes, weights = smooth_axis(np.array([1.0, 1.5, 3.0]), 3)
+    >>> (weights @ nodes**2).round(12).tolist()
+    [1.0, 2.25, 9.0]
+    """
+    low, high = column.min(), column.max()
+    t = chebyshev.chebpts1(n)
+    at_nodes = np.linalg.inv(chebyshev.chebvander(t, n - 1))
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    return middle + half * t, chebyshev.chebvander((column - middle) / half, n - 1) @ at_nodes
+
+
+def _axis(column: FloatArray, is_offset: bool) -> tuple[FloatArray, FloatArray]:
+    """Return nodes along an axis and each body's weights of them, (n, n_node)."""
+    low, high = column.min(), column.max()
+    if not high > low:
+        return column[:1], np.ones((len(column), 1))
+    if is_offset:  # which end is free changes with it: no polynomial would do
+        nodes = np.linspace(low, min(high, 0.4999), _N_OFFSET)
+        place = np.interp(column, nodes, np.arange(_N_OFFSET))
+        return nodes, np.maximum(1 - np.abs(place[:, None] - np.arange(_N_OFFSET)), 0.0)
+    return smooth_axis(column, _N_SMOOTH)
+
+
+def _profile(at: FloatArray) -> Profile:
+    log_ratio, offset, log_depth, log_corner, log_pitch = at.tolist()
+    pitch, ratio = math.exp(log_pitch), math.exp(log_ratio)
+    a = pitch / (1 + ratio)
+    depth, corner = math.exp(log_depth), math.exp(log_corner)
+    return Profile(a, pitch - a, depth, min(corner, 0.5 * a), offset)
+
+
+class _Shape:
+    """One profile: its loads of each count, and the polynomials between them."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._events: tuple[FloatArray, IntArray] = np.empty(0), np.empty(0, dtype=np.int64)
+        self._kept: dict[int, tuple[FloatArray, list[FloatArray]]] = {}
+
+    def interval(self, Q: int) -> tuple[float, float]:
+        """Return the loads between which the count is Q."""
+        W, counts = self._events
+        while not len(counts) or counts[-1] <= Q:
+            top = max(4 * W[-1] if len(W) else 0.0, 0.5 * ((Q / 2 + 2) * self._profile.pitch) ** 2)
+            found = reaching_loads(self._profile, W_max=top, rel_tol=_TOL)
+            failed = [text for text in found.status if text != "ok"]
+            if failed:
+                raise ComputationError(f"contact of Q = {Q}: {failed[0]}")
+            W, counts = self._events = found.W, found.Q
+        i = int(np.searchsorted(counts, Q, side="right"))
+        if i == 0:
+            if counts[0] - 1 < Q or self._first != Q:
+                raise _never(Q, self._profile)
+            return float(W[0]) * _FROM, float(W[0])
+        if counts[i - 1] != Q:
+            raise _never(Q, self._profile)
+        return float(W[i - 1]), float(W[i])
+
+    @cached_property
+    def _first(self) -> int:
+        return solve_contact(self._profile, float(self._events[0][0]) * _FROM, rel_tol=_TOL).Q
+
+    def pieces(self, Q: int) -> tuple[FloatArray, list[FloatArray]]:
+        """Return where pieces end in 0 to 1, both ends included, and polynomials on each."""
+        if Q not in self._kept:
+            breaks = self._breaks(Q)
+            parts = [self._fitted(Q, low, high) for low, high in itertools.pairwise(breaks)]
+            self._kept[Q] = np.array(breaks), parts
+        return self._kept[Q]
+
+    def values(self, Q: int, y: FloatArray, breaks: FloatArray | None) -> FloatArray:
+        """Return what `_measured` does at places y; pieces end at own `breaks` (n, n_break)."""
+        own, parts = self.pieces(Q)
+        ends = np.broadcast_to(own, (len(y), len(own))) if breaks is None else breaks
+        piece = np.clip((y[:, None] >= ends).sum(axis=1) - 1, 0, len(parts) - 1)
+        rows = np.arange(len(y))
+        low, high = ends[rows, piece], ends[rows, piece + 1]
+        root = np.sqrt(np.clip((y - low) / (high - low), 0.0, 1.0))
+        found = np.empty((len(y), _FIXED + 4 * Q))
+        for i, part in enumerate(parts):
+            here = piece == i
+            found[here] = chebyshev.chebval(2 * root[here] - 1, part).T
+        return found
+
+    def _solve(self, Q: int, y: float, start: ContactSolution | None = None) -> ContactSolution:
+        low, high = self.interval(Q)
+        W = low * (high / low) ** min(max(y, _INSIDE), 1 - _INSIDE)
+        return solve_contact(self._profile, W, rel_tol=_TOL, start=start)
+
+    def _breaks(self, Q: int) -> list[float]:
+        """Return 0, where an end reaches its corner or the flat of a round one, and 1."""
+        grid = np.linspace(0.0, 1.0, _N_SCAN).tolist()
+        state = [self._state(Q, y) for y in grid]
+        breaks = [0.0]
+        for low, high, first, last in zip(grid, grid[1:], state, state[1:], strict=False):
+            if first == last:
+                continue
+            for _ in range(_N_BISECTION):
+                middle = 0.5 * (low + high)
+                low, high = (middle, high) if self._state(Q, middle) == first else (low, middle)
+            breaks.append(0.5 * (low + high))
+        bottom, top = self.interval(Q)
+        decades = round(math.log10(top / bottom))  # below the first change of the count
+        breaks += [i / decades for i in range(1, decades)]
+        return sorted([*breaks, 1.0])
+
+    def _state(self, Q: int, y: float) -> tuple[bool, ...]:
+        flats = ((segment.flat, ends) for segment, ends in self._solve(Q, y).covered.items())
+        return tuple(x for flat, (a, b) in flats for x in (a > flat[0], b < flat[1]))
+
+    def _fitted(self, Q: int, low: float, high: float) -> FloatArray:
+        """Return Chebyshev coefficients of what `_measured` returns, (n_piece, 5 + 4 Q)."""
+        t, values, last = chebyshev.chebpts2(_N_PIECE), [], None
+        for root in (0.5 * (t + 1)).tolist():
+            last = self._solve(Q, low + root**2 * (high - low), last)
+            values.append(_measured(last, Q))
+        matrix = chebyshev.chebvander(t, _N_PIECE - 1)
+        return np.asarray(np.linalg.solve(matrix, np.array(values)), dtype=np.float64)
+
+
+def _measured(found: ContactSolution, Q: int) -> FloatArray:
+    """Return what `ContactValues` has from its length on, as one array, shape (5 + 4 Q,)."""
+    if found.status != "ok" or found.Q != Q:
+        raise ComputationError(f"contact of Q = {Q}: {found.status}, Q = {found.Q}")
+    first, last = found.ends
+    on_ridges = np.array([segment.ridge is not None for segment in found.segments])
+    share = (found.pressing.forces / found.pressing.load)[on_ridges]
+    times = found.pressing.intervals.weight[on_ridges]
+    deepest = max(found.penetrations.values(), default=math.nan)
+    edges = edge_forces(found, 0.0)
+    kept = ~edges.is_floor
+    fixed = [found.contact_fraction * (last - first), last - first, deepest]
+    fixed += [share @ times, share.max()]
+    return np.concatenate([fixed, edges.x[kept], edges.K[kept]])
+
+
+def _never(Q: int, profile: Profile) -> InputError:
+    return InputError(
+        f"offset: expected one at which {Q} ridges are touched under some load, got "
+        f"{profile.offset!r} (over a ridge's centre counts are odd)"
+    )

@@ -1,0 +1,76 @@
+"""Joint draws as files: NetCDF, Parquet and CSV."""
+
+import os
+from collections.abc import Iterable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from ridgebayes.errors import InputError
+from ridgebayes.friction.inputs import joined
+from ridgebayes.runtime.atomic import replacing
+
+SUFFIXES = (".nc", ".parquet", ".csv")
+
+
+def check_name(path: Path) -> None:
+    """Refuse a file of another kind."""
+    if path.suffix not in SUFFIXES:
+        raise InputError(f"{path}: expected a file of {', '.join(SUFFIXES)}")
+
+
+def write_inputs(blocks: xr.Dataset | Iterable[xr.Dataset], path: str | os.PathLike[str]) -> None:
+    """Write draws; those that come in blocks are written one by one, but into NetCDF.
+
+    Parameters
+    ----------
+    blocks : xarray.Dataset or iterable of xarray.Dataset
+        What `friction_inputs` returns, or `InputDraws.blocks` yields.
+    path : str or path
+        File to write, whole or not at all: .nc; .parquet or .csv, a row a draw and load (with edges
+        a row an edge). Attributes go into NetCDF and into the metadata of Parquet.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another, or pyarrow is missing for Parquet.
+    """
+    target = Path(path)
+    check_name(target)
+    parts = [blocks] if isinstance(blocks, xr.Dataset) else blocks
+    with replacing(target) as part:
+        if target.suffix == ".nc":
+            joined(list(parts)).to_netcdf(part, engine="h5netcdf")
+        elif target.suffix == ".csv":
+            for i, one in enumerate(parts):
+                _frame(one).to_csv(part, mode="a" if i else "w", header=not i, index=False)
+        else:
+            _write_parquet(parts, part)
+
+
+def _write_parquet(parts: Iterable[xr.Dataset], path: Path) -> None:
+    try:
+        import pyarrow as pa  # heavy, and an extra
+        from pyarrow import parquet
+    except ImportError:
+        raise InputError(
+            f"{path}: Parquet needs pyarrow: pip install 'ridgebayes[parquet]'"
+        ) from None
+    writer: Any = None
+    with ExitStack() as open_files:
+        for one in parts:
+            table = pa.Table.from_pandas(_frame(one), preserve_index=False)
+            if writer is None:
+                about = {name: str(value) for name, value in one.attrs.items()}
+                schema = table.schema.with_metadata((table.schema.metadata or {}) | about)
+                writer = open_files.enter_context(parquet.ParquetWriter(path, schema))
+            writer.write_table(table.cast(writer.schema))
+
+
+def _frame(one: xr.Dataset) -> pd.DataFrame:
+    """Return a row a draw and load, or an edge of it."""
+    frame = one.to_dataframe().reset_index()
+    return frame[frame["edge_side"] != 0] if "edge" in one.dims else frame

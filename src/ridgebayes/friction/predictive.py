@@ -1,0 +1,156 @@
+"""Draws of Q from a posterior predictive, each on its own texture, over all loads at once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.response_table import smooth_axis
+from ridgebayes.contact.scaling import Texture, reduced_load
+from ridgebayes.errors import InputError
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.model.forms import PowerLaw
+from ridgebayes.predict.extrapolation import CalibratedRange, Flags
+from ridgebayes.predict.predict import N_LOAD_DRAWS
+from ridgebayes.predict.predictive_cdf import PosteriorLoads, distinct
+
+_MOST_TEXTURES, _N_RATIO = 16, 9
+_LARGEST_Q = 2_000
+_Q_BLOCK = 16
+
+
+@dataclass(frozen=True, eq=False)
+class PredictiveDraws:
+    """Counts drawn for m bodies at L loads each.
+
+    Parameters
+    ----------
+    Q : ndarray of int, shape (m, L)
+        Even counts; of one body they never fall as the load rises.
+    draw_index : ndarray of int, shape (m,)
+        Which of the posterior's `draws` each used.
+    flags : ndarray of uint8, shape (m, L)
+        What lies beyond the calibrated range.
+    """
+
+    Q: IntArray
+    draw_index: IntArray
+    flags: Flags
+
+
+class PredictiveSampler:
+    """Draws Q from one posterior for bodies whose textures may all differ.
+
+    Parameters
+    ----------
+    fit : Posterior
+        Posterior.
+    a, b : ndarray of float, shape (n,)
+        Ridge and groove width over R of all bodies.
+
+    Raises
+    ------
+    InputError
+        If textures vary and the form does not depend on lengths over the pitch alone.
+
+    Notes
+    -----
+    Up to 16 distinct textures are each treated as `predict` does. More of them are new ones: loads
+    go with the square of the pitch, and between ratios of ridge to pitch the form's log load is
+    interpolated by a polynomial through 9 of them. Offsets are those of the nearest of these.
+    """
+
+    def __init__(self, fit: Posterior, a: FloatArray, b: FloatArray) -> None:
+        n = N_LOAD_DRAWS if fit.model.offsets is not None else len(fit.draws)
+        n //= 1 if fit.noise.tail == "normal" else 2
+        self._fit, self._loads = fit, PosteriorLoads.of(fit, n, "simulation")
+        self._stride = -(-len(fit.draws) // n)
+        if fit.model.offsets is not None:
+            self._stride = fit.offsets_given(self._stride)[0]
+        self._range, self._a, self._b = CalibratedRange.of(fit), a, b
+        first, place = distinct(a, b)
+        self._weights: FloatArray | None = None
+        self._log_pitch2 = np.zeros(len(a))
+        if len(first) > _MOST_TEXTURES:
+            ratio = a / (a + b)
+            nodes, self._weights = smooth_axis(ratio, _N_RATIO)
+            place = np.abs(ratio[:, None] - nodes).argmin(axis=1)
+            self._log_pitch2 = 2 * np.log(a + b)
+            self._textures = [(x, 1 - x) for x in nodes.tolist()]
+            self._check_scale_law()
+        else:
+            self._textures = list(zip(a[first].tolist(), b[first].tolist(), strict=True))
+        self._place = place
+        self._known: dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
+
+    def _check_scale_law(self) -> None:
+        x, y = self._textures[0]
+        Q = np.array([4, 6])
+        if isinstance(self._fit.form, PowerLaw):
+            return
+        twice = self._loads.load((2 * x, 2 * y), Q, 0.5) / self._loads.load((x, y), Q, 0.5)
+        if not np.allclose(twice[np.isfinite(twice)], 4):
+            raise InputError(
+                f"{self._fit.form.name}: expected loads that go with the square of the pitch where "
+                "widths vary, got others"
+            )
+
+    def draw(
+        self, index: IntArray, p: FloatArray, nu: FloatArray, rng: np.random.Generator
+    ) -> PredictiveDraws:
+        """Draw counts.
+
+        Parameters
+        ----------
+        index : ndarray of int, shape (m,)
+            Which of the bodies.
+        p : ndarray of float, shape (m, L)
+            Loads p/E.
+        nu : ndarray of float, shape (m,)
+            Poisson's ratios.
+        rng : numpy.random.Generator
+            Source of randomness.
+        """
+        which = rng.integers(len(self._loads.theta), size=len(index))
+        u = rng.random(len(index))
+        score = special.ndtri(u)
+        if self._loads.df is not None:
+            score = special.stdtrit(self._loads.df[which], u)
+        with np.errstate(divide="ignore"):
+            y = np.log(reduced_load(p, nu[:, None])) - self._log_pitch2[index][:, None]
+        Q, alive, block = np.full(p.shape, 2), np.ones(p.shape, dtype=bool), 0
+        while alive.any():
+            if 2 * _Q_BLOCK * block > _LARGEST_Q:
+                raise InputError(f"loads: expected counts up to {_LARGEST_Q}, got more")
+            for location, scale in self._log_loads(index, which, block):
+                # One score a draw: a load cannot reach a further ridge before a nearer one.
+                alive &= y >= (location + scale * score)[:, None]
+                Q += 2 * alive
+            block += 1
+        a, b = self._a[index], self._b[index]
+        flags = self._range.load_flags(p, nu[:, None]) | self._range.count_flags(Q)
+        flags |= self._range.texture_flags(a, b)[:, None]
+        return PredictiveDraws(Q, which * self._stride, flags)
+
+    def _log_loads(
+        self, index: IntArray, which: IntArray, block: int
+    ) -> Sequence[tuple[FloatArray, FloatArray]]:
+        """Return location and scale of each body's log load of the counts of a block, at nu 0.5."""
+        if block not in self._known:
+            counts = 4 + 2 * (np.arange(_Q_BLOCK) + _Q_BLOCK * block)
+            self._known[block] = [self._at(texture, counts) for texture in self._textures]
+        own, location, scale = (np.stack(each) for each in zip(*self._known[block], strict=True))
+        near = self._place[index]
+        found = location[near, which]
+        if self._weights is not None and not isinstance(self._fit.form, PowerLaw):
+            with np.errstate(invalid="ignore"):
+                apart = np.einsum("mj,jmq->mq", self._weights[index], own[:, which])
+                found = np.nan_to_num(found - own[near, which] + apart, nan=np.inf)
+        return list(zip(found.T, scale[near, which].T, strict=True))
+
+    def _at(self, texture: Texture, Q: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        own = np.log(self._loads.load(texture, Q, 0.5))
+        location, scale = self._loads.log_load(texture, Q, 0.5, "simulation")
+        return own, location, np.array(scale)

@@ -1,0 +1,91 @@
+"""Interpolated contacts, against the contacts themselves."""
+
+import numpy as np
+import pytest
+
+from ridgebayes.contact.reaching import reaching_loads
+from ridgebayes.contact.response_table import CLOSEST, ResponseTable
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.errors import InputError
+
+A, B = 0.022, 0.02
+
+
+def profiles(n=1, a=A, b=B, depth=np.inf, corner=0.0, offset=0.0):
+    columns = (a, b, depth, corner, offset)
+    return np.column_stack([np.broadcast_to(np.asarray(one, float), n) for one in columns])
+
+
+def worst(table, n_body, Q, n=6, seed=1):
+    """Largest relative error of lengths and forces, and of K over the largest K."""
+    rng = np.random.default_rng(seed)
+    index = rng.integers(n_body, size=n)
+    wanted = 0.5 * (0.5 * Q * table.unit[index]) ** 2 * rng.uniform(0.3, 2.0, n)
+    if table.unit[0] == 1:
+        wanted *= (A + B) ** 2
+    found = table.at(index, Q, wanted)
+    errors = []
+    for i in range(n):
+        exact = table.solved(int(index[i]), Q, float(found.W[i]))
+        for name in ("length", "extent", "penetration", "share", "largest_share"):
+            errors.append(abs(getattr(found, name)[i] / getattr(exact, name)[0] - 1))
+        errors.append(np.abs(found.x[i] - exact.x).max() / exact.extent[0])
+        K = exact.K.max()
+        errors.append(0.1 * np.abs(found.K[i] - exact.K).max() / K if K else 0.0)
+    return max(errors)
+
+
+@pytest.mark.parametrize(
+    ("changed", "Q"),
+    [
+        ({}, 2),
+        ({}, 8),
+        ({"offset": -0.2}, 4),
+        pytest.param({"corner": 0.002}, 4, marks=pytest.mark.slow),
+        pytest.param({"depth": 6e-4}, 6, marks=pytest.mark.slow),
+    ],
+)
+def test_response_table__of_one_body_is_its_contact(changed, Q):
+    # Discretisation: polynomials of degree 7 on each piece.
+    assert worst(ResponseTable(profiles(**changed)), 1, Q) < 3e-4
+
+
+@pytest.mark.slow
+def test_response_table__of_many_textures_is_the_contact_of_each():
+    rng, n = np.random.default_rng(2), 500
+    spread = np.exp(0.1 * rng.standard_normal((2, n)))
+    table = ResponseTable(profiles(n, a=A * spread[0], b=B * spread[1]))
+    assert max(worst(table, n, Q) for Q in (2, 6)) < 3e-4
+
+
+@pytest.mark.slow
+def test_response_table__of_many_offsets_is_roughly_the_contact_of_each():
+    offset = np.random.default_rng(3).uniform(-0.45, 0.45, 100)
+    # Linear between 17 offsets, which ends are free changes between them.
+    assert worst(ResponseTable(profiles(100, offset=offset)), 100, 4, n=12) < 0.02
+
+
+def test_response_table__loads_are_the_nearest_of_that_count():
+    events = reaching_loads(Profile(A, B), W_max=0.01)
+    low, high = events.W[1], events.W[2]  # Q = 6
+    table = ResponseTable(profiles())
+    found = table.at(np.zeros(3, dtype=int), 6, np.array([0.5 * low, 0.5 * (low + high), 2 * high]))
+    assert low < found.W[0] < low * (1 + CLOSEST)
+    assert found.W[1] == 0.5 * (low + high)
+    assert high * (1 - CLOSEST) < found.W[2] < high
+
+
+def test_response_table__a_mirrored_body_has_mirrored_edges():
+    right, left = (ResponseTable(profiles(offset=o)) for o in (0.2, -0.2))
+    both = [one.at(np.zeros(1, dtype=int), 4, np.array([0.002])) for one in (right, left)]
+    np.testing.assert_allclose(both[0].x, -both[1].x[:, ::-1])
+    np.testing.assert_allclose(both[0].K, both[1].K[:, ::-1])
+
+
+def test_response_table__refuses_what_it_cannot_hold():
+    with pytest.raises(InputError, match="over a ridge's centre counts are odd"):
+        ResponseTable(profiles(offset=0.5)).at(np.zeros(1, dtype=int), 4, np.array([0.002]))
+    rng = np.random.default_rng(1)
+    a, corner, depth = (x * rng.uniform(0.9, 1.1, 100) for x in (A, 0.002, 6e-4))
+    with pytest.raises(InputError, match="too many values vary at once"):
+        ResponseTable(profiles(100, a=a, corner=corner, depth=depth))
