@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ridgebayes.commands import options
-from ridgebayes.commands.parsing import parse_texture, refuse_existing
+from ridgebayes.commands.parsing import medians_taken, parse_texture, refuse_existing
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.atomic import exclusive_lock
@@ -57,7 +57,7 @@ def command(asked: options.Generate) -> Answer:
     failed = len(table.left_out)
     told = f"{asked.out}: {len(table)} rows, {len(table.textures)} textures, {failed} not ok"
     return Answer(
-        (told, *left_out),
+        (told, *medians_taken(wanted), *left_out),
         {"rows": len(table), "textures": len(table.textures), "not_ok": failed},
         [asked.out, *(files_in(asked.fields) if asked.fields else ())],
         told=warned,

@@ -10,6 +10,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.scene.body import Body
+from ridgebayes.scene.scene import Scene
 
 _LOADS = "one load, LO:HI:N or log:LO:HI:N with 0 < LO <= HI and N >= 1, such as 0.001:0.02:50"
 
@@ -97,3 +98,9 @@ def parse_loads(
     if not 0 < ends[0] <= ends[1] < float("inf") or count < 1:
         raise InputError(f"{option} {text!r}: expected {_LOADS}")
     return np.geomspace(*ends, count) if is_log else np.linspace(*ends, count)
+
+
+def medians_taken(scene: Scene) -> list[str]:
+    """Return a line that says of which values of a scene medians are taken, if of any."""
+    names = ", ".join(scene.uncertain_names)
+    return [f"medians are taken of {names}"] if names else []

@@ -8,7 +8,7 @@ import pandas as pd
 
 from ridgebayes.checks.plan_check import check_plans, sobol_scenes
 from ridgebayes.commands import options
-from ridgebayes.commands.parsing import refuse_existing, refuse_suffix
+from ridgebayes.commands.parsing import medians_taken, refuse_existing, refuse_suffix
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError
@@ -50,7 +50,8 @@ def command(asked: options.Plan) -> Answer:
     plans = plan(scene)
     if asked.out is not None:
         write_frame(plan_table(plans), asked.out)
-    parts = [part for one in plans for part in scene_text(scene, one, body)]
+    parts: list[str | pd.DataFrame] = [*medians_taken(scene)]
+    parts += [part for one in plans for part in scene_text(scene, one, body)]
     reasons = plan_table(plans)[["texture", "effect", "number", "reason"]]
     files, failed, problem = [asked.out] if asked.out else [], [], ""
     if asked.figures is not None:

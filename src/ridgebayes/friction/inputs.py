@@ -175,6 +175,8 @@ class InputDraws:
                 np.stack([rows.a_over_R[rows.texture], rows.Q, rows.log_load]).tobytes()
             ).hexdigest(),
         }
+        if scene.uncertain is not None:
+            self._attrs["scene_distributions"] = json.dumps(scene.uncertain.texts)
         if isinstance(source, Comparison):
             self._attrs["table_digest"] = source.table.digest()
 

@@ -1,13 +1,15 @@
 """Draws of a scene's values: all alike where it is certain of them."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.randomness import stream
 from ridgebayes.scene.scene import Scene
+from ridgebayes.table.columns import LARGEST_LOAD, LARGEST_WIDTH, LEAST_WIDTH
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,20 +53,47 @@ def draw_scene(scene: Scene, n: int, seed: int) -> SceneDraws:
     Raises
     ------
     InputError
-        If there are several textures.
+        If there are several textures, or a draw breaks a rule of a scene.
     """
     if len(scene.textures) != 1:
         raise InputError(f"scene: expected one texture, got {len(scene.textures)}")
     texture = scene.textures[0]
-    values = {
+    values: dict[str, Any] = {
         "a": texture.a_over_R,
         "b": texture.b_over_R,
         "depth": texture.groove_depth_over_R or np.inf,
         "corner": texture.corner_radius_over_R,
+        "offset": texture.offset,
+        "nu": scene.nu,
+        "p_over_E": scene.highest_load(texture),
     }
-    profile = {name: np.full(n, float(value)) for name, value in values.items()}
-    if texture.offset == "uniform":
-        profile["offset"] = stream(seed, "offset").uniform(-0.5, 0.5, n)
-    else:
-        profile["offset"] = np.full(n, float(texture.offset))
-    return SceneDraws(profile, np.full(n, scene.nu), np.full(n, scene.highest_load(texture)))
+    if scene.uncertain is not None:
+        values |= scene.uncertain.draw(n, seed)
+    if isinstance(values["offset"], str):
+        values["offset"] = stream(seed, "scene", "offset").uniform(-0.5, 0.5, n)
+    drawn = {name: np.array(np.broadcast_to(value, n), float) for name, value in values.items()}
+    _check(drawn)
+    profile = {name: drawn.pop(name) for name in ("a", "b", "depth", "corner", "offset")}
+    return SceneDraws(profile, drawn.pop("nu"), drawn.pop("p_over_E"), drawn)
+
+
+def _check(drawn: dict[str, FloatArray]) -> None:
+    """Refuse draws that break a rule of a scene."""
+    a, depth, corner = drawn["a"], drawn["depth"], drawn["corner"]
+    for name in ("a", "b"):
+        _refuse(name, drawn, (drawn[name] >= LEAST_WIDTH) & (drawn[name] <= LARGEST_WIDTH), "> 0")
+    _refuse("corner", drawn, (corner >= 0) & (corner <= 0.5 * a), "0 to half the ridge width")
+    _refuse("depth", drawn, (depth > 0) & (2 * depth >= corner), "> 0, at least half the corner")
+    _refuse("offset", drawn, np.abs(drawn["offset"]) <= 0.5, "-0.5 to 0.5 pitches")
+    _refuse("nu", drawn, (drawn["nu"] >= 0) & (drawn["nu"] <= 0.5), "0 to 0.5")
+    p = drawn["p_over_E"]
+    _refuse("p_over_E", drawn, (p > 0) & (p <= LARGEST_LOAD), "finite and > 0")
+
+
+def _refuse(name: str, drawn: dict[str, FloatArray], holds: BoolArray, rule: str) -> None:
+    if not holds.all():
+        bad = drawn[name][~holds]
+        raise InputError(
+            f"scene: {name} (over R or E): {len(bad)} of {len(holds)} draws break a rule: expected "
+            f"{rule}, got {bad[0]:g}; a truncated distribution keeps within bounds"
+        )

@@ -4,13 +4,14 @@ import itertools
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, field_validator, model_validator
 
+from ridgebayes._types import Json
 from ridgebayes.errors import InputError
 from ridgebayes.scene import fields
-from ridgebayes.scene.toml import read_scene_file, scene_text
+from ridgebayes.scene.toml import DEFAULT_LOAD, read_scene_file, scene_text, scene_values
 from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
 
 
@@ -77,6 +78,8 @@ class Scene(fields.Record):
         Coulomb's coefficient.
     relative : float or None, scalar, dimensionless
         Wanted relative accuracy of each transition load; None leaves it to the solver.
+    uncertain : scene.uncertain.Uncertain or None, optional
+        Distributions of values whose medians stand above; made by `from_toml` and `from_dict`.
 
     Examples
     --------
@@ -87,9 +90,10 @@ class Scene(fields.Record):
 
     textures: Annotated[tuple[Texture, ...], Field(min_length=1)]
     nu: fields.PoissonsRatio = 0.5
-    p_over_E: fields.Positive = 0.02
+    p_over_E: fields.Positive = DEFAULT_LOAD
     friction: fields.NotNegative = 0.0
     relative: fields.Relative | None = None
+    uncertain: Annotated[Any, Field(exclude=True, repr=False)] = None
 
     def highest_load(self, texture: Texture) -> float:
         """Return the highest load on one of the textures: its own, or the scene's.
@@ -202,12 +206,62 @@ class Scene(fields.Record):
             If the file cannot be read or a key breaks a rule: one message that names the file
             and every such key with its value and rule.
         """
-        values = read_scene_file(Path(path))
+        return cls._of_values(read_scene_file(Path(path)), str(path))
+
+    @classmethod
+    def from_dict(cls, data: Json) -> "Scene":
+        """Make a scene of what a scene file says, with values of a program among them.
+
+        Parameters
+        ----------
+        data : dict
+            Tables and keys of a scene file. A value may also be a frozen distribution of
+            scipy.stats, an array of draws, or a callable of a numpy generator that returns one
+            draw: in SI units where others have units.
+
+        Returns
+        -------
+        Scene
+            With medians; `uncertain` keeps what is drawn from.
+
+        Raises
+        ------
+        InputError
+            As `from_toml`.
+
+        Examples
+        --------
+        >>> from scipy import stats
+        >>> body = {"radius": "8 mm", "youngs_modulus": stats.lognorm(0.2, scale=60e3)}
+        >>> texture = {"ridge_width": "0.2 mm", "groove_width": "lognormal(0.16 mm, 5 %)"}
+        >>> scene = Scene.from_dict({"body": body, "texture": texture, "load": {"max": "1.2 kPa"}})
+        >>> scene.textures[0].b_over_R, scene.p_over_E, sorted(scene.uncertain.sources)
+        (0.02, 0.02, ['body.youngs_modulus', 'texture.groove_width'])
+        """
+        return cls._of_values(scene_values(data), "scene")
+
+    @classmethod
+    def _of_values(cls, values: Json, where: str) -> "Scene":
         try:
             textures = tuple(Texture(**texture) for texture in values.pop("textures"))
             return cls(textures=textures, **values)
         except InputError as error:
-            raise InputError(f"{path}: {error}") from None
+            raise InputError(f"{where}: {error}") from None
+
+    @property
+    def uncertain_names(self) -> tuple[str, ...]:
+        """Places of a scene file whose values are distributions."""
+        return () if self.uncertain is None else tuple(self.uncertain.sources)
+
+    def at_medians(self) -> "Scene":
+        """Return the scene of the medians alone.
+
+        Returns
+        -------
+        Scene
+            Certain of everything.
+        """
+        return self.model_copy(update={"uncertain": None})
 
     def to_toml(self, path: str | os.PathLike[str]) -> None:
         """Write the scene, free of units: `Scene.from_toml` gives back an equal one.
@@ -221,7 +275,14 @@ class Scene(fields.Record):
         ------
         OSError
             If the file cannot be written.
+        InputError
+            If the scene is uncertain: distributions are not written back.
         """
+        if self.uncertain is not None:
+            raise InputError(
+                f"scene: {', '.join(self.uncertain_names)}: distributions cannot be written; "
+                "`at_medians()` gives the scene of the medians"
+            )
         textures = [one.model_dump(exclude_defaults=True) for one in self.textures]
         text = scene_text(self.model_dump() | {"textures": textures})
         Path(path).write_text(text, encoding="utf-8")

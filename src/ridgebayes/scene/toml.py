@@ -3,29 +3,43 @@
 Keys: `[body]` radius, youngs_modulus, poissons_ratio; `[texture]` (or several `[[texture]]`)
 ridge_width, groove_width, groove_depth, corner_radius, offset, role, max_p_over_E; `[load]` one
 of max (p), line (P' = 2 R p), force with length (of the cylinder) and p_over_E, and friction;
-`[accuracy]` relative.
+`[accuracy]` relative. Radius, modulus, ratio, widths, depth, radius of corners, offset and load may
+be distributions (`distributions.grammar`); those that go together are named by `[[joint]]`: `of`,
+their places such as body.radius, and `correlation`, the matrix of their normal scores.
 """
 
 import json
-import re
 import tomllib
 from dataclasses import dataclass
 from difflib import get_close_matches
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
 
 from ridgebayes._types import Json
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
-from ridgebayes.runtime.text import one_line_message
 from ridgebayes.scene import fields
 from ridgebayes.scene.body import Body
-from ridgebayes.scene.units import Dimension, to_si, with_point
+from ridgebayes.scene.syntax import syntax_error
+from ridgebayes.scene.units import Dimension, to_si
 
+if TYPE_CHECKING:
+    from ridgebayes.scene.uncertain import Uncertain
+
+DEFAULT_LOAD = 0.02  # p/E of the study
 # A texture's keys in a file, and the fields of a `Texture` that they become.
 _TEXTURE_KEYS = {
     "ridge_width": "a_over_R",
@@ -40,14 +54,23 @@ _TEXTURE_KEYS = {
 
 @dataclass(frozen=True)
 class _Measure:
-    """A number in SI units, or the plain number of a file without units; and what was written."""
+    """A number in SI units, or the plain number of a file without units; and what was written.
+
+    Of a distribution the median, and where draws come from.
+    """
 
     value: Fraction
-    raw: str | float
+    raw: Any
+    source: Any = None  # a `scene.uncertain.Source`
+    has_unit: bool | None = None  # None: neither, as numbers of a program
 
 
-def _measured(dimension: Dimension, raw: object, *, may_be_zero: bool = False) -> _Measure:
-    """Read a quantity: text with a unit, or a plain number."""
+def _measured(
+    dimension: Dimension, raw: object, info: ValidationInfo, *, may_be_zero: bool = False
+) -> _Measure:
+    """Read a quantity: text with a unit, a plain number, or a distribution of either."""
+    if (found := _uncertain(dimension, raw, info, may_be_zero)) is not None:
+        return found
     if not isinstance(raw, str | int | float) or isinstance(raw, bool):
         raise ValueError("must be a number, or text with a number and a unit")
     try:
@@ -59,9 +82,37 @@ def _measured(dimension: Dimension, raw: object, *, may_be_zero: bool = False) -
         raise ValueError("must be finite") from None
     if value < 0 or (value == 0 and not may_be_zero):
         raise ValueError(f"must be {'>= 0' if may_be_zero else '> 0'}")
-    return _Measure(value, raw)
+    return _Measure(value, raw, has_unit=isinstance(raw, str))
 
 
+def _uncertain(
+    dimension: Dimension | None, raw: object, info: ValidationInfo, may_be_zero: bool = True
+) -> _Measure | None:
+    """Return the measure of a distribution; None if there is none."""
+    if isinstance(raw, int | float | list | dict) or (isinstance(raw, str) and "(" not in raw):
+        return None
+    # Here, not above: it loads scipy, which a scene that is certain does without.
+    from ridgebayes.scene.uncertain import read_source
+
+    try:
+        found = read_source(dimension, raw, (info.context or {}).get("folder", Path()))
+        if found is not None and not may_be_zero:
+            found[0].refuse_below(0.0, "must be > 0")
+    except InputError as error:
+        raise ValueError(str(error)) from None
+    return None if found is None else _Measure(Fraction(repr(found[1])), raw, found[0], found[2])
+
+
+def _or_uncertain(raw: object, plain: ValidatorFunctionWrapHandler, info: ValidationInfo) -> object:
+    """Read a number without a unit as the records do, or a distribution whose median they take."""
+    found = _uncertain(None, raw, info)
+    if found is None:
+        return plain(raw)
+    plain(float(found.value))
+    return found
+
+
+_Uncertain = WrapValidator(_or_uncertain)
 _Length = Annotated[_Measure, PlainValidator(partial(_measured, "length"))]
 _LengthOrZero = Annotated[_Measure, PlainValidator(partial(_measured, "length", may_be_zero=True))]
 _Pressure = Annotated[_Measure, PlainValidator(partial(_measured, "pressure"))]
@@ -76,7 +127,7 @@ class _Section(BaseModel):
 class _Body(_Section):
     radius: _Length | None = None
     youngs_modulus: _Pressure | None = None
-    poissons_ratio: fields.PoissonsRatio = 0.5
+    poissons_ratio: Annotated[fields.PoissonsRatio, _Uncertain] = 0.5
 
 
 class _Texture(_Section):
@@ -84,7 +135,7 @@ class _Texture(_Section):
     groove_width: _Length
     groove_depth: _Length | None = None
     corner_radius: _LengthOrZero | None = None
-    offset: fields.Offset = 0.0
+    offset: Annotated[fields.Offset, _Uncertain] = 0.0
     role: fields.Role = "calibration"
     max_p_over_E: fields.Positive | None = None
 
@@ -94,7 +145,7 @@ class _Load(_Section):
     line: _LineLoad | None = None
     force: _Force | None = None
     length: _Length | None = None
-    p_over_E: fields.Positive | None = None
+    p_over_E: Annotated[fields.Positive, _Uncertain] | None = None
     friction: fields.NotNegative = 0.0
 
 
@@ -102,11 +153,17 @@ class _Accuracy(_Section):
     relative: fields.Relative | None = None
 
 
+class _Joint(_Section):
+    of: Annotated[list[str], Field(min_length=2)]
+    correlation: list[list[float]]
+
+
 class _SceneFile(_Section):
     body: _Body = _Body()
     texture: Annotated[list[_Texture], Field(min_length=1)]
     load: _Load = _Load()
     accuracy: _Accuracy = _Accuracy()
+    joint: Annotated[list[_Joint], Field(default_factory=list)]
 
 
 _SECTIONS: dict[str, type[BaseModel]] = {
@@ -114,11 +171,8 @@ _SECTIONS: dict[str, type[BaseModel]] = {
     "texture": _Texture,
     "load": _Load,
     "accuracy": _Accuracy,
+    "joint": _Joint,
 }
-# What is no TOML but was meant as a quantity: a decimal comma, or a unit without quotes.
-_QUANTITY_LINE = re.compile(
-    r"\s*([\w.]+\s*=\s*)([+-]?[0-9][0-9.,]*)[ \t]*([^\s\"'#\[\],][^\"'#]*)?(#.*)?"
-)
 
 
 def read_body(path: Path) -> Body:
@@ -141,7 +195,7 @@ def read_body(path: Path) -> Body:
     """
     scene = _read(path)
     body, load = scene.body, scene.load
-    if body.radius is None or not isinstance(body.radius.raw, str):
+    if body.radius is None or not body.radius.has_unit:
         return Body()
     words = next((str(one.raw) for one in (load.max, load.line, load.force) if one), "")
     if load.force and load.length:
@@ -161,7 +215,8 @@ def read_scene_file(path: Path) -> Json:
     Returns
     -------
     dict
-        Keywords of `Scene`, each texture a dict of keywords of `Texture`.
+        Keywords of `Scene`, each texture a dict of keywords of `Texture`; medians of what is
+        uncertain.
 
     Raises
     ------
@@ -174,7 +229,19 @@ def read_scene_file(path: Path) -> Json:
     -----
     Without units a missing radius is 1. Without any load, p/E goes to the 0.02 of the study.
     """
-    return _plain(_read(path))
+    return _values(_read(path), str(path))
+
+
+def scene_values(data: Json) -> Json:
+    """Return what `read_scene_file` does, of a file's tables; errors name ``scene``."""
+    return _values(_validated(data, "scene", Path()), "scene")
+
+
+def _values(scene: _SceneFile, where: str) -> Json:
+    try:
+        return _plain(scene) | {"uncertain": _uncertain_values(scene)}
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def _read(path: Path) -> _SceneFile:
@@ -188,34 +255,24 @@ def _read(path: Path) -> _SceneFile:
         data = tomllib.loads(content.decode("utf-8"))
     # A thousand brackets in each other: RecursionError.
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: {_syntax_error(content, error)}") from None
+        raise InputError(f"{path}: {syntax_error(content, error)}") from None
+    return _validated(data, str(path), path.parent)
+
+
+def _validated(data: Json, where: str, folder: Path) -> _SceneFile:
     single = isinstance(data.get("texture"), dict)
+    wanted = {**data, "texture": [data["texture"]]} if single else data
     try:
-        scene = _SceneFile(**{**data, "texture": [data["texture"]]} if single else data)
+        scene = _SceneFile.model_validate(wanted, context={"folder": folder})
     except ValidationError as error:
-        lines = fields.findings(error, str(path), _meant)
+        lines = fields.findings(error, where, _meant)
         raise InputError(
             "\n".join(line.replace("texture[1]", "texture") if single else line for line in lines)
         ) from None
     problems = _clashes(scene)
     if problems:
-        raise InputError("\n".join(f"{path}: {problem}" for problem in problems))
+        raise InputError("\n".join(f"{where}: {problem}" for problem in problems))
     return scene
-
-
-def _syntax_error(content: bytes, error: Exception) -> str:
-    """Say why a file is not TOML: in the words of a quantity where it was meant as one."""
-    place = re.search(r"at line (\d+)", str(error))
-    if isinstance(error, tomllib.TOMLDecodeError) and place is not None:
-        number = int(place[1])
-        quantity = _QUANTITY_LINE.fullmatch(content.decode("utf-8").split("\n")[number - 1])
-        if quantity is not None:
-            key, value, unit = quantity[1], quantity[2], (quantity[3] or "").strip()
-            wrong = "a decimal comma" if "," in value else "a unit without quotes"
-            right = f'"{with_point(value)} {unit}"' if unit else with_point(value)
-            given = f"{key}{value} {unit}".strip()
-            return f"line {number}: {given}: has {wrong}; expected {key}{right}"
-    return f"not a TOML file in UTF-8: {one_line_message(error)}"
 
 
 def _meant(place: tuple[int | str, ...]) -> str:
@@ -238,8 +295,8 @@ def _clashes(scene: _SceneFile) -> list[str]:
     plain: list[str] = []
     for section, model in (("body", scene.body), *textures, ("load", scene.load)):
         for key, value in model:
-            if isinstance(value, _Measure):
-                where = united if isinstance(value.raw, str) else plain
+            if isinstance(value, _Measure) and value.has_unit is not None:
+                where = united if value.has_unit else plain
                 where.append(f"{section}.{key} = {value.raw!r}")
     problems = []
     if united and plain:
@@ -271,17 +328,44 @@ def _plain(scene: _SceneFile) -> Json:
         for key, name in _TEXTURE_KEYS.items():
             value = getattr(texture, key)
             if value is not None:
-                values[name] = _ratio(value, radius) if isinstance(value, _Measure) else value
-    values = {"textures": textures, "nu": body.poissons_ratio, "friction": load.friction}
+                is_length = isinstance(value, _Measure) and key != "offset"
+                values[name] = _ratio(value, radius) if is_length else _median(value)
+    values = {"textures": textures, "nu": _median(body.poissons_ratio), "friction": load.friction}
     values["relative"] = scene.accuracy.relative
     if load.p_over_E is not None:
-        values["p_over_E"] = load.p_over_E
+        values["p_over_E"] = _median(load.p_over_E)
     across = 2 * radius  # P' = 2 R p
     area = across * (load.length.value if load.length else 1)
     for measure, over in ((load.max, Fraction(1)), (load.line, across), (load.force, area)):
         if measure is not None and body.youngs_modulus is not None:
             values["p_over_E"] = _ratio(measure, over * body.youngs_modulus.value)
     return values
+
+
+def _median(value: Any) -> Any:
+    return float(value.value) if isinstance(value, _Measure) else value
+
+
+def _uncertain_values(scene: _SceneFile) -> "Uncertain | None":
+    """Return what a scene is not certain of; None where it is of everything."""
+    first = "texture" if len(scene.texture) == 1 else "texture[1]"
+    sections = {"body": scene.body, first: scene.texture[0], "load": scene.load}
+    sections |= {f"texture[{i}]": one for i, one in enumerate(scene.texture[1:], start=2)}
+    given: dict[str, Any] = {
+        f"{section}.{key}": value for section, model in sections.items() for key, value in model
+    }
+    measures = {name: one for name, one in given.items() if isinstance(one, _Measure)}
+    sources = {name: one.source for name, one in measures.items() if one.source is not None}
+    if not sources and not scene.joint:
+        return None
+    # Here, not above: it loads scipy, which a scene that is certain does without.
+    from ridgebayes.scene.uncertain import Uncertain, correlations, derived
+
+    joint = correlations([one.model_dump() for one in scene.joint], sources)
+    texts = {name: str(measures[name].raw) for name in sources}
+    certain = {name: _median(value) for name, value in given.items() if value is not None}
+    has_units = any(one.has_unit for one in measures.values())
+    return Uncertain(sources, texts, partial(derived, certain, first, has_units), joint)
 
 
 def _ratio(measure: _Measure, unit: Fraction) -> float:

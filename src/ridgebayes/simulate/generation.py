@@ -4,6 +4,7 @@ import functools
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
@@ -66,7 +67,8 @@ def generate(
         may be odd where the body is offset. A transition that was not computed but should lie
         below the load, by the growth as k^2 of those before it, stands there without a load, its
         status saying why. An offset ``"uniform"`` is eight curves, at offsets of 1/32, 3/32, ...
-        of a pitch. `source` names the effects that were simulated.
+        of a pitch. `source` names the effects that were simulated, and
+        what is uncertain in the scene: its medians are taken.
 
     Raises
     ------
@@ -116,12 +118,15 @@ def generate(
         ]
         if refused:
             raise InputError("\n".join(refused))
-    tasks = _tasks(scene, solver, rel_tol, wanted.meshes)
+    tasks = _tasks(scene.at_medians(), solver, rel_tol, wanted.meshes)
     solve = functools.partial(_solved, pressed=pressed) if pressed is not None else _solved
     found = _all_found(tasks, solve, executor, journal, progress)
     if problems := [text for text in found if isinstance(text, str)]:
         raise InputError("\n".join(problems))
     curves = [curve for some in found if not isinstance(some, str) for curve in some]
+    if scene.uncertain_names:
+        medians = f"medians={'+'.join(scene.uncertain_names)}"
+        curves = [replace(curve, source=f"{curve.source} {medians}") for curve in curves]
     return ContactTable.from_frame(curves_to_frame(curves), where=curves[0].source)
 
 

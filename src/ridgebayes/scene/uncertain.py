@@ -1,0 +1,256 @@
+"""Values of a scene that are not certain, and how they are drawn jointly."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from ridgebayes._types import FloatArray, Json
+from ridgebayes.distributions.distribution import Distribution
+from ridgebayes.distributions.grammar import parse_distribution
+from ridgebayes.errors import InputError
+from ridgebayes.runtime.randomness import stream
+from ridgebayes.scene.units import Dimension, to_si
+
+_NO_MASS = 1e-12  # a probability that draws never meet
+_N_FOR_MEDIAN = 1_001
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Where draws of one value come from.
+
+    Parameters
+    ----------
+    given : object
+        A distribution, a frozen one of scipy.stats, an array of draws, or a callable of a numpy
+        generator that returns one draw.
+    """
+
+    given: Any
+
+    @classmethod
+    def of(cls, raw: object, number: Callable[[str], float], folder: Path) -> "Source | None":
+        """Return the source that a value of a scene stands for; None if it is a plain value.
+
+        Raises
+        ------
+        InputError
+            If it is a text with brackets that is no distribution, or an array of no numbers.
+        """
+        if isinstance(raw, str):
+            if "(" not in raw:
+                return None
+            return cls(parse_distribution(raw, "distribution", number=number, folder=folder))
+        if isinstance(raw, Distribution) or callable(raw) or hasattr(raw, "ppf"):
+            return cls(raw)
+        if isinstance(raw, np.ndarray):
+            if (
+                raw.ndim != 1
+                or not raw.size
+                or raw.dtype.kind not in "iuf"
+                or not np.isfinite(raw).all()
+            ):
+                raise InputError(f"expected a row of finite draws, got {raw!r}")
+            return cls(np.sort(raw.astype(np.float64)))
+        return None
+
+    @property
+    def has_quantiles(self) -> bool:
+        """Whether a draw is a function of a normal score, as what is correlated has to be."""
+        return not callable(self.given) or hasattr(self.given, "ppf")
+
+    def draw(self, score: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Return draws at standard normal scores, shape (n,)."""
+        if isinstance(self.given, Distribution):
+            return np.asarray(self.given.value_at(score), dtype=np.float64)
+        if hasattr(self.given, "ppf"):
+            return np.asarray(self.given.ppf(special.ndtr(score)), dtype=np.float64)
+        if callable(self.given):
+            return np.array([float(self.given(rng)) for _ in score])
+        place = (special.ndtr(score) * len(self.given)).astype(np.int64)
+        return np.asarray(self.given[np.minimum(place, len(self.given) - 1)])
+
+    @property
+    def median(self) -> float:
+        """The median; of a callable that of a thousand draws."""
+        if isinstance(self.given, np.ndarray):
+            return float(np.median(self.given))
+        n = 1 if self.has_quantiles else _N_FOR_MEDIAN
+        return float(np.median(self.draw(np.zeros(n), stream(0, "median"))))
+
+    def refuse_below(self, least: float, rule: str) -> None:
+        """Refuse a distribution that has mass at or below a value; draws are looked at later."""
+        if isinstance(self.given, Distribution):
+            low = self.given.support[0]
+            share = float(special.ndtr(self.given.score(least))) if low < least else 0.0
+        elif hasattr(self.given, "cdf"):
+            share = float(self.given.cdf(least))
+        else:
+            share = float(np.mean(self.given <= least)) if self.has_quantiles else 0.0
+        if share > _NO_MASS:
+            raise InputError(
+                f"{rule}; this distribution has {share:.2g} of its mass at or below {least:g}, "
+                "expected none: such as a lognormal or a truncated one"
+            )
+
+
+def read_source(
+    dimension: Dimension | None, raw: object, folder: Path
+) -> tuple[Source, float, bool | None] | None:
+    """Return a source, its median, and whether it was written with units; None of a plain value.
+
+    Raises
+    ------
+    InputError
+        If it is no distribution, a unit does not fit, or the median is not finite.
+    """
+    kinds: set[bool] = set()
+    problems: list[str] = []
+
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            if dimension is None:
+                raise
+            try:
+                value = float(to_si(text, dimension))
+            except InputError as error:
+                problems.append(str(error))
+                raise
+            kinds.add(True)
+            return value
+        kinds.update({False} if value else ())
+        return value
+
+    try:
+        source = Source.of(raw, number, folder)
+        if source is None:
+            return None
+        median = source.median
+    except InputError as error:
+        # A sample's own message names the row.
+        own = not problems or "empirical(" in str(raw)
+        raise InputError(str(error) if own else problems[-1]) from None
+    if len(kinds) > 1:
+        raise InputError("give units everywhere or nowhere")
+    if not math.isfinite(median):
+        raise InputError("must have a finite median")
+    return source, median, kinds.pop() if kinds and dimension else None
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertain:
+    """What a scene is not certain of.
+
+    Parameters
+    ----------
+    sources : mapping of str to Source
+        By place in a scene file, such as ``body.radius``.
+    texts : mapping of str to str
+        What was written there.
+    derive : callable
+        Turns values by place, arrays or numbers, into those of the scene, by the names of
+        `scene.draws.SceneDraws`.
+    joint : sequence of (names, correlation)
+        Places whose normal scores are correlated.
+    """
+
+    sources: Mapping[str, Source]
+    texts: Mapping[str, str]
+    derive: Callable[[Mapping[str, FloatArray]], dict[str, FloatArray]]
+    joint: Sequence[tuple[tuple[str, ...], FloatArray]] = ()
+
+    def draw(self, n: int, seed: int) -> dict[str, FloatArray]:
+        """Return n draws of the scene's values."""
+        score = {name: stream(seed, "scene", name).standard_normal(n) for name in self.sources}
+        for names, correlation in self.joint:
+            # The root of a matrix that may be singular: of values that go together exactly.
+            value, vector = np.linalg.eigh(correlation)
+            root = vector * np.sqrt(np.maximum(value, 0.0))
+            mixed = root @ np.stack([score[name] for name in names])
+            score |= dict(zip(names, mixed, strict=True))
+        drawn = {
+            name: source.draw(score[name], stream(seed, "scene", name, "callable"))
+            for name, source in self.sources.items()
+        }
+        return self.derive(drawn)
+
+
+def correlations(
+    joint: Sequence[Mapping[str, Any]], sources: Mapping[str, Source]
+) -> list[tuple[tuple[str, ...], FloatArray]]:
+    """Return what a scene's [[joint]] sections say.
+
+    Raises
+    ------
+    InputError
+        If a name is of no uncertain value, or named twice, or a matrix is none of correlations.
+    """
+    found, seen = [], set()
+    for section in joint:
+        names = tuple(section["of"])
+        for name in names:
+            if name not in sources or not sources[name].has_quantiles or name in seen:
+                known = ", ".join(key for key, one in sources.items() if one.has_quantiles)
+                raise InputError(f"joint.of: expected each once of {known}, got {name!r}")
+            seen.add(name)
+        try:
+            matrix = np.array(section["correlation"], dtype=np.float64)
+        except (TypeError, ValueError):
+            matrix = np.empty(0)
+        if (
+            matrix.shape != (len(names), len(names))
+            or not np.isfinite(matrix).all()
+            or not np.allclose(matrix, matrix.T)
+            or not np.allclose(np.diag(matrix), 1)
+            or np.linalg.eigvalsh(matrix)[0] < -1e-9
+        ):
+            raise InputError(
+                "joint.correlation: expected a symmetric matrix of "
+                f"{len(names)} rows with ones on its diagonal and no negative eigenvalue, got "
+                f"{section['correlation']!r}"
+            )
+        found.append((names, matrix))
+    return found
+
+
+def derived(certain: Json, texture: str, has_units: bool, drawn: Mapping[str, FloatArray]) -> Json:
+    """Return values of a scene over R and E from those of a file, of numbers and of arrays.
+
+    Parameters
+    ----------
+    certain : dict
+        Numbers by place, medians among them.
+    texture : str
+        The texture's section.
+    has_units : bool
+        Whether radius and modulus are in SI units.
+    drawn : mapping of str to ndarray of float
+        Draws by place.
+    """
+    at = {**certain, **drawn}
+    radius, modulus = at.get("body.radius", 1.0), at.get("body.youngs_modulus")
+    values = {"nu": at["body.poissons_ratio"], "offset": at[f"{texture}.offset"]}
+    values["depth"] = at.get(f"{texture}.groove_depth", math.inf) / radius
+    values["corner"] = at.get(f"{texture}.corner_radius", 0.0) / radius
+    values |= {"a": at[f"{texture}.ridge_width"] / radius}
+    values |= {"b": at[f"{texture}.groove_width"] / radius}
+    across = 2 * radius
+    over = {"p_over_E": 1.0, "max": modulus}
+    if modulus is not None:
+        over |= {"line": across * modulus, "force": across * at.get("load.length", 1.0) * modulus}
+    loads = [at[f"load.{key}"] / unit for key, unit in over.items() if f"load.{key}" in at]
+    if f"{texture}.max_p_over_E" in at:
+        loads = [at[f"{texture}.max_p_over_E"]]
+    if loads:
+        values["p_over_E"] = loads[0]
+    for key in ("radius", "youngs_modulus") if has_units else ():
+        if f"body.{key}" in at:
+            values[key] = at[f"body.{key}"]
+    return values
