@@ -39,7 +39,7 @@ def predicted(source, a, b, loads, nu):
 
 def assert_frequencies(counts, pmf, n):
     """Monte Carlo: within five standard errors, and what a thousand draws of offsets leave."""
-    assert ((pmf > 0.1) & (pmf < 0.9)).any()
+    assert ((pmf > 0.05) & (pmf < 0.95)).any()
     se = np.sqrt(pmf * (1 - pmf) / n)
     assert np.all(np.abs(counts - pmf) < 5 * se + 2e-3)
 
@@ -50,7 +50,7 @@ def assert_frequencies(counts, pmf, n):
 def test_friction_inputs__counts_are_those_of_predict(average, texture):
     n, nu = 10_000, 0.4
     # About the transitions of smooth Hertz, where the forms disagree.
-    loads = (0.5 * sum(texture) * np.array([1.3, 1.9, 3.1, 4.5, 5.7]) / 1.382) ** 2
+    loads = (sum(texture) * np.array([1.01, 1.12, 1.5, 2.1, 3.03]) / 1.382) ** 2
     drawn = rb.friction_inputs(average, Scene.of([texture], nu=nu), loads, n=n, rng=2)
     q = predicted(average, *texture, loads, nu)
     assert_frequencies((drawn["Q"].values[..., None] == q.q).mean(axis=0), q.pmf, n)
