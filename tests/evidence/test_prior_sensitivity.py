@@ -133,6 +133,18 @@ def test_error_models__are_summed_out_and_one_without_draws_keeps_its_evidence(o
         assert row.log_evidence == pytest.approx(logsumexp(both) - math.log(2), rel=1e-13)
 
 
+def test_student__without_draws_changes_as_its_normal_twin_does(observed):
+    posterior, evidence = drawn(rows(observed), Noise("texture"))
+    alone = changes_of(posterior, evidence.value, "tau_texture")
+    names = ("texture", "texture:student")
+    table = evidence_table(
+        {("modified", name): [LogEvidence("importance", evidence.value, 0.0)] for name in names}
+    )
+    found = prior_sensitivity({"modified": {"texture": posterior}}, table)
+    for row in found[found["prior"] == "tau_texture"].itertuples():
+        assert row.log_evidence == pytest.approx(evidence.value + alone[row.factor], rel=1e-13)
+
+
 def test_prior_of__c1_is_c_and_all_factors_of_a_power_law_are_one():
     names = ["c", "c1", "c2", "K[a b]", "K[x[1]]", "sigma", "tau_texture", "length_ratio", "df"]
     assert [prior_of(name) for name in names] == [

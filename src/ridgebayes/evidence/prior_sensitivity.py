@@ -18,7 +18,7 @@ from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.power_law_exact import is_conjugate
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import SMOOTH
+from ridgebayes.model.noise import SMOOTH, Noise
 from ridgebayes.runtime.pool import map_ordered
 
 SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
@@ -66,7 +66,8 @@ def prior_sensitivity(
         form, log_evidence. One prior is changed at a time: a posterior's draws are weighted by new
         over old prior (for the nugget: likelihood). Where too few of them count (Pareto k above
         0.7) independent normal rows are integrated anew, and others by Laplace's approximation of
-        both. An error model without draws keeps its evidence.
+        both. An error model without draws keeps its evidence; a Student tail without any changes
+        as its normal twin does.
     """
     used = used_evidence(evidence).set_index(["form", "noise"])["log_evidence"]
     tasks = [
@@ -101,11 +102,18 @@ def _summed(
     factor: float,
 ) -> float:
     values = [
-        value + found.get((form, noise), {}).get((prior, factor), 0.0)
+        value + _changes(found, form, str(noise)).get((prior, factor), 0.0)
         for noise, value in used.loc[form].items()
     ]
     n_noise = used.index.get_level_values("noise").nunique()
     return float(logsumexp(values)) - math.log(n_noise)
+
+
+def _changes(
+    found: Mapping[tuple[str, str], Mapping[tuple[str, float], float]], form: str, noise: str
+) -> Mapping[tuple[str, float], float]:
+    twin = replace(Noise.named(noise), tail="normal").name
+    return found.get((form, noise), found.get((form, twin), {}))
 
 
 @dataclass(frozen=True, eq=False)

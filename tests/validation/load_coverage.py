@@ -1,0 +1,170 @@
+"""How often 90 % bands hold new loads: ``python -m tests.validation.load_coverage``.
+
+Hybrid's coefficients and an error model's scales are drawn from the priors, and a table from them.
+It is fitted as `rb.calibrate` does by default, error models averaged. Then the same truth makes new
+loads: at the table's textures, and at two new ones inside its range. Each has a new error of its
+row; a fitted texture keeps its offset and a new one has its own; steps keep theirs; the series is
+new. docs/validation/load_coverage.csv says how many of them the bands hold.
+
+    python -m tests.validation.load_coverage --tables 100 --workers 2 --only "series, 41"
+
+Every table that is done stands in build/load_coverage.jsonl; a run that was stopped goes on from
+there. A table of 20 or 41 rows takes some 5 CPU seconds, one of 200 rows a minute or two.
+
+Run it from the repository's root with OMP_NUM_THREADS=1.
+"""
+
+import argparse
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.stats import qmc
+
+import ridgebayes as rb
+from ridgebayes.evidence.error_models import (
+    AUTO,
+    error_model_weights,
+    error_models_for,
+    printed_error_model,
+    weigh_error_models,
+)
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.replicated import prior_draws, simulate_log_loads
+from ridgebayes.runtime.pool import executor_for, map_ordered
+from ridgebayes.runtime.randomness import stream
+from tests.validation.simulated import simulated
+
+OUT = Path("docs/validation/load_coverage.csv")
+DONE = Path("build/load_coverage.jsonl")
+TRUTHS = {
+    "iid": "iid",
+    "series": "series",
+    "texture+step": "texture+step",
+    "student": "iid:student",
+}
+N_ROW = (20, 41, 200)
+PROB = 0.9
+NEW = ((0.017, 0.015), (0.027, 0.024))  # textures inside every table's range
+_WIDTHS = (0.012, 0.01), (0.032, 0.03)
+_KEYS = ["truth", "n_row", "index"]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One table to be drawn and fitted."""
+
+    truth: str
+    n_row: int
+    index: int
+
+
+def places(n_row: int) -> pd.DataFrame:
+    """Return textures and counts of a table: the paper's, or every count of spread textures."""
+    if n_row == 41:
+        return rb.paper_sweep().calibration.frame[["a_over_R", "b_over_R", "Q"]]
+    n_texture = {20: 5, 200: 20}[n_row]
+    widths = qmc.scale(qmc.Sobol(2, seed=3).random(32)[:n_texture], *_WIDTHS)
+    widths[:2] = _WIDTHS  # the range's corners
+    frame = pd.DataFrame(widths, columns=["a_over_R", "b_over_R"])
+    return frame.merge(pd.DataFrame({"Q": 4 + 2 * np.arange(n_row // n_texture)}), how="cross")
+
+
+def drawn(cell: Cell) -> tuple[Observations, pd.DataFrame]:
+    """Return a table's rows, and new loads of the same truth."""
+    rng = stream(0, "load coverage", cell.truth, str(cell.n_row), str(cell.index))
+    table = places(cell.n_row)
+    new = pd.DataFrame(NEW, columns=["a_over_R", "b_over_R"]).merge(
+        pd.DataFrame({"Q": sorted(table["Q"].unique())}), how="cross"
+    )
+    n, of_series = len(table), cell.truth == "series"
+    series = np.where(np.arange(n) % 2, "one", "two") if of_series else "one"
+    table = table.assign(series=series)
+    fresh = pd.concat([table, new]).assign(series="new")
+    model = Model(_rows(pd.concat([table, fresh])), rb.Hybrid(), Noise.named(TRUTHS[cell.truth]))
+    theta = prior_draws(model, rng, 1)[0]
+    log_load = simulate_log_loads(model, theta, rng)[0]
+    fresh = fresh.assign(is_new=np.arange(len(fresh)) >= n, log_load=log_load[n:])
+    return simulated(_rows(table), log_load[:n]), fresh
+
+
+def _rows(frame: pd.DataFrame) -> Observations:
+    """Return observations of places; their loads only have to be loads."""
+    a, b, Q = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q"))
+    return Observations.from_table(
+        rb.ContactTable.from_frame(frame.assign(p_over_E=rb.Modified().load(Q, a, b)))
+    )
+
+
+def covered(cell: Cell) -> dict[str, object]:
+    """Return how many new loads a fit's bands hold, at fitted and at new textures."""
+    data, fresh = drawn(cell)
+    form = rb.Hybrid()
+    weighed = weigh_error_models(data, [form], error_models_for(AUTO, data), seed=cell.index)
+    posteriors = weighed.posteriors(form.name)
+    weights = error_model_weights(weighed.evidence, form.name, posteriors)
+    printed = posteriors[max(weights, key=lambda name: weights[name])]
+    fit = rb.Fit.of(printed, weights, posteriors)
+    where = (fresh[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q"))
+    low, high = np.log(fit.predict_load(*where).interval(PROB))
+    held = (low <= fresh["log_load"]) & (fresh["log_load"] <= high)
+    known = ~fresh["is_new"]
+    return vars(cell) | {
+        "fitted": [int(held[known].sum()), int(known.sum())],
+        "new": [int(held[~known].sum()), int((~known).sum())],
+        "log_width": float((high - low).mean()),
+        "error_model": printed_error_model(weighed.evidence).name,
+    }
+
+
+def summarised(found: pd.DataFrame) -> pd.DataFrame:
+    """Return a row for each cell and kind of texture; loads of one table are no two tables."""
+    rows = []
+    for (truth, n_row), part in found.groupby(["truth", "n_row"], sort=False):
+        for kind in ("fitted", "new"):
+            counts = np.array(part[kind].tolist())
+            share = counts[:, 0] / counts[:, 1]
+            se = share.std(ddof=1) / np.sqrt(len(share)) if len(share) > 1 else np.nan
+            rows.append((truth, n_row, kind, len(part), counts[:, 1].sum(), share.mean(), se))
+    columns = ["truth", "n_row", "textures", "n_tables", "n_loads", "share", "share_se"]
+    return pd.DataFrame(rows, columns=columns).round({"share": 4, "share_se": 4})
+
+
+def cells(n_table: int, only: str) -> Iterator[Cell]:
+    """Give every table that is wanted, small ones first."""
+    for n_row in N_ROW:
+        for index in range(n_table):
+            for truth in TRUTHS:
+                if only in f"{truth}, {n_row}":
+                    yield Cell(truth, n_row, index)
+
+
+def main() -> None:
+    """Fit what is not fitted yet, and write the summary."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--tables", type=int, default=100)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--only", default="", help="part of 'TRUTH, N_ROW'")
+    asked = parser.parse_args()
+    DONE.parent.mkdir(exist_ok=True)
+    lines = DONE.read_text().splitlines() if DONE.exists() else []
+    known = {tuple(one[key] for key in _KEYS) for one in map(json.loads, lines)}
+    wanted = [
+        c for c in cells(asked.tables, asked.only) if (c.truth, c.n_row, c.index) not in known
+    ]
+    with executor_for(asked.workers, None) as executor, DONE.open("a") as file:
+        for one in map_ordered(covered, wanted, executor, name=lambda cell: str(cell)):
+            file.write(json.dumps(one) + "\n")
+            file.flush()
+    table = summarised(pd.DataFrame(map(json.loads, DONE.read_text().splitlines())))
+    table.to_csv(OUT, index=False)
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
