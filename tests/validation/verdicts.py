@@ -2,9 +2,9 @@
 
 Tables are drawn from a known form with known errors, and each is compared as `rb.compare` does by
 default, but that nothing is walked and nothing left out, and that evidences by importance sampling
-take the draws of a quick run. (`--check 10` compares ten tables both ways.) One row a cell of truth,
-errors and textures is written to docs/validation/verdicts.csv: how many tables ended in each grade,
-and with which form named.
+take the draws of a quick run. (`--check 10` compares ten tables both ways.)
+docs/validation/verdicts.csv says of each cell of truth, errors and textures how many tables ended
+in each grade, and with which form named.
 
     python -m tests.validation.verdicts --tables 40 --workers 2
 
