@@ -325,3 +325,15 @@ def test_log_likelihood__of_a_few_draws_at_a_time_is_that_of_all(paper, monkeypa
     monkeypatch.setattr("ridgebayes.model.model._CACHED", 1)
     # Rounding: a product of a vector, not of a matrix, sums in another order.
     np.testing.assert_allclose(model.log_likelihood(theta), whole, rtol=1e-14)
+
+
+@pytest.mark.parametrize("noise", ["texture", "step", "iid:student"])
+def test_model__of_very_many_coefficients_is_for_independent_normal_errors(observed, noise):
+    texture = np.repeat(np.arange(101), 2)
+    widths = tuple((0.01 + 1e-4 * j, 0.02) for j in range(101))
+    data = observed(texture, np.tile([4, 6], 101), -8.0, textures=widths)
+    assert Model(data, PowerLaw()).n_coefficient == 101
+    assert Model(data, Modified(), Noise.named(noise)).n_coefficient == 1
+    rule = f"power-law under {noise}: 101 coefficients; expected at most 100"
+    with pytest.raises(ComputationError, match=rule):
+        Model(data, PowerLaw(), Noise.named(noise))

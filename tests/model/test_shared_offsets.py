@@ -12,7 +12,7 @@ from ridgebayes.model.forms import Modified
 from ridgebayes.model.likelihood_marginal import IntegratedOffsets
 from ridgebayes.model.noise import NUGGET, Noise
 from ridgebayes.model.rows import Rows
-from ridgebayes.model.shared_offsets import LARGEST_SMOOTH, offsets_of
+from ridgebayes.model.shared_offsets import LARGEST_CROSSED, LARGEST_SMOOTH, offsets_of
 
 STRUCTURES = tuple(
     noise.structure for noise in Noise.candidates(2) if noise.factors and noise.tail == "normal"
@@ -251,6 +251,16 @@ def test_root__of_smooth_offsets_has_the_nugget_that_the_error_model_says(data):
         loading = offsets.root(eta_of("step-smooth")).loading(Design(offsets.codes, 7))
         found = (loading**2).sum(axis=0) / 0.04**2 - 1
         np.testing.assert_allclose(found, nugget, rtol=0, atol=1e-14)  # rounding
+
+
+def test_offsets_of__refuses_more_offsets_of_two_factors_than_it_can_serve(observed):
+    texture = np.arange(LARGEST_CROSSED)
+    widths = tuple((0.01 + 1e-5 * j, 0.02) for j in range(LARGEST_CROSSED))
+    many = observed(texture, np.full_like(texture, 4), -8.0, textures=widths)
+    assert offsets_of(Noise("texture"), many).n_level == LARGEST_CROSSED
+    rule = f"texture\\+step: {LARGEST_CROSSED + 1} offsets of textures, steps and series"
+    with pytest.raises(ComputationError, match=rule):
+        offsets_of(Noise("texture+step"), many)
 
 
 def test_offsets_of__refuses_more_smooth_places_than_it_can_serve(observed):

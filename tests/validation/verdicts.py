@@ -31,11 +31,13 @@ from ridgebayes.comparison.verdict import GRADES, Verdict, verdict_of
 from ridgebayes.errors import RidgebayesError
 from ridgebayes.evidence.error_models import (
     AUTO,
+    error_model_weights,
     error_models_for,
     printed_error_model,
     weigh_error_models,
 )
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
+from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import QUICK, STANDARD
 from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.pool import executor_for, map_ordered
@@ -126,14 +128,11 @@ def verdict_on(table: rb.ContactTable, seed: int) -> Verdict:
     data = Observations.from_table(table)
     noises = error_models_for(AUTO, data)
     weighed = weigh_error_models(data, DEFAULT_FORMS, noises, seed=seed, accuracy=QUICK)
-    drawn = {
-        form.name: {
-            name: one
-            for name, one in weighed.posteriors(form.name).items()
-            if one.noise.name == name
-        }
-        for form in DEFAULT_FORMS
-    }
+    drawn: dict[str, dict[str, Posterior]] = {}
+    for form in (one.name for one in DEFAULT_FORMS):
+        found = weighed.posteriors(form)
+        weights = error_model_weights(weighed.evidence, form, found)
+        drawn[form] = {name: found[name] for name in weights if found[name].noise.name == name}
     sensitivity = prior_sensitivity(drawn, weighed.evidence)
     printed = printed_error_model(weighed.evidence)
     return verdict_of(weighed.evidence, sensitivity, printed, len(data.textures))

@@ -36,7 +36,8 @@ AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apar
 # counts. Behind the best by more than `_HEAVY` a pair is part of a mixture, and takes fewer draws.
 _CLOSE = 6.6
 _HEAVY = 1.6
-_OUT_OF_REACH = 16.0  # of a form that has less than 1e-4 of the best one's evidence, whatever errs
+_OUT_OF_REACH = 12.0  # of a form that has less than 1e-4 of the best one's evidence, whatever errs
+_MORE = STANDARD.effort | {"n_draw": 2_560, "n_round": 5, "n_per_round": 1_536}
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +224,7 @@ def _efforts(one: Candidate, own: float, best: float, accuracy: Preset) -> tuple
         return (QUICK.effort,)
     if one.evidence.value < own - _HEAVY:
         return (QUICK.effort, STANDARD.effort)
-    return (accuracy.effort, {})
+    return (accuracy.effort, _MORE if accuracy.walks else STANDARD.effort)
 
 
 def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:

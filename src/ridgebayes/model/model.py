@@ -31,6 +31,7 @@ from ridgebayes.model.shared_offsets import OffsetsGiven, SmoothOffsets, offsets
 
 _CACHED = 100_000  # textures times draws whose arrays fit in a processor's cache
 _COVARIANCE = 20  # numbers of a covariance that count as one texture
+_COEFFICIENTS_MAX = 100  # with errors that leave them no closed-form posterior
 _HUGE = 1e100  # coefficients beyond which a rate may overflow
 _DIFFERENCE = 1e-4  # prior sds, of the differences that a form's gradient is held to
 _LOG_2PI = math.log(2 * math.pi)
@@ -58,7 +59,7 @@ class Model:
         than the default; if a coefficient has no default and none is given; if the form cannot
         compute a row's count.
     ComputationError
-        If the error model cannot serve that many places.
+        If the error model cannot serve that many places, or that many coefficients.
 
     Notes
     -----
@@ -93,6 +94,12 @@ class Model:
         self._known_variance = float(np.mean(self.rows.rel_se**2))
         self.offsets = offsets_of(self.noise, data)
         self.likelihood = self._chosen()
+        if self.n_coefficient > _COEFFICIENTS_MAX and not self.is_iid_gaussian:
+            raise ComputationError(
+                f"{form.name} under {self.noise.name}: {self.n_coefficient} coefficients; expected "
+                f"at most {_COEFFICIENTS_MAX}, since the cost of a likelihood call grows with "
+                "their cube; iid serves any number of exact loads"
+            )
 
     def _chosen(self) -> IndependentRows | IntegratedOffsets | SampledOffsets:
         is_normal = self.noise.tail == "normal" and bool(self.rows.exact.all())

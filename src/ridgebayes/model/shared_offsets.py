@@ -26,6 +26,7 @@ from ridgebayes.model.noise import SERIES, Noise
 from ridgebayes.model.observations import Observations
 
 LARGEST_SMOOTH = 600  # places; the cost of a likelihood call grows with their cube
+LARGEST_CROSSED = 600  # offsets of several factors; the same
 
 
 class Offsets(ABC):
@@ -78,6 +79,11 @@ class GroupedOffsets(Offsets):
         self._sizes = [sizes[factor] for factor in self._factors]
         self._first = np.concatenate([[0], np.cumsum(self._sizes)[:-1]])
         self.n_level = sum(self._sizes)
+        if len(self._factors) > 1 and self.n_level > LARGEST_CROSSED:
+            raise ComputationError(
+                f"{noise.name}: {self.n_level} offsets of textures, steps and series; expected at "
+                f"most {LARGEST_CROSSED}, since the cost of a likelihood call grows with their cube"
+            )
         later = np.where(data.is_count, data.Q + 2, data.Q)
         self.codes_next = self._codes(data.texture, later, data.series)
         # A count of 2 says nothing of load(2): its own step is a dummy, never looked at.
