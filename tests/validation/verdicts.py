@@ -28,6 +28,7 @@ import pandas as pd
 import ridgebayes as rb
 from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
 from ridgebayes.comparison.verdict import GRADES, Verdict, verdict_of
+from ridgebayes.drawing.style import as_bytes
 from ridgebayes.errors import RidgebayesError
 from ridgebayes.evidence.error_models import (
     AUTO,
@@ -42,6 +43,7 @@ from ridgebayes.inference.presets import QUICK, STANDARD
 from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.pool import executor_for, map_ordered
 from ridgebayes.runtime.randomness import stream
+from tests.validation.verdicts_figure import plot_verdicts
 
 OUT = Path("docs/validation/verdicts.csv")
 DONE = Path("build/verdicts.jsonl")
@@ -196,6 +198,7 @@ def main() -> None:
             file.flush()
     table = summarised(pd.DataFrame(map(json.loads, DONE.read_text().splitlines())))
     table.to_csv(OUT, index=False)
+    OUT.with_suffix(".png").write_bytes(as_bytes(plot_verdicts(table), "png"))
     sure = table[table["grade"].isin(("decisive", "supports"))]
     n = int(table.groupby(["truth", "errors", "n_texture"])["n_tables"].first().sum())
     share = sure["n_wrong"].sum() / n
