@@ -31,6 +31,7 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.results import Fit
 from ridgebayes.runtime.atomic import cannot_write, replacing
 from ridgebayes.runtime.pool import submit_or_defer
+from ridgebayes.runtime.progress import tell_count
 
 KINDS = ("png", "svg")
 MOST_PARAMETERS = 12  # a corner plot of more cannot be read, and traces fill pages
@@ -108,10 +109,11 @@ class Gallery(Mapping[str, Figure]):
             raise InputError(f"{target}: cannot write figures ({error.strerror})") from None
         except OSError as error:
             raise cannot_write(target, error) from None
-        for name in self:
+        for n_done, name in enumerate(self, start=1):
             for kind in KINDS:
                 with replacing(target / f"{name}.{kind}") as file:
                     file.write_bytes(self.file(name, kind))
+            tell_count(n_done, len(self))
         return tuple(f"{name}.{kind}" for name in self for kind in KINDS)
 
 
