@@ -1,14 +1,16 @@
 """Folds leave out what they say; errors of sums over folds."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
+from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.model.forms import Hybrid, Modified
+from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.predict.predict import predict_load
@@ -70,6 +72,15 @@ def test_refit__is_the_fit_of_the_rows_that_stay(data):
     assert evidence == value
     with pytest.raises(ComputationError, match="no row is left to fit"):
         Fold("all", data, np.ones(6, dtype=bool), Modified(), IID, 0).refit()
+
+
+def test_refit__is_under_the_priors_that_are_given_of_what_its_rows_tell(data):
+    data = replace(data, labels=("x", "y", "z"))
+    wide, sigma = LogNormal(80.0, 0.5), HalfNormal(0.2)
+    given = {"power-law": {f"K[{label}]": wide for label in "xyz"}, "noise": {"sigma": sigma}}
+    fold = folds_of(data, PowerLaw(), IID, effort=QUICK, priors=given)[1]
+    fit, _ = fold.refit()
+    assert fit.model.priors == {"K[x]": wide, "K[z]": wide, "sigma": sigma}
 
 
 def test_row_loads__adds_the_rows_known_error(data):

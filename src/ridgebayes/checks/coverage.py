@@ -15,6 +15,7 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations, refuse_circular
+from ridgebayes.model.prior_files import ResolvedPriors
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable
@@ -58,6 +59,7 @@ def coverage(
     rng: Rng = 0,
     executor: Executor | None = None,
     progress: Callable[[str], AbstractContextManager[object]] | None = None,
+    priors: ResolvedPriors | None = None,
 ) -> pd.DataFrame:
     """Leave each texture out in turn, predict its transitions, and count those inside the bands.
 
@@ -78,6 +80,8 @@ def coverage(
         What folds are computed on; one after another if not given. The result is the same.
     progress : callable, optional
         Called with the name of each form and error model, returns a context manager around it.
+    priors : mapping of str to mapping of str to Distribution, optional
+        Replacements for default priors: by form name, or ``noise``, and parameter name.
 
     Returns
     -------
@@ -105,9 +109,9 @@ def coverage(
         refuse_circular(table, form)
     data, seed = Observations.from_table(table), seed_of(rng)
     groups = [
-        (form, as_noise(noise), folds_of(data, form, as_noise(noise), seed=seed, effort=EFFORT))
+        (form, noise, folds_of(data, form, noise, seed=seed, effort=EFFORT, priors=priors))
         for form in forms
-        for noise in (Noise.every() if noises is None else noises)
+        for noise in map(as_noise, Noise.every() if noises is None else noises)
     ]
     tasks = [(fold, tuple(probs)) for _, _, folds in groups for fold in folds]
     found = map_ordered(_predict_fold, tasks, executor, name=lambda task: task[0].full_name)

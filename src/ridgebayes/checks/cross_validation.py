@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations, refuse_circular
+from ridgebayes.model.prior_files import ResolvedPriors
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.table.table import ContactTable
@@ -106,6 +108,7 @@ def cross_validate(
     rng: Rng = 0,
     executor: Executor | None = None,
     effort: Mapping[str, int] | None = None,
+    priors: ResolvedPriors | None = None,
 ) -> CrossValidation:
     """Predict each texture (or count, or row) from all others.
 
@@ -125,6 +128,8 @@ def cross_validate(
         What folds are computed on; one after another if not given. The result is the same.
     effort : mapping of str to int, optional
         Passed on to `importance_posterior`: fewer draws than its own for a first look.
+    priors : mapping of str to mapping of str to Distribution, optional
+        Replacements for default priors: by form name, or ``noise``, and parameter name.
 
     Returns
     -------
@@ -154,12 +159,14 @@ def cross_validate(
     """
     refuse_circular(table, form)
     data, error_model, seed = Observations.from_table(table), as_noise(noise), seed_of(rng)
-    folds = folds_of(data, form, error_model, leave=leave, seed=seed, effort=effort)
+    folds = folds_of(data, form, error_model, leave=leave, seed=seed, effort=effort, priors=priors)
     whole = None
     if not all(_by_draws(fold) for fold in folds):
         own = int(stream(seed, form.name, error_model.name, "all rows").integers(2**63))
         nothing = np.zeros(len(data), dtype=bool)
-        whole = Fold("all rows", data, nothing, form, error_model, own, effort or {})
+        whole = Fold(
+            "all rows", data, nothing, form, error_model, own, effort or {}, folds[0].priors
+        )
     tasks = folds if whole is None else [*folds, whole]
     found = list(map_ordered(_score_fold, tasks, executor, name=lambda fold: fold.full_name))
     total = None if whole is None else found.pop()
@@ -186,6 +193,7 @@ def left_out_scores(
     rng: Rng = 0,
     executor: Executor | None = None,
     effort: Mapping[str, int] = EFFORT,
+    priors: ResolvedPriors | None = None,
 ) -> pd.DataFrame:
     """Score each form on textures, and on steps, that it is refitted without.
 
@@ -200,7 +208,7 @@ def left_out_scores(
     leaves : sequence of str, optional
         What is left out in turn: ``texture``, ``step``, ``row``. One of which the table has a
         single one has no scores.
-    rng, executor, effort : optional
+    rng, executor, effort, priors : optional
         As for `cross_validate`.
 
     Returns
@@ -221,12 +229,10 @@ def left_out_scores(
     for leave in leaves:
         if n_fold.get(leave) == 1:
             continue
-        found = {
-            form.name: cross_validate(
-                table, form, noise=noise, leave=leave, rng=rng, executor=executor, effort=effort
-            )
-            for form in forms
-        }
+        refitted = partial(
+            cross_validate, table, noise=noise, leave=leave, rng=rng, executor=executor
+        )
+        found = {form.name: refitted(form, effort=effort, priors=priors) for form in forms}
         sound = any(not one.failures for one in found.values())
         weights = stacked(found) if sound else dict.fromkeys(found, np.nan)
         rows += [

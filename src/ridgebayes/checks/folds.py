@@ -6,14 +6,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
+from ridgebayes.evidence.error_models import priors_of
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.posterior import Posterior
+from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
+from ridgebayes.model.prior_files import ResolvedPriors
 from ridgebayes.predict.load_distribution import LoadDistribution
 from ridgebayes.predict.predict import predict_load
 from ridgebayes.runtime.randomness import stream
@@ -43,6 +47,8 @@ class Fold:
         Seed of this fold alone.
     effort : mapping of str to int, optional
         Passed on to `importance_posterior`: fewer draws than its own for a first look.
+    priors : mapping of str to Distribution, optional
+        Replacements for default priors; those of coefficients that no row tells of are not needed.
     """
 
     name: str
@@ -52,6 +58,7 @@ class Fold:
     noise: Noise
     seed: int
     effort: Mapping[str, int] = field(default_factory=dict)
+    priors: Mapping[str, Distribution] = field(default_factory=dict)
 
     @property
     def full_name(self) -> str:
@@ -68,7 +75,10 @@ class Fold:
         """
         if self.left.all():
             raise ComputationError("no row is left to fit")
-        model = Model(self.data.take(~self.left), self.form, self.noise)
+        rest = self.data.take(~self.left)
+        known = default_priors(self.form.bind(rest.textures, rest.labels), self.noise, self.priors)
+        own = {name: prior for name, prior in self.priors.items() if name in known}
+        model = Model(rest, self.form, self.noise, own)
         return importance_posterior(model, seed=self.seed, **self.effort)
 
 
@@ -80,6 +90,7 @@ def folds_of(
     leave: str = "texture",
     seed: int = 0,
     effort: Mapping[str, int] | None = None,
+    priors: ResolvedPriors | None = None,
 ) -> list[Fold]:
     """Return one fold per texture, count Q or row.
 
@@ -97,6 +108,8 @@ def folds_of(
         Seed; a fold's own depends on this, the form, the error model and the fold's name alone.
     effort : mapping of str to int, optional
         Passed on to `importance_posterior`.
+    priors : mapping of str to mapping of str to Distribution, optional
+        Replacements for default priors: by form name, or ``noise``, and parameter name.
 
     Raises
     ------
@@ -108,10 +121,10 @@ def folds_of(
     codes, names = _codes(data, leave)
     if len(names) < 2:
         raise InputError(f"leave: expected rows of at least two, to leave one out, got {leave!r}")
-    folds = []
+    folds, replaced = [], priors_of(priors, form, noise)
     for code, name in enumerate(names):
         own = int(stream(seed, form.name, noise.name, f"leave {name}").integers(2**63))
-        folds.append(Fold(name, data, codes == code, form, noise, own, effort or {}))
+        folds.append(Fold(name, data, codes == code, form, noise, own, effort or {}, replaced))
     return folds
 
 

@@ -145,16 +145,16 @@ def _add_left_out(
     comparison: Comparison, inputs: Inputs, progress: Progress, executor: Executor | None
 ) -> Comparison:
     """Add scores on textures and steps left out, and the coverage of the best form's bands."""
-    table, noise, seed = comparison.table, comparison.noise, inputs.seed
+    table, noise, seed, priors = comparison.table, comparison.noise, inputs.seed, inputs.priors
     forms = [form for form in inputs.forms if form.name in comparison.fits]
     with progress.stage("textures and steps left out"):
-        scores = left_out_scores(table, forms, noise, rng=seed, executor=executor)
+        scores = left_out_scores(table, forms, noise, rng=seed, executor=executor, priors=priors)
     with progress.stage("coverage of the bands"):
         shares = pd.DataFrame()
         if comparison.probabilities and len(table.calibration.textures) > 1:
             noises = dict.fromkeys([noise, Noise()])  # and what independent rows promise
             best = [form for form in forms if form.name == comparison.best]
-            shares = coverage(table, best, list(noises), rng=seed, executor=executor)
+            shares = coverage(table, best, list(noises), rng=seed, executor=executor, priors=priors)
     return replace(comparison, left_out=scores, coverage=shares)
 
 
