@@ -200,6 +200,7 @@ def test_printed__forms_are_summed_out():
     assert printed_error_model(evidence_of(values)).name == "iid"
 
 
+@pytest.mark.long
 def test_printed__of_rows_without_misfit_says_why_there_is_none():
     textures = [(0.012, 0.01), (0.022, 0.02), (0.032, 0.03)]
     rows = [

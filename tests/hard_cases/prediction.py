@@ -85,8 +85,8 @@ def textures_far_outside(folder):
     flagged = bands.groupby(["form", "a_over_R"])["extrapolation"].agg(["all", "any"])
     for (form, a), row in flagged.iterrows():
         assert bool(row["all"]) == bool(row["any"]) == (a != NEAR[0][0]), (form, a)
-    rb.write_report(weighed(), folder / "report.html")
-    assert "extrapolat" in (folder / "report.html").read_text(encoding="utf-8").lower()
+    rb.write_report(weighed(), folder / "report.md")
+    assert "extrapolat" in (folder / "report.md").read_text(encoding="utf-8").lower()
     n_flagged = int(bands["extrapolation"].sum())
     return f"{len(FAR)} textures flagged by 3 forms, {n_flagged} rows of bands; 2 others are not"
 

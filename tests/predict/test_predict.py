@@ -138,7 +138,7 @@ def peak_of(work):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["simulation", "curve"])
+@pytest.mark.parametrize("kind", [pytest.param("simulation", marks=pytest.mark.long), "curve"])
 def test_predict_load__of_a_million_places_takes_little_memory(paper, kind):
     fit = quick(paper, "iid")  # 128 draws of 10^5 textures: 100 MB, and the same of errors
     share, pitch = np.linspace(0.3, 0.7, 250)[:, None], np.linspace(0.03, 0.06, 400)

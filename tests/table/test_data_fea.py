@@ -131,6 +131,7 @@ def test_readme__stands_alone_and_counts_right() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_cylinder_sweep__is_todays_output_on_one_texture():
     table = read_table(data_path(CYLINDER_SWEEP)).frame
     paper = Scene.paper()

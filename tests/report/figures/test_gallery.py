@@ -121,6 +121,7 @@ def test_no_text_is_clipped_or_lies_on_other_text(full, name):
     assert clipped_and_overlapping(full[name]) == ([], [])
 
 
+@pytest.mark.long
 def test_no_text_is_clipped_or_lies_on_other_text_with_five_forms(reference):
     for name, figure in Gallery(report_data(reference)).items():
         assert (name, *clipped_and_overlapping(figure)) == (name, [], [])
