@@ -139,7 +139,7 @@ class Fit(Posterior, Predictive, Tabular):
         return self.summary.copy()
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the fitted loads over those predicted, with 90 % bands, transition by transition.
+        """Draw the errors of predicted loads, with 90 % bands, over the fitted loads at nu = 0.5.
 
         Parameters
         ----------
