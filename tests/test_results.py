@@ -9,10 +9,12 @@ from ridgebayes.distributions.distribution import LogNormal
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.diagnostics import effective_sample_size
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.power_law_exact import log_evidence_given_sigma
 from ridgebayes.model.forms import HalfPlane, Hybrid, Modified, PowerLaw
+from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.observations import refuse_circular
+from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.results import Fit, calibrate
 from ridgebayes.table.table import ContactTable
 
@@ -218,3 +220,19 @@ def test_fit__is_a_table_and_a_picture_of_its_errors(fits):
     np.testing.assert_allclose(observed, np.exp(fit.model.data.log_load))
     assert len(repr(fit)) < 200
     assert fit._repr_html_().count("<tr") == 1 + len(fit.summary)
+
+
+@pytest.mark.parametrize("kind", ["bracket", "count"])
+def test_fit__of_brackets_has_a_picture_of_their_middles_and_counts_have_none(paper, kind):
+    data = Observations.from_table(paper)
+    if kind == "bracket":
+        data = replace(data, log_lower=data.log_load - 0.1)
+    else:
+        data = replace(data, is_count=np.ones(41, bool))
+    fit, _ = importance_posterior(Model(data, Modified()), seed=1, n_draw=128, n_round=1)
+    if kind == "count":
+        with pytest.raises(InputError, match="modified: expected a row with a load to draw"):
+            Fit.of(fit).plot()
+    else:
+        observed = Fit.of(fit).plot().lines[0].get_xdata()
+        np.testing.assert_allclose(np.log(observed), data.log_load - 0.05)

@@ -11,6 +11,7 @@ import pandas as pd
 
 from ridgebayes._types import Rng, Tabular, __version__
 from ridgebayes.distributions.distribution import Distribution
+from ridgebayes.errors import InputError
 from ridgebayes.evidence.error_models import (
     AUTO,
     error_model_weights,
@@ -149,16 +150,26 @@ class Fit(Posterior, Predictive, Tabular):
         Returns
         -------
         matplotlib.axes.Axes
-            The axes drawn on; at most the first 500 transitions are shown.
+            The axes drawn on. At most the first 500 rows are shown, of brackets their middles.
+
+        Raises
+        ------
+        InputError
+            If all rows are counts.
         """
         from ridgebayes.drawing import records  # loads matplotlib
 
         data = self.model.data
-        shown = np.flatnonzero(self.model.rows.exact)[:_MOST_SHOWN]
-        texture = data.texture[shown]
+        shown = np.flatnonzero(~data.is_count)[:_MOST_SHOWN]
+        if not len(shown):
+            raise InputError(
+                f"{self.form.name}: expected a row with a load to draw, got only counts"
+            )
+        texture, upper, lower = data.texture[shown], data.log_load[shown], data.log_lower[shown]
+        observed = np.exp(np.where(np.isfinite(lower), (lower + upper) / 2, upper))
         a, b = data.a_over_R[texture], data.b_over_R[texture]
         predicted = self.predict_load(a, b, data.Q[shown]).widened(data.rel_se[shown])
-        frame = predicted.to_dataframe().assign(p_over_E_observed=np.exp(data.log_load[shown]))
+        frame = predicted.to_dataframe().assign(p_over_E_observed=observed)
         return records.draw_errors(frame, self.form.name, ax)
 
     def to_arviz(self) -> Any:
