@@ -216,7 +216,7 @@ def test_fit__is_a_table_and_a_picture_of_its_errors(fits):
     assert fit.to_dataframe() is not fit.summary
     axes = fit.plot()
     assert axes.get_title() == "Modified"
-    observed = axes.lines[0].get_xdata()
+    observed = np.asarray(axes.lines[0].get_xdata(), float)
     np.testing.assert_allclose(observed, np.exp(fit.model.data.log_load))
     assert len(repr(fit)) < 200
     assert fit._repr_html_().count("<tr") == 1 + len(fit.summary)
@@ -234,5 +234,5 @@ def test_fit__of_brackets_has_a_picture_of_their_middles_and_counts_have_none(pa
         with pytest.raises(InputError, match="modified: expected a row with a load to draw"):
             Fit.of(fit).plot()
     else:
-        observed = Fit.of(fit).plot().lines[0].get_xdata()
+        observed = np.asarray(Fit.of(fit).plot().lines[0].get_xdata(), float)
         np.testing.assert_allclose(np.log(observed), data.log_load - 0.05)
