@@ -10,6 +10,7 @@ from ridgebayes.model.conditional_offsets import (
     FullRoot,
     cholesky_or_nan,
     given_rows,
+    precision_root,
     solve_lower,
 )
 
@@ -122,6 +123,18 @@ def test_full_root__solve_is_the_inverse_of_times(monkeypatch, most):
     x = rng.standard_normal((*BATCH, N_LEVEL, 2))
     found = FullRoot(FACTOR).solve(x)
     np.testing.assert_allclose(FACTOR @ found, x, rtol=1e-11, atol=1e-12)  # rounding
+
+
+def test_precision_root__of_very_many_levels_of_a_factor_is_the_dense_factor():
+    rng, n_first, n_second = np.random.default_rng(3), 40, 5
+    codes = np.stack([np.repeat(np.arange(n_first), 4), n_first + rng.integers(0, n_second, 160)])
+    design = Design(codes, n_first + n_second)
+    root = DiagonalRoot(rng.uniform(0.5, 2.0, (3, n_first + n_second)))
+    weight = rng.uniform(0.5, 2.0, (3, 160))
+    dense = root.sandwich(design.gram(weight)) + np.eye(n_first + n_second)
+    found = precision_root(design, root, weight)
+    np.testing.assert_allclose(found, np.linalg.cholesky(dense), rtol=0, atol=1e-13)  # rounding
+    assert design.n_first >= n_first > 32  # the threshold of what is factorised apart
 
 
 def test_cholesky_or_nan__marks_what_is_not_definite_and_keeps_the_rest():

@@ -22,6 +22,7 @@ from scipy.linalg import lapack
 from ridgebayes._types import FloatArray, IntArray
 
 _SMALL = 16  # unknowns: of fewer, a batch is solved faster than system by system
+_MANY = 32  # levels of one factor, of which its block is factorised apart from the others'
 _INVERTED = 64  # levels up to which ten products with an inverse are quicker than ten solves
 
 
@@ -42,6 +43,8 @@ class Design:
         # last digit: the same strides here and in a worker that got a pickled copy.
         codes = codes.copy()
         self.codes, self.n_level, self.diagonal = codes, n_level, n_factor == 1
+        # Levels that the first factor alone has: a row is of one of them at most.
+        self.n_first = n_level if n_factor == 1 else int(codes[1:].min())
         rows, ones = np.tile(np.arange(n_row), n_factor), np.ones(n_factor * n_row)
         shape = (n_level, n_row)
         self._gather = sparse.csr_array((ones, (codes.ravel(), rows)), shape=shape)
@@ -226,6 +229,8 @@ def precision_root(design: Design, root: Root, weight: FloatArray) -> FloatArray
         return np.sqrt(precision + 1)
     levels = np.arange(design.n_level)
     precision[..., levels, levels] += 1
+    if isinstance(root, DiagonalRoot) and design.n_first > _MANY:
+        return _bordered_cholesky(precision, design.n_first)
     return cholesky_or_nan(precision)
 
 
@@ -291,6 +296,22 @@ def weighted_products(weight: FloatArray, columns: FloatArray) -> FloatArray:
     m = columns.shape[1]
     pairs = (columns[:, :, None] * columns[:, None, :]).reshape(len(columns), m * m)
     return (weight @ pairs).reshape(*weight.shape[:-1], m, m)
+
+
+def _bordered_cholesky(matrix: FloatArray, n: int) -> FloatArray:
+    """Return what `cholesky_or_nan` does of matrices whose first n rows and columns are diagonal.
+
+    The cost grows with n, not with its cube.
+    """
+    first = np.arange(n)
+    diagonal = np.sqrt(matrix[..., first, first])
+    border = matrix[..., n:, :n] / diagonal[..., None, :]
+    factor = np.zeros_like(matrix)
+    factor[..., first, first] = diagonal
+    factor[..., n:, :n] = border
+    corner = matrix[..., n:, n:] - border @ np.swapaxes(border, -1, -2)
+    factor[..., n:, n:] = cholesky_or_nan(corner)
+    return factor
 
 
 def cholesky_or_nan(matrix: FloatArray) -> FloatArray:

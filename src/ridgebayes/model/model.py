@@ -152,6 +152,8 @@ class Model:
         per_draw = len(self._a)
         if isinstance(self.offsets, SmoothOffsets):
             per_draw = self.offsets.n_level**2 // _COVARIANCE
+        elif self.offsets is not None and len(self.noise.factors) > 1:
+            per_draw = max(per_draw, self.offsets.n_level**2 // _COVARIANCE)
         return max(_CACHED // max(per_draw, 1), 1)
 
     def with_priors(self, priors: Mapping[str, Distribution]) -> "Model":
