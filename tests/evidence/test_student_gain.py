@@ -44,5 +44,5 @@ def test_gain__is_the_difference_of_two_evidences(observed, structure, outliers)
 
 
 def test_gain__of_very_many_rows_is_not_told(observed):
-    model, twin = models(observed, "texture", n=4_000)
+    model, twin = models(observed, "texture", n=1_600)
     assert math.isnan(student_gain(model, twin, fit_laplace(twin)))

@@ -337,3 +337,13 @@ def test_model__of_very_many_coefficients_is_for_independent_normal_errors(obser
     rule = f"power-law under {noise}: 101 coefficients; expected at most 100"
     with pytest.raises(ComputationError, match=rule):
         Model(data, PowerLaw(), Noise.named(noise))
+
+
+def test_model__of_very_many_rows_has_no_offsets_to_be_drawn(observed):
+    data = observed(np.arange(2_001) % 4, 4, -8.0)
+    assert Model(data, Modified(), Noise("texture")).n_coordinate == 3
+    assert Model(data, Modified(), Noise("iid", "student")).n_coordinate == 3
+    student = Noise("texture", "student")
+    assert Model(data.take(data.texture < 3), Modified(), student).is_latent
+    with pytest.raises(ComputationError, match="texture:student: 2001 rows; expected at most 2000"):
+        Model(data, Modified(), student)

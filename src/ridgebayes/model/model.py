@@ -32,6 +32,7 @@ from ridgebayes.model.shared_offsets import OffsetsGiven, SmoothOffsets, offsets
 _CACHED = 100_000  # textures times draws whose arrays fit in a processor's cache
 _COVARIANCE = 20  # numbers of a covariance that count as one texture
 _COEFFICIENTS_MAX = 100  # with errors that leave them no closed-form posterior
+_LATENT_ROWS_MAX = 2_000  # of which a call takes some hundredths of a second
 _HUGE = 1e100  # coefficients beyond which a rate may overflow
 _DIFFERENCE = 1e-4  # prior sds, of the differences that a form's gradient is held to
 _LOG_2PI = math.log(2 * math.pi)
@@ -59,7 +60,7 @@ class Model:
         than the default; if a coefficient has no default and none is given; if the form cannot
         compute a row's count.
     ComputationError
-        If the error model cannot serve that many places, or that many coefficients.
+        If the error model cannot serve that many places, rows or coefficients.
 
     Notes
     -----
@@ -94,6 +95,12 @@ class Model:
         self._known_variance = float(np.mean(self.rows.rel_se**2))
         self.offsets = offsets_of(self.noise, data)
         self.likelihood = self._chosen()
+        if self.is_latent and len(data) > _LATENT_ROWS_MAX:
+            raise ComputationError(
+                f"{self.noise.name}: {len(data)} rows; expected at most {_LATENT_ROWS_MAX} where "
+                "Student errors, brackets or counts share offsets: these have no closed-form "
+                "integral"
+            )
         if self.n_coefficient > _COEFFICIENTS_MAX and not self.is_iid_gaussian:
             raise ComputationError(
                 f"{form.name} under {self.noise.name}: {self.n_coefficient} coefficients; expected "
