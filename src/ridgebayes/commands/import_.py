@@ -1,33 +1,108 @@
 """`ridgebayes import`: output of the user's own finite elements or tests as a contact table."""
 
+import json
+import re
+import shlex
+from collections.abc import Mapping
 from dataclasses import fields
+from pathlib import Path
 
 from ridgebayes.commands import options
 from ridgebayes.commands.parsing import parse_numbers, parse_texture, refuse_existing
+from ridgebayes.commands.run_folder import write_text
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
+from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.read import Given, import_files
+
+_NAMES = {"program": "format", "out": "o"}  # options that are not called as their fields
 
 
 def command(asked: options.Import) -> Answer:
     """Do what the command line asks for."""
-    if asked.out is None and not asked.dry_run:
-        raise InputError("-o: missing; expected the table to write, or --dry-run")
-    if asked.out is not None and not asked.dry_run:
-        refuse_existing(asked.out, asked.force)
+    for path in (asked.write_map, None if asked.dry_run else asked.out):
+        if path is not None:
+            refuse_existing(path, asked.force)
     known = {
         one.name: getattr(asked, one.name) for one in fields(Given) if hasattr(asked, one.name)
     }
-    known["map"] = tuple(asked.mapping or ())
+    known |= {"map": tuple(asked.mapping or ()), "empty": tuple(asked.empty or ())}
+    known["interpolate"] = asked.interpolate or None
     known["texture"] = None if asked.texture is None else parse_texture(asked.texture)
     known["loads"] = parse_numbers(asked.loads, "--loads")
     given = Given(**known)
-    found = import_files(
-        asked.file, given, program=asked.program, brackets=asked.brackets, role=asked.role
-    )
+    try:
+        found = import_files(
+            asked.file, given, program=asked.program, brackets=asked.brackets, role=asked.role
+        )
+    except FileError as error:
+        wrote = ""
+        if asked.write_map is not None:
+            _write_map(asked.write_map, {**error.known, **error.mapping}, error.options, asked)
+            wrote = f"\n{asked.write_map}: a map to start from, for --map {asked.write_map}"
+        if not (error.options or error.mapping):
+            raise InputError(f"{error}{wrote}") from None
+        first = "mend the file, then run" if error.is_broken else "run"
+        again = _again(asked, error.options, error.mapping)
+        marks = ", with your values in place of ?" if "?" in again else ""
+        check = ", if that is what you mean" if not marks else ""
+        raise InputError(f"{error}{wrote}\n{first}{marks}{check}:\n  {again}") from None
+    files = []
+    if asked.write_map is not None:
+        _write_map(asked.write_map, found.known, {}, asked)
+        files.append(asked.write_map)
     size = {"rows": len(found.table), "textures": len(found.table.textures)}
-    if asked.out is None or asked.dry_run:
-        return Answer(found.messages, size)
+    if asked.dry_run:
+        return Answer(found.messages, size, files)
+    if asked.out is None:
+        lines = "\n".join(found.messages)
+        raise InputError(
+            f"-o: missing; expected the table to write, or --dry-run\n{lines}\nrun:\n"
+            f"  {_again(asked)}"
+        )
     found.table.write(asked.out)
     told = f"{asked.out}: {size['rows']} rows, {size['textures']} textures"
-    return Answer((*found.messages, told), size, [asked.out])
+    return Answer((*found.messages, told), size, [*files, asked.out])
+
+
+def _again(
+    asked: options.Import, more: Mapping[str, str] | None = None, mapping: Mapping[str, str] = {}
+) -> str:
+    """Return the command line that was typed, with more options, as a shell takes it."""
+    values = {one.name: getattr(asked, one.name) for one in fields(asked)} | dict(more or {})
+    files = [str(path) for path in values.pop("file")]
+    values["out"] = values["out"] or f"{Path(files[0]).stem}-table.csv"
+    typed = [one for one in asked.mapping or () if one.partition("=")[0].strip() not in mapping]
+    values["mapping"] = None
+    values["map"] = [*typed, *(f"{key}={header}" for key, header in mapping.items())]
+    if isinstance(values["empty"], str):
+        values["empty"] = [*(asked.empty or ()), *values["empty"].split("\n")]
+    words = ["ridgebayes", "import", *files]
+    for name, value in values.items():
+        name = _NAMES.get(name, name).replace("_", "-")
+        option = f"-{name}" if len(name) == 1 and name.islower() else f"--{name}"
+        if value is True:
+            words.append(option)
+        elif value not in (None, False, "", []):
+            some = value if isinstance(value, list) else [value]
+            words += [word for one in some for word in (option, str(one))]
+    return shlex.join(words)
+
+
+def _write_map(
+    path: Path, columns: Mapping[str, str], needed: Mapping[str, str], asked: options.Import
+) -> None:
+    """Write what is known of a file's columns as TOML, and marks for what is not."""
+    constants = {key: getattr(asked, key) for key in ("R", "E", "nu", "thickness")}
+    constants |= {key: text for key, text in needed.items() if key in constants}
+
+    def lines(entries: Mapping[str, str | None]) -> list[str]:
+        return [
+            f"{key if re.fullmatch('[A-Za-z_]+', key) else json.dumps(key)} = {json.dumps(text)}"
+            + ("  # fill in" if "?" in text else "")
+            for key, text in entries.items()
+            if text is not None
+        ]
+
+    text = ["[columns]", *lines(columns), "", "[values]", *lines(constants)]
+    write_text("\n".join(text) + "\n", path)

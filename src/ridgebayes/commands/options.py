@@ -315,7 +315,24 @@ class Cost:
 
 @dataclass(frozen=True)
 class Import:
-    """Read the output of your own finite elements or tests into a contact table."""
+    r"""Read the output of your own finite elements or tests into a contact table.
+
+    Headers such as 'Stegbreite \[mm]' or 'Line load (N/mm)', title lines,
+    wide tables and increments are recognised. What is missing is asked for,
+    with the whole command.
+
+    \b
+    ridgebayes import loads.csv --R '8 mm' --E '60 kPa' -o table.csv
+    ridgebayes import t.xlsx --sheet 2 --map 'a=w1 \[mm]' --map 'line=F;N/mm'
+    ridgebayes import run.dat --texture 0.06,0.03 --deck run.inp -o table.csv
+
+    Keys of --map: a, b, pitch, R, D, offset (lengths), E, p (pressures),
+    line (line loads), force, load (any, by its unit), p_lower, line_lower,
+    force_lower, Q, nu, rel_se, a_over_R, b_over_R, offset_over_R, p_over_E,
+    p_over_E_lower, kind, role, series, texture, solver, status, source.
+    'p=Load at * \[kPa]' is one column for each Q. Histories of increments:
+    'gap Q=4', 'gap_over_R Q=4', 'pressure Q=4', 'status Q=4'.
+    """
 
     file: Annotated[list[Path], typer.Argument(help="File to read, or all files of a VTU series.")]
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Table to write.")] = None
@@ -329,19 +346,49 @@ class Import:
     ] = None
     mapping: Annotated[
         list[str] | None,
-        typer.Option("--map", help="KEY=HEADER, such as 'a=Ridge width \\[mm]', or a TOML file."),
+        typer.Option(
+            "--map",
+            help="KEY=HEADER, such as 'a=Ridge width \\[mm]', KEY=HEADER;UNIT, or a TOML file; "
+            "beside what is recognised.",
+        ),
     ] = None
-    sheet: Annotated[str | None, typer.Option(help="Sheet of a workbook.")] = None
+    write_map: Annotated[
+        Path | None, typer.Option(help="TOML file for --map to write, with what is recognised.")
+    ] = None
+    sheet: Annotated[str | None, typer.Option(help="Sheet of a workbook, name or number.")] = None
+    skip_rows: Annotated[int | None, typer.Option(min=0, help="Lines to pass over at the top.")] = (
+        None
+    )
+    header_row: Annotated[
+        int | None, typer.Option(min=0, help="Line of the header; 0 for no header.")
+    ] = None
+    decimal: Annotated[str | None, typer.Option(help="Decimal mark: point or comma.")] = None
+    empty: Annotated[
+        list[str] | None, typer.Option(help="Text of cells that are empty. May be repeated.")
+    ] = None
+    count_is: Annotated[
+        str | None,
+        typer.Option(help="What is counted: edges (proximal), ridges, segments or per-side."),
+    ] = None
     texture: Annotated[
         str | None, typer.Option(help="A,B: ridge and groove width over the radius.")
     ] = None
     nu: Annotated[str | None, typer.Option(help="Poisson's ratio.")] = None
     R: Annotated[str | None, typer.Option("--R", help="Radius, such as '8 mm'.")] = None
     E: Annotated[str | None, typer.Option("--E", help="Young's modulus, such as '60 kPa'.")] = None
-    deck: Annotated[Path | None, typer.Option(help="Input deck of the run.")] = None
-    surface: Annotated[str | None, typer.Option(help="Node set of the body's rim.")] = None
+    thickness: Annotated[
+        str | None,
+        typer.Option(help="Length along the ridges, such as '20 mm', that forces belong to."),
+    ] = None
+    deck: Annotated[
+        Path | None, typer.Option(help="Input deck of the run. The .inp beside it if not given.")
+    ] = None
+    surface: Annotated[
+        str | None, typer.Option(help="Node set of the body's rim. The deck's *NODE PRINT of U.")
+    ] = None
     reaction: Annotated[
-        str | None, typer.Option(help="Node set whose reaction force is the load.")
+        str | None,
+        typer.Option(help="Node set whose reaction is the load. The deck's *NODE PRINT of RF."),
     ] = None
     symmetry: Annotated[
         str | None, typer.Option(help="half or full: which part of the body is meshed.")
@@ -349,9 +396,6 @@ class Import:
     top: Annotated[float | None, typer.Option(help="Height of the ridge tops.")] = None
     corner: Annotated[
         float | None, typer.Option(help="Corner radius of the ridges over the radius.")
-    ] = None
-    thickness: Annotated[
-        float | None, typer.Option(help="Thickness of the slice that the forces belong to.")
     ] = None
     field: Annotated[
         str | None, typer.Option(help="Point data of a series. displacement if not given.")
@@ -364,7 +408,13 @@ class Import:
     ] = ""
     brackets: Annotated[
         bool,
-        typer.Option("--brackets", help="Write each load as an interval instead of interpolating."),
+        typer.Option(
+            "--brackets", help="Write each load as an interval, also where gaps are known."
+        ),
+    ] = False
+    interpolate: Annotated[
+        bool,
+        typer.Option("--interpolate", help="Write loads of counts in the middle of increments."),
     ] = False
     role: Annotated[str | None, typer.Option(help="calibration or held-out.")] = None
     dry_run: Annotated[

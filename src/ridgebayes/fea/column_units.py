@@ -16,7 +16,10 @@ from ridgebayes.table.rules import row_codes
 DIMENSIONS: dict[str, Dimension] = {
     "a": "length",
     "b": "length",
+    "pitch": "length",
     "R": "length",
+    "D": "length",
+    "thickness": "length",
     "offset": "length",
     "gap": "length",
     "E": "pressure",
@@ -24,6 +27,8 @@ DIMENSIONS: dict[str, Dimension] = {
     "p_lower": "pressure",
     "line": "line load",
     "line_lower": "line load",
+    "force": "force",
+    "force_lower": "force",
 }
 _ALL: tuple[Dimension, ...] = ("length", "pressure", "line load", "force")
 _NONE = ("", "-", "1")  # units of a column without one
@@ -33,7 +38,15 @@ _STYLES = (
     (re.compile(r"(.*?)\s*\(([^()]*)\)"), True),
     (re.compile(r"(.*),\s*([^,]*)"), False),
     (re.compile(r"(.*?)\s+/\s+(\S+)"), False),
+    (re.compile(r"(.*?)\s+in\s+(\S+)"), False),
 )
+# What people write for units that pint knows under another name.
+_SPELLINGS = (
+    *(("²", "^2"), ("³", "^3"), ("·", "*"), ("⁻¹", "^-1"), ("mm2", "mm^2"), ("cm2", "cm^2")),
+    *(("m2", "m^2"), ("Zoll", "inch"), ('"', "inch"), ("kpa", "kPa"), ("kp", "kilopond")),
+    *(("KPa", "kPa"), ("Mpa", "MPa"), ("gf", "gram_force"), ("kgram_force", "kilogram_force")),
+)
+_POWER = re.compile(r"(?:1e|10\s?\^?)\s?(-?\d)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +82,8 @@ def unit_factor(unit: str, dimension: Dimension) -> Fraction | None:
     >>> unit_factor("mm", "pressure") is None
     True
     """
-    for sign, power in (("²", "^2"), ("³", "^3"), ("·", "*")):
-        unit = unit.replace(sign, power)
+    for written, known in _SPELLINGS:
+        unit = unit.replace(written, known)
     if not unit.strip():
         return None
     try:
@@ -133,6 +146,8 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
     if key not in DIMENSIONS:
         if unit == "%":
             return "%", Fraction(1, 100)
+        if power := _POWER.fullmatch(unit):
+            return unit, Fraction(10) ** int(power[1])
         if is_unit(unit) or (explicit is not None and unit not in _NONE):
             raise InputError(f"{place}: unit {unit!r}: expected {key} is a plain number, or in %")
         return "", Fraction(1)

@@ -1,28 +1,36 @@
 """Tables of any columns and units: CSV, TSV, Excel and Parquet to contact tables."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
+from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import Source
-from ridgebayes.fea.delimited import DelimitedText
-from ridgebayes.fea.interpret import ColumnInterpreter, listed
+from ridgebayes.fea.delimited import DelimitedText, Reading
+from ridgebayes.fea.interpret import ColumnInterpreter, check_cells, listed
 from ridgebayes.fea.mapping import CORNERS, Use, assign, check_constants
 from ridgebayes.fea.parquet import ParquetTable
+from ridgebayes.fea.problems import SHOWN, FileError, Problems
 from ridgebayes.fea.record import Imported, provenance
-from ridgebayes.fea.spreadsheet import Spreadsheet
+from ridgebayes.fea.spreadsheet import read_workbook
+from ridgebayes.fea.wide import melt_counts, melt_textures
 from ridgebayes.fea.xy_report import read_xy
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.table.columns import NAMES, RawTable
-from ridgebayes.table.rules import as_text
+from ridgebayes.table.rules import as_text, checked
 from ridgebayes.table.table import ContactTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".rpt", ".xlsx", ".parquet")
 _LONGEST = 300  # characters of the mapping in `source`
 _NONE: Mapping[str, str] = MappingProxyType({})
+_PLAIN = Reading()
+_WAYS = ("sheet", "decimal", "empty", "count_is")
+_MOST_TRIES = 5
 _DISGUISED = (
     *((bytes([0x80, version]), "a pickle") for version in range(2, 6)),
     (b"\x1f\x8b", "compressed by gzip"),
@@ -38,33 +46,31 @@ def read_columns(
     mapping: Mapping[str, str] = _NONE,
     *,
     values: Mapping[str, str | float] = _NONE,
-    sheet: str | None = None,
-    brackets: bool = False,
+    how: Reading = _PLAIN,
 ) -> Imported:
     r"""Read a table of any columns.
 
     Parameters
     ----------
     path : pathlib.Path
-        A ``.csv``, ``.tsv`` or ``.txt`` file (UTF-8; commas, semicolons or tabs), a ``.rpt`` of
-        X-Y data, an ``.xlsx`` workbook, or a ``.parquet`` file. One header line.
+        A ``.csv``, ``.tsv`` or ``.txt`` file (commas, semicolons, bars, tabs or blanks between
+        cells), a ``.rpt`` of X-Y data, an ``.xlsx`` workbook, or a ``.parquet`` file. Title lines
+        above the header and a row of units below it are recognised.
     mapping : mapping of str to str
-        What to which header: a column of the contract, or ``a``, ``b``, ``R``, ``offset``
-        (lengths), ``E``, ``p``, ``p_lower`` (pressures; p is the line load over 2 R), ``line``,
-        ``line_lower`` (line loads), or ``load`` (one of these by its unit). The header's unit
+        What to which header, in addition to what words of the field say: a column of the contract,
+        or ``a``, ``b``, ``pitch``, ``R``, ``D``, ``offset`` (lengths), ``E``, ``p``, ``p_lower``
+        (pressures; p is the line load over 2 R), ``line``, ``line_lower`` (line loads), ``force``,
+        ``force_lower``, or ``load`` (one of these by its unit). The header's unit
         (``[mm]``, ``(N/mm)``, ``, kPa``, `` / mm``) may be left out; ``header;unit`` gives one,
         ``header;1`` says that there is none. A header with ``*``, as ``p=Load Q=* [kPa]``, is
         one column for each Q, empty where Q was not reached; so are, unasked, headers such as
         ``Q=4``. Increments of load-stepped runs have ``gap Q=4``, ``gap_over_R Q=4``,
-        ``pressure Q=4`` or ``status Q=4``. Contract columns without a mapping keep their
-        meaning; with no mapping at all, well-known words are guessed.
+        ``pressure Q=4`` or ``status Q=4``, or counts that repeat.
     values : mapping of str to str or float
-        Constants: ``R`` and ``E`` (``"8 mm"``, or a plain number where no column has a unit), and
-        all but the load among the contract's columns.
-    sheet : str or None
-        Worksheet; None takes the only one with cells.
-    brackets : bool, optional
-        For increments, as `ridgebayes.fea.transitions.transitions_of`.
+        Constants: ``R``, ``D``, ``E`` and ``thickness`` (``"8 mm"``, or a plain number where no
+        column has a unit), and all but the load among the contract's columns.
+    how : Reading, optional
+        Sheet, header, decimal mark, what counts are of, and what becomes of increments.
 
     Returns
     -------
@@ -73,7 +79,8 @@ def read_columns(
     Raises
     ------
     InputError
-        If the file, the mapping or a cell breaks a rule; with file, line, column, value and rule.
+        If the file, the mapping or a cell breaks a rule, or something is missing: all of it, with
+        file, line, column, value and rule.
 
     Notes
     -----
@@ -95,24 +102,77 @@ def read_columns(
     ((0.03, 0.01),)
     """
     check_constants(values, str(path))
-    source = _source(path, sheet)
+    refused: FileError | None = None
+    for _ in range(_MOST_TRIES):
+        try:
+            found = _read(path, mapping, values, how)
+        except FileError as error:
+            refused = error if refused is None else refused.joined(error)
+            # What else is missing shows once this is there.
+            tried = _supplied(error)
+            mapping, values = {**mapping, **tried[0]}, {**values, **tried[1]}
+            if not any(tried):
+                break
+            how = replace(how, **tried[2])
+        except InputError as error:
+            raise refused or error from None
+        else:
+            if refused is not None:
+                break
+            return found
+    assert refused is not None
+    raise refused
+
+
+def _supplied(error: FileError) -> tuple[dict[str, str], dict[str, str], dict[str, Any]]:
+    """Return mapping, values and ways of reading that an error asks for, with a guess of each ?."""
+    mapping = {
+        key: text.replace("?", "N/mm" if key.startswith("load") else "mm")
+        for key, text in error.mapping.items()
+        if text != "?"
+    }
+    options = {key: text.replace("?", "1") for key, text in error.options.items()}
+    if "texture" in options:
+        options |= dict.fromkeys(("a_over_R", "b_over_R"), options.pop("texture")[:1])
+    ways: dict[str, Any] = {key: options.pop(key) for key in _WAYS if key in options}
+    if "empty" in ways:
+        ways["empty"] = tuple(ways["empty"].split("\n"))
+    return mapping, options, ways
+
+
+def _read(
+    path: Path, mapping: Mapping[str, str], values: Mapping[str, str | float], how: Reading
+) -> Imported:
+    problems = Problems(str(path))
+    source = _source(path, how, problems)
     where = source.where
-    uses = assign(source.headers, mapping, values, where)
-    corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
-    cells = source.read({use.header for use in uses if use.is_number})
+    uses, term = assign(source.headers, mapping, values, problems)
+    problems.known = {use.name: _typed(use) for use in uses if use.texture is None}
+    taken = {use.key for use in uses} | set(values)
+    settings = {key: one for key, one in source.settings.items() if key not in taken}
+    cells = source.read({use.header for use in uses if use.is_number}, problems)
     for use in uses:
         if use.header not in cells.frame:
             raise InputError(
                 f"{where}, column {use.header!r}, {use.name}: expected numbers or text"
             )
-    interpreter = ColumnInterpreter(cells, uses, values, is_history=bool(corners))
-    if corners:
-        frame, lines, messages = interpreter.history(corners, brackets=brackets)
-    elif any(use.Q is not None for use in uses):
-        frame, lines, messages = interpreter.wide()
-    else:
-        frame, lines, messages = interpreter.long()
-    details = (sheet and f"sheet={sheet}", _mapping_text(interpreter.used, values))
+        check_cells(cells, use, problems)
+    corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
+    messages = [*cells.messages]
+    messages += [f"{key}: {text}, from line {line}" for key, (text, line) in settings.items()]
+    if not corners and any(use.Q is not None for use in uses):
+        cells, uses, more = melt_counts(cells, uses, problems)
+        messages += more
+    elif any(use.texture is not None for use in uses):
+        cells, uses, more = melt_textures(cells, uses, problems)
+        messages += more
+    constants = {key: text for key, (text, _) in settings.items()} | dict(values)
+    interpreter = ColumnInterpreter(cells, uses, constants, how, problems)
+    frame, lines, more = interpreter.history(corners) if corners else interpreter.long(term)
+    messages += [*interpreter.messages, *more]
+    if frame.empty:
+        problems.raise_all(source)
+    details = (how.sheet and f"sheet={how.sheet}", _mapping_text(interpreter.used, constants))
     origin = provenance(path, "columns", *(text for text in details if text))
     if "source" in frame:
         own = as_text(frame["source"])
@@ -121,11 +181,45 @@ def read_columns(
         frame["source"] = origin
     ordered = [name for name in NAMES if name in frame]
     frame = frame[[*ordered, *(name for name in frame if name not in ordered)]]
-    messages = [*cells.messages, *interpreter.messages, *messages]
-    del cells, interpreter, source  # of a million rows: 0.2 GB that validating needs
-    line = None if lines is None else lambda row: int(lines[row])
-    table = ContactTable._validated(RawTable(frame, where, line))
-    return Imported(table, (*messages, *_kept(table)))
+    line = None if lines is None else lines.item
+    rows = interpreter.cells.row if lines is not None or not corners else None
+    del cells, interpreter  # of a million rows: 0.2 GB that validating needs
+    table = _validated(RawTable(frame, where, line), rows, problems, source)
+    return Imported(table, (*messages, *_kept(table)), problems.known)
+
+
+def _validated(
+    raw: RawTable, rows: IntArray | None, problems: Problems, source: Source
+) -> ContactTable:
+    """Return the table, or refuse the rules that it breaks beside what was noted before."""
+    frame, findings = checked(raw)
+    told = set() if rows is None else set(problems.rows().tolist())
+    for column, rule, bad, other in findings.complaints():
+        if "empty" in rule and rows is not None and len(rows) == len(frame):
+            keep = np.array([int(rows[row]) not in told for row in bad], dtype=bool)
+            bad, other = bad[keep], None if other is None else other[keep]
+        if not len(bad):
+            continue
+        shown = [
+            f"{raw.place(int(row))}: {column} = {raw.shown(int(row), column)}"
+            for row in bad[:SHOWN]
+        ]
+        rule = rule if other is None else rule.format(other=int(other[0]) + 1)
+        if len(bad) == 1:
+            problems.texts.append(f"{shown[0]}: {rule}")
+        else:
+            spots = ", ".join(
+                one.removeprefix(f"{raw.where}, ").replace(f": {column} =", " =") for one in shown
+            )
+            more = f" and {len(bad) - SHOWN} more" if len(bad) > SHOWN else ""
+            problems.texts.append(f"{column}, {len(bad)} rows: {rule}: {spots}{more}")
+    problems.raise_all(source)
+    return ContactTable(frame, raw.where)
+
+
+def _typed(use: Use) -> str:
+    """Return a column as ``--map`` would name it."""
+    return use.header if use.unit is None else f"{use.header};{use.unit}"
 
 
 def _mapping_text(uses: Iterable[Use], values: Mapping[str, str | float]) -> str:
@@ -143,7 +237,7 @@ def _mapping_text(uses: Iterable[Use], values: Mapping[str, str | float]) -> str
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def _source(path: Path, sheet: str | None) -> Source:
+def _source(path: Path, how: Reading, problems: Problems) -> Source:
     """Return the file, by its suffix; nothing in it is run."""
     suffix = path.suffix.lower()
     if suffix in _OLD:
@@ -152,8 +246,8 @@ def _source(path: Path, sheet: str | None) -> Source:
         raise InputError(
             f"{path}: ends in {path.suffix or 'no suffix'!r}; expected one of {', '.join(SUFFIXES)}"
         )
-    if sheet is not None and suffix != ".xlsx":
-        raise InputError(f"{path}: sheet {sheet!r}: expected --sheet for .xlsx files only")
+    if how.sheet is not None and suffix != ".xlsx":
+        raise InputError(f"{path}: sheet {how.sheet!r}: expected --sheet for .xlsx files only")
     content = read_bytes(path)
     for beginning, what in _DISGUISED:
         if content.startswith(beginning):
@@ -167,12 +261,12 @@ def _source(path: Path, sheet: str | None) -> Source:
                 f"{path}: {is_it} a {what} file; expected a suffix that tells the format"
             )
     if suffix == ".xlsx":
-        return Spreadsheet(path, content, sheet)
+        return read_workbook(path, content, how, problems)
     if suffix == ".parquet":
         return ParquetTable(path, content)
     if suffix == ".rpt":
         content = read_xy(path).to_csv(index=False).encode()
-    return DelimitedText(path, content)
+    return DelimitedText(str(path), content, how, problems)
 
 
 def _kept(table: ContactTable) -> list[str]:

@@ -30,6 +30,8 @@ class Deck:
         Nodes of the elements by number.
     E, nu : float or None
         Of ``*HYPERELASTIC, NEO HOOKE``, or else of the first ``*ELASTIC``; None without either.
+    printed : dict of str to list of str
+        Node sets by what ``*NODE PRINT`` writes of them: "U" and "RF".
     """
 
     nodes: dict[int, tuple[float, float]] = field(default_factory=dict)
@@ -37,6 +39,7 @@ class Deck:
     elements: dict[int, tuple[int, ...]] = field(default_factory=dict)
     E: float | None = None
     nu: float | None = None
+    printed: dict[str, list[str]] = field(default_factory=dict)
 
     def nodes_of(self, name: str, where: str) -> list[int]:
         """Return the nodes of a set.
@@ -284,6 +287,14 @@ def _hyperelastic(block: _Block, deck: Deck) -> None:
     deck.E = 2 * mu * (1 + deck.nu)
 
 
+def _node_print(block: _Block, deck: Deck) -> None:
+    name = block.options.get("NSET", "").upper()
+    for cell in (cell for line in block.rows for cell in _cells(line)):
+        kind = cell.upper().rstrip("123")
+        if name and name not in deck.printed.setdefault(kind, []):
+            deck.printed[kind].append(name)
+
+
 def _include(block: _Block, deck: Deck, depth: int) -> None:
     given = block.options.get("INPUT", "").strip("\"'")
     folder = block.line.path.parent
@@ -299,6 +310,7 @@ def _include(block: _Block, deck: Deck, depth: int) -> None:
 _READERS: dict[str, Callable[[_Block, Deck], None]] = {
     "NODE": _nodes,
     "NSET": _nset,
+    "NODE PRINT": _node_print,
     "ELEMENT": _elements,
     "HYPERELASTIC": _hyperelastic,
     "ELASTIC": _elastic,

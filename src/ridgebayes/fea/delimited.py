@@ -1,11 +1,13 @@
-"""CSV, TSV and semicolon-separated text: fast where clean, exact about where it is not."""
+"""Text of cells between separators: fast where clean, exact about where it is not."""
 
 import codecs
 import csv
 import io
 import re
-from collections.abc import Collection, Iterator, Sequence
-from pathlib import Path
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -13,89 +15,161 @@ import pandas as pd
 
 from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import (
-    FINITE,
-    FORMULA,
-    NUMBER,
-    SHOWN,
-    Cells,
-    clean_headers,
-    lines_error,
-    lossless,
-)
+from ridgebayes.fea.cells import FINITE, FORMULA, NUMBER, Cells, Source, clean_headers, lossless
+from ridgebayes.fea.layout import LOOKED_AT, find_layout
+from ridgebayes.fea.problems import Problems
 from ridgebayes.runtime.text import clipped
 from ridgebayes.table.files import is_rectangular, read_delimited, records
 
-SEPARATORS = {"\t": "tab", ";": "';'", ",": "','"}
-_SNIFFED = 50  # records by which a separator is judged
-_COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?\s*", re.A)
-# What a comma between thousands may look like: such cells do not tell which comma is meant.
-_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}\s*", re.A)
+SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
+_COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
+# How numbers are written: decimal mark, mark between thousands, and what cells look like.
+_GROUPED = r"\s*[+-]?\d{{1,3}}(?:{0}\d{{3}})+(?:{1}\d*)?\s*|"
+_STYLES = (
+    (".", "", NUMBER),
+    (",", "", _COMMA),
+    *(
+        (mark, thousands, re.compile(_GROUPED.format(re.escape(thousands), re.escape(mark)) + one))
+        for mark, some, one in (
+            (".", ",' \xa0\u202f", NUMBER.pattern),
+            (",", ".' \xa0\u202f", _COMMA.pattern),
+        )
+        for thousands in some
+    ),
+)
+_WORDS = {".": "point", ",": "comma"}
+# What people write where there is no number.
+_NOTHING = re.compile(
+    r"\s*(?:-+|[\u2013\u2014?x.]|n\.?/?a\.?|nan|none|null|#n/?a|k\.?a\.?"
+    r"|not reached|nicht erreicht)\s*",
+    re.I,
+)
 
 
-class DelimitedText:
+@dataclass(frozen=True)
+class Reading:
+    """How a table file is to be read, where the user says more than the file.
+
+    Parameters
+    ----------
+    sheet : str or None
+        Worksheet by name or number; None takes the one with the words of the field.
+    skip_rows : int
+        Lines to pass over at the top.
+    header_row : int or None
+        Line of the header; 0 for none, None looks for it.
+    decimal : str or None
+        "point" or "comma".
+    empty : tuple of str
+        Texts of cells that are empty.
+    count_is : str or None
+        What counts are of, one of `ridgebayes.fea.words.COUNTS`.
+    brackets, interpolate : bool
+        For increments: always intervals, or always loads within them.
+    """
+
+    sheet: str | None = None
+    skip_rows: int = 0
+    header_row: int | None = None
+    decimal: str | None = None
+    empty: tuple[str, ...] = ()
+    count_is: str | None = None
+    brackets: bool = False
+    interpolate: bool = False
+
+
+class DelimitedText(Source):
     """A text file of cells between separators.
 
     Parameters
     ----------
-    path : pathlib.Path
+    where : str
         Its name, for messages.
     content : bytes
-        All of it: UTF-8, with or without a byte-order mark, lines ended in any way.
+        All of it: UTF-8, UTF-16 with its mark, or Windows-1252, lines ended in any way.
+    how : Reading
+        What the user says.
+    problems : Problems
+        Where rows of another length and formulas are noted.
+    cell : callable, optional
+        Words for the cell of a line and a column, both from 1.
 
     Raises
     ------
     InputError
-        If it is not UTF-8 text, is empty, has formulas, an open quote, or rows of another length
-        than the header.
+        If it is no text, is empty, or has an open quote.
     """
 
-    def __init__(self, path: Path, content: bytes) -> None:
-        self.where = str(path)
-        self._content = _utf8(content, self.where)
-        self._separator = _separator(self._content, self.where)
-        line, header = next(records(self._content, self.where, self._separator))
-        self.headers = clean_headers(header, self.where)
-        self._first_line = line + 1
+    def __init__(
+        self,
+        where: str,
+        content: bytes,
+        how: Reading,
+        problems: Problems,
+        cell: Callable[[int, int], str] = lambda line, column: f"line {line}",
+    ) -> None:
+        self.where, self._how, self._cell = where, how, cell
+        content, self._messages = as_utf8(content, where)
+        lines = content.split(b"\n", how.skip_rows)
+        content = lines[-1] if len(lines) > how.skip_rows else b""
+        if not content.strip():
+            raise InputError(f"{where}: the file is empty")
+        content, self._separator = _separated(content, where)
+        rows = [
+            (line + how.skip_rows, cells)
+            for line, cells in islice(records(content, where, self._separator), LOOKED_AT)
+            if any(one.strip() for one in cells)
+        ]
+        layout = find_layout(rows or [(1, [""])], where, how.header_row)
+        self.settings = layout.settings
+        self._messages += layout.messages
+        self.headers = clean_headers(layout.headers, where)
+        if layout.first >= len(rows):
+            raise InputError(f"{where}: no rows below the header")
+        self._first_line = rows[layout.first][0]
+        self._body = content.split(b"\n", above := self._first_line - 1 - how.skip_rows)[above]
         self._lines: IntArray | None = None  # of rows, where they are not one after another
-        self._plain = self._content  # what pandas gets
-        data = np.frombuffer(self._content, dtype=np.uint8)
+        self._plain = self._body  # what pandas gets
+        data = np.frombuffer(self._body, dtype=np.uint8)
         if not is_rectangular(data, self._separator, len(self.headers)):
-            self._lines, self._plain = self._checked_lines()
+            self._lines, self._plain = self._checked_lines(problems)
         signs = np.flatnonzero(data == ord("="))
-        starts = np.frombuffer(b'\r\n\t ",;', dtype=np.uint8)
-        if np.isin(data[signs[signs > 0] - 1], starts).any():
-            text = self._text()
-            columns = {str(name): cells.str.lstrip() for name, cells in text.frame.items()}
-            begin = {
-                name: cells.str.startswith("=").to_numpy(bool) for name, cells in columns.items()
-            }
-            text.check(*((bad, name, FORMULA) for name, bad in begin.items()))
+        starts = np.frombuffer(b'\r\n\t ",;|', dtype=np.uint8)
+        if len(signs) and (signs[0] == 0 or np.isin(data[signs[signs > 0] - 1], starts).any()):
+            for name, cells in self._text().items():
+                begin = cells.str.lstrip().str.startswith("=").to_numpy(bool)
+                problems.cells(begin, str(name), FORMULA)
 
-    def read(self, numeric: Collection[str]) -> Cells:
-        """Read all rows, the columns of these headers as numbers."""
+    def read(self, numeric: Collection[str], problems: Problems) -> Cells:
+        """Read all rows, the columns of these headers as numbers; note cells that are none."""
         wanted = [name for name in self.headers if name in numeric]
-        frame, mark = self._fast(wanted, "."), "point"
-        if frame is None and self._separator != ",":
-            frame, mark = self._fast(wanted, ","), "comma"
+        frame, mark = None, "."
+        if not self._how.empty and self._how.decimal != "comma":
+            frame = self._fast(wanted, ".")
+        if frame is None and not self._how.empty and self._separator != ",":
+            frame, mark = self._fast(wanted, ","), ","
             # No cell has a point then; it takes one whose comma cannot stand between thousands.
             places = [self.headers.index(name) for name in wanted]
             if not any(_is_decimal_comma(cells[i]) for _, cells in self._rows() for i in places):
                 frame = None
         if frame is None:
-            frame, mark = self._cell_by_cell(wanted)
+            frame, mark = self._cell_by_cell(wanted, problems)
         text: dict[str, Any] = {n: lossless(frame[n]) for n in self.headers if n not in wanted}
         name = "TSV" if self._separator == "\t" else "CSV"
-        dialect = f"{name}, separator {SEPARATORS[self._separator]}, decimal {mark}"
-        return Cells.of(self, frame.assign(**text), f"{self.where}: {dialect}, {len(frame)} rows")
+        thousands = f", {mark[1:]!r} between thousands" if mark[1:] else ""
+        dialect = (
+            f"{name}, separator {SEPARATORS[self._separator]}, decimal {_WORDS[mark[0]]}{thousands}"
+        )
+        messages = [f"{self.where}: {dialect}, {len(frame)} rows", *self._messages]
+        return Cells.of(self, frame.assign(**text), *messages)
 
     def lines(self, rows: IntArray) -> IntArray:
         """Return the file's lines of some rows."""
         return rows + self._first_line if self._lines is None else self._lines[rows]
 
-    def place(self, row: int, name: str) -> str:
+    def spot(self, row: int, name: str) -> str:
         """Return words for a cell."""
-        return f"{self.where}, line {self.lines(np.array(row))}"
+        return self._cell(int(self.lines(np.array(row))), self.headers.index(name) + 1)
 
     def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
         """Return cells as they were typed."""
@@ -104,116 +178,111 @@ class DelimitedText:
         return [found[row][self.headers.index(name)] for row, name in wanted]
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
-        """Yield line and cells of each record below the header."""
-        rows = records(self._content, self.where, self._separator)
-        next(rows)
-        return rows
+        """Yield line and cells of each record below the header that is as wide as it."""
+        for line, cells in records(self._plain, self.where, self._separator):
+            yield line + self._first_line - 1, cells
 
-    def _text(self) -> Cells:
+    def _text(self) -> pd.DataFrame:
         """Return every cell as it was typed."""
         rows = [cells for _, cells in self._rows()]
-        frame = pd.DataFrame(rows, columns=list(self.headers), dtype=str)
-        return Cells(self, frame, np.arange(len(frame)), ())
+        return pd.DataFrame(rows, columns=list(self.headers), dtype=str)
 
-    def _checked_lines(self) -> tuple[IntArray, bytes]:
+    def _checked_lines(self, problems: Problems) -> tuple[IntArray, bytes]:
         """Return each row's line, and the records written again without blank lines between.
 
-        Raises
-        ------
-        InputError
-            If rows are of another length than the header.
+        Rows of another length are noted; empty cells beyond the header are none.
         """
         width, lines = len(self.headers), []
         # The two parsers differ where quotes and line ends are odd; as written here they do not.
         again = io.BytesIO()
         text = io.TextIOWrapper(again, encoding="utf-8", newline="")
         writer = csv.writer(text, delimiter=self._separator, lineterminator="\n")
-        writer.writerow(range(width))
         bad: list[str] = []
-        n = 0
         for line, cells in self._rows():
-            lines.append(line)
-            writer.writerow(cells)
-            n += len(cells) != width
-            if len(cells) != width and n <= SHOWN:
-                bad.append(
-                    f"{self.where}, line {line}: {clipped(self._separator.join(cells))} has "
-                    f"{len(cells)} cells: expected {width} cells, as the header (separator "
-                    f"{SEPARATORS[self._separator]})"
-                )
-        if n:
-            raise lines_error(self.where, bad, n, "rows of another length")
+            while len(cells) > width and not cells[-1].strip():
+                cells.pop()
+            if len(cells) == width:
+                lines.append(line)
+                writer.writerow(cells)
+                continue
+            shown = clipped(self._separator.join(cells))
+            bad.append(f"line {line}: {shown} has {len(cells)} cells")
+        if bad:
+            more = f" and {len(bad) - 3} more rows" if len(bad) > 3 else ""
+            problems.texts.append(
+                f"{self.where}, {', '.join(bad[:3])}{more}: expected {width} cells, as the header "
+                f"(separator {SEPARATORS[self._separator]})"
+            )
         text.flush()
         return np.array(lines, dtype=np.int64), again.getvalue()
 
     def _fast(self, wanted: list[str], decimal: str) -> pd.DataFrame | None:
         """Return the rows as pandas reads them; None where a slower look is needed."""
         try:
-            frame = read_delimited(
-                self._plain, self.headers, wanted, sep=self._separator, decimal=decimal
-            )
+            options = {"sep": self._separator, "decimal": decimal, "header": None}
+            frame = read_delimited(self._plain, self.headers, wanted, **options)
         except (ValueError, OverflowError):
             return None
         if self._lines is not None and len(frame) != len(self._lines):
             return None
         values = frame[wanted].to_numpy()
         # pandas reads the words true and false as 1 and 0.
-        has_words = re.search(rb"true|false", self._content, re.IGNORECASE) is not None
+        has_words = re.search(rb"true|false", self._body, re.IGNORECASE) is not None
         odd = np.isinf(values).any() or (has_words and np.isin(values, (0, 1)).any())
         return None if odd else frame
 
-    def _cell_by_cell(self, wanted: list[str]) -> tuple[pd.DataFrame, str]:
-        """Read with decimal commas if they are beyond doubt; else tell each cell."""
+    def _cell_by_cell(self, wanted: list[str], problems: Problems) -> tuple[pd.DataFrame, str]:
+        """Read in the style of which fewest cells are no number, and note those that are none."""
         text = self._text()
-        typed = {name: text.frame[name].tolist() for name in wanted}
-        values = {name: np.array([_number(cell) for cell in typed[name]]) for name in wanted}
-        text.check(*((np.isinf(values[name]), name, FINITE) for name in wanted))
-
-        def first(mark: str) -> str:
-            """Return words for the first cell with a mark."""
-            for row, cells in enumerate(zip(*typed.values(), strict=True)):
-                for name, cell in zip(wanted, cells, strict=True):
-                    if mark in cell:
-                        return f"line {self.lines(np.array(row))}, column {name!r} = {cell!r}"
-            return ""
-
-        comma, point = first(","), first(".")
-        if comma:
-            place = f"{self.where}, {comma}"
-            if self._separator == ",":
-                raise InputError(
-                    f"{place}: expected a point for decimals, since commas separate the cells"
-                )
-            if point:
-                raise InputError(
-                    f"{place}: but {point}: expected one decimal mark in all of the file, and "
-                    "no thousands separators"
-                )
-            if not any(_is_decimal_comma(cell) for cells in typed.values() for cell in cells):
-                raise InputError(
-                    f"{place}: may be a decimal comma or a thousands separator, and no cell tells "
-                    "which: expected a point for decimals"
-                )
-        return text.frame.assign(**values), "comma" if comma else "point"
-
-
-def _number(cell: str) -> float:
-    """Return the number of a cell: NaN of an empty one, and infinity of one that is no number."""
-    if not cell.strip():
-        return np.nan
-    if NUMBER.fullmatch(cell) or _COMMA.fullmatch(cell):
-        return float(cell.replace(",", "."))
-    return np.inf
+        for name in wanted:
+            text[name] = text[name].mask(text[name].str.strip().isin(self._how.empty), "")
+        counts = Counter(cell for name in wanted for cell in text[name] if cell.strip())
+        styles = [one for one in _STYLES if self._how.decimal in (None, _WORDS[one[0]])]
+        off = [
+            sum(n for cell, n in counts.items() if not one.fullmatch(cell)) for *_, one in styles
+        ]
+        mark, thousands, style = styles[off.index(min(off))]
+        doubtful = next((cell for cell in counts if "," in cell and style.fullmatch(cell)), "")
+        is_sure = thousands or self._how.decimal or any(map(_is_decimal_comma, counts))
+        if mark == "," and doubtful and not is_sure:
+            likely = "point" if self._separator == "," else "comma"
+            problems.need(
+                f"cells such as {doubtful!r} may have a decimal comma or thousands, and no cell "
+                "tells which: expected --decimal comma or point",
+                decimal=likely,
+            )
+        numbers = {
+            cell: float(cell.strip().replace(thousands, "").replace(mark, "."))
+            if style.fullmatch(cell)
+            else np.inf
+            for cell in counts
+        }
+        nothing = [cell for cell in counts if np.isinf(numbers[cell]) and _NOTHING.fullmatch(cell)]
+        for name in wanted:
+            values = text[name].map(numbers).to_numpy(dtype=float)
+            bad = np.isinf(values)
+            is_nothing = bad & text[name].isin(nothing).to_numpy(bool)
+            problems.cells(bad & ~is_nothing, name, FINITE)
+            problems.cells(is_nothing, name, f"{FINITE}; --empty where such a cell is empty")
+            text[name] = np.where(bad, np.nan, values)
+        if nothing:
+            problems.options["empty"] = "\n".join(dict.fromkeys(map(str.strip, nothing)))
+        return text, mark + thousands
 
 
 def _is_decimal_comma(cell: str) -> bool:
-    return _COMMA.fullmatch(cell) is not None and _THOUSANDS.fullmatch(cell) is None
+    return "," in cell and _COMMA.fullmatch(cell) is not None and not _STYLES[2][2].fullmatch(cell)
 
 
-def _utf8(content: bytes, where: str) -> bytes:
-    """Return UTF-8 text without its mark, lines ended by LF, no blank ones at its end."""
+def as_utf8(content: bytes, where: str) -> tuple[bytes, list[str]]:
+    """Return text as UTF-8 without its mark, lines ended by LF, and what else it was."""
+    messages = []
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        raise InputError(f"{where}, line 1: begins as UTF-16 text; expected UTF-8")
+        try:
+            content = content.decode("utf-16").encode()
+        except UnicodeDecodeError:
+            raise InputError(f"{where}: begins as UTF-16 text, and is none") from None
+        messages.append(f"{where}: UTF-16 text")
     content = content.removeprefix(codecs.BOM_UTF8)
     if b"\0" in content:
         line = content[: content.index(b"\0")].count(b"\n") + 1
@@ -222,39 +291,41 @@ def _utf8(content: bytes, where: str) -> bytes:
         content.decode("utf-8")
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
-        raise InputError(
-            f"{where}, line {line}: byte {content[error.start]:#04x} is not UTF-8; expected UTF-8"
-        ) from None
+        byte = f"{where}, line {line}: byte {content[error.start]:#04x} is not UTF-8"
+        try:
+            content = content.decode("cp1252").encode()
+        except UnicodeDecodeError:
+            raise InputError(f"{byte}; expected UTF-8") from None
+        messages.append(f"{byte}: read as Windows-1252")
     content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n").rstrip(b"\n")
-    if not content.strip():
-        raise InputError(f"{where}: the file is empty")
-    return content + b"\n"
+    return content + b"\n", messages
 
 
-def _separator(content: bytes, where: str) -> str:
-    """Return the separator that gives the first records as many cells as the header.
+def _separated(content: bytes, where: str) -> tuple[bytes, str]:
+    """Return the text and its separator: the one by which most first records are equally wide.
 
-    Tab goes before semicolon before comma: a comma may stand within cells of the others.
+    Tab goes before semicolon, bar and comma: a comma may stand within cells of the others. Text in
+    columns with blanks between gets tabs.
     """
-    fit: list[tuple[int, str]] = []
-    odd: list[tuple[int, str]] = []
-    failed: InputError | None = None
+    best, failed = (0, ""), None
     for separator in SEPARATORS:
         try:
-            found = records(content, where, separator)
-            widths = [len(cells) for _, (_, cells) in zip(range(_SNIFFED), found, strict=False)]
+            some = islice(records(content, where, separator), LOOKED_AT)
+            widths = Counter(len(cells) for _, cells in some)
         except InputError as error:
             failed = error
             continue
-        if widths and widths[0] > 1:
-            (fit if len(set(widths)) == 1 else odd).append((widths[0], separator))
-    if fit:
-        return fit[0][1]
-    if odd:
-        return max(odd, key=lambda one: one[0])[1]
+        width, n = max(widths.items(), key=lambda one: (one[1] * (one[0] > 1), one[0]))
+        if width > 1 and n > best[0]:
+            best = n, separator
+    if best[1]:
+        return content, best[1]
     if failed is not None:
         raise failed
+    rows = content.decode().split("\n")
+    if len({len(row.split()) for row in rows[:LOOKED_AT] if row.strip()} - {1}) == 1:
+        return "\n".join("\t".join(row.split()) for row in rows).encode(), "\t"
     raise InputError(
-        f"{where}, line 1: one column only; expected columns separated by commas, semicolons or "
-        "tabs"
+        f"{where}, line 1: one column only; expected columns separated by commas, semicolons, "
+        "bars or tabs"
     )

@@ -1,5 +1,6 @@
 """What the columns of a table mean together: ratios, transitions, and messages about them."""
 
+import re
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import FloatArray, IntArray
+from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import NUMBER, Cells
 from ridgebayes.fea.column_units import (
@@ -16,16 +17,28 @@ from ridgebayes.fea.column_units import (
     column_unit,
     divided,
     everywhere_or_nowhere,
+    split_header,
+    unit_factor,
 )
+from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
+from ridgebayes.fea.problems import Problems
 from ridgebayes.fea.transitions import STATUS_RULE, touching, transitions_of_runs
-from ridgebayes.scene.units import to_si
-from ridgebayes.table.columns import NAMES, OK
-from ridgebayes.table.rules import as_text
+from ridgebayes.fea.words import COUNTS
+from ridgebayes.table.columns import COUNT, NAMES, OK
+from ridgebayes.table.rules import as_text, row_codes
 
-_ABOVE_0 = ("a", "b", "R", "E", "p", "line")
+_ABOVE_0 = ("a", "b", "pitch", "R", "D", "E", "thickness", "p", "line", "force")
 _SHOWN = 8  # names that a line lists
-
+_MOST_Q = 10_000  # of increments: a column of memory for each even count
+# Columns of increments that are nothing of a texture.
+_COUNTER = re.compile(r"\b(?:inc|increment|inkrement|time|zeit|step|schritt|nr|no|id|index)\b|#")
+_MEANS = {
+    "R": "which lengths and line loads are over",
+    "E": "which loads are over",
+    "thickness": "the body's length along the ridges, which forces are over",
+}
+_EXAMPLES = {"R": "? mm", "E": "? kPa", "thickness": "? mm"}
 
 # Rows of the table, their lines in the file where it has lines, and messages.
 Rows = tuple[pd.DataFrame, IntArray | None, list[str]]
@@ -35,69 +48,62 @@ class ColumnInterpreter:
     """Columns that are understood, and what follows from them."""
 
     def __init__(
-        self, cells: Cells, uses: list[Use], values: Mapping[str, str | float], *, is_history: bool
+        self,
+        cells: Cells,
+        uses: list[Use],
+        values: Mapping[str, str | float],
+        how: Reading,
+        problems: Problems,
     ) -> None:
         self.cells, self.where = cells, cells.source.where
-        self._uses, self._values = uses, values
+        self._uses, self._values, self._how, self._problems = uses, values, how, problems
         self._by_key = {(use.key, use.Q): use for use in uses}
-        self._is_history = is_history
         self.used: dict[Use, None] = {}
         self._dimensional: dict[str, Quantity] = {}
         self.messages: list[str] = []
         self._used_values: set[str] = set()
 
-    def long(self) -> Rows:
-        """Return the rows of a table with one transition each, and the columns of its own."""
+    def long(self, term: str | None) -> Rows:
+        """Return the rows of a table with one transition or increment each, and its own columns.
+
+        Parameters
+        ----------
+        term : str or None
+            What is counted, as `ridgebayes.fea.mapping.assign` returns it.
+        """
         found = self._curve()
-        found["Q"] = self._required("Q", self._first("Q"))
-        found |= {"p_over_E": self._load(None), **self._optional(None)}
+        Q = self._required("Q", self._first("Q"))
+        if Q is not None:
+            Q = self._counts(Q, term)
+        load = self._required("p_over_E", self._load())
+        found |= {"Q": Q, "p_over_E": load, **self._optional()}
         found |= self._texts("kind", "role", "status")
         left = self._left()
         own = [name for name in left if name not in NAMES]
-        clash = [name for name in left if name in NAMES]
-        frame = self._framed(found)
         self._summarize()
-        messages = [f"column {name!r} ignored: the mapping uses another column" for name in clash]
+        if any(found.get(key, 0) is None for key in ("a_over_R", "b_over_R", "Q", "p_over_E")):
+            return pd.DataFrame(), None, []
+        frame = self._framed({key: value for key, value in found.items() if value is not None})
+        if "kind" not in found and "status" not in found and self._is_increments(frame):
+            return self._transitions(frame)
+        messages = [
+            f"column {name!r} ignored: the mapping uses another column"
+            for name in left
+            if name in NAMES
+        ]
         if own:
             messages.append(f"kept as they are: {listed(own)}")
-        return frame.assign(**{n: self.cells.frame[n] for n in own}), self.cells.lines, messages
-
-    def wide(self) -> Rows:
-        """Return the rows of a table with one column for each Q."""
-        per_Q = [use for use in self._uses if use.Q is not None]
-        loads = sorted(use.Q for use in per_Q if use.Q is not None and use.key in LOADS)
-        single = [use for use in self._uses if use.Q is None and use.key in (*LOADS, "Q")]
-        if single or not loads:
-            what = f"column {single[0].header!r}" if single else "no load"
-            raise self._error(
-                f"{what} beside columns for each Q ({listed(u.header for u in per_Q)}"
-                "); expected a load for each Q, or columns Q and load"
-            )
-        common = self._curve() | self._texts("kind", "role", "status")
-        n = len(self.cells.frame)
-        parts = [{"p_over_E": self._load(Q), **self._optional(Q)} for Q in loads]
-        for use in per_Q:
-            if use.Q not in loads:
-                raise self._error(f"column {use.header!r}: no load of Q = {use.Q}; expected one")
-        # By row of the file, and along it by Q.
-        table = {
-            key: np.column_stack([np.broadcast_to(part.get(key, np.nan), n) for part in parts])
-            for key in dict.fromkeys(key for part in parts for key in part)
-        }
-        row, which = np.nonzero(~np.isnan(table["p_over_E"]))
-        if not row.size:
-            raise self._error("no load in any column; expected a load in some cell")
-        self._summarize()
-        messages = self._unused()
-        if empty := n * len(loads) - row.size:
-            messages.append(f"{empty} empty cells: not reached")
+        frame = frame.assign(**{n: self.cells.frame[n] for n in own})
         lines = self.cells.lines
-        frame = self._framed(common).iloc[row].reset_index(drop=True)
-        frame = frame.assign(Q=np.array(loads, dtype=float)[which])
-        frame = frame.assign(**{key: numbers[row, which] for key, numbers in table.items()})
-        return frame, None if lines is None else lines[row], messages
+        keep = (frame["Q"] >= 4) | ~frame["Q"].isin([0, 2]) | (frame.get("kind", "") == COUNT)
+        if n := int((~keep).sum()):
+            messages.append(f"{n} rows of Q under 4 ignored: that many touch at any load")
+            frame = frame[keep].reset_index(drop=True)
+            self.cells = self.cells.kept(keep.to_numpy(bool))
+            lines = self.cells.lines
+        return frame, lines, messages
 
-    def history(self, corners: list[Use], *, brackets: bool) -> Rows:
+    def history(self, corners: list[Use]) -> Rows:
         """Return the transitions of tables whose rows are increments of runs."""
         for use in self._uses:
             wrong = use.Q is not None and use.key not in CORNERS
@@ -107,7 +113,7 @@ class ColumnInterpreter:
                     "load of each increment, and columns of corners"
                 )
         curve = self._curve() | self._texts("role")
-        load = self._load(None)
+        load = self._required("p_over_E", self._load())
         corners = sorted(corners, key=lambda use: use.Q or 0)
         gaps = np.column_stack([self._gap(use) for use in corners])
         keep = np.ones(len(self.cells.frame), dtype=bool)
@@ -120,28 +126,89 @@ class ColumnInterpreter:
             if not keep.any():
                 raise self._error("no increment whose status is 'ok'")
         self._summarize()
+        if load is None or self._problems or any(one is None for one in curve.values()):
+            return pd.DataFrame(), None, []
         # In a run the empty cells of a column are its default; NaN would tell rows apart.
         frame, Q = self._framed(curve)[keep].reset_index(drop=True), [use.Q or 0 for use in corners]
+        return self._of_runs(frame, load[keep], gaps[keep], np.array(Q), ignored)
+
+    def _of_runs(
+        self, frame: pd.DataFrame, load: FloatArray, gaps: FloatArray, Q: IntArray, said: list[str]
+    ) -> Rows:
+        brackets = self._how.brackets
         try:
-            rows, remarks = transitions_of_runs(
-                frame, load[keep], gaps[keep], np.array(Q), brackets=brackets
-            )
+            rows, remarks = transitions_of_runs(frame, load, gaps, Q, brackets=brackets)
         except InputError as error:
             raise self._error(str(error)) from None
-        return rows, None, [*self._unused(), *ignored, *remarks]
+        left = self._left()
+        if self._how.interpolate:
+            middle = (rows["p_over_E"] + rows["p_over_E_lower"]) / 2
+            sd = (rows["p_over_E"] - rows["p_over_E_lower"]) / np.sqrt(12)
+            inside = ~np.isnan(middle)
+            rows["p_over_E"] = np.where(inside, middle, rows["p_over_E"])
+            rows["rel_se"] = np.where(inside, sd / middle, rows["rel_se"])
+            rows["p_over_E_lower"] = np.nan
+            remarks.append(f"{int(inside.sum())} loads in the middle of their increments")
+        return rows, None, [*([f"not used: {listed(left)}"] if left else []), *said, *remarks]
+
+    def _counts(self, counts: FloatArray, term: str | None) -> FloatArray:
+        """Return Q of counts, whatever they are of."""
+        whole = counts[~np.isnan(counts)]
+        asked = self._how.count_is
+        if asked is None and term == "":
+            likely = "per-side" if (whole % 2 == 1).any() else "edges"
+            self._problems.need(
+                "counts: of what is not said: expected --count-is edges, ridges, segments or "
+                "per-side (of edges on one side of the body)",
+                count_is=likely,
+            )
+        term = asked or term
+        if term:
+            self.messages.append(f"counts of {term}: {COUNTS[term]}")
+        return 2 * counts if term == "per-side" else counts
+
+    def _is_increments(self, frame: pd.DataFrame) -> bool:
+        """Return whether counts repeat along a curve while the load rises."""
+        Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
+        same = Q[1:] == Q[:-1]
+        if 3 * same.sum() < len(same) or not np.nanmax(Q, initial=0) <= _MOST_Q:
+            return False
+        curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
+        top = pd.Series(load).groupby(curve).transform("idxmax").to_numpy()
+        same &= (curve[1:] == curve[:-1]) & (np.arange(1, len(Q)) <= top[1:])
+        rising = same & (load[1:] > load[:-1])
+        return bool(0 < 0.8 * same.sum() <= rising.sum())
+
+    def _transitions(self, frame: pd.DataFrame) -> Rows:
+        """Return the transitions of increments with a count each."""
+        Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
+        levels = np.arange(4, int(np.nanmax(Q)) + 1, 2)
+        gaps = np.where(Q[:, None] >= levels, -np.inf, np.inf)
+        gaps[np.isnan(Q)] = np.nan
+        curve = frame.drop(columns=["Q", "p_over_E", "p_over_E_lower", "rel_se"], errors="ignore")
+        how = "loads" if self._how.interpolate else "brackets (--interpolate gives loads)"
+        said = f"counts repeat while loads rise: {len(frame)} increments of runs, taken as {how}"
+        if self._problems or not levels.size:
+            self._problems.texts += [] if levels.size else [f"{self.where}: no count of 4 or more"]
+            return pd.DataFrame(), None, []
+        return self._of_runs(curve, load, gaps, levels, [said])
 
     def _curve(self) -> dict[str, Any]:
         """Return what is constant along a curve."""
-        numbers = {
-            **{f"{key}_over_R": self._required(f"{key}_over_R", self._over_R(key)) for key in "ab"},
-            "offset_over_R": self._over_R("offset"),
-            "nu": self._first("nu"),
-        }
-        found: dict[str, Any] = {k: value for k, value in numbers.items() if value is not None}
+        found: dict[str, Any] = {"a_over_R": self._required("a_over_R", self._over_R("a"))}
+        b = self._over_R("b")
+        if b is None and found["a_over_R"] is not None:
+            pitch = self._over_R("pitch")
+            # Twelve decimals: a difference of decimals is one.
+            b = None if pitch is None else np.round(pitch - found["a_over_R"], 12)
+            self.messages += [] if b is None else ["b: pitch minus ridge width"]
+        found["b_over_R"] = self._required("b_over_R", b)
+        others = {"offset_over_R": self._over_R("offset"), "nu": self._first("nu")}
+        found |= {key: value for key, value in others.items() if value is not None}
         return found | self._texts("texture", "series", "solver", "source")
 
-    def _optional(self, Q: int | None) -> dict[str, FloatArray]:
-        found = {"p_over_E_lower": self._load_of(LOWERS, Q), "rel_se": self._first("rel_se", Q=Q)}
+    def _optional(self) -> dict[str, FloatArray]:
+        found = {"p_over_E_lower": self._load("_lower"), "rel_se": self._first("rel_se")}
         return {key: value for key, value in found.items() if value is not None}
 
     def _framed(self, found: Mapping[str, Any]) -> pd.DataFrame:
@@ -159,80 +226,65 @@ class ColumnInterpreter:
     def _quantity(self, key: str, Q: int | None = None) -> Quantity | None:
         """Return a column or constant; None where there is none."""
         use = self._use(key, Q)
-        if use is None or (use.Q is None and Q is not None and key in (*LOADS, *LOWERS)):
-            found = self._constant(key)
-        else:
-            found = self._column(key, use)
+        found = self._constant(key) if use is None else self._column(key, use)
         if found is not None and key in DIMENSIONS:
             self._dimensional[found.name] = found
         return found
 
     def _column(self, key: str, use: Use) -> Quantity:
-        unit, factor = column_unit(key, use.header, use.unit, self.where)
+        try:
+            unit, factor = column_unit(key, use.header, use.unit, self.where)
+        except InputError as error:
+            last = split_header(use.header)[0].replace("_", " ").split()[-1]
+            fits = key in DIMENSIONS and unit_factor(last, DIMENSIONS[key]) is not None
+            name = f"{key} Q={use.Q}" if use.Q is not None else key
+            self._problems.need(str(error), {name: f"{use.header};{last if fits else '?'}"})
+            unit, factor = "", Fraction(0)
         numbers = self.cells.frame[use.header].to_numpy(dtype=float)
         if use not in self.used:
             self.used[use] = None
-            self._check(use, numbers)
             how = ", a guess" if use.how == "guessed" else ""
             in_unit = f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else ""
             if use.name != use.header or key in DIMENSIONS or unit or how:
                 self.messages.append(f"{use.name}: column {use.header!r}{in_unit}{how}")
+        if not factor:  # told above; not to be told again beside others' units
+            return Quantity("", numbers)
         return Quantity(f"{key} ({use.header!r})", numbers, unit, factor)
-
-    def _check(self, use: Use, numbers: FloatArray) -> None:
-        # Increments of a run may have no load yet.
-        may_be_0 = self._is_history and use.key in ("p", "line")
-        rules = (
-            ("not empty", use.key in ("a", "b", "R", "E"), np.isnan(numbers)),
-            ("above 0", use.key in _ABOVE_0 and not may_be_0, numbers <= 0),
-            ("0 or above", use.key in LOWERS, numbers < 0),
-            ("0 where open, above 0 where closed", use.key == "pressure", numbers < 0),
-        )
-        self.cells.check(
-            *((bad, use.header, f"expected {r}") for r, applies, bad in rules if applies)
-        )
 
     def _constant(self, key: str) -> Quantity | None:
         if key not in self._values:
             return None
         text = str(self._values[key]).strip()
-        if (plain := NUMBER.fullmatch(text)) is None:
-            if key not in DIMENSIONS:
-                raise self._error(f"value {key} = {text!r}: expected a number")
-            try:
-                to_si(text, DIMENSIONS[key])
-            except InputError as error:
-                raise self._error(f"value {key} = {error}") from None
-        digits = plain or NUMBER.match(text)
-        assert digits is not None
-        number, unit = float(digits.group()), text[digits.end() :].strip()
+        match = NUMBER.match(text)
+        unit = "" if match is None else text[match.end() :].strip()
+        factor = unit_factor(unit, DIMENSIONS[key]) if unit and key in DIMENSIONS else None
+        if match is None or (unit and factor is None):
+            what = f"a number and a unit of {DIMENSIONS[key]}" if key in DIMENSIONS else "a number"
+            raise self._error(f"value {key} = {text!r}: expected {what}")
+        number = float(match.group())
         if not np.isfinite(number) or (key in _ABOVE_0 and number <= 0):
             rule = "above 0" if key in _ABOVE_0 else "finite"
             raise self._error(f"value {key} = {text!r}: expected {rule}")
-        factor = to_si(f"1 {unit}", DIMENSIONS[key]) if unit else Fraction(1)
         if key not in self._used_values:
             self.messages.append(f"{key}: {text}, as given")
         self._used_values.add(key)
-        return Quantity(key, np.array(number), unit, factor)
+        return Quantity(key, np.array(number), unit, factor or Fraction(1))
 
-    def _first(self, *ways: str, Q: int | None = None) -> FloatArray | None:
+    def _first(self, *ways: str) -> FloatArray | None:
         """Return the first of some quantities that is there, over those that it is divided by."""
         for way in ways:
             key, *under = way.split("/")
-            if (found := self._quantity(key, Q)) is not None:
-                by = [self._needed(one, key) for one in under]
-                return divided(found, *by, by=2 if len(by) == 2 else 1)  # p is line / 2 R
+            if (found := self._quantity(key)) is not None:
+                by = [self._needed(one) for one in under]
+                return divided(found, *by, by=2 if len(by) > 1 else 1)  # p is line / 2 R
         return None
 
     def _over_R(self, key: str) -> FloatArray | None:
         return self._first(f"{key}_over_R", f"{key}/R")
 
-    def _load(self, Q: int | None) -> FloatArray:
-        return self._required("p_over_E", self._load_of(LOADS, Q))
-
-    def _load_of(self, keys: tuple[str, ...], Q: int | None) -> FloatArray | None:
-        ratio, pressure, line = keys
-        return self._first(ratio, f"{pressure}/E", f"{line}/R/E", Q=Q)
+    def _load(self, lower: str = "") -> FloatArray | None:
+        ratio, pressure, line, force = (f"{key}{lower}" for key in LOADS)
+        return self._first(ratio, f"{pressure}/E", f"{line}/R/E", f"{force}/thickness/R/E")
 
     def _gap(self, use: Use) -> FloatArray:
         if use.key in ("status", "pressure"):
@@ -241,11 +293,10 @@ class ColumnInterpreter:
             self.messages.append(f"{use.name}: column {use.header!r}{how}")
         if use.key == "status":
             gap, bad = touching(as_text(self.cells.frame[use.header]))
-            self.cells.check((bad, use.header, STATUS_RULE))
+            self._problems.cells(self.cells.row[bad], use.header, STATUS_RULE)
             return gap
         if use.key == "pressure":
             numbers = self.cells.frame[use.header].to_numpy(dtype=float)
-            self._check(use, numbers)
             return np.where(np.isnan(numbers), np.nan, np.where(numbers > 0, -np.inf, np.inf))
         found = self._quantity(use.key, use.Q)
         assert found is not None
@@ -261,27 +312,59 @@ class ColumnInterpreter:
                 self.used[use] = None
                 found[key] = as_text(self.cells.frame[use.header])
                 if key != use.header:
-                    self.messages.append(f"{key}: column {use.header!r}")
+                    how = ", a guess" if use.how == "guessed" else ""
+                    self.messages.append(f"{key}: column {use.header!r}{how}")
             elif key in self._values:
                 self._used_values.add(key)
                 found[key] = str(self._values[key])
                 self.messages.append(f"{key}: {self._values[key]}, as given")
         return found
 
-    def _needed(self, key: str, by: str) -> Quantity:
+    def _needed(self, key: str) -> Quantity:
         if (found := self._quantity(key)) is not None:
             return found
-        raise self._error(f"{by} needs {key}; expected a column, --map '{key}=header', or --{key}")
-
-    def _required(self, key: str, found: FloatArray | None) -> FloatArray:
-        if found is not None:
-            return found
-        ways = {"a_over_R": "a", "b_over_R": "b", "p_over_E": "p, line, load"}.get(key)
-        there = ", ".join(map(repr, list(self.cells.frame)[:50]))
-        either = f" (or {ways})" if ways else ""
-        raise self._error(
-            f"no column {key}{either}; the columns are {there}; name it with --map '{key}=header'"
+        if key == "R" and (found := self._quantity("D")) is not None:
+            return Quantity(found.name, found.values, found.unit, found.factor / 2)
+        self._problems.need(
+            f"no {key}, {_MEANS[key]}: expected --{key} '{_EXAMPLES[key]}', or a column, "
+            f"--map '{key}=HEADER'",
+            None,
+            **{key: _EXAMPLES[key]},
         )
+        # Loads rise or do not, whatever it is.
+        return Quantity("", np.array(1.0))
+
+    def _required(self, key: str, found: FloatArray | None) -> FloatArray | None:
+        if found is None:
+            ways = {"a_over_R": "a", "b_over_R": "b, pitch", "p_over_E": "p, line, force, load"}
+            either = f" (or {ways[key]})" if key in ways else ""
+            self._problems.columns = ", ".join(map(repr, list(self.cells.frame)[:50]))
+            name = {"a_over_R": "a", "b_over_R": "b", "p_over_E": "load"}.get(key, key)
+            text = f"no column {key}{either}; name it with --map '{name}=HEADER'"
+            likely = self._likely(name)
+            if likely == "?" and name in ("a", "b"):
+                self._problems.need(f"{text}, or give --texture A,B", texture="?,?")
+            else:
+                self._problems.need(text, {name: likely})
+        return found
+
+    def _likely(self, key: str) -> str:
+        """Return the header that is most likely meant, for the user to check; or a mark."""
+        taken = {use.header for use in self._uses} | set(self._problems.mapping.values())
+        free = [n for n in self._left() if n not in taken and not _COUNTER.search(n.lower())]
+        numbers = {n: self.cells.frame[n] for n in free if self.cells.frame[n].dtype.kind in "if"}
+
+        def fits(name: str) -> int:
+            unit, cells = split_header(name)[1], numbers[name].to_numpy(float)
+            is_length = unit_factor(unit, "length") is not None
+            is_count = bool((cells == np.round(cells)).all() and (cells >= 2).all())
+            is_load = any(unit_factor(unit, d) for d in ("pressure", "line load", "force"))
+            return {"Q": is_count and not unit, "load": is_load - is_length - is_count}.get(
+                key, is_length - is_load - (is_count and not unit)
+            )
+
+        best = max(numbers, key=fits, default=None)
+        return "?" if best is None or fits(best) < (key == "Q") else best
 
     def _error(self, message: str) -> InputError:
         return InputError(f"{self.where}: {message}")
@@ -289,29 +372,53 @@ class ColumnInterpreter:
     def _summarize(self) -> None:
         if plain := [one.key for one in self.used if one.key == one.header and one.key in NAMES]:
             self.messages.insert(0, f"recognised by name: {', '.join(plain)}")
-        if everywhere_or_nowhere(self._dimensional.values(), self.where):
-            self.messages.append("all units converted")
-        elif self._dimensional:
-            self.messages.append("no units given; one consistent system assumed")
-        loads = [use for use in self.used if use.key == "p_over_E" and use.header != "p_over_E"]
-        bare = [use for use in loads if "p_over_E" not in use.header and use.how == "named"]
-        if bare and ("E" in self._values or self._use("E", None) is not None):
-            raise self._error(
-                f"column {bare[0].header!r} has no unit, beside E: p/E, pressure or "
-                "line load; name it, as --map 'p_over_E=Q=*', 'p=Q=*;kPa' or 'line=Q=*;N/mm'"
-            )
-
+        known = [one for one in self._dimensional.values() if one.name]
+        try:
+            if everywhere_or_nowhere(known, self.where):
+                self.messages.append("all units converted")
+            elif known:
+                self.messages.append("no units given; one consistent system assumed")
+        except InputError as error:
+            self._ask_units(str(error), [one for one in known if not one.unit], known)
         if given := set(self._values) - self._used_values:
             self.messages.append(f"values given but not used: {', '.join(sorted(given))}")
+
+    def _ask_units(self, why: str, bare: list[Quantity], known: list[Quantity]) -> None:
+        """Ask for units, with those of the same dimension as a first guess."""
+        units = {DIMENSIONS[one.name.split(" ")[0]]: one.unit for one in known if one.unit}
+        mapping, options = {}, {}
+        for one in bare:
+            key = one.name.split(" ")[0]
+            unit = units.get(DIMENSIONS[key], "?")
+            if key in self._values:
+                options[key] = f"{self._values[key]} {unit}"
+            elif (use := self._by_key.get((key, None))) is not None:
+                mapping[key] = f"{use.header};{unit}"
+        self._problems.need(why, mapping, **options)
 
     def _left(self) -> list[str]:
         """Return the columns that are nothing of the contract."""
         used = {use.header for use in self.used}
         return [name for name in map(str, self.cells.frame) if name not in used]
 
-    def _unused(self) -> list[str]:
-        left = self._left()
-        return [f"not used: {listed(left)}"] if left else []
+
+def check_cells(cells: Cells, use: Use, problems: Problems) -> None:
+    """Note the cells of a column that cannot be what it is, and empty them."""
+    if not use.is_number or use.key not in (*_ABOVE_0, *LOWERS, "pressure"):
+        return
+    numbers = cells.frame[use.header].to_numpy(dtype=float)
+    must_be_full = use.key in ("a", "b", "R", "E", "D", "pitch") and use.Q is None
+    rules: tuple[tuple[str, bool, BoolArray], ...] = (
+        ("not empty", must_be_full, np.isnan(numbers)),
+        # Increments of a run may have no load yet; other rows have a rule of the table for it.
+        ("above 0", use.key in _ABOVE_0, numbers < 0 if use.key in LOADS else numbers <= 0),
+        ("0 or above", use.key in LOWERS, numbers < 0),
+        ("0 where open, above 0 where closed", use.key == "pressure", numbers < 0),
+    )
+    for rule, applies, bad in rules:
+        if applies and bad.any():
+            problems.cells(cells.row[bad], use.header, f"expected {rule}")
+            cells.frame[use.header] = np.where(bad, np.nan, numbers)
 
 
 def listed(names: Iterable[str]) -> str:

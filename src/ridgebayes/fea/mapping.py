@@ -7,45 +7,35 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.column_units import DIMENSIONS, column_unit, split_header, unit_factor
+from ridgebayes.fea.column_units import DIMENSIONS, split_header, unit_factor
+from ridgebayes.fea.problems import Problems
 from ridgebayes.fea.record import refusing
+from ridgebayes.fea.words import corners_of, count_term, key_of, texture_of
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_text
+from ridgebayes.scene.units import Dimension
 from ridgebayes.table.columns import NAMES, NUMBERS
 
 _SHOWN = 80  # characters of a key or a value that messages show
 TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
-LOADS = ("p_over_E", "p", "line")
-LOWERS = ("p_over_E_lower", "p_lower", "line_lower")
+LOADS = ("p_over_E", "p", "line", "force")
+LOWERS = tuple(f"{key}_lower" for key in LOADS)
 CORNERS = ("gap", "gap_over_R", "pressure", "status")
-KEYS = (*NAMES, *(key for key in DIMENSIONS if key != "gap"), "load")
-_PER_Q = (*LOADS, *LOWERS, "load", "rel_se", *CORNERS)
-_QUANTITIES = (*NUMBERS, *DIMENSIONS, "load", "gap_over_R", "pressure")
+KEYS = (
+    *NAMES,
+    *(key for key in DIMENSIONS if key not in ("gap", "thickness")),
+    *("load", "load_lower"),
+)
+_PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", *CORNERS)
+_QUANTITIES = (*NUMBERS, *DIMENSIONS, "load", "load_lower", "gap_over_R", "pressure")
 _VARYING = ("Q", "p_over_E", "p_over_E_lower", "source")
-_KNOWN = ("R", "E", "a", "b", "offset", *NUMBERS, *TEXTS)
+_KNOWN = ("R", "D", "E", "thickness", "a", "b", "pitch", "offset", *NUMBERS, *TEXTS)
 _CONSTANTS = tuple(name for name in _KNOWN if name not in _VARYING)
 _WIDE = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
-# Words in place of keys, where nothing else is mapped.
-_WORDS = {
-    "a": ("ridge width",),
-    "b": ("groove width",),
-    "R": ("radius", "cylinder radius"),
-    "E": ("youngs modulus", "elastic modulus"),
-    "nu": ("poissons ratio", "poisson ratio"),
-    "offset": ("lateral offset",),
-    "p": ("pressure",),
-    "line": ("line load",),
-    "a_over_R": ("a/r", "a over r"),
-    "b_over_R": ("b/r", "b over r"),
-    "p_over_E": ("p/e", "p over e"),
-    "offset_over_R": ("offset/r",),
-}
-_GUESSES = {words: key for key, some in _WORDS.items() for words in some}
 _SAME = (
     *(("a", "a_over_R"), ("b", "b_over_R"), ("offset", "offset_over_R")),
-    *((*LOADS, "load"), LOWERS),
+    *((*LOADS, "load"), (*LOWERS, "load_lower")),
 )
-_WIDE_GUESSES = {"": "load", "p/e": "p_over_E", "p over e": "p_over_E", "line load": "line"}
 
 
 @dataclass(frozen=True)
@@ -64,6 +54,8 @@ class Use:
         Which corner, for one column per Q.
     how : {"mapped", "named", "guessed"}
         Who says so.
+    texture : (str, str, str) or None
+        Both widths and their unit, of a column for each texture.
     """
 
     key: str
@@ -71,11 +63,17 @@ class Use:
     unit: str | None = None
     Q: int | None = None
     how: str = "mapped"
+    texture: tuple[str, str, str] | None = None
 
     @property
     def is_number(self) -> bool:
         """Whether its cells are numbers."""
         return self.key in _QUANTITIES
+
+    @property
+    def is_guessed_count(self) -> bool:
+        """Whether it is Q by words that may count something else."""
+        return self.key == "Q" and self.how == "guessed" and self.texture is None
 
     @property
     def name(self) -> str:
@@ -87,8 +85,11 @@ class Use:
 
 
 def assign(
-    headers: Sequence[str], mapping: Mapping[str, str], values: Mapping[str, object], where: str
-) -> list[Use]:
+    headers: Sequence[str],
+    mapping: Mapping[str, str],
+    values: Mapping[str, object],
+    problems: Problems,
+) -> tuple[list[Use], str | None]:
     """Tell what each column of a file is.
 
     Parameters
@@ -97,37 +98,44 @@ def assign(
         The file's.
     mapping : mapping of str to str
         Keys to headers, with ``;unit`` where the header has none; a header with ``*`` stands for
-        one column per Q, and ``Q=*`` for headers such as ``Q=4``.
+        one column per Q, and ``Q=*`` for headers such as ``Q=4``. The rest is recognised.
     values : mapping of str to object
         Constants by key.
-    where : str
-        Name that messages show.
+    problems : Problems
+        Where columns are noted of which it is not clear what they are.
 
     Returns
     -------
     list of Use
         Headers that are in none are the user's own.
+    str or None
+        What is counted, one of `ridgebayes.fea.words.COUNTS`; empty where words do not say, None
+        where the user does, or the header is Q.
 
     Raises
     ------
     InputError
-        If a key is unknown, a header is not there, or two columns could be meant.
+        If a key is unknown, a header is not there, or two columns are mapped to one key.
     """
-    columns = _Columns(headers, values, where)
+    columns = _Columns(headers, values, problems)
     is_wide = False
     for name, text in mapping.items():
-        if name.strip() == "Q" and text.strip() in ("*", "Q=*"):
+        if name.strip() in columns.per_texture and text.lstrip().startswith("*"):
+            columns.per_texture[name.strip()] = text.partition(";")[2].strip()
+        elif name.strip() == "Q" and text.strip() in ("*", "Q=*"):
             is_wide = True
         else:
             columns.map(name, " ".join(text.split()))
     columns.name_contract(is_wide or any(use.Q is not None for use in columns.uses))
-    for how in ("named",) if mapping else ("named", "guessed"):
-        columns.name_others(how)
+    columns.name_keys()
     of_corners = ("load", *LOADS, *CORNERS)
     if not any(u.key == "Q" or (u.Q is not None and u.key in of_corners) for u in columns.uses):
         columns.name_corners(required=is_wide)
+    columns.guess()
     columns.check_once()
-    return [_without_load(use, where) for use in columns.uses]
+    terms = columns.terms | {count_term(u.header) for u in columns.uses if u.is_guessed_count}
+    term = None if not terms else min(terms) if len(terms) == 1 else ""
+    return [_without_load(use, columns) for use in columns.uses], term
 
 
 def check_constants(values: Mapping[str, object], where: str) -> None:
@@ -146,9 +154,14 @@ def check_constants(values: Mapping[str, object], where: str) -> None:
 class _Columns:
     """The columns of a file, and what is known of them so far."""
 
-    def __init__(self, headers: Sequence[str], values: Mapping[str, object], where: str) -> None:
+    def __init__(
+        self, headers: Sequence[str], values: Mapping[str, object], problems: Problems
+    ) -> None:
         self.uses: list[Use] = []
-        self._headers, self._values, self._where = list(headers), values, where
+        self.terms: set[str] = set()
+        self.per_texture = {"texture": "", "value": ""}  # units of columns of a texture each
+        self.problems, self.where = problems, problems.where
+        self._headers, self.values = list(headers), values
         for header in headers:
             if header in values:
                 raise self._twice(header, header)
@@ -204,40 +217,78 @@ class _Columns:
             if header in NAMES and header not in keys | used and not is_given:
                 self.uses.append(Use(header, header, how="named"))
 
-    def name_others(self, how: str) -> None:
-        """Add columns whose headers are keys with dimensions, or words that mean one."""
-        keys, used = self._known()
+    def name_keys(self) -> None:
+        """Add columns whose headers are keys with dimensions."""
         for header in self._headers:
-            words = split_header(header)[0]
-            key = words if how == "named" else _GUESSES.get(_plain(words), "")
-            is_free = key in KEYS and key not in keys and header not in used
+            keys, used = self._known()
+            key, unit, _ = split_header(header)
+            if key in ("p", "line", "force") and unit and not unit_factor(unit, DIMENSIONS[key]):
+                continue  # "force [N/mm]": its unit tells what it is
+            is_free = key in KEYS and key not in (*keys, "Q", *TEXTS) and header not in used
             # A contract column says the same without a unit, and says it better.
-            if is_free and key not in ("Q", *TEXTS) and not _rivals(key) & keys:
-                self.uses.append(Use(key, header, how=how))
+            if is_free and not _rivals(key) & keys:
+                self.uses.append(Use(key, header, how="named"))
 
     def name_corners(self, *, required: bool) -> None:
-        """Add columns with headers such as ``Q=4``."""
+        """Add columns with headers such as ``Q=4``, or that differ in one even number."""
         n, (_, used) = len(self.uses), self._known()
-        for header in self._headers:
-            match = None if header in used else _WIDE.fullmatch(split_header(header)[0])
-            if match is not None:
-                words = (match[1] or "").strip(" _")
-                key = words if words in _PER_Q else _WIDE_GUESSES.get(_plain(words), "")
-                if key:
-                    self.uses.append(Use(key, header, Q=int(match[2]), how="named"))
+        free = [header for header in self._headers if header not in used]
+        words = {header: split_header(header)[0] for header in free}
+        for header, text in words.items():
+            match = _WIDE.fullmatch(text)
+            if match is not None and (match[1] or "").strip(" _") in ("", *_PER_Q):
+                key = (match[1] or "load").strip(" _")
+                self.uses.append(Use(key, header, Q=int(match[2]), how="named"))
+        if len(self.uses) == n:
+            found = corners_of(words.values())
+            for header, text in words.items():
+                if text in found:
+                    key, Q, term = found[text]
+                    self.uses.append(Use(key, header, Q=Q, how="guessed"))
+                    self.terms.add(term)
         if required and len(self.uses) == n:
             raise self._missing("no column with a header such as 'Q=4'")
 
+    def guess(self) -> None:
+        """Add columns whose headers have words of the field, or name a texture each."""
+        keys, used = self._known()
+        is_wide = any(use.Q is not None for use in self.uses)
+        found: dict[str, list[str]] = {}
+        for header in self._headers:
+            key = key_of(split_header(header)[0])
+            is_taken = _rivals(key) & keys or (key == "Q" and is_wide)
+            if key and header not in used and not is_taken:
+                found.setdefault("|".join(sorted(_rivals(key))), []).append(header)
+        for some in found.values():
+            key = key_of(split_header(some[0])[0])
+            if len(some) > 1 and key not in TEXTS and not (key in _PER_Q and is_wide):
+                self.problems.need(
+                    f"columns {', '.join(map(repr, some))} could each be {key}: name one with "
+                    f"--map '{key}=HEADER'",
+                    {key: some[0]},
+                )
+            if key in _PER_Q and key != "rel_se" and is_wide:
+                continue
+            self.uses.append(Use(key, some[0], how="guessed"))
+        keys, used = self._known()
+        pairs = {one: pair for one in self._headers if one not in used if (pair := texture_of(one))}
+        is_given = _rivals("a") & keys or _rivals("b") & keys or is_wide
+        if pairs and not is_given and ("Q" in keys) != bool(_rivals("load") & keys):
+            unit, value = self.per_texture["texture"], self.per_texture["value"]
+            for header, (a, b, own) in pairs.items():
+                one = Use("load" if "Q" in keys else "Q", header, value or None, how="guessed")
+                self.uses.append(replace(one, texture=(a, b, unit or own)))
+
     def check_once(self) -> None:
         """Refuse two columns, or a column and a value, that say the same."""
-        seen: dict[tuple[str, int | None], str] = {}
+        seen: dict[tuple[str, object], str] = {}
         for use in self.uses:
             rivals = _rivals(use.key)
             for key in {use.key} if use.key in CORNERS else rivals:
-                if key in self._values:
+                if key in self.values:
                     raise self._twice(key, use.header)
             is_corner = use.Q is not None and use.key in CORNERS
-            place = ("corner" if is_corner else min(rivals), use.Q)
+            place = ("corner" if is_corner else min(rivals), use.Q or use.texture)
             if place in seen:
                 raise self._error(
                     f"columns {seen[place]!r} and {use.header!r} could both be {use.key}"
@@ -247,11 +298,11 @@ class _Columns:
 
     def _known(self) -> tuple[set[str], set[str]]:
         """Return keys that are given, and headers that are used."""
-        keys = {use.key for use in self.uses} | set(self._values)
+        keys = {use.key for use in self.uses} | set(self.values)
         return keys, {use.header for use in self.uses}
 
     def _error(self, message: str) -> InputError:
-        return InputError(f"{self._where}: {message}")
+        return InputError(f"{self.where}: {message}")
 
     def _missing(self, message: str) -> InputError:
         there = ", ".join(map(repr, self._headers[:50]))
@@ -266,22 +317,29 @@ def _rivals(key: str) -> set[str]:
     return next((set(group) for group in _SAME if key in group), {key})
 
 
-def _without_load(use: Use, where: str) -> Use:
-    """Return what a load is, by its unit."""
-    if use.key != "load":
+def _without_load(use: Use, columns: _Columns) -> Use:
+    """Return what a load is, by its unit; note one without a unit where others have some."""
+    if not use.key.startswith("load"):
         return use
+    lower = use.key.removeprefix("load")
     unit = use.unit if use.unit is not None else split_header(use.header)[1]
-    if unit_factor(unit, "pressure") is not None:
-        return replace(use, key="p")
-    if unit_factor(unit, "line load") is not None:
-        return replace(use, key="line")
-    column_unit("load", use.header, use.unit, where)
-    return replace(use, key="p_over_E")
-
-
-def _plain(words: str) -> str:
-    words = words.replace("'", "").replace("\N{RIGHT SINGLE QUOTATION MARK}", "").replace("_", " ")
-    return " ".join(words.lower().split()).replace(" / ", "/")
+    kinds: dict[str, Dimension] = {"p": "pressure", "line": "line load", "force": "force"}
+    for key, dimension in kinds.items():
+        if unit_factor(unit, dimension) is not None:
+            return replace(use, key=key + lower)
+    has_units = any(
+        one.key in DIMENSIONS and (one.unit or split_header(one.header)[1]) not in ("", "1", "-")
+        for one in columns.uses
+    )
+    if use.unit is None and (has_units or {"E", "R"} & columns.values.keys()):
+        shown = re.sub(r"\d+", "*", use.header) if use.Q is not None else use.header
+        columns.problems.need(
+            f"column {use.header!r}: no unit: p/E, pressure, line load or force: name it, as "
+            f"--map 'p_over_E={shown}', 'p={shown};kPa', 'line={shown};N/mm' or "
+            f"'force={shown};N'",
+            {use.key: f"{shown};?"},
+        )
+    return replace(use, key=f"p_over_E{lower}")
 
 
 def parse_map(texts: Iterable[str]) -> dict[str, str]:

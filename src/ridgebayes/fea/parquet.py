@@ -1,7 +1,7 @@
 """Parquet files as cells, through pyarrow and nothing else."""
 
-import io
 from collections.abc import Collection, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +10,9 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import FINITE, Cells, Source, clean_headers
+from ridgebayes.fea.problems import Problems
 from ridgebayes.fea.record import refusing
-
-MOST_CELLS = 10**8  # a small file of repeated values may hold any number of rows
+from ridgebayes.table.files import read_arrow
 
 
 class ParquetTable(Source):
@@ -33,34 +33,14 @@ class ParquetTable(Source):
 
     def __init__(self, path: Path, content: bytes) -> None:
         self.where = str(path)
-        try:
-            # An extra, and slow to load.
-            import pyarrow
-            import pyarrow.parquet
-        except ImportError:
-            raise InputError(
-                f"{self.where}: Parquet needs pyarrow: pip install 'ridgebayes[parquet]'"
-            ) from None
-        self._types = pyarrow.types
-        # pyarrow lets out exceptions of many kinds on what is no Parquet file.
-        with refusing(f"{self.where}: not a readable Parquet file", most=200):
-            file = pyarrow.parquet.ParquetFile(io.BytesIO(content))
-            groups = range(file.metadata.num_row_groups)
-            n_row = sum(file.metadata.row_group(i).num_rows for i in groups)
-            if n_row * max(len(file.schema_arrow), 1) > MOST_CELLS:
-                raise InputError(
-                    f"{self.where}: {n_row} rows of {len(file.schema_arrow)} columns; expected at "
-                    f"most {MOST_CELLS} cells"
-                )
-            self._table = file.read()
-            self._table.validate(full=True)
-
+        self.settings = {}
+        self._table = read_arrow(content, self.where)
         self.headers = clean_headers(self._table.column_names, self.where)
         if not self._table.num_rows:
             raise InputError(f"{self.where}: no rows")
 
-    def read(self, numeric: Collection[str]) -> Cells:
-        """Read all rows, the columns of these headers as numbers."""
+    def read(self, numeric: Collection[str], problems: Problems) -> Cells:
+        """Read all rows, the columns of these headers as numbers; note cells that are none."""
         wanted = set(numeric)
         messages = [f"{self.where}: Parquet, {self._table.num_rows} rows"]
         columns: dict[str, Any] = {}
@@ -71,22 +51,21 @@ class ParquetTable(Source):
                 messages.append(f"column {name!r} ignored: its type is {column.type}")
             else:
                 columns[name] = values
-        cells = Cells.of(self, pd.DataFrame(columns), *messages)
-        cells.check(
-            *((np.isinf(cells.frame[n].to_numpy()), n, FINITE) for n in self.headers if n in wanted)
-        )
-        return cells
+        for name in wanted & columns.keys():
+            problems.cells(np.isinf(columns[name]), name, FINITE)
+        return Cells.of(self, pd.DataFrame(columns), *messages)
 
-    def place(self, row: int, name: str) -> str:
+    def spot(self, row: int, name: str) -> str:
         """Return words for a cell."""
-        return f"{self.where}, row {row + 1}"
+        return f"row {row + 1}"
 
     def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
         """Return cells as text."""
         return [str(self._table.column(self.headers.index(n))[row].as_py()) for row, n in wanted]
 
     def _values(self, name: str, column: Any, is_number: bool) -> Any:
-        types, kind = self._types, column.type
+        types: Any = import_module("pyarrow.types")
+        kind = column.type
         if types.is_dictionary(kind):
             column = column.cast(kind.value_type)
             kind = column.type

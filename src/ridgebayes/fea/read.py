@@ -12,10 +12,14 @@ from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
 from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.calculix_contact import read_calculix_contact
 from ridgebayes.fea.columns import read_columns
+from ridgebayes.fea.deck import Deck, read_deck
+from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.mapping import parse_map, read_mapping
 from ridgebayes.fea.mesh_series import read_series
+from ridgebayes.fea.problems import Problems
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body
+from ridgebayes.fea.words import COUNTS
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.table.table import ContactTable
 
@@ -23,6 +27,7 @@ _TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".parquet", ".rpt")
 _LOOKED_AT = 20_000  # bytes
 _ABAQUS = (b"THE FOLLOWING TABLE IS PRINTED", b"A B A Q U S", b"Abaqus")
 _CALCULIX = (b"displacements (", b"contact stress (", b") for set ")
+_OF_TABLES = ("sheet", "skip_rows", "header_row", "decimal", "empty", "count_is", "interpolate")
 _OF_RUNS = ("deck", "surface", "reaction")
 _OF_BODIES = ("texture", "symmetry", "top", "thickness", "corner")
 _RUNS: dict[str, Callable[..., Imported]] = {
@@ -33,7 +38,7 @@ _RUNS: dict[str, Callable[..., Imported]] = {
 }
 # Options that are not of every format.
 _ALLOWED: dict[str, tuple[str, ...]] = {
-    "table": ("map", "sheet", "texture"),
+    "table": ("map", "texture", "thickness", *_OF_TABLES),
     **dict.fromkeys(_RUNS, (*_OF_BODIES, *_OF_RUNS)),
     "series": (*_OF_BODIES, "field", "time", "loads"),
 }
@@ -48,16 +53,18 @@ class Given:
     ----------
     map : tuple of str
         ``key=header``, or paths of TOML files with them.
-    sheet : str or None
-        Of a workbook.
+    sheet, skip_rows, header_row, decimal, empty, count_is, interpolate
+        Of a table, as `ridgebayes.fea.delimited.Reading`; None or empty where not given.
     texture : (float, float) or None
         Ridge and groove width over R.
     nu, R, E : str or None
         As typed; lengths and stresses with units for tables, plain numbers in a run's own units.
     symmetry : str or None
         "half" or "full".
-    top, thickness, corner : float or None
-        Height of the ridges' tops, thickness of the slice, corner radius over R.
+    top, corner : float or None
+        Height of the ridges' tops, corner radius over R.
+    thickness : str or None
+        As R: of the slice, or of the body that forces press on.
     deck : Path or None
         Of a run.
     surface, reaction : str or None
@@ -70,13 +77,19 @@ class Given:
 
     map: tuple[str, ...] = ()
     sheet: str | None = None
+    skip_rows: int | None = None
+    header_row: int | None = None
+    decimal: str | None = None
+    empty: tuple[str, ...] = ()
+    count_is: str | None = None
+    interpolate: bool | None = None
     texture: tuple[float, float] | None = None
     nu: str | None = None
     R: str | None = None
     E: str | None = None
     symmetry: str | None = None
     top: float | None = None
-    thickness: float | None = None
+    thickness: str | None = None
     corner: float | None = None
     deck: Path | None = None
     surface: str | None = None
@@ -175,32 +188,74 @@ def recognise(path: Path) -> str:
 def _check_given(name: str, given: Given) -> None:
     for option in dict.fromkeys(chain(*_ALLOWED.values())):
         if getattr(given, option) not in (None, ()) and option not in _ALLOWED[name]:
-            raise InputError(f"--{option}: not used by format {name}; remove it")
+            typed = option.replace("_", "-")
+            raise InputError(f"--{typed}: not used by format {name}; remove it")
+    for option, allowed in (("decimal", ("point", "comma")), ("count_is", tuple(COUNTS))):
+        if (value := getattr(given, option)) is not None and value not in allowed:
+            typed = option.replace("_", "-")
+            raise InputError(f"--{typed} {value}: expected {', '.join(allowed)}")
 
 
 def _read(name: str, paths: Sequence[Path], given: Given, *, brackets: bool) -> Imported:
     path = paths[0]
     if name == "table":
         mapping, values = _mapping(given)
-        return read_columns(path, mapping, values=values, sheet=given.sheet, brackets=brackets)
-    body = _body(given, name)
+        asked = {option: getattr(given, option) for option in _OF_TABLES}
+        how = Reading(brackets=brackets, **{k: v for k, v in asked.items() if v is not None})
+        return read_columns(path, mapping, values=values, how=how)
+    given, messages = _completed(path, given, name)
+    body = _body(given)
     options: dict[str, Any] = {"brackets": brackets}
     if name == "series":
         options |= {key: getattr(given, key) or None for key in ("field", "time", "loads")}
         return read_series(paths, body, **{k: v for k, v in options.items() if v is not None})
-    run = {option: getattr(given, option) for option in _OF_RUNS}
-    missing = [f"--{option}" for option, value in run.items() if value is None]
-    if missing and name != "abaqus-rpt":
-        raise InputError(
-            f"{', '.join(missing)}: missing; expected the run's deck and its node sets of the "
-            f"body's surface and of the driven nodes ({name})"
-        )
     if name.startswith("calculix"):
         # CalculiX writes its status beside its results.
         options["sta"] = sta if (sta := path.with_suffix(".sta")).is_file() else None
     if name == "calculix-contact":
         del options["brackets"]  # of which all of its loads are
-    return _RUNS[name](path, body, **run, **options)
+    run = {option: getattr(given, option) for option in _OF_RUNS}
+    found = _RUNS[name](path, body, **run, **options)
+    return replace(found, messages=(*messages, *found.messages))
+
+
+def _completed(path: Path, given: Given, name: str) -> tuple[Given, list[str]]:
+    """Return what is given and what the run's deck says; ask for all the rest at once."""
+    problems, messages = Problems(str(path)), []
+    found: dict[str, Any] = {}
+    is_run = name in _RUNS and name != "abaqus-rpt"
+    beside = path.with_suffix(".inp")
+    if is_run and given.deck is None and beside.is_file():
+        found["deck"] = beside
+    file = given.deck or found.get("deck")
+    deck = Deck() if file is None else read_deck(file)
+    for key, value in (("nu", deck.nu), ("E", deck.E)):
+        if getattr(given, key) is None and value is not None:
+            found[key] = repr(value)
+    for key, kind in (("surface", "U"), ("reaction", "RF")) if is_run else ():
+        sets = deck.printed.get(kind, [])
+        others = [one for one in sets if one not in deck.printed.get("RF", [])]
+        sets = others if kind == "U" and len(others) == 1 else sets
+        if getattr(given, key) is None and len(sets) == 1:
+            found[key] = sets[0]
+        elif getattr(given, key) is None:
+            there = ", ".join(sets or deck.nsets) or "in the deck"
+            what = "the body's surface" if kind == "U" else "the driven nodes"
+            problems.need(
+                f"--{key}: missing; expected the node set of {what}: {there}", **{key: "?"}
+            )
+    if is_run and file is None:
+        problems.need("--deck: missing; expected the run's input deck", deck="?.inp")
+    if given.texture is None:
+        text = "--texture: missing; expected A,B, ridge and groove width over R"
+        problems.need(text, texture="?,?")
+    if given.nu is None and "nu" not in found:
+        problems.need("--nu: missing; expected Poisson's ratio of the run", nu="?")
+    problems.raise_all()
+    if found:
+        shown = ", ".join(f"{key} = {value}" for key, value in found.items())
+        messages.append(f"{file}: {shown}")
+    return replace(given, **found), messages
 
 
 def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
@@ -218,25 +273,20 @@ def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
     return mapping, values
 
 
-def _body(given: Given, name: str) -> Body:
-    if given.texture is None:
-        raise InputError(
-            f"--texture: missing; expected A,B, ridge and groove width over R ({name})"
-        )
-    if given.nu is None:
-        raise InputError(f"--nu: missing; expected Poisson's ratio of the run ({name})")
+def _body(given: Given) -> Body:
+    assert given.texture is not None
+    numbers = {key: _plain(key, text) for key, text in _numbers(given).items()}
     return Body(
         *given.texture,
-        **{key: _plain(key, text) for key, text in _numbers(given).items()},
+        **numbers,
         symmetry=given.symmetry or "half",
         top=given.top,
-        thickness=1.0 if given.thickness is None else given.thickness,
         corner_over_R=given.corner or 0.0,
     )
 
 
 def _numbers(given: Given) -> dict[str, str]:
-    typed = {"nu": given.nu, "R": given.R, "E": given.E}
+    typed = {key: getattr(given, key) for key in ("nu", "R", "E", "thickness")}
     return {key: text for key, text in typed.items() if text is not None}
 
 

@@ -1,9 +1,9 @@
 """What importers hand on: a table, and what they understood of the file."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ridgebayes.errors import InputError
@@ -25,10 +25,13 @@ class Imported:
     messages : tuple of str
         What was understood, a line each: columns, units, textures, rows kept, what was ignored and
         why.
+    known : mapping of str to str
+        Columns of a table file by key, as ``--map`` would name them.
     """
 
     table: ContactTable
     messages: tuple[str, ...]
+    known: Mapping[str, str] = field(default_factory=dict)
 
 
 def provenance(path: Path, importer: str, *details: str) -> str:

@@ -1,21 +1,21 @@
 """Excel workbooks: values only, and nothing in them is run or followed."""
 
+import csv
 import io
 import re
 import warnings
 import zipfile
-from collections.abc import Collection, Sequence
 from contextlib import closing
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import FINITE, FORMULA, NUMBER, SHOWN, Cells, cells_error, clean_headers
+from ridgebayes.fea.delimited import DelimitedText, Reading
+from ridgebayes.fea.layout import LOOKED_AT, known
+from ridgebayes.fea.problems import Problems
 from ridgebayes.fea.record import refusing
 
 LARGEST = 2**30  # bytes of all members, unpacked
@@ -27,11 +27,9 @@ _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
 # What Python takes for a part of a number, and Excel does not: "1_000", digits of other scripts.
 _ODD = re.compile(rb"<(?:\w{1,50}:)?v\b[^>]{0,200}>[^<]*?(\d_|[&\x80-\xff])")
 
-_Cell = tuple[Any, str]  # value and openpyxl's data type
 
-
-class Spreadsheet:
-    """One worksheet of an Excel workbook.
+def read_workbook(path: Path, content: bytes, how: Reading, problems: Problems) -> DelimitedText:
+    """Read one worksheet of an Excel workbook, as the text that its cells hold.
 
     Parameters
     ----------
@@ -39,86 +37,32 @@ class Spreadsheet:
         Its name, for messages.
     content : bytes
         All of it.
-    sheet : str or None
-        Which worksheet; None takes the only one that is not empty.
+    how : Reading
+        Its sheet is a name or a number; None takes the one with most words of the field.
+    problems : Problems
+        As `ridgebayes.fea.delimited.DelimitedText`.
 
     Raises
     ------
     InputError
-        If it is no workbook, unpacks to too much, has a document type, formulas or error values,
-        or it is not clear which sheet is meant.
+        If it is no workbook, unpacks to too much, has a document type, or it is not clear which
+        sheet is meant.
     """
-
-    def __init__(self, path: Path, content: bytes, sheet: str | None) -> None:
-        _check_archive(content, str(path))
-        self._sheet, self._first, rows = _grid(content, str(path), sheet)
-        self.where = f"{path}, sheet {self._sheet!r}"
-        width = max(
-            (i + 1 for row in rows for i, (value, _) in enumerate(row) if _is_full(value)),
-            default=0,
-        )
-        rows = [[*row[:width], *[(None, "n")] * (width - len(row))] for row in rows]
-        self._rows = rows[1:]
-        self.headers = clean_headers([value for value, _ in rows[0]], self.where)
-        if not self._rows:
-            raise InputError(f"{self.where}: no rows below the header")
-        self._check(lambda value, kind: kind == "f" or _is_formula(value), self.headers, FORMULA)
-        self._check(lambda _, kind: kind == "e", self.headers, "expected no error values")
-
-    def read(self, numeric: Collection[str]) -> Cells:
-        """Read all rows, the columns of these headers as numbers."""
-        wanted = [name for name in self.headers if name in numeric]
-        self._check(lambda value, kind: not _is_number(value, kind), wanted, FINITE)
-        columns: dict[str, Any] = {}
-        for i, name in enumerate(self.headers):
-            cells = [row[i][0] if _is_full(row[i][0]) else None for row in self._rows]
-            if name in wanted or all(type(cell) in (int, float) for cell in cells):
-                columns[name] = np.array([np.nan if c is None else float(c) for c in cells])
-            else:
-                columns[name] = pd.Series(["" if c is None else c for c in cells])
-        message = f"{self.where}: Excel, {len(self._rows)} rows"
-        return Cells.of(self, pd.DataFrame(columns), message)
-
-    def lines(self, rows: IntArray) -> IntArray:
-        """Return the worksheet's rows."""
-        return rows + self._first + 1
-
-    def place(self, row: int, name: str) -> str:
-        """Return words for a cell."""
-        column = import_module("openpyxl.utils").get_column_letter(self.headers.index(name) + 1)
-        return f"{self.where}, cell {column}{self._first + 1 + row}"
-
-    def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
-        """Return cells as text."""
-        cells = [self._rows[row][self.headers.index(name)][0] for row, name in wanted]
-        return ["" if cell is None else str(cell) for cell in cells]
-
-    def _check(self, is_bad: Any, names: Sequence[str], rule: str) -> None:
-        at = {name: self.headers.index(name) for name in names}
-        cells = [(row, name, one[at[name]]) for row, one in enumerate(self._rows) for name in at]
-        bad = [(row, name, rule) for row, name, cell in cells if is_bad(*cell)]
-        if bad:
-            raise cells_error(self, bad[:SHOWN], len(bad))
-
-
-def _is_full(value: Any) -> bool:
-    return value is not None and not (isinstance(value, str) and not value.strip())
-
-
-def _is_formula(value: Any) -> bool:
-    return isinstance(value, str) and value.lstrip().startswith("=")
-
-
-def _is_number(value: Any, kind: str) -> bool:
-    if not _is_full(value):
-        return True
-    odd_text = isinstance(value, str) and not NUMBER.fullmatch(value)
-    if kind == "d" or isinstance(value, bool) or odd_text:
-        return False
-    try:
-        return bool(np.isfinite(float(value)))
-    except (TypeError, ValueError, OverflowError):
-        return False
+    _check_archive(content, str(path))
+    name, rows = _grid(content, problems, how.sheet)
+    width = max(map(len, rows))
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, delimiter="\t", lineterminator="\n")
+    writer.writerows([*row, *[""] * (width - len(row))] for row in rows)
+    problems.where = f"{path}, sheet {name!r}"
+    letter = import_module("openpyxl.utils").get_column_letter
+    return DelimitedText(
+        problems.where,
+        text.getvalue().encode(),
+        how,
+        problems,
+        lambda line, column: f"cell {letter(column)}{line}",
+    )
 
 
 def _check_archive(content: bytes, where: str) -> None:
@@ -162,8 +106,9 @@ def _check_xml(text: bytes, name: str, where: str) -> None:
             raise InputError(f"{where}: {name}: value {cell!r}: expected a number")
 
 
-def _grid(content: bytes, where: str, sheet: str | None) -> tuple[str, int, list[list[_Cell]]]:
-    """Return the sheet's name, the number of its first row with a value, and rows from there."""
+def _grid(content: bytes, problems: Problems, sheet: str | None) -> tuple[str, list[list[str]]]:
+    """Return the sheet's name and the text of its cells, a list for each row from the first."""
+    where = problems.where
     try:
         openpyxl: Any = import_module("openpyxl")  # an extra, and slow to load
     except ImportError:
@@ -177,24 +122,32 @@ def _grid(content: bytes, where: str, sheet: str | None) -> tuple[str, int, list
         with closing(openpyxl.load_workbook(io.BytesIO(content), **options)) as book:
             sheets = {one.title: one for one in book.worksheets}
             if sheet is not None and sheet not in sheets:
-                there = ", ".join(map(repr, sheets))
-                raise InputError(f"{where}: no sheet {sheet!r}; the sheets are {there}")
+                numbers = dict(zip(map(str, range(1, len(sheets) + 1)), sheets, strict=True))
+                if sheet not in numbers:
+                    there = ", ".join(map(repr, sheets))
+                    raise InputError(f"{where}: no sheet {sheet!r}; the sheets are {there}")
+                sheet = numbers[sheet]
             wanted = sheets if sheet is None else {sheet: sheets[sheet]}
             found = {name: _rows(one, where) for name, one in wanted.items()}
-    full = [name for name, (_, rows) in found.items() if rows]
+    full = {name: rows for name, rows in found.items() if rows}
     if not full:
         raise InputError(f"{where}: no sheet with cells{'' if sheet is None else f' in {sheet!r}'}")
-    if len(full) > 1:
-        raise InputError(
-            f"{where}: {len(full)} sheets have cells: {', '.join(map(repr, full))}; use --sheet"
+    tops = {name: [one for one in rows[:LOOKED_AT] if any(one)] for name, rows in full.items()}
+    words = {name: max(map(known, rows)) for name, rows in tops.items()}
+    best = [name for name in full if words[name] == max(words.values())]
+    if len(best) > 1:
+        problems.need(
+            f"{len(best)} sheets have cells: {', '.join(map(repr, best))}; use --sheet",
+            sheet=best[0],
         )
-    return full[0], *found[full[0]]
+        problems.raise_all()
+    return best[0], full[best[0]]
 
 
-def _rows(sheet: Any, where: str) -> tuple[int, list[list[_Cell]]]:
+def _rows(sheet: Any, where: str) -> list[list[str]]:
     sheet.reset_dimensions()  # what a file says of them may be wrong, and would cut rows off
-    rows: list[list[_Cell]] = []
-    first = n_cell = 0
+    rows: list[list[str]] = []
+    n_cell = 0
     for number, row in enumerate(sheet.iter_rows(), start=1):
         n_cell += len(row)
         if number > MOST_ROWS or n_cell > MOST_CELLS:
@@ -202,15 +155,13 @@ def _rows(sheet: Any, where: str) -> tuple[int, list[list[_Cell]]]:
                 f"{where}, sheet {sheet.title!r}: more than {MOST_CELLS} cells; save larger "
                 "tables as CSV"
             )
-        if not first and not any(_is_full(cell.value) for cell in row):
-            continue
-        first = first or number
-        rows.append([(_text(cell.value), cell.data_type) for cell in row])
-    while rows and not any(_is_full(value) for value, _ in rows[-1]):
+        rows.append([_text(cell.value, cell.data_type) for cell in row])
+    while rows and not any(rows[-1]):
         rows.pop()
-    return first, rows
+    return rows
 
 
-def _text(value: Any) -> Any:
-    """Return formulas of several cells, which are objects, as text."""
-    return value if value is None or isinstance(value, str | int | float) else str(value)
+def _text(value: Any, kind: str) -> str:
+    """Return a cell as text on one line; of a number the one that reads back as it."""
+    text = "" if value is None else " ".join(str(value).split())
+    return f"={text.removeprefix('=')}" if kind == "f" else text

@@ -1,6 +1,6 @@
 """The column contract of a contact table, the check of a header, and what is told of bad cells."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -176,6 +176,11 @@ class Findings:
 
     def __bool__(self) -> bool:
         return bool(self._told)
+
+    def complaints(self) -> Iterator[tuple[str, str, IntArray, IntArray | None]]:
+        """Yield column, rule, the rows that break it, and the rows that ``{other}`` stands for."""
+        for rows, column, rule, other in self._told:
+            yield column, rule, rows, other
 
     def message(self, raw: RawTable) -> str:
         """Return one line a cell, in the order of the file, the first twenty of them."""

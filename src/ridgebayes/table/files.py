@@ -139,17 +139,36 @@ def _pyarrow(where: str) -> Any:
     return pyarrow
 
 
-def _parquet(content: bytes, where: str) -> RawTable:
+def read_arrow(content: bytes, where: str) -> Any:
+    """Read a Parquet file into pyarrow's table, bounded before it is unpacked.
+
+    Parameters
+    ----------
+    content : bytes
+        The file.
+    where : str
+        Name that messages show.
+
+    Returns
+    -------
+    pyarrow.Table
+
+    Raises
+    ------
+    InputError
+        If pyarrow is missing or refuses the file, or it holds over 10^8 cells.
+    """
     pyarrow = _pyarrow(where)
+    # pyarrow lets out exceptions of many kinds on what is no Parquet file.
     try:
         file = pyarrow.parquet.ParquetFile(io.BytesIO(content))
         width = max(len(file.schema_arrow), 1)
         # Of each group: the total that a file states may be wrong.
         groups = range(file.metadata.num_row_groups)
         n_row = sum(file.metadata.row_group(i).num_rows for i in groups)
-        fits = n_row * width <= MOST_CELLS
-        frame = file.read().to_pandas() if fits else pd.DataFrame()
-    # pyarrow and pandas let out exceptions of many kinds on what is no Parquet file of a table.
+        if fits := n_row * width <= MOST_CELLS:
+            table = file.read()
+            table.validate(full=True)
     except Exception as error:
         why = one_line_message(error)
         raise InputError(f"{where}: not a readable Parquet file: {why}") from None
@@ -157,6 +176,17 @@ def _parquet(content: bytes, where: str) -> RawTable:
         raise InputError(
             f"{where}: {n_row} rows of {width} columns; expected at most {MOST_CELLS} cells"
         )
+    return table
+
+
+def _parquet(content: bytes, where: str) -> RawTable:
+    table = read_arrow(content, where)
+    try:
+        frame = table.to_pandas()
+    # As above: of what pandas makes nothing.
+    except Exception as error:
+        why = one_line_message(error)
+        raise InputError(f"{where}: not a readable Parquet file: {why}") from None
     # A named index is a column that another program set apart (pandas keeps 4, 6, 8 as a range
     # outside the columns); one without a name only counts rows.
     named = [name for name in frame.index.names if name is not None]
@@ -230,15 +260,15 @@ def raw_csv(content: bytes, where: str) -> RawTable:
 
 
 def read_delimited(
-    content: bytes, header: Sequence[str], numbers: Collection[str], **options: Any
+    content: bytes, columns: Sequence[str], numbers: Collection[str], **options: Any
 ) -> pd.DataFrame:
     """Read delimited text with pandas: floats exact, all else text, no word taken for empty.
 
     Parameters
     ----------
     content : bytes
-        UTF-8, a header line, rows of one length.
-    header : sequence of str
+        UTF-8, a header line (none with the option ``header=None``), rows of one length.
+    columns : sequence of str
         Names of the columns.
     numbers : collection of str
         Those to read as numbers, in which empty cells are NaN. The words true and false are 1 and
@@ -257,15 +287,13 @@ def read_delimited(
     """
     return pd.read_csv(
         io.BytesIO(content),
-        header=0,
-        names=list(header),
+        names=list(columns),
         index_col=False,
-        dtype={name: (float if name in numbers else str) for name in header},
+        dtype={name: (float if name in numbers else str) for name in columns},
         keep_default_na=False,
-        na_values={name: [""] for name in header if name in numbers},
+        na_values={name: [""] for name in columns if name in numbers},
         encoding="utf-8",
-        **_EXACT,
-        **options,
+        **{"header": 0, **_EXACT, **options},
     )
 
 

@@ -1,0 +1,136 @@
+"""Where a table stands in a file: title lines, the header, a row of units, and then rows."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ridgebayes.errors import InputError
+from ridgebayes.fea.column_units import is_unit, split_header
+from ridgebayes.fea.words import corners_of, key_of, settings_of, texture_of
+from ridgebayes.table.columns import NAMES
+
+LOOKED_AT = 60  # records
+_MOST_LOOKED = 200  # cells of a header
+_NUMBER = re.compile(r"\s*[+-]?(?:\d[\d.,'\u2019 \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*%?\s*")
+_NO_UNIT = ("", "-", "--", "\N{EN DASH}", "1", "#", "[-]", "(-)", "count", "%")
+Records = Sequence[tuple[int, Sequence[str]]]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What was found above the rows.
+
+    Parameters
+    ----------
+    headers : list of str
+        One a column, with the units of a row of units.
+    first : int
+        Which of the records is the first row.
+    settings : dict of str to (str, int)
+        Constants of title lines, each with its line.
+    messages : tuple of str
+        What was recognised.
+    """
+
+    headers: list[str]
+    first: int
+    settings: dict[str, tuple[str, int]] = field(default_factory=dict)
+    messages: tuple[str, ...] = ()
+
+
+def find_layout(rows: Records, where: str, header_row: int | None = None) -> Layout:
+    """Find the header among the first records of a file.
+
+    Parameters
+    ----------
+    rows : sequence of (int, sequence of str)
+        Line and cells of each record.
+    where : str
+        Name that messages show.
+    header_row : int or None, optional
+        The header's line, where the user says it; 0 for none.
+
+    Raises
+    ------
+    InputError
+        If there is no record in that line.
+
+    Examples
+    --------
+    >>> rows = [(1, ["Test 7"]), (3, ["Steg", "Q"]), (4, ["mm", ""]), (5, ["0,2", "4"])]
+    >>> found = find_layout(rows, "mine.csv")
+    >>> found.headers, found.first
+    (['Steg [mm]', 'Q'], 3)
+    """
+    i = _header(rows) if header_row is None else _at(rows, header_row, where)
+    if i is None:
+        headers = [f"column {n}" for n in range(1, len(rows[0][1]) + 1)]
+        names = f"columns are {headers[0]!r} to {headers[-1]!r}"
+        return Layout(headers, 0, messages=(f"{where}: no header; {names}",))
+    line, cells = rows[i]
+    headers = [*cells]
+    headers[0] = re.sub(r"^\s*(?:#|%|//)\s*", "", headers[0])
+    titles = [(at, "; ".join(one for one in row if one.strip())) for at, row in rows[:i]]
+    settings = settings_of(titles)
+    messages = []
+    if titles:
+        messages.append(f"{where}: header in line {line}, {len(titles)} title lines above it")
+    below = rows[i + 1 : i + 2]
+    if below and _is_units(below[0][1]):
+        messages.append(f"{where}: units in line {below[0][0]}")
+        units = [one.strip().strip("[]()") for one in below[0][1]]
+        headers = [
+            f"{name} [{unit}]" if unit not in _NO_UNIT and not split_header(name)[1] else name
+            for name, unit in zip(headers, [*units, *[""] * len(headers)], strict=False)
+        ]
+    return Layout(headers, i + 1 + bool(len(messages) > bool(titles)), settings, tuple(messages))
+
+
+def known(cells: Sequence[str]) -> int:
+    """Return how many of some cells are headers whose meaning is known."""
+    words = [split_header(one.strip())[0] for one in cells[:_MOST_LOOKED] if not is_number(one)]
+    keys = {one if one in NAMES else key_of(one) for one in words} - {""}
+    return len(keys) + len(corners_of(words)) + sum(texture_of(one) is not None for one in words)
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell looks like a number, in whichever country."""
+    return _NUMBER.fullmatch(cell) is not None
+
+
+def _at(rows: Records, line: int, where: str) -> int | None:
+    if line == 0:
+        return None
+    found = [i for i, (number, _) in enumerate(rows) if number == line]
+    if not found:
+        raise InputError(f"{where}: --header-row {line}: expected a line with cells near the top")
+    return found[0]
+
+
+def _header(rows: Records) -> int | None:
+    """Return which record is the header: most words of the field above columns of numbers."""
+    full = [[j for j, one in enumerate(cells) if one.strip()] for _, cells in rows]
+    width = max(map(len, full))
+    best, found = 0, None
+    for i, (_, cells) in enumerate(rows):
+        if len(full[i]) < 2 or 2 * len(full[i]) < width:
+            continue
+        below = [[row[j] for _, row in rows[i + 1 :] if j < len(row)] for j in range(len(cells))]
+        some = [[one for one in column if one.strip()] for column in below]
+        over = [
+            j
+            for j in full[i]
+            if not is_number(cells[j]) and 2 * sum(map(is_number, some[j])) > len(some[j]) > 0
+        ]
+        score = len(over) + 2 * known(cells) if over else 0
+        if score > best:
+            best, found = score, i
+    if found is None and not any(is_number(rows[0][1][j]) for j in full[0]):
+        return next(i for i, some in enumerate(full) if len(some) == width)
+    return found
+
+
+def _is_units(cells: Sequence[str]) -> bool:
+    """Return whether a record holds units and nothing else."""
+    units = [one.strip().strip("[]()") for one in cells]
+    return any(map(is_unit, units)) and all(one in _NO_UNIT or is_unit(one) for one in units)

@@ -1,0 +1,108 @@
+"""Wide tables made long: one column for each Q, or one for each texture."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ridgebayes._types import IntArray
+from ridgebayes.errors import InputError
+from ridgebayes.fea.cells import Cells
+from ridgebayes.fea.column_units import split_header, unit_factor
+from ridgebayes.fea.mapping import LOADS, Use
+from ridgebayes.fea.problems import Problems
+
+Melted = tuple[Cells, list[Use], list[str]]
+
+
+def melt_counts(cells: Cells, uses: Sequence[Use], problems: Problems) -> Melted:
+    """Return a row for each Q that was reached, of a table with a column for each Q.
+
+    Raises
+    ------
+    InputError
+        If there is a load beside them, no load, or the units of one quantity differ.
+    """
+    where = cells.source.where
+    per_Q = [use for use in uses if use.Q is not None]
+    loads = {use.Q: use for use in per_Q if use.key in LOADS}
+    single = [use for use in uses if use.Q is None and use.key in (*LOADS, "Q")]
+    if single or not loads:
+        what = f"column {single[0].header!r}" if single else "no load"
+        names = ", ".join(repr(use.header) for use in per_Q[:8])
+        raise InputError(
+            f"{where}: {what} beside columns for each Q ({names}); expected a load for each Q, or "
+            "columns Q and load"
+        )
+    keys = dict.fromkeys(use.key for use in per_Q)
+    columns: dict[str, np.ndarray] = {}
+    n, counts = len(cells.frame), sorted(Q or 0 for Q in loads)
+    for key in keys:
+        some = {use.Q: use for use in per_Q if use.key == key}
+        if extra := [use for Q, use in some.items() if Q not in loads]:
+            raise InputError(
+                f"{where}: column {extra[0].header!r}: no load of Q = {extra[0].Q}; expected one"
+            )
+        numbers = [cells.frame[some[Q].header] if Q in some else np.full(n, np.nan) for Q in counts]
+        columns[key] = np.column_stack(numbers)
+    key = next(iter(loads.values())).key
+    if any(use.key != key for use in loads.values()):
+        raise InputError(f"{where}: loads of several kinds; expected one unit for all Q")
+    row, which = np.nonzero(~np.isnan(columns[key]))
+    if not row.size:
+        raise InputError(f"{where}: no load in any column; expected a load in some cell")
+    new = {"Q": np.array(counts, dtype=float)[which]}
+    new |= {name: numbers[row, which] for name, numbers in columns.items()}
+    more = [Use("Q", "Q", "1", how="wide")]
+    more += [_one(name, [use for use in per_Q if use.key == name], where) for name in keys]
+    empty = n * len(counts) - row.size
+    messages = [f"one column for each Q: {len(counts)} loads from Q = {counts[0]} to {counts[-1]}"]
+    messages += [f"{empty} empty cells: not reached"] if empty else []
+    return _melted(cells, row, new, per_Q), [*_rest(uses, per_Q), *more], messages
+
+
+def melt_textures(cells: Cells, uses: Sequence[Use], problems: Problems) -> Melted:
+    """Return a row for each texture, of a table with a column for each."""
+    each = [use for use in uses if use.texture is not None]
+    numbers = np.column_stack([cells.frame[use.header] for use in each])
+    which, row = np.nonzero(~np.isnan(numbers.T))  # texture by texture, as runs are
+    units = {use.texture[2] or split_header(use.header)[1] for use in each if use.texture}
+    unit = min(units)
+    has_units = any(split_header(use.header)[1] or use.unit for use in uses if use not in each)
+    if len(units) > 1 or (has_units and not unit):
+        problems.need(
+            f"widths in headers such as {each[0].header!r} have no unit: expected --map "
+            "'texture=*;mm', or 1 for widths over the radius",
+            {"texture": "*;?"},
+        )
+    is_length = unit_factor(unit, "length") is not None
+    widths = np.array([[float(part) for part in (use.texture or ())[:2]] for use in each])[which]
+    names = ("a", "b") if is_length else ("a_over_R", "b_over_R")
+    new = {name: widths[:, i] for i, name in enumerate(names)}
+    new["value"] = numbers[row, which]
+    more = [Use(name, name, unit if is_length else "1", how="wide") for name in names]
+    value = _one(each[0].key, [replace(one, Q=None) for one in each], cells.source.where)
+    messages = [f"one column for each texture: {len(each)}, in {unit or 'units of the radius'}"]
+    more.append(replace(value, header="value", texture=None))
+    return _melted(cells, row, new, each), [*_rest(uses, each), *more], messages
+
+
+def _one(key: str, some: Sequence[Use], where: str) -> Use:
+    """Return the use of columns that became one, named by their key."""
+    units = {use.unit if use.unit is not None else split_header(use.header)[1] for use in some}
+    if len(units) > 1:
+        raise InputError(f"{where}: {key} in {', '.join(sorted(units))}; expected one unit")
+    unit = units.pop()
+    length = some[0].texture is not None and unit_factor(unit, "length") is not None
+    return Use(key, key, "1" if length or not unit else unit, how="wide")
+
+
+def _rest(uses: Sequence[Use], gone: Sequence[Use]) -> list[Use]:
+    return [use for use in uses if use not in gone]
+
+
+def _melted(cells: Cells, row: IntArray, new: dict[str, np.ndarray], gone: Sequence[Use]) -> Cells:
+    names = {*new, *(use.header for use in gone)}
+    frame = cells.frame.drop(columns=[name for name in cells.frame if name in names])
+    frame = frame.iloc[row].reset_index(drop=True).assign(**new)
+    return Cells(cells.source, frame, cells.row[row], cells.messages)
