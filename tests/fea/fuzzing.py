@@ -41,6 +41,7 @@ from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
 from ridgebayes.fea.calculix import read_calculix, read_sta
 from ridgebayes.fea.calculix_contact import read_calculix_contact
 from ridgebayes.fea.columns import read_columns
+from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.mapping import read_mapping
 from ridgebayes.fea.mesh_series import read_series
 from ridgebayes.fea.record import Imported
@@ -407,7 +408,7 @@ for _one in (
         "columns, history",
         "history.csv",
         _HISTORY.encode(),
-        lambda path: read_columns(path, brackets=True),
+        lambda path: read_columns(path, how=Reading(brackets=True)),
         _history,
     ),
     Target("columns, Excel", "book.xlsx", _workbook(), _columns, _in_sheet, inside_zip),

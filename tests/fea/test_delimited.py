@@ -4,14 +4,19 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import DelimitedText
+from ridgebayes.fea.delimited import DelimitedText, Reading
+from ridgebayes.fea.problems import Problems
 
 GOOD = "a,b,Q\n0.03,0.01,4\n0.02,0.04,6\n"
 
 
-def read(text, numeric=("a", "b", "Q"), path="mine.csv"):
+def read(text, numeric=("a", "b", "Q"), path="mine.csv", **how):
     content = text if isinstance(text, bytes) else text.encode()
-    return DelimitedText(path, content).read(set(numeric))
+    problems = Problems(path)
+    source = DelimitedText(path, content, Reading(**how), problems)
+    cells = source.read(set(numeric), problems)
+    problems.raise_all(source)
+    return cells
 
 
 def refusal(text, **options):
@@ -60,24 +65,51 @@ def test_read__text_columns_may_hold_both_marks():
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
-        (
-            "0,03;0.01;4",
-            "line 2, column 'a' = '0,03': but line 2, column 'b' = '0.01': expected one",
-        ),
-        ("1,234;2;4\n5,678;2;6", "column 'a' = '1,234': may be a decimal comma or a thousands"),
-        ("1.234,5;1;4", "column 'a' = '1.234,5': expected a finite number"),
-        ("1,234,567;1;4", "column 'a' = '1,234,567': expected a finite number"),
-        ("1 234;1;4", "column 'a' = '1 234': expected a finite number"),
-        ("1'234;1;4", "expected a finite number"),
+        ("0,03;0.01;4", "line 2, column 'a' = '0,03': expected a finite number, with a point"),
+        ("1,234;2;4\n5,678;2;6", "cells such as '1,234' may have a decimal comma or thousands"),
+        ("1.234,5;1.5;4", "column 'a' = '1.234,5': expected a finite number"),
+        ("1,23,456;1;4", "column 'a' = '1,23,456': expected a finite number"),
+        ("1 23;1;4", "column 'a' = '1 23': expected a finite number"),
+        ("1'23;1;4", "expected a finite number"),
     ],
 )
 def test_read__marks_that_could_mean_two_things_are_refused(rows, words):
     assert words in refusal(f"a;b;Q\n{rows}\n")
 
 
-def test_read__quoted_decimal_commas_between_commas_are_refused():
-    text = refusal('a,b,Q\n"0,03",1,4\n')
-    assert "line 2, column 'a' = '0,03': expected a point for decimals" in text
+@pytest.mark.parametrize(
+    ("rows", "number", "said"),
+    [
+        ("1.234,5;1;4", 1234.5, "decimal comma, '.' between thousands"),
+        ("1,234,567;1.5;4", 1234567, "decimal point, ',' between thousands"),
+        ("1 234,5;0,1;4", 1234.5, "decimal comma, ' ' between thousands"),
+        ("1'234.5;0.1;4", 1234.5, 'decimal point, "\'" between thousands'),
+        ("1\xa0234;0,1;4", 1234, "decimal comma"),
+    ],
+)
+def test_read__marks_between_thousands_are_recognised_and_said(rows, number, said):
+    cells = read(f"a;b;Q\n{rows}\n")
+    assert cells.frame["a"].tolist() == [number]
+    assert said in cells.messages[0]
+
+
+@pytest.mark.parametrize(("decimal", "number"), [("comma", 1.234), ("point", 1234)])
+def test_read__a_doubtful_comma_is_what_the_user_says(decimal, number):
+    assert read("a;b;Q\n1,234;2;4\n", decimal=decimal).frame["a"].tolist() == [number]
+
+
+def test_read__quoted_decimal_commas_between_commas_are_read():
+    cells = read('a,b,Q\n"0,03",1,4\n')
+    assert cells.frame["a"].tolist() == [0.03]
+    assert "separator ',', decimal comma" in cells.messages[0]
+
+
+@pytest.mark.parametrize("word", ["n/a", "-", "NaN"])
+def test_read__words_for_nothing_are_empty_where_the_user_says_so(word):
+    text = f"a,b,Q\n1,{word},4\n"
+    assert f"'{word}': expected a finite number" in refusal(text)
+    assert "--empty" in refusal(text)
+    assert np.isnan(read(text, empty=(word,)).frame["b"]).all()
 
 
 @pytest.mark.parametrize(
@@ -96,7 +128,9 @@ def test_read__a_quoted_line_break_moves_the_lines_below():
 
 @pytest.mark.parametrize("word", ["true", "False"])
 def test_read__a_column_of_truth_values_is_not_ones_and_zeros(word):
-    assert f"line 2, column 'b' = {word!r}" in refusal(f"a,b,Q\n1,{word},4\n2,{word},4\n")
+    text = refusal(f"a,b,Q\n1,{word},4\n2,{word},4\n")
+    assert f"line 2 = {word!r}, line 3 = {word!r}" in text
+    assert "column 'b', 2 cells: expected a finite number" in text
 
 
 @pytest.mark.parametrize("row", ["\r,0.5,4", '"",0.5,4', " \n,0.5,4"])
@@ -117,24 +151,20 @@ def test_delimited__an_equals_sign_within_text_is_none():
 
 def test_delimited__ragged_rows_name_their_lines():
     text = refusal("a,b,Q\n1,2,3\n1,2\n\n1,2,3,4\n")
-    assert "line 3: '1,2' has 2 cells: expected 3 cells" in text
-    assert "line 5: '1,2,3,4' has 4 cells" in text
+    assert "line 3: '1,2' has 2 cells, line 5: '1,2,3,4' has 4 cells: expected 3 cells" in text
 
 
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("n,b\né,1\n".encode("latin-1"), "line 2: byte 0xe9 is not UTF-8"),
-        (GOOD.encode("utf-16"), "line 1: begins as UTF-16"),
+        (b"n,b\n\x81,1\n", "line 2: byte 0x81 is not UTF-8"),
+        (GOOD.encode("utf-16")[:-1], "begins as UTF-16 text, and is none"),
         (GOOD.encode("utf-16-be"), "line 1: a zero byte"),
         (b"a,b\n1,2\n1,\0\n", "line 3: a zero byte"),
         (b"\xef\xbb\xbf \n", "the file is empty"),
         (b"a,b\n", "no rows below the header"),
         (b"a,b\n\n,\n", "no rows below the header"),
         (b"a\n1\n", "one column only"),
-        (b"a,a\n1,2\n", "column 2 = 'a': expected each header once"),
-        (b"a, a \n1,2\n", "expected each header once"),
-        (b"a,\n1,2\n", "column 2 has cells but no header"),
         (b"a,=b\n1,2\n", "formulas"),
         (b'a,b\n1,"2\n', "not CSV"),
         (b'a,b\n1,"2"x\n', "line 2: not CSV"),
@@ -172,3 +202,30 @@ def test_read__own_columns_become_numbers_only_where_nothing_is_lost():
 
 def test_read__a_column_without_name_or_cells_is_passed_over():
     assert list(read("a,b,\n1,2,\n", ("a", "b")).frame) == ["a", "b"]
+
+
+def test_read__headers_that_stand_twice_get_the_number_of_their_column():
+    assert list(read("a, a ,p [Pa],p [Pa]\n1,2,3,4\n", ("a",)).frame) == [
+        *("a", "a #2", "p [Pa]", "p #4 [Pa]"),
+    ]
+
+
+def test_read__a_column_with_cells_and_no_name_is_kept():
+    assert read("a,\n1,2\n", ("a",)).frame["(column 2)"].tolist() == [2]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (GOOD.encode("utf-16"), "UTF-16 text"),
+        (GOOD.replace("Q", "Q\N{MICRO SIGN}").encode("cp1252"), "read as Windows-1252"),
+    ],
+)
+def test_read__other_encodings_are_read_and_said(content, said):
+    cells = read(content, ("a",))
+    assert cells.frame["a"].tolist() == [0.03, 0.02]
+    assert any(said in line for line in cells.messages)
+
+
+def test_read__blanks_between_columns_separate_them():
+    assert read("  a   b  Q\n0.03 0.01 4\n0.02 0.04 6\n").frame["Q"].tolist() == [4, 6]

@@ -9,8 +9,8 @@ import pyarrow.parquet
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea import parquet
 from ridgebayes.fea.columns import read_columns
+from ridgebayes.table import files
 
 ROWS = {
     "a_over_R": [0.03, 0.03],
@@ -78,7 +78,7 @@ def test_parquet__a_contract_column_of_lists_is_refused(refusal):
 
 
 def test_parquet__absurdly_many_rows_are_refused(refusal, monkeypatch):
-    monkeypatch.setattr(parquet, "MOST_CELLS", 7)
+    monkeypatch.setattr(files, "MOST_CELLS", 7)
     assert "2 rows of 4 columns; expected at most 7 cells" in refusal({})
 
 

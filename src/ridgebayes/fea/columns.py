@@ -1,6 +1,6 @@
 """Tables of any columns and units: CSV, TSV, Excel and Parquet to contact tables."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -158,6 +158,7 @@ def _read(
             )
         check_cells(cells, use, problems)
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
+    typed = uses
     messages = [*cells.messages]
     messages += [f"{key}: {text}, from line {line}" for key, (text, line) in settings.items()]
     if not corners and any(use.Q is not None for use in uses):
@@ -172,7 +173,10 @@ def _read(
     messages += [*interpreter.messages, *more]
     if frame.empty:
         problems.raise_all(source)
-    details = (how.sheet and f"sheet={how.sheet}", _mapping_text(interpreter.used, constants))
+    details = (
+        how.sheet and f"sheet={how.sheet}",
+        _mapping_text(typed, interpreter.used, constants),
+    )
     origin = provenance(path, "columns", *(text for text in details if text))
     if "source" in frame:
         own = as_text(frame["source"])
@@ -222,9 +226,16 @@ def _typed(use: Use) -> str:
     return use.header if use.unit is None else f"{use.header};{use.unit}"
 
 
-def _mapping_text(uses: Iterable[Use], values: Mapping[str, str | float]) -> str:
+def _mapping_text(
+    uses: Iterable[Use], used: Collection[Use], values: Mapping[str, str | float]
+) -> str:
     """Return the mapping on one line, of many columns for each Q the first."""
-    own = [use for use in uses if use.name != use.header or use.unit is not None]
+    own = [
+        use
+        for use in uses
+        if (use.name != use.header or use.unit is not None)
+        and (use in used or use.Q is not None or use.texture is not None)
+    ]
     first: dict[tuple[str, bool], list[Use]] = {}
     for use in own:
         first.setdefault((use.key, use.Q is None), []).append(use)

@@ -29,12 +29,13 @@ _STYLES = (
     (".", "", NUMBER),
     (",", "", _COMMA),
     *(
-        (mark, thousands, re.compile(_GROUPED.format(re.escape(thousands), re.escape(mark)) + one))
-        for mark, some, one in (
-            (".", ",' \xa0\u202f", NUMBER.pattern),
-            (",", ".' \xa0\u202f", _COMMA.pattern),
+        (
+            mark,
+            sep,
+            re.compile(_GROUPED.format(re.escape(sep), re.escape(mark)) + own.pattern, re.A),
         )
-        for thousands in some
+        for mark, seps, own in ((".", ",' \xa0\u202f", NUMBER), (",", ".' \xa0\u202f", _COMMA))
+        for sep in seps
     ),
 )
 _WORDS = {".": "point", ",": "comma"}

@@ -113,7 +113,7 @@ def _header(rows: Records) -> int | None:
     width = max(map(len, full))
     best, found = 0, None
     for i, (_, cells) in enumerate(rows):
-        if len(full[i]) < 2 or 2 * len(full[i]) < width:
+        if 2 * len(full[i]) < width or len(full[i]) < 2 < width:
             continue
         below = [[row[j] for _, row in rows[i + 1 :] if j < len(row)] for j in range(len(cells))]
         some = [[one for one in column if one.strip()] for column in below]

@@ -219,8 +219,8 @@ class _Columns:
 
     def name_keys(self) -> None:
         """Add columns whose headers are keys with dimensions."""
+        keys, used = self._known()
         for header in self._headers:
-            keys, used = self._known()
             key, unit, _ = split_header(header)
             if key in ("p", "line", "force") and unit and not unit_factor(unit, DIMENSIONS[key]):
                 continue  # "force [N/mm]": its unit tells what it is

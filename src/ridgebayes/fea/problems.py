@@ -100,7 +100,7 @@ class Problems:
     def __bool__(self) -> bool:
         return bool(self.texts or self.needs or self._cells)
 
-    def need(self, text: str, mapping: dict[str, str] | None = None, **options: str) -> None:
+    def need(self, text: str, mapping: dict[str, str] | None = None, /, **options: str) -> None:
         """Note what the user has to say, with the options that would say it."""
         if text not in self.needs:
             self.needs.append(text)
