@@ -50,6 +50,7 @@ def run(command):
     disk = pressed_disk(Scene.of([(A, B)], p_over_E=0.006, nu=NU), edges=4)
     Path("run.inp").write_text(deck_text(disk, "calculix"))
     Path("run.dat").write_text(printed(disk))
+    Path("alone.dat").write_text(printed(disk))
     Path("mine.csv").write_text(TABLE)
     return functools.partial(command, "import")
 
@@ -109,10 +110,13 @@ def test_import__map_may_be_a_file(run):
     ("words", "expected"),
     [
         (("run.dat", "-o", "t.csv"), ["--texture: missing", "A,B"]),
-        (("run.dat", "--texture", f"{A},{B}", "-o", "t.csv"), ["--nu: missing"]),
         (
-            ("run.dat", "--texture", f"{A},{B}", "--nu", NU, "-o", "t.csv"),
-            ["--deck, --surface, --reaction: missing"],
+            ("alone.dat", "-o", "t.csv"),
+            ["--deck: missing", "--surface: missing", "--reaction: missing", "--nu: missing"],
+        ),
+        (
+            ("alone.dat", "-o", "t.csv"),
+            ["import alone.dat -o t.csv --surface '?' --reaction '?' --deck '?.inp' --texture"],
         ),
         (("run.dat", "--deck", "run.inp", *RUN, "--nu", "0.5", "-o", "t.csv"), ["has nu = 0.49"]),
         (("run.dat", "--deck", "run.inp", *RUN, "--E", "2", "-o", "t.csv"), ["has E = 1"]),
@@ -126,7 +130,14 @@ def test_import__map_may_be_a_file(run):
             ["--deck: not used by format table"],
         ),
         (("mine.csv", *MAP, "--format", "ansys", "-o", "t.csv"), ["--format ansys", "calculix"]),
-        (("mine.csv", *MAP), ["-o: missing", "--dry-run"]),
+        (("mine.csv", *MAP), ["no R,", "no E,", "-o mine-table.csv --R '? mm' --E '? kPa'"]),
+        (
+            ("mine.csv", *MAP, "--R", "8 mm", "--E", "60 kPa"),
+            ["-o: missing", "--dry-run", "import mine.csv -o mine-table.csv --R '8 mm'"],
+        ),
+        (("mine.csv", "--count-is", "lands", "-o", "t.csv"), ["--count-is lands: expected edges"]),
+        (("mine.csv", "--decimal", ".", "-o", "t.csv"), ["--decimal .: expected point, comma"]),
+        (("mine.csv", "--header-row", "9", "-o", "t.csv"), ["--header-row 9"]),
         (("run.inp", "-o", "t.csv"), ["its format is not recognised"]),
         (("no.csv", "-o", "t.csv"), ["no.csv: no such file"]),
         (("mine.csv", "--loads", "1;2", "-o", "t.csv"), ["--loads '1;2'", "commas"]),
@@ -141,6 +152,55 @@ def test_import__what_cannot_be_is_refused(run, words, expected):
     for text in expected:
         assert text in said.err
     assert sorted(Path().iterdir()) == before
+
+
+def test_import__of_a_run_takes_nu_and_sets_from_the_deck_beside_it(run):
+    said = run("run.dat", "--texture", f"{A},{B}", "-o", "t.csv")
+    assert (said.code, said.err) == (0, "")
+    assert "run.inp: deck = run.inp, nu = 0.49, surface = NARC, reaction = NTOP" in said.out
+    with_all = run("run.dat", "--deck", "run.inp", *RUN, "-o", "u.csv")
+    assert with_all.code == 0
+    assert Path("t.csv").read_bytes() == Path("u.csv").read_bytes()
+
+
+def test_import__writes_a_map_to_start_from_that_works_when_filled_in(run):
+    said = run("mine.csv", *MAP, "--write-map", "m.toml")
+    assert said.code == 2
+    assert "m.toml: a map to start from" in said.out
+    text = Path("m.toml").read_text()
+    assert 'R = "? mm"  # fill in' in text
+    Path("m.toml").write_text(text.replace("? mm", "8 mm").replace("? kPa", "60 kPa"))
+    assert run("mine.csv", "--map", "m.toml", "-o", "t.csv").code == 0
+    assert rb.read_table("t.csv").textures == ((0.03, 0.01),)
+
+
+def test_import__interpolated_counts_lie_in_the_middle_of_their_increments(run):
+    loads = "".join(f"0.03,0.01,{i / 1000},{2 + 2 * (i // 4)}\n" for i in range(1, 12))
+    Path("steps.csv").write_text("a/R,b/R,p/E,ridges\n" + loads)
+    assert run("steps.csv", "-o", "t.csv").code == 0
+    frame = rb.read_table("t.csv").frame
+    assert frame["p_over_E_lower"].tolist() == [0.003, 0.007]
+    assert frame["p_over_E"].tolist() == [0.004, 0.008]
+    assert run("steps.csv", "--interpolate", "-o", "u.csv").code == 0
+    frame = rb.read_table("u.csv").frame
+    assert frame["p_over_E"].tolist() == [0.0035, 0.0075]
+    # A uniform distribution over the increment.
+    np.testing.assert_allclose(frame["rel_se"], 0.001 / np.sqrt(12) / frame["p_over_E"], rtol=1e-12)
+
+
+def test_import__skipped_rows_and_header_row_say_where_the_table_is(run):
+    Path("two.csv").write_text("Q,Ridge,x\n1,2,3\n4,5,6\n\n" + TABLE.replace("Ridge", "w"))
+    words = ("two.csv", "--map", "a=w [um]", "--R", "8 mm", "--E", "60 kPa", "-o", "t.csv")
+    for option in (("--skip-rows", "4"), ("--header-row", "5")):
+        assert run(*words, *option, "--force").code == 0
+        assert rb.read_table("t.csv").textures == ((0.03, 0.01),)
+
+
+def test_import__help_has_whole_examples_and_keys(run):
+    said = run("--help").out
+    assert said.count("ridgebayes import ") >= 3
+    assert "'a=w1 [mm]'" in said
+    assert "Keys of --map" in said
 
 
 def test_export_deck__says_how_to_import_it(command):

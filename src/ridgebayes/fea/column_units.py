@@ -39,6 +39,7 @@ _STYLES = (
     (re.compile(r"(.*),\s*([^,]*)"), False),
     (re.compile(r"(.*?)\s+/\s+(\S+)"), False),
     (re.compile(r"(.*?)\s+in\s+(\S+)"), False),
+    (re.compile(r"([^/]*?)/\(?([^()]+)\)?"), False),  # "Width/mm"
 )
 # What people write for units that pint knows under another name.
 _SPELLINGS = (
@@ -105,7 +106,8 @@ def split_header(header: str) -> tuple[str, str, bool]:
     for pattern, strict in _STYLES:
         if match := pattern.fullmatch(header):
             words, unit = match.group(1).strip(), match.group(2).strip()
-            if words and (strict or is_unit(unit)):
+            # "Load N/mm" is no load in N over mm.
+            if words and (strict or (is_unit(unit) and not is_unit(words.split()[-1]))):
                 return words, unit, strict
     return header, "", False
 

@@ -18,7 +18,7 @@ from ridgebayes.fea.parquet import ParquetTable
 from ridgebayes.fea.problems import SHOWN, FileError, Problems
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
-from ridgebayes.fea.wide import melt_counts, melt_textures
+from ridgebayes.fea.wide import melt_counts, melt_textures, named_textures
 from ridgebayes.fea.xy_report import read_xy
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.table.columns import NAMES, RawTable
@@ -151,18 +151,21 @@ def _read(
     taken = {use.key for use in uses} | set(values)
     settings = {key: one for key, one in source.settings.items() if key not in taken}
     cells = source.read({use.header for use in uses if use.is_number}, problems)
+    messages = [*cells.messages]
     for use in uses:
         if use.header not in cells.frame:
             raise InputError(
                 f"{where}, column {use.header!r}, {use.name}: expected numbers or text"
             )
-        check_cells(cells, use, problems)
+        messages += check_cells(cells, use, problems)
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
     typed = uses
-    messages = [*cells.messages]
     messages += [f"{key}: {text}, from line {line}" for key, (text, line) in settings.items()]
     if not corners and any(use.Q is not None for use in uses):
         cells, uses, more = melt_counts(cells, uses, problems)
+        messages += more
+    elif named := named_textures(cells, uses):
+        cells, uses, more = named
         messages += more
     elif any(use.texture is not None for use in uses):
         cells, uses, more = melt_textures(cells, uses, problems)

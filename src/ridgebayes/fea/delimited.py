@@ -323,7 +323,7 @@ def _separated(content: bytes, where: str) -> tuple[bytes, str]:
         return content, best[1]
     if failed is not None:
         raise failed
-    rows = content.decode().split("\n")
+    rows = [re.sub(r"^\s*#+", "", row) for row in content.decode().split("\n")]
     if len({len(row.split()) for row in rows[:LOOKED_AT] if row.strip()} - {1}) == 1:
         return "\n".join("\t".join(row.split()) for row in rows).encode(), "\t"
     raise InputError(

@@ -352,6 +352,7 @@ class ColumnInterpreter:
         """Return the header that is most likely meant, for the user to check; or a mark."""
         taken = {use.header for use in self._uses} | set(self._problems.mapping.values())
         free = [n for n in self._left() if n not in taken and not _COUNTER.search(n.lower())]
+        free = [n for n in free if not n.startswith("(column")]
         numbers = {n: self.cells.frame[n] for n in free if self.cells.frame[n].dtype.kind in "if"}
 
         def fits(name: str) -> int:
@@ -402,11 +403,14 @@ class ColumnInterpreter:
         return [name for name in map(str, self.cells.frame) if name not in used]
 
 
-def check_cells(cells: Cells, use: Use, problems: Problems) -> None:
-    """Note the cells of a column that cannot be what it is, and empty them."""
+def check_cells(cells: Cells, use: Use, problems: Problems) -> list[str]:
+    """Note the cells of a column that cannot be what it is, and empty them; return messages."""
     if not use.is_number or use.key not in (*_ABOVE_0, *LOWERS, "pressure"):
-        return
+        return []
     numbers = cells.frame[use.header].to_numpy(dtype=float)
+    if use.key in LOADS[1:] and len(numbers) > 1 and np.nanmax(numbers, initial=-np.inf) <= 0:
+        cells.frame[use.header] = -numbers
+        return [f"column {use.header!r}: no load above 0, so compression is negative: sign turned"]
     must_be_full = use.key in ("a", "b", "R", "E", "D", "pitch") and use.Q is None
     rules: tuple[tuple[str, bool, BoolArray], ...] = (
         ("not empty", must_be_full, np.isnan(numbers)),
@@ -419,6 +423,7 @@ def check_cells(cells: Cells, use: Use, problems: Problems) -> None:
         if applies and bad.any():
             problems.cells(cells.row[bad], use.header, f"expected {rule}")
             cells.frame[use.header] = np.where(bad, np.nan, numbers)
+    return []
 
 
 def listed(names: Iterable[str]) -> str:

@@ -269,7 +269,9 @@ class _Columns:
                 )
             if key in _PER_Q and key != "rel_se" and is_wide:
                 continue
-            self.uses.append(Use(key, some[0], how="guessed"))
+            of_R = key in ("a", "b", "offset") and split_header(some[0])[1].startswith("%")
+            one = Use(f"{key}_over_R", some[0], "%") if of_R else Use(key, some[0])
+            self.uses.append(replace(one, how="guessed"))
         keys, used = self._known()
         pairs = {one: pair for one in self._headers if one not in used if (pair := texture_of(one))}
         is_given = _rivals("a") & keys or _rivals("b") & keys or is_wide
@@ -334,7 +336,7 @@ def _without_load(use: Use, columns: _Columns) -> Use:
     if use.unit is None and (has_units or {"E", "R"} & columns.values.keys()):
         shown = re.sub(r"\d+", "*", use.header) if use.Q is not None else use.header
         columns.problems.need(
-            f"column {use.header!r}: no unit: p/E, pressure, line load or force: name it, as "
+            f"column {shown!r}: no unit: p/E, pressure, line load or force: name it, as "
             f"--map 'p_over_E={shown}', 'p={shown};kPa', 'line={shown};N/mm' or "
             f"'force={shown};N'",
             {use.key: f"{shown};?"},

@@ -1,5 +1,6 @@
 """The job behind `import`: a file of any known format to a contact table."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -229,9 +230,11 @@ def _completed(path: Path, given: Given, name: str) -> tuple[Given, list[str]]:
         found["deck"] = beside
     file = given.deck or found.get("deck")
     deck = Deck() if file is None else read_deck(file)
-    for key, value in (("nu", deck.nu), ("E", deck.E)):
-        if getattr(given, key) is None and value is not None:
-            found[key] = repr(value)
+    if given.nu is None and deck.nu is not None:
+        found["nu"] = repr(deck.nu)
+    # The unit modulus of export-deck is 1 but for printed digits.
+    if given.E is None and deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
+        found["E"] = repr(deck.E)
     for key, kind in (("surface", "U"), ("reaction", "RF")) if is_run else ():
         sets = deck.printed.get(kind, [])
         others = [one for one in sets if one not in deck.printed.get("RF", [])]

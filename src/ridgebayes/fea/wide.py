@@ -11,6 +11,7 @@ from ridgebayes.fea.cells import Cells
 from ridgebayes.fea.column_units import split_header, unit_factor
 from ridgebayes.fea.mapping import LOADS, Use
 from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.words import texture_of
 
 Melted = tuple[Cells, list[Use], list[str]]
 
@@ -85,6 +86,31 @@ def melt_textures(cells: Cells, uses: Sequence[Use], problems: Problems) -> Melt
     messages = [f"one column for each texture: {len(each)}, in {unit or 'units of the radius'}"]
     more.append(replace(value, header="value", texture=None))
     return _melted(cells, row, new, each), [*_rest(uses, each), *more], messages
+
+
+def named_textures(cells: Cells, uses: Sequence[Use]) -> Melted | None:
+    """Return both widths as columns where names of textures such as ``240x80 um`` have them."""
+    named = [use for use in uses if use.key == "texture"]
+    if not named or any(use.key in ("a", "b", "a_over_R", "b_over_R") for use in uses):
+        return None
+    names = cells.frame[named[0].header].astype(str)
+    pairs = {name: texture_of(name) for name in names.unique()}
+    found = {name: pair for name, pair in pairs.items() if pair is not None}
+    units = {pair[2] for pair in found.values()} or {"?"}
+    unit = split_header(named[0].header)[1] or min(units)
+    if len(found) < len(pairs) or len(units) > 1 or unit_factor(unit or "mm", "length") is None:
+        return None
+    keys = ("a", "b") if unit else ("a_over_R", "b_over_R")
+    new = {
+        key: names.map({name: float(pair[i]) for name, pair in found.items()}).to_numpy(float)
+        for i, key in enumerate(keys)
+    }
+    columns = [Use(key, key, unit or "1", how="wide") for key in keys]
+    rows = np.arange(len(names))
+    messages = [
+        f"{', '.join(keys)}: the numbers in {named[0].header!r}, {unit or 'over the radius'}"
+    ]
+    return _melted(cells, rows, new, ()), [*columns, *uses], messages
 
 
 def _one(key: str, some: Sequence[Use], where: str) -> Use:
