@@ -116,7 +116,7 @@ def test_import__map_may_be_a_file(run):
         ),
         (
             ("alone.dat", "-o", "t.csv"),
-            ["import alone.dat -o t.csv --surface '?' --reaction '?' --deck '?.inp' --texture"],
+            ["import alone.dat -o t.csv --texture '?,?' --nu '?' --deck '?.inp' --surface '?'"],
         ),
         (("run.dat", "--deck", "run.inp", *RUN, "--nu", "0.5", "-o", "t.csv"), ["has nu = 0.49"]),
         (("run.dat", "--deck", "run.inp", *RUN, "--E", "2", "-o", "t.csv"), ["has E = 1"]),

@@ -231,10 +231,10 @@ def _completed(path: Path, given: Given, name: str) -> tuple[Given, list[str]]:
     file = given.deck or found.get("deck")
     deck = Deck() if file is None else read_deck(file)
     if given.nu is None and deck.nu is not None:
-        found["nu"] = repr(deck.nu)
+        found["nu"] = f"{deck.nu:.6g}"
     # The unit modulus of export-deck is 1 but for printed digits.
     if given.E is None and deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
-        found["E"] = repr(deck.E)
+        found["E"] = f"{deck.E:.10g}"
     for key, kind in (("surface", "U"), ("reaction", "RF")) if is_run else ():
         sets = deck.printed.get(kind, [])
         others = [one for one in sets if one not in deck.printed.get("RF", [])]
