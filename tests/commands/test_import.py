@@ -166,7 +166,7 @@ def test_import__of_a_run_takes_nu_and_sets_from_the_deck_beside_it(run):
 def test_import__writes_a_map_to_start_from_that_works_when_filled_in(run):
     said = run("mine.csv", *MAP, "--write-map", "m.toml")
     assert said.code == 2
-    assert "m.toml: a map to start from" in said.out
+    assert "m.toml: a map to start from" in said.err
     text = Path("m.toml").read_text()
     assert 'R = "? mm"  # fill in' in text
     Path("m.toml").write_text(text.replace("? mm", "8 mm").replace("? kPa", "60 kPa"))
