@@ -72,7 +72,7 @@ def test_sampler__of_many_textures_draws_what_predict_says_of_each(average):
 
 
 # Here four of them; 200 were seen to hold.
-@pytest.mark.parametrize("n_scene", [4, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n_scene", [4, pytest.param(24, marks=pytest.mark.slow)])
 def test_friction_inputs__contacts_are_those_of_their_scenes(fit, n_scene):
     rng = np.random.default_rng(5)
     for _ in range(n_scene):

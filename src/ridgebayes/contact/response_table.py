@@ -29,8 +29,60 @@ CLOSEST = 1e-4  # of an interval, by which loads stay away from its ends
 _CLOSEST_BETWEEN = 0.01  # where ends are interpolated between offsets
 _FROM = 1e-4  # of the load of the first change of the count: where the table begins
 _MOST_DISTINCT, _MOST_NODES = 32, 400
+_LAST_OFFSET, _FIRST_LOOK = 0.4999, 1_000
 _N_SMOOTH, _N_OFFSET = 9, 17  # nodes along an axis
 _FIXED = 5  # quantities before those of edges: see `ContactValues`
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Nodes between two values, and weights of them for values between.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends.
+    n : int
+        Nodes; 1 where the ends are one.
+    is_smooth : bool, optional
+        Whether weights are those of the polynomial through all nodes, or of a line between two.
+
+    Examples
+    --------
+    >>> axis = Axis(1.0, 3.0, 3)
+    >>> (axis.weights(np.array([1.0, 1.5, 3.0])) @ axis.nodes**2).round(12).tolist()
+    [1.0, 2.25, 9.0]
+    """
+
+    low: float
+    high: float
+    n: int
+    is_smooth: bool = True
+
+    @classmethod
+    def over(cls, column: FloatArray, n: int, *, is_smooth: bool = True) -> "Axis":
+        """Return the axis over a column's range."""
+        low, high = float(column.min()), float(column.max())
+        return cls(low, high, n if high > low else 1, is_smooth)
+
+    @property
+    def nodes(self) -> FloatArray:
+        """Nodes in rising order, shape (n,)."""
+        if self.n == 1:
+            return np.array([self.low])
+        unit = chebyshev.chebpts1(self.n) if self.is_smooth else np.linspace(-1, 1, self.n)
+        return 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * unit
+
+    def weights(self, x: FloatArray) -> FloatArray:
+        """Return the weight of each node at values, shape (.., n)."""
+        if self.n == 1:
+            return np.ones((len(x), 1))
+        if not self.is_smooth:
+            place = np.interp(x, self.nodes, np.arange(self.n))
+            return np.maximum(1 - np.abs(place[:, None] - np.arange(self.n)), 0.0)
+        at_nodes = np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(self.n), self.n - 1))
+        t = (2 * x - self.low - self.high) / (self.high - self.low)
+        return np.asarray(chebyshev.chebvander(t, self.n - 1) @ at_nodes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,30 +143,39 @@ class ResponseTable:
         with np.errstate(divide="ignore"):
             columns = [np.log(b / a), np.abs(offset), np.log(depth / self.unit**2)]
             columns += [np.log(corner / self.unit), np.log((a + b) / self.unit)]
-        at = np.stack(columns, axis=1).round(12)
-        distinct, self._place = np.unique(at, axis=0, return_inverse=True)
-        self._margin = CLOSEST
-        self._axes: list[tuple[FloatArray, FloatArray]] | None = None
+        self._at, self._margin = np.stack(columns, axis=1).round(12), CLOSEST
+        self._axes: list[Axis] = []
+        # Of a million bodies a look at some mostly says enough.
+        distinct = np.unique(self._at[:_FIRST_LOOK], axis=0)
+        if len(distinct) <= _MOST_DISTINCT:
+            distinct, place = np.unique(self._at, axis=0, return_inverse=True)
+            self._place = place.ravel()
         if len(distinct) > _MOST_DISTINCT:
-            self._axes = [_axis(column, j == 1) for j, column in enumerate(at.T)]
-            if math.prod(len(nodes) for nodes, _ in self._axes) > _MOST_NODES:
+            # Which end is free changes with the offset: no polynomial would do.
+            self._axes = [Axis.over(column, _N_SMOOTH) for column in self._at.T]
+            offset_axis = Axis.over(
+                np.minimum(self._at[:, 1], _LAST_OFFSET), _N_OFFSET, is_smooth=False
+            )
+            self._axes[1] = offset_axis
+            if math.prod(axis.n for axis in self._axes) > _MOST_NODES:
                 raise InputError(
                     "scene: too many values vary at once; expected certain widths and radius where "
                     "corners are round or floors are touched"
                 )
-            if len(self._axes[1][0]) > 1:
+            if offset_axis.n > 1:
                 self._margin = _CLOSEST_BETWEEN
-            mesh = np.meshgrid(*(nodes for nodes, _ in self._axes), indexing="ij")
+            mesh = np.meshgrid(*(axis.nodes for axis in self._axes), indexing="ij")
             distinct = np.stack([one.ravel() for one in mesh], axis=1)
         self._shapes = [_Shape(_profile(row)) for row in distinct]
 
     def _weights(self, index: IntArray) -> FloatArray:
         """Return the weight of each shape, (n, n_shape)."""
-        if self._axes is None:
-            return (self._place.ravel()[index][:, None] == np.arange(len(self._shapes))) * 1.0
+        if not self._axes:
+            return (self._place[index][:, None] == np.arange(len(self._shapes))) * 1.0
         weights = np.ones((len(index), 1))
-        for _, own in self._axes:
-            weights = (weights[:, :, None] * own[index][:, None, :]).reshape(len(index), -1)
+        for axis, column in zip(self._axes, self._at[index].T, strict=True):
+            weights = weights[:, :, None] * axis.weights(column)[:, None, :]
+            weights = weights.reshape(len(index), -1)
         return weights
 
     def at(self, index: IntArray, Q: int, W: FloatArray) -> ContactValues:
@@ -167,34 +228,6 @@ class ResponseTable:
         length, extent, penetration, share, largest = values[:_FIXED, None]
         x, K = np.split(values[None, _FIXED:], 2, axis=1)
         return ContactValues(np.array([W]), length, extent, penetration, share, largest, x, K)
-
-
-def smooth_axis(column: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
-    """Return n Chebyshev nodes over a column's range, and polynomial weights of them, (.., n).
-
-    Examples
-    --------
-    >>> nodes, weights = smooth_axis(np.array([1.0, 1.5, 3.0]), 3)
-    >>> (weights @ nodes**2).round(12).tolist()
-    [1.0, 2.25, 9.0]
-    """
-    low, high = column.min(), column.max()
-    t = chebyshev.chebpts1(n)
-    at_nodes = np.linalg.inv(chebyshev.chebvander(t, n - 1))
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    return middle + half * t, chebyshev.chebvander((column - middle) / half, n - 1) @ at_nodes
-
-
-def _axis(column: FloatArray, is_offset: bool) -> tuple[FloatArray, FloatArray]:
-    """Return nodes along an axis and each body's weights of them, (n, n_node)."""
-    low, high = column.min(), column.max()
-    if not high > low:
-        return column[:1], np.ones((len(column), 1))
-    if is_offset:  # which end is free changes with it: no polynomial would do
-        nodes = np.linspace(low, min(high, 0.4999), _N_OFFSET)
-        place = np.interp(column, nodes, np.arange(_N_OFFSET))
-        return nodes, np.maximum(1 - np.abs(place[:, None] - np.arange(_N_OFFSET)), 0.0)
-    return smooth_axis(column, _N_SMOOTH)
 
 
 def _profile(at: FloatArray) -> Profile:

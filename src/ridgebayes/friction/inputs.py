@@ -23,7 +23,7 @@ from ridgebayes.scene.scene import Scene
 from ridgebayes.table.columns import LARGEST_LOAD
 
 SMALL_STRAIN = 0.015  # p/E up to which contact of moderate grooves is within 1 % of finite strain
-_BLOCK = 5_000
+_BLOCK = 1_000
 _N_CHECKED, _MOST_LOADS = 24, 10_000
 _LEAST_ERROR = 1e-4
 # Name: dimensions, unit, meaning.
@@ -141,7 +141,7 @@ def joined(blocks: list[xr.Dataset]) -> xr.Dataset:
 
 
 class InputDraws:
-    """What `friction_inputs` draws, in blocks of 5,000 draws; parameters are the same."""
+    """What `friction_inputs` draws, in blocks of 1,000 draws; parameters are the same."""
 
     def __init__(
         self,
@@ -153,7 +153,7 @@ class InputDraws:
         rng: Rng = 0,
         edges: bool = False,
     ) -> None:
-        if isinstance(n, bool) or n != int(n) or n < 1:
+        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
             raise InputError(f"n: expected a whole number >= 1, got {n!r}")
         self._seed, self.n, self._edges = seed_of(rng), int(n), edges
         self._bodies = draw_scene(scene, self.n, self._seed)
@@ -181,7 +181,7 @@ class InputDraws:
             self._attrs["table_digest"] = source.table.digest()
 
     def blocks(self) -> Iterator[xr.Dataset]:
-        """Yield the draws, 5,000 at a time."""
+        """Yield the draws, 1,000 at a time."""
         for first in range(0, self.n, _BLOCK):
             yield self._block(np.arange(first, min(first + _BLOCK, self.n)))
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import special
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.contact.response_table import smooth_axis
+from ridgebayes.contact.response_table import Axis
 from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
@@ -70,19 +70,13 @@ class PredictiveSampler:
         if fit.model.offsets is not None:
             self._stride = fit.offsets_given(self._stride)[0]
         self._range, self._a, self._b = CalibratedRange.of(fit), a, b
-        first, place = distinct(a, b)
-        self._weights: FloatArray | None = None
-        self._log_pitch2 = np.zeros(len(a))
+        first, self._place = distinct(a, b)
+        self._axis: Axis | None = None
+        self._textures = [(float(a[i]), float(b[i])) for i in first[: _MOST_TEXTURES + 1]]
         if len(first) > _MOST_TEXTURES:
-            ratio = a / (a + b)
-            nodes, self._weights = smooth_axis(ratio, _N_RATIO)
-            place = np.abs(ratio[:, None] - nodes).argmin(axis=1)
-            self._log_pitch2 = 2 * np.log(a + b)
-            self._textures = [(x, 1 - x) for x in nodes.tolist()]
+            self._axis = Axis.over(a / (a + b), _N_RATIO)
+            self._textures = [(x, 1 - x) for x in self._axis.nodes.tolist()]
             self._check_scale_law()
-        else:
-            self._textures = list(zip(a[first].tolist(), b[first].tolist(), strict=True))
-        self._place = place
         self._known: dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
 
     def _check_scale_law(self) -> None:
@@ -119,7 +113,9 @@ class PredictiveSampler:
         if self._loads.df is not None:
             score = special.stdtrit(self._loads.df[which], u)
         with np.errstate(divide="ignore"):
-            y = np.log(reduced_load(p, nu[:, None])) - self._log_pitch2[index][:, None]
+            y = np.log(reduced_load(p, nu[:, None]))
+        if self._axis is not None:
+            y = y - 2 * np.log(self._a[index] + self._b[index])[:, None]
         Q, alive, block = np.full(p.shape, 2), np.ones(p.shape, dtype=bool), 0
         while alive.any():
             if 2 * _Q_BLOCK * block > _LARGEST_Q:
@@ -142,11 +138,15 @@ class PredictiveSampler:
             counts = 4 + 2 * (np.arange(_Q_BLOCK) + _Q_BLOCK * block)
             self._known[block] = [self._at(texture, counts) for texture in self._textures]
         own, location, scale = (np.stack(each) for each in zip(*self._known[block], strict=True))
-        near = self._place[index]
+        if self._axis is None:
+            near = self._place[index]
+            return list(zip(location[near, which].T, scale[near, which].T, strict=True))
+        ratio = self._a[index] / (self._a[index] + self._b[index])
+        near = np.abs(ratio[:, None] - self._axis.nodes).argmin(axis=1)
         found = location[near, which]
-        if self._weights is not None and not isinstance(self._fit.form, PowerLaw):
+        if not isinstance(self._fit.form, PowerLaw):
             with np.errstate(invalid="ignore"):
-                apart = np.einsum("mj,jmq->mq", self._weights[index], own[:, which])
+                apart = np.einsum("mj,jmq->mq", self._axis.weights(ratio), own[:, which])
                 found = np.nan_to_num(found - own[near, which] + apart, nan=np.inf)
         return list(zip(found.T, scale[near, which].T, strict=True))
 
