@@ -1,3 +1,4 @@
+from dataclasses import replace
 from importlib.metadata import version
 
 import matplotlib
@@ -31,31 +32,41 @@ IS_NEW = not version("arviz").startswith("0.")
 
 
 @pytest.fixture(scope="module")
-def opened(fits, tmp_path_factory):
+def drawn(paper):
+    model = Model(Observations.from_table(paper), Hybrid())
+    return importance_posterior(model, seed=1)[0]
+
+
+@pytest.fixture(scope="module")
+def opened(drawn, tmp_path_factory):
     path = tmp_path_factory.mktemp("arviz") / "hybrid.nc"
-    write_netcdf(fits["hybrid"], path)
+    write_netcdf(drawn, path)
     return import_arviz().from_netcdf(path)
 
 
-def test_all_groups__of_a_file_have_arvizs_attributes(fits, opened):
+def test_all_groups__of_a_file_have_arvizs_attributes(drawn, opened):
     found = opened.children if IS_NEW else opened.groups()
     assert set(found) == GROUPS
     for name in GROUPS:
         attributes = opened[name].attrs
         assert attributes["creation_library"] == "ridgebayes"
-        assert attributes["inference_library"] == "emcee"
+        assert attributes["inference_library"] == "ridgebayes"
         assert attributes["created_at"].startswith("1970-01-01T00:00:00")
+    walked = all_groups(replace(drawn, sampler="emcee"))["prior"].attrs
+    assert walked["inference_library"] == "emcee"
+    assert walked["inference_library_version"] == version("emcee")
 
 
 @pytest.mark.slow
-def test_arviz__summarises_scores_and_draws_a_file(fits, opened):
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of arviz 0.x's drawing by matplotlib
+def test_arviz__summarises_scores_and_draws_a_file(drawn, opened):
     matplotlib.use("Agg")
     az = import_arviz()
     summary = az.summary(opened, var_names=["c1", "sigma"])
     assert list(summary.index) == ["c1", "sigma"]
     loo = az.loo(opened)
     elpd = loo.elpd if IS_NEW else loo.elpd_loo
-    assert elpd == pytest.approx(leave_one_out(groups_of(fits["hybrid"]), 1.0).elpd, abs=0.1)
+    assert elpd == pytest.approx(leave_one_out(groups_of(drawn), 1.0).elpd, abs=0.1)
     if IS_NEW:
         az.plot_ppc_dist(opened)
         az.plot_ppc_dist(opened, group="prior_predictive")
@@ -67,8 +78,8 @@ def test_arviz__summarises_scores_and_draws_a_file(fits, opened):
         az.plot_ppc(opened, group="prior")
         az.plot_dist_comparison(opened)
         prior, likelihood = (az.psens(opened, component=c) for c in ("prior", "likelihood"))
-    for name in ("c1", "c2", "sigma"):  # forty rows against vague priors
-        assert float(prior[name]) < 0.1 < float(likelihood[name])
+    for name in ("c1", "c2", "sigma"):  # forty rows against vague priors, at arviz's own limit
+        assert float(prior[name]) < 0.05 < float(likelihood[name])
 
 
 def test_prior_from_idata_of_pymc_extras__reads_a_file(opened):
