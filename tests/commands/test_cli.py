@@ -927,5 +927,5 @@ def test_program__usage_error_in_its_own_process(tmp_path):
 def test_program__work_in_its_own_process(tmp_path):
     done = program("generate", "--texture", "0.02,0.02", "-o", "t.csv", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == "t.csv: 4 rows, 1 textures, 0 not ok\n"
+    assert done.stdout == "t.csv: 4 rows, 1 texture, 0 not ok\n"
     assert [path.name for path in tmp_path.iterdir()] == ["t.csv"]

@@ -73,7 +73,7 @@ def test_json__is_the_only_thing_on_standard_output(command):
         "command": "generate",
         "version": rb.__version__,
         "exit_code": 0,
-        "messages": ["t.csv: 4 rows, 1 textures, 0 not ok"],
+        "messages": ["t.csv: 4 rows, 1 texture, 0 not ok"],
         "files": ["t.csv"],
         "result": {"rows": 4, "textures": 1, "not_ok": 0},
     }

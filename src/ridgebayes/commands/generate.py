@@ -15,6 +15,7 @@ from ridgebayes.runtime.atomic import exclusive_lock
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import executor_for, map_ordered
 from ridgebayes.runtime.progress import Progress
+from ridgebayes.runtime.text import count
 from ridgebayes.scene.effects import Plan
 from ridgebayes.scene.estimates import beyond_reach, plan
 from ridgebayes.scene.scene import Scene
@@ -55,7 +56,8 @@ def command(asked: options.Generate) -> Answer:
             raise InputError("--fields: expected without --workers, --scheduler and --resume")
         table, left_out = fields_job(asked.out, wanted, asked.fields, force=asked.force, **solving)
     failed = len(table.left_out)
-    told = f"{asked.out}: {len(table)} rows, {len(table.textures)} textures, {failed} not ok"
+    size = f"{count(len(table), 'row')}, {count(len(table.textures), 'texture')}"
+    told = f"{asked.out}: {size}, {failed} not ok"
     return Answer(
         (told, *medians_taken(wanted), *left_out),
         {"rows": len(table), "textures": len(table.textures), "not_ok": failed},

@@ -41,7 +41,7 @@ OutFile = Annotated[Path, typer.Option("-o", "--out", help="File to write.")]
 OutFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder to create.")]
 Priors = Annotated[
     Path | None,
-    typer.Option(help="TOML file of priors: [hybrid] c1 = 'lognormal(1.382, 0.1)'."),
+    typer.Option(help="TOML file of priors: \\[hybrid] c1 = 'lognormal(1.382, 0.1)'."),
 ]
 Resume = Annotated[
     bool, typer.Option("--resume", help="Continue an interrupted run. The results are the same.")

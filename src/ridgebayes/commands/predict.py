@@ -19,6 +19,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.predict.extrapolation import NAMES
 from ridgebayes.predict.predict import KINDS
 from ridgebayes.runtime.atomic import replacing
+from ridgebayes.runtime.text import count
 from ridgebayes.scene.body import Body
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.toml import read_body
@@ -112,8 +113,7 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path]) -> Answer:
         columns = {"band of the": shown["kind_of_band"], **columns}
     beyond, error = bands["extrapolation_of"][bands["extrapolation"]], bands.attrs["error"]
     known = "under 0.005 (draws)" if math.isnan(error) else f"up to {error:.1g}"
-    n_row = f"{len(bands)} row{'s' * (len(bands) > 1)}"
-    told = f"{files[0]}: {n_row}, {len(beyond)} of them extrapolation; "
+    told = f"{files[0]}: {count(len(bands), 'row')}, {len(beyond)} of them extrapolation; "
     told += f"errors of probabilities {known}"
     if len(shown) < len(bands):
         told += f". {len(shown)} of the rows:"

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.report.wording import (
-    count,
     decimals,
     form_name,
     noise_name,
@@ -13,6 +12,7 @@ from ridgebayes.report.wording import (
     percent,
     probability,
 )
+from ridgebayes.runtime.text import count
 
 CAUTIONS = {
     "rows are not independent": (

@@ -11,7 +11,8 @@ import numpy as np
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.drawing.style import rows_by_texture
 from ridgebayes.report.blocks import Block, Table, Text
-from ridgebayes.report.wording import count, number
+from ridgebayes.report.wording import number
+from ridgebayes.runtime.text import count
 
 MOST_TEXTURES = 40
 _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "corner", "matplotlib")

@@ -11,13 +11,13 @@ from ridgebayes.comparison.bands import AVERAGE
 from ridgebayes.report.blocks import Block, Picture, Table, Text
 from ridgebayes.report.wording import (
     ABSENT,
-    count,
     decimals,
     form_name,
     number,
     percent,
     with_error,
 )
+from ridgebayes.runtime.text import count
 
 MOST_ROWS = 30
 _NEW = {

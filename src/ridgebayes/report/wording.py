@@ -180,17 +180,6 @@ def interval(low: float, high: float, spread: float) -> str:
     return f"{decimals(low, places)} to {decimals(high, places)}"
 
 
-def count(n: int, noun: str, plural: str | None = None) -> str:
-    """Return a number of things in words that agree.
-
-    Examples
-    --------
-    >>> count(1, "row"), count(1200, "row")
-    ('1 row', '1,200 rows')
-    """
-    return f"{n:,} {noun if n == 1 else plural or noun + 's'}"
-
-
 def _minus(text: str) -> str:
     return text.replace("-", "−")
 

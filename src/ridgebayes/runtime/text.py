@@ -78,3 +78,14 @@ def percent(share: float) -> str:
         return "over 1000 %"
     size = 100 * share
     return f"{size:.2g} %" if size < 99.5 else f"{size:.0f} %"
+
+
+def count(n: int, noun: str, plural: str | None = None) -> str:
+    """Return a number of things in words that agree.
+
+    Examples
+    --------
+    >>> count(1, "row"), count(1200, "row")
+    ('1 row', '1,200 rows')
+    """
+    return f"{n:,} {noun if n == 1 else plural or noun + 's'}"
