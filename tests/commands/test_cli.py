@@ -11,6 +11,7 @@ import meshio
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 import ridgebayes as rb
 from ridgebayes.commands.compare import compare_job
@@ -873,6 +874,64 @@ def test_predict__force_replaces_a_file(command, run):
     Path("b.csv").write_text("old")
     assert command("predict", run, *AT, *OVER, "--force", "-o", "b.csv").code == 0
     assert len(pd.read_csv("b.csv")) == 5
+
+
+# --- friction -------------------------------------------------------------------------------------
+
+FINGER = """
+[body]
+radius = "8 mm"
+youngs_modulus = "lognormal(60 kPa, 20 %)"
+[texture]
+ridge_width = "0.18 mm"
+groove_width = "0.16 mm"
+[load]
+max = "0.9 kPa"
+"""
+
+
+@pytest.fixture
+def finger(tmp_path):
+    path = tmp_path / "finger.toml"
+    path.write_text(FINGER)
+    return path
+
+
+def test_friction__is_what_the_library_draws(command, run, finger):
+    words = ("friction", run, finger, "--n", 40, "--loads", 3, "--edges", "--seed", 5)
+    said = command(*words, "-o", "x.nc", "--json")
+    assert said.code == 0
+    expected = rb.friction_inputs(read_run(run), finger, 3, n=40, rng=5, edges=True)
+    with xr.open_dataset("x.nc", engine="h5netcdf") as found:
+        xr.testing.assert_equal(found, expected)
+        assert "lognormal(60 kPa, 20 %)" in found.attrs["scene_distributions"]
+    told = json.loads(said.out)
+    assert told["files"] == ["x.nc"]
+    means = [row["Q"] for row in told["result"]]
+    np.testing.assert_allclose(means, expected["Q"].mean("draw"))
+    for name in ("x.csv", "y.csv"):
+        assert command(*words, "-o", name).code == 0
+    assert Path("x.csv").read_bytes() == Path("y.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--loads", "3", "--p-over-E", "0.01:0.02:3"), "--p-over-E and --loads: expected one"),
+        (("--loads", "0"), "--loads"),
+        (("-o", "x.txt"), "expected a file of .nc, .parquet, .csv"),
+    ],
+)
+def test_friction__bad_options_are_refused(refused, run, finger, words, expected):
+    words = words if "-o" in words else (*words, "-o", "x.nc")
+    refused(["friction", run, finger, *words], expected)
+
+
+def test_generate_and_plan__take_medians_and_say_so(command, finger):
+    for words in (("generate", finger, "-o", "t.csv"), ("plan", finger)):
+        said = command(*words)
+        assert said.code == 0
+        assert "medians are taken of body.youngs_modulus" in said.out
 
 
 # --- the program itself ---------------------------------------------------------------------------

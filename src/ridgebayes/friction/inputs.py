@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import os
 from collections.abc import Iterator
 
 import numpy as np
@@ -19,7 +20,7 @@ from ridgebayes.predict.extrapolation import names_of
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.scene.draws import draw_scene
-from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.table.columns import LARGEST_LOAD
 
 SMALL_STRAIN = 0.015  # p/E up to which contact of moderate grooves is within 1 % of finite strain
@@ -57,7 +58,7 @@ _DIMS = {"d": "draw", "l": "load", "e": "edge"}
 
 def friction_inputs(
     source: Fit | Comparison,
-    scene: Scene,
+    scene: Scene | str | os.PathLike[str],
     loads: int | ArrayLike = 20,
     *,
     n: int = 4000,
@@ -70,7 +71,7 @@ def friction_inputs(
     ----------
     source : Fit or Comparison
         Posterior; draws are shared out over its forms and error models by their weights.
-    scene : Scene
+    scene : Scene or path
         Of one texture. Its values may be distributions.
     loads : int or array_like of float, shape (n_load,), dimensionless
         Loads p/E; a number of them: equal steps up to the scene's largest load, of each draw.
@@ -146,7 +147,7 @@ class InputDraws:
     def __init__(
         self,
         source: Fit | Comparison,
-        scene: Scene,
+        scene: Scene | str | os.PathLike[str],
         loads: int | ArrayLike = 20,
         *,
         n: int = 4000,
@@ -156,6 +157,7 @@ class InputDraws:
         if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
             raise InputError(f"n: expected a whole number >= 1, got {n!r}")
         self._seed, self.n, self._edges = seed_of(rng), int(n), edges
+        scene = as_scene(scene)
         self._bodies = draw_scene(scene, self.n, self._seed)
         self._loads, self._is_share = _steps(loads)
         profile = self._bodies.profile

@@ -15,7 +15,7 @@ from difflib import get_close_matches
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import (
     BaseModel,
@@ -35,9 +35,6 @@ from ridgebayes.scene import fields
 from ridgebayes.scene.body import Body
 from ridgebayes.scene.syntax import syntax_error
 from ridgebayes.scene.units import Dimension, to_si
-
-if TYPE_CHECKING:
-    from ridgebayes.scene.uncertain import Uncertain
 
 DEFAULT_LOAD = 0.02  # p/E of the study
 # A texture's keys in a file, and the fields of a `Texture` that they become.
@@ -346,8 +343,8 @@ def _median(value: Any) -> Any:
     return float(value.value) if isinstance(value, _Measure) else value
 
 
-def _uncertain_values(scene: _SceneFile) -> "Uncertain | None":
-    """Return what a scene is not certain of; None where it is of everything."""
+def _uncertain_values(scene: _SceneFile) -> Any:
+    """Return a `scene.uncertain.Uncertain`; None where a scene is certain of everything."""
     first = "texture" if len(scene.texture) == 1 else "texture[1]"
     sections = {"body": scene.body, first: scene.texture[0], "load": scene.load}
     sections |= {f"texture[{i}]": one for i, one in enumerate(scene.texture[1:], start=2)}
@@ -355,17 +352,13 @@ def _uncertain_values(scene: _SceneFile) -> "Uncertain | None":
         f"{section}.{key}": value for section, model in sections.items() for key, value in model
     }
     measures = {name: one for name, one in given.items() if isinstance(one, _Measure)}
-    sources = {name: one.source for name, one in measures.items() if one.source is not None}
-    if not sources and not scene.joint:
+    if not scene.joint and all(one.source is None for one in measures.values()):
         return None
     # Here, not above: it loads scipy, which a scene that is certain does without.
-    from ridgebayes.scene.uncertain import Uncertain, correlations, derived
+    from ridgebayes.scene.uncertain import Uncertain
 
-    joint = correlations([one.model_dump() for one in scene.joint], sources)
-    texts = {name: str(measures[name].raw) for name in sources}
     certain = {name: _median(value) for name, value in given.items() if value is not None}
-    has_units = any(one.has_unit for one in measures.values())
-    return Uncertain(sources, texts, partial(derived, certain, first, has_units), joint)
+    return Uncertain.of(certain, measures, [one.model_dump() for one in scene.joint])
 
 
 def _ratio(measure: _Measure, unit: Fraction) -> float:

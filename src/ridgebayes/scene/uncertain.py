@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -166,6 +167,33 @@ class Uncertain:
     derive: Callable[[Mapping[str, FloatArray]], dict[str, FloatArray]]
     joint: Sequence[tuple[tuple[str, ...], FloatArray]] = ()
 
+    @classmethod
+    def of(
+        cls, certain: Json, measures: Mapping[str, Any], joint: Sequence[Mapping[str, Any]]
+    ) -> "Uncertain":
+        """Return what a scene file is not certain of.
+
+        Parameters
+        ----------
+        certain : dict
+            All its numbers by place, medians among them.
+        measures : mapping of str to object
+            Its quantities by place, with `source`, `raw` and `has_unit`.
+        joint : sequence of mapping
+            Its [[joint]] sections.
+
+        Raises
+        ------
+        InputError
+            As `correlations`.
+        """
+        sources = {name: one.source for name, one in measures.items() if one.source is not None}
+        texts = {name: str(measures[name].raw) for name in sources}
+        has_units = any(one.has_unit for one in measures.values())
+        return cls(
+            sources, texts, partial(_derived, certain, has_units), correlations(joint, sources)
+        )
+
     def draw(self, n: int, seed: int) -> dict[str, FloatArray]:
         """Return n draws of the scene's values."""
         score = {name: stream(seed, "scene", name).standard_normal(n) for name in self.sources}
@@ -220,21 +248,20 @@ def correlations(
     return found
 
 
-def derived(certain: Json, texture: str, has_units: bool, drawn: Mapping[str, FloatArray]) -> Json:
+def _derived(certain: Json, has_units: bool, drawn: Mapping[str, FloatArray]) -> Json:
     """Return values of a scene over R and E from those of a file, of numbers and of arrays.
 
     Parameters
     ----------
     certain : dict
         Numbers by place, medians among them.
-    texture : str
-        The texture's section.
     has_units : bool
         Whether radius and modulus are in SI units.
     drawn : mapping of str to ndarray of float
         Draws by place.
     """
     at = {**certain, **drawn}
+    texture = "texture" if "texture.ridge_width" in at else "texture[1]"
     radius, modulus = at.get("body.radius", 1.0), at.get("body.youngs_modulus")
     values = {"nu": at["body.poissons_ratio"], "offset": at[f"{texture}.offset"]}
     values["depth"] = at.get(f"{texture}.groove_depth", math.inf) / radius
