@@ -95,6 +95,30 @@ def test_from_dict__takes_what_a_program_has():
     np.testing.assert_allclose(drawn.p_over_E, 8 / (2 * R * 50e3))
 
 
+def test_from_dict__takes_joint_draws():
+    rng = np.random.default_rng(1)
+    rows = rng.uniform(1, 2, (50, 2)) * [0.02, 0.01]
+    texture = {"ridge_width": 0.03, "groove_width": 0.015}
+    of = ["texture.ridge_width", "texture.groove_width"]
+    scene = Scene.from_dict({"texture": texture, "joint": [{"of": of, "draws": rows}]})
+    assert scene.uncertain_names == tuple(of)
+    drawn = draw_scene(scene, 300, 1).profile
+    both = {(a, b) for a, b in zip(drawn["a"].tolist(), drawn["b"].tolist(), strict=True)}
+    assert both <= {(a, b) for a, b in rows.tolist()}
+    assert len(both) > 40
+    normal = stats.multivariate_normal([0.03, 0.015], [[1e-6, 5e-7], [5e-7, 1e-6]])
+    scene = Scene.from_dict({"texture": texture, "joint": [{"of": of, "draws": normal}]})
+    drawn = draw_scene(scene, 20_000, 1).profile
+    assert np.corrcoef(drawn["a"], drawn["b"])[0, 1] == pytest.approx(0.5, abs=0.03)
+    for section, words in (
+        ({"of": of, "draws": rows[:, :1]}, "joint.draws: expected finite rows of 2"),
+        ({"of": of}, "expected one of correlation and draws"),
+        ({"of": [of[0], of[0]], "draws": rows}, "joint.of: expected each once"),
+    ):
+        with pytest.raises(InputError, match=words):
+            Scene.from_dict({"texture": texture, "joint": [section]})
+
+
 def test_draw_scene__a_uniform_offset_is_anywhere():
     scene = Scene.from_dict(
         {"texture": {"ridge_width": 0.02, "groove_width": 0.02, "offset": "uniform"}}

@@ -217,7 +217,9 @@ class Scene(fields.Record):
         data : dict
             Tables and keys of a scene file. A value may also be a frozen distribution of
             scipy.stats, an array of draws, or a callable of a numpy generator that returns one
-            draw: in SI units where others have units.
+            draw: in SI units where others have units. ``joint`` is a list of tables: ``of``, places
+            such as ``texture.ridge_width``, with ``correlation``, or with ``draws``: rows, or a
+            frozen multivariate distribution, instead of their own values.
 
         Returns
         -------
@@ -251,7 +253,7 @@ class Scene(fields.Record):
     @property
     def uncertain_names(self) -> tuple[str, ...]:
         """Places of a scene file whose values are distributions."""
-        return () if self.uncertain is None else tuple(self.uncertain.sources)
+        return () if self.uncertain is None else tuple(self.uncertain.texts)
 
     def at_medians(self) -> "Scene":
         """Return the scene of the medians alone.

@@ -152,7 +152,8 @@ class _Accuracy(_Section):
 
 class _Joint(_Section):
     of: Annotated[list[str], Field(min_length=2)]
-    correlation: list[list[float]]
+    correlation: list[list[float]] | None = None
+    draws: Any = None
 
 
 class _SceneFile(_Section):
@@ -358,7 +359,7 @@ def _uncertain_values(scene: _SceneFile) -> Any:
     from ridgebayes.scene.uncertain import Uncertain
 
     certain = {name: _median(value) for name, value in given.items() if value is not None}
-    return Uncertain.of(certain, measures, [one.model_dump() for one in scene.joint])
+    return Uncertain.of(certain, measures, [dict(one) for one in scene.joint])
 
 
 def _ratio(measure: _Measure, unit: Fraction) -> float:

@@ -158,14 +158,14 @@ class Uncertain:
     derive : callable
         Turns values by place, arrays or numbers, into those of the scene, by the names of
         `scene.draws.SceneDraws`.
-    joint : sequence of (names, correlation)
-        Places whose normal scores are correlated.
+    joint : sequence of Joint
+        Places that are drawn together.
     """
 
     sources: Mapping[str, Source]
     texts: Mapping[str, str]
     derive: Callable[[Mapping[str, FloatArray]], dict[str, FloatArray]]
-    joint: Sequence[tuple[tuple[str, ...], FloatArray]] = ()
+    joint: Sequence["Joint"] = ()
 
     @classmethod
     def of(
@@ -185,53 +185,85 @@ class Uncertain:
         Raises
         ------
         InputError
-            As `correlations`.
+            As `Joint.read`.
         """
         sources = {name: one.source for name, one in measures.items() if one.source is not None}
         texts = {name: str(measures[name].raw) for name in sources}
         has_units = any(one.has_unit for one in measures.values())
-        return cls(
-            sources, texts, partial(_derived, certain, has_units), correlations(joint, sources)
-        )
+        found = [Joint.read(section, certain, sources) for section in joint]
+        seen = [name for one in found for name in one.of]
+        if len(set(seen)) < len(seen):
+            raise InputError(f"joint: expected each place once, got {', '.join(seen)}")
+        texts |= {name: "joint draws" for one in found if one.draws is not None for name in one.of}
+        return cls(sources, texts, partial(_derived, certain, has_units), found)
 
     def draw(self, n: int, seed: int) -> dict[str, FloatArray]:
         """Return n draws of the scene's values."""
         score = {name: stream(seed, "scene", name).standard_normal(n) for name in self.sources}
-        for names, correlation in self.joint:
-            # The root of a matrix that may be singular: of values that go together exactly.
-            value, vector = np.linalg.eigh(correlation)
-            root = vector * np.sqrt(np.maximum(value, 0.0))
-            mixed = root @ np.stack([score[name] for name in names])
-            score |= dict(zip(names, mixed, strict=True))
+        for one in self.joint:
+            if one.correlation is not None:
+                # The root of a matrix that may be singular: of values that go together exactly.
+                value, vector = np.linalg.eigh(one.correlation)
+                root = vector * np.sqrt(np.maximum(value, 0.0))
+                mixed = root @ np.stack([score[name] for name in one.of])
+                score |= dict(zip(one.of, mixed, strict=True))
         drawn = {
             name: source.draw(score[name], stream(seed, "scene", name, "callable"))
             for name, source in self.sources.items()
         }
+        for one in self.joint:
+            if one.draws is not None:
+                rows = one.rows(n, stream(seed, "scene", *one.of))
+                drawn |= dict(zip(one.of, rows.T, strict=True))
         return self.derive(drawn)
 
 
-def correlations(
-    joint: Sequence[Mapping[str, Any]], sources: Mapping[str, Source]
-) -> list[tuple[tuple[str, ...], FloatArray]]:
-    """Return what a scene's [[joint]] sections say.
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """Values that are drawn together: by correlated normal scores, or as rows.
 
-    Raises
-    ------
-    InputError
-        If a name is of no uncertain value, or named twice, or a matrix is none of correlations.
+    Parameters
+    ----------
+    of : tuple of str
+        Their places.
+    correlation : ndarray of float, shape (k, k), or None
+        Of normal scores.
+    draws : object
+        Rows (n, k), or a frozen multivariate distribution of scipy.stats; None with correlation.
     """
-    found, seen = [], set()
-    for section in joint:
-        names = tuple(section["of"])
+
+    of: tuple[str, ...]
+    correlation: FloatArray | None
+    draws: Any = None
+
+    @classmethod
+    def read(
+        cls, section: Mapping[str, Any], certain: Json, sources: Mapping[str, Source]
+    ) -> "Joint":
+        """Return what a [[joint]] section says.
+
+        Raises
+        ------
+        InputError
+            If a name is of no value that it may be of, a matrix is none of correlations, or rows
+            are not finite or of another length.
+        """
+        names, draws = tuple(section["of"]), section["draws"]
+        if (draws is None) == (section["correlation"] is None):
+            raise InputError("joint: expected one of correlation and draws")
+        known = [name for name, one in sources.items() if one.has_quantiles]
+        if draws is not None:  # instead of plain values
+            known = [name for name, one in certain.items() if not isinstance(one, str)]
         for name in names:
-            if name not in sources or not sources[name].has_quantiles or name in seen:
-                known = ", ".join(key for key, one in sources.items() if one.has_quantiles)
-                raise InputError(f"joint.of: expected each once of {known}, got {name!r}")
-            seen.add(name)
-        try:
-            matrix = np.array(section["correlation"], dtype=np.float64)
-        except (TypeError, ValueError):
-            matrix = np.empty(0)
+            if name not in known or names.count(name) > 1:
+                raise InputError(
+                    f"joint.of: expected each once of {', '.join(known)}, got {name!r}"
+                )
+        if draws is not None:
+            found = cls(names, None, draws if hasattr(draws, "rvs") else np.asarray(draws))
+            found.rows(1, stream(0, "shape"))
+            return found
+        matrix = np.array(section["correlation"], dtype=np.float64)
         if (
             matrix.shape != (len(names), len(names))
             or not np.isfinite(matrix).all()
@@ -240,12 +272,25 @@ def correlations(
             or np.linalg.eigvalsh(matrix)[0] < -1e-9
         ):
             raise InputError(
-                "joint.correlation: expected a symmetric matrix of "
-                f"{len(names)} rows with ones on its diagonal and no negative eigenvalue, got "
-                f"{section['correlation']!r}"
+                f"joint.correlation: expected a symmetric matrix of {len(names)} rows with ones on "
+                f"its diagonal and no negative eigenvalue, got {section['correlation']!r}"
             )
-        found.append((names, matrix))
-    return found
+        return cls(names, matrix)
+
+    def rows(self, n: int, rng: np.random.Generator) -> FloatArray:
+        """Return n rows, shape (n, k)."""
+        if hasattr(self.draws, "rvs"):
+            found = np.asarray(self.draws.rvs(size=n, random_state=rng), float).reshape(n, -1)
+        elif self.draws.ndim == 2 and self.draws.dtype.kind in "iuf" and len(self.draws):
+            found = self.draws[rng.integers(len(self.draws), size=n)].astype(np.float64)
+        else:
+            found = np.empty((n, 0))
+        if found.shape[1] != len(self.of) or not np.isfinite(found).all():
+            raise InputError(
+                f"joint.draws: expected finite rows of {len(self.of)} numbers, or a frozen "
+                "multivariate distribution of as many"
+            )
+        return found
 
 
 def _derived(certain: Json, has_units: bool, drawn: Mapping[str, FloatArray]) -> Json:
