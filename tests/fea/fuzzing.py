@@ -238,10 +238,11 @@ def inside_zip(content: bytes, rng: np.random.Generator) -> bytes:
 
 def plain_rows(content: bytes, messages: str) -> list[dict[str, str]]:
     """Return the cells of a text file by header."""
-    separator = {"tab": "\t", "';'": ";", "','": ","}[
-        re.search(r"separator (tab|';'|',')", messages).group(1)  # type: ignore[union-attr]
+    separator = {"tab": "\t", "';'": ";", "','": ",", "'|'": "|"}[
+        re.search(r"separator (tab|';'|','|'\|')", messages).group(1)  # type: ignore[union-attr]
     ]
-    text = content.decode("utf-8-sig").removeprefix("\ufeff")
+    encoding = "cp1252" if "read as Windows-1252" in messages else "utf-8-sig"
+    text = content.decode(encoding).removeprefix("\ufeff")
     records = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
     records = [one for one in records if any(cell.strip() for cell in one)]
     header = [" ".join(name.split()) for name in records[0]]
@@ -250,6 +251,8 @@ def plain_rows(content: bytes, messages: str) -> list[dict[str, str]]:
 
 def number(cell: str, messages: str) -> float:
     mark = re.search(r"decimal (point|comma)", messages).group(1)  # type: ignore[union-attr]
+    if thousands := re.search(r"decimal \w+, '(.)' between thousands", messages):
+        cell = cell.replace(thousands.group(1), "")
     assert not (mark == "point" and "," in cell), cell
     return float(cell.replace(",", ".")) if cell.strip() else float("nan")
 

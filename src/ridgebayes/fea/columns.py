@@ -29,7 +29,7 @@ SUFFIXES = (".csv", ".tsv", ".txt", ".rpt", ".xlsx", ".parquet")
 _LONGEST = 300  # characters of the mapping in `source`
 _NONE: Mapping[str, str] = MappingProxyType({})
 _PLAIN = Reading()
-_WAYS = ("sheet", "decimal", "empty", "count_is")
+_WAYS = ("sheet", "header_row", "decimal", "empty", "count_is")
 _MOST_TRIES = 5
 _DISGUISED = (
     *((bytes([0x80, version]), "a pickle") for version in range(2, 6)),
@@ -135,6 +135,8 @@ def _supplied(error: FileError) -> tuple[dict[str, str], dict[str, str], dict[st
     if "texture" in options:
         options |= dict.fromkeys(("a_over_R", "b_over_R"), options.pop("texture")[:1])
     ways: dict[str, Any] = {key: options.pop(key) for key in _WAYS if key in options}
+    if "header_row" in ways:
+        ways["header_row"] = int(ways["header_row"])
     if "empty" in ways:
         ways["empty"] = tuple(ways["empty"].split("\n"))
     return mapping, options, ways

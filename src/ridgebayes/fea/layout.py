@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import is_unit, split_header
+from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.words import corners_of, key_of, settings_of, texture_of
 from ridgebayes.table.columns import NAMES
 
@@ -53,7 +54,7 @@ def find_layout(rows: Records, where: str, header_row: int | None = None) -> Lay
     Raises
     ------
     InputError
-        If there is no record in that line.
+        If there is no record in that line, or rows stand above the header.
 
     Examples
     --------
@@ -70,6 +71,8 @@ def find_layout(rows: Records, where: str, header_row: int | None = None) -> Lay
     line, cells = rows[i]
     headers = [*cells]
     headers[0] = re.sub(r"^\s*(?:#|%|//)\s*", "", headers[0])
+    if header_row is None:
+        _refuse_rows(rows[:i], headers, line, where)
     titles = [(at, "; ".join(one for one in row if one.strip())) for at, row in rows[:i]]
     settings = settings_of(titles)
     messages = []
@@ -120,7 +123,7 @@ def _header(rows: Records) -> int | None:
         over = [
             j
             for j in full[i]
-            if not is_number(cells[j]) and 2 * sum(map(is_number, some[j])) > len(some[j]) > 0
+            if not is_number(cells[j]) and 2 * sum(map(is_number, some[j])) >= len(some[j]) > 0
         ]
         score = len(over) + 2 * known(cells) if over else 0
         if score > best:
@@ -128,6 +131,17 @@ def _header(rows: Records) -> int | None:
     if found is None and not any(is_number(rows[0][1][j]) for j in full[0]):
         return next(i for i, some in enumerate(full) if len(some) == width)
     return found
+
+
+def _refuse_rows(above: Records, headers: Sequence[str], line: int, where: str) -> None:
+    """Refuse records above the header that look like rows: they would be lost as titles."""
+    least = max(2, sum(bool(one.strip()) for one in headers) / 2)
+    lines = [str(at) for at, cells in above if sum(map(is_number, cells)) >= least]
+    if lines:
+        shown = ", ".join(lines[:3]) + (f" and {len(lines) - 3} more" if len(lines) > 3 else "")
+        text = f"numbers above the header in line {line}, in line {shown}: expected rows below it; "
+        text += f"--header-row {line} passes over them"
+        raise FileError(where, [], [text], {"header_row": str(line)}, {}, {})
 
 
 def _is_units(cells: Sequence[str]) -> bool:
