@@ -175,3 +175,12 @@ def test_date__is_that_of_the_environment_and_the_bytes_are_the_same(fits, tmp_p
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "today")
     with pytest.raises(InputError, match="SOURCE_DATE_EPOCH: expected whole seconds since 1970"):
         arviz_object(all_groups(fit))
+
+
+def test_write_netcdf__of_what_is_not_for_arviz_is_read_as_the_whole(drawn, tmp_path):
+    write_netcdf(drawn, tmp_path / "a.nc", complete=False)
+    write_netcdf(drawn, tmp_path / "b.nc")
+    parts = [read_netcdf(tmp_path / name) for name in ("a.nc", "b.nc")]
+    assert parts[0].draws.tobytes() == parts[1].draws.tobytes() == drawn.draws.tobytes()
+    found = import_arviz().from_netcdf(tmp_path / "a.nc")
+    assert "prior" not in (found.children if IS_NEW else found.groups())

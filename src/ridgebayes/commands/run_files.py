@@ -64,7 +64,7 @@ def write_fits(comparison: Comparison, folder: Path) -> None:
         for noise, posterior in fit.posteriors.items():
             if noise != fit.noise.name:
                 (folder / OTHERS).mkdir(exist_ok=True)
-                write_netcdf(posterior, folder / other_file(name, noise))
+                write_netcdf(posterior, folder / other_file(name, noise), complete=False)
     write_csv(summary_table(comparison.fits.values()), folder / "summary.csv")
     write_csv(comparison.evidence, folder / "evidence.csv")
 

@@ -43,8 +43,8 @@ def all_groups(fit: Posterior) -> dict[str, xr.Dataset]:
     """
     groups = groups_of(fit)
     groups |= {"log_prior": _log_prior(fit), **_predictive(fit)}
-    attributes = _attributes(fit)
-    return {name: _labelled(fit, group).assign_attrs(attributes) for name, group in groups.items()}
+    told = attributes(fit)
+    return {name: _labelled(fit, group).assign_attrs(told) for name, group in groups.items()}
 
 
 def groups_of(fit: Posterior) -> dict[str, xr.Dataset]:
@@ -165,7 +165,7 @@ def _labelled(fit: Posterior, group: xr.Dataset) -> xr.Dataset:
     )
 
 
-def _attributes(fit: Posterior) -> dict[str, str]:
+def attributes(fit: Posterior) -> dict[str, str]:
     """Return what arviz tells of the origin of data, of a date that is the same in every run."""
     since = os.environ.get("SOURCE_DATE_EPOCH", "0")
     try:

@@ -15,7 +15,7 @@ from ridgebayes._types import __version__
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.distributions.grammar import from_dict, to_dict
 from ridgebayes.errors import InputError
-from ridgebayes.inference.arviz_groups import all_groups
+from ridgebayes.inference.arviz_groups import all_groups, attributes, groups_of
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
 from ridgebayes.inference.posterior import SAMPLERS, Posterior
@@ -28,12 +28,12 @@ from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import one_line_message
 
 
-def write_netcdf(fit: Posterior, path: str | os.PathLike[str]) -> None:
-    """Write a fit, whole or not at all."""
-    groups = all_groups(fit)
+def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool = True) -> None:
+    """Write a fit, whole or not at all; unless complete, without what is only for arviz."""
+    groups = all_groups(fit) if complete else groups_of(fit)
     tree = xr.DataTree.from_dict(dict(groups))
     tree.attrs = {
-        **groups["posterior"].attrs,
+        **attributes(fit),
         "ridgebayes_version": __version__,
         "form": fit.form.name,
         "noise": fit.noise.name,
