@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import ridgebayes as rb
 from ridgebayes.commands.cli import app
-from ridgebayes.commands.options import Output
+from ridgebayes.commands.shared_options import Output
 from ridgebayes.commands.terminal import Answer, tell, to_plain
 from ridgebayes.errors import ComputationError
 

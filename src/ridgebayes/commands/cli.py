@@ -24,6 +24,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import typer
 
 from ridgebayes.commands import options
+from ridgebayes.commands.shared_options import Output
 from ridgebayes.errors import ComputationError, InputError
 
 _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
@@ -69,10 +70,10 @@ def _program(
 
 def _caller(name: str, module: str, options_of: type[Any]) -> Callable[..., None]:
     """Return the function of a command, whose parameters are its options and those of all."""
-    records = (options_of, options.Output)
+    records = (options_of, Output)
 
     def call(**given: Any) -> None:
-        output = options.Output(**{one.name: given.pop(one.name) for one in fields(options.Output)})
+        output = Output(**{one.name: given.pop(one.name) for one in fields(Output)})
         code = _done(name, module, options_of(**given), output)
         if code:
             raise typer.Exit(code)
@@ -88,7 +89,7 @@ for _name, _what in _COMMANDS.items():
     app.command(_name)(_caller(_name, *_what))
 
 
-def _done(name: str, module: str, asked: Any, output: options.Output) -> int:
+def _done(name: str, module: str, asked: Any, output: Output) -> int:
     """Do a command, tell what it found or what went wrong, and return the exit code."""
     if module == "run" and asked.scheduler is None and asked.workers != 1:
         # Workers import at the same time as this process, so their server starts first.
@@ -138,7 +139,7 @@ def main() -> None:
     except _UsageError as error:
         terminal = import_module("ridgebayes.commands.terminal")
         name, code = next((word for word in words if word in _COMMANDS), None), error.exit_code
-        told = options.Output(as_json=True)
+        told = Output(as_json=True)
         terminal.tell(name, terminal.Answer(), code, error.format_message(), told)
     sys.exit(code if isinstance(code, int) else 0)
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import __version__
-from ridgebayes.commands.options import Output
+from ridgebayes.commands.shared_options import Output
 from ridgebayes.runtime.progress import VERBOSITY
 
 _MOST_NAMES = 16  # files and folders that one line lists
