@@ -9,13 +9,14 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
+from ridgebayes.commands.request import FitRequest
+from ridgebayes.commands.run import run_job
 from ridgebayes.commands.run_files import read_run, write_comparison, write_run_json
 from ridgebayes.comparison.bands import bands_table, loads_table
-from ridgebayes.comparison.compare import Execution, compare_with
 from ridgebayes.errors import InputError
 from ridgebayes.evidence.error_models import WeighedErrorModels, weigh_error_models
-from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.noise import Noise
+from ridgebayes.report.figures.gallery import Gallery
 
 FORMS = ["modified", "hybrid"]
 WHERE = {
@@ -55,23 +56,31 @@ def ahead(name):
     return weigh
 
 
-def compared(table, name, monkeypatch, others=("iid", "texture")):
-    """Compare quickly with an error model printed; Student ones are not averaged over then."""
+def led_by(name, monkeypatch, others):
+    """Let an error model be printed; Student ones are not averaged over in a quick run."""
     noise = Noise.named(name)
-    if noise.tail == "normal":
-        weighed = [Noise.named(one) for one in dict.fromkeys([name, *others])]
-        monkeypatch.setattr(f"{COMPARE}.error_models_for", lambda noise, data: weighed)
-        monkeypatch.setattr(f"{COMPARE}.weigh_error_models", ahead(name))
-    given = "auto" if noise.tail == "normal" else noise
-    # Prior ranges are the same work whatever is printed: one error model's will do.
-    execution = Execution(accuracy=QUICK, scores=name == "texture")
-    return compare_with(execution, table, FORMS, noise=given, rng=2)
+    if noise.tail != "normal":
+        return name
+    weighed = [Noise.named(one) for one in dict.fromkeys([name, *others])]
+    monkeypatch.setattr(f"{COMPARE}.error_models_for", lambda noise, data: weighed)
+    monkeypatch.setattr(f"{COMPARE}.weigh_error_models", ahead(name))
+    return "auto"
+
+
+def run(table, name, monkeypatch, folder, others=("iid", "texture")):
+    """Do the whole job quickly in a folder; figures are drawn where rows are independent."""
+    if not name.startswith("iid"):
+        monkeypatch.setattr(Gallery, "file", lambda self, name, kind: b"")
+    noise = led_by(name, monkeypatch, others)
+    table.write(folder / "mine.csv")
+    request = FitRequest(folder / "mine.csv", FORMS, noise, seed=2, accuracy="quick")
+    return run_job(folder / "run", request, workers=1)
 
 
 def written(comparison, folder):
     folder.mkdir()
     write_comparison(comparison, folder)
-    write_run_json(folder, comparison, command="run", seed=2, options={}, stages=[], peak_memory=7)
+    write_run_json(folder, comparison, command="run", seed=2, options={}, stages=[])
     return folder
 
 
@@ -83,23 +92,26 @@ def content(folder):
     return json.loads(text, parse_constant=refuse)
 
 
+SERIES = ("series", "texture+step+series", "step+series:student")
+
+
 # Of Student tails one stands for all, which differ in their likelihood alone.
 @pytest.mark.parametrize(
     "name",
     [
         pytest.param(
-            noise.name,
-            marks=[pytest.mark.long]
-            if noise.tail != "normal" and noise.name != "iid:student"
-            else [],
+            name,
+            marks=[pytest.mark.long] if "student" in name and name != "iid:student" else [],
         )
-        for noise in Noise.every()
+        for name in (*(noise.name for noise in Noise.every()), *SERIES)
     ],
 )
 def test_winner__each_error_model_is_printed_written_and_read_back(
     table, monkeypatch, tmp_path, name
 ):
-    live = compared(table, name, monkeypatch)
+    if name in SERIES:
+        table = rb.ContactTable.from_frame(table.frame.assign(series=[*"ab"] * 4 + ["a"]))
+    live, folder = run(table, name, monkeypatch, tmp_path), tmp_path / "run"
     assert live.noise.name == name
     assert {fit.noise.name for fit in live.fits.values()} == {name}
     assert live.failures == {}
@@ -109,7 +121,6 @@ def test_winner__each_error_model_is_printed_written_and_read_back(
         assert sum(fit.error_model_weights.values()) == pytest.approx(1, rel=1e-14)
         assert (len(fit.averaged) > 1) == is_average
         assert max(fit.error_model_weights, key=fit.error_model_weights.get) == name
-    folder = written(live, tmp_path / "run")
     others = {path.name for path in folder.glob("posteriors/*")}
     assert others == {
         f"{form}--{noise}.nc"
@@ -135,7 +146,10 @@ def test_winner__each_error_model_is_printed_written_and_read_back(
     assert theirs.ln_bf_range == pytest.approx(mine.ln_bf_range, rel=1e-9)
     told = content(folder)
     assert told["verdict"]["error_model"] == told["noise"] == name
-    assert told["peak_memory_bytes"] == 7
+    assert told["peak_memory_bytes"] > 1e7
+    assert live.verdict.error_model in (folder / "report.md").read_text(encoding="utf-8")
+    assert "</html>" in (folder / "report.html").read_text(encoding="utf-8")
+    assert "evidence.svg" in {path.name for path in folder.glob("figures/*")}
     assert told["nugget"] == live.noise.nugget == again.noise.nugget == 1e-8
     weights = {(one["form"], one["noise"]): one["weight"] for one in told["fits"]}
     assert set(weights) == {
@@ -145,10 +159,32 @@ def test_winner__each_error_model_is_printed_written_and_read_back(
     assert 0.9 < sum(weights.values()) < 1 + 1e-12
 
 
+@pytest.mark.parametrize(
+    ("forms", "n_texture", "noise", "why"),
+    [
+        (FORMS, 1, "iid", "hybrid and modified make the same predictions at one texture"),
+        (["modified", "power-law"], 3, "texture", "the same where each texture has an offset"),
+    ],
+)
+def test_verdict__of_forms_that_predict_the_same_is_undecided_and_says_why(
+    table, tmp_path, monkeypatch, forms, n_texture, noise, why
+):
+    monkeypatch.setattr(Gallery, "file", lambda self, name, kind: b"")
+    table = rb.ContactTable.from_frame(table.frame.iloc[: 3 * n_texture])
+    table.write(tmp_path / "mine.csv")
+    request = FitRequest(tmp_path / "mine.csv", forms, noise, seed=2, accuracy="quick")
+    run_job(tmp_path / "run", request, workers=1)
+    told = content(tmp_path / "run")["verdict"]
+    assert told["grade"] == "undecided"
+    assert why in told["why"]
+    assert "only their priors differ" in told["why"]
+
+
 @pytest.fixture(scope="module")
 def folder(table, tmp_path_factory):
+    made = tmp_path_factory.mktemp("a")
     with pytest.MonkeyPatch.context() as patch:
-        live = compared(table, "texture", patch, others=("iid", "step"))
+        live = run(table, "texture", patch, made, others=("iid", "step"))
     # One Student error model that is left to its twin.
     fit = live.fits["modified"]
     weights = {name: 0.9 * weight for name, weight in fit.error_model_weights.items()}
@@ -161,15 +197,16 @@ def folder(table, tmp_path_factory):
     extra = row.assign(noise="texture:student", log_evidence=value)
     evidence = pd.concat([live.evidence, extra], ignore_index=True)
     fits = {**live.fits, "modified": fit}
-    return written(replace(live, fits=fits, evidence=evidence), tmp_path_factory.mktemp("a") / "b")
+    return written(replace(live, fits=fits, evidence=evidence), made / "b")
 
 
 def test_run_json__says_what_a_student_error_model_is_left_to(folder):
     fits = {(one["form"], one["noise"]): one for one in content(folder)["fits"]}
     student = fits["modified", "texture:student"]
     assert student["left_to"] == "texture"
-    weights = [fits["modified", noise]["weight"] for noise in ("texture:student", "texture")]
-    lead = np.log(weights[0] / weights[1])
+    rows = pd.read_csv(folder / "evidence.csv").query("form == 'modified' and used")
+    value = rows.set_index("noise")["log_evidence"]
+    lead = value["texture:student"] - value["texture"]
     assert lead < -1
     assert student["why"] == (
         f"left to texture: ln evidence {lead:+.1f} relative to it, so its weight is under 0.37 of "

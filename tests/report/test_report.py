@@ -13,6 +13,7 @@ from ridgebayes.checks.coverage import COVERAGE_COLUMNS
 from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.checks.study import study_of
+from ridgebayes.comparison.ranking import Predicting
 from ridgebayes.errors import InputError
 from ridgebayes.report import render_report, write_report
 from ridgebayes.report.figures.gallery import Gallery
@@ -371,3 +372,41 @@ def test_numbers_never_come_out_raw():
 
 def test_package_exports_write_report():
     assert rb.write_report is write_report
+
+
+@pytest.mark.parametrize(("without", "more"), [((3.4, 15.0), "offset"), ((8.0, 2.0), "form")])
+def test_first_screen__says_what_a_smooth_offset_means_and_which_of_the_two_predicts(
+    comparison, without, more
+):
+    data = report_data(comparison)
+    verdict = replace(data.verdict, error_model_weights={"step-smooth": 0.9, "iid": 0.1})
+    models = pd.DataFrame({"noise": ["step-smooth", "iid"]})
+    smooth = replace(data, verdict=verdict, error_models=models, predicting=Predicting(*without))
+    words = first_screen(smooth).notes[-1]
+    assert "which form leaves the smaller and smoother remainder" in words
+    assert f"{number(without[0], 2)} times as large with Classic in the place of Hybrid" in words
+    assert f"bands are {number(without[1], 2)} times as wide without the offset" in words
+    assert f"the {more} does more of the predicting" in words
+    bare = first_screen(replace(smooth, predicting=None)).notes[-1]
+    assert "smoother remainder" in bare
+    assert "predicting" not in bare
+
+
+def test_first_screen__counts_rows_that_repeat_a_load(comparison):
+    table = comparison.table
+    both = pd.concat([table.frame, table.calibration.frame.iloc[:2].assign(source="copy")])
+    known = replace(comparison, table=rb.ContactTable.from_frame(both))
+    cautions = first_screen(replace(report_data(comparison), comparison=known)).cautions
+    assert any(one.startswith("2 rows with the load of another source") for one in cautions)
+
+
+def test_prior_section__names_priors_that_are_not_varied(paper):
+    priors = {"modified": {"c": "uniform(1.2, 1.6)"}}
+    settings = rb.SampleSettings(n_walker=16, n_step_max=100)
+    found = rb.compare(
+        paper, ["modified", "classic"], noise="iid", priors=priors, settings=settings
+    )
+    text = render_report(found, ".md")
+    assert "the priors of c (Modified). The range of the verdict does not include them." in text
+    assert re.search(r"c \(Modified\) *\| uniform, low 1\.2, high 1\.6", text)
+    assert re.search(r"c \(Classic\) *\| log-normal, median 1\.382, log-sd 0\.1", text)

@@ -2,6 +2,7 @@
 """Sections on the evidence: Bayes factors, error models, and what they owe to the priors."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -257,14 +258,23 @@ def _unscaled(data: ReportData) -> list[Block]:
 
 def prior_table(data: ReportData) -> Table:
     """Return every parameter's prior and why it is that; of many K the first stands for all."""
-    found: dict[str, tuple[str, str]] = {}
-    for fit in data.comparison.fits.values():
+    found: dict[tuple[str, str], dict[str, tuple[str, str]]] = {}
+    for form, fit in data.comparison.fits.items():
         for posterior in fit.posteriors.values():
             for name, prior in posterior.model.priors.items():
                 kind = name.partition("[")[0]
                 shown = f"{parameter_name(name)} and of the others" if kind != name else None
-                found.setdefault(kind, (shown or parameter_name(name), prior.words))
-    rows = [[shown, text, REASONS.get(kind, ABSENT)] for kind, (shown, text) in found.items()]
+                cells = shown or parameter_name(name), prior.words
+                # Forms may have other priors of one parameter; of many K the first is shown.
+                key = kind, prior.words if shown is None else ""
+                found.setdefault(key, {}).setdefault(form, cells)
+    kinds = Counter(kind for kind, _ in found)
+    rows = []
+    for (kind, _), by_form in found.items():
+        shown, words = next(iter(by_form.values()))
+        if kinds[kind] > 1:
+            shown += f" ({', '.join(map(form_name, by_form))})"
+        rows.append([shown, words, REASONS.get(kind, ABSENT)])
     return Table(
         ["Parameter", "Prior", "Why"],
         rows,
