@@ -309,6 +309,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, resource.RLIM_INFINITY))
     expected="Exit 1 and one message with the file, the reason and what was expected. No file "
     "under its final name; finished chains and textures are kept. After resuming with free space: "
     "the bytes of an undisturbed run (exact).",
+    long=True,
 )
 def disk_full(folder):
     seen = []
@@ -568,6 +569,7 @@ def damaged_chain(folder):
     "different libraries with many kinds of errors.",
     expected="Each damage is refused in one line that names the file (exit 2), or predict gives "
     "the numbers of the intact run to the last bit. Never a traceback.",
+    long=True,
 )
 def damaged_run(folder):
     files, rng = sound_run(), np.random.default_rng(4)

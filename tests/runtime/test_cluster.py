@@ -88,6 +88,7 @@ def test_sweep__dask_writes_the_bytes_of_one_process_and_of_two(tmp_path, addres
     assert (tmp_path / "dask.csv").read_bytes() == expected
 
 
+@pytest.mark.long
 def test_refits__are_the_same_on_dask(address, fe_table, monkeypatch):
     monkeypatch.setattr(
         "ridgebayes.checks.coverage.EFFORT", {"n_round": 1, "n_per_round": 200, "n_draw": 128}
