@@ -21,6 +21,7 @@ from ridgebayes.evidence.error_models import (
     weigh_error_models,
 )
 from ridgebayes.evidence.tables import evidence_table
+from ridgebayes.inference.presets import QUICK, STANDARD
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 
@@ -110,6 +111,20 @@ def test_drawn__is_what_may_carry_weight_and_only_that(weighed):
             assert one.posterior.converged
         elif values[noise] < best - 10:
             assert one.posterior is None
+
+
+def test_drawn__a_form_out_of_reach_takes_the_draws_of_a_quick_run():
+    noises = [Noise("texture"), Noise("step")]
+    found = weigh_error_models(observations("texture"), [rb.Modified(), rb.Classic()], noises)
+    sizes = {
+        key: len(one.posterior.coordinates)
+        for key, one in found.candidates.items()
+        if one.posterior is not None
+    }
+    assert sizes["modified", "texture"] == 4 * STANDARD.n_draw
+    assert sizes["classic", "step"] == 4 * QUICK.n_draw
+    best = found.evidence.groupby("form")["log_evidence"].max()
+    assert best["classic"] < best["modified"] - 12
 
 
 # --- Student errors with shared offsets -----------------------------------------------------------

@@ -175,7 +175,7 @@ def weigh_error_models(
     ]
     found |= {one.key: one for one in evaluated(beside)}
     found = {task.key: found[task.key] for task in tasks}
-    best = max(_best(found, form.name) for form in forms)
+    best = max(filter(math.isfinite, (_best(found, f.name) for f in forms)), default=math.inf)
     close = [
         replace(task, screened=one, efforts=_efforts(one, _best(found, one.form), best, accuracy))
         for task, one in zip(tasks, found.values(), strict=True)
