@@ -18,6 +18,7 @@ from ridgebayes.model.model import Model
 _DF = np.geomspace(1.0, 120.0, 9)
 _SHRUNK = math.log(8.0)  # range of log sigma: heavy tails need a smaller one
 _WIDENED = 4.0  # posterior sds of log sigma above the mode
+_STEP = 1.1  # between points, in the same: the trapezoidal rule errs by 1e-6 of a normal density
 _POINTS_MAX = 64  # of sigma; its posterior is so narrow in tables of some thousand rows
 
 
@@ -47,7 +48,7 @@ def student_gain(model: Model, twin: Model, laplace: Laplace) -> float:
     theta = twin.to_theta(laplace.mode)
     slope = theta[k] - twin.to_theta(laplace.mode - 1e-4 * np.eye(twin.n_parameter)[k])[k]
     sd = max(1e4 * slope / theta[k] * math.sqrt(covariance[0, 0]), 1e-3)  # of log sigma
-    n = math.ceil((_SHRUNK + _WIDENED * sd) / (0.7 * sd))
+    n = math.ceil((_SHRUNK + _WIDENED * sd) / (_STEP * sd))
     if n > _POINTS_MAX:
         return math.nan
     sigma = theta[k] * np.exp(np.linspace(-_SHRUNK, _WIDENED * sd, n))
