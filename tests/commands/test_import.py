@@ -231,3 +231,9 @@ def test_export_deck__what_cannot_be_is_refused(command, change, words, expected
     assert said.code == 2
     assert expected in said.err
     assert not Path("my.inp").exists()
+
+
+def test_export_deck__a_file_of_another_kind_is_refused(command):
+    said = command("export-deck", "my.toml", "-o", "my.xlsx")
+    assert (said.code, said.out) == (2, "")
+    assert "my.xlsx: expected a file name that ends in .inp, got '.xlsx'" in said.err

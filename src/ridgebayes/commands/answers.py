@@ -109,7 +109,9 @@ def _rows(fit: Fit, summary: pd.DataFrame) -> list[dict[str, str]]:
 
 
 def _share_text(share: float | None) -> str:
-    return "no evidence" if share is None else f"{share:.3g}"
+    if share is None:
+        return "no evidence"
+    return "> 0.9999" if 0.9999 < share < 1 else f"{share:.3g}"
 
 
 def _problem(done: Comparison) -> str:

@@ -1,7 +1,7 @@
 """`ridgebayes export-deck`: a scene as a deck for the user's own finite elements."""
 
 from ridgebayes.commands import options
-from ridgebayes.commands.parsing import refuse_existing
+from ridgebayes.commands.parsing import refuse_existing, refuse_suffix
 from ridgebayes.commands.run_folder import write_text
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
@@ -11,6 +11,7 @@ from ridgebayes.scene.scene import Scene
 
 def command(asked: options.ExportDeck) -> Answer:
     """Do what the command line asks for."""
+    refuse_suffix(asked.out, (".inp",))
     refuse_existing(asked.out, asked.force)
     wanted = Scene.from_toml(asked.scene)
     try:

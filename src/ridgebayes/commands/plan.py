@@ -11,7 +11,7 @@ from ridgebayes.commands import options
 from ridgebayes.commands.parsing import medians_taken, refuse_existing, refuse_suffix
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.commands.terminal import Answer, files_in, warn
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.text import duration, percent
 from ridgebayes.scene.body import Body
@@ -59,7 +59,8 @@ def command(asked: options.Plan) -> Answer:
             failed = _draw(scene, plans, asked.figures)
             files += files_in(asked.figures)
         except OSError as error:  # the plan is told all the same
-            problem = f"{error.filename or asked.figures}: {error.strerror or error}"
+            named = isinstance(error, RidgebayesError)  # which says the file itself
+            problem = str(error) if named else f"{error.filename}: {error.strerror}"
     return Answer(
         parts, plan_table(plans), files, (reasons,), warnings=failed, told=warned, problem=problem
     )
