@@ -10,6 +10,7 @@ import pytest
 from ridgebayes.errors import InputError
 from ridgebayes.fea.columns import read_columns
 from ridgebayes.fea.delimited import Reading
+from ridgebayes.fea.problems import FileError
 from ridgebayes.table.table import read_table
 
 LONG = (
@@ -250,6 +251,93 @@ def test_read_columns__equal_complaints_are_told_once_with_three_rows_and_a_coun
 def test_read_columns__rules_of_the_contract_name_lines_of_the_file(refusal):
     words = refusal("\n" + CONTRACT + "\n0.03,0.01,8,0.002\n")
     assert "(line 6): p_over_E = 0.002: must rise with Q along a curve" in words
+
+
+# --- what strangers write ---------------------------------------------------------------------
+
+
+def test_read_columns__units_may_stand_in_cells(read):
+    text = "Steg;Nut;Kanten;Kraft\n0,24 mm;80 µm;4;2,1 N/m\n0,1 mm;80 µm;4;3 N/m\n"
+    found = read(text, values=BODY)
+    assert found.table.textures == ((0.03, 0.01), (0.0125, 0.01))
+    assert column(found, "p_over_E") == [2.1 / 960, 3.0 / 960]
+
+
+def test_read_columns__one_cell_in_another_unit_is_refused(refusal):
+    text = "Steg;Nut;Kanten;Kraft\n0,24 mm;80 µm;4;2,1 N/m\n100 µm;80 µm;4;3 N/m\n"
+    assert "line 3, column 'Steg [mm]' = '100 µm'" in refusal(text, values=BODY)
+
+
+def test_read_columns__names_of_textures_may_hold_both_widths(read, refusal):
+    text = "Texture,Q,Line load [N/mm]\n240x80 um,4,0.0021\n100x80 um,4,0.003\n"
+    found = read(text, values=BODY)
+    assert found.table.textures == ((0.03, 0.01), (0.0125, 0.01))
+    bare = text.replace(" um", "")
+    assert "--map 'texture=Texture;mm'" in refusal(bare, values=BODY)
+    found = read(bare, {"texture": "Texture;um"}, values=BODY)
+    assert found.table.textures == ((0.03, 0.01), (0.0125, 0.01))
+
+
+def test_read_columns__compression_may_be_negative_throughout(read, refusal):
+    text = "Ridge [mm],Groove [mm],Q,Force [N/mm]\n0.24,0.08,4,-0.0021\n0.24,0.08,6,-0.0087\n"
+    found = read(text, values=BODY)
+    assert column(found, "p_over_E") == [2.1 / 960, 8.7 / 960]
+    assert any("sign turned" in line for line in found.messages)
+    mixed = text.replace("-0.0087", "0.0087")
+    assert "line 2, column 'Force [N/mm]' = '-0.0021': expected above 0" in refusal(
+        mixed, values=BODY
+    )
+
+
+def test_read_columns__forces_are_over_the_length_of_the_body(read, refusal):
+    text = "Ridge [mm],Groove [mm],Q,Force [N]\n0.24,0.08,4,0.042\n"
+    assert "--thickness '? mm'" in refusal(text, values=BODY)
+    found = read(text, values={**BODY, "thickness": "20 mm"})
+    assert column(found, "p_over_E") == [2.1 / 960]
+
+
+def test_read_columns__groove_widths_may_be_given_as_pitch_and_R_as_diameter(read):
+    text = "Land [mm],Pitch [mm],Diameter [mm],Q,p/E\n0.24,0.32,16,4,0.002\n"
+    assert read(text).table.textures == ((0.03, 0.01),)
+
+
+def test_read_columns__of_two_loads_one_is_asked_for(read):
+    text = "a/R,b/R,Q,Load [N/mm],Load [kPa]\n0.03,0.01,4,0.0021,1\n"
+    with pytest.raises(FileError, match=r"could (each|both) be") as told:
+        read(text, values=BODY)
+    assert told.value.mapping == {"load": "Load [N/mm]"}
+
+
+@pytest.mark.parametrize(
+    ("header", "counts", "options", "Q"),
+    [
+        ("Ridges in contact", (4, 6), {}, [4, 6]),
+        ("Segments", (4, 6), {}, [4, 6]),
+        ("Edges per side", (2, 3), {}, [4, 6]),
+        ("Contacts", (4, 6), {"count_is": "ridges"}, [4, 6]),
+        ("Contacts", (2, 3), {"count_is": "per-side"}, [4, 6]),
+    ],
+)
+def test_read_columns__counts_in_other_terms_become_edges(read, header, counts, options, Q):
+    text = f"a/R,b/R,{header},p/E\n.03,.01,{counts[0]},.002\n.03,.01,{counts[1]},.005\n"
+    found = read(text, **options)
+    assert column(found, "Q") == Q
+    assert any(line.startswith("counts of ") for line in found.messages)
+
+
+@pytest.mark.parametrize(("counts", "likely"), [("46", "edges"), ("23", "per-side")])
+def test_read_columns__what_contacts_count_is_asked_for(read, counts, likely):
+    text = f"a/R,b/R,Contacts,p/E\n.03,.01,{counts[0]},.002\n.03,.01,{counts[1]},.005\n"
+    with pytest.raises(FileError, match="expected --count-is") as told:
+        read(text)
+    assert told.value.options == {"count_is": likely}
+
+
+def test_read_columns__repeats_sorted_by_Q_are_no_increments(refusal):
+    text = "a_over_R,b_over_R,Q,p_over_E\n" + "".join(
+        f".03,.01,{Q},{p}\n" for Q, p in ((4, 0.002), (4, 0.0019), (6, 0.005), (6, 0.0049))
+    )
+    assert "each Q must stand once in a curve" in refusal(text)
 
 
 # --- wide tables ------------------------------------------------------------------------------

@@ -166,7 +166,7 @@ def _read(
     if not corners and any(use.Q is not None for use in uses):
         cells, uses, more = melt_counts(cells, uses, problems)
         messages += more
-    elif named := named_textures(cells, uses):
+    elif named := named_textures(cells, uses, problems):
         cells, uses, more = named
         messages += more
     elif any(use.texture is not None for use in uses):

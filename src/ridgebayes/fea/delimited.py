@@ -16,6 +16,7 @@ import pandas as pd
 from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import FINITE, FORMULA, NUMBER, Cells, Source, clean_headers, lossless
+from ridgebayes.fea.column_units import is_unit, split_header
 from ridgebayes.fea.layout import LOOKED_AT, find_layout
 from ridgebayes.fea.problems import Problems
 from ridgebayes.runtime.text import clipped
@@ -38,6 +39,7 @@ _STYLES = (
         for sep in seps
     ),
 )
+_WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*)\s*")
 _WORDS = {".": "point", ",": "comma"}
 # What people write where there is no number.
 _NOTHING = re.compile(
@@ -93,7 +95,7 @@ class DelimitedText(Source):
     problems : Problems
         Where rows of another length and formulas are noted.
     cell : callable, optional
-        Words for the cell of a line and a column, both from 1.
+        Of a worksheet: words for the cell of a line and a column, both from 1.
 
     Raises
     ------
@@ -107,7 +109,7 @@ class DelimitedText(Source):
         content: bytes,
         how: Reading,
         problems: Problems,
-        cell: Callable[[int, int], str] = lambda line, column: f"line {line}",
+        cell: Callable[[int, int], str] | None = None,
     ) -> None:
         self.where, self._how, self._cell = where, how, cell
         content, self._messages = as_utf8(content, where)
@@ -127,6 +129,15 @@ class DelimitedText(Source):
         self.headers = clean_headers(layout.headers, where)
         if layout.first >= len(rows):
             raise InputError(f"{where}: no rows below the header")
+        found = zip(self.headers, map(_WITH_UNIT.fullmatch, rows[layout.first][1]), strict=False)
+        units = {name: match[1] for name, match in found if match is not None}
+        new = {
+            name: f"{name} [{unit}]"
+            for name, unit in units.items()
+            if is_unit(unit) and not split_header(name)[1]
+        }
+        self._units = {new[name]: units[name] for name in new}  # that stand in the cells
+        self.headers = tuple(new.get(name, name) for name in self.headers)
         self._first_line = rows[layout.first][0]
         self._body = content.split(b"\n", above := self._first_line - 1 - how.skip_rows)[above]
         self._lines: IntArray | None = None  # of rows, where they are not one after another
@@ -158,9 +169,8 @@ class DelimitedText(Source):
         text: dict[str, Any] = {n: lossless(frame[n]) for n in self.headers if n not in wanted}
         name = "TSV" if self._separator == "\t" else "CSV"
         thousands = f", {mark[1:]!r} between thousands" if mark[1:] else ""
-        dialect = (
-            f"{name}, separator {SEPARATORS[self._separator]}, decimal {_WORDS[mark[0]]}{thousands}"
-        )
+        kind = "Excel" if self._cell else f"{name}, separator {SEPARATORS[self._separator]}"
+        dialect = f"{kind}, decimal {_WORDS[mark[0]]}{thousands}"
         messages = [f"{self.where}: {dialect}, {len(frame)} rows", *self._messages]
         return Cells.of(self, frame.assign(**text), *messages)
 
@@ -170,7 +180,8 @@ class DelimitedText(Source):
 
     def spot(self, row: int, name: str) -> str:
         """Return words for a cell."""
-        return self._cell(int(self.lines(np.array(row))), self.headers.index(name) + 1)
+        line = int(self.lines(np.array(row)))
+        return self._cell(line, self.headers.index(name) + 1) if self._cell else f"line {line}"
 
     def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
         """Return cells as they were typed."""
@@ -237,6 +248,7 @@ class DelimitedText(Source):
         """Read in the style of which fewest cells are no number, and note those that are none."""
         text = self._text()
         for name in wanted:
+            text[name] = text[name].str.strip().str.removesuffix(self._units.get(name, ""))
             text[name] = text[name].mask(text[name].str.strip().isin(self._how.empty), "")
         counts = Counter(cell for name in wanted for cell in text[name] if cell.strip())
         styles = [one for one in _STYLES if self._how.decimal in (None, _WORDS[one[0]])]

@@ -284,7 +284,7 @@ class _Columns:
     def check_once(self) -> None:
         """Refuse two columns, or a column and a value, that say the same."""
         seen: dict[tuple[str, object], str] = {}
-        for use in self.uses:
+        for use in [*self.uses]:
             rivals = _rivals(use.key)
             for key in {use.key} if use.key in CORNERS else rivals:
                 if key in self.values:
@@ -292,10 +292,16 @@ class _Columns:
             is_corner = use.Q is not None and use.key in CORNERS
             place = ("corner" if is_corner else min(rivals), use.Q or use.texture)
             if place in seen:
-                raise self._error(
-                    f"columns {seen[place]!r} and {use.header!r} could both be {use.key}"
-                    f"{'' if use.Q is None else f' of Q = {use.Q}'}; name one with --map"
+                of_Q = "" if use.Q is None else f" of Q = {use.Q}"
+                text = (
+                    f"columns {seen[place]!r} and {use.header!r} could both be {use.key}{of_Q}; "
+                    "name one with --map"
                 )
+                if use.how == "mapped":
+                    raise self._error(text)
+                self.problems.need(text, {use.name: seen[place]})
+                self.uses.remove(use)
+                continue
             seen[place] = use.header
 
     def _known(self) -> tuple[set[str], set[str]]:

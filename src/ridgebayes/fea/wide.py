@@ -88,7 +88,7 @@ def melt_textures(cells: Cells, uses: Sequence[Use], problems: Problems) -> Melt
     return _melted(cells, row, new, each), [*_rest(uses, each), *more], messages
 
 
-def named_textures(cells: Cells, uses: Sequence[Use]) -> Melted | None:
+def named_textures(cells: Cells, uses: Sequence[Use], problems: Problems) -> Melted | None:
     """Return both widths as columns where names of textures such as ``240x80 um`` have them."""
     named = [use for use in uses if use.key == "texture"]
     if not named or any(use.key in ("a", "b", "a_over_R", "b_over_R") for use in uses):
@@ -97,9 +97,16 @@ def named_textures(cells: Cells, uses: Sequence[Use]) -> Melted | None:
     pairs = {name: texture_of(name) for name in names.unique()}
     found = {name: pair for name, pair in pairs.items() if pair is not None}
     units = {pair[2] for pair in found.values()} or {"?"}
-    unit = split_header(named[0].header)[1] or min(units)
+    header, given = named[0].header, named[0].unit
+    unit = split_header(header)[1] or min(units) if given is None else given.strip("1")
     if len(found) < len(pairs) or len(units) > 1 or unit_factor(unit or "mm", "length") is None:
         return None
+    if given is None and not unit and any(split_header(use.header)[1] for use in uses):
+        problems.need(
+            f"widths in column {header!r} have no unit: expected --map 'texture={header};mm', or 1 "
+            "for widths over the radius",
+            {"texture": f"{header};?"},
+        )
     keys = ("a", "b") if unit else ("a_over_R", "b_over_R")
     new = {
         key: names.map({name: float(pair[i]) for name, pair in found.items()}).to_numpy(float)
@@ -107,9 +114,7 @@ def named_textures(cells: Cells, uses: Sequence[Use]) -> Melted | None:
     }
     columns = [Use(key, key, unit or "1", how="wide") for key in keys]
     rows = np.arange(len(names))
-    messages = [
-        f"{', '.join(keys)}: the numbers in {named[0].header!r}, {unit or 'over the radius'}"
-    ]
+    messages = [f"{', '.join(keys)}: the numbers in {header!r}, {unit or 'over the radius'}"]
     return _melted(cells, rows, new, ()), [*columns, *uses], messages
 
 
