@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ridgebayes.checks.cross_validation import joint_log_densities
 from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
 from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import ComputationError, InputError
@@ -14,6 +15,7 @@ from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.predict.predict import predict_load
+from ridgebayes.results import Fit
 
 IID = Noise()
 QUICK = {"n_round": 2, "n_per_round": 200, "n_draw": 128}
@@ -81,6 +83,43 @@ def test_refit__is_under_the_priors_that_are_given_of_what_its_rows_tell(data):
     fold = folds_of(data, PowerLaw(), IID, effort=QUICK, priors=given)[1]
     fit, _ = fold.refit()
     assert fit.model.priors == {"K[x]": wide, "K[z]": wide, "sigma": sigma}
+
+
+@pytest.fixture(scope="module")
+def rows(observed):
+    """Modified's loads with errors of 3 %: no texture weighs much alone."""
+    texture, Q = np.repeat(np.arange(4), 6), np.tile(np.arange(4, 16, 2), 4)
+    flat = observed(texture, Q, np.zeros(24))
+    a, b = flat.a_over_R[texture], flat.b_over_R[texture]
+    error = 0.03 * np.random.default_rng(1).standard_normal(24)
+    return observed(texture, Q, np.log(Modified().load(Q, a, b, [1.38])) + error)
+
+
+def test_weighted__is_the_fit_of_the_rows_that_stay(rows):
+    prior = {"c": LogNormal(1.38, 0.02)}
+    full, _ = importance_posterior(Model(rows, Modified(), IID, prior), seed=1)
+    for fold in folds_of(rows, Fit.of(full), IID, priors={"modified": prior}):
+        found, (fit, _) = pickle.loads(pickle.dumps(fold)).weighted(), fold.refit()
+        assert fit.model.priors == found.posterior.model.priors == full.model.priors
+        density = np.exp(joint_log_densities(fit, rows))
+        se = density.std() / density.mean() / np.sqrt(len(density))
+        # Monte Carlo: four standard errors, and of means three of a hundred effective draws.
+        off = found.log_score - np.log(density.mean())
+        assert abs(off) < 4 * np.hypot(se, found.log_score_se)
+        away = found.posterior.draws.mean(axis=0) - fit.draws.mean(axis=0)
+        assert (np.abs(away) < 0.3 * fit.draws.std(axis=0)).all()
+
+
+def test_weighted__is_none_where_draws_cannot_tell(rows, observed):
+    loads = rows.log_load + np.where(rows.texture == 0, 0.5, 0.0)  # which c goes for
+    astray = observed(rows.texture, rows.Q, loads)
+    for data, form, noise in [
+        (astray, Modified(), IID),
+        (rows, PowerLaw(), IID),  # a K of the left-out texture alone
+    ]:
+        full, _ = importance_posterior(Model(data, form, noise), seed=1)
+        assert folds_of(data, Fit.of(full), noise)[0].weighted() is None
+    assert folds_of(rows, Modified(), IID)[0].weighted() is None
 
 
 def test_row_loads__adds_the_rows_known_error(data):

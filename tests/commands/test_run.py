@@ -230,7 +230,9 @@ def test_run__says_how_it_was_made(runs, table):
         "textures and steps left out",
         "coverage of the bands",
         "what accuracy costs",
+        "what the report shows",
         "bands",
+        "files of posteriors",
         "figures and report",
     ]
     for stage in content["stages"]:
@@ -258,8 +260,8 @@ def test_run__asks_for_pages_once_before_the_folder_has_its_name(runs):
 
 
 def test_run__announces_as_many_stages_as_come(runs):
-    assert [progress.n_stage for progress in runs[3]] == [11, 11, 11]
-    assert [len(progress.stages) for progress in runs[3]] == [11, 11, 11]
+    assert [progress.n_stage for progress in runs[3]] == [13, 13, 13]
+    assert [len(progress.stages) for progress in runs[3]] == [13, 13, 13]
 
 
 @pytest.fixture

@@ -17,7 +17,9 @@ class Terminal(io.StringIO):
 def clock(monkeypatch):
     """Wall and CPU clocks that a test moves by hand."""
     now = SimpleNamespace(wall=100.0, cpu=10.0)
-    fake = SimpleNamespace(perf_counter=lambda: now.wall, process_time=lambda: now.cpu)
+    fake = SimpleNamespace(
+        perf_counter=lambda: now.wall, process_time=lambda: now.cpu, thread_time=lambda: now.cpu
+    )
     monkeypatch.setattr("ridgebayes.runtime.progress.time", fake)
     return now
 
@@ -35,6 +37,15 @@ def test_stages__each_has_its_own_wall_and_cpu_time(clock):
     assert progress.stages == [
         {"name": "calibrate", "wall_s": 2.5, "cpu_s": 1.25},
         {"name": "evidence", "wall_s": 0.5, "cpu_s": 4.0},
+    ]
+
+
+def test_stages__what_came_before_is_the_first(clock):
+    with Progress(2, io.StringIO(), began=97.0) as progress, progress.stage("evidence"):
+        clock.wall += 2.0
+    assert progress.stages == [
+        {"name": "start", "wall_s": 3.0, "cpu_s": 10.0},
+        {"name": "evidence", "wall_s": 2.0, "cpu_s": 0.0},
     ]
 
 

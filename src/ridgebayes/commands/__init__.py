@@ -10,3 +10,7 @@ returns an `Answer`, which `terminal` shows. `run_folder` writes a folder whole 
 >>> inputs.table.where, [form.name for form in inputs.forms], inputs.noise.name
 ('embedded sweep', ['hybrid'], 'step')
 """
+
+import time
+
+BEGAN = time.perf_counter()  # the program, of which imports are the first second

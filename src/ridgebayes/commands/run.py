@@ -1,7 +1,8 @@
 """`ridgebayes run`, the main job: calibrate, weigh the evidence, predict, report."""
 
+import io
 from collections.abc import Callable
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Optional
@@ -11,7 +12,8 @@ import pandas as pd
 from ridgebayes.checks.cost.measured import short_costs
 from ridgebayes.checks.coverage import coverage
 from ridgebayes.checks.cross_validation import left_out_scores
-from ridgebayes.commands import options
+from ridgebayes.checks.report_data import report_data
+from ridgebayes.commands import BEGAN, options
 from ridgebayes.commands.answers import comparison_answer
 from ridgebayes.commands.pages import begin_figures, write_pages
 from ridgebayes.commands.parsing import parse_names
@@ -44,6 +46,7 @@ def command(asked: options.Run) -> Answer:
         resume=asked.resume,
         workers=asked.workers,
         scheduler=asked.scheduler,
+        began=BEGAN,
     )
     return comparison_answer(done, asked.out, f"read {asked.out / 'report.html'}")
 
@@ -56,6 +59,7 @@ def run_job(
     resume: bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
+    began: float | None = None,
 ) -> Comparison:
     """Do the main job: calibrate, weigh the evidence, predict, report.
 
@@ -74,6 +78,8 @@ def run_job(
     workers, scheduler : optional
         As for `runtime.pool.executor_for`: what weighs error models and refits folds; all
         processors of this machine if neither is given. The numbers do not depend on them.
+    began : float, optional
+        `time.perf_counter` at which the program began, where that is to be a stage.
 
     Returns
     -------
@@ -88,35 +94,41 @@ def run_job(
     """
     inputs = request.resolve()
     extras = inputs.accuracy.extras
-    reference_inputs = reference = None
+    reference_inputs, reference = None, None
     if request.table is None and extras:
         rows = replace(reference_fe(), where=EMBEDDED_FE)
         reference_inputs = request.on(rows, [form_named(name) for name in FORMS])
     n_worker = n_cpu() if workers is None and scheduler is None else workers
     with (
         new_folder(folder, force=force, resume=resume) as partial,
-        Progress(_n_stage(inputs, reference_inputs)) as progress,
+        Progress(_n_stage(inputs, reference_inputs, began), began=began) as progress,
         watched_memory() as memory,
+        ThreadPoolExecutor(1) as thread,
         executor_for(n_worker, scheduler) as executor,
     ):
+        local = None if scheduler else executor  # a cluster's files and fonts may be others
+        second: Callable[[], tuple[Comparison, Gallery | None]] | None = None
+        if reference_inputs is not None:
+            # Beside the first comparison, so that no worker is idle while one of them walks.
+            below = partial / REFERENCE
+            below.mkdir(exist_ok=True)
+            beside = None if executor is None else thread
+            second = submit_or_defer(
+                beside, _second, reference_inputs, below, request.seed, executor, local
+            )
         comparison = inputs.compare(progress, partial, executor)
         if extras:
             comparison = _add_left_out(comparison, inputs, progress, executor)
-        local = None if scheduler else executor  # a cluster's fonts may be others
-        with progress.stage("what accuracy costs"):  # nothing else runs meanwhile
+        with progress.stage("what accuracy costs"):
             cost = submit_or_defer(local, short_costs, comparison, progress.stages)
             comparison = replace(comparison, cost=cost())
-        begun, begun_reference = _write(comparison, partial, progress, local), None
-        if reference_inputs is not None:
-            below = partial / REFERENCE
-            below.mkdir(exist_ok=True)
-            reference = reference_inputs.compare(progress, below, executor)
-            begun_reference = _write(reference, below, progress, local)
-            write_run_json(
-                below, reference, command="run", seed=request.seed, options={}, stages=[]
-            )
+        galleries = [_write(comparison, partial, progress, local)]
+        if second is not None:
+            with progress.stage("finite-element comparison"):
+                reference, gallery = second()
+                galleries.append(gallery)
         with progress.stage("figures and report"):
-            write_pages(comparison, partial, reference, (begun, begun_reference))
+            write_pages(comparison, partial, reference, galleries)
         write_run_json(
             partial,
             comparison,
@@ -135,10 +147,21 @@ def run_job(
     return comparison
 
 
-def _n_stage(inputs: Inputs, reference: Inputs | None) -> int:
+def _n_stage(inputs: Inputs, reference: Inputs | None, began: float | None) -> int:
     """Return how many stages a run has: one a form, the tables and the pages."""
-    n = len(inputs.forms) + 7 + 2 * inputs.accuracy.extras
-    return n if reference is None else n + len(reference.forms) + 5
+    n = len(inputs.forms) + 9 + 2 * inputs.accuracy.extras
+    return n + (reference is not None) + (began is not None)
+
+
+def _second(
+    inputs: Inputs, folder: Path, seed: int, executor: Executor | None, local: Executor | None
+) -> tuple[Comparison, Optional["Gallery"]]:
+    """Make the second comparison and its files; its stages stand in its own run.json."""
+    with Progress(0, io.StringIO()) as progress:
+        comparison = inputs.compare(progress, folder, executor)
+        begun = _write(comparison, folder, progress, local)
+    write_run_json(folder, comparison, command="run", seed=seed, options={}, stages=progress.stages)
+    return comparison, begun
 
 
 def _add_left_out(
@@ -146,14 +169,14 @@ def _add_left_out(
 ) -> Comparison:
     """Add scores on textures and steps left out, and the coverage of the best form's bands."""
     table, noise, seed, priors = comparison.table, comparison.noise, inputs.seed, inputs.priors
-    forms = [form for form in inputs.forms if form.name in comparison.fits]
+    fits = list(comparison.fits.values())  # whose draws save most refits
     with progress.stage("textures and steps left out"):
-        scores = left_out_scores(table, forms, noise, rng=seed, executor=executor, priors=priors)
+        scores = left_out_scores(table, fits, noise, rng=seed, executor=executor, priors=priors)
     with progress.stage("coverage of the bands"):
         shares = pd.DataFrame()
         if comparison.probabilities and len(table.calibration.textures) > 1:
             noises = dict.fromkeys([noise, Noise()])  # and what independent rows promise
-            best = [form for form in forms if form.name == comparison.best]
+            best = [comparison.fits[comparison.best]]
             shares = coverage(table, best, list(noises), rng=seed, executor=executor, priors=priors)
     return replace(comparison, left_out=scores, coverage=shares)
 
@@ -162,13 +185,17 @@ def _write(
     comparison: Comparison, folder: Path, progress: Progress, executor: Executor | None
 ) -> Optional["Gallery"]:
     """Write a comparison and its predictions; return its figures, which are begun meanwhile."""
-    tables: Callable[[], dict[str, pd.DataFrame]]
+    data = submit_or_defer(executor, report_data, comparison)
     tables = submit_or_defer(executor, _predictions, comparison)
-    begun = begin_figures(comparison, executor)
-    write_comparison(comparison, folder)
+    begun = None
+    with progress.stage("what the report shows"):
+        if executor is not None:  # else it is computed when it is drawn
+            begun = begin_figures(replace(data(), comparison=comparison), executor)
     with progress.stage("bands"):
         for name, table in tables().items():
             write_csv(table, folder / name)
+    with progress.stage("files of posteriors"):
+        write_comparison(comparison, folder, executor)
     return begun
 
 

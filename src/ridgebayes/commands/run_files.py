@@ -5,6 +5,7 @@ import json
 import math
 import platform
 from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -28,6 +29,7 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.noise import NUGGET, Noise
 from ridgebayes.results import Fit
+from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
 from ridgebayes.runtime.text import clipped, one_line_message
 from ridgebayes.table.table import read_table
@@ -56,25 +58,37 @@ _TEXT = (*_FORM, "noise", "method", "status", "reading", "prior", "leave", "fail
 _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray", "matplotlib")
 
 
-def write_fits(comparison: Comparison, folder: Path) -> None:
+def write_fits(comparison: Comparison, folder: Path, executor: Executor | None = None) -> None:
     """Write the table, each posterior and the summary and evidence of all."""
     comparison.table.write(folder / "table.csv")
+    tasks: list[tuple[Posterior, Path, bool]] = []
     for name, fit in comparison.fits.items():
-        fit.to_netcdf(folder / f"posterior-{name}.nc")
-        for noise, posterior in fit.posteriors.items():
-            if noise != fit.noise.name:
+        alone = replace(fit, others={}, error_model_weights={})
+        tasks.append((alone, folder / f"posterior-{name}.nc", True))
+        for noise, posterior in fit.others.items():
+            if noise == posterior.noise.name:
                 (folder / OTHERS).mkdir(exist_ok=True)
-                write_netcdf(posterior, folder / other_file(name, noise), complete=False)
+                tasks.append((posterior, folder / other_file(name, noise), False))
+    for _ in map_ordered(_write_posterior, tasks, executor, name=lambda task: task[1].name):
+        pass
     write_csv(summary_table(comparison.fits.values()), folder / "summary.csv")
     write_csv(comparison.evidence, folder / "evidence.csv")
 
 
-def write_comparison(comparison: Comparison, folder: Path) -> None:
+def _write_posterior(task: tuple[Posterior, Path, bool]) -> None:
+    posterior, path, complete = task
+    write_netcdf(posterior, path, complete=complete)
+
+
+def write_comparison(
+    comparison: Comparison, folder: Path, executor: Executor | None = None
+) -> None:
     """Write what `write_fits` does, and the Bayes factors, scores and prior sensitivity.
 
-    Left-out scores, coverage and costs are written where there are any.
+    Left-out scores, coverage and costs are written where there are any. An executor has this
+    machine's files.
     """
-    write_fits(comparison, folder)
+    write_fits(comparison, folder, executor)
     for name, (file, _) in _TABLES.items():
         frame = getattr(comparison, name)
         if len(frame) or name not in _ONLY_IF_ANY:

@@ -249,8 +249,8 @@ def _left_out_table(scores: pd.DataFrame) -> Table:
     return Table(
         ["Left out", "Form", "Log score ± standard error", "CRPS of log load", "Weight"],
         [_left_out_row(row) for row in records],
-        "Each texture, or each count of edges, is left out in turn, and the rest fitted again. Log "
-        "score: log density of the rows of a fold together. CRPS: 0.01 is about 1 % in load."
+        "Each texture, or each count of edges, is left out in turn and predicted from the rest. "
+        "Log score: log density of the rows of a fold together. CRPS: 0.01 is about 1 % in load."
         + (f" Not fitted: {failed}." if failed else ""),
         text=(0, 1),
     )

@@ -5,6 +5,7 @@ one `ProcessPoolExecutor` of many workers a death breaks all that was submitted,
 which task: here each worker is such an executor of its own, and a thread waits for it.
 """
 
+import ctypes
 import itertools
 import multiprocessing
 import os
@@ -13,10 +14,11 @@ import queue
 import signal
 import sys
 import threading
+import time
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from concurrent import futures
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import partial
 from multiprocessing import forkserver, resource_tracker
 from typing import Any, ParamSpec, TypeVar
@@ -36,6 +38,7 @@ _starting = threading.Lock()
 _TRIES = 3  # a task that has killed as many workers would kill the next
 # Tasks under way for each worker: one at work, the others at hand when that is done.
 _PER_WORKER = 4
+_LONG_S = 0.1  # of a task that may have taken much memory
 _UNKNOWN = 1_000  # tasks under way on an executor that does not say how many workers it has
 
 
@@ -359,15 +362,26 @@ def _follow() -> None:
 
 def _call(message: bytes) -> Any:
     """Call a function: in a worker, which an error in reading the call would end."""
+    began = time.perf_counter()
     try:
         function, args, kwargs = pickle.loads(message)
-        return function(*args, **kwargs)
+        found = function(*args, **kwargs)
+        del args, kwargs
+        if time.perf_counter() > began + _LONG_S:
+            _give_back()
+        return found
     except Exception as error:
         try:
             pickle.loads(pickle.dumps(error))  # some errors go but do not come back
         except Exception:
             raise RuntimeError(f"{type(error).__name__}: {error}") from error
         raise
+
+
+def _give_back() -> None:
+    """Give free memory back to the system: glibc's malloc would keep what the largest task took."""
+    with suppress(OSError, AttributeError, TypeError):  # another library has no such function
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _exit(code: int | None) -> str:

@@ -29,6 +29,8 @@ class Progress:
         Where to tell; standard error, so that it never mixes with output.
     name : str
         What is counted where there are no stages.
+    began : float, optional
+        `time.perf_counter` at which the program began: what it did until now is the first stage.
 
     Examples
     --------
@@ -42,6 +44,7 @@ class Progress:
     n_stage: int
     out: TextIO = field(default_factory=lambda: sys.stderr)
     name: str = ""
+    began: float | None = None
     stages: list[dict[str, Any]] = field(default_factory=list)
     _bar: Any = None
     _task: Any = None
@@ -67,6 +70,8 @@ class Progress:
             )
             self._bar.start()
             self._task = self._bar.add_task("", total=self.n_stage)
+        if self.began is not None:
+            self._ended("start", time.perf_counter() - self.began, time.process_time())
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -92,18 +97,22 @@ class Progress:
         """
         if self._bar is not None:
             self._bar.update(self._task, description=name)
-        wall, cpu, elsewhere = time.perf_counter(), time.process_time(), [0.0]
+        # Of this thread alone: several may have stages of their own at the same time.
+        wall, cpu, elsewhere = time.perf_counter(), time.thread_time(), [0.0]
         self.name, self._began, self._told = name, wall, wall
         try:
             yield elsewhere.append
         finally:
-            wall, cpu = time.perf_counter() - wall, time.process_time() - cpu + sum(elsewhere)
-            self.stages.append({"name": name, "wall_s": wall, "cpu_s": cpu})
+            cpu = time.thread_time() - cpu + sum(elsewhere)
+            self._ended(name, time.perf_counter() - wall, cpu)
             self.name = ""
-            if self._bar is not None:
-                self._bar.update(self._task, completed=len(self.stages))
-            elif VERBOSITY.get() >= 0:
-                print(f"{name}: {wall:.2f} s", file=self.out, flush=True)
+
+    def _ended(self, name: str, wall: float, cpu: float) -> None:
+        self.stages.append({"name": name, "wall_s": wall, "cpu_s": cpu})
+        if self._bar is not None:
+            self._bar.update(self._task, completed=len(self.stages))
+        elif VERBOSITY.get() >= 0:
+            print(f"{name}: {wall:.2f} s", file=self.out, flush=True)
 
     def detail(self, text: str) -> None:
         """Tell how far a stage is: at once on a terminal, else a line now and then."""
