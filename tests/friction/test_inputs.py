@@ -1,6 +1,7 @@
 """Joint draws: their counts against `predict`, their contacts against `contact_at_loads`."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.friction.files import write_inputs
 from ridgebayes.friction.inputs import SMALL_STRAIN, InputDraws
 from ridgebayes.friction.predictive import PredictiveSampler
-from ridgebayes.predict.predict import predict_q
+from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.predict.q_distribution import mix_q
 from ridgebayes.scene.scene import Scene, Texture
 
@@ -49,8 +50,9 @@ def assert_frequencies(counts, pmf, n):
 )
 def test_friction_inputs__counts_are_those_of_predict(average, texture):
     n, nu = 10_000, 0.4
-    # About the transitions of smooth Hertz, where the forms disagree.
-    loads = (sum(texture) * np.array([1.01, 1.12, 1.5, 2.1, 3.03]) / 1.382) ** 2
+    # Where one of the forms is in two minds.
+    hybrid = predict_load(average.averaged[0][0], *texture, np.array([4, 4, 6, 8, 10]), nu=nu)
+    loads = hybrid.median() * [0.98, 1.0, 1.0, 1.0, 1.1]
     drawn = rb.friction_inputs(average, Scene.of([texture], nu=nu), loads, n=n, rng=2)
     q = predicted(average, *texture, loads, nu)
     assert_frequencies((drawn["Q"].values[..., None] == q.q).mean(axis=0), q.pmf, n)
@@ -69,6 +71,19 @@ def test_sampler__of_many_textures_draws_what_predict_says_of_each(average):
         pmf = predict_q(fit, a, b, p, nu=nu).pmf.mean(axis=0)
         counts = (2 + 2 * np.arange(len(pmf)) == drawn.Q).mean(axis=0)
         assert_frequencies(counts, pmf, len(index))
+
+
+def test_sampler__student_tails_reach_no_further_than_the_body(average):
+    fit = average.averaged[3][0]
+    heavy = replace(fit, others={})
+    heavy.draws[:, -1] = 0.2  # degrees of freedom: nearly anything may happen
+    assert fit.noise.tail == "student"
+    index = np.zeros(2_000, dtype=int)
+    sampler = PredictiveSampler(heavy, np.array([0.1]), np.array([0.1]))
+    drawn = sampler.draw(
+        index, np.full((2_000, 1), 0.01), np.full(2_000, 0.5), np.random.default_rng(1)
+    )
+    assert drawn.Q.max() == 2 + 2 * int(0.95 / 0.2)
 
 
 # Here four of them; 200 were seen to hold.

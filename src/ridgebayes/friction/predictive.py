@@ -116,16 +116,20 @@ class PredictiveSampler:
             y = np.log(reduced_load(p, nu[:, None]))
         if self._axis is not None:
             y = y - 2 * np.log(self._a[index] + self._b[index])[:, None]
+        a, b = self._a[index], self._b[index]
+        last = np.full(len(index), np.inf)
+        if self._loads.df is not None:
+            # Tails leave some to any count. As `predict`: up to contact over the whole width.
+            last = 2 + 2 * np.floor(np.maximum(1 - b / 2, 0) / (a + b))
         Q, alive, block = np.full(p.shape, 2), np.ones(p.shape, dtype=bool), 0
         while alive.any():
             if 2 * _Q_BLOCK * block > _LARGEST_Q:
                 raise InputError(f"loads: expected counts up to {_LARGEST_Q}, got more")
             for location, scale in self._log_loads(index, which, block):
                 # One score a draw: a load cannot reach a further ridge before a nearer one.
-                alive &= y >= (location + scale * score)[:, None]
+                alive &= (y >= (location + scale * score)[:, None]) & (last[:, None] > Q)
                 Q += 2 * alive
             block += 1
-        a, b = self._a[index], self._b[index]
         flags = self._range.load_flags(p, nu[:, None]) | self._range.count_flags(Q)
         flags |= self._range.texture_flags(a, b)[:, None]
         return PredictiveDraws(Q, which * self._stride, flags)
