@@ -107,8 +107,9 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path]) -> Answer:
         "p/E": shown["p_over_E"],
         "Q (median)": shown["q_median"].astype(int),
         f"{100 * prob:g} % band": low.where(low == high, low + " to " + high),
-        "beyond the calibrated": shown["extrapolation_of"],
     }
+    if shown["extrapolation"].any():
+        columns["beyond the calibrated"] = shown["extrapolation_of"]
     if len(set(bands["kind_of_band"])) > 1:
         columns = {"band of the": shown["kind_of_band"], **columns}
     beyond, error = bands["extrapolation_of"][bands["extrapolation"]], bands.attrs["error"]
