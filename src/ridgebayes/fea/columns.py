@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ridgebayes._types import IntArray
+from ridgebayes._types import BoolArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import Source
+from ridgebayes.fea.cells import Cells, Source
 from ridgebayes.fea.delimited import DelimitedText, Reading
-from ridgebayes.fea.interpret import ColumnInterpreter, check_cells, listed
-from ridgebayes.fea.mapping import CORNERS, Use, assign, check_constants
+from ridgebayes.fea.interpret import ABOVE_0, ColumnInterpreter, listed
+from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
 from ridgebayes.fea.parquet import ParquetTable
 from ridgebayes.fea.problems import SHOWN, FileError, Problems
 from ridgebayes.fea.record import Imported, provenance
@@ -159,7 +159,7 @@ def _read(
             raise InputError(
                 f"{where}, column {use.header!r}, {use.name}: expected numbers or text"
             )
-        messages += check_cells(cells, use, problems)
+        messages += _checked_cells(cells, use, problems)
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
     typed = uses
     messages += [f"{key}: {text}, from line {line}" for key, (text, line) in settings.items()]
@@ -195,6 +195,29 @@ def _read(
     del cells, interpreter  # of a million rows: 0.2 GB that validating needs
     table = _validated(RawTable(frame, where, line), rows, problems, source)
     return Imported(table, (*messages, *_kept(table)), problems.known)
+
+
+def _checked_cells(cells: Cells, use: Use, problems: Problems) -> list[str]:
+    """Note the cells of a column that cannot be what it is, and empty them; return messages."""
+    if not use.is_number or use.key not in (*ABOVE_0, *LOWERS, "pressure"):
+        return []
+    numbers = cells.frame[use.header].to_numpy(dtype=float)
+    if use.key in LOADS[1:] and len(numbers) > 1 and np.nanmax(numbers, initial=-np.inf) <= 0:
+        cells.frame[use.header] = -numbers
+        return [f"column {use.header!r}: no load above 0, so compression is negative: sign turned"]
+    must_be_full = use.key in ("a", "b", "R", "E", "D", "pitch") and use.Q is None
+    rules: tuple[tuple[str, bool, BoolArray], ...] = (
+        ("not empty", must_be_full, np.isnan(numbers)),
+        # Increments of a run may have no load yet; other rows have a rule of the table for it.
+        ("above 0", use.key in ABOVE_0, numbers < 0 if use.key in LOADS else numbers <= 0),
+        ("0 or above", use.key in LOWERS, numbers < 0),
+        ("0 where open, above 0 where closed", use.key == "pressure", numbers < 0),
+    )
+    for rule, applies, bad in rules:
+        if applies and bad.any():
+            problems.cells(cells.row[bad], use.header, f"expected {rule}")
+            cells.frame[use.header] = np.where(bad, np.nan, numbers)
+    return []
 
 
 def _validated(

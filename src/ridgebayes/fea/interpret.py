@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import NUMBER, Cells
 from ridgebayes.fea.column_units import (
@@ -23,14 +23,19 @@ from ridgebayes.fea.column_units import (
 from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
 from ridgebayes.fea.problems import Problems
-from ridgebayes.fea.transitions import STATUS_RULE, touching, transitions_of_runs
+from ridgebayes.fea.transitions import (
+    STATUS_RULE,
+    counts_repeat,
+    middle_loads,
+    touching,
+    transitions_of_runs,
+)
 from ridgebayes.fea.words import COUNTS
 from ridgebayes.table.columns import COUNT, NAMES, OK
-from ridgebayes.table.rules import as_text, row_codes
+from ridgebayes.table.rules import as_text
 
-_ABOVE_0 = ("a", "b", "pitch", "R", "D", "E", "thickness", "p", "line", "force")
+ABOVE_0 = ("a", "b", "pitch", "R", "D", "E", "thickness", "p", "line", "force")
 _SHOWN = 8  # names that a line lists
-_MOST_Q = 10_000  # of increments: a column of memory for each even count
 # Columns of increments that are nothing of a texture.
 _COUNTER = re.compile(r"\b(?:inc|increment|inkrement|time|zeit|step|schritt|nr|no|id|index)\b|#")
 _MEANS = {
@@ -84,7 +89,7 @@ class ColumnInterpreter:
         if any(found.get(key, 0) is None for key in ("a_over_R", "b_over_R", "Q", "p_over_E")):
             return pd.DataFrame(), None, []
         frame = self._framed({key: value for key, value in found.items() if value is not None})
-        if "kind" not in found and "status" not in found and self._is_increments(frame):
+        if "kind" not in found and "status" not in found and counts_repeat(frame):
             return self._transitions(frame)
         messages = [
             f"column {name!r} ignored: the mapping uses another column"
@@ -142,13 +147,8 @@ class ColumnInterpreter:
             raise self._error(str(error)) from None
         left = self._left()
         if self._how.interpolate:
-            middle = (rows["p_over_E"] + rows["p_over_E_lower"]) / 2
-            sd = (rows["p_over_E"] - rows["p_over_E_lower"]) / np.sqrt(12)
-            inside = ~np.isnan(middle)
-            rows["p_over_E"] = np.where(inside, middle, rows["p_over_E"])
-            rows["rel_se"] = np.where(inside, sd / middle, rows["rel_se"])
-            rows["p_over_E_lower"] = np.nan
-            remarks.append(f"{int(inside.sum())} loads in the middle of their increments")
+            rows, n = middle_loads(rows)
+            remarks.append(f"{n} loads in the middle of their increments")
         return rows, None, [*([f"not used: {listed(left)}"] if left else []), *said, *remarks]
 
     def _counts(self, counts: FloatArray, term: str | None) -> FloatArray:
@@ -166,18 +166,6 @@ class ColumnInterpreter:
         if term:
             self.messages.append(f"counts of {term}: {COUNTS[term]}")
         return 2 * counts if term == "per-side" else counts
-
-    def _is_increments(self, frame: pd.DataFrame) -> bool:
-        """Return whether counts repeat along a curve while the load rises."""
-        Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
-        same = Q[1:] == Q[:-1]
-        if 3 * same.sum() < len(same) or not np.nanmax(Q, initial=0) <= _MOST_Q:
-            return False
-        curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
-        top = pd.Series(load).groupby(curve).transform("idxmax").to_numpy()
-        same &= (curve[1:] == curve[:-1]) & (np.arange(1, len(Q)) <= top[1:])
-        rising = same & (load[1:] > load[:-1])
-        return bool(0 < 0.8 * same.sum() <= rising.sum())
 
     def _transitions(self, frame: pd.DataFrame) -> Rows:
         """Return the transitions of increments with a count each."""
@@ -262,8 +250,8 @@ class ColumnInterpreter:
             what = f"a number and a unit of {DIMENSIONS[key]}" if key in DIMENSIONS else "a number"
             raise self._error(f"value {key} = {text!r}: expected {what}")
         number = float(match.group())
-        if not np.isfinite(number) or (key in _ABOVE_0 and number <= 0):
-            rule = "above 0" if key in _ABOVE_0 else "finite"
+        if not np.isfinite(number) or (key in ABOVE_0 and number <= 0):
+            rule = "above 0" if key in ABOVE_0 else "finite"
             raise self._error(f"value {key} = {text!r}: expected {rule}")
         if key not in self._used_values:
             self.messages.append(f"{key}: {text}, as given")
@@ -401,29 +389,6 @@ class ColumnInterpreter:
         """Return the columns that are nothing of the contract."""
         used = {use.header for use in self.used}
         return [name for name in map(str, self.cells.frame) if name not in used]
-
-
-def check_cells(cells: Cells, use: Use, problems: Problems) -> list[str]:
-    """Note the cells of a column that cannot be what it is, and empty them; return messages."""
-    if not use.is_number or use.key not in (*_ABOVE_0, *LOWERS, "pressure"):
-        return []
-    numbers = cells.frame[use.header].to_numpy(dtype=float)
-    if use.key in LOADS[1:] and len(numbers) > 1 and np.nanmax(numbers, initial=-np.inf) <= 0:
-        cells.frame[use.header] = -numbers
-        return [f"column {use.header!r}: no load above 0, so compression is negative: sign turned"]
-    must_be_full = use.key in ("a", "b", "R", "E", "D", "pitch") and use.Q is None
-    rules: tuple[tuple[str, bool, BoolArray], ...] = (
-        ("not empty", must_be_full, np.isnan(numbers)),
-        # Increments of a run may have no load yet; other rows have a rule of the table for it.
-        ("above 0", use.key in _ABOVE_0, numbers < 0 if use.key in LOADS else numbers <= 0),
-        ("0 or above", use.key in LOWERS, numbers < 0),
-        ("0 where open, above 0 where closed", use.key == "pressure", numbers < 0),
-    )
-    for rule, applies, bad in rules:
-        if applies and bad.any():
-            problems.cells(cells.row[bad], use.header, f"expected {rule}")
-            cells.frame[use.header] = np.where(bad, np.nan, numbers)
-    return []
 
 
 def listed(names: Iterable[str]) -> str:

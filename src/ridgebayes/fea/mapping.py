@@ -1,21 +1,16 @@
 """Which column of a file is which of the contract: by a mapping, by name, or by a clear guess."""
 
 import re
-import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import DIMENSIONS, split_header, unit_factor
 from ridgebayes.fea.problems import Problems
-from ridgebayes.fea.record import refusing
 from ridgebayes.fea.words import corners_of, count_term, key_of, texture_of
-from ridgebayes.runtime.reading import LARGEST_TEXT, read_text
 from ridgebayes.scene.units import Dimension
 from ridgebayes.table.columns import NAMES, NUMBERS
 
-_SHOWN = 80  # characters of a key or a value that messages show
 TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
 LOADS = ("p_over_E", "p", "line", "force")
 LOWERS = tuple(f"{key}_lower" for key in LOADS)
@@ -348,75 +343,3 @@ def _without_load(use: Use, columns: _Columns) -> Use:
             {use.key: f"{shown};?"},
         )
     return replace(use, key=f"p_over_E{lower}")
-
-
-def parse_map(texts: Iterable[str]) -> dict[str, str]:
-    """Return a mapping from texts ``key=header``, ``key=header;unit`` or ``gap Q=4=header``.
-
-    Raises
-    ------
-    InputError
-        If a text has no key or header, or a key stands twice.
-
-    Examples
-    --------
-    >>> parse_map(["a=Ridge width;mm", "gap Q=4=Gap 1 [mm]", "Q=4=First", "p=Load Q=* [kPa]"])
-    {'a': 'Ridge width;mm', 'gap Q=4': 'Gap 1 [mm]', 'Q=4': 'First', 'p': 'Load Q=* [kPa]'}
-    """
-    found: dict[str, str] = {}
-    for text in texts:
-        match = re.fullmatch(r"\s*((?:\w+[\s:]+)?Q?\s*=?\s*\d+|[^=]*?)\s*=\s*(.*?)\s*", text, re.S)
-        if match is None or not match.group(1) or not match.group(2):
-            raise InputError(f"--map {text!r}: expected KEY=HEADER, or KEY=HEADER;UNIT")
-        key, header = match.groups()
-        if key in found:
-            raise InputError(f"--map {text!r}: expected each key once")
-        found[key] = header
-    return found
-
-
-def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
-    """Read a mapping that is kept beside the data.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        A TOML file: ``[columns]`` of key and header (``a = "Ridge width [mm]"``), and optionally
-        ``[values]`` of key and value (``R = "8 mm"``).
-
-    Returns
-    -------
-    mapping, values : dict of str to str
-        As `ridgebayes.fea.columns.read_columns` takes them.
-
-    Raises
-    ------
-    InputError
-        If it is not TOML, or has other keys, or others than text in columns.
-    """
-    # A thousand brackets in each other: RecursionError.
-    with refusing(f"{path}: not TOML", RecursionError, ValueError, most=200):
-        content = tomllib.loads(read_text(path, LARGEST_TEXT))
-    tables: dict[str, dict[str, str]] = {"columns": {}, "values": {}}
-    for name, entries in content.items():
-        if name not in tables or not isinstance(entries, dict):
-            raise InputError(f"{path}: {name[:_SHOWN]}: expected tables [columns] and [values]")
-        for key, value in entries.items():
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            text = value if isinstance(value, str) else _text(value)
-            if not (isinstance(value, str) or (number and text and name == "values")):
-                shown = text[:_SHOWN] or "a text that is too long"
-                raise InputError(
-                    f"{path}: [{name}] {key[:_SHOWN]} = {shown}: expected text in quotes"
-                )
-            tables[name][key] = text
-    return tables["columns"], tables["values"]
-
-
-def _text(value: object) -> str:
-    """Return a value of TOML other than text as Python writes it, or nothing if it cannot."""
-    try:
-        return repr(value)
-    # An integer of thousands of digits, or thousands of tables in each other.
-    except (ValueError, RecursionError):
-        return ""

@@ -15,7 +15,7 @@ from ridgebayes.fea.calculix_contact import read_calculix_contact
 from ridgebayes.fea.columns import read_columns
 from ridgebayes.fea.deck import Deck, read_deck
 from ridgebayes.fea.delimited import Reading
-from ridgebayes.fea.mapping import parse_map, read_mapping
+from ridgebayes.fea.map_files import parse_map, read_mapping
 from ridgebayes.fea.mesh_series import read_series
 from ridgebayes.fea.problems import Problems
 from ridgebayes.fea.record import Imported

@@ -11,6 +11,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.table.rules import row_codes
 
 MOST = 2000  # histories in a file: some milliseconds each
+_MOST_Q = 10_000  # of counts: a column of memory for each even one
 _MOST_REMARKS = 20  # on single histories that messages show
 _MOST_LOADS = 5  # that a message shows
 _OPEN = ("open", "0", "0.0", "no", "false", "off", "free", "separated", "not in contact")
@@ -235,6 +236,37 @@ def transitions_of_runs(
     if (n := len(messages) - _MOST_REMARKS) > 0:
         messages = [*messages[:_MOST_REMARKS], f"and {n} more remarks on runs"]
     return pd.concat(frames, ignore_index=True), [f"{n_run} runs of increments", *messages]
+
+
+def counts_repeat(frame: pd.DataFrame) -> bool:
+    """Return whether rows are increments: counts repeat along a curve while the load rises.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Columns Q and p_over_E in the order of the file, and those that are constant in a run.
+    """
+    Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
+    same = Q[1:] == Q[:-1]
+    if 3 * same.sum() < len(same) or not np.nanmax(Q, initial=0) <= _MOST_Q:
+        return False
+    curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
+    top = pd.Series(load).groupby(curve).transform("idxmax").to_numpy()
+    same &= (curve[1:] == curve[:-1]) & (np.arange(1, len(Q)) <= top[1:])
+    rising = same & (load[1:] > load[:-1])
+    return bool(0 < 0.8 * same.sum() <= rising.sum())
+
+
+def middle_loads(rows: pd.DataFrame) -> tuple[pd.DataFrame, int]:
+    """Return brackets as loads in their middle, with the error of a uniform one, and how many."""
+    lower, upper = (rows[name].to_numpy() for name in ("p_over_E_lower", "p_over_E"))
+    inside, middle = ~np.isnan(lower), (lower + upper) / 2
+    sd = (upper - lower) / math.sqrt(12)
+    return rows.assign(
+        p_over_E=np.where(inside, middle, upper),
+        rel_se=np.where(inside, sd / middle, rows["rel_se"]),
+        p_over_E_lower=np.nan,
+    ), int(inside.sum())
 
 
 def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray) -> None:
