@@ -59,7 +59,7 @@ def command(asked: options.Generate) -> Answer:
     size = f"{count(len(table), 'row')}, {count(len(table.textures), 'texture')}"
     told = f"{asked.out}: {size}, {failed} not ok"
     return Answer(
-        (told, *medians_taken(wanted), *left_out),
+        (told, *medians_taken(wanted.uncertain_names), *left_out),
         {"rows": len(table), "textures": len(table.textures), "not_ok": failed},
         [asked.out, *(files_in(asked.fields) if asked.fields else ())],
         told=warned,

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,6 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.scene.body import Body
-from ridgebayes.scene.scene import Scene
 
 _LOADS = "one load, LO:HI:N or log:LO:HI:N with 0 < LO <= HI and N >= 1, such as 0.001:0.02:50"
 
@@ -100,7 +99,6 @@ def parse_loads(
     return np.geomspace(*ends, count) if is_log else np.linspace(*ends, count)
 
 
-def medians_taken(scene: Scene) -> list[str]:
+def medians_taken(names: Sequence[str]) -> list[str]:
     """Return a line that says of which values of a scene medians are taken, if of any."""
-    names = ", ".join(scene.uncertain_names)
-    return [f"medians are taken of {names}"] if names else []
+    return [f"medians are taken of {', '.join(names)}"] if names else []

@@ -50,7 +50,7 @@ def command(asked: options.Plan) -> Answer:
     plans = plan(scene)
     if asked.out is not None:
         write_frame(plan_table(plans), asked.out)
-    parts: list[str | pd.DataFrame] = [*medians_taken(scene)]
+    parts: list[str | pd.DataFrame] = [*medians_taken(scene.uncertain_names)]
     parts += [part for one in plans for part in scene_text(scene, one, body)]
     reasons = plan_table(plans)[["texture", "effect", "number", "reason"]]
     files, failed, problem = [asked.out] if asked.out else [], [], ""
