@@ -167,6 +167,12 @@ def test_read_columns__a_header_that_is_not_there_is_named_with_those_that_are(r
     assert "'Ridge width [mm]'" in words
 
 
+def test_read_columns__a_header_that_is_nearly_there_is_proposed(read):
+    with pytest.raises(FileError, match=r"no column 'Rigde widht'.*did you mean 'Ridge") as told:
+        read(LONG, {**MAP, "a": "Rigde widht"}, values=BODY)
+    assert told.value.mapping == {"a": "Ridge width [mm]"}
+
+
 @pytest.mark.parametrize("key", ["A", "p_over_R", "gap", "Q=", "x Q=4"])
 def test_read_columns__unknown_keys_are_refused(refusal, key):
     assert "expected " in refusal(LONG, {key: "Q"})

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import DIMENSIONS, split_header, unit_factor
@@ -182,7 +183,13 @@ class _Columns:
         found = found or [one for one in self._headers if split_header(one)[0] == header]
         if len(found) != 1:
             several = "several columns" if found else "no column"
-            raise self._missing(f"mapping {name}={text}: {several} {header!r}")
+            error = self._missing(f"mapping {name}={text}: {several} {header!r}")
+            words = {split_header(one)[0]: one for one in self._headers}
+            if not (near := get_close_matches(header, words, 1)):
+                raise error
+            found = [words[near[0]]]
+            meant = found[0] if unit is None else f"{found[0]};{unit}"
+            self.problems.need(f"{error}; did you mean {found[0]!r}?", {name: meant})
         if Q is None and key in CORNERS and key not in KEYS:
             raise self._error(f"mapping {name}={text}: expected with a corner, as '{key} Q=4'")
         self.uses.append(Use(key, found[0], unit, Q))
