@@ -65,6 +65,14 @@ def test_response_table__of_many_offsets_is_roughly_the_contact_of_each():
     assert worst(ResponseTable(profiles(100, offset=offset)), 100, 4, n=12) < 0.02
 
 
+def test_response_table__holds_a_count_that_is_there_but_for_a_moment():
+    # Nearly over a ridge's centre ridges come in pairs, and even counts hardly at all.
+    table = ResponseTable(profiles(offset=0.499))
+    found = table.at(np.zeros(1, dtype=int), 4, np.array([0.002]))
+    exact = table.solved(0, 4, float(found.W[0]))
+    np.testing.assert_allclose(found.x, exact.x, atol=1e-4)
+
+
 def test_response_table__loads_are_the_nearest_of_that_count():
     events = reaching_loads(Profile(A, B), W_max=0.01)
     low, high = events.W[1], events.W[2]  # Q = 6

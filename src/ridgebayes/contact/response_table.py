@@ -24,12 +24,13 @@ from ridgebayes.errors import ComputationError, InputError
 
 _TOL = 1e-8
 _N_PIECE, _N_SCAN, _N_BISECTION = 8, 7, 16
-_INSIDE = 1e-5  # of an interval: at its very ends a contact is only rounding
+# Of an interval, and of a load: at its very ends a contact is only rounding.
+_INSIDE, _BEGUN = 1e-5, 5e-6
 CLOSEST = 1e-4  # of an interval, by which loads stay away from its ends
 _CLOSEST_BETWEEN = 0.01  # where ends are interpolated between offsets
 _FROM = 1e-4  # of the load of the first change of the count: where the table begins
 _MOST_DISTINCT, _MOST_NODES = 32, 400
-_LAST_OFFSET, _FIRST_LOOK = 0.4999, 1_000
+_LAST_OFFSET, _FIRST_LOOK = 0.499, 1_000
 _N_SMOOTH, _N_OFFSET = 9, 17  # nodes along an axis
 _FIXED = 5  # quantities before those of edges: see `ContactValues`
 
@@ -293,7 +294,8 @@ class _Shape:
 
     def _solve(self, Q: int, y: float, start: ContactSolution | None = None) -> ContactSolution:
         low, high = self.interval(Q)
-        W = low * (high / low) ** min(max(y, _INSIDE), 1 - _INSIDE)
+        inside = min(max(_INSIDE, _BEGUN / math.log(high / low)), 0.25)
+        W = low * (high / low) ** min(max(y, inside), 1 - inside)
         return solve_contact(self._profile, W, rel_tol=_TOL, start=start)
 
     def _breaks(self, Q: int) -> list[float]:
