@@ -103,7 +103,7 @@ def test_option_names__exist():
 
 def test_files_named__exist():
     named = re.findall(r"[`(]((?:docs|data|benchmarks|notebooks)/[\w./-]*|[A-Z]+\.md)[`)]", TEXT)
-    assert len(named) == 18
+    assert len(named) == 19
     for name in named:
         assert (ROOT / name).exists(), name
 

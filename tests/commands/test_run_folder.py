@@ -422,13 +422,18 @@ def test_read_run__a_comparison_of_one_form_has_no_factors(comparison, tmp_path)
     assert list(read_run(tmp_path).bayes_factors) == BAYES_FACTOR_COLUMNS
 
 
-@pytest.mark.parametrize("name", ["nowhere", "empty", "file"])
-def test_read_run__of_what_is_no_run_is_refused(tmp_path, name):
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("nowhere", "no such folder"),
+        ("empty", "not a run folder, no run.json in it"),
+        ("file", "is a file"),
+    ],
+)
+def test_read_run__of_what_is_no_run_is_refused(tmp_path, name, why):
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(
-        InputError, match=rf"{name}: no run.json in it; expected a folder written by"
-    ):
+    with pytest.raises(InputError, match=rf"{name}: {why}; expected a folder written by"):
         read_run(tmp_path / name)
 
 
