@@ -643,6 +643,7 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
     words = ("--table", "t.csv", "--forms", "classic,hybrid", "--noise", "iid", "--seed", "7")
     words += ("--workers", "3", "--scheduler", "tcp://host:1")
     said = command("run", *words, "--force", "--resume", "-o", "out")
+    assert asked.pop("began") > 0
     assert asked == {
         "folder": Path("out"),
         "table": Path("t.csv"),
