@@ -14,11 +14,11 @@ from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.text import duration, percent
-from ridgebayes.scene.body import Body
 from ridgebayes.scene.effects import Plan, plan_table
 from ridgebayes.scene.estimates import beyond_reach, plan
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.toml import read_body
+from ridgebayes.scene.units import Body
 from ridgebayes.simulate.responses import contact_at_loads
 from ridgebayes.table.datafiles import data_path
 from ridgebayes.table.files import check_name, write_frame

@@ -20,9 +20,9 @@ from ridgebayes.predict.extrapolation import NAMES
 from ridgebayes.predict.predict import KINDS
 from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.text import count
-from ridgebayes.scene.body import Body
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.toml import read_body
+from ridgebayes.scene.units import Body
 from ridgebayes.table.files import check_name, write_frame
 
 _MOST_LOADS = 5  # of each texture on the terminal

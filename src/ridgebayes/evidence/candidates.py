@@ -13,8 +13,9 @@ from ridgebayes.evidence import (
     quadrature_evidence,
 )
 from ridgebayes.evidence.student_gain import student_gain
+from ridgebayes.inference.funnel_mode import no_mode
 from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.laplace import Laplace, fit_laplace, no_mode, several_modes
+from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.inference.power_law_exact import is_conjugate
 from ridgebayes.inference.sampling import sample_posterior

@@ -11,11 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg, optimize
+from scipy import linalg
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.coordinates import Conditional, Funnel, FunnelAbout
+from ridgebayes.inference.funnel_mode import curvature_in_w, funnel_mode, no_mode, slope_in_w
 from ridgebayes.inference.mode_search import WIDTH, hessian, scale, searched
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.model import Model
@@ -334,14 +335,14 @@ def _fit_conditional(model: Model, start: FloatArray, near: FloatArray | None = 
 def _fit_iid_gaussian(model: Model, tol: float, u: FloatArray) -> Laplace:
     for _ in range(2):  # directions of the funnel at the prior's centre, then at the mode
         funnel = Funnel.of(model, u)
-        u = _search(model, funnel, u)
-    precision = _curvature(model, funnel, u)
+        u = funnel_mode(model, funnel, u)
+    precision = curvature_in_w(model, funnel, u)
     try:
         root = linalg.cholesky(precision, lower=True)
     except (linalg.LinAlgError, ValueError):
         root = np.full_like(precision, np.nan)
     # How far the mode still is, in posterior sds: the search's own flag gives up on rounding.
-    if not np.linalg.norm(_solve_lower(root, _gradient(model, funnel, u))) < tol:
+    if not np.linalg.norm(_solve_lower(root, slope_in_w(model, funnel, u))) < tol:
         raise no_mode(model)
     frame, k = funnel.about(u), model.n_coefficient
     # The coefficients' centre moves with sigma: what they are about it, no more, depends on sigma.
@@ -350,69 +351,6 @@ def _fit_iid_gaussian(model: Model, tol: float, u: FloatArray) -> Laplace:
     half = about_centre @ linalg.solve_triangular(root, np.eye(len(u)), lower=True, trans=1)
     factor = linalg.cholesky(half @ half.T, lower=True)
     return Laplace(u, factor, float(model.log_density(u)), frame, 1)
-
-
-def no_mode(model: Model) -> ComputationError:
-    """Return what is raised where the posterior of sigma runs to zero."""
-    return ComputationError(
-        f"{model.form.name}: the posterior has no interior mode: the form reproduces all rows, or "
-        "nearly, and sigma has no lower bound; add rows, or leave the form out"
-    )
-
-
-def _search(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
-    """Return the minimiser of minus the log density in w, as far as the search gets.
-
-    Raises
-    ------
-    ComputationError
-        If sigma runs away to where a slope or curvature is not finite.
-    """
-
-    def finite(values: FloatArray) -> FloatArray:
-        if not np.isfinite(values).all():
-            raise no_mode(model)
-        return values
-
-    def negative(u: FloatArray) -> float:
-        scales = funnel.log_scales(u[model.n_coefficient :])
-        value = -float(model.log_density(u)) - float(scales.sum())
-        return value if math.isfinite(value) else 1e300
-
-    return optimize.minimize(
-        negative,
-        start,
-        jac=lambda u: finite(_gradient(model, funnel, u)),
-        hess=lambda u: finite(_curvature(model, funnel, u)),
-        method="trust-exact",
-        options={"gtol": 1e-6, "maxiter": 500},
-    ).x
-
-
-def _gradient(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:
-    with np.errstate(all="ignore"):
-        slope = -model.gradient(u)
-        slope[model.n_coefficient :] -= funnel.slope(u[model.n_coefficient :])
-    return slope
-
-
-def _curvature(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:
-    """Hessian by central differences of the gradient, one step size per coordinate."""
-    n = len(u)
-    hessian = np.empty((n, n))
-    for i in range(n):
-        # A rough curvature first, then a step of a hundredth of the width that it implies:
-        # truncation 1e-4 of the third derivative's effect, rounding far below it.
-        probe = np.zeros(n)
-        probe[i] = 1e-5
-        up, down = _gradient(model, funnel, u + probe), _gradient(model, funnel, u - probe)
-        with np.errstate(all="ignore"):
-            rough = abs(up[i] - down[i]) / 2e-5
-        probe[i] = 1e-2 / math.sqrt(max(rough, 1e-4)) if math.isfinite(rough) else 1e-5
-        up, down = _gradient(model, funnel, u + probe), _gradient(model, funnel, u - probe)
-        with np.errstate(all="ignore"):
-            hessian[i] = (up - down) / (2 * probe[i])
-    return 0.5 * (hessian + hessian.T)
 
 
 def _solve_lower(factor: FloatArray, right: FloatArray) -> FloatArray:

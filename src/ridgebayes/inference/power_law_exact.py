@@ -14,7 +14,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.distributions.distribution import LogNormal
 from ridgebayes.errors import InputError
 from ridgebayes.inference.chains import Chains
-from ridgebayes.inference.laplace import no_mode
+from ridgebayes.inference.funnel_mode import no_mode
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.likelihood_independent import IndependentNormalRows

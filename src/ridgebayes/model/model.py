@@ -242,7 +242,8 @@ class Model:
             parts = range(0, len(theta), n_at_once)
             return np.concatenate([self.log_likelihood(theta[i : i + n_at_once]) for i in parts])
         with np.errstate(all="ignore"):
-            value = self.likelihood.marginal(self.log_rates(theta), self._eta(theta))
+            eta = theta[..., self.n_coefficient :]
+            value = self.likelihood.marginal(self.log_rates(theta), eta)
         return np.where(np.isnan(value), -np.inf, value)
 
     def pointwise_log_likelihood(self, u: FloatArray) -> FloatArray:
@@ -315,7 +316,7 @@ class Model:
         likelihood = self.likelihood
         assert isinstance(likelihood, IndependentNormalRows)
         theta, k = self.to_theta(u), self.n_coefficient
-        by_group, by_sigma = likelihood.gradient(self.log_rates(theta), self._eta(theta))
+        by_group, by_sigma = likelihood.gradient(self.log_rates(theta), theta[k:])
         by_theta = self.form.log_rate_gradient(theta[:k], self._a, self._b)
         gradient = np.append(by_group @ by_theta[likelihood.groups.texture], by_sigma)
         return gradient * self._joint.at_scores_slope(u, theta) - u
@@ -393,10 +394,7 @@ class Model:
     def _parts(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return log rates, error parameters and coordinates of offsets that are drawn."""
         theta = self.to_theta(u)
-        return self.log_rates(theta), self._eta(theta), u[..., self.n_parameter :]
-
-    def _eta(self, theta: FloatArray) -> FloatArray:
-        return theta[..., self.n_coefficient :]
+        return self.log_rates(theta), theta[..., self.n_coefficient :], u[..., self.n_parameter :]
 
     def log_prior_density(self, u: FloatArray) -> FloatArray:
         """Return the log prior density of the parameters in `u`, shape ``u.shape[:-1]``."""

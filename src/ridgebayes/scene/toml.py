@@ -32,9 +32,7 @@ from ridgebayes._types import Json
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
 from ridgebayes.scene import fields
-from ridgebayes.scene.body import Body
-from ridgebayes.scene.syntax import syntax_error
-from ridgebayes.scene.units import Dimension, to_si
+from ridgebayes.scene.units import Body, Dimension, to_si
 
 DEFAULT_LOAD = 0.02  # p/E of the study
 # A texture's keys in a file, and the fields of a `Texture` that they become.
@@ -253,7 +251,7 @@ def _read(path: Path) -> _SceneFile:
         data = tomllib.loads(content.decode("utf-8"))
     # A thousand brackets in each other: RecursionError.
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: {syntax_error(content, error)}") from None
+        raise InputError(f"{path}: {fields.syntax_error(content, error)}") from None
     return _validated(data, str(path), path.parent)
 
 
