@@ -12,6 +12,7 @@ from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.results import Fit
+from ridgebayes.runtime.text import count
 
 _MOST_ROWS = 4  # of one form's parameters: a power law has one a texture
 
@@ -62,7 +63,8 @@ def fit_answer(done: Comparison, out: Path) -> Answer:
 def _rows_text(done: Comparison, out: Path, then: str = "") -> str:
     """Say which rows were fitted."""
     table = done.table
-    told = f"{out}: {len(table.calibration)} rows fitted, {len(table.held_out)} held out. {then}"
+    fitted = count(len(table.calibration), "row")
+    told = f"{out}: {fitted} fitted, {len(table.held_out)} held out. {then}"
     notes = []
     if n_left_out := len(table.left_out):
         notes.append(f"{table.where}: {n_left_out} rows are not ok and were not fitted")

@@ -14,6 +14,7 @@ from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
 from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.read import Given, import_files
+from ridgebayes.runtime.text import count
 
 _NAMES = {"program": "format", "out": "o"}  # options that are not called as their fields
 
@@ -61,7 +62,7 @@ def command(asked: options.Import) -> Answer:
             f"  {_again(asked)}"
         )
     found.table.write(asked.out)
-    told = f"{asked.out}: {size['rows']} rows, {size['textures']} textures"
+    told = f"{asked.out}: {count(size['rows'], 'row')}, {count(size['textures'], 'texture')}"
     return Answer((*found.messages, told), size, [*files, asked.out])
 
 

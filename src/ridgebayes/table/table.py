@@ -11,6 +11,7 @@ import pandas as pd
 
 from ridgebayes._types import Tabular
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.text import count
 from ridgebayes.table.columns import (
     CALIBRATION,
     COLUMNS,
@@ -193,7 +194,8 @@ class ContactTable(Tabular):
         return len(self._frame)
 
     def __repr__(self) -> str:
-        return f"ContactTable({self.where}: {len(self)} rows, {len(self.textures)} textures)"
+        size = f"{count(len(self), 'row')}, {count(len(self.textures), 'texture')}"
+        return f"ContactTable({self.where}: {size})"
 
     @property
     def calibration(self) -> "ContactTable":
