@@ -209,7 +209,7 @@ def with_evidences(paper, fits, **told):
         fits,
         [rb.Hybrid(), rb.Modified()],
         evidences=lambda fit, n_bridge: [LogEvidence(*entry) for entry in told[fit.form.name]],
-        savage_dickey=lambda fit: LogEvidence("savage-dickey", math.nan, math.nan, "far out"),
+        savage_dickey=lambda *given: LogEvidence("savage-dickey", math.nan, math.nan, "far out"),
         prior_sensitivity=no_sensitivity,
     )
 
@@ -435,7 +435,7 @@ def test_prior_sensitivity__of_weighted_draws_is_that_of_quadrature(
 def test_prior_sensitivity__a_posterior_without_mode_is_nan_and_not_an_error(
     comparison, fits, monkeypatch
 ):
-    def no_mode(model):
+    def no_mode(model, near=None):
         raise ComputationError("no interior mode")
 
     monkeypatch.setattr("ridgebayes.evidence.prior_sensitivity.fit_laplace", no_mode)
@@ -471,7 +471,7 @@ def test_loo__effective_parameters_are_near_the_number_there_is(comparison, fits
 
 
 def test_loo__without_row_likelihoods_is_an_empty_table(paper, fits, monkeypatch):
-    monkeypatch.setattr("ridgebayes.inference.netcdf.LARGEST_LOG_LIKELIHOOD", 0)
+    monkeypatch.setattr("ridgebayes.inference.arviz_groups.LARGEST_LOG_LIKELIHOOD", 0)
     found = compared(paper, fits, [rb.Modified()], prior_sensitivity=no_sensitivity)
     assert list(found.loo) == LOO_COLUMNS
     assert len(found.loo) == 0

@@ -188,7 +188,7 @@ def improper_priors():
         )
         for fields in several
     ]
-    said = [refused(make, rb.InputError, "prior: expected finite") for make in makers]
+    said = [refused(make, rb.InputError, "distribution: expected finite") for make in makers]
     return f"{len(said)} refused; {said[0].removeprefix('refused: ')}"
 
 
