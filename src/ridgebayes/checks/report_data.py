@@ -145,7 +145,8 @@ def report_data(comparison: Comparison) -> ReportData:
     shown = best or next(iter(comparison.fits))
     fit = comparison.fits[shown]
     frame, none = comparison.table.frame, pd.DataFrame()
-    transitions = frame[(frame["status"] == "ok") & (frame["kind"] == "transition")]
+    seen = frame[frame["status"] == "ok"]
+    transitions = seen[seen["kind"] == "transition"]
     textures = shown_textures(comparison)
     is_exact = bool(fit.model.data.is_exact.any())
     return ReportData(
@@ -161,7 +162,7 @@ def report_data(comparison: Comparison) -> ReportData:
         predicting(comparison),
         mean_evidence(comparison.evidence),
         transitions,
-        _panel_bands(comparison, shown, transitions),
+        _panel_bands(comparison, shown, seen),
         held_out_loads(comparison),
         textures,
         percent_errors(comparison, textures),
@@ -174,14 +175,14 @@ def report_data(comparison: Comparison) -> ReportData:
     )
 
 
-def _panel_bands(comparison: Comparison, form: str, transitions: pd.DataFrame) -> pd.DataFrame:
-    """Return the bands of one form at loads that suit each texture's panel."""
+def _panel_bands(comparison: Comparison, form: str, seen: pd.DataFrame) -> pd.DataFrame:
+    """Return the bands of one form at loads that suit each texture's panel, counts alone too."""
     # One figure holds so many panels: textures beyond are in the run folder's bands.csv.
     textures = comparison.table.textures[:MOST_TEXTURES]
     loads = []
     for a, b in textures:
-        own = transitions[(transitions["a_over_R"] == a) & (transitions["b_over_R"] == b)]
-        top = float((own if len(own) else transitions)["p_over_E"].max())
+        own = seen[(seen["a_over_R"] == a) & (seen["b_over_R"] == b)]
+        top = float((own if len(own) else seen)["p_over_E"].max())
         loads.append((np.linspace(0.0, np.sqrt(_BEYOND * top), _N_LOAD) ** 2)[1:])
     return bands_table(
         comparison, textures=textures, forms=[form], loads=np.array(loads), compressed=True
