@@ -174,9 +174,11 @@ def _add_left_out(
         scores = left_out_scores(table, fits, noise, rng=seed, executor=executor, priors=priors)
     with progress.stage("coverage of the bands"):
         shares = pd.DataFrame()
-        if comparison.probabilities and len(table.calibration.textures) > 1:
+        probabilities, textures = comparison.probabilities, table.calibration.textures
+        best = [comparison.fits[comparison.best]] if probabilities and len(textures) > 1 else []
+        # Brackets and counts do not tell the load that a band would hold.
+        if best and best[0].model.data.is_exact.any():
             noises = dict.fromkeys([noise, Noise()])  # and what independent rows promise
-            best = [comparison.fits[comparison.best]]
             shares = coverage(table, best, list(noises), rng=seed, executor=executor, priors=priors)
     return replace(comparison, left_out=scores, coverage=shares)
 

@@ -93,6 +93,8 @@ def _axes(panels: np.ndarray, noises: list[str]) -> None:
         top.set(xlim=(-0.02, 1.02), xlabel="share inside")
         top.set_xticks([0, 0.5, 1], ["0", "0.5", "1"])
         bottom.set(xscale="log", xlabel="width in log load")
+        if not np.isfinite(bottom.dataLim.intervalx).all():  # blank: nothing sets the axis' ends
+            bottom.set_xlim(0.01, 1.0)
         low, high = bottom.get_xlim()
         bottom.xaxis.set_major_locator(LogLocator(10, (1, 3) if high < 100 * low else (1,)))
         bottom.xaxis.set_minor_locator(NullLocator())
