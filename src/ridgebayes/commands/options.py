@@ -118,7 +118,9 @@ class Predict:
     """Predict Q with uncertainty bands at given textures and loads, from a finished run."""
 
     folder: RunFolder
-    out: Annotated[Path, typer.Option("-o", "--out", help="Bands to write, .csv or .parquet.")]
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Bands to write, .csv or .parquet.")
+    ] = None
     texture: Annotated[
         list[str] | None,
         typer.Option(
