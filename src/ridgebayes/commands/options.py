@@ -118,9 +118,7 @@ class Predict:
     """Predict Q with uncertainty bands at given textures and loads, from a finished run."""
 
     folder: RunFolder
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Bands to write, .csv or .parquet.")
-    ] = None
+    out: Annotated[Path, typer.Option("-o", "--out", help="Bands to write, .csv or .parquet.")]
     texture: Annotated[
         list[str] | None,
         typer.Option(

@@ -30,8 +30,7 @@ _MOST_LOADS = 5  # of each texture on the terminal
 
 def command(asked: options.Predict) -> Answer:
     """Do what the command line asks for."""
-    if asked.out is not None:
-        check_name(asked.out)
+    check_name(asked.out)
     for file in filter(None, (asked.out, asked.plot)):
         refuse_existing(file, asked.force)
     if asked.plot is not None:
@@ -51,8 +50,7 @@ def command(asked: options.Predict) -> Answer:
         compressed=True,
         kinds=kinds,
     )
-    if asked.out is not None:
-        write_frame(bands, asked.out)
+    write_frame(bands, asked.out)
     if asked.plot is not None:
         _draw(bands, run, asked.form, asked.plot)
     return _answer(bands, [file for file in (asked.out, asked.plot) if file is not None])
@@ -116,8 +114,7 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path]) -> Answer:
         columns = {"band of the": shown["kind_of_band"], **columns}
     beyond, error = bands["extrapolation_of"][bands["extrapolation"]], bands.attrs["error"]
     known = "under 0.005 (draws)" if math.isnan(error) else f"up to {error:.1g}"
-    told = f"{files[0]}: " if files else ""
-    told += f"{count(len(bands), 'row')}, {len(beyond)} of them extrapolation; "
+    told = f"{files[0]}: {count(len(bands), 'row')}, {len(beyond)} of them extrapolation; "
     told += f"errors of probabilities {known}"
     if len(shown) < len(bands):
         told += f". {len(shown)} of the rows:"
