@@ -68,7 +68,8 @@ def ranking_table(data: ReportData) -> Table:
                 "0 (best)" if name == best else with_error(factor, error),
                 probability(comparison.probabilities[name]),
             ]
-        state = "yes" if fit.converged else "NO"
+        lacks = "NO" if name in comparison.unconverged else "no: negligible"
+        state = "yes" if fit.converged else lacks
         rows.append([form_name(name), str(len(fit.summary)), *cells, state])
     rows += [[form_name(f), ABSENT, ABSENT, ABSENT, ABSENT, "FAILED"] for f in comparison.failures]
     return Table(
