@@ -9,7 +9,7 @@ found into rows, `datafiles` finds the embedded data. The room knows `errors` an
 >>> rows = {"a_over_R": 0.032, "b_over_R": 0.01, "Q": [4, 6], "p_over_E": [0.00098, 0.0038]}
 >>> table = read_table(pd.DataFrame(rows))
 >>> table
-ContactTable(table: 2 rows, 1 textures)
+ContactTable(table: 2 rows, 1 texture)
 >>> table.column("nu").tolist(), table.labels
 ([0.5, 0.5], ('a0.032_b0.01',))
 """
