@@ -154,6 +154,18 @@ def test_delimited__ragged_rows_name_their_lines():
     assert "line 3: '1,2' has 2 cells, line 5: '1,2,3,4' has 4 cells: expected 3 cells" in text
 
 
+@pytest.mark.parametrize("notes", ["Exported by Foo 12\n\nTotal rows: 2\n", "#end,,\n,,\n"])
+def test_delimited__notes_below_the_rows_are_passed_over_and_said(notes):
+    cells = read("a,b,Q\n1,2,4\n1,2,6\n" + notes, ("a", "b"))
+    assert len(cells.frame) == 2
+    assert "passed over below the rows" in " ".join(cells.messages)
+
+
+@pytest.mark.parametrize("row", ["1", "texture7,,", "Exported by Foo,12"])
+def test_delimited__a_row_that_is_cut_off_is_no_note(row):
+    assert "line 3" in refusal(f"a,b,Q\n1,2,4\n{row}\n")
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -205,6 +205,10 @@ def test_each_rule_is_told(refused, old, new, said):
     assert said in refused(WHOLE.replace(old, new, 1))
 
 
+def test_a_required_key_that_is_misspelt_is_told_once(refused):
+    assert refused(WHOLE.replace("groove_width", "grove_width", 1)).count("groove_width") == 1
+
+
 def test_a_scene_without_a_texture_is_refused(refused):
     assert "texture: missing" in refused("[load]\np_over_E = 0.1\n")
     assert "texture = []" in refused("texture = []\n")

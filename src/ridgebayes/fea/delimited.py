@@ -48,6 +48,8 @@ _NOTHING = re.compile(
     re.I,
 )
 
+_NOTE = re.compile(r"#.*|[^\W\d].*\s.*")  # words, and not one label of a row cut off
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -140,6 +142,8 @@ class DelimitedText(Source):
         self.headers = tuple(new.get(name, name) for name in self.headers)
         self._first_line = rows[layout.first][0]
         self._body = content.split(b"\n", above := self._first_line - 1 - how.skip_rows)[above]
+        self._body, notes = _without_notes(self._body, self._separator)
+        self._messages += [f"{where}: passed over below the rows: {note!r}" for note in notes]
         self._lines: IntArray | None = None  # of rows, where they are not one after another
         self._plain = self._body  # what pandas gets
         data = np.frombuffer(self._body, dtype=np.uint8)
@@ -286,6 +290,19 @@ class DelimitedText(Source):
 
 def _is_decimal_comma(cell: str) -> bool:
     return "," in cell and _COMMA.fullmatch(cell) is not None and not _STYLES[2][2].fullmatch(cell)
+
+
+def _without_notes(body: bytes, separator: str) -> tuple[bytes, list[str]]:
+    """Return the rows without lines below them that hold one text and nothing else, and those."""
+    lines, notes = body.split(b"\n"), []
+    while len(lines) > 2 and lines[-2].count(b'"') % 2 == 0:
+        cells = [cell.strip(' "') for cell in lines[-2].decode().split(separator)]
+        filled = [cell for cell in cells if cell]
+        if len(filled) > 1 or (filled and not _NOTE.fullmatch(filled[0])):
+            break
+        notes += filled
+        del lines[-2]
+    return b"\n".join(lines), notes[::-1]
 
 
 def as_utf8(content: bytes, where: str) -> tuple[bytes, list[str]]:

@@ -68,13 +68,22 @@ def findings(
         One line a finding.
     """
     lines = []
-    for found in error.errors(include_url=False):
+    every = error.errors(include_url=False)
+    unknown = [found["loc"] for found in every if found["type"] == "extra_forbidden"]
+    meant = {place: "" if hint is None else hint(place) for place in unknown}
+    for found in every:
+        *table, name = found["loc"] or ("",)
+        asked = f"did you mean {name}?"
+        if found["type"] == "missing" and any(
+            list(place[:-1]) == table and text == asked for place, text in meant.items()
+        ):
+            continue  # told once, as the unknown key that it was written as
         key = ""
         for part in found["loc"]:
             key += f"[{part + 1}]" if isinstance(part, int) else f"{'.' if key else ''}{part}"
         rule = found["msg"].removeprefix("Value error, ")
         if found["type"] == "extra_forbidden":
-            rule = "unknown key" + ("" if hint is None else f"; {hint(found['loc'])}")
+            rule = "; ".join(filter(None, ("unknown key", meant[found["loc"]])))
         elif found["type"] == "missing":
             rule = "missing; expected a value"
         shown = "" if found["type"] == "missing" else f" = {_shown(found['input'])}"
