@@ -11,7 +11,7 @@ import ridgebayes as rb
 from ridgebayes.errors import InputError
 from ridgebayes.friction.files import write_inputs
 from ridgebayes.friction.inputs import SMALL_STRAIN, InputDraws
-from ridgebayes.friction.predictive import PredictiveSampler
+from ridgebayes.predict.joint_draws import PredictiveSampler
 from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.predict.q_distribution import mix_q
 from ridgebayes.scene.scene import Scene, Texture

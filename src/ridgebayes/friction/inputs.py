@@ -15,8 +15,8 @@ from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.response_table import ContactValues, ResponseTable
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.friction.predictive import PredictiveSampler
 from ridgebayes.predict.extrapolation import names_of
+from ridgebayes.predict.joint_draws import PredictiveSampler
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.scene.draws import draw_scene
