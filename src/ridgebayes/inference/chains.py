@@ -1,7 +1,7 @@
 """What a sampler is asked for, and the draws that it returns."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -123,3 +123,10 @@ class Chains:
     def n_step(self) -> int:
         """Steps kept of each ensemble."""
         return self.u.shape[1]
+
+    def thinned(self, n: int) -> "Chains":
+        """Return at most about `n` draws, whole steps at a time, evenly."""
+        n_ensemble, n_step, n_walker, _ = self.u.shape
+        n_keep = max(n // (n_ensemble * n_walker), 1)
+        steps = np.unique(np.linspace(0, n_step - 1, min(n_keep, n_step)).astype(int))
+        return replace(self, u=self.u[:, steps], log_density=self.log_density[:, steps])

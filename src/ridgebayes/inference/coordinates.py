@@ -100,6 +100,18 @@ class Conditional:
         return factor.reshape(*lead, k, k), mean.reshape(*lead, k)
 
 
+class NoCoefficients:
+    """The frame of a posterior that has none: its coordinates are as they are."""
+
+    n_coefficient = 0
+
+    def forward(self, w: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return `w`, of length 0, and the log of a volume of 1."""
+        return w, np.zeros(u_noise.shape[:-1])
+
+    inverse = forward
+
+
 def _log_volume(factor: FloatArray) -> FloatArray:
     """Return log |du/dw|; of a covariance that cannot be factorised, that of no volume at all."""
     value = -np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)

@@ -15,7 +15,7 @@ from scipy import linalg
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import ComputationError
-from ridgebayes.inference.coordinates import Conditional, Funnel, FunnelAbout
+from ridgebayes.inference.coordinates import Conditional, Funnel, FunnelAbout, NoCoefficients
 from ridgebayes.inference.funnel_mode import curvature_in_w, funnel_mode, no_mode, slope_in_w
 from ridgebayes.inference.mode_search import WIDTH, hessian, scale, searched
 from ridgebayes.model.forms import FORMS
@@ -47,7 +47,7 @@ class Laplace:
         Lower Cholesky factor of the covariance of w.
     log_density : float
         Log posterior density in u at the mode, not normalised.
-    frame : FunnelAbout or Conditional
+    frame : FunnelAbout, Conditional or NoCoefficients
         The map between w and u of the coefficients.
     n_noise : int
         Parameters of the error model.
@@ -60,7 +60,7 @@ class Laplace:
     mode: FloatArray
     factor: FloatArray
     log_density: float
-    frame: FunnelAbout | Conditional
+    frame: FunnelAbout | Conditional | NoCoefficients
     n_noise: int
     is_mode: bool = True
     other_modes: tuple[str, ...] = ()

@@ -3,9 +3,10 @@
 import io
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -26,6 +27,8 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import one_line_message
+
+Read = TypeVar("Read")
 
 
 def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool = True) -> None:
@@ -49,9 +52,14 @@ def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool
         tree.attrs["series"] = json.dumps(fit.model.data.series_labels)
     if fit.noise.nugget != NUGGET:
         tree.attrs["nugget"] = fit.noise.nugget
+    write_tree(tree, path)
+
+
+def write_tree(tree: xr.DataTree, path: str | os.PathLike[str]) -> None:
+    """Write groups of draws, packed, whole or not at all."""
     packed = {
         name: {v: {"zlib": True, "complevel": 1, "shuffle": True} for v in group.data_vars}
-        for name, group in groups.items()
+        for name, group in tree.children.items()
     }
     encoding = {f"/{name}": pack for name, pack in packed.items()}
     # Bytes: the traceback of a failed write would hold a view, and with it a file in memory that
@@ -62,7 +70,12 @@ def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool
 
 
 def read_netcdf(path: str | os.PathLike[str]) -> Posterior:
-    """Read a fit that `write_netcdf` wrote.
+    """Read a fit that `write_netcdf` wrote; InputError as `read_tree`."""
+    return read_tree(path, _fit_of)
+
+
+def read_tree(path: str | os.PathLike[str], fit_of: Callable[[xr.DataTree], Read]) -> Read:
+    """Read what `write_tree` wrote, and return what `fit_of` makes of it.
 
     Raises
     ------
@@ -90,7 +103,7 @@ def read_netcdf(path: str | os.PathLike[str]) -> Posterior:
     if "ridgebayes_version" not in tree.attrs:
         raise InputError(f"{path}: expected written by ridgebayes, got no ridgebayes_version")
     try:
-        return _fit_of(tree)
+        return fit_of(tree)
     except Exception as error:
         raise InputError(
             f"{path}: damaged, not what ridgebayes writes ({one_line_message(error)}); run again"

@@ -1,10 +1,9 @@
 """The posterior of a model: draws with their diagnostics."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray
@@ -90,11 +89,7 @@ class Posterior:
     @property
     def kept_chains(self) -> Chains:
         """The chains thinned to at most `N_KEPT` draws, whole steps at a time."""
-        n_ensemble, n_step, n_walker, _ = self.chains.u.shape
-        n_keep = max(N_KEPT // (n_ensemble * n_walker), 1)
-        steps = np.unique(np.linspace(0, n_step - 1, min(n_keep, n_step)).astype(int))
-        u, log_density = self.chains.u[:, steps], self.chains.log_density[:, steps]
-        return replace(self.chains, u=u, log_density=log_density)
+        return self.chains.thinned(N_KEPT)
 
     @property
     def draws(self) -> FloatArray:

@@ -72,7 +72,7 @@ NUMBERS = tuple(column.name for column in COLUMNS if column.holds == "number")
 CURVE = ("a_over_R", "b_over_R", "nu", "offset_over_R", "source", "solver", "series")
 
 
-def check_header(names: Sequence[Any], where: str) -> None:
+def check_header(names: Sequence[Any], where: str, contract: Sequence[Column] = COLUMNS) -> None:
     """Refuse columns that cannot be told apart or are not all there.
 
     Parameters
@@ -81,6 +81,8 @@ def check_header(names: Sequence[Any], where: str) -> None:
         The columns of a table, in any order.
     where : str
         Name that messages show.
+    contract : sequence of Column, optional
+        Columns of the table's kind; a contact table's if not given.
 
     Raises
     ------
@@ -109,7 +111,8 @@ def check_header(names: Sequence[Any], where: str) -> None:
                 f"{where}, header: column {i} = {shown}: {rule}; the columns are {there}"
             )
         before.add(name)
-    if missing := [name for name in REQUIRED if name not in names]:
+    required = [column.name for column in contract if column.default is None]
+    if missing := [name for name in required if name not in names]:
         columns = "column" if len(missing) == 1 else "columns"
         hint = " (columns are separated by commas)" if ";" in there or "\\t" in there else ""
         raise InputError(

@@ -17,19 +17,21 @@ from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.runtime.text import clipped, one_line_message
-from ridgebayes.table.columns import NAMES, NUMBERS, SHOWN, RawTable, check_header, listed
+from ridgebayes.table.columns import COLUMNS, SHOWN, Column, RawTable, check_header, listed
 
 SUFFIXES = (".csv", ".parquet")
 MOST_CELLS = 10**8  # of Parquet: a small file of repeated values may hold any number of rows
 
 
-def read_raw(path: Path) -> RawTable:
+def read_raw(path: Path, contract: Sequence[Column] = COLUMNS) -> RawTable:
     """Read the cells of a CSV or Parquet file.
 
     Parameters
     ----------
     path : pathlib.Path
         Ends in ``.csv`` (UTF-8, comma, one header line) or ``.parquet``.
+    contract : sequence of Column, optional
+        Columns of the table's kind; a contact table's if not given.
 
     Returns
     -------
@@ -48,7 +50,9 @@ def read_raw(path: Path) -> RawTable:
         if path.is_dir():
             raise InputError(f"{path}: is a folder, not a table file")
     content = read_bytes(path)
-    return _parquet(content, str(path)) if suffix == ".parquet" else raw_csv(content, str(path))
+    if suffix == ".parquet":
+        return _parquet(content, str(path))
+    return raw_csv(content, str(path), contract)
 
 
 def check_name(path: Path) -> None:
@@ -93,13 +97,15 @@ def write_frame(frame: pd.DataFrame, path: Path) -> None:
             frame.to_parquet(part, index=False, engine="pyarrow")
 
 
-def frame_digest(frame: pd.DataFrame) -> str:
+def frame_digest(frame: pd.DataFrame, contract: Sequence[Column] = COLUMNS) -> str:
     """Return the SHA-256 of a canonical frame, the user's own columns in order of name.
 
     Parameters
     ----------
     frame : pandas.DataFrame
         Every column of the contract and any others.
+    contract : sequence of Column, optional
+        Columns of the table's kind; a contact table's if not given.
 
     Returns
     -------
@@ -107,7 +113,8 @@ def frame_digest(frame: pd.DataFrame) -> str:
         64 hexadecimal digits.
     """
     hashed = hashlib.sha256()
-    for name in [*NAMES, *sorted(set(frame.columns) - set(NAMES))]:
+    names = [column.name for column in contract]
+    for name in [*names, *sorted(set(frame.columns) - set(names))]:
         cells = frame[name]
         hashed.update(json.dumps([name, len(cells)]).encode())
         if cells.dtype.kind in "iuf":
@@ -200,7 +207,7 @@ _EXACT: dict[str, Any] = {} if _PANDAS >= (3, 1) else {"float_precision": "round
 _PLAIN_NUMBER = r"-?(?:0|[1-9]\d*)(?:\.\d+)?(?:[eE][+-]?\d+)?|"
 
 
-def raw_csv(content: bytes, where: str) -> RawTable:
+def raw_csv(content: bytes, where: str, contract: Sequence[Column] = COLUMNS) -> RawTable:
     """Read the cells of a CSV file.
 
     Parameters
@@ -210,6 +217,8 @@ def raw_csv(content: bytes, where: str) -> RawTable:
         passed over.
     where : str
         Name that messages show.
+    contract : sequence of Column, optional
+        Columns of the table's kind; a contact table's if not given.
 
     Returns
     -------
@@ -240,23 +249,26 @@ def raw_csv(content: bytes, where: str) -> RawTable:
     cells = records(content, where)
     header = next(cells)[1]
     # Before the rows: with another separator every row would look ragged.
-    check_header(header, where)
+    check_header(header, where, contract)
     if not is_rectangular(np.frombuffer(content, dtype=np.uint8), ",", len(header)):
         _refuse_ragged(cells, header, where)
+
+    known = {column.name: column.holds for column in contract}
+    numbers = {name for name, holds in known.items() if holds == "number"}
 
     def retyped() -> RawTable:
         rows = list(records(content, where))[1:]
         frame = pd.DataFrame([row for _, row in rows], columns=header, dtype=object)
-        return RawTable(_own_numbers(frame), where, [line for line, _ in rows].__getitem__)
+        return RawTable(_own_numbers(frame, known), where, [line for line, _ in rows].__getitem__)
 
     lowered = content.lower()
     if b"true" in lowered or b"false" in lowered:
         return retyped()  # pandas would take the words for 1 and 0
     try:
-        frame = read_delimited(content, header, NUMBERS)
+        frame = read_delimited(content, header, numbers)
     except (ValueError, OverflowError):
         return retyped()
-    return RawTable(_own_numbers(frame), where, retyped=retyped)
+    return RawTable(_own_numbers(frame, known), where, retyped=retyped)
 
 
 def read_delimited(
@@ -354,12 +366,12 @@ def _refuse_ragged(rows: Iterator[tuple[int, list[str]]], header: list[str], whe
         raise InputError(listed(where, lines, len(bad), len(bad)))
 
 
-def _own_numbers(frame: pd.DataFrame) -> pd.DataFrame:
+def _own_numbers(frame: pd.DataFrame, known: Collection[str]) -> pd.DataFrame:
     """Turn those of the user's own columns into numbers that lose nothing by it."""
     own: dict[str, Any] = {}
     for name in frame.columns:
         cells = frame[name]
-        if name in NAMES or (cells == "").all() or not cells.str.fullmatch(_PLAIN_NUMBER).all():
+        if name in known or (cells == "").all() or not cells.str.fullmatch(_PLAIN_NUMBER).all():
             continue
         numbers = cells.mask(cells == "", "nan").to_numpy(dtype=object).astype(np.float64)
         whole = cells.str.fullmatch(r"-?\d{1,15}").all()

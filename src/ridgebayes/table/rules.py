@@ -1,16 +1,53 @@
 """The rules of a contact table: every cell that breaks one is found before anything is said."""
 
 import re
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes.errors import InputError
 from ridgebayes.table import columns as contract
-from ridgebayes.table.columns import Column, Findings, RawTable
+from ridgebayes.table.columns import Column, Findings, RawTable, check_header
 
 _CONTROL = r"[\x00-\x1f\x7f]"
+
+
+Check = Callable[[RawTable], tuple[pd.DataFrame, Findings]]
+
+
+def validated(
+    raw: RawTable, check: Check, columns: Sequence[Column] = contract.COLUMNS
+) -> pd.DataFrame:
+    """Return the canonical frame of a table.
+
+    Parameters
+    ----------
+    raw : RawTable
+        Cells as they came in.
+    check : callable
+        Returns the frame and the cells that break a rule, such as `checked`.
+    columns : sequence of Column, optional
+        Contract of the table's kind; a contact table's if not given.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, there are no rows, or a cell breaks a rule.
+    """
+    check_header(list(raw.frame.columns), raw.where, columns)
+    if not len(raw.frame):
+        raise InputError(f"{raw.where}: no rows below the header")
+    frame, findings = check(raw)
+    if findings and raw.retyped is not None:
+        # Only now, to show cells as typed; cells as typed also have the last word.
+        raw = raw.retyped()
+        frame, findings = check(raw)
+    if findings:
+        raise InputError(findings.message(raw))
+    return frame
 
 
 def checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
@@ -38,11 +75,11 @@ def checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
     typed: dict[str, Any] = {}
     empty: dict[str, BoolArray] = {}
     for column in contract.COLUMNS:
-        read = _read_number if column.holds == "number" else _read_text
+        read = read_number if column.holds == "number" else read_text
         typed[column.name], empty[column.name] = read(cells, column, found)
     for name in cells.columns:
         if name not in contract.NAMES:
-            typed[name] = _own_column(cells[name], name, found)
+            typed[name] = own_column(cells[name], name, found)
     _check_cells(typed, empty, found)
     textures = row_codes(typed["a_over_R"], typed["b_over_R"])
     check_labels(typed, textures, found)
@@ -52,7 +89,7 @@ def checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
     return pd.DataFrame(typed), found
 
 
-def _read_number(cells: pd.DataFrame, column: Column, found: Findings) -> tuple[Any, BoolArray]:
+def read_number(cells: pd.DataFrame, column: Column, found: Findings) -> tuple[Any, BoolArray]:
     """Return values, defaults filled, and where the cell was empty."""
     default = np.nan if column.default is None else column.default
     if column.name not in cells:
@@ -63,7 +100,7 @@ def _read_number(cells: pd.DataFrame, column: Column, found: Findings) -> tuple[
     return np.where(empty, default, values), empty
 
 
-def _read_text(cells: pd.DataFrame, column: Column, found: Findings) -> tuple[Any, BoolArray]:
+def read_text(cells: pd.DataFrame, column: Column, found: Findings) -> tuple[Any, BoolArray]:
     """Return text, defaults filled, and where the cell was empty."""
     if column.name not in cells:
         words = pd.Series(column.default, index=range(len(cells)), dtype=str)
@@ -74,7 +111,7 @@ def _read_text(cells: pd.DataFrame, column: Column, found: Findings) -> tuple[An
     return words.mask(empty, column.default) if column.default else words, empty
 
 
-def _own_column(cells: "pd.Series[Any]", name: str, found: Findings) -> "pd.Series[Any]":
+def own_column(cells: "pd.Series[Any]", name: str, found: Findings) -> "pd.Series[Any]":
     """Return a column of the user's own: numbers, truth values and dates as they are, else text."""
     if cells.dtype.kind in "biufM":
         return cells

@@ -19,10 +19,9 @@ from ridgebayes.table.columns import (
     HELD_OUT,
     OK,
     RawTable,
-    check_header,
 )
 from ridgebayes.table.files import frame_digest, read_raw, write_frame
-from ridgebayes.table.rules import checked
+from ridgebayes.table.rules import checked, validated
 
 if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
@@ -111,17 +110,7 @@ class ContactTable(Tabular):
 
     @classmethod
     def _validated(cls, raw: RawTable) -> "ContactTable":
-        check_header(list(raw.frame.columns), raw.where)
-        if not len(raw.frame):
-            raise InputError(f"{raw.where}: no rows below the header")
-        frame, findings = checked(raw)
-        if findings and raw.retyped is not None:
-            # Only now, to show cells as typed; cells as typed also have the last word.
-            raw = raw.retyped()
-            frame, findings = checked(raw)
-        if findings:
-            raise InputError(findings.message(raw))
-        return cls(frame, raw.where)
+        return cls(validated(raw, checked), raw.where)
 
     @property
     def frame(self) -> pd.DataFrame:
