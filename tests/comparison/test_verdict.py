@@ -88,6 +88,14 @@ def test_one_form__has_no_verdict():
     assert verdict_of(evidence_table(failed), NO_SENSITIVITY, Noise(), 9) is None
 
 
+def test_a_form_that_could_not_be_fitted__leaves_the_verdict_open():
+    sure = evidence_of({"classic": 0.0, "modified": 50.0})
+    assert verdict_of(sure, NO_SENSITIVITY, Noise(), 9).grade == "decisive"
+    found = verdict_of(sure, NO_SENSITIVITY, Noise(), 9, ["hybrid"])
+    assert found.grade == "undecided"
+    assert found.why == "hybrid could not be fitted, and may be better"
+
+
 # --- the range over priors ------------------------------------------------------------------------
 
 

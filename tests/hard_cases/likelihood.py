@@ -127,7 +127,7 @@ def tiny_misfit():
 )
 def perfect_rows():
     few, many = (made(rb.Modified(), [1.4], textures=some) for some in (THREE, FIFTY))
-    words = "no interior mode", "add rows, or leave the form out"
+    words = "no interior mode", "give the error of the loads in a column rel_se, or leave"
     for form, frame in ((rb.Modified(), few), (rb.Hybrid(), few), (rb.PowerLaw(), many)):
         table = rb.read_table(frame)
         fit = functools.partial(rb.calibrate, table, form, noise="iid")

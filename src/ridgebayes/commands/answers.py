@@ -23,7 +23,9 @@ def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
     if verdict is not None:
         # What imports all that draws: a fit, which has no verdict, need not wait for it.
         words = import_module("ridgebayes.report.first_screen")
-        parts.append(f"{words.headline(verdict)} {words.lead(verdict)} Grade: {verdict.grade}.")
+        why = f" Why: {verdict.why}." if verdict.grade == "undecided" else ""
+        grade = f"Grade: {verdict.grade}.{why}"
+        parts.append(f"{words.headline(verdict)} {words.lead(verdict)} {grade}")
     ranked = [done.fits[name] for name in forms_by_probability(done)]
     forms = [
         {

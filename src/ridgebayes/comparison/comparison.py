@@ -142,7 +142,8 @@ class Comparison(Predictive, Tabular):
     def verdict(self) -> Verdict | None:
         """Which form the evidence supports, graded; None where only one form has an evidence."""
         n_texture = len(self.table.calibration.textures)
-        return verdict_of(self.evidence, self.prior_sensitivity, self.noise, n_texture)
+        sensitivity = self.prior_sensitivity
+        return verdict_of(self.evidence, sensitivity, self.noise, n_texture, self.failures)
 
     @property
     def best(self) -> str:

@@ -1,7 +1,7 @@
 """The verdict of a comparison: which form, how surely, and what would change it."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -68,7 +68,11 @@ class Verdict:
 
 
 def verdict_of(
-    evidence: pd.DataFrame, sensitivity: pd.DataFrame, printed: Noise, n_texture: int
+    evidence: pd.DataFrame,
+    sensitivity: pd.DataFrame,
+    printed: Noise,
+    n_texture: int,
+    failed: Collection[str] = (),
 ) -> Verdict | None:
     """Return the verdict that evidences and their sensitivity lead to.
 
@@ -82,6 +86,8 @@ def verdict_of(
         Error model of the printed fits.
     n_texture : int
         Textures that were fitted.
+    failed : collection of str, optional
+        Forms that could not be fitted: any of them may be the best one, so that nothing is decided.
 
     Returns
     -------
@@ -100,8 +106,8 @@ def verdict_of(
     factors = {what: lead for what, lead in leads.items() if not math.isnan(lead)}
     low, high = min([ln_bf, *factors.values()]), max([ln_bf, *factors.values()])
     weights = mean_evidence(evidence).set_index("noise")["probability"]
-    alike = _alike(best, over, n_texture, weights)
-    grade = "undecided" if alike else _grade(ln_bf, low)
+    open_ = _unfitted(failed) or _alike(best, over, n_texture, weights)
+    grade = "undecided" if open_ else _grade(ln_bf, low)
     return Verdict(
         form=str(best),
         grade=grade,
@@ -113,7 +119,7 @@ def verdict_of(
         error_model_weights={
             str(name): float(w) for name, w in weights.items() if w > LEAST_WEIGHT
         },
-        why=alike or _why(grade, ln_bf, low, min(factors, key=lambda k: factors[k], default="")),
+        why=open_ or _why(grade, ln_bf, low, min(factors, key=lambda k: factors[k], default="")),
     )
 
 
@@ -171,6 +177,11 @@ def _grade(ln_bf: float, low: float) -> str:
     if ln_bf >= 3 and low > 0:
         return "supports"
     return "leans" if ln_bf >= 2 and low > 0 else "undecided"
+
+
+def _unfitted(failed: Collection[str]) -> str:
+    """Say that a form without an evidence may be the best; empty if all have one."""
+    return f"{' and '.join(failed)} could not be fitted, and may be better" if failed else ""
 
 
 def _alike(best: str, over: str, n_texture: int, weights: pd.Series) -> str:

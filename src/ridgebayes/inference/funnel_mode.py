@@ -15,7 +15,8 @@ def no_mode(model: Model) -> ComputationError:
     """Return what is raised where the posterior of sigma runs to zero."""
     return ComputationError(
         f"{model.form.name}: the posterior has no interior mode: the form reproduces all rows, or "
-        "nearly, and sigma has no lower bound; add rows, or leave the form out"
+        "nearly, and sigma has no lower bound; add rows, give the error of the loads in a column "
+        "rel_se, or leave the form out"
     )
 
 

@@ -292,7 +292,9 @@ class NodeAverage:
                 values = self._smoothed(knots, mean, float(scale[0]))
             else:
                 values = self._answer(self._halves(knots, mean, scale))
-            self._known, shift = (mean, scale, interpolate.PchipInterpolator(knots, values)), 0.0
+            with np.errstate(over="ignore"):  # slopes far in a tail, whose inverse it takes
+                table = interpolate.PchipInterpolator(knots, values)
+            self._known, shift = (mean, scale, table), 0.0
         assert self._known is not None
         result[between] = np.clip(self._known[2](y[between] - shift), 0.0, 1.0)
         return result
