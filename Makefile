@@ -3,6 +3,8 @@
 #   make fast       lint, types, and the tests that need no sub-process, CalculiX or long chain
 #   make test       lint, types, the tests, doctests, the notebook and the README's code blocks
 #   make test-long  all tests, those marked `long` too, on every Python of PYTHONS, and fuzzing
+#   make docs       the site, into docs/_build/html
+#   make dist       wheel and sdist, checked, and the main job from the wheel alone on every Python
 #   make hard-cases, make mutation, make architecture: the pages of docs/ that are made by running code
 # Another Python: make test PYTHON=python3.12 VENV=.venv-3.12
 
@@ -16,7 +18,7 @@ PYTEST   = $(BIN)/python -m pytest -n auto --dist worksteal
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: setup run lint types fast test test-long hard-cases mutation architecture clean
+.PHONY: setup run lint types fast test test-long docs dist hard-cases mutation architecture clean
 
 setup: $(VENV)/.installed
 
@@ -41,7 +43,7 @@ types: setup
 fast: lint types
 	$(PYTEST) -q -m "not slow and not process and not ccx and not long"
 
-test: lint types
+test: lint types docs
 	$(PYTEST) -m "not long"
 
 # One environment for each Python; one that is not there is an error, not a silent skip.
@@ -54,6 +56,16 @@ test-long: setup
 .PHONY: test-python
 test-python: setup
 	$(PYTEST) -q
+
+# From stored outputs; warnings are errors, and every reference has to resolve.
+docs: setup
+	$(BIN)/python -m sphinx -W --keep-going -n -q docs docs/_build/html
+
+dist: setup
+	rm -rf dist
+	$(BIN)/uv build --quiet
+	$(BIN)/uvx twine check --strict dist/*
+	set -e; for python in $(PYTHONS); do $(BIN)/python -m tests.wheel $$python dist; done
 
 hard-cases: setup
 	$(BIN)/python -m tests.hard_cases.page
@@ -69,4 +81,4 @@ architecture: setup
 	$(BIN)/python docs/architecture/code_lines.py
 
 clean:
-	rm -rf $(VENV) .venv-* .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) .venv-* dist docs/_build docs/_generated docs/notebooks .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -38,6 +38,7 @@ SLOW_FOLDERS = {
     "report",
     "results.py",
     "test_notebooks.py",
+    "test_pages.py",
     "test_readme.py",
     "test_results.py",
     "validation",

@@ -1,0 +1,48 @@
+"""Sphinx: ``make docs`` builds the site from these pages, the docstrings and the contracts."""
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+import generated  # noqa: E402
+
+import ridgebayes as rb  # noqa: E402
+
+project = "ridgebayes"
+author = "The ridgebayes authors"
+version = release = rb.__version__
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "numpydoc",
+    "sphinx_design",
+    "sphinx_copybutton",
+]
+# `mutation/head.md` is a part of mutation.md.
+exclude_patterns = ["_build", "_generated", "mutation"]
+html_theme = "pydata_sphinx_theme"
+html_title = "ridgebayes"
+html_theme_options = {"show_prev_next": False, "secondary_sidebar_items": ["page-toc"]}
+html_show_sourcelink = False
+
+# Notebooks are shown as they are stored; tests run them.
+nb_execution_mode = "off"
+myst_enable_extensions = ["colon_fence"]
+myst_heading_anchors = 3
+
+autodoc_typehints = "none"  # the docstrings have types, with shapes and units
+autodoc_member_order = "bysource"
+numpydoc_show_class_members = False
+numpydoc_class_members_toctree = False
+nitpick_ignore_regex = [
+    # Other packages: nothing is fetched from their sites.
+    (
+        r"py:.*",
+        r"(abc|arviz|collections|concurrent|emcee|matplotlib|numpy|os|pandas|scipy|typing|xarray)\..*",
+    ),
+]
+
+generated.write_pages(HERE / "_generated")
+generated.copy_notebooks(HERE.parent / "notebooks", HERE / "notebooks")

@@ -1,0 +1,99 @@
+"""Pages of the site that follow from the code: options of commands, public names, contracts."""
+
+import inspect
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import typer
+
+import ridgebayes as rb
+from ridgebayes.commands.cli import app
+from ridgebayes.table.columns import COLUMNS
+
+
+def write_pages(folder: Path) -> None:
+    """Write them, and leave alone what has not changed, so that a second build is quick."""
+    folder.mkdir(exist_ok=True)
+    pages = {"commands.md": commands(), "api.md": names(), "columns.md": columns()}
+    for name, lines in pages.items():
+        text = "\n".join(lines) + "\n"
+        path = folder / name
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def copy_notebooks(source: Path, folder: Path) -> None:
+    """Copy the notebooks to where Sphinx reads them."""
+    folder.mkdir(exist_ok=True)
+    for path in sorted(source.glob("*.ipynb")):
+        shutil.copy2(path, folder / path.name)
+
+
+def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:
+    """Return a Markdown table."""
+    cells = [head, ("---",) * len(head), *rows]
+    return ["| " + " | ".join(cell.replace("|", r"\|") for cell in row) + " |" for row in cells]
+
+
+def commands() -> list[str]:
+    """Return a section for each command with its arguments and options."""
+    lines = []
+    for name, command in typer.main.get_command(app).commands.items():
+        lines += [f"### `ridgebayes {name}`", "", command.help or "", ""]
+        rows = [option(one) for one in command.params if one.name != "help"]
+        lines += [*table(("option", "means", "default"), rows), ""]
+    return lines
+
+
+def option(one: Any) -> tuple[str, str, str]:
+    """Return how an option is written, what it means, and what holds without it."""
+    names = ", ".join(f"`{name}`" for name in sorted(one.opts, key=len, reverse=True))
+    if one.param_type_name == "argument":
+        names = f"`{one.name.upper()}`"
+    default = (
+        "" if callable(one.default) or one.default in (None, False, ()) else f"`{one.default}`"
+    )
+    return names, one.help or "", "required" if one.required else default
+
+
+def names() -> list[str]:
+    """Return a section for each kind of public name, with the documentation of each."""
+    kinds: dict[str, list[str]] = {"Functions": [], "Classes": [], "Errors": []}
+    for name in rb.__all__:
+        value = getattr(rb, name)
+        if not inspect.isclass(value):
+            if callable(value):
+                kinds["Functions"] += [
+                    "",
+                    "```{eval-rst}",
+                    f".. autofunction:: ridgebayes.{name}",
+                    "```",
+                ]
+        else:
+            kind = "Errors" if issubclass(value, Exception) else "Classes"
+            kinds[kind] += [
+                "",
+                "```{eval-rst}",
+                f".. autoclass:: ridgebayes.{name}",
+                "   :members:",
+                "   :inherited-members: BaseModel, Exception, object",
+                "```",
+            ]
+    return [line for kind, lines in kinds.items() for line in (f"## {kind}", *lines, "")]
+
+
+def columns() -> list[str]:
+    """Return the contract of a table."""
+    rows = []
+    for one in COLUMNS:
+        default = (
+            "required"
+            if one.default is None
+            else ""
+            if one.default in ("",) or one.default != one.default
+            else f"`{one.default}`"
+        )
+        rows.append((f"`{one.name}`", one.holds, one.rule, default))
+    return table(("column", "holds", "rule", "if absent"), rows)
