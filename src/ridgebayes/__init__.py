@@ -49,6 +49,8 @@ _HOME = {
     "Comparison": "comparison.comparison",
     "compare": "comparison.compare",
     "friction_inputs": "friction.inputs",
+    "Design": "texture_design.design",
+    "design": "texture_design.design",
     "write_report": "report",
 }
 __all__ = list(_HOME)
@@ -86,3 +88,4 @@ if TYPE_CHECKING:
     from ridgebayes.simulate.responses import contact_at_loads, edge_forces, ridge_forces
     from ridgebayes.table.datafiles import paper_sweep, reference_fe
     from ridgebayes.table.table import ContactTable, read_table
+    from ridgebayes.texture_design.design import Design, design

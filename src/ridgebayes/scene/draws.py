@@ -1,5 +1,6 @@
 """Draws of a scene's values: all alike where it is certain of them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,7 +35,9 @@ class SceneDraws:
     physical: dict[str, FloatArray] = field(default_factory=dict)
 
 
-def draw_scene(scene: Scene, n: int, seed: int) -> SceneDraws:
+def draw_scene(
+    scene: Scene, n: int, seed: int, given: Mapping[str, FloatArray] | None = None
+) -> SceneDraws:
     """Draw the values of a scene.
 
     Parameters
@@ -45,6 +48,8 @@ def draw_scene(scene: Scene, n: int, seed: int) -> SceneDraws:
         Draws.
     seed : int
         The same seed gives the same draws.
+    given : mapping of str to ndarray of float, shape (n,), optional
+        Draws of the values that are not certain, as `Uncertain.draw` returns them.
 
     Returns
     -------
@@ -68,13 +73,14 @@ def draw_scene(scene: Scene, n: int, seed: int) -> SceneDraws:
         "p_over_E": scene.highest_load(texture),
     }
     if scene.uncertain is not None:
-        values |= scene.uncertain.draw(n, seed)
+        drawn = scene.uncertain.draw(n, seed) if given is None else given
+        values |= scene.uncertain.derive(drawn)
     if isinstance(values["offset"], str):
         values["offset"] = stream(seed, "scene", "offset").uniform(-0.5, 0.5, n)
-    drawn = {name: np.array(np.broadcast_to(value, n), float) for name, value in values.items()}
-    _check(drawn)
-    profile = {name: drawn.pop(name) for name in ("a", "b", "depth", "corner", "offset")}
-    return SceneDraws(profile, drawn.pop("nu"), drawn.pop("p_over_E"), drawn)
+    found = {name: np.array(np.broadcast_to(value, n), float) for name, value in values.items()}
+    _check(found)
+    profile = {name: found.pop(name) for name in ("a", "b", "depth", "corner", "offset")}
+    return SceneDraws(profile, found.pop("nu"), found.pop("p_over_E"), found)
 
 
 def _check(drawn: dict[str, FloatArray]) -> None:

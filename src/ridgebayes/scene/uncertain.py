@@ -198,8 +198,18 @@ class Uncertain:
         return cls(sources, texts, partial(_derived, certain, has_units), found)
 
     def draw(self, n: int, seed: int) -> dict[str, FloatArray]:
-        """Return n draws of the scene's values."""
+        """Return n draws of the values that are not certain, by place."""
         score = {name: stream(seed, "scene", name).standard_normal(n) for name in self.sources}
+        drawn = self.at_scores(score, seed)
+        for one in self.joint:
+            if one.draws is not None:
+                rows = one.rows(n, stream(seed, "scene", *one.of))
+                drawn |= dict(zip(one.of, rows.T, strict=True))
+        return drawn
+
+    def at_scores(self, score: Mapping[str, FloatArray], seed: int = 0) -> dict[str, FloatArray]:
+        """Return values at independent standard normal scores, by place; callables draw theirs."""
+        score = dict(score)
         for one in self.joint:
             if one.correlation is not None:
                 # The root of a matrix that may be singular: of values that go together exactly.
@@ -207,15 +217,10 @@ class Uncertain:
                 root = vector * np.sqrt(np.maximum(value, 0.0))
                 mixed = root @ np.stack([score[name] for name in one.of])
                 score |= dict(zip(one.of, mixed, strict=True))
-        drawn = {
+        return {
             name: source.draw(score[name], stream(seed, "scene", name, "callable"))
             for name, source in self.sources.items()
         }
-        for one in self.joint:
-            if one.draws is not None:
-                rows = one.rows(n, stream(seed, "scene", *one.of))
-                drawn |= dict(zip(one.of, rows.T, strict=True))
-        return self.derive(drawn)
 
 
 @dataclass(frozen=True, eq=False)

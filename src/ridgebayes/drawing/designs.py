@@ -1,0 +1,81 @@
+"""A map of designs: how probable a goal is over ridge and groove width."""
+
+import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from ridgebayes.drawing.style import new_figure, styled
+
+_BEST = "#D55E00"
+
+
+def draw_designs(
+    axes: Axes,
+    designs: pd.DataFrame,
+    best: tuple[float, float],
+    label: str,
+    *,
+    is_met: bool,
+    lengths: tuple[float, str] = (1.0, "/R"),
+) -> None:
+    """Draw a map of designs on axes.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Where.
+    designs : pandas.DataFrame
+        Rows of designs.csv, of a lattice.
+    best : (float, float)
+        Recommended texture, or the nearest to the goals.
+    label : str
+        What the colour shows: ``margin``, or what `probability` holds.
+    is_met : bool
+        Whether it meets the goals.
+    lengths : (float, str), optional
+        Radius in a unit, and how a width in it is written.
+    """
+    radius, unit = lengths
+    shown = "margin" if label == "margin" else "probability"
+    grid = designs.pivot_table(index="b_over_R", columns="a_over_R", values=shown, aggfunc="first")
+    margin = designs.pivot_table(
+        index="b_over_R", columns="a_over_R", values="margin", aggfunc="first"
+    )
+    outside = designs.assign(outside=designs["extrapolation"].astype(float)).pivot_table(
+        index="b_over_R", columns="a_over_R", values="outside", aggfunc="first"
+    )
+    x, y = grid.columns.to_numpy(float) * radius, grid.index.to_numpy(float) * radius
+    mesh = axes.pcolormesh(x, y, grid.to_numpy(float), cmap="Blues", shading="nearest")
+    axes.figure.colorbar(mesh, ax=axes, label=label)
+    handles: list[Artist] = []
+    if min(len(x), len(y)) > 1:
+        values = margin.to_numpy(float)
+        if values.min() < 0 <= values.max():
+            axes.contour(x, y, values, levels=[0.0], colors="black", linewidths=1.8)
+            handles.append(Line2D([], [], color="black", linewidth=1.8, label="goal just met"))
+        if outside.to_numpy().mean() > 0:
+            beyond = outside.to_numpy(float)
+            if beyond.min() < beyond.max():
+                axes.contourf(x, y, beyond, levels=[0.5, 1.5], colors="none", hatches=["///"])
+            name = "beyond what was calibrated" if beyond.min() < 1 else "all beyond calibration"
+            handles.append(Patch(facecolor="none", edgecolor="grey", hatch="///", label=name))
+    (point,) = axes.plot(best[0] * radius, best[1] * radius, marker="*", color=_BEST, markersize=14)
+    point.set(linestyle="none", markeredgecolor="white", clip_on=False, zorder=5)
+    point.set_label("recommended" if is_met else "nearest to the goal")
+    axes.set_xlabel(f"ridge width $a${unit}")
+    axes.set_ylabel(f"groove width $b${unit}")
+    axes.grid(visible=False)
+    axes.legend(handles=[*handles, point], loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+
+
+@styled()
+def plot_designs(
+    designs: pd.DataFrame, best: tuple[float, float], label: str, *, is_met: bool
+) -> Figure:
+    """Draw a map of designs as a figure, see `draw_designs`."""
+    figure = new_figure(6.4, 5.2)
+    draw_designs(figure.subplots(), designs, best, label, is_met=is_met)
+    return figure

@@ -1,0 +1,193 @@
+"""What a design is not certain of but for the forms: widths as made, body and load."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.errors import InputError
+from ridgebayes.runtime.randomness import stream
+from ridgebayes.runtime.text import clipped
+from ridgebayes.scene.draws import draw_scene
+from ridgebayes.scene.scene import Scene
+
+_FURTHEST = 4.9  # sds that a width leaves its nominal value by, so that it stays above 0
+_LARGEST_SHARE = 0.2  # of a width: largest sd
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How ridges and grooves as made differ from those asked for.
+
+    Parameters
+    ----------
+    size : float
+        Standard deviation of both widths, each on its own: a share of them, or a length over R.
+    is_length : bool, optional
+        Whether it is a length.
+    is_worst : bool, optional
+        Whether it is no distribution but bounds, of which the worst counts.
+    """
+
+    size: float = 0.0
+    is_length: bool = False
+    is_worst: bool = False
+
+    @classmethod
+    def parse(
+        cls, text: "str | Tolerance | None", over_radius: Callable[[str], float] = float
+    ) -> "Tolerance":
+        """Return the tolerance that a text stands for: ``5 %``, ``worst 5 %`` or a length.
+
+        Parameters
+        ----------
+        text : str, Tolerance or None
+            None is exact widths.
+        over_radius : callable, optional
+            Makes a length over R of a text such as ``10 um``.
+
+        Raises
+        ------
+        InputError
+            If it is none, or above 20 %.
+
+        Examples
+        --------
+        >>> Tolerance.parse("worst 5 %")
+        Tolerance(size=0.05, is_length=False, is_worst=True)
+        """
+        if text is None or isinstance(text, Tolerance):
+            return text or cls()
+        where = f"tolerance {clipped(str(text))}"
+        words = re.fullmatch(r"\s*(worst\s+)?(\S.*?)\s*(%?)\s*", str(text))
+        try:
+            if words is None:
+                raise ValueError(text)
+            size = float(words[2]) / 100 if words[3] else over_radius(words[2])
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+        except ValueError:
+            raise InputError(f"{where}: expected such as '5 %', 'worst 5 %' or '10 um'") from None
+        if not 0 <= size < np.inf or (words[3] and size > _LARGEST_SHARE):
+            raise InputError(f"{where}: expected 0 to {_LARGEST_SHARE:.0%}")
+        return cls(size, not words[3], bool(words[1]))
+
+    def check(self, least: float) -> None:
+        """Refuse a length that is above a fifth of the smallest width."""
+        if self.is_length and self.size > _LARGEST_SHARE * least:
+            raise InputError(
+                f"tolerance: expected at most {_LARGEST_SHARE:.0%} of the smallest width, "
+                f"{least:.4g} R, got {self.size:.4g} R"
+            )
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """Scores of both widths at the ends of the bounds, and at their middle."""
+        if not self.is_worst or not self.size:
+            return ((0.0, 0.0),)
+        return ((0.0, 0.0), *product((-1.0, 1.0), (-1.0, 1.0)))
+
+    def made(self, width: float, score: FloatArray | float) -> FloatArray | float:
+        """Return widths as made at scores, in standard deviations."""
+        return width + (self.size if self.is_length else self.size * width) * score
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """Draws of what is not certain, each of shape (n,).
+
+    Parameters
+    ----------
+    tolerance : Tolerance
+        Of the widths.
+    score : ndarray of float, shape (2, n)
+        Scores of both widths as made; of no meaning where the tolerance is bounds.
+    factor : ndarray of float, shape (2, n)
+        What a width over R is multiplied with: distributions of the scene's widths and radius.
+    largest : ndarray of float
+        The scene's largest load p/E.
+    nu : ndarray of float
+        Poisson's ratio.
+    """
+
+    tolerance: Tolerance
+    score: FloatArray
+    factor: FloatArray
+    largest: FloatArray
+    nu: FloatArray
+
+    @classmethod
+    def draw(
+        cls,
+        scene: Scene,
+        tolerance: Tolerance,
+        n: int,
+        seed: int,
+        given: Mapping[str, FloatArray] | None = None,
+    ) -> "Bodies":
+        """Draw n of them; `given` as of `draw_scene`, with the scores of widths as ``tolerance``.
+
+        Raises
+        ------
+        InputError
+            As `draw_scene`; if both a tolerance and a distribution of the scene's widths are given.
+        """
+        own = [name for name in scene.uncertain_names if name.endswith("_width")]
+        if tolerance.size and own:
+            raise InputError(
+                f"tolerance, and {', '.join(own)} of the scene: expected one of them, got both"
+            )
+        drawn = draw_scene(scene, n, seed, given)
+        (texture,) = scene.textures
+        nominal = {"a": texture.a_over_R, "b": texture.b_over_R}
+        score = (given or {}).get("tolerance")
+        if score is None:
+            score = stream(seed, "tolerance").standard_normal((2, n))
+        return cls(
+            tolerance,
+            np.clip(score, -_FURTHEST, _FURTHEST),
+            np.stack([drawn.profile[name] / value for name, value in nominal.items()]),
+            drawn.p_over_E,
+            drawn.nu,
+        )
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether all have the widths that are asked for."""
+        return not self.tolerance.size and not np.ptp(self.factor) and self.factor[0, 0] == 1
+
+    def some(self, index: slice | BoolArray) -> "Bodies":
+        """Return some of the draws."""
+        return Bodies(
+            self.tolerance,
+            self.score[:, index],
+            self.factor[:, index],
+            self.largest[index],
+            self.nu[index],
+        )
+
+    def widths(
+        self, a: float, b: float, corner: tuple[float, float] = (0.0, 0.0)
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the widths of a texture over R as made; numbers where they are certain."""
+        if self.is_certain:
+            return np.asarray(a), np.asarray(b)
+        score = np.array(corner)[:, None] if self.tolerance.is_worst else self.score
+        made = [self.tolerance.made(width, z) for width, z in zip((a, b), score, strict=True)]
+        return made[0] * self.factor[0], made[1] * self.factor[1]
+
+    def ratios(self, textures: Sequence[Texture]) -> tuple[float, float]:
+        """Return a range that holds a/pitch of all of these textures as made."""
+        a, b = np.array(textures, dtype=float).T
+        share = self.tolerance.size / (min(a.min(), b.min()) if self.tolerance.is_length else 1)
+        score = np.array([[-1, 1], [1, -1]]) if self.tolerance.is_worst else self.score
+        made = 1 + share * score
+        low, high = made.min() / made.max(), made.max() / made.min()
+        factor = self.factor[0] / self.factor[1]
+        ends = np.array([low * factor.min() * (a / b).min(), high * factor.max() * (a / b).max()])
+        found = ends / (1 + ends)
+        return float(found[0]), float(found[1])

@@ -1,0 +1,140 @@
+"""Log loads of each draw of a posterior, at any texture: the scale law, and series in a/pitch.
+
+A body's loads go with the square of the pitch. What is left is a smooth function of a/pitch, which
+is worked out at some nodes and kept as a Chebyshev series for each draw.
+"""
+
+from functools import partial
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from scipy import special
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.errors import InputError
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.model.forms import PowerLaw
+from ridgebayes.predict.predict import N_LOAD_DRAWS
+from ridgebayes.predict.predictive_cdf import PosteriorLoads
+from ridgebayes.runtime.randomness import stream
+
+_N_NODE = 11
+_FLAT = 1e-12
+Series = FloatArray  # shape (n_term, n_draw)
+
+
+class DrawnLoads:
+    """Location and scale of the log load of a count, of each draw of one posterior, at nu = 0.5.
+
+    Parameters
+    ----------
+    fit : Posterior
+        Posterior.
+    low, high : float
+        Range of a/pitch.
+
+    Raises
+    ------
+    InputError
+        If the form's loads do not go with the square of the pitch.
+
+    Notes
+    -----
+    Textures are new ones, with offsets of their own. `at_calibrated` gives those that keep theirs.
+    """
+
+    def __init__(self, fit: Posterior, low: float, high: float) -> None:
+        n = N_LOAD_DRAWS if fit.model.offsets is not None else len(fit.draws)
+        n //= 1 if fit.noise.tail == "normal" else 2
+        self.fit = fit
+        self._loads = PosteriorLoads.of(fit, n, "simulation")
+        self.df = self._loads.df
+        self._middle, self._half = 0.5 * (low + high), max(0.5 * (high - low), 1e-9)
+        self._nodes = self._middle + self._half * chebyshev.chebpts1(_N_NODE)
+        self._to_series = np.linalg.inv(
+            chebyshev.chebvander(chebyshev.chebpts1(_N_NODE), _N_NODE - 1)
+        )
+        # One offset a draw, the same at every texture: a normal and a t have no closed-form sum.
+        self._score = stream(fit.seed, "offset of a new texture").standard_normal(self.n_draw)
+        self._series: dict[int, tuple[Series, Series]] = {}
+        self._check_scale_law()
+
+    @property
+    def n_draw(self) -> int:
+        """Draws."""
+        return len(self._loads.theta)
+
+    def score(self, z: FloatArray, which: IntArray) -> FloatArray:
+        """Return errors of draws, in scales, at standard normal scores."""
+        return z if self.df is None else special.stdtrit(self.df[which], special.ndtr(z))
+
+    def cdf(self, t: FloatArray, which: IntArray) -> FloatArray:
+        """Return the share of errors up to t, in scales."""
+        return special.ndtr(t) if self.df is None else special.stdtr(self.df[which], t)
+
+    def series(self, count: int) -> tuple[Series, Series]:
+        """Return the series in a/pitch of location and scale at a pitch of 1."""
+        if count not in self._series:
+            at_nodes = [self._at((x, 1 - x), count) for x in self._nodes.tolist()]
+            self._series[count] = self._fitted(*(np.stack(one) for one in zip(*at_nodes)))  # noqa: B905
+        return self._series[count]
+
+    def at(
+        self, count: int, which: IntArray | slice, ratio: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return location and scale of draws at a pitch of 1, each at its own a/pitch, (n,)."""
+        x = (ratio - self._middle) / self._half
+        location, scale = (_evaluate(one[:, which], x) for one in self.series(count))
+        return np.nan_to_num(location, nan=np.inf), np.maximum(scale, _FLAT)
+
+    def at_calibrated(self, texture: Texture, count: int) -> tuple[FloatArray, FloatArray]:
+        """Return location and scale at a texture that was calibrated on, shape (n_draw,)."""
+        location, scale = self._loads.log_load(texture, np.array([count]), 0.5, "simulation")
+        return location[:, 0], np.array(scale[:, 0])
+
+    def _at(self, texture: Texture, count: int) -> tuple[FloatArray, FloatArray]:
+        Q = np.array([count])
+        # A power law says of a new texture what its prior does: the same draw at all of them.
+        shown = (0.5, 0.5) if isinstance(self.fit.form, PowerLaw) else texture
+        location = np.log(self._loads.load(shown, Q, 0.5)[:, 0])
+        sigma = self._loads.theta[:, self.fit.model.n_coefficient]
+        if self._loads.offsets is None:
+            return location, sigma
+        offset, variance = (one[:, 0] for one in self._loads.offsets.at(texture, Q))
+        if self.df is None:
+            return location + offset, np.sqrt(sigma**2 + variance)
+        return location + offset + np.sqrt(variance) * self._score, sigma
+
+    def _fitted(self, location: FloatArray, scale: FloatArray) -> tuple[Series, Series]:
+        both = []
+        for values in (location, scale):
+            with np.errstate(invalid="ignore"):
+                flat = np.ptp(values, axis=0).max() < _FLAT
+            both.append(values[:1] if flat else self._to_series @ values)
+        return both[0], both[1]
+
+    def _check_scale_law(self) -> None:
+        form, Q = self.fit.form, np.array([4, 6])
+        if isinstance(form, PowerLaw):
+            return
+        x = float(self._nodes[0])
+        load = partial(self._loads.load, Q=Q, nu=0.5)
+        twice = load(texture=(2 * x, 2 - 2 * x)) / load(texture=(x, 1 - x))
+        if not np.allclose(twice[np.isfinite(twice)], 4):
+            raise InputError(
+                f"{form.name}: expected loads that go with the square of the pitch, got others"
+            )
+
+
+def _evaluate(series: Series, x: FloatArray) -> FloatArray:
+    """Return Chebyshev series of draws, each at its own x, shape (n,)."""
+    if len(series) == 1:
+        return series[0]
+    with np.errstate(invalid="ignore"):
+        if np.ndim(x) == 0:
+            return chebyshev.chebvander(x, len(series) - 1).ravel() @ series
+        last, value, twice = np.zeros_like(x), series[-1].copy(), 2 * x
+        for one in series[-2:0:-1]:  # Clenshaw
+            last, value = value, one + twice * value - last
+        return series[0] + x * value - last

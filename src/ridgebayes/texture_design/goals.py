@@ -1,0 +1,283 @@
+"""Goals as text: what counts a texture has to reach, and how surely.
+
+| text | |
+|---|---|
+| ``P(Q >= 8) >= 0.95`` | also ``>``, ``<``, ``<=``, ``=``, ``6 <= Q <= 10`` |
+| ``P(Q >= 12) <= 5 %`` | the same as ``P(Q < 12) >= 95 %`` |
+| ``P(Q >= 8 at p/E = 0.004:0.02:5) >= 0.95`` | at the worst of five loads |
+| ``P(Q = 8 at every p/E = 0.009:0.01:3) >= 0.9`` | at all of them together |
+| ``P(Q(0.004) < 8 <= Q(0.01)) >= 0.9`` | a switch; ``Q(50 %)``: at half the largest load |
+| ``sd(Q) <= 1`` | a bound on the spread |
+
+Several goals have ``and`` or ``;`` between them. Without a load a goal is at the scene's largest.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+from ridgebayes.errors import InputError
+from ridgebayes.runtime.text import clipped
+from ridgebayes.table.columns import LARGEST_LOAD
+
+_USAGE = (
+    "such as 'P(Q >= 8) >= 0.95', 'P(6 <= Q <= 10 at p/E = 0.01) >= 90 %', "
+    "'P(Q(0.004) < 8 <= Q(0.01)) >= 0.9' or 'sd(Q) <= 1', with 'and' between several"
+)
+_NUMBER = r"[0-9.]+(?:e[+-]?[0-9]+)?"
+_AT = r"(?P<at>at\b.*)?"
+_PROBABILITY = re.compile(
+    rf"p\s*\((?P<event>(?:[^()]|\([^()]*\))*?){_AT}\)\s*(?P<op>>=|<=)\s*(?P<level>{_NUMBER})"
+    r"\s*(?P<percent>%?)",
+    re.IGNORECASE,
+)
+_SPREAD = re.compile(rf"sd\s*\(\s*q\s*{_AT}\)\s*(?P<op><=)\s*(?P<level>{_NUMBER})", re.IGNORECASE)
+_LOADS = re.compile(r"at\s+(?P<rule>every|worst)?\s*(?:p/E\s*=)?\s*(?P<loads>\S.*)", re.IGNORECASE)
+_Q = re.compile(r"q(?:\s*\((?P<load>[^()]+)\))?", re.IGNORECASE)
+_FLIPPED = {"<": ">", "<=": ">=", "=": "=", ">": "<", ">=": "<="}
+_MOST_LOADS, _MOST_COUNT = 1_000, 2_000
+
+
+@dataclass(frozen=True)
+class Load:
+    """A load: p/E, or a share of the scene's largest load, which may be uncertain.
+
+    Parameters
+    ----------
+    value : float
+        Above 0.
+    is_share : bool, optional
+        Whether it is a share.
+    """
+
+    value: float
+    is_share: bool = False
+
+    def p_over_E(self, largest: FloatArray) -> FloatArray:
+        """Return p/E for each largest load."""
+        return self.value * largest if self.is_share else np.full(np.shape(largest), self.value)
+
+    def __str__(self) -> str:
+        return f"{100 * self.value:g} %" if self.is_share else f"{self.value:g}"
+
+
+LARGEST = Load(1.0, is_share=True)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One event: Q reaches counts at some loads, and stays below counts at others.
+
+    Parameters
+    ----------
+    at_least, below : tuple of (int, Load)
+        Even counts.
+    """
+
+    at_least: tuple[tuple[int, Load], ...] = ()
+    below: tuple[tuple[int, Load], ...] = ()
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Its loads, each once."""
+        return tuple(dict.fromkeys(load for _, load in (*self.at_least, *self.below)))
+
+    def excludes(self, other: "Case") -> bool:
+        """Return whether it and another can never both happen: Q never falls as the load rises."""
+        return any(
+            n >= m and low.is_share == high.is_share and low.value <= high.value
+            for one, two in permutations((self, other))
+            for n, low in one.at_least
+            for m, high in two.below
+        )
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A bound on a probability, or on the standard deviation of Q.
+
+    Parameters
+    ----------
+    text : str
+        As it was written.
+    cases : tuple of Case
+        Events, the worst of which counts; of a spread each names one load.
+    level : float
+        The bound.
+    is_spread : bool, optional
+        Whether it is an upper bound on the standard deviation of Q.
+    """
+
+    text: str
+    cases: tuple[Case, ...]
+    level: float
+    is_spread: bool = False
+
+    def margin(self, value: float) -> float:
+        """Return how far a value is on the right side; of a spread as a share of its bound."""
+        return 1 - value / self.level if self.is_spread else value - self.level
+
+
+def parse_goals(text: str | Sequence[str], loads: Sequence[Load] = (LARGEST,)) -> tuple[Goal, ...]:
+    """Return the goals that a text, or several, stand for.
+
+    Parameters
+    ----------
+    text : str or sequence of str
+        See the table above.
+    loads : sequence of Load, optional
+        Of goals that name none.
+
+    Raises
+    ------
+    InputError
+        If a goal does not parse, cannot be, or contradicts another.
+
+    Examples
+    --------
+    >>> goal, = parse_goals("P(6 <= Q <= 10 at p/E = 0.01) >= 95 %")
+    >>> goal.cases, goal.level
+    ((Case(at_least=((6, Load(value=0.01, is_share=False)),), below=((12, Load(value=0.01, \
+is_share=False)),)),), 0.95)
+    """
+    texts = [text] if isinstance(text, str) else list(text)
+    parts = [part for one in texts for part in re.split(r";|\band\b", _plain(one))]
+    goals = tuple(_goal(part.strip(), tuple(loads)) for part in parts)
+    for one, other in permutations(goals, 2):
+        _refuse_contradiction(one, other)
+    return goals
+
+
+def _plain(text: object) -> str:
+    if not isinstance(text, str):
+        raise InputError(f"goal: expected a text {_USAGE}, got {text!r}")
+    for sign, plain in {"≥": ">=", "≤": "<=", "==": "=", "&": ";"}.items():
+        text = text.replace(sign, plain)
+    return text
+
+
+def _goal(text: str, loads: tuple[Load, ...]) -> Goal:
+    where = f"goal {clipped(text)}"
+    found = _PROBABILITY.fullmatch(text) or _SPREAD.fullmatch(text)
+    if found is None:
+        raise InputError(f"{where}: expected one {_USAGE}")
+    parts = found.groupdict()
+    rule = "worst"
+    has_own = parts["at"] is not None
+    if has_own:
+        words = _LOADS.fullmatch(parts["at"].strip())
+        if words is None:
+            raise InputError(f"{where}: expected loads as 'at p/E = 0.01' or LO:HI:N")
+        rule, loads = (words["rule"] or "worst").lower(), read_loads(words["loads"], where)
+    try:
+        level = float(parts["level"]) / (100 if parts.get("percent") else 1)
+    except ValueError:
+        raise InputError(f"{where}: expected a number as its bound") from None
+    if "event" not in parts:
+        if not 0 < level < math.inf:
+            raise InputError(f"{where}: expected a bound above 0")
+        cases = tuple(Case(((2, load),)) for load in loads)
+        return Goal(text, cases, level, is_spread=True)
+    if not 0 < level < 1:
+        raise InputError(f"{where}: expected a probability between 0 and 1, got {level:g}")
+    cases = tuple(_event(parts["event"], load, has_own, where) for load in loads)
+    if parts["op"] == "<=":
+        cases, level = tuple(_complement(case, where) for case in cases), 1 - level
+    if rule == "every":
+        cases = (Case(*(sum((getattr(c, k) for c in cases), ()) for k in ("at_least", "below"))),)
+    for case in cases:
+        if case.excludes(case):
+            raise InputError(f"{where}: no count can be so; Q never falls as the load rises")
+    return Goal(text, tuple(dict.fromkeys(cases)), level)
+
+
+def _event(text: str, load: Load, has_own: bool, where: str) -> Case:
+    """Return the event of one load, or of the loads in brackets behind Q."""
+    terms = [part.strip() for part in re.split(r"(<=|>=|=|<|>)", text)]
+    if len(terms) not in (3, 5):
+        raise InputError(f"{where}: expected an event {_USAGE}")
+    at_least, below = [], []
+    for left, op, right in (terms[i : i + 3] for i in range(0, len(terms) - 2, 2)):
+        found = [_Q.fullmatch(term) for term in (left, right)]
+        if (found[0] is None) == (found[1] is None):
+            raise InputError(
+                f"{where}: expected Q on one side of each {op!r}, a count on the other"
+            )
+        count, match = (right, found[0]) if found[0] else (left, found[1])
+        assert match is not None
+        here = load
+        if match["load"] is not None:
+            if has_own:
+                raise InputError(f"{where}: expected Q(load) or 'at p/E = ..', got both")
+            here = _load(match["load"], where)
+        low, high = _bounds(count, op if found[0] else _FLIPPED[op], where)
+        at_least += [] if low is None else [(low, here)]
+        below += [] if high is None else [(high, here)]
+    return Case(tuple(at_least), tuple(below))
+
+
+def _complement(case: Case, where: str) -> Case:
+    if len(case.at_least) + len(case.below) > 1:
+        raise InputError(f"{where}: expected >= after a probability of more than one bound, got <=")
+    return Case(case.below, case.at_least)
+
+
+def _bounds(text: str, op: str, where: str) -> tuple[int | None, int | None]:
+    """Return the even counts that Q must reach, and stay below."""
+    if not text.isdecimal() or not 0 < int(text) <= _MOST_COUNT:
+        raise InputError(f"{where}: expected a whole count from 1 to {_MOST_COUNT}, got {text!r}")
+    n = int(text)
+    if op == "=" and n % 2:
+        raise InputError(f"{where}: Q is even; expected an even count, got {n}")
+    up, above = 2 * -(-n // 2), 2 * (n // 2) + 2  # the even counts from n on, and beyond n
+    low = {">=": up, ">": above, "=": n}.get(op)
+    high = {"<": up, "<=": above, "=": n + 2}.get(op)
+    if high is not None and high <= 2:
+        raise InputError(f"{where}: no count can be so; Q is 2 at least")
+    return low, high
+
+
+def read_loads(text: str, where: str) -> tuple[Load, ...]:
+    """Return one load, or those of LO:HI:N, evenly spaced, or log:LO:HI:N."""
+    is_log, parts = text.startswith("log:"), text.removeprefix("log:").split(":")
+    if len(parts) == 1 and not is_log:
+        return (_load(text, where),)
+    ends = [_load(part, where) for part in parts[:2]]
+    n = int(parts[2]) if len(parts) == 3 and parts[2].strip().isdecimal() else 0
+    low, high = ends[0], ends[-1]
+    if not 1 <= n <= _MOST_LOADS or low.is_share != high.is_share or low.value > high.value:
+        raise InputError(f"{where}: {text!r}: expected LO:HI:N with LO <= HI and N >= 1")
+    spaced = (np.geomspace if is_log else np.linspace)(low.value, high.value, n)
+    return tuple(Load(value, low.is_share) for value in spaced.tolist())
+
+
+def _load(text: str, where: str) -> Load:
+    text = text.strip()
+    is_share = text.endswith("%")
+    try:
+        value = float(text.removesuffix("%")) / (100 if is_share else 1)
+    except ValueError:
+        value = math.nan
+    if not 0 < value <= (1 if is_share else LARGEST_LOAD):
+        raise InputError(
+            f"{where}: expected a load p/E above 0, or a share such as 50 % of the scene's "
+            f"largest load, got {clipped(text)}"
+        )
+    return Load(value, is_share)
+
+
+def _refuse_contradiction(one: Goal, other: Goal) -> None:
+    """Refuse goals on events that exclude each other and are wanted with more than 1 in all."""
+    if one.is_spread or other.is_spread or one.level + other.level <= 1:
+        return
+    for case in one.cases:
+        if any(case.excludes(rival) for rival in other.cases):
+            raise InputError(
+                f"goal: {clipped(one.text)} and {clipped(other.text)} contradict each other: "
+                "the two events exclude each other, and their probabilities would exceed 1"
+            )

@@ -1,0 +1,114 @@
+"""Which texture to simulate next: where one more load tells two forms apart the best."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from ridgebayes._types import FloatArray
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.predict.extrapolation import CalibratedRange
+from ridgebayes.runtime.randomness import stream
+from ridgebayes.texture_design.drawn_loads import DrawnLoads
+
+_N, _MOST_TEXTURES, _MOST_COUNT = 256, 64, 40
+_COLUMNS = ["a_over_R", "b_over_R", "Q", "p_over_E", "information", "form_a", "form_b"]
+Form = Sequence[tuple[Posterior, float]]  # its posteriors and their weights
+
+
+def next_simulation(forms: Sequence[Form], textures: Sequence[Texture], seed: int) -> pd.DataFrame:
+    """Return textures by how much one more load of them tells two forms apart.
+
+    Parameters
+    ----------
+    forms : sequence of Form
+        The two leading forms.
+    textures : sequence of (float, float)
+        Candidates; at most 64, evenly taken, are looked at.
+    seed : int
+        Seed.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns a_over_R, b_over_R, Q (the highest count whose load was calibrated), p_over_E (its
+        median load), information (expected, in nats, of which form is right where both are as
+        probable; ln 2 settles it), form_a, form_b; the best first.
+
+    Notes
+    -----
+    Nested Monte Carlo: loads are drawn from each form, and their densities under both forms are
+    averages over draws of coefficients.
+    """
+    if len(forms) < 2 or not textures:
+        return pd.DataFrame(columns=_COLUMNS)
+    names = [form[0][0].form.name for form in forms]
+    chosen = [textures[i] for i in np.linspace(0, len(textures) - 1, _MOST_TEXTURES).astype(int)]
+    chosen = list(dict.fromkeys(chosen))
+    ratios = [a / (a + b) for a, b in chosen]
+    parts = [
+        [(DrawnLoads(fit, min(ratios), max(ratios)), weight) for fit, weight in form]
+        for form in forms
+    ]
+    ranges = [CalibratedRange.of(form[0][0]) for form in forms]
+    most = min(one.load_max for one in ranges)
+    most_count = min(_MOST_COUNT, *(one.Q_max for one in ranges))
+    rows = []
+    for a, b in chosen:
+        count, load = _count_within(parts[0][0][0], (a, b), most, most_count)
+        drawn = [_log_loads(form, (a, b), count) for form in parts]
+        rng = stream(seed, "next simulation")
+        gained = _information(drawn, rng)
+        rows.append((a, b, count, load, gained, *names))
+    frame = pd.DataFrame(rows, columns=_COLUMNS)
+    return frame.sort_values("information", ascending=False, kind="stable", ignore_index=True)
+
+
+def _count_within(
+    loads: DrawnLoads, texture: Texture, most: float, most_count: int
+) -> tuple[int, float]:
+    """Return the highest count whose median load was calibrated, 4 at least, and that load."""
+    a, b = texture
+    found = 4, 0.0
+    for count in range(4, most_count + 2, 2):
+        location, _ = loads.at(count, slice(None), np.asarray(a / (a + b)))
+        load = float(np.exp(np.median(location))) * (a + b) ** 2
+        if count > 4 and load > most:
+            break
+        found = count, load
+    return found
+
+
+def _log_loads(
+    form: Sequence[tuple[DrawnLoads, float]], texture: Texture, count: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return location and scale of some draws of a form, shared out by its error models."""
+    a, b = texture
+    total, parts = sum(weight for _, weight in form), []
+    for loads, weight in form:
+        which = np.linspace(0, loads.n_draw - 1, max(round(_N * weight / total), 1)).astype(int)
+        location, scale = loads.at(count, which, np.asarray(a / (a + b)))
+        parts.append((location, np.broadcast_to(scale, location.shape)))
+    location, scale = (np.concatenate(one) for one in zip(*parts, strict=True))
+    kept = np.isfinite(location)
+    return location[kept], scale[kept]
+
+
+def _information(forms: Sequence[tuple[FloatArray, FloatArray]], rng: np.random.Generator) -> float:
+    """Return the expected information on which of two mixtures of normals a value is of."""
+    gained = 0.0
+    for i, (location, scale) in enumerate(forms):
+        y = location + scale * rng.standard_normal(len(location))
+        densities = np.stack([_log_density(y, *form) for form in forms])
+        mixture = special.logsumexp(densities, axis=0) - np.log(2)
+        gained += 0.5 * float(np.mean(densities[i] - mixture))
+    return max(gained, 0.0)
+
+
+def _log_density(y: FloatArray, location: FloatArray, scale: FloatArray) -> FloatArray:
+    z = (y[:, None] - location) / scale
+    log_terms = -0.5 * z * z - np.log(scale) - 0.5 * np.log(2 * np.pi)
+    found: FloatArray = special.logsumexp(log_terms, axis=1) - np.log(len(location))
+    return found

@@ -1,0 +1,232 @@
+"""Where the uncertainty of a design comes from: Sobol's indices, and what knowing more would do.
+
+Sources are independent groups. Everything of a draw is a function of them: form and error model
+from a uniform number each, coefficients from a third, which picks a draw of that posterior in the
+order of its loads; the error of a load from a normal score; the body, the load and the widths from
+the scene. Values that a scene correlates are one group.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.runtime.randomness import stream
+from ridgebayes.scene.scene import Scene
+from ridgebayes.texture_design.bodies import Bodies, Tolerance
+from ridgebayes.texture_design.drawn_loads import DrawnLoads
+from ridgebayes.texture_design.goal_values import Part, PlacedPart, Value
+
+FORM, NOISE, COEFFICIENTS = "form", "error model", "coefficients"
+SIMULATION = "a simulation of this texture"
+_GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}
+_N, _N_BLOCK = 2**14, 16
+_N_OUTER, _N_INNER = 128, 256
+_PROB = (0.05, 0.95)
+Draws = Mapping[str, FloatArray]  # by source; the last axis is that of the draws
+
+
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """All that one texture's counts depend on, as independent sources.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    tolerance : Tolerance
+        Of the widths.
+    loads : sequence of (DrawnLoads, float)
+        Of posteriors, with their weights.
+    texture : (float, float)
+        The texture.
+    value : Value
+        Of the goal there: its case and corner are looked at.
+    """
+
+    scene: Scene
+    tolerance: Tolerance
+    loads: Sequence[tuple[DrawnLoads, float]]
+    texture: Texture
+    value: Value
+
+    def draw(self, n: int, seed: int) -> dict[str, FloatArray]:
+        """Return n draws of each source."""
+        found: dict[str, FloatArray] = {}
+        if self.scene.uncertain is not None:
+            found |= self.scene.uncertain.draw(n, seed)
+        if self.tolerance.size and not self.tolerance.is_worst:
+            found["tolerance"] = stream(seed, "tolerance").standard_normal((2, n))
+        for name in (FORM, NOISE, COEFFICIENTS):
+            found[name] = stream(seed, name).random(n)
+        return found | {"score": stream(seed, "score").standard_normal(n)}
+
+    @property
+    def groups(self) -> dict[str, list[str]]:
+        """Sources by group; groups that a scene correlates are one."""
+        places = {name: _GROUPS[name.partition(".")[0].partition("[")[0]] for name in self._places}
+        for one in self.scene.uncertain.joint if self.scene.uncertain is not None else ():
+            merged = " and ".join(dict.fromkeys(places[name] for name in one.of))
+            old = {places[name] for name in one.of}
+            places = {k: merged if v in old else v for k, v in places.items()}
+        if self.tolerance.size and not self.tolerance.is_worst:
+            places["tolerance"] = "tolerance"
+        places |= {COEFFICIENTS: COEFFICIENTS}
+        if len({own.fit.form.name for own, _ in self.loads}) > 1:
+            places |= {FORM: FORM}
+        places |= {NOISE: NOISE, "score": NOISE}
+        return {
+            group: [name for name, of in places.items() if of == group]
+            for group in dict.fromkeys(places.values())
+        }
+
+    @property
+    def measurable(self) -> dict[str, list[str]]:
+        """Sources that could be known better, by what to measure."""
+        joint = () if self.scene.uncertain is None else self.scene.uncertain.joint
+        found = {", ".join(one.of): list(one.of) for one in joint}
+        taken = {name for one in joint for name in one.of}
+        found |= {name: [name] for name in self._places if name not in taken}
+        if "tolerance" in self.groups and self.tolerance.size:
+            found["tolerance"] = ["tolerance"]
+        return found | {SIMULATION: [FORM, NOISE, COEFFICIENTS, "score"]}
+
+    def outcome(self, draws: Draws) -> tuple[FloatArray, FloatArray]:
+        """Return Q at the case's highest load, and whether the case fails, both (n,)."""
+        highest = max(self.value.case.loads, key=lambda load: (load.is_share, load.value))
+        Q, failed = np.full(len(draws["score"]), 2.0), np.zeros(len(draws["score"]))
+        for here, which, placed, own in self._placed(draws):
+            error = own.score(draws["score"][here], which)
+            low, high = placed.window(self.value.case)
+            met = np.ones(len(which), dtype=bool)
+            met &= True if high is None else error <= high
+            met &= True if low is None else error > low
+            failed[here], count, alive = ~met, 4, np.ones(len(which), dtype=bool)
+            reached = np.full(len(which), 2.0)
+            while alive.any():
+                alive &= error <= placed.threshold(count, highest)
+                reached += 2 * alive
+                count += 2
+            Q[here] = reached
+        return Q, failed
+
+    def probability(self, draws: Draws) -> FloatArray:
+        """Return the probability of the case of each draw, its error left open, shape (n,)."""
+        found = np.empty(len(draws["score"]))
+        for here, _, placed, _ in self._placed(draws):
+            found[here] = placed.probability(self.value.case)
+        return found
+
+    @property
+    def _places(self) -> list[str]:
+        if self.scene.uncertain is None:
+            return []
+        joint = [name for one in self.scene.uncertain.joint for name in one.of]
+        return list(dict.fromkeys([*self.scene.uncertain.sources, *joint]))
+
+    def _placed(self, draws: Draws) -> list[tuple[BoolArray, IntArray, PlacedPart, DrawnLoads]]:
+        """Return draws of each posterior, at the texture."""
+        n = len(draws["score"])
+        bodies = Bodies.draw(self.scene, self.tolerance, n, 0, draws)
+        forms = np.array([own.fit.form.name for own, _ in self.loads])
+        weights = np.array([weight for _, weight in self.loads])
+        names = list(dict.fromkeys(forms))
+        by_form = np.array([weights[forms == name].sum() for name in names])
+        form = np.searchsorted(np.cumsum(by_form / by_form.sum())[:-1], draws[FORM], side="right")
+        found = []
+        for i, name in enumerate(names):
+            own = np.flatnonzero(forms == name)
+            ends = np.cumsum(weights[own] / weights[own].sum())[:-1]
+            noise = np.searchsorted(ends, draws[NOISE], side="right")
+            for k, j in enumerate(own.tolist()):
+                here = (form == i) & (noise == k)
+                if not here.any():
+                    continue
+                loads = self.loads[j][0]
+                place = (draws[COEFFICIENTS][here] * loads.n_draw).astype(np.int64)
+                which = self._order(loads)[place]
+                part = Part(loads, 1.0, which, bodies.some(here))
+                found.append(
+                    (here, which, PlacedPart(part, *self.texture, self.value.corner), loads)
+                )
+        return found
+
+    def _order(self, loads: DrawnLoads) -> IntArray:
+        """Return a posterior's draws in the order of their loads: alike under all forms."""
+        a, b = self.texture
+        case = self.value.case
+        count = max([4, *(n for n, _ in (*case.at_least, *case.below))])
+        ratio = np.asarray(a / (a + b))
+        return np.argsort(loads.at(count, slice(None), ratio)[0], kind="stable")
+
+
+def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
+    """Return the share of each group in the variance of Q, and of failure.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns of, source, first_order (alone), total_order (with all its interactions), and their
+        standard errors. No rows of what does not vary.
+    """
+    groups = sources.groups
+    one, other = (sources.draw(_N, seed_of_draws) for seed_of_draws in (seed, seed + 1))
+    mixed = [one | {name: other[name] for name in names} for names in groups.values()]
+    # Shape (output, draw) each.
+    f_A, f_B, *f_AB = (np.stack(sources.outcome(draws)) for draws in (one, other, *mixed))
+    rows = []
+    for i, output in enumerate(("Q", "failure")):
+        values = {"f_A": f_A[i : i + 1], "f_B": f_B[i : i + 1]}
+        values["f_AB"] = np.stack(f_AB)[:, i : i + 1]
+        first, total = _indices(values)
+        blocks = [
+            _indices({k: v[..., start::_N_BLOCK] for k, v in values.items()})
+            for start in range(_N_BLOCK)
+        ]
+        se = np.std(blocks, axis=0, ddof=1) / np.sqrt(_N_BLOCK)
+        for j, name in enumerate(groups):
+            if np.isfinite(first[j]):
+                rows.append((output, name, first[j], se[0, j], total[j], se[1, j]))
+    names = ["of", "source", "first_order", "first_order_se", "total_order", "total_order_se"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def _indices(values: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return first and total orders, shape (group,) each; NaN where nothing varies."""
+    if not np.ptp(np.concatenate([values["f_A"], values["f_B"]])):
+        return (np.full(len(values["f_AB"]), np.nan),) * 2
+    found = stats.sobol_indices(func=values, n=values["f_A"].shape[-1])
+    return np.ravel(found.first_order), np.ravel(found.total_order)
+
+
+def what_to_measure(sources: Sources, seed: int) -> pd.DataFrame:
+    """Return what the goal's probability would become if one source were known exactly.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns measure, resolved (share of the variance of whether the goal is met that goes, on
+        average) and probability_low, probability_high (90 % interval of what the probability
+        would become), the most telling first.
+    """
+    rows = []
+    n = _N_OUTER * _N_INNER
+    for k, (name, members) in enumerate(sources.measurable.items()):
+        draws, known = sources.draw(n, seed + 2 + 2 * k), sources.draw(_N_OUTER, seed + 3 + 2 * k)
+        draws |= {one: np.repeat(known[one], _N_INNER, axis=-1) for one in members}
+        met = 1 - sources.outcome(draws)[1] if name == SIMULATION else sources.probability(draws)
+        within = met.reshape(_N_OUTER, _N_INNER)
+        share = within.mean(axis=1)
+        total = share.mean() * (1 - share.mean())
+        noise = within.var(axis=1, ddof=1).mean() / _N_INNER
+        resolved = (share.var(ddof=1) - noise) / total if total else 0.0
+        low, high = np.quantile(share, _PROB)
+        rows.append((name, min(max(resolved, 0.0), 1.0), low, high))
+    frame = pd.DataFrame(
+        rows, columns=["measure", "resolved", "probability_low", "probability_high"]
+    )
+    return frame.sort_values("resolved", ascending=False, kind="stable", ignore_index=True)
