@@ -67,6 +67,8 @@ class Fit(Posterior, Predictive, Tabular):
         What drew it: ``emcee``, ``importance`` or ``exact``.
     evidence : LogEvidence, optional
         Evidence that importance sampling found with the draws; a fit read from a file has none.
+    log_likelihood : ndarray of float, shape (n_draw, n_obs), optional
+        Of each row at `draws`, where it was worked out for scores.
     error_model_weights : dict of str to float, optional
         Posterior probability of each error model that predictions are averaged over.
     others : dict of str to Posterior, optional

@@ -151,14 +151,27 @@ def test_coverage__names_failed_textures_and_counts_the_rest(quick, monkeypatch)
     assert shown[["n", "n_texture"]].iloc[0].tolist() == [8, 2]
 
 
-def test_coverage__of_brackets_and_failures_alone_is_not_a_number(quick, monkeypatch):
+def test_coverage__has_no_row_where_only_brackets_could_be_predicted():
     frame = simulated(2, 2, seed=1).frame
     none = rb.ContactTable.from_frame(frame.assign(p_over_E_lower=frame["p_over_E"] / 2))
-    monkeypatch.setattr(
-        Fold, "refit", lambda fold: (fit_at(simulated(3, 4, seed=1), "iid", [C, SIGMA]), None)
-    )
     shown = coverage(none, [Modified()], ["iid"], probs=[0.9])
-    assert shown[["n", "covered", "n_texture"]].iloc[0].tolist() == [0, 0, 0]
+    assert shown.columns.tolist() == COVERAGE_COLUMNS
+    assert shown.empty
+
+
+def test_coverage__of_textures_of_brackets_alone_is_not_a_number(monkeypatch):
+    frame, first = simulated(3, 2, seed=1).frame, simulated(3, 2, seed=1).frame["texture"].iloc[0]
+    lower = (frame["p_over_E"] / 2).where(frame["texture"] != first)
+    some = rb.ContactTable.from_frame(frame.assign(p_over_E_lower=lower))
+
+    def refit(fold):
+        if fold.data.is_exact[fold.left].any():
+            raise ComputationError("no mode")
+        return fit_at(simulated(3, 4, seed=1), "iid", [C, SIGMA]), None
+
+    monkeypatch.setattr(Fold, "refit", refit)
+    shown = coverage(some, [Modified()], ["iid"], probs=[0.9])
+    assert shown[["n", "covered", "n_texture", "n_failed"]].iloc[0].tolist() == [0, 0, 0, 1]
     assert shown[["share", "share_se", "mean_width"]].isna().all(axis=None)
 
 

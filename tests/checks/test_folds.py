@@ -110,6 +110,65 @@ def test_weighted__is_the_fit_of_the_rows_that_stay(rows):
         assert (np.abs(away) < 0.3 * fit.draws.std(axis=0)).all()
 
 
+@pytest.fixture(scope="module")
+def brackets(rows, observed):
+    """The same loads, each known to 2 %: shared offsets have no closed form."""
+    return observed(rows.texture, rows.Q, rows.log_load, log_lower=rows.log_load - 0.02)
+
+
+@pytest.mark.parametrize(("noise", "by_weights"), [("step", True), ("texture+step", False)])
+def test_folds__of_sampled_offsets_need_no_search_and_agree_with_one(
+    brackets, noise, by_weights, monkeypatch
+):
+    noise, effort = Noise.named(noise), QUICK | {"n_draw": 384, "n_point": 16}
+    model, enough = Model(brackets, Modified(), noise), effort | {"n_draw": 768}
+    full, _ = importance_posterior(model, seed=1, **enough)
+    assert full.converged
+    fold = folds_of(brackets, Fit.of(full), noise, effort=effort)[1]
+    anew, evidence = replace(fold, known=None).refit()
+    with monkeypatch.context() as patch:
+        patch.setattr("ridgebayes.inference.importance_sampling.fit_laplace", None)
+        found, near = fold.refit()
+        weighted = fold.weighted()
+    # Monte Carlo: four standard errors, and of means three of a hundred effective draws.
+    assert abs(near.value - evidence.value) < 4 * np.hypot(near.se, evidence.se)
+    assert (weighted is not None) == by_weights
+    for fit in [found] + ([weighted.posterior] if by_weights else []):
+        away = fit.draws.mean(axis=0) - anew.draws.mean(axis=0)
+        assert (np.abs(away) < 0.3 * anew.draws.std(axis=0)).all()
+        loads = [row_loads(one, brackets).interval(0.5)[0] for one in (fit, anew)]
+        np.testing.assert_allclose(*loads, rtol=0.01)  # Monte Carlo: a third of a load's sd
+    if by_weights:
+        density = np.exp(joint_log_densities(anew, brackets))
+        se = density.std() / density.mean() / np.sqrt(len(density))
+        off = weighted.log_score - np.log(density.mean())
+        assert abs(off) < 4 * np.hypot(se, weighted.log_score_se)
+
+
+def test_refit__searches_where_draws_lie_elsewhere(rows, observed):
+    astray = observed(rows.texture, rows.Q, rows.log_load + 0.05)
+    full, _ = importance_posterior(Model(astray, Modified(), IID), seed=1)
+    fold = folds_of(rows, Fit.of(full), IID, effort=QUICK)[0]
+    found, evidence = fold.refit()
+    anew, expected = replace(fold, known=None).refit()
+    assert evidence == expected
+    np.testing.assert_array_equal(found.draws, anew.draws)
+
+
+def test_refit__needs_no_rounds_where_a_coefficient_is_of_the_rows_left_out(rows, monkeypatch):
+    full, _ = importance_posterior(Model(rows, PowerLaw(), IID), seed=1)
+    fold = folds_of(rows, Fit.of(full), IID)[1]
+    anew, expected = replace(fold, known=None).refit()
+    with monkeypatch.context() as patch:
+        patch.setattr("ridgebayes.inference.importance_sampling.adapted", None)
+        found, evidence = fold.refit()
+    assert found.model.parameter_names == anew.model.parameter_names
+    # Monte Carlo: four standard errors, and of means three of a hundred effective draws.
+    assert abs(evidence.value - expected.value) < 4 * np.hypot(evidence.se, expected.se)
+    away = found.draws.mean(axis=0) - anew.draws.mean(axis=0)
+    assert (np.abs(away) < 0.3 * anew.draws.std(axis=0)).all()
+
+
 def test_weighted__is_none_where_draws_cannot_tell(rows, observed):
     loads = rows.log_load + np.where(rows.texture == 0, 0.5, 0.0)  # which c goes for
     astray = observed(rows.texture, rows.Q, loads)

@@ -139,13 +139,16 @@ def test_coverage__that_failed_somewhere_is_written_and_says_so(command, canned)
         (("--forms", "half-plane"), "circular"),
         (("nowhere.csv",), "nowhere.csv"),
         (("one.csv", "--workers", "1"), "expected rows of at least two"),
+        (("brackets.csv", "--workers", "1"), "got only brackets and counts"),
         (("--workers", "0"), "--workers"),
     ],
 )
 def test_coverage__refuses_bad_input_and_writes_nothing(command, words, expected):
     Path("one.csv").write_text("\n".join(ROWS.split("\n")[:3]))
+    rows = pd.read_csv("table.csv")
+    rows.assign(p_over_E_lower=rows["p_over_E"] / 2).to_csv("brackets.csv", index=False)
     said = command(*words)
     assert said.code == 2
     assert expected in said.err
     assert "Traceback" not in said.err
-    assert {path.name for path in Path().iterdir()} == {"one.csv", "table.csv"}
+    assert {path.name for path in Path().iterdir()} == {"brackets.csv", "one.csv", "table.csv"}

@@ -93,7 +93,8 @@ def coverage(
         model and probability. `share_se` takes whole textures as independent; it is 0 where all
         or no rows are covered, which does not mean that the share is known. `mean_width` is of
         the interval of log(p/E): 0.1 is some 10 % in load. `failed` names the textures whose fit
-        failed and says why; their rows are not counted. Fits that did not converge are.
+        failed and says why; their rows are not counted. Fits that did not converge are. Empty
+        where no row gives the load itself.
 
     Raises
     ------
@@ -119,6 +120,8 @@ def coverage(
         for name, form in zip(names, forms, strict=True)
         for noise in map(as_noise, Noise.every() if noises is None else noises)
     ]
+    if not data.is_exact.any():  # brackets and counts do not tell the load that a band would hold
+        return pd.DataFrame(columns=COVERAGE_COLUMNS)
     tasks = [(fold, tuple(probs)) for _, _, folds in groups for fold in folds]
     found = map_ordered(_predict_fold, tasks, executor, name=lambda task: task[0].full_name)
     rows = []

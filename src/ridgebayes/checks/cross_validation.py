@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -15,6 +15,7 @@ from ridgebayes.checks.folds import (
     Fold,
     clustered_se,
     folds_of,
+    has_exact_likelihood,
     log_likelihoods,
     row_crps,
 )
@@ -63,8 +64,8 @@ class CrossValidation:
         predictive density of the fold's rows, `log_score_se` its Monte Carlo error. `method`:
         ``weights``, the mean density over weighted draws given all rows; ``draws``, over draws of
         a fit without the fold's rows; ``evidences``, the evidence of all rows over that of the
-        rest, where offsets are sampled or the form has a coefficient for the left-out texture
-        alone. `status`: ``ok`` or what the fold's posterior lacks.
+        rest, where no likelihood without the offsets is exact or the form has a coefficient for the
+        left-out texture alone. `status`: ``ok`` or what the fold's posterior lacks.
     crps : ndarray of float, shape (n_obs,), dimensionless
         CRPS of log(p/E) of each row, in the table's order; NaN in brackets, in counts, and in folds
         that failed.
@@ -169,23 +170,17 @@ def cross_validate(
     refuse_circular(table, form.form if isinstance(form, Fit) else form)
     data, error_model, seed = Observations.from_table(table), as_noise(noise), seed_of(rng)
     folds = folds_of(data, form, error_model, leave=leave, seed=seed, effort=effort, priors=priors)
-    whole = None
-    if not all(_by_draws(fold) for fold in folds):
+    tasks, known = list(folds), folds[0].known
+    total: _Scores | str | None = None
+    by_evidences = not all(_by_draws(fold) for fold in folds)
+    if by_evidences and known is not None and known.evidence is not None and not known.failures:
+        total = _Scores(_NO_CRPS, None, "evidences", known.evidence, "ok")
+    elif by_evidences:
         own = int(stream(seed, folds[0].form.name, error_model.name, "all rows").integers(2**63))
         nothing = np.zeros(len(data), dtype=bool)
-        whole = Fold(
-            "all rows",
-            data,
-            nothing,
-            folds[0].form,
-            error_model,
-            own,
-            effort or {},
-            folds[0].priors,
-        )
-    tasks = folds if whole is None else [*folds, whole]
+        tasks.append(replace(folds[0], name="all rows", left=nothing, seed=own))
     found = list(map_ordered(_score_fold, tasks, executor, name=lambda fold: fold.full_name))
-    total = None if whole is None else found.pop()
+    total = found.pop() if len(tasks) > len(folds) else total
     crps = np.full(len(data), np.nan)
     records, failures = [], {}
     for fold, scores in zip(folds, found, strict=True):
@@ -316,13 +311,17 @@ def joint_log_densities(fit: Posterior, data: Observations) -> FloatArray:
     Raises
     ------
     InputError
-        If offsets are sampled, so that no likelihood without them is exact, or the rows that were
-        not fitted have a coefficient of their own.
+        If no likelihood without the offsets is exact, or the rows that were not fitted have a
+        coefficient of their own.
     """
     whole = Model(data, fit.form, fit.noise)
-    if whole.is_latent or whole.parameter_names != fit.model.parameter_names:
+    exact = has_exact_likelihood(whole)
+    if not exact or whole.parameter_names != fit.model.parameter_names:
         raise InputError(f"fit: expected closed-form offsets, no further coefficients, got {fit!r}")
     return log_likelihoods(whole, fit.draws) - log_likelihoods(fit.model, fit.draws)
+
+
+_NO_CRPS = np.empty(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,7 +338,7 @@ class _Scores:
 def _by_draws(fold: Fold) -> bool:
     whole = Model(fold.data, fold.form, fold.noise)
     rest = fold.data.take(~fold.left)
-    return not whole.is_latent and (
+    return has_exact_likelihood(whole) and (
         whole.parameter_names == Model(rest, fold.form, fold.noise).parameter_names
     )
 
@@ -360,7 +359,7 @@ def _score_fold(fold: Fold) -> _Scores | str:
             joint, method = _log_mean(joint_log_densities(fit, fold.data)), "draws"
     status = fit.convergence_failures[0] if fit.convergence_failures else "ok"
     if not fold.left.any():
-        return _Scores(np.empty(0), None, method, evidence, status)
+        return _Scores(_NO_CRPS, None, method, evidence, status)
     rng = stream(fold.seed, "draws of a CRPS")
     crps = row_crps(fit, fold.data.take(fold.left), rng)
     return _Scores(crps, joint, method, evidence, status)

@@ -1,7 +1,8 @@
 """Rows left out in turn: what a fold leaves out, and its posterior given the rest.
 
 Where the posterior given all rows is known, its draws are weighted by what the rows left out took
-from them; only where too few of them count is a fold fitted anew.
+from them; only where too few of them count, or their density is only estimated, is a fold fitted
+anew. Its draws come from a proposal fitted to that posterior then, as long as weights allow it.
 """
 
 import math
@@ -20,9 +21,12 @@ from ridgebayes.evidence.error_models import priors_of
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import K_MAX, pareto_smoothed
 from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.laplace import Laplace, fit_laplace
+from ridgebayes.inference.moves import Independence
+from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
+from ridgebayes.model.likelihood_latent import SampledOffsets
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
@@ -34,9 +38,9 @@ from ridgebayes.runtime.randomness import stream
 
 LEAVES = ("texture", "step", "row")
 # Less than `importance_posterior` takes by itself: a share of 41 rows asks for no second digit.
-EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 384}
+EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 384, "n_point": 32}
 N_CRPS = 10_240  # draws behind a CRPS; its standard error is about 1 % of a predictive sd
-_N_WEIGHTED, _N_RESAMPLED = 2_048, 1_024
+_N_WEIGHTED, _N_WEIGHTED_LATENT, _N_RESAMPLED = 2_048, 512, 1_024
 _LEAST_EFFECTIVE = 100  # weighted draws: a log score is then known to about 0.1
 _BATCH = 512  # draws at a time, so that memory stays bounded
 
@@ -47,25 +51,38 @@ class AllRows:
 
     Parameters
     ----------
-    coordinates : ndarray of float, shape (n_draw, n_coordinate)
-        Some of its draws; none where offsets are drawn with the parameters.
-    log_likelihood : ndarray of float, shape (n_draw,)
-        Of all rows.
+    coordinates : ndarray of float, shape (n_draw, n_parameter)
+        Some of its draws.
+    log_likelihood : ndarray of float, shape (n_draw,) or (0,)
+        Of all rows; nothing where it is only estimated.
     failures : tuple of str
         What it lacks of convergence.
+    evidence : LogEvidence or None
+        Its evidence, where importance sampling found one.
+    names : tuple of str
+        Parameters.
+    laplace : Laplace or None
+        Its normal approximation, where its draws may serve to fit a proposal.
     """
 
     coordinates: FloatArray
     log_likelihood: FloatArray
     failures: tuple[str, ...]
+    evidence: LogEvidence | None = None
+    names: tuple[str, ...] = ()
+    laplace: Laplace | None = None
 
     @classmethod
     def of(cls, posterior: Posterior) -> "AllRows":
-        """Take about two thousand draws, evenly."""
-        model, u = posterior.model, posterior.coordinates
-        u = u[:0] if model.is_latent else u[:: -(-len(u) // _N_WEIGHTED)]
-        log_likelihood = log_likelihoods(model, model.to_theta(u))
-        return cls(u, log_likelihood, posterior.convergence_failures)
+        """Take about two thousand draws, evenly; fewer where their density takes quadrature."""
+        model, u = posterior.model, posterior.coordinates[:, : posterior.model.n_parameter]
+        exact = has_exact_likelihood(model)
+        most = _N_WEIGHTED_LATENT if model.is_latent and exact else _N_WEIGHTED
+        u = u[:: -(-len(u) // most)]
+        log_likelihood = log_likelihoods(model, model.to_theta(u)) if exact else np.empty(0)
+        laplace = posterior.laplace if posterior.converged and not drawn_exactly(model) else None
+        failures, evidence = posterior.convergence_failures, posterior.evidence
+        return cls(u, log_likelihood, failures, evidence, model.parameter_names, laplace)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +145,18 @@ class Fold:
         """
         if self.left.all():
             raise ComputationError("no row is left to fit")
-        return importance_posterior(self._model(), seed=self.seed, **self.effort)
+        model, known = self._model(), self.known
+        if known is not None and known.laplace is not None:
+            u = known.coordinates[:, np.isin(known.names, model.parameter_names)]
+            laplace = known.laplace
+            if model.parameter_names != known.names:  # without coefficients of the rows left out
+                laplace = fit_laplace(model, near=model.to_theta(u.mean(axis=0)))
+            rng = stream(self.seed, "proposal")
+            near = Independence.fitted(laplace.whiten(u)[0], laplace.n_curved, rng)
+            found = importance_posterior(model, laplace, near, seed=self.seed, **self.effort)
+            if found[1].ok:
+                return found
+        return importance_posterior(model, seed=self.seed, **self.effort)
 
     def weighted(self) -> Weighted | None:
         """Return the posterior given the rows that stay, from draws given all; None if too few.
@@ -136,10 +164,10 @@ class Fold:
         A draw's weight is one over the density of the rows left out given the others. Their joint
         score is the mean of that density by these weights, whose tail is smoothed.
         """
-        if self.known is None or not len(self.known.coordinates) or self.left.all():
+        if self.known is None or not len(self.known.log_likelihood) or self.left.all():
             return None
         model = self._model()
-        if model.n_parameter != self.known.coordinates.shape[1]:
+        if model.parameter_names != self.known.names:
             return None  # a coefficient of the rows left out alone
         given_rest = log_likelihoods(model, model.to_theta(self.known.coordinates))
         log_weight, shape = pareto_smoothed(given_rest - self.known.log_likelihood)
@@ -153,7 +181,11 @@ class Fold:
         se = float(np.sqrt((weight**2) @ (density - mean) ** 2)) / mean
         ladder = np.cumsum(weight)
         middles = (np.arange(_N_RESAMPLED) + 0.5) / _N_RESAMPLED * ladder[-1]
-        u = self.known.coordinates[np.searchsorted(ladder, middles)][None, :, None]
+        u = self.known.coordinates[np.searchsorted(ladder, middles)]
+        if model.is_latent:
+            offsets = model.estimated(u, stream(self.seed, "offsets"), 1).latent
+            u = np.concatenate([u, offsets], axis=1)
+        u = u[None, :, None]
         ones = np.ones(model.n_coordinate + 1)
         chains = Chains(u, np.zeros(u.shape[:-1]), np.ones(1), ones, ())
         posterior = Posterior(model, chains, pd.DataFrame(), self.known.failures, self.seed)
@@ -215,6 +247,11 @@ def folds_of(
         left = codes == code
         folds.append(Fold(name, data, left, form, noise, own, effort or {}, replaced, known))
     return folds
+
+
+def has_exact_likelihood(model: Model) -> bool:
+    """Return whether `Model.log_likelihood` integrates shared offsets out exactly."""
+    return not isinstance(model.likelihood, SampledOffsets) or model.likelihood.is_product
 
 
 def log_likelihoods(model: Model, theta: FloatArray) -> FloatArray:

@@ -41,6 +41,11 @@ def command(asked: options.Coverage) -> Answer:
     ):
         known: dict[str, Any] = {"rng": asked.seed, "executor": executor}
         found = coverage(inputs.table, inputs.forms, models, progress=progress.stage, **known)
+        if found.empty:
+            raise InputError(
+                f"{inputs.table.where}: expected a row that gives the load itself, got only "
+                "brackets and counts; bands are not held against these"
+            )
         write_csv(found, partial / "coverage.csv")
         with progress.stage("figure"):
             save(plot_coverage(found), partial / "coverage")

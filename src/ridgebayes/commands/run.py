@@ -12,7 +12,7 @@ import pandas as pd
 from ridgebayes.checks.cost.measured import short_costs
 from ridgebayes.checks.coverage import coverage
 from ridgebayes.checks.cross_validation import left_out_scores
-from ridgebayes.checks.report_data import report_data
+from ridgebayes.checks.report_data import ReportData, report_data
 from ridgebayes.commands import BEGAN, options
 from ridgebayes.commands.answers import comparison_answer
 from ridgebayes.commands.pages import begin_figures, write_pages
@@ -176,8 +176,7 @@ def _add_left_out(
         shares = pd.DataFrame()
         probabilities, textures = comparison.probabilities, table.calibration.textures
         best = [comparison.fits[comparison.best]] if probabilities and len(textures) > 1 else []
-        # Brackets and counts do not tell the load that a band would hold.
-        if best and best[0].model.data.is_exact.any():
+        if best:
             noises = dict.fromkeys([noise, Noise()])  # and what independent rows promise
             shares = coverage(table, best, list(noises), rng=seed, executor=executor, priors=priors)
     return replace(comparison, left_out=scores, coverage=shares)
@@ -187,7 +186,7 @@ def _write(
     comparison: Comparison, folder: Path, progress: Progress, executor: Executor | None
 ) -> Optional["Gallery"]:
     """Write a comparison and its predictions; return its figures, which are begun meanwhile."""
-    data = submit_or_defer(executor, report_data, comparison)
+    data = submit_or_defer(executor, _shown, comparison)
     tables = submit_or_defer(executor, _predictions, comparison)
     begun = None
     with progress.stage("what the report shows"):
@@ -199,6 +198,11 @@ def _write(
     with progress.stage("files of posteriors"):
         write_comparison(comparison, folder, executor)
     return begun
+
+
+def _shown(comparison: Comparison) -> ReportData:
+    """Return what the report shows without the fits, which the caller has."""
+    return replace(report_data(comparison), comparison=replace(comparison, fits={}))
 
 
 def _predictions(comparison: Comparison) -> dict[str, pd.DataFrame]:

@@ -308,17 +308,23 @@ def _printed_fit(task: _PrintedFit) -> tuple[_Drawn | str, float]:
     """Draw and weigh, with the CPU seconds it took; an error is one form's, not the others'."""
     began = time.process_time()
     try:
-        drawn: _Drawn | str = _draw(task)
+        posterior, found = _draw(task)
+        if task.execution.scores:  # and for the fit's file, which is written elsewhere
+            posterior = posterior.with_log_likelihood()
+        drawn: _Drawn | str = posterior, found
     except ComputationError as error:
         drawn = str(error)
     return drawn, time.process_time() - began
 
 
 def _draw(task: _PrintedFit) -> _Drawn:
-    """Walk where the form counts; a negligible form, and any in a quick run, is only sampled."""
+    """Walk where the form counts; a negligible form, and any in a quick run, is only sampled.
+
+    So is one whose offsets are drawn beside the parameters: nothing walks over these.
+    """
     model, accuracy, found = task.model, task.execution.accuracy, task.candidate
-    laplace = found.laplace
-    if not drawn_exactly(model) and (task.is_negligible or not accuracy.walks):
+    laplace, walks = found.laplace, accuracy.walks and not task.model.is_latent
+    if not drawn_exactly(model) and (task.is_negligible or not walks):
         posterior, evidence = found.posterior, found.evidence
         if posterior is None or not (posterior.converged or task.is_negligible):
             posterior, evidence = importance_posterior(

@@ -94,7 +94,9 @@ def groups_of(fit: Posterior) -> dict[str, xr.Dataset]:
     if data.n_series > 1:
         groups["constant_data"]["series_index"] = (("row",), data.series)
     if log_density.size * len(data) <= LARGEST_LOG_LIKELIHOOD:
-        rows = fit.model.pointwise_log_likelihood(u.reshape(-1, n_coordinate))
+        rows = fit.log_likelihood
+        if rows is None:
+            rows = fit.model.pointwise_log_likelihood(u.reshape(-1, n_coordinate))
         rows = rows.reshape(*flat, len(data))
         groups["log_likelihood"] = xr.Dataset({"log_load": ((*_SAMPLE, "row"), rows)})
         if fit.model.offsets is not None:

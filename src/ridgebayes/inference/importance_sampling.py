@@ -18,7 +18,7 @@ from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import K_MAX, pareto_k
 from ridgebayes.inference.laplace import Laplace, fit_laplace
 from ridgebayes.inference.log_evidence import LogEvidence
-from ridgebayes.inference.moves import adapted, weighted
+from ridgebayes.inference.moves import Independence, adapted, weighted
 from ridgebayes.inference.posterior import Posterior, posterior_of
 from ridgebayes.model.likelihood_latent import Estimate
 from ridgebayes.model.model import Model
@@ -30,6 +30,7 @@ N_REPEAT = 4  # independent proposals
 def importance_posterior(
     model: Model,
     laplace: Laplace | None = None,
+    proposal: Independence | None = None,
     /,
     *,
     seed: int = 0,
@@ -46,6 +47,9 @@ def importance_posterior(
         Posterior.
     laplace : Laplace, optional
         Its normal approximation, with other modes searched for, where it is known.
+    proposal : Independence, optional
+        Proposal of all four in the coordinates of `laplace`, which may be those of a model that is
+        nearly this one: none is fitted then.
     seed : int, optional
         Seed.
     n_draw : int, optional
@@ -90,17 +94,20 @@ def importance_posterior(
         raise InputError(f"n_draw: expected a multiple of 128, got {n_draw}")
     if laplace is None:
         laplace = fit_laplace(model, search_others=True)
-    laplace = laplace.bound_to(model)
+    if proposal is None:
+        laplace = laplace.bound_to(model)
     modes = laplace.other_modes
     u, log_density, log_means, variances, shapes = [], [], [], [], []
     for repeat in range(N_REPEAT):
         rng = stream(seed, f"importance {repeat}")
-        few = laplace.whitened(_estimates(model, rng, max(n_point // 4, 1), []))
-        k = laplace.n_curved
-        proposal, _ = adapted(few, k, model.n_parameter - k, rng, n_round=n_round, n=n_per_round)
+        fitted = proposal
+        if fitted is None:
+            few = laplace.whitened(_estimates(model, rng, max(n_point // 4, 1), []))
+            k = laplace.n_curved
+            fitted, _ = adapted(few, k, model.n_parameter - k, rng, n_round=n_round, n=n_per_round)
         estimates: list[Estimate] = []
         many = laplace.whitened(_estimates(model, rng, n_point, estimates))
-        found = weighted(many, proposal, rng, n_draw)
+        found = weighted(many, fitted, rng, n_draw)
         log_means.append(found.log_mean)
         variances.append(found.relative.var() / n_draw)
         shapes.append(pareto_k(found.log_weight))

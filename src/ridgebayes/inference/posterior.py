@@ -1,8 +1,8 @@
 """The posterior of a model: draws with their diagnostics."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import pandas as pd
 
@@ -20,6 +20,7 @@ from ridgebayes.model.shared_offsets import OffsetsGiven
 
 N_TEXTURE_WALKED = 40  # a power law of more textures is drawn from exactly, without a walk
 SAMPLERS = ("emcee", "importance", "exact")
+_SMALL_LOG_LIKELIHOOD = 1_000_000  # numbers that go with draws from process to process
 N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
 
 
@@ -45,6 +46,8 @@ class Posterior:
         What drew it: ``emcee``, ``importance`` or ``exact``.
     evidence : LogEvidence, optional
         Evidence that importance sampling found with the draws; a posterior from a file has none.
+    log_likelihood : ndarray of float, shape (n_draw, n_obs), optional
+        Of each row at `draws`, where `with_log_likelihood` has worked it out.
     """
 
     model: Model
@@ -55,6 +58,7 @@ class Posterior:
     approximation: Laplace | None = field(default=None, repr=False)
     sampler: str = "emcee"
     evidence: LogEvidence | None = field(default=None, repr=False)
+    log_likelihood: FloatArray | None = field(default=None, repr=False)
     _kept: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -100,6 +104,13 @@ class Posterior:
     def coordinates(self) -> FloatArray:
         """The same draws in unconstrained coordinates, shape (n_draw, n_coordinate)."""
         return self.kept_chains.u.reshape(-1, self.model.n_coordinate)
+
+    def with_log_likelihood(self) -> Self:
+        """Return the same with the rows' log-likelihood, for scores and files, if it is small."""
+        if len(self.draws) * len(self.model.data) > _SMALL_LOG_LIKELIHOOD:
+            return self
+        rows = self.model.pointwise_log_likelihood(self.coordinates)
+        return replace(self, log_likelihood=rows)
 
     @cached_property
     def laplace(self) -> Laplace:

@@ -38,7 +38,7 @@ from ridgebayes.model.shared_offsets import Offsets, OffsetsGiven, SmoothOffsets
 from ridgebayes.model.tails import Tail
 
 _LOG_2PI = math.log(2 * math.pi)
-_PASSES = 3  # outliers' weights settle; what is left is the estimates' to correct
+_PASSES = 6  # outliers' weights settle; what is left is the estimates' to correct
 _STRETCH = 0.7  # a of sinh(a t) / a: tails that outliers need, for nodes and for points
 _NARROW = 1e-3  # least share of it
 _STEP, _HALF = 0.25, 24  # the one-dimensional rule: 49 nodes, to 47 sds
@@ -92,7 +92,7 @@ class SampledOffsets:
         self._design_next = Design(offsets.codes_next, offsets.n_level)
         self._one_code = bool(np.array_equal(offsets.codes, offsets.codes_next))
         independent = self._design.diagonal and not isinstance(offsets, SmoothOffsets)
-        self._is_product = independent and self._one_code
+        self.is_product = independent and self._one_code
         self.n_latent = offsets.n_level
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
@@ -101,7 +101,7 @@ class SampledOffsets:
         Shape (...), from (..., n_texture) and (..., n_noise). By the one-dimensional rule where it
         applies, else Laplace's approximation.
         """
-        if self._is_product:
+        if self.is_product:
             top, share = _shares(self._lines(log_rates, eta, 0.0)[2])
             return (top + np.log(share.sum(axis=-1))).sum(axis=-1)
         at_centre = np.zeros((*eta.shape[:-1], self.n_latent))
@@ -113,7 +113,7 @@ class SampledOffsets:
         """Estimate the likelihood at draws (n_draw, n_texture) and (n_draw, n_noise)."""
         per_point = len(self._rows.upper) + 2 * self.n_latent
         n_at_once = max(_CHUNK // (n_point * per_point), 1)
-        way = self._from_lines if self._is_product else self._from_points
+        way = self._from_lines if self.is_product else self._from_points
         parts = [
             way(log_rates[i : i + n_at_once], eta[i : i + n_at_once], rng, n_point)
             for i in range(0, len(eta), n_at_once)
@@ -233,18 +233,22 @@ class SampledOffsets:
         self, residual: FloatArray, eta: FloatArray, n_pass: int = _PASSES
     ) -> _Approximation:
         root = self._offsets.root(eta)
-        weight = 1 / self._rows.normal_variance(eta, self._tail)
-        given = given_rows(self._design, root, weight, residual)
         if not self._tail.parameter_names:
+            weight = 1 / self._rows.normal_variance(eta, self._tail)
+            given = given_rows(self._design, root, weight, residual)
             return _Approximation(root, given, weight, residual)
         _, extra = self._rows.centre
         own, df = eta[..., :1] ** 2 + self._rows.rel_se**2, eta[..., -1:]
-        for _ in range(n_pass):
+        loading = root.loading(self._design)
+        # A priori an outlier lies far off already: it never pulls at its neighbours.
+        square = residual * residual + (loading**2).sum(axis=-2)
+        for n_left in reversed(range(n_pass + 1)):
             # A t is a normal of unknown variance: this is its mean given what the residual may be.
-            left = residual - self._design.spread(root.times(given.mean))
-            square = left * left + given.variance(root.loading(self._design))
             weight = 1 / ((df * own + square) / (df + 1) + extra)
             given = given_rows(self._design, root, weight, residual)
+            if n_left:
+                left = residual - self._design.spread(root.times(given.mean))
+                square = left * left + given.variance(loading)
         return _Approximation(root, given, weight, residual)
 
     def _residual(self, log_rates: FloatArray) -> FloatArray:

@@ -6,8 +6,8 @@ Which likelihood serves depends on the rows and the error model:
   call costs O(textures) whatever the number of rows;
 - normal errors and shared offsets, exact rows: offsets are integrated out in closed form;
 - independent rows with Student errors, brackets or counts: row by row;
-- these with shared offsets: the integral over the offsets is estimated, and an offset is drawn with
-  it, in coordinates in which they are nearly standard normal (`is_latent`).
+- these with shared offsets: the integral over the offsets is estimated, and an offset is drawn
+  with it, in coordinates in which it is nearly standard normal (`is_latent`).
 """
 
 import math
