@@ -413,13 +413,13 @@ FILES = {
     "header only": (HEADER.encode() + b"\n", "no rows below the header"),
     "latin-1": (
         HEADER.encode() + b",source\n0.01,0.01,4,0.001,caf\xe9\n",
-        "not UTF-8 text: byte 0xe9 at position 57; save it as UTF-8",
+        "line 2: byte 0xe9 is not UTF-8; expected UTF-8",
     ),
     "utf-16": (
         (HEADER + "\n" + GOOD).encode("utf-16"),
-        "not UTF-8 text: byte 0xff at position 0; save it as UTF-8",
+        "line 1: a zero byte: not a text file, or not UTF-8",
     ),
-    "NUL": (b"a_over_R\x00", "NUL byte at position 8: not a CSV file"),
+    "NUL": (b"a_over_R\x00", "line 1: a zero byte: not a text file, or not UTF-8"),
     "missing column": (
         b"a_over_R,Q,p_over_E,note\n1,4,1,x\n",
         "header: missing column b_over_R; the columns are 'a_over_R', 'Q', 'p_over_E', 'note'",

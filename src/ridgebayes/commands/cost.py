@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
-from markupsafe import escape
 
 from ridgebayes.checks.cost.loads import load_settings
 from ridgebayes.checks.cost.measured import COST_COLUMNS, LEVELS, Setting, cheapest, measure, pareto
 from ridgebayes.checks.cost.posteriors import band_settings, evidence_settings, posterior_settings
 from ridgebayes.commands import options
-from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.commands.run_folder import new_folder, write_csv, write_page
 from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.drawing.costs import plot_cost
 from ridgebayes.drawing.style import save
@@ -131,9 +130,11 @@ def cost_job(
         frame["pareto"] = pareto(frame)
         with progress.stage("figures"):
             write_csv(frame, partial / COST_CSV)
-            for task in frame["task"].unique():
-                save(plot_cost(frame, task, LEVELS), partial / _figure_name(task))
-            write_text(_page(frame, request), partial / "cost.html")
+            tasks = frame["task"].unique()
+            figures = {task: f"cost-{task.replace(' ', '-')}" for task in tasks}
+            for task, name in figures.items():
+                save(plot_cost(frame, task, LEVELS), partial / name)
+            _write_page(frame, request, figures, partial / "cost.html")
     return frame
 
 
@@ -144,32 +145,18 @@ def _measured(task: tuple[str, CostRequest]) -> list[_Row]:
     return [row for one in settings for row in measure(one, repeats=asked.repeats)]
 
 
-def _figure_name(task: str) -> str:
-    return f"cost-{task.replace(' ', '-')}"
-
-
-def _page(frame: pd.DataFrame, request: CostRequest) -> str:
-    """Return a page: what reaches which error most cheaply, figures, and the table."""
-    table, texture = request.table, request.texture
-    machine = f"{platform.machine()}, {platform.system()}, Python {platform.python_version()}"
-    parts = [
-        "<!doctype html><html lang='en'><meta charset='utf-8'><title>What accuracy costs</title>",
-        "<style>body{font:15px/1.5 sans-serif;max-width:64em;margin:2em auto;padding:0 1em}"
-        "img{max-width:100%}table{border-collapse:collapse;font-size:13px}"
-        "td,th{padding:.15em .6em;text-align:left;border-bottom:1px solid #ddd}</style>",
-        "<h1>What accuracy costs in time</h1>",
-        f"<p>Table {escape(table.where)}, {len(table.calibration)} rows; loads of a/R = "
-        f"{texture[0]:g}, b/R = {texture[1]:g}; {escape(machine)}, one process. CPU seconds are "
-        "medians of repeated runs. Errors of loads are relative, of posteriors over the posterior "
-        "sd, of evidences in ln Z, of bands in probability; the line joins the settings that no "
-        "other beats in both.</p>",
-        "<ul>",
-        *(f"<li>{escape(text)}</li>" for text in cheapest(frame)),
-        "</ul>",
-    ]
-    for task in frame["task"].unique():
-        name = _figure_name(task)
-        parts.append(f"<h2>{escape(task.capitalize())}</h2><img src='{name}.svg' alt='{name}'>")
+def _write_page(
+    frame: pd.DataFrame, request: CostRequest, figures: dict[str, str], path: Path
+) -> None:
+    """Write what reaches which error most cheaply, figures, and the table."""
     shown = frame.drop(columns=["reference", "repeats"])
-    parts.append(shown.to_html(index=False, float_format="{:.3g}".format, border=0))
-    return "\n".join([*parts, "</html>", ""])
+    write_page(
+        path,
+        "cost.html.jinja",
+        table=request.table,
+        texture=request.texture,
+        machine=f"{platform.machine()}, {platform.system()}, Python {platform.python_version()}",
+        cheapest=cheapest(frame),
+        figures=figures,
+        rows=shown.to_html(index=False, float_format="{:.3g}".format, border=0),
+    )

@@ -9,7 +9,7 @@ import pandas as pd
 from ridgebayes.checks.plan_check import check_plans, sobol_scenes
 from ridgebayes.commands import options
 from ridgebayes.commands.parsing import medians_taken, refuse_existing, refuse_suffix
-from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.commands.run_folder import new_folder, write_csv, write_page, write_text
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.progress import Progress
@@ -180,35 +180,22 @@ def plan_check_job(
             found = check_plans(scenes, progress=progress.detail)
         write_csv(found, partial / CHECK_CSV)
         draw_check(found, partial)
-        write_text(_report(found), partial / "report.md")
+        _write_report(found, partial / "report.md")
     return found
 
 
-def _report(found: pd.DataFrame) -> str:
-    """Return the check as Markdown: what it shows, and a table of every row."""
+def _write_report(found: pd.DataFrame, path: Path) -> None:
+    """Write what the check shows as Markdown, and a table of every row."""
     neglected = found[~found["simulated"]]
-    within = neglected["true_change"] <= neglected["relative"]
-    shown = ["scene", "effect", "number", "estimate", "true_change", "relative", "simulated"]
-    lines = [
-        "# Check of the estimates",
-        "",
-        f"{found['scene'].nunique()} scenes spread by a Sobol sequence; each effect was toggled "
-        "on its own, with the rest as planned, and the true change of the transition loads "
-        "compared with the estimate and with the accuracy that the scene wants.",
-        "",
-        f"- {int(within.sum())} of {len(neglected)} neglected effects change loads by no more "
-        "than the accuracy wanted.",
-        f"- {int(found['honest'].sum())} of {len(found)} estimates are reliable: not below the "
-        "true change where it matters, and at most ten times above it.",
-        "",
-        "![Estimates against true changes](plan-check.png)",
-        "",
-        "| " + " | ".join(shown) + " |",
-        "|" + "---|" * len(shown),
-    ]
-    for row in found[shown].to_dict("records"):
-        cells = [
-            f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values()
-        ]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    names = ["scene", "effect", "number", "estimate", "true_change", "relative", "simulated"]
+    rows = found[names].itertuples(index=False)
+    write_page(
+        path,
+        "plan_check.md.jinja",
+        n_scene=found["scene"].nunique(),
+        n_neglected=len(neglected),
+        n_within=int((neglected["true_change"] <= neglected["relative"]).sum()),
+        n_honest=int(found["honest"].sum()),
+        names=names,
+        rows=[[f"{x:.3g}" if isinstance(x, float) else str(x) for x in row] for row in rows],
+    )

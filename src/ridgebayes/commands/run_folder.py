@@ -140,3 +140,16 @@ def write_text(text: str, path: Path) -> None:
     """Write a text file whole or not at all."""
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_page(path: Path, template: str, **values: object) -> None:
+    """Write a page of one of the templates beside this module, whole or not at all."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # which few commands need
+
+    environment = Environment(
+        loader=PackageLoader("ridgebayes.commands"),
+        autoescape=path.suffix == ".html",
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    write_text(environment.get_template(template).render(values), path)

@@ -18,7 +18,6 @@ FINITE = "expected a finite number, with a point for decimals, or an empty cell"
 FORMULA = "expected values, not formulas"
 MOST_COLUMNS = 2000
 LONGEST_HEADER = 500
-_PLAIN = r"-?(?:0|[1-9]\d{0,14})(?:\.\d+)?(?:[eE][+-]?\d{1,2})?|"
 _UNNAMED = "(column {})"
 
 
@@ -124,24 +123,6 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
     if all(name == _UNNAMED.format(i) for i, name in enumerate(headers, start=1)):
         raise InputError(f"{where}: no header; expected a header for each column")
     return tuple(headers)
-
-
-def lossless(cells: "pd.Series[str]") -> "pd.Series[str] | pd.Series[float]":
-    """Return a column of text as numbers, if all of it is and none loses anything by it.
-
-    Examples
-    --------
-    >>> lossless(pd.Series(["1", ""])).tolist(), lossless(pd.Series(["007"])).tolist()
-    ([1.0, nan], ['007'])
-    """
-    full = cells != ""
-    is_like_first = full.any() and re.fullmatch(_PLAIN, str(cells[full].iloc[0]))
-    if not is_like_first or not cells.str.fullmatch(_PLAIN).all():
-        return cells
-    values = cells.mask(~full, "nan").to_numpy(dtype=object).astype(np.float64)
-    if full.all() and cells.str.fullmatch(r"-?\d+").all():
-        values = values.astype(np.int64)
-    return pd.Series(values, index=cells.index)
 
 
 def _empty(cells: "pd.Series[str]") -> BoolArray:

@@ -67,18 +67,28 @@ def read_text(path: Path, most: int = LARGEST) -> str:
     Raises
     ------
     InputError
-        As `read_bytes`, if it holds a zero byte, or if it is not UTF-8: with the line.
+        As `read_bytes` and `decoded`.
     """
-    content = read_bytes(path, most)
+    return decoded(read_bytes(path, most), str(path))
+
+
+def decoded(content: bytes, where: str) -> str:
+    """Return bytes of UTF-8 as text, without a byte order mark, lines ended by newlines.
+
+    Raises
+    ------
+    InputError
+        If there is a zero byte, or it is not UTF-8: with the line.
+    """
     if b"\0" in content:
         line = content[: content.index(b"\0")].count(b"\n") + 1
-        raise InputError(f"{path}, line {line}: a zero byte: not a text file, or not UTF-8")
+        raise InputError(f"{where}, line {line}: a zero byte: not a text file, or not UTF-8")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         raise InputError(
-            f"{path}, line {line}: byte {content[error.start]:#04x} is not UTF-8; expected UTF-8"
+            f"{where}, line {line}: byte {content[error.start]:#04x} is not UTF-8; expected UTF-8"
         ) from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
 

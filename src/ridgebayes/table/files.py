@@ -1,6 +1,5 @@
 """Contact tables in files: to raw cells, and from a canonical frame."""
 
-import codecs
 import csv
 import hashlib
 import io
@@ -15,7 +14,7 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import replacing
-from ridgebayes.runtime.reading import read_bytes
+from ridgebayes.runtime.reading import decoded, read_bytes
 from ridgebayes.runtime.text import clipped, one_line_message
 from ridgebayes.table.columns import COLUMNS, SHOWN, Column, RawTable, check_header, listed
 
@@ -203,8 +202,8 @@ def _parquet(content: bytes, where: str) -> RawTable:
 # From pandas 3.1 the default reader of floats is exact and naming a precision is deprecated.
 _PANDAS = tuple(int(part) for part in pd.__version__.split(".")[:2])
 _EXACT: dict[str, Any] = {} if _PANDAS >= (3, 1) else {"float_precision": "round_trip"}
-# Text that is a number and loses nothing by becoming one: "007" and "+1" stay text.
-_PLAIN_NUMBER = r"-?(?:0|[1-9]\d*)(?:\.\d+)?(?:[eE][+-]?\d+)?|"
+# Text that is a number and loses nothing by becoming one: "007", "+1" and longer ones stay text.
+_PLAIN_NUMBER = r"-?(?:0|[1-9]\d{0,15})(?:\.\d+)?(?:[eE][+-]?\d{1,3})?|"
 
 
 def raw_csv(content: bytes, where: str, contract: Sequence[Column] = COLUMNS) -> RawTable:
@@ -231,33 +230,22 @@ def raw_csv(content: bytes, where: str, contract: Sequence[Column] = COLUMNS) ->
         If the bytes are not UTF-8, hold a NUL, or hold nothing; if a column is missing or stands
         twice; if a quote is not closed, or a row has another number of cells than the header.
     """
-    try:
-        content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{where}: not UTF-8 text: byte 0x{content[error.start]:02x} at position "
-            f"{error.start}; save it as UTF-8"
-        ) from None
-    if b"\0" in content:
-        raise InputError(f"{where}: NUL byte at position {content.index(0)}: not a CSV file")
-    content = content.removeprefix(codecs.BOM_UTF8)
-    if content.count(b"\r") != content.count(b"\r\n"):
-        # pandas reads a row after a lone carriage return one cell off.
-        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    if not content.strip():
+    text = decoded(content, where)
+    if not text.strip():
         raise InputError(f"{where}: the file is empty")
-    cells = records(content, where)
+    content = text.encode()  # pandas reads a row after a lone carriage return one cell off
+    cells = records(text, where)
     header = next(cells)[1]
     # Before the rows: with another separator every row would look ragged.
     check_header(header, where, contract)
-    if not is_rectangular(np.frombuffer(content, dtype=np.uint8), ",", len(header)):
+    if not _is_rectangular(np.frombuffer(content, dtype=np.uint8), len(header)):
         _refuse_ragged(cells, header, where)
 
     known = {column.name: column.holds for column in contract}
     numbers = {name for name, holds in known.items() if holds == "number"}
 
     def retyped() -> RawTable:
-        rows = list(records(content, where))[1:]
+        rows = list(records(text, where))[1:]
         frame = pd.DataFrame([row for _, row in rows], columns=header, dtype=object)
         return RawTable(_own_numbers(frame, known), where, [line for line, _ in rows].__getitem__)
 
@@ -265,51 +253,34 @@ def raw_csv(content: bytes, where: str, contract: Sequence[Column] = COLUMNS) ->
     if b"true" in lowered or b"false" in lowered:
         return retyped()  # pandas would take the words for 1 and 0
     try:
-        frame = read_delimited(content, header, numbers)
+        frame = _read_csv(content, header, numbers)
     except (ValueError, OverflowError):
         return retyped()
     return RawTable(_own_numbers(frame, known), where, retyped=retyped)
 
 
-def read_delimited(
-    content: bytes, columns: Sequence[str], numbers: Collection[str], **options: Any
-) -> pd.DataFrame:
-    """Read delimited text with pandas: floats exact, all else text, no word taken for empty.
-
-    Parameters
-    ----------
-    content : bytes
-        UTF-8, a header line (none with the option ``header=None``), rows of one length.
-    columns : sequence of str
-        Names of the columns.
-    numbers : collection of str
-        Those to read as numbers, in which empty cells are NaN. The words true and false are 1 and
-        0 in them.
-    **options
-        Of `pandas.read_csv`: separator, decimal mark, columns to use.
-
-    Returns
-    -------
-    pandas.DataFrame
+def _read_csv(content: bytes, columns: Sequence[str], numbers: Collection[str]) -> pd.DataFrame:
+    """Read CSV with pandas: floats exact, all else text, no word taken for empty.
 
     Raises
     ------
     ValueError, OverflowError
-        If a cell of these columns is no number.
+        If a cell of a column of numbers is none.
     """
     return pd.read_csv(
         io.BytesIO(content),
         names=list(columns),
+        header=0,
         index_col=False,
         dtype={name: (float if name in numbers else str) for name in columns},
         keep_default_na=False,
         na_values={name: [""] for name in columns if name in numbers},
         encoding="utf-8",
-        **{"header": 0, **_EXACT, **options},
+        **_EXACT,
     )
 
 
-def records(content: bytes, where: str, separator: str = ",") -> Iterator[tuple[int, list[str]]]:
+def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, list[str]]]:
     """Yield the line number and cells of each record that is not blank, header first.
 
     Raises
@@ -317,8 +288,7 @@ def records(content: bytes, where: str, separator: str = ",") -> Iterator[tuple[
     InputError
         If a quote is not closed or stands inside a cell.
     """
-    text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", newline="")
-    reader = csv.reader(text, delimiter=separator, strict=True)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     before = 0
     try:
         for cells in reader:
@@ -329,27 +299,17 @@ def records(content: bytes, where: str, separator: str = ",") -> Iterator[tuple[
         raise InputError(f"{where}, line {before + 1}: not CSV: {error}") from None
 
 
-def is_rectangular(data: np.ndarray, separator: str, width: int) -> bool:
-    """Count the separators of every line at once; False where quotes or blanks hide the answer.
-
-    Parameters
-    ----------
-    data : ndarray of uint8
-        A file's bytes, lines ended by newlines, with or without carriage returns before them.
-    separator : str
-        One character.
-    width : int
-        Cells that a line should have.
-    """
+def _is_rectangular(data: np.ndarray, width: int) -> bool:
+    """Count the commas of every line at once; False where quotes or blanks hide the answer."""
     if np.any(data == ord('"')):
         return False
     if len(data) and data[-1] != ord("\n"):
         data = np.append(data, np.uint8(ord("\n")))
-    marks = data[(data == ord(separator)) | (data == ord("\n"))]
+    marks = data[(data == ord(",")) | (data == ord("\n"))]
     if len(marks) % width:
         return False
     lines = marks.reshape(-1, width)
-    return bool(np.all(lines[:, :-1] == ord(separator)) and np.all(lines[:, -1] == ord("\n")))
+    return bool(np.all(lines[:, :-1] == ord(",")) and np.all(lines[:, -1] == ord("\n")))
 
 
 def _refuse_ragged(rows: Iterator[tuple[int, list[str]]], header: list[str], where: str) -> None:
@@ -368,12 +328,22 @@ def _refuse_ragged(rows: Iterator[tuple[int, list[str]]], header: list[str], whe
 
 def _own_numbers(frame: pd.DataFrame, known: Collection[str]) -> pd.DataFrame:
     """Turn those of the user's own columns into numbers that lose nothing by it."""
-    own: dict[str, Any] = {}
-    for name in frame.columns:
-        cells = frame[name]
-        if name in known or (cells == "").all() or not cells.str.fullmatch(_PLAIN_NUMBER).all():
-            continue
-        numbers = cells.mask(cells == "", "nan").to_numpy(dtype=object).astype(np.float64)
-        whole = cells.str.fullmatch(r"-?\d{1,15}").all()
-        own[name] = numbers.astype(np.int64) if whole else numbers
+    own: dict[str, Any] = {name: lossless(frame[name]) for name in frame if name not in known}
     return frame.assign(**own)
+
+
+def lossless(cells: "pd.Series[str]") -> "pd.Series[str] | pd.Series[float]":
+    """Return a column of text as numbers, if all of it is and none loses anything by it.
+
+    Examples
+    --------
+    >>> lossless(pd.Series(["1", ""])).tolist(), lossless(pd.Series(["007"])).tolist()
+    ([1.0, nan], ['007'])
+    """
+    empty = cells == ""
+    if empty.all() or not cells.str.fullmatch(_PLAIN_NUMBER).all():
+        return cells
+    whole = not empty.any() and cells.str.fullmatch(r"-?\d+").all()
+    words = cells.mask(empty, "nan").to_numpy(dtype=object)
+    values = words.astype(np.int64 if whole else np.float64)
+    return cells if np.isinf(values).any() else pd.Series(values, index=cells.index)

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.checks.cost.measured import Setting
+from ridgebayes.checks.cost.measured import Setting, Way, settings, turned
 from ridgebayes.contact import halfplane
 from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
 from ridgebayes.contact.homogenised import beyond
@@ -16,7 +16,6 @@ from ridgebayes.model.forms import Classic, Form, Hybrid, Modified
 from ridgebayes.results import calibrate
 from ridgebayes.table.table import ContactTable
 
-_Way = tuple[str, str, Callable[[], FloatArray]]  # method, setting, what computes the loads
 _COEFFICIENTS = (3, 4, 6, 8, 12, 16)
 _EDGES = (6, 9, 12)
 _FINEST = 24
@@ -58,68 +57,46 @@ def load_settings(
     known: list[tuple[str, Form, FloatArray | None]]
     known = [("printed", form, None) for form in forms]
     known += [("calibrated", form, _coefficients(table, form)) for form in forms]
-    ways = [
-        *(
-            (
-                f"{form.name} form",
-                f"{where} coefficients",
-                partial(form.load, Q, a, b, theta=theta),
-            )
-            for where, form, theta in known
-        ),
-        ("half-plane", "tolerance 1e-8", partial(_half_plane, a, b, len(best))),
-        *(
-            (
-                f"finite elements, {'finite' if finite else 'small'} strain",
-                f"{edges} edges a ridge",
-                partial(_elements, a, b, p_max, edges, finite=finite),
-            )
-            for finite in (True, False)
-            for edges in _EDGES
-            if elements
-        ),
+    ways: list[Way[FloatArray]] = [
+        (f"{form.name} form", f"{where} coefficients", partial(form.load, Q, a, b, theta=theta))
+        for where, form, theta in known
     ]
-    small = [
-        ("half-plane", f"{n} coefficients a strip", partial(_strips, a, b, len(exact), n))
-        for n in _COEFFICIENTS
-    ]
+    ways.append(("half-plane", "tolerance 1e-8", partial(_half_plane, a, b, len(best))))
+    for finite in (True, False) if elements else ():
+        method = f"finite elements, {'finite' if finite else 'small'} strain"
+        compute = partial(_elements, a, b, p_max, finite=finite)
+        ways += turned(method, "{} edges a ridge", compute, _EDGES)
+    strips = partial(_strips, a, b, len(exact))
+    small = turned("half-plane", "{} coefficients a strip", strips, _COEFFICIENTS)
     return [
-        Setting(task, method, setting, _against(truth, compute), source)
-        for task, truth, source, listed in (
-            ("loads", best, reference, ways),
-            ("small-strain loads", exact, _SMALL_STRAIN, small),
-            ("100th transition", *_many(a, b)),
-        )
-        for method, setting, compute in listed
+        *settings("loads", reference, _off(best), ways),
+        *settings("small-strain loads", _SMALL_STRAIN, _off(exact), small),
+        *_many_settings(a, b),
     ]
 
 
-def _against(best: FloatArray, compute: Callable[[], FloatArray]) -> Callable[[], dict[str, float]]:
-    def error() -> dict[str, float]:
-        found = compute()
+def _off(best: FloatArray) -> Callable[[FloatArray], dict[str, float]]:
+    def errors(found: FloatArray) -> dict[str, float]:
         if len(found) != len(best):
             raise ValueError(f"{len(found)} of {len(best)} transitions")
         return {"largest relative error": float(np.abs(found / best - 1).max())}
 
-    return error
+    return errors
 
 
 def _half_plane_loads(a: float, b: float, p_max: float) -> FloatArray:
     n = 8
-    while True:
-        F = solve_strips(2 * b / a, n, 24).F
-        loads = F * (a + b) ** 2 / 0.75
-        if loads[-1] > p_max:
-            return loads[loads <= p_max]
+    while (loads := _strips(a, b, n, 24))[-1] <= p_max:
         n *= 2
+    return loads[loads <= p_max]
 
 
 def _strips(a: float, b: float, n: int, coefficients: int) -> FloatArray:
     return solve_strips(2 * b / a, n, coefficients).F * (a + b) ** 2 / 0.75
 
 
-def _many(a: float, b: float) -> tuple[FloatArray, str, list[_Way]]:
-    """Return the 100th transition, where it is from, and ways to it."""
+def _many_settings(a: float, b: float) -> list[Setting]:
+    """List ways to the 100th transition."""
     exact = halfplane.transition_loads(a, b, 100).F[-1:]
 
     def law(known: int) -> FloatArray:
@@ -129,12 +106,9 @@ def _many(a: float, b: float) -> tuple[FloatArray, str, list[_Way]]:
     def last(coefficients: int) -> FloatArray:
         return solve_strips(2 * b / a, 100, coefficients).F[-1:]
 
-    ways: list[_Way]
-    ways = [
-        ("law of many ridges", f"from {n} exact loads", partial(law, n)) for n in (4, 8, 16, 32)
-    ]
-    ways += [("half-plane", f"{n} coefficients a strip", partial(last, n)) for n in (3, 4, 8)]
-    return exact, "half-plane, tolerance 1e-8", ways
+    ways = turned("law of many ridges", "from {} exact loads", law, (4, 8, 16, 32))
+    ways += turned("half-plane", "{} coefficients a strip", last, (3, 4, 8))
+    return settings("100th transition", "half-plane, tolerance 1e-8", _off(exact), ways)
 
 
 def _half_plane(a: float, b: float, n: int) -> FloatArray:

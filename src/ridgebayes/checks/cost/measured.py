@@ -2,8 +2,9 @@
 
 import time
 import tracemalloc
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -39,6 +40,7 @@ _QUICK, _MANY = 0.01, 25  # seconds under which so many runs are timed, after on
 _FEW, _ROUNDS = 128, {"n_round": 2, "n_per_round": 500}
 _MOST_COORDINATES = 40  # beyond, a second look takes minutes
 _T = TypeVar("_T")
+_Knob = TypeVar("_Knob")
 _Row = dict[str, float | int | str]
 
 
@@ -61,6 +63,30 @@ class Setting:
     setting: str
     compute: Callable[[], dict[str, float]]
     reference: str
+
+
+Way = tuple[str, str, Callable[[], _T]]  # method, setting, what computes it
+
+
+def turned(
+    method: str, setting: str, compute: Callable[[_Knob], _T], knobs: Iterable[_Knob]
+) -> list[Way[_T]]:
+    """List the ways to compute something that one knob gives; ``{}`` in the setting is its."""
+    return [(method, setting.format(knob), partial(compute, knob)) for knob in knobs]
+
+
+def settings(
+    task: str, reference: str, errors: Callable[[_T], dict[str, float]], ways: Iterable[Way[_T]]
+) -> list[Setting]:
+    """Return ways to compute something as settings; `errors` says how far off a result is."""
+
+    def off(compute: Callable[[], _T]) -> dict[str, float]:
+        return errors(compute())
+
+    return [
+        Setting(task, method, setting, partial(off, compute), reference)
+        for method, setting, compute in ways
+    ]
 
 
 def measure(one: Setting, *, repeats: int = 3) -> list[_Row]:

@@ -1,21 +1,20 @@
 """What posteriors, evidences and bands cost, on a table and one form."""
 
 import math
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 from scipy import special
 
 from ridgebayes._types import FloatArray
-from ridgebayes.checks.cost.measured import Setting
+from ridgebayes.checks.cost.measured import Setting, Way, settings, turned
 from ridgebayes.evidence import bridge_evidence, quadrature_evidence
 from ridgebayes.evidence.nested import nested_evidence
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import Posterior
-from ridgebayes.inference.qmc_nodes import Nodes, compress
+from ridgebayes.inference.qmc_nodes import compress
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -30,6 +29,8 @@ _PLACED = 4_096  # draws that tell where loads are looked at
 _Q = (4, 6, 8, 10)
 _TAIL = 0.05
 _Draws = tuple[FloatArray, FloatArray | None]  # parameters, and weights where they differ
+_Bands = tuple[FloatArray, FloatArray]  # probabilities of the curve, and of a simulation
+_SAMPLED = (512, 2_560, 10_240, 40_960)  # importance draws
 _WALKS = (  # moves, walkers, autocorrelation times
     ("stretch", 32, 50.0),
     ("differential evolution", 32, 50.0),
@@ -63,20 +64,15 @@ def posterior_settings(table: ContactTable, form: Form, *, seed: int = 0) -> lis
     reference = f"importance sampling, {4 * _LONG} draws"
 
     def sampled(n: int) -> _Draws:
-        return all_draws(importance_posterior(model, seed=seed, n_draw=n)[0]), None
+        return all_draws(importance_posterior(model, seed=seed, n_draw=n // 4)[0]), None
 
     def walked(moves: str, n_walker: int, n_tau: float) -> _Draws:
-        settings = SampleSettings(n_walker=n_walker, n_tau=n_tau, tau_change=0.1, moves=moves)
-        return all_draws(calibrate(table, form, noise="iid", rng=seed, settings=settings)), None
+        walk = SampleSettings(n_walker=n_walker, n_tau=n_tau, tau_change=0.1, moves=moves)
+        return all_draws(calibrate(table, form, noise="iid", rng=seed, settings=walk)), None
 
-    def off(draws: Callable[[], _Draws]) -> Callable[[], dict[str, float]]:
-        def error() -> dict[str, float]:
-            found = _moments(*draws())
-            return {
-                name: float(np.abs((found[name] - best[name]) / best["sd"]).max()) for name in best
-            }
-
-        return error
+    def off(draws: _Draws) -> dict[str, float]:
+        found = _moments(*draws)
+        return {name: float(np.abs((found[name] - best[name]) / best["sd"]).max()) for name in best}
 
     def laplace() -> _Draws:
         found = fit_laplace(model)
@@ -95,26 +91,16 @@ def posterior_settings(table: ContactTable, form: Form, *, seed: int = 0) -> lis
         weight = np.exp(log_weight - log_weight.max())
         return model.to_theta(u), weight / weight.sum()
 
-    ways: list[tuple[str, str, Callable[[], _Draws]]] = [
+    ways: list[Way[_Draws]] = [
         ("Laplace", "normal at the mode", laplace),
-        *(
-            ("importance sampling", f"{4 * n} draws", partial(sampled, n))
-            for n in (128, 640, 2_560, 10_240)
-        ),
-        *(("quadrature", f"{n} nodes a parameter", partial(grid, n)) for n in (4, 8, 16)),
-        *(
-            (
-                f"emcee, {moves}, 4 x {n_walker} walkers",
-                f"{n_tau:g} autocorrelation times",
-                partial(walked, moves, n_walker, n_tau),
-            )
-            for moves, n_walker, n_tau in _WALKS
-        ),
+        *turned("importance sampling", "{} draws", sampled, _SAMPLED),
+        *turned("quadrature", "{} nodes a parameter", grid, (4, 8, 16)),
     ]
-    return [
-        Setting("posterior", method, setting, off(draws), reference)
-        for method, setting, draws in ways
-    ]
+    for moves, n_walker, n_tau in _WALKS:
+        method = f"emcee, {moves}, 4 x {n_walker} walkers"
+        walk = partial(walked, moves, n_walker)
+        ways += turned(method, "{:g} autocorrelation times", walk, [n_tau])
+    return settings("posterior", reference, off, ways)
 
 
 def evidence_settings(table: ContactTable, form: Form, *, seed: int = 0) -> list[Setting]:
@@ -123,10 +109,6 @@ def evidence_settings(table: ContactTable, form: Form, *, seed: int = 0) -> list
     laplace = fit_laplace(model)
     best = quadrature_evidence(model.log_density, laplace, tol=1e-9).value
     fit = calibrate(table, form, noise="iid", rng=seed)
-    reference = "quadrature, tolerance 1e-9"
-
-    def off(value: Callable[[], float]) -> Callable[[], dict[str, float]]:
-        return lambda: {"ln Z": value() - best}
 
     def bridge(n: int) -> float:
         rng = np.random.default_rng(seed)
@@ -137,31 +119,20 @@ def evidence_settings(table: ContactTable, form: Form, *, seed: int = 0) -> list
         return quadrature_evidence(model.log_density, laplace, tol=tol).value
 
     def sampled(n: int) -> float:
-        return importance_posterior(model, seed=seed, n_draw=n)[1].value
+        return importance_posterior(model, seed=seed, n_draw=n // 4)[1].value
 
     def nested(n: int) -> float:
         return nested_evidence(model, rng=np.random.default_rng(seed), n_live=n).value
 
-    ways: list[tuple[str, str, Callable[[], float]]] = [
+    ways: list[Way[float]] = [
         ("Laplace", "at the mode", lambda: fit_laplace(model).log_evidence),
-        *(
-            ("quadrature", f"tolerance {tol:g}", partial(quadrature, tol))
-            for tol in (1e-1, 1e-2, 1e-4, 1e-6)
-        ),
-        *(
-            ("bridge, given draws", f"{n} of them", partial(bridge, n))
-            for n in (1_000, 10_000, 100_000)
-        ),
-        *(
-            ("importance sampling", f"{4 * n} draws", partial(sampled, n))
-            for n in (128, 2_560, 10_240)
-        ),
-        *(("dynesty", f"{n} live points", partial(nested, n)) for n in (50, 200)),
+        *turned("quadrature", "tolerance {:g}", quadrature, (1e-1, 1e-2, 1e-4, 1e-6)),
+        *turned("bridge, given draws", "{} of them", bridge, (1_000, 10_000, 100_000)),
+        *turned("importance sampling", "{} draws", sampled, (512, 10_240, 40_960)),
+        *turned("dynesty", "{} live points", nested, (50, 200)),
     ]
-    return [
-        Setting("evidence", method, setting, off(value), reference)
-        for method, setting, value in ways
-    ]
+    reference = "quadrature, tolerance 1e-9"
+    return settings("evidence", reference, lambda value: {"ln Z": value - best}, ways)
 
 
 def band_settings(
@@ -198,9 +169,7 @@ def band_settings(
         mean = np.log(form.load(Q, *texture, some[:, :k]))
         spread.append((mean.mean(), mean.std(), math.hypot(mean.std(), some[:, k].mean())))
 
-    def probabilities(
-        theta: FloatArray, weight: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
+    def probabilities(theta: FloatArray, weight: FloatArray | None = None) -> _Bands:
         curve, simulation = list[FloatArray](), list[FloatArray]()
         for Q, (centre, narrow, wide) in zip(_Q, spread, strict=True):
             mean, sigma = np.log(form.load(Q, *texture, theta[:, :k])), theta[:, k]
@@ -212,33 +181,22 @@ def band_settings(
 
     best = probabilities(known)
 
-    def drawn(n: int) -> tuple[FloatArray, FloatArray]:
+    def drawn(n: int) -> _Bands:
         return probabilities(known[np.random.default_rng(seed).choice(len(known), n)])
 
-    def nodes(n: int) -> tuple[FloatArray, FloatArray]:
-        found: Nodes | None = compress(
-            exact.model, exact.laplace, exact.coordinates, n, seed=exact.seed
-        )
+    def nodes(n: int) -> _Bands:
+        found = compress(exact.model, exact.laplace, exact.coordinates, n, seed=exact.seed)
         if found is None:
             raise ValueError("no nodes stand for this posterior")
         return probabilities(found.theta, found.weight.mean(axis=1))
 
-    def off(
-        compute: Callable[[], tuple[FloatArray, FloatArray]],
-    ) -> Callable[[], dict[str, float]]:
-        def error() -> dict[str, float]:
-            pairs = zip(("curve", "simulation"), compute(), best, strict=True)
-            return {name: float(np.abs(one - other).max()) for name, one, other in pairs}
+    def off(bands: _Bands) -> dict[str, float]:
+        pairs = zip(("curve", "simulation"), bands, best, strict=True)
+        return {name: float(np.abs(one - other).max()) for name, one, other in pairs}
 
-        return error
-
-    return [
-        Setting("bands", "posterior draws", f"{n} draws", off(partial(drawn, n)), reference)
-        for n in (100, 1_000, 10_000, 100_000)
-    ] + [
-        Setting("bands", "nodes", f"{n} nodes", off(partial(nodes, n)), reference)
-        for n in (256, 1_024, 4_096)
-    ]
+    ways = turned("posterior draws", "{} draws", drawn, (100, 1_000, 10_000, 100_000))
+    ways += turned("nodes", "{} nodes", nodes, (256, 1_024, 4_096))
+    return settings("bands", reference, off, ways)
 
 
 def all_draws(fit: Posterior) -> FloatArray:
