@@ -56,7 +56,7 @@ def test_calculix__of_the_reference_is_within_its_overlap(tmp_path):
         "reaction": "NTOP",
     }
     found = imported("calculix/texture_0.032_0.01.dat", given).table.frame
-    brackets = imported("calculix/texture_0.032_0.01.dat", given, brackets=True).table.frame
+    brackets = imported("calculix/texture_0.032_0.01.dat", given | {"brackets": True}).table.frame
     reference = rb.read_table(data_path(CALCULIX_FE)).frame
     reference = reference[reference["series"] == "coarse"].iloc[: len(found)]
     reference = reference[reference["a_over_R"] == 0.032]

@@ -28,14 +28,12 @@ def command(asked: options.Import) -> Answer:
         one.name: getattr(asked, one.name) for one in fields(Given) if hasattr(asked, one.name)
     }
     known |= {"map": tuple(asked.mapping or ()), "empty": tuple(asked.empty or ())}
-    known["interpolate"] = asked.interpolate or None
+    known["skip_rows"] = asked.skip_rows or 0
     known["texture"] = None if asked.texture is None else parse_texture(asked.texture)
     known["loads"] = parse_numbers(asked.loads, "--loads")
     given = Given(**known)
     try:
-        found = import_files(
-            asked.file, given, program=asked.program, brackets=asked.brackets, role=asked.role
-        )
+        found = import_files(asked.file, given, program=asked.program, role=asked.role)
     except FileError as error:
         wrote = ""
         if asked.write_map is not None:
@@ -84,7 +82,7 @@ def _again(
         option = f"-{name}" if len(name) == 1 and name.islower() else f"--{name}"
         if value is True:
             words.append(option)
-        elif value not in (None, False, "", []):
+        elif value is not False and value not in (None, "", []):
             some = value if isinstance(value, list) else [value]
             words += [word for one in some for word in (option, str(one))]
     return shlex.join(words)

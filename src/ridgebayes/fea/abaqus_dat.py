@@ -2,14 +2,22 @@
 
 import math
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import RunDeck
-from ridgebayes.fea.lines import NUMBER, Line, NodeTable, handled, is_label, read_lines, unused
+from ridgebayes.fea.lines import (
+    NUMBER,
+    Frame,
+    Line,
+    NodeTable,
+    handled,
+    is_label,
+    read_lines,
+    unused,
+)
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
@@ -26,30 +34,6 @@ _HEADER = re.compile(r"\s*NODE\s+FOOT-\s+(\S.*)$")
 _ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
 _EXTREMES = ("MAXIMUM", "MINIMUM")
 _TRAILERS = (*_EXTREMES, "AT", "TOTAL")
-
-
-@dataclass
-class _Table(NodeTable):
-    """One printed table: Abaqus omits rows that are all zero."""
-
-    extremes: dict[str, list[float]] = field(default_factory=dict)
-    zero: bool = False
-    below: bool = False  # whether a blank line came after rows
-    unit: float = 0.0  # of the last printed digit, the coarsest of the rows
-
-    @property
-    def whole(self) -> bool:
-        """Whether its end was printed, so that rows not there are rows of zeros."""
-        return self.zero or bool(self.extremes) or bool(self.total)
-
-
-@dataclass
-class _Increment:
-    """What was printed of one increment."""
-
-    line: int
-    perturbation: bool
-    tables: list[_Table] = field(default_factory=list)
 
 
 def read_abaqus_dat(
@@ -95,8 +79,8 @@ def read_abaqus_dat(
     force, moved, unit = [], [], 0.0
     for one in increments:
         rim, driven = _table(one, surface, "U1", "U2"), _table(one, reaction, "RF2")
-        if one.perturbation:
-            messages.append(f"line {one.line}: increment ignored, a perturbation step")
+        if one.ignored:
+            messages.append(f"line {one.line}: increment ignored, {one.ignored}")
         elif rim is None or driven is None:
             what = f"U1 and U2 of {surface}" if rim is None else f"RF2 of {reaction}"
             messages.append(f"line {one.line}: increment ignored, {what} missing")
@@ -129,7 +113,7 @@ def read_abaqus_dat(
     return table_from_history(history, body, origin, brackets=brackets)
 
 
-def _table(increment: _Increment, nodes: str, *columns: str) -> _Table | None:
+def _table(increment: Frame, nodes: str, *columns: str) -> NodeTable | None:
     """Return the table of a set, or else of all nodes, that has some columns."""
     for name in (nodes.upper(), _ALL):
         for one in increment.tables:
@@ -138,7 +122,7 @@ def _table(increment: _Increment, nodes: str, *columns: str) -> _Table | None:
     return None
 
 
-def _short(table: _Table, asked: dict[str, set[int]]) -> str:
+def _short(table: NodeTable, asked: dict[str, set[int]]) -> str:
     """Return what is missing of a table, or nothing; refuse one that contradicts itself."""
     nodes = asked[table.nodes]
     if strange := table.rows.keys() - nodes:
@@ -164,7 +148,7 @@ def _short(table: _Table, asked: dict[str, set[int]]) -> str:
     return ""
 
 
-def _increments(path: Path) -> tuple[list[_Increment], list[str]]:
+def _increments(path: Path) -> tuple[list[Frame], list[str]]:
     """Return the increments of a file in its order; one printed again counts once, as last."""
     reader = _Dat()
     lines = read_lines(path, unfinished=True)
@@ -187,19 +171,19 @@ class _Dat:
     """What has been read of a file: increments, and the table that lines belong to."""
 
     def __init__(self) -> None:
-        self.found: dict[tuple[int, int], _Increment] = {}
+        self.found: dict[tuple[int, int], Frame] = {}
         self.others: set[str] = set()
         self.repeated = 0
-        self.table: _Table | None = None
-        self._step, self._perturbation = 0, False
-        self._increment: _Increment | None = None
+        self.table: NodeTable | None = None
+        self._step, self._ignored = 0, ""
+        self._increment: Frame | None = None
         self._is_name = False  # whether the next line is the long name of a set
         self._kinds = (
             (_SUMMARY, self._summary),
             (_STEP, self._new_step),
             (_PAGE, self._page),
             (_PAGE_REST, lambda line, match: None),
-            (_PERTURBATION, lambda line, match: setattr(self, "_perturbation", True)),
+            (_PERTURBATION, lambda line, match: setattr(self, "_ignored", "a perturbation step")),
             (_TABLE, self._title),
             (_HEADER, self._header),
         )
@@ -207,7 +191,7 @@ class _Dat:
     def take(self, line: Line) -> None:
         """Read a line that is not blank."""
         if self._is_name:
-            self._is_name, self.table = False, _Table(line, line.words[0].upper())
+            self._is_name, self.table = False, NodeTable(line, line.words[0].upper())
             return
         if not handled(line, self._kinds) and self.table is not None and self.table.columns:
             _row(line, self.table)
@@ -216,11 +200,11 @@ class _Dat:
         key = (self._step, int(match[1]))
         self.repeated += key in self.found
         self.found.pop(key, None)
-        self._increment = _Increment(line.number, self._perturbation)
+        self._increment = Frame(line.number, ignored=self._ignored)
         self.found[key], self.table = self._increment, None
 
     def _new_step(self, line: Line, match: re.Match[str]) -> None:
-        self._step, self._perturbation = int(match[1]), False
+        self._step, self._ignored = int(match[1]), ""
         self._increment = self.table = None
 
     def _page(self, line: Line, match: re.Match[str]) -> None:
@@ -229,7 +213,7 @@ class _Dat:
 
     def _title(self, line: Line, match: re.Match[str]) -> None:
         name = _ALL if match[1] else match[2].upper()
-        self._is_name, self.table = not name, _Table(line, name) if name else None
+        self._is_name, self.table = not name, NodeTable(line, name) if name else None
 
     def _header(self, line: Line, match: re.Match[str]) -> None:
         """Take the columns of a table, and go on with it if it began on the page before."""
@@ -249,20 +233,21 @@ class _Dat:
         self.table = table
 
 
-def _row(line: Line, table: _Table) -> None:
+def _row(line: Line, table: NodeTable) -> None:
     words = line.words
     if words[0] in _TRAILERS:
         if words[0] != "AT":
             values = [line.finite(word) for word in words[1:]]
             if len(values) != len(table.columns):
                 raise line.error(f"{len(values)} values; expected {len(table.columns)}")
+            table.whole = True
             if words[0] == "TOTAL":
                 table.total = values
             else:
                 table.extremes[words[0]] = values
         return
     if " ".join(words) == _ZERO:
-        table.zero = True
+        table.whole = True
         return
     if not is_label(words[0]) or table.whole:
         return  # NOTE below the header, a page's head, or what follows the table

@@ -2,7 +2,6 @@
 
 import math
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Deck, read_deck
-from ridgebayes.fea.lines import Line, NodeTable, handled, is_label, read_lines, unused
+from ridgebayes.fea.lines import Frame, Line, NodeTable, handled, is_label, read_lines, unused
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
@@ -25,23 +24,6 @@ _DASHES = re.compile(r"\s*-{9,}\s*$")
 _AGREE = 1e-4  # of the sum of sizes: how far a total may be off its rows
 _MOVED = 1e-4  # of the largest displacement: how far undeformed coordinates may differ
 _GAP = re.compile(r"\s{2,}")
-
-
-@dataclass
-class _Table(NodeTable):
-    """Nodal values of one region in one frame."""
-
-    digits: int = 0  # most digits of a number
-    whole: bool = False  # whether something stands below the rows
-
-
-@dataclass
-class _Frame:
-    """What a file has of one frame."""
-
-    line: int
-    name: str
-    tables: list[_Table] = field(default_factory=list)
 
 
 def read_abaqus_rpt(
@@ -89,7 +71,7 @@ def read_abaqus_rpt(
     names = ["U.U1", "U.U2"] + ([] if sheet else ["COORD.COOR1", "COORD.COOR2"])
     rims, driven = _Region(surface, sheet), _Region(reaction, sheet)
     kept: list[str] = []
-    used: list[_Table] = []
+    used: list[NodeTable] = []
     force: list[float] = []
     nodes: list[int] = []
     for one in frames:
@@ -135,7 +117,7 @@ def read_abaqus_rpt(
     return table_from_history(history, body, origin, brackets=brackets)
 
 
-def _frames(path: Path) -> tuple[list[_Frame], list[str]]:
+def _frames(path: Path) -> tuple[list[Frame], list[str]]:
     """Return the frames of a file in the order of steps and increments."""
     report = _Report()
     for line in read_lines(path):
@@ -152,11 +134,11 @@ class _Report:
 
     def __init__(self) -> None:
         self.n = 0
-        self.found: dict[tuple[int, int], _Frame] = {}
+        self.found: dict[tuple[int, int], Frame] = {}
         self.others: set[str] = set()
         self._database, self._steps, self._step = "", dict[str, int](), ""
-        self._frame: _Frame | None = None
-        self._table: _Table | None = None
+        self._frame: Frame | None = None
+        self._table: NodeTable | None = None
         self._header: list[str] = []
         self._pending: list[str] = []  # a row so far: wide ones are wrapped
         self._kinds = (
@@ -184,7 +166,7 @@ class _Report:
     def _new_frame(self, line: Line, match: re.Match[str]) -> None:
         line.finite(match[2])
         key = (self._steps.setdefault(self._step, len(self._steps)), int(match[1]))
-        new = _Frame(line.number, f"{self._step} {match[1]}")
+        new = Frame(line.number, f"{self._step} {match[1]}")
         self._frame = self.found.setdefault(key, new)
 
     def _other_frame(self, line: Line, match: re.Match[str]) -> None:
@@ -197,10 +179,10 @@ class _Report:
         if region is None:
             self.others.add(line.text.strip())
         elif self._frame is not None:
-            self._table = _Table(line, region[1])
+            self._table = NodeTable(line, region[1])
             self._frame.tables.append(self._table)
 
-    def _content(self, line: Line, table: _Table) -> None:
+    def _content(self, line: Line, table: NodeTable) -> None:
         """Take a line of a table: its header, a row or a piece of one, or what stands below."""
         text = line.text.strip()
         if _DASHES.match(text):
@@ -226,7 +208,7 @@ def _names(header: list[str]) -> list[str]:
     return names[1:] if names and names[0] in ("Node", "Node Label") else names
 
 
-def _add(line: Line, table: _Table, words: list[str]) -> None:
+def _add(line: Line, table: NodeTable, words: list[str]) -> None:
     if len(words) != 1 + len(table.columns):
         raise line.error(f"{len(words)} values; expected node, {', '.join(table.columns)}")
     if not is_label(words[0]):
@@ -251,7 +233,7 @@ class _Region:
         nsets = {} if deck is None else deck.nsets
         self._nodes = list(dict.fromkeys(nsets.get((name or "").upper(), ())))
 
-    def table(self, frame: _Frame, *columns: str) -> tuple[_Table | None, str]:
+    def table(self, frame: Frame, *columns: str) -> tuple[NodeTable | None, str]:
         """Return the table that has some columns; or else what is missing."""
         some = [one for one in frame.tables if one.has(*columns) and one.rows and one.whole]
         if self._name is not None:
@@ -269,12 +251,12 @@ class _Region:
             )
         return some[-1], ""
 
-    def nodes_of(self, table: _Table) -> list[int]:
+    def nodes_of(self, table: NodeTable) -> list[int]:
         """Return the set's nodes, or all of the table."""
         return self._nodes or list(table.rows)
 
 
-def _force(table: _Table, nodes: list[int]) -> float:
+def _force(table: NodeTable, nodes: list[int]) -> float:
     """Return the sum of RF2, checked against a printed total and against nothing at all."""
     nodes = [node for node in nodes if node in table.rows]
     values = table.of(nodes, "RF.RF2")[:, 0]

@@ -9,7 +9,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import RunDeck
-from ridgebayes.fea.lines import Line, read_lines, unused
+from ridgebayes.fea.lines import Line, NodeTable, read_lines, unused
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
@@ -39,26 +39,33 @@ class Level:
         Where it begins.
     time : float
         Total time.
+    tables : dict of str to NodeTable
+        By kind of block.
     faces : set of (int, int), or None
         Element and side, counted from 1 as in the deck, of each slave face with pressure at one of
         its points; None if contact stress was not printed.
-    moved : dict of int to (float, float), or None
-        Displacements of the surface's nodes; None if they were not printed.
-    force : float or None
-        Vertical force on the driven set.
     again : bool
         Whether the time had been printed before.
-    printed : set of str
-        Kinds of blocks that were printed.
     """
 
     line: int
     time: float
+    tables: dict[str, NodeTable] = field(default_factory=dict)
     faces: set[tuple[int, int]] | None = None
-    moved: dict[int, tuple[float, float]] | None = None
-    force: float | None = None
     again: bool = False
-    printed: set[str] = field(default_factory=set)
+
+    @property
+    def moved(self) -> dict[int, list[float]] | None:
+        """Displacements of the surface's nodes; None if they were not printed."""
+        return self.tables["displacements"].rows if "displacements" in self.tables else None
+
+    @property
+    def force(self) -> float | None:
+        """Vertical force on the driven set: the total, or else the sum over its nodes."""
+        table = self.tables.get("total force") or self.tables.get("forces")
+        if table is None or not (table.total or table.rows):
+            return None
+        return table.total[1] if table.total else sum(y for _, y, _ in table.rows.values())
 
 
 def read_calculix(
@@ -105,7 +112,7 @@ def read_calculix(
             f"{path}: no level with displacements of {surface} and a total force of {reaction}; "
             "expected *NODE PRINT of U on the one and of RF, TOTALS=ONLY, on the other"
         )
-    moved = np.array([[(one.moved or {})[node] for node in run.nodes] for one in levels])
+    moved = np.array([[(one.moved or {})[node][:2] for node in run.nodes] for one in levels])
     history = SurfaceHistory(
         np.array([one.force for one in levels], dtype=float),
         run.undeformed,
@@ -200,7 +207,7 @@ def read_levels(
                 )
             reader.block = "" if match is None else reader.head(line, *match.groups())
         elif text and reader.block:
-            reader.rows[reader.block](line)
+            reader.row(line)
         before = line
     levels = [reader.found[time] for time in sorted(reader.found)]
     messages = unused(reader.others)
@@ -215,17 +222,10 @@ class _Dat:
     def __init__(self, surface: str, reaction: str, *, contact: bool) -> None:
         self.wanted = {"displacements": surface, "total force": reaction, "forces": reaction}
         self.wanted |= {"contact stress": ""} if contact else {}
-        self.rows = {
-            "contact stress": self._face,
-            "displacements": self._displacement,
-            "total force": self._total_force,
-            "forces": self._nodal_force,
-        }
         self.found: dict[float, Level] = {}
         self.others: set[str] = set()
         self.block = ""
-        self._level = Level(0, 0.0)
-        self._seen: set[int] = set()
+        self._faces: set[tuple[int, int]] = set()
 
     def head(self, line: Line, block: str, columns: str, name: str | None, time: str) -> str:
         """Begin a block; return its name, and nothing for one that is not used."""
@@ -238,18 +238,26 @@ class _Dat:
                 f"contact stress by ({columns}); expected of faces, TYPE=SURFACE TO SURFACE"
             )
         at = line.finite(time)
-        self._level = self.found.setdefault(at, Level(line.number, at))
-        if block in self._level.printed:
-            self._level = self.found[at] = Level(line.number, at, again=True)
-        self._level.printed.add(block)
-        self._seen = set()
+        level = self.found.setdefault(at, Level(line.number, at))
+        if block in level.tables:
+            level = self.found[at] = Level(line.number, at, again=True)
+        self._table = level.tables[block] = NodeTable(line, name)
         if block == "contact stress":
-            self._level.faces = set()
-        elif block == "displacements":
-            self._level.moved = {}
-        elif block == "total force":
-            self._level.force = None  # in place of the sum over nodes
+            level.faces = self._faces = set()
         return block
+
+    def row(self, line: Line) -> None:
+        """Take a row of the block."""
+        if self.block == "contact stress":
+            self._face(line)
+        elif self.block == "total force":
+            if self._table.total:
+                raise line.unexpected("one total force a level")
+            self._table.total = line.values("fx, fy, fz")
+        else:
+            of_moved = self.block == "displacements"
+            values = line.values("node, vx, vy, vz" if of_moved else "node, fx, fy, fz")
+            self._table.rows[line.node(line.words[0], self._table.rows)] = values[1:]
 
     def _face(self, line: Line) -> None:
         element, face, pressure, *_ = line.values("element, face, press, tang1, tang2")
@@ -257,24 +265,8 @@ class _Dat:
         is_whole = element == int(element) and face == int(face)
         if not is_whole or (pressure > 0 and side < 1):
             raise line.error(f"face {face:g} of {element:g}; expected a side of a plane element")
-        if pressure > 0 and self._level.faces is not None:
-            self._level.faces.add((int(element), side))
-
-    def _displacement(self, line: Line) -> None:
-        _, x, y, _ = line.values("node, vx, vy, vz")
-        if self._level.moved is not None:
-            self._level.moved[line.node(line.words[0], self._level.moved)] = (x, y)
-
-    def _total_force(self, line: Line) -> None:
-        if self._level.force is not None:
-            raise line.unexpected("one total force a level")
-        self._level.force = line.values("fx, fy, fz")[1]
-
-    def _nodal_force(self, line: Line) -> None:
-        force = line.values("node, fx, fy, fz")[2]
-        self._seen.add(line.node(line.words[0], self._seen))
-        if "total force" not in self._level.printed:
-            self._level.force = (self._level.force or 0.0) + force
+        if pressure > 0:
+            self._faces.add((int(element), side))
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,7 +69,7 @@ class Reading:
     count_is : str or None
         What counts are of, one of `ridgebayes.fea.words.COUNTS`.
     brackets, interpolate : bool
-        For increments: always intervals, or always loads within them.
+        For increments: always intervals, even where gaps tell the load within; or always loads.
     """
 
     sheet: str | None = None
@@ -205,13 +205,19 @@ class DelimitedText(Source):
         text: dict[str, pd.Series[str]] = {}
         for name in wanted:
             cells = self._typed[name].str.strip().str.removesuffix(self._units.get(name, ""))
-            text[name] = cells.mask(cells.str.strip().isin(self._how.empty), "")
-        counts = Counter(cell for name in wanted for cell in text[name] if cell.strip())
+            cells = cells.str.strip()
+            text[name] = cells.mask(cells.isin(self._how.empty), "")
+        counts = Counter[str]()
+        for cells in text.values():
+            counts.update(cells[cells != ""].value_counts(sort=False).to_dict())
+
+        def n_off(style: tuple[str, str, re.Pattern[str]]) -> int:
+            return sum(n for cell, n in counts.items() if not style[2].fullmatch(cell))
+
         styles = [one for one in _STYLES if self._how.decimal in (None, _WORDS[one[0]])]
-        off = [
-            sum(n for cell, n in counts.items() if not one.fullmatch(cell)) for *_, one in styles
-        ]
-        mark, thousands, style = styles[off.index(min(off))]
+        mark, thousands, style = next((one for one in styles if not n_off(one)), None) or min(
+            styles, key=n_off
+        )
         doubtful = next((cell for cell in counts if "," in cell and style.fullmatch(cell)), "")
         is_sure = thousands or self._how.decimal or any(map(_is_decimal_comma, counts))
         if mark == "," and doubtful and not is_sure:

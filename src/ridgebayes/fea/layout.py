@@ -141,7 +141,7 @@ def _refuse_rows(above: Records, headers: Sequence[str], line: int, where: str) 
         shown = ", ".join(lines[:3]) + (f" and {len(lines) - 3} more" if len(lines) > 3 else "")
         text = f"numbers above the header in line {line}, in line {shown}: expected rows below it; "
         text += f"--header-row {line} passes over them"
-        raise FileError(where, [], [text], {"header_row": str(line)}, {}, {})
+        raise FileError(where, needs=[text], options={"header_row": str(line)})
 
 
 def _is_units(cells: Sequence[str]) -> bool:

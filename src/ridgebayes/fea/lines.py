@@ -108,6 +108,16 @@ class NodeTable:
         Values by node.
     total : list of float
         Sums of the columns, if they were printed.
+    extremes : dict of str to list of float
+        The same of ``MAXIMUM`` and ``MINIMUM``.
+    whole : bool
+        Whether its end was printed.
+    below : bool
+        Whether a blank line came after rows.
+    digits : int
+        Most digits of a number.
+    unit : float
+        Of the last printed digit, the coarsest of the rows.
     """
 
     line: Line
@@ -115,6 +125,11 @@ class NodeTable:
     columns: list[str] = field(default_factory=list)
     rows: dict[int, list[float]] = field(default_factory=dict)
     total: list[float] = field(default_factory=list)
+    extremes: dict[str, list[float]] = field(default_factory=dict)
+    whole: bool = False
+    below: bool = False
+    digits: int = 0
+    unit: float = 0.0
 
     def has(self, *names: str) -> bool:
         """Return whether all of some columns are there."""
@@ -125,6 +140,28 @@ class NodeTable:
         at, zeros = [self.columns.index(name) for name in names], [0.0] * len(self.columns)
         values = [[self.rows.get(node, zeros)[i] for i in at] for node in nodes]
         return np.array(values, dtype=float).reshape(-1, len(at))
+
+
+@dataclass
+class Frame:
+    """What was printed of one increment.
+
+    Parameters
+    ----------
+    line : int
+        Where it begins.
+    name : str
+        Its step and number, where messages show them.
+    tables : list of NodeTable
+        In the order of the file.
+    ignored : str
+        Why it is not to be used.
+    """
+
+    line: int
+    name: str = ""
+    tables: list[NodeTable] = field(default_factory=list)
+    ignored: str = ""
 
 
 Handlers = Sequence[tuple[re.Pattern[str], Callable[[Line, re.Match[str]], object]]]

@@ -8,8 +8,9 @@ from pathlib import Path
 from ridgebayes.errors import InputError
 from ridgebayes.fea.record import refusing
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_text
+from ridgebayes.runtime.text import shown_value
 
-_SHOWN = 80  # characters of a key or a value that messages show
+_SHOWN = 80  # characters of a key that messages show
 
 
 def parse_map(texts: Iterable[str]) -> dict[str, str]:
@@ -65,20 +66,10 @@ def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
             raise InputError(f"{path}: {name[:_SHOWN]}: expected tables [columns] and [values]")
         for key, value in entries.items():
             number = isinstance(value, int | float) and not isinstance(value, bool)
-            text = value if isinstance(value, str) else _text(value)
-            if not (isinstance(value, str) or (number and text and name == "values")):
-                shown = text[:_SHOWN] or "a text that is too long"
+            text = value if isinstance(value, str) else shown_value(value)
+            if not (isinstance(value, str) or (number and name == "values")):
                 raise InputError(
-                    f"{path}: [{name}] {key[:_SHOWN]} = {shown}: expected text in quotes"
+                    f"{path}: [{name}] {key[:_SHOWN]} = {text}: expected text in quotes"
                 )
             tables[name][key] = text
     return tables["columns"], tables["values"]
-
-
-def _text(value: object) -> str:
-    """Return a value of TOML other than text as Python writes it, or nothing if it cannot."""
-    try:
-        return repr(value)
-    # An integer of thousands of digits, or thousands of tables in each other.
-    except (ValueError, RecursionError):
-        return ""

@@ -2,6 +2,7 @@
 
 import heapq
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -26,6 +27,7 @@ class Places(Protocol):
         """Return cells, each of a row and a header, as they were typed."""
 
 
+@dataclass(eq=False, repr=False)
 class FileError(InputError):
     """A file that cannot be imported as it was asked for.
 
@@ -45,23 +47,15 @@ class FileError(InputError):
         Whether cells break rules that no option changes.
     """
 
-    def __init__(
-        self,
-        where: str,
-        wrong: list[str],
-        needs: list[str],
-        options: dict[str, str],
-        mapping: dict[str, str],
-        known: dict[str, str],
-        *,
-        is_broken: bool = False,
-    ) -> None:
-        self.where, self.wrong, self.needs = where, wrong, needs
-        self.options, self.mapping = options, mapping
-        self.known, self.is_broken = known, is_broken
-        super().__init__(self._text())
+    where: str
+    wrong: list[str] = field(default_factory=list)
+    needs: list[str] = field(default_factory=list)
+    options: dict[str, str] = field(default_factory=dict)
+    mapping: dict[str, str] = field(default_factory=dict)
+    known: dict[str, str] = field(default_factory=dict)
+    is_broken: bool = False
 
-    def _text(self) -> str:
+    def __str__(self) -> str:
         lines = [*self.wrong, *self.needs]
         if len(lines) == 1:
             return lines[0] if lines[0].startswith(self.where) else f"{self.where}: {lines[0]}"
@@ -79,7 +73,7 @@ class FileError(InputError):
             {**later.options, **self.options},
             {**self.mapping, **later.mapping},
             {**self.known, **later.known},
-            is_broken=self.is_broken or later.is_broken,
+            self.is_broken or later.is_broken,
         )
 
 
@@ -146,12 +140,4 @@ class Problems:
             return
         # What --empty could mend is not broken.
         is_broken = bool(self.texts) or any("--empty" not in rule for _, rule in self._cells)
-        raise FileError(
-            self.where,
-            wrong,
-            needs,
-            self.options,
-            self.mapping,
-            self.known,
-            is_broken=is_broken,
-        )
+        raise FileError(self.where, wrong, needs, self.options, self.mapping, self.known, is_broken)

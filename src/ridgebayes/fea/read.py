@@ -47,15 +47,13 @@ FORMATS = tuple(_ALLOWED)
 
 
 @dataclass(frozen=True)
-class Given:
+class Given(Reading):
     """What a file does not say and the user does: of each only what its format asks for.
 
     Parameters
     ----------
     map : tuple of str
         ``key=header``, or paths of TOML files with them.
-    sheet, skip_rows, header_row, decimal, empty, count_is, interpolate
-        Of a table, as `ridgebayes.fea.delimited.Reading`; None or empty where not given.
     texture : (float, float) or None
         Ridge and groove width over R.
     nu, R, E : str or None
@@ -77,13 +75,6 @@ class Given:
     """
 
     map: tuple[str, ...] = ()
-    sheet: str | None = None
-    skip_rows: int | None = None
-    header_row: int | None = None
-    decimal: str | None = None
-    empty: tuple[str, ...] = ()
-    count_is: str | None = None
-    interpolate: bool | None = None
     texture: tuple[float, float] | None = None
     nu: str | None = None
     R: str | None = None
@@ -105,7 +96,6 @@ def import_files(
     given: Given,
     *,
     program: str | None = None,
-    brackets: bool = False,
     role: str | None = None,
 ) -> Imported:
     """Read a file, or the files of a series.
@@ -118,8 +108,6 @@ def import_files(
         What they do not say.
     program : str or None
         One of `ridgebayes.fea.read.FORMATS`; None looks.
-    brackets : bool, optional
-        Give the increment in which a ridge was reached, even where gaps tell the load within.
     role : str or None
         Role of every row, if not None.
 
@@ -139,7 +127,7 @@ def import_files(
     if len(paths) > 1 and name != "series":
         raise InputError(f"{len(paths)} files of format {name}: expected one (several of .vtu)")
     _check_given(name, given)
-    found = _read(name, paths, given, brackets=brackets)
+    found = _read(name, paths, given)
     if role is not None:
         frame = found.table.frame.assign(role=role)
         table = ContactTable.from_frame(frame, where=found.table.where)
@@ -188,7 +176,7 @@ def recognise(path: Path) -> str:
 
 def _check_given(name: str, given: Given) -> None:
     for option in dict.fromkeys(chain(*_ALLOWED.values())):
-        if getattr(given, option) not in (None, ()) and option not in _ALLOWED[name]:
+        if getattr(given, option) != getattr(Given, option) and option not in _ALLOWED[name]:
             typed = option.replace("_", "-")
             raise InputError(f"--{typed}: not used by format {name}; remove it")
     for option, allowed in (("decimal", ("point", "comma")), ("count_is", tuple(COUNTS))):
@@ -197,16 +185,14 @@ def _check_given(name: str, given: Given) -> None:
             raise InputError(f"--{typed} {value}: expected {', '.join(allowed)}")
 
 
-def _read(name: str, paths: Sequence[Path], given: Given, *, brackets: bool) -> Imported:
+def _read(name: str, paths: Sequence[Path], given: Given) -> Imported:
     path = paths[0]
     if name == "table":
         mapping, values = _mapping(given)
-        asked = {option: getattr(given, option) for option in _OF_TABLES}
-        how = Reading(brackets=brackets, **{k: v for k, v in asked.items() if v is not None})
-        return read_columns(path, mapping, values=values, how=how)
+        return read_columns(path, mapping, values=values, how=given)
     given, messages = _completed(path, given, name)
     body = _body(given)
-    options: dict[str, Any] = {"brackets": brackets}
+    options: dict[str, Any] = {"brackets": given.brackets}
     if name == "series":
         options |= {key: getattr(given, key) or None for key in ("field", "time", "loads")}
         return read_series(paths, body, **{k: v for k, v in options.items() if v is not None})

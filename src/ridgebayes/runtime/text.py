@@ -3,6 +3,7 @@
 import math
 import unicodedata
 
+_LONGEST_VALUE = 200  # characters of a value of a file
 _UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # controls, such as those of writing right to left
 
 
@@ -15,6 +16,22 @@ def clipped(text: str) -> str:
     '0.01;0.02' 'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...'
     """
     return repr(text if len(text) <= 60 else f"{text[:57]}...")
+
+
+def shown_value(value: object) -> str:
+    """Return a value of a TOML file as messages show it.
+
+    Examples
+    --------
+    >>> shown_value({"a": 1})
+    "{'a': 1}"
+    """
+    try:
+        text = repr(value)
+    # Thousands of tables in each other, or an integer of thousands of digits.
+    except (RecursionError, ValueError):
+        return "a value that is too deeply nested or too long"
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
 
 
 def visible(text: str) -> str:

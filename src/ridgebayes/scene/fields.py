@@ -8,10 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
 
 from ridgebayes.errors import InputError
-from ridgebayes.runtime.text import one_line_message
+from ridgebayes.runtime.text import one_line_message, shown_value
 from ridgebayes.scene.units import with_point
 
-_LONGEST = 200  # characters of a value in messages
 # What is no TOML but was meant as a quantity: a decimal comma, or a unit without quotes.
 _QUANTITY_LINE = re.compile(
     r"\s*([\w.]+\s*=\s*)([+-]?[0-9][0-9.,]*)[ \t]*([^\s\"'#\[\],][^\"'#]*)?(#.*)?"
@@ -86,7 +85,7 @@ def findings(
             rule = "; ".join(filter(None, ("unknown key", meant[found["loc"]])))
         elif found["type"] == "missing":
             rule = "missing; expected a value"
-        shown = "" if found["type"] == "missing" else f" = {_shown(found['input'])}"
+        shown = "" if found["type"] == "missing" else f" = {shown_value(found['input'])}"
         # A rule between several keys names them itself.
         about = f"{key}{shown}: " if key else ""
         lines.append(f"{where}: {about}{rule[:1].lower()}{rule[1:]}")
@@ -106,13 +105,3 @@ def syntax_error(content: bytes, error: Exception) -> str:
             given = f"{key}{value} {unit}".strip()
             return f"line {number}: {given}: has {wrong}; expected {key}{right}"
     return f"not a TOML file in UTF-8: {one_line_message(error)}"
-
-
-def _shown(value: object) -> str:
-    """Return a value of a file as messages show it."""
-    try:
-        text = repr(value)
-    # Thousands of tables in each other, or an integer of thousands of digits.
-    except (RecursionError, ValueError):
-        return "a value that is too deeply nested or too long"
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
