@@ -130,10 +130,10 @@ def cost_job(
         frame["pareto"] = pareto(frame)
         with progress.stage("figures"):
             write_csv(frame, partial / COST_CSV)
-            tasks = frame["task"].unique()
-            figures = {task: f"cost-{task.replace(' ', '-')}" for task in tasks}
-            for task, name in figures.items():
-                save(plot_cost(frame, task, LEVELS), partial / name)
+            shown = frame["task"].unique().tolist()
+            figures = {one: f"cost-{one.replace(' ', '-')}" for one in shown}
+            for one, name in figures.items():
+                save(plot_cost(frame, one, LEVELS), partial / name)
             _write_page(frame, request, figures, partial / "cost.html")
     return frame
 

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -207,7 +208,7 @@ class DelimitedText(Source):
             cells = self._typed[name].str.strip().str.removesuffix(self._units.get(name, ""))
             cells = cells.str.strip()
             text[name] = cells.mask(cells.isin(self._how.empty), "")
-        counts = Counter[str]()
+        counts: Counter[Any] = Counter()
         for cells in text.values():
             counts.update(cells[cells != ""].value_counts(sort=False).to_dict())
 

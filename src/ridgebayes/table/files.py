@@ -328,7 +328,7 @@ def _refuse_ragged(rows: Iterator[tuple[int, list[str]]], header: list[str], whe
 
 def _own_numbers(frame: pd.DataFrame, known: Collection[str]) -> pd.DataFrame:
     """Turn those of the user's own columns into numbers that lose nothing by it."""
-    own: dict[str, Any] = {name: lossless(frame[name]) for name in frame if name not in known}
+    own: dict[str, Any] = {n: lossless(frame[n]) for n in map(str, frame) if n not in known}
     return frame.assign(**own)
 
 
