@@ -19,7 +19,8 @@ from ridgebayes.commands.cli import app
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.prior_files import read_priors, resolve_priors
+from ridgebayes.model.prior_files import resolve_priors
+from ridgebayes.runtime.reading import read_toml
 
 ROOT = Path(__file__).parents[1]
 PARTS = {"_generated", "mutation"}  # folders of docs/ whose pages are parts of others
@@ -114,7 +115,7 @@ def test_priors_page__shows_the_default_priors(tmp_path):
     (block,) = blocks_of(ROOT / "docs" / "priors.md", "toml")
     (tmp_path / "priors.toml").write_text(block, encoding="utf-8")
     data = Observations.from_table(rb.paper_sweep())
-    text = read_priors(tmp_path / "priors.toml")
+    text = read_toml(tmp_path / "priors.toml")
     found = resolve_priors(text, [rb.Hybrid()], [Noise()], data)
     assert list(found) == ["hybrid", "noise"]
     assert found["hybrid"] | found["noise"] == default_priors(rb.Hybrid())

@@ -11,7 +11,8 @@ from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.prior_files import read_priors, resolve_priors
+from ridgebayes.model.prior_files import resolve_priors
+from ridgebayes.runtime.reading import read_toml
 
 ALL = [rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid()]
 TEXTURES = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02))
@@ -31,7 +32,7 @@ def resolved(data, text, folder):
     path = folder / "p.toml"
     path.write_text(text, encoding="utf-8")
     return resolve_priors(
-        read_priors(path), ALL, [Noise()], data, where=str(path), folder=path.parent
+        read_toml(path), ALL, [Noise()], data, where=str(path), folder=path.parent
     )
 
 
@@ -102,9 +103,9 @@ def test_resolve__c2_may_be_of_any_sign_and_k_of_any_kind_above_0(data, tmp_path
     assert set(found["power-law"].values()) == {rb.Uniform(10.0, 200.0)}
 
 
-def test_read_priors__names_a_file_that_is_not_there(tmp_path):
+def test_read_toml__names_a_file_that_is_not_there(tmp_path):
     with pytest.raises(InputError, match=r"none\.toml: no such file"):
-        read_priors(tmp_path / "none.toml")
+        read_toml(tmp_path / "none.toml")
 
 
 PRIORS = {

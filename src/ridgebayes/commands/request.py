@@ -19,8 +19,9 @@ from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import Form, form_named
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.model.prior_files import ResolvedPriors, read_priors, resolve_priors
+from ridgebayes.model.prior_files import ResolvedPriors, resolve_priors
 from ridgebayes.runtime.progress import Progress
+from ridgebayes.runtime.reading import read_toml
 from ridgebayes.table.datafiles import paper_sweep
 from ridgebayes.table.table import ContactTable, read_table
 
@@ -118,7 +119,7 @@ class FitRequest:
         noise = AUTO if self.noise == AUTO else Noise.named(self.noise)
         priors = {}
         if self.priors:
-            content, where = read_priors(self.priors), str(self.priors)
+            content, where = read_toml(self.priors), str(self.priors)
             noises, folder = error_models_for(noise, data), self.priors.parent
             priors = resolve_priors(content, forms, noises, data, where=where, folder=folder)
         accuracy, settings = Preset.named(self.accuracy), self.settings

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from ridgebayes._types import FloatArray
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import InputError
-from ridgebayes.runtime.reading import LARGEST_TEXT, read_text
+from ridgebayes.runtime.reading import LARGEST_TEXT, read_text, refusing
 from ridgebayes.runtime.text import clipped
 
 LEAST_SAMPLE = 10
@@ -174,10 +174,8 @@ def read_sample(path: Path, column: str, number: Callable[[str], float]) -> Floa
         If the file cannot be read, has no such column, or a cell is not a finite number.
     """
     reader = csv.DictReader(read_text(path, LARGEST_TEXT).splitlines())
-    try:
+    with refusing(f"{path}: not a CSV file", csv.Error):
         names, rows = list(reader.fieldnames or ()), list(reader)
-    except csv.Error as error:
-        raise InputError(f"{path}: not a CSV file: {error}") from None
     if column not in names:
         raise InputError(f"{path}: expected a column {clipped(column)}, got {', '.join(names)}")
     values = np.empty(len(rows))

@@ -8,15 +8,14 @@ offsets are L(theta) times standard normal scores, and rows have their likelihoo
 
 import math
 import warnings
-from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
 
 from ridgebayes._types import FloatArray
-from ridgebayes.errors import InputError
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.model import Model
+from ridgebayes.runtime.extras import extra
 
 _REMAINING = 0.05  # log evidence that the live points may still hold when sampling ends
 _WALKED = 6  # coordinates from which on random walks are cheaper than draws within ellipsoids
@@ -67,7 +66,7 @@ def nested_evidence(
     ----------
     Skilling (2006), doi:10.1214/06-BA127; Speagle (2020), doi:10.1093/mnras/staa278.
     """
-    dynesty = _dynesty()
+    dynesty = extra("dynesty", "dynesty", "nested sampling needs dynesty")
     n = model.n_coordinate
 
     def at_cube(cube: FloatArray) -> FloatArray:
@@ -121,13 +120,3 @@ def _log_likelihood_given_offsets(model: Model, point: FloatArray) -> float:
     )
     value = float(rows.sum())
     return value if not math.isnan(value) else -math.inf
-
-
-def _dynesty() -> Any:
-    try:
-        import dynesty
-    except ImportError:
-        raise InputError(
-            "nested sampling needs dynesty: pip install 'ridgebayes[dynesty]'"
-        ) from None
-    return dynesty

@@ -1,13 +1,11 @@
 """Mappings as people write them: on the command line, and in TOML files beside the data."""
 
 import re
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.record import refusing
-from ridgebayes.runtime.reading import LARGEST_TEXT, read_text
+from ridgebayes.runtime.reading import read_toml
 from ridgebayes.runtime.text import shown_value
 
 _SHOWN = 80  # characters of a key that messages show
@@ -57,11 +55,8 @@ def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
     InputError
         If it is not TOML, or has other keys, or others than text in columns.
     """
-    # A thousand brackets in each other: RecursionError.
-    with refusing(f"{path}: not TOML", RecursionError, ValueError, most=200):
-        content = tomllib.loads(read_text(path, LARGEST_TEXT))
     tables: dict[str, dict[str, str]] = {"columns": {}, "values": {}}
-    for name, entries in content.items():
+    for name, entries in read_toml(path).items():
         if name not in tables or not isinstance(entries, dict):
             raise InputError(f"{path}: {name[:_SHOWN]}: expected tables [columns] and [values]")
         for key, value in entries.items():

@@ -18,8 +18,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.record import refusing
-from ridgebayes.runtime.reading import LARGEST, check_inside, check_stored, read_text
+from ridgebayes.runtime.reading import LARGEST, check_inside, check_stored, read_text, refusing
 
 _LARGEST_XML = 64 * 2**20  # bytes: more would take a parser longer than a user waits
 _SHOWN = 80  # characters of a word in a file that messages show

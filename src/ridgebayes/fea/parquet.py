@@ -11,7 +11,7 @@ import pandas as pd
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import FINITE, Cells, Source, clean_headers
 from ridgebayes.fea.problems import Problems
-from ridgebayes.fea.record import refusing
+from ridgebayes.runtime.reading import refusing
 from ridgebayes.table.files import read_arrow
 
 

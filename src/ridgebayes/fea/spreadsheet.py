@@ -16,7 +16,8 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.delimited import DelimitedText, Reading
 from ridgebayes.fea.layout import LOOKED_AT, known
 from ridgebayes.fea.problems import Problems
-from ridgebayes.fea.record import refusing
+from ridgebayes.runtime.extras import extra
+from ridgebayes.runtime.reading import refusing
 
 LARGEST = 2**30  # bytes of all members, unpacked
 LARGEST_XML = 2**26  # bytes of the members that are parsed: more would take minutes
@@ -109,12 +110,7 @@ def _check_xml(text: bytes, name: str, where: str) -> None:
 def _grid(content: bytes, problems: Problems, sheet: str | None) -> tuple[str, list[list[str]]]:
     """Return the sheet's name and the text of its cells, a list for each row from the first."""
     where = problems.where
-    try:
-        openpyxl: Any = import_module("openpyxl")  # an extra, and slow to load
-    except ImportError:
-        raise InputError(
-            f"{where}: Excel files need openpyxl: pip install 'ridgebayes[excel]'"
-        ) from None
+    openpyxl = extra("openpyxl", "excel", f"{where}: Excel files need openpyxl")
     options = {"read_only": True, "data_only": False, "keep_links": False}
     # openpyxl lets out exceptions of many kinds on what is no workbook.
     with refusing(f"{where}: not a readable Excel file", most=200), warnings.catch_warnings():

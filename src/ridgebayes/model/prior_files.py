@@ -12,12 +12,10 @@ A table for each form, and one for the error models; `distributions.grammar` lis
     df = "gamma(2, 0.1)"           # shape, rate
 """
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
-from ridgebayes._types import Json
 from ridgebayes.distributions.distribution import Distribution, LogNormal
 from ridgebayes.distributions.grammar import parse_distribution
 from ridgebayes.errors import InputError
@@ -25,40 +23,12 @@ from ridgebayes.model.default_priors import NOISE_PRIORS, coefficient_priors
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.runtime.reading import LARGEST_TEXT, read_text
-from ridgebayes.runtime.text import clipped, one_line_message
+from ridgebayes.runtime.text import clipped
 
 OF_ERRORS = "noise"
 # By form name or "noise", then by parameter: distributions, or texts that stand for them.
 Priors: TypeAlias = Mapping[str, Mapping[str, Distribution | str]]
 ResolvedPriors: TypeAlias = Mapping[str, Mapping[str, Distribution]]
-
-
-def read_priors(path: Path) -> Json:
-    """Read a file of priors: what `resolve_priors` takes, its texts not looked at.
-
-    Parameters
-    ----------
-    path : Path
-        TOML file.
-
-    Returns
-    -------
-    dict
-        By form name, or ``noise``, and parameter name.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or is not TOML.
-    """
-    try:
-        return tomllib.loads(read_text(path, LARGEST_TEXT))
-    except InputError:
-        raise
-    # A thousand brackets in each other: RecursionError.
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not TOML: {one_line_message(error)}") from None
 
 
 def resolve_priors(

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ridgebayes.errors import InputError, WorkerLostError
+from ridgebayes.runtime.extras import extra
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -38,16 +39,10 @@ def cluster(address: str) -> Iterator["ClusterExecutor"]:
     InputError
         If distributed is not installed, or no scheduler answers.
     """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError(
-            f"--scheduler {address}: distributed is not installed; "
-            "run pip install 'ridgebayes[dask]'"
-        ) from None
+    distributed = extra("distributed", "dask", f"--scheduler {address}: needs distributed")
     try:
         _reach(address)
-        client = Client(address, timeout=_ANSWER_S, set_as_default=False)
+        client = distributed.Client(address, timeout=_ANSWER_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(
             f"--scheduler {address}: no Dask scheduler answers ({error}); "

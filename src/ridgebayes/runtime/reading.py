@@ -6,12 +6,17 @@ length comes out. h5py is imported where it is used: most commands read no such 
 """
 
 import math
+import tomllib
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from stat import S_ISREG
 from typing import TYPE_CHECKING, Any
 
+from ridgebayes._types import Json
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.text import one_line_message
 
 if TYPE_CHECKING:
     import h5py
@@ -91,6 +96,46 @@ def decoded(content: bytes, where: str) -> str:
             f"{where}, line {line}: byte {content[error.start]:#04x} is not UTF-8; expected UTF-8"
         ) from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_toml(path: Path) -> Json:
+    """Return the tables and keys of a TOML file.
+
+    Raises
+    ------
+    InputError
+        As `read_text`, or if it is not TOML.
+    """
+    # A thousand brackets in each other: RecursionError.
+    with refusing(f"{path}: not TOML", RecursionError, ValueError):
+        return tomllib.loads(read_text(path, LARGEST_TEXT))
+
+
+@contextmanager
+def refusing(
+    where: str, *kinds: type[Exception], rule: str = "", most: int = 120
+) -> Iterator[None]:
+    """Refuse what a library cannot read, in the library's words.
+
+    Parameters
+    ----------
+    where : str
+        What messages begin with.
+    *kinds : type of Exception
+        What the library raises; none for any: some let out exceptions of many kinds.
+    rule : str, optional
+        What messages end with.
+    most : int, optional
+        Characters of the library's words.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        if kinds and not isinstance(error, kinds):
+            raise
+        raise InputError(f"{where}: {one_line_message(error, most)}{rule}") from None
 
 
 def check_tree(file: "h5py.File", where: str) -> None:

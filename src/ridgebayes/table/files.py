@@ -14,8 +14,9 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import replacing
-from ridgebayes.runtime.reading import decoded, read_bytes
-from ridgebayes.runtime.text import clipped, one_line_message
+from ridgebayes.runtime.extras import extra
+from ridgebayes.runtime.reading import decoded, read_bytes, refusing
+from ridgebayes.runtime.text import clipped
 from ridgebayes.table.columns import COLUMNS, SHOWN, Column, RawTable, check_header, listed
 
 SUFFIXES = (".csv", ".parquet")
@@ -137,12 +138,7 @@ def _suffix(path: Path) -> str:
 
 
 def _pyarrow(where: str) -> Any:
-    try:
-        import pyarrow.parquet
-    except ImportError:
-        why = "Parquet needs pyarrow: pip install 'ridgebayes[parquet]'"
-        raise InputError(f"{where}: {why}") from None
-    return pyarrow
+    return extra("pyarrow.parquet", "parquet", f"{where}: Parquet needs pyarrow")
 
 
 def read_arrow(content: bytes, where: str) -> Any:
@@ -164,10 +160,10 @@ def read_arrow(content: bytes, where: str) -> Any:
     InputError
         If pyarrow is missing or refuses the file, or it holds over 10^8 cells.
     """
-    pyarrow = _pyarrow(where)
+    parquet = _pyarrow(where)
     # pyarrow lets out exceptions of many kinds on what is no Parquet file.
-    try:
-        file = pyarrow.parquet.ParquetFile(io.BytesIO(content))
+    with refusing(f"{where}: not a readable Parquet file"):
+        file = parquet.ParquetFile(io.BytesIO(content))
         width = max(len(file.schema_arrow), 1)
         # Of each group: the total that a file states may be wrong.
         groups = range(file.metadata.num_row_groups)
@@ -175,9 +171,6 @@ def read_arrow(content: bytes, where: str) -> Any:
         if fits := n_row * width <= MOST_CELLS:
             table = file.read()
             table.validate(full=True)
-    except Exception as error:
-        why = one_line_message(error)
-        raise InputError(f"{where}: not a readable Parquet file: {why}") from None
     if not fits:
         raise InputError(
             f"{where}: {n_row} rows of {width} columns; expected at most {MOST_CELLS} cells"
@@ -187,12 +180,8 @@ def read_arrow(content: bytes, where: str) -> Any:
 
 def _parquet(content: bytes, where: str) -> RawTable:
     table = read_arrow(content, where)
-    try:
+    with refusing(f"{where}: not a readable Parquet file"):  # of what pandas makes nothing
         frame = table.to_pandas()
-    # As above: of what pandas makes nothing.
-    except Exception as error:
-        why = one_line_message(error)
-        raise InputError(f"{where}: not a readable Parquet file: {why}") from None
     # A named index is a column that another program set apart (pandas keeps 4, 6, 8 as a range
     # outside the columns); one without a name only counts rows.
     named = [name for name in frame.index.names if name is not None]

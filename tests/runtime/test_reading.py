@@ -3,7 +3,7 @@
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.record import refusing
+from ridgebayes.runtime.reading import refusing
 
 
 def test_refusing__says_where_and_what_the_library_says():
