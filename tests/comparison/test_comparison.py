@@ -19,7 +19,10 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence, quadrature_evidence
 from ridgebayes.evidence.error_models import WeighedErrorModels, weigh_error_models
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity, scale_factors
+from ridgebayes.inference.arviz_groups import groups_of
 from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.posterior import N_KEPT
+from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
@@ -293,6 +296,15 @@ def test_error_models__evidence_has_each_method_of_each_form_once(paper, fits):
     assert -factors["ln_bf"].iloc[0] == pytest.approx(abs(summed), rel=1e-12)
 
 
+def test_error_models__offsets_that_importance_sampling_drew_are_not_drawn_again(paper):
+    few = rb.ContactTable.from_frame(paper.calibration.frame.query("Q <= 6"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SAMPLE, None)
+        found = compare(few, [rb.Modified()], noise="step:student")
+    assert found.fits["modified"].sampler == "importance"
+    assert found.complete
+
+
 def test_error_models__a_form_that_failed_is_in_no_table(paper, fits):
     def sampled(model, **known):
         if model.form.name == "hybrid":
@@ -475,6 +487,16 @@ def test_loo__without_row_likelihoods_is_an_empty_table(paper, fits, monkeypatch
     found = compared(paper, fits, [rb.Modified()], prior_sensitivity=no_sensitivity)
     assert list(found.loo) == LOO_COLUMNS
     assert len(found.loo) == 0
+
+
+def test_fits__carry_the_draws_that_are_kept_and_their_rows_likelihood(comparison, monkeypatch):
+    fit = comparison.fits["hybrid"]
+    assert fit.chains.log_density.size == fit.draws.shape[0] <= N_KEPT
+    rows = fit.model.pointwise_log_likelihood(fit.coordinates)
+    np.testing.assert_array_equal(fit.log_likelihood, rows)
+    monkeypatch.setattr(Model, "pointwise_log_likelihood", None)  # nobody works it out again
+    found = groups_of(fit)["log_likelihood"]["log_load"].to_numpy()
+    np.testing.assert_array_equal(found.reshape(rows.shape), rows)
 
 
 # --- averages over forms --------------------------------------------------------------------------

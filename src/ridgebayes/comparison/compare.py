@@ -309,6 +309,8 @@ def _printed_fit(task: _PrintedFit) -> tuple[_Drawn | str, float]:
     began = time.process_time()
     try:
         posterior, found = _draw(task)
+        # What evidence needed whole is not carried from process to process.
+        posterior = replace(posterior, chains=posterior.kept_chains)
         if task.execution.scores:  # and for the fit's file, which is written elsewhere
             posterior = posterior.with_log_likelihood()
         drawn: _Drawn | str = posterior, found
