@@ -62,7 +62,7 @@ def test_column_unit__converts_exactly(key, header, explicit, factor):
         ("a", "w (total)", None),
         ("E", "E [mpa]", None),
         ("a", "w [mm]", "um"),
-        ("a", "w_mm", None),
+        ("a", "w mm", None),
         ("nu", "nu [mm]", None),
         ("nu", "nu", "kPa"),
     ],

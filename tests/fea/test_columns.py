@@ -106,7 +106,18 @@ def test_read_columns__a_column_in_percent_is_divided_by_100(read):
     assert column(read(text, {"p_over_E": "p/E"}), "p_over_E") == [0.0025]
 
 
-@pytest.mark.parametrize("header", ["a_mm", "ridge mm", "ridge_um"])
+def test_read_columns__units_after_an_underscore_are_units(read):
+    text = "a_mm,b_um,Q,line_N_per_mm,R_mm,E_kPa\n0.24,80,4,0.00096,8,60\n"
+    units = {"a": "mm", "b": "um", "line": "N_per_mm", "R": "mm", "E": "kPa"}
+    found = read(text, {key: f"{key}_{unit}" for key, unit in units.items()})
+    assert [column(found, name)[0] for name in ("a_over_R", "b_over_R", "p_over_E")] == [
+        0.03,
+        0.01,
+        0.001,
+    ]
+
+
+@pytest.mark.parametrize("header", ["a_per_mm", "ridge mm", "load_N_mm"])
 def test_read_columns__a_unit_without_brackets_is_not_passed_over(refusal, header):
     text = f"{header},b,Q,p_over_E\n240,0.08,4,0.001\n"
     assert "may be its unit" in refusal(text, {"a": header, "b": "b"}, values={"R": 8})

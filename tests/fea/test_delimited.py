@@ -154,6 +154,12 @@ def test_delimited__ragged_rows_name_their_lines():
     assert "line 3: '1,2' has 2 cells, line 5: '1,2,3,4' has 4 cells: expected 3 cells" in text
 
 
+def test_delimited__a_title_with_commas_leaves_columns_between_blanks():
+    text = "# R = 8 mm, E = 60 kPa, nu = 0.5\n# a   b  Q\n1 2 4\n1  2 6\n1 2 8\n"
+    cells = read(text)
+    assert cells.frame["Q"].tolist() == [4, 6, 8]
+
+
 @pytest.mark.parametrize("notes", ["Exported by Foo 12\n\nTotal rows: 2\n", "#end,,\n,,\n"])
 def test_delimited__notes_below_the_rows_are_passed_over_and_said(notes):
     cells = read("a,b,Q\n1,2,4\n1,2,6\n" + notes, ("a", "b"))

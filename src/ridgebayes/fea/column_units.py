@@ -40,6 +40,8 @@ _STYLES = (
     (re.compile(r"(.*?)\s+/\s+(\S+)"), False),
     (re.compile(r"(.*?)\s+in\s+(\S+)"), False),
     (re.compile(r"([^/]*?)/\(?([^()]+)\)?"), False),  # "Width/mm"
+    (re.compile(r"(.*)_([^_]+_per_[^_]+)"), False),  # "load_N_per_mm"
+    (re.compile(r"(.*)_([^_]+)"), False),
 )
 # What people write for units that pint knows under another name.
 _SPELLINGS = (
@@ -100,14 +102,16 @@ def split_header(header: str) -> tuple[str, str, bool]:
     --------
     >>> split_header("Ridge width [mm]"), split_header("E, kPa"), split_header("p / kPa")
     (('Ridge width', 'mm', True), ('E', 'kPa', False), ('p', 'kPa', False))
-    >>> split_header("Load, total")
-    ('Load, total', '', False)
+    >>> split_header("Load, total"), split_header("p_kPa")
+    (('Load, total', '', False), ('p', 'kPa', False))
     """
     for pattern, strict in _STYLES:
         if match := pattern.fullmatch(header):
-            words, unit = match.group(1).strip(), match.group(2).strip()
-            # "Load N/mm" is no load in N over mm.
-            if words and (strict or (is_unit(unit) and not is_unit(words.split()[-1]))):
+            words, unit = match.group(1).strip(), match.group(2).strip().replace("_per_", "/")
+            # "Load N/mm" is no load in N over mm, and "load_N_mm" none in mm.
+            last = re.split(r"[\s_]+", words)[-1]
+            is_sure = is_unit(unit) and last != "per" and not is_unit(last)
+            if words and (strict or is_sure):
                 return words, unit, strict
     return header, "", False
 

@@ -283,13 +283,23 @@ def _decoded(content: bytes, where: str) -> tuple[str, list[str]]:
         return text, [*messages, f"{byte}: read as Windows-1252"]
 
 
+def _tabs_for_blanks(text: str) -> str:
+    """Return text in columns with tabs between; empty if most lines are not equally wide."""
+    rows = [re.sub(r"^\s*#+", "", row) for row in text.split("\n")]
+    widths = Counter(len(row.split()) for row in rows[:LOOKED_AT] if row.strip())
+    width, n = widths.most_common(1)[0] if widths else (0, 0)
+    if width < 2 or n < 2 or 2 * n <= widths.total():
+        return ""
+    return "\n".join("\t".join(row.split()) if len(row.split()) == width else row for row in rows)
+
+
 def _separated(text: str, where: str) -> tuple[str, str]:
     """Return the text and its separator: the one by which most first records are equally wide.
 
     Tab goes before semicolon, bar and comma: a comma may stand within cells of the others. Text in
     columns with blanks between gets tabs.
     """
-    best, failed = (0, ""), None
+    best, n_record, failed = (0, ""), 0, None
     for separator in SEPARATORS:
         try:
             some = islice(records(text, where, separator), LOOKED_AT)
@@ -297,16 +307,17 @@ def _separated(text: str, where: str) -> tuple[str, str]:
         except InputError as error:
             failed = error
             continue
+        n_record = widths.total()
         width, n = max(widths.items(), key=lambda one: (one[1] * (one[0] > 1), one[0]))
         if width > 1 and n > best[0]:
             best = n, separator
+    blank = "" if 2 * best[0] > n_record else _tabs_for_blanks(text)
+    if blank:
+        return blank, "\t"
     if best[1]:
         return text, best[1]
     if failed is not None:
         raise failed
-    rows = [re.sub(r"^\s*#+", "", row) for row in text.split("\n")]
-    if len({len(row.split()) for row in rows[:LOOKED_AT] if row.strip()} - {1}) == 1:
-        return "\n".join("\t".join(row.split()) for row in rows), "\t"
     raise InputError(
         f"{where}, line 1: one column only; expected columns separated by commas, semicolons, "
         "bars or tabs"
