@@ -10,6 +10,7 @@ import pandas as pd
 
 from ridgebayes.errors import InputError, OutputError, RidgebayesError
 from ridgebayes.runtime.atomic import exclusive_lock, replacing
+from ridgebayes.runtime.templates import rendered
 
 RUN_JSON = "run.json"
 CHAINS = "chains-*.h5"
@@ -143,13 +144,5 @@ def write_text(text: str, path: Path) -> None:
 
 
 def write_page(path: Path, template: str, **values: object) -> None:
-    """Write a page of one of the templates beside this module, whole or not at all."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # which few commands need
-
-    environment = Environment(
-        loader=PackageLoader("ridgebayes.commands"),
-        autoescape=path.suffix == ".html",
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-    )
-    write_text(environment.get_template(template).render(values), path)
+    """Write a page of one of this room's templates, whole or not at all."""
+    write_text(rendered("ridgebayes.commands", template, **values), path)

@@ -1,12 +1,13 @@
 """Decks of a pressed disk: rigid blocks below it, and how far it is pressed at each level.
 
-Everything is over the radius R and Young's modulus E: R = 1, E = 1. The text of a deck is
-CalculiX's or Abaqus's.
+Everything is over the radius R and Young's modulus E: R = 1, E = 1. The text of a deck,
+CalculiX's or Abaqus's, is that of a template.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,13 +17,13 @@ from ridgebayes.contact.cylinder.faces import first_height
 from ridgebayes.contact.cylinder.mesh import DiskMesh, disk_mesh
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.templates import rendered
 from ridgebayes.scene.scene import Scene
 
 FORMATS = ("calculix", "abaqus")
 SURFACE, REACTION = "NARC", "NTOP"
 _PENALTY = 1e5  # pressure over overlap, E/R: an overlap shifts the first transition most
 _RIGID = 1000.0  # E of the blocks, whose nodes are all held
-_STEP = "1.,1.,0.002,1."  # one increment a level, cut where it does not converge
 DEPTH = 0.06  # of the blocks that are the ridges, over R
 _ARC = 6  # blocks under a round corner
 _GROWTH = 0.3  # of edges away from corners
@@ -220,100 +221,45 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
             f"nu = {disk.nu:g}: expected at most 0.499 for CalculiX, whose elements have no "
             "pressure of their own; 0.49 is within 1.4 % in load, or --format abaqus"
         )
-    lines = [f"** {line}" for line in disk.title]
-    lines += ["*HEADING", "soft cylinder on rigid ridges"]
-    lines += _body(disk, "CPE8R" if calculix else "CPE8RH")
-    lines += _blocks(disk)
-    lines += _surfaces(disk)
-    lines += _materials(disk)
-    lines += _contact(disk, calculix, penalty)
-    lines += ["*BOUNDARY", "NRID,1,2", "NAX,1,1"]
-    for i, level in enumerate(disk.displacements):
-        lines += _level(float(level), first=i == 0, calculix=calculix)
-    return "\n".join(lines) + "\n"
-
-
-def _body(disk: PressedDisk, element: str) -> list[str]:
-    points, number, cells = disk.mesh.points, disk.numbers, disk.cells
-    lines = ["*NODE,NSET=NDISK"]
-    lines += [
-        f"{number[i]},{points[i, 0]:.13g},{points[i, 1]:.13g},0." for i in np.flatnonzero(number)
-    ]
-    lines.append(f"*ELEMENT,TYPE={element},ELSET=EDISK")
-    lines += [f"{i},{','.join(map(str, row))}" for i, row in enumerate(number[cells], 1)]
+    number, points, n_cell = disk.numbers, disk.mesh.points, len(disk.cells)
+    used = np.flatnonzero(number)
     sets = {REACTION: disk.mesh.mid_plane, "NAX": disk.mesh.axis, SURFACE: disk.rim}
-    for name, nodes in sets.items():
-        lines += [f"*NSET,NSET={name}", *_rows(n for n in number[nodes] if n)]
-    return lines
+    return rendered(
+        "ridgebayes.fea",
+        "deck.inp.jinja",
+        disk=disk,
+        calculix=calculix,
+        nodes=zip(number[used].tolist(), *points[used].T.tolist(), strict=True),
+        cells=number[disk.cells].tolist(),
+        sets={name: [n for n in number[some].tolist() if n] for name, some in sets.items()},
+        blocks=[_block(disk, k, int(number.max()), n_cell) for k in range(len(disk.blocks))],
+        faces=_pressed_faces(disk),
+        c10=0.25 / (1.0 + disk.nu),
+        d1=6.0 * (1.0 - 2.0 * disk.nu),  # 2/K, and 0 for an incompressible body
+        rigid=_RIGID,
+        penalty=penalty,
+        surface=SURFACE,
+        reaction=REACTION,
+    )
 
 
-def _blocks(disk: PressedDisk) -> list[str]:
-    n_node, n_cell = int(disk.numbers.max()), len(disk.cells)
-    lines = ["*NODE,NSET=NRID"]
-    for k, block in enumerate(disk.blocks):
-        lines += [f"{n_node + 4 * k + i},{x:.13g},{y:.13g},0." for i, (x, y) in enumerate(block, 1)]
-    lines.append("*ELEMENT,TYPE=CPE4,ELSET=ERID")
-    for k in range(len(disk.blocks)):
-        lines.append(",".join(map(str, [n_cell + k + 1, *(n_node + 4 * k + 1 + np.arange(4))])))
-    return lines
+def _block(disk: PressedDisk, k: int, n_node: int, n_cell: int) -> dict[str, Any]:
+    """Return number, corners and the sides that may be touched of a block."""
+    block, first = disk.blocks[k], n_node + 4 * k + 1
+    # Walls are where no neighbour goes on at the same height.
+    left = any(tuple(block[3]) == tuple(other[2]) for other in disk.blocks)
+    right = any(tuple(block[2]) == tuple(other[3]) for other in disk.blocks)
+    return {
+        "number": n_cell + k + 1,
+        "corners": [(first + i, x, y) for i, (x, y) in enumerate(block.tolist())],
+        "sides": [3, *[2] * (not right), *[4] * (not left)],
+    }
 
 
-def _surfaces(disk: PressedDisk) -> list[str]:
+def _pressed_faces(disk: PressedDisk) -> list[tuple[int, int]]:
+    """Return elements and their sides along the part of the rim that may touch."""
     rim, points = disk.mesh.rim, disk.mesh.points
     middle = np.arctan2(points[:, 0], -points[:, 1])[rim[:, 1]]
     pressed = rim[middle < 2.0 * np.arcsin(min(disk.reach, 0.7)), 1]
-    lines = ["*SURFACE,NAME=BODY,TYPE=ELEMENT"]
-    for side in range(4):
-        faces = np.flatnonzero(np.isin(disk.cells[:, 4 + side], pressed))
-        lines += [f"{i + 1},S{side + 1}" for i in faces]
-    lines.append("*SURFACE,NAME=RIDGES,TYPE=ELEMENT")
-    n_cell = len(disk.cells)
-    for k, block in enumerate(disk.blocks):
-        # Walls are where no neighbour goes on at the same height.
-        left = any(tuple(block[3]) == tuple(other[2]) for other in disk.blocks)
-        right = any(tuple(block[2]) == tuple(other[3]) for other in disk.blocks)
-        sides = [3, *[2] * (not right), *[4] * (not left)]
-        lines += [f"{n_cell + k + 1},S{side}" for side in sides]
-    return lines
-
-
-def _materials(disk: PressedDisk) -> list[str]:
-    mu = 0.5 / (1.0 + disk.nu)
-    d1 = 6.0 * (1.0 - 2.0 * disk.nu)  # 2/K, and 0 for an incompressible body
-    section = "*SOLID SECTION,ELSET={0},MATERIAL={1}"
-    return [
-        *("*MATERIAL,NAME=BODY", "*HYPERELASTIC,NEO HOOKE", f"{mu / 2:.10g},{d1:.10g}"),
-        *("*MATERIAL,NAME=RIDGES", "*ELASTIC", f"{_RIGID},0.3"),
-        *(section.format("EDISK", "BODY"), "1."),
-        *(section.format("ERID", "RIDGES"), "1."),
-    ]
-
-
-def _contact(disk: PressedDisk, calculix: bool, penalty: float) -> list[str]:
-    lines = ["*SURFACE INTERACTION,NAME=SI"]
-    if calculix:
-        lines += ["*SURFACE BEHAVIOR,PRESSURE-OVERCLOSURE=LINEAR", f"{penalty:.10g}"]
-    else:
-        lines += ["*SURFACE BEHAVIOR,PRESSURE-OVERCLOSURE=HARD,AUGMENTED LAGRANGE"]
-    if disk.friction:
-        stick = f",{10 * penalty:.10g}" if calculix else ""
-        lines += ["*FRICTION", f"{disk.friction:.10g}{stick}"]
-    lines += ["*CONTACT PAIR,INTERACTION=SI,TYPE=SURFACE TO SURFACE", "BODY,RIDGES"]
-    return lines
-
-
-def _level(level: float, *, first: bool, calculix: bool) -> list[str]:
-    lines = ["*STEP,NLGEOM,INC=60" if calculix else "*STEP,NLGEOM=YES,INC=200"]
-    if first and calculix:
-        # The first forces are small beside those that the default tolerances have in mind.
-        lines += ["*CONTROLS,PARAMETERS=FIELD", "0.001,0.002"]
-    lines += ["*STATIC", _STEP, "*BOUNDARY", f"{REACTION},2,2,{-level:.12g}"]
-    totals, force, moved = ("ONLY", "RF", "U") if calculix else ("YES,SUMMARY=NO", "RF2", "U1,U2")
-    lines += [f"*NODE PRINT,NSET={REACTION},TOTALS={totals},FREQUENCY=1000", force]
-    return [*lines, f"*NODE PRINT,NSET={SURFACE},FREQUENCY=1000", moved, "*END STEP"]
-
-
-def _rows(numbers: Iterable[int]) -> list[str]:
-    """Return numbers in lines of twelve."""
-    some = [str(int(number)) for number in numbers]
-    return [",".join(some[i : i + 12]) + "," for i in range(0, len(some), 12)]
+    side, element = np.nonzero(np.isin(disk.cells[:, 4:].T, pressed))
+    return list(zip((element + 1).tolist(), (side + 1).tolist(), strict=True))
