@@ -52,6 +52,7 @@ test-long: setup
 	    $(MAKE) --no-print-directory test-python PYTHON=$$python VENV=.venv-$$(basename $$python); \
 	done
 	$(BIN)/python -m tests.fea.fuzzing --n 200 --seed 1
+	$(MAKE) --no-print-directory dist
 
 .PHONY: test-python
 test-python: setup

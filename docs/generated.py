@@ -9,14 +9,27 @@ from typing import Any
 import typer
 
 import ridgebayes as rb
+from ridgebayes.checks.cost.measured import SHORT_COLUMNS
+from ridgebayes.checks.coverage import COVERAGE_COLUMNS
+from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
 from ridgebayes.commands.cli import app
+from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
+from ridgebayes.comparison.scores import LOO_COLUMNS
+from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
+from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
+from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
 from ridgebayes.table.columns import COLUMNS
 
 
 def write_pages(folder: Path) -> None:
     """Write them, and leave alone what has not changed, so that a second build is quick."""
     folder.mkdir(exist_ok=True)
-    pages = {"commands.md": commands(), "api.md": names(), "columns.md": columns()}
+    pages = {
+        "commands.md": commands(),
+        "api.md": names(),
+        "columns.md": columns(),
+        "run-columns.md": run_columns(),
+    }
     for name, lines in pages.items():
         text = "\n".join(lines) + "\n"
         path = folder / name
@@ -59,29 +72,30 @@ def option(one: Any) -> tuple[str, str, str]:
 
 
 def names() -> list[str]:
-    """Return a section for each kind of public name, with the documentation of each."""
+    """Return a section for each kind of public name: a line for each, then all of each."""
     kinds: dict[str, list[str]] = {"Functions": [], "Classes": [], "Errors": []}
     for name in rb.__all__:
         value = getattr(rb, name)
-        if not inspect.isclass(value):
-            if callable(value):
-                kinds["Functions"] += [
-                    "",
-                    "```{eval-rst}",
-                    f".. autofunction:: ridgebayes.{name}",
-                    "```",
-                ]
-        else:
-            kind = "Errors" if issubclass(value, Exception) else "Classes"
-            kinds[kind] += [
-                "",
-                "```{eval-rst}",
-                f".. autoclass:: ridgebayes.{name}",
-                "   :members:",
-                "   :inherited-members: BaseModel, Exception, object",
-                "```",
-            ]
-    return [line for kind, lines in kinds.items() for line in (f"## {kind}", *lines, "")]
+        if inspect.isclass(value):
+            kinds["Errors" if issubclass(value, Exception) else "Classes"].append(name)
+        elif callable(value):
+            kinds["Functions"].append(name)
+    lines = []
+    for kind, found in kinds.items():
+        role, directive = (
+            ("func", "autofunction") if kind == "Functions" else ("class", "autoclass")
+        )
+        rows = [
+            (f"{{py:{role}}}`~ridgebayes.{name}`", (getattr(rb, name).__doc__ or "").split("\n")[0])
+            for name in found
+        ]
+        lines += [f"## {kind}", "", *table(("name", "does" if role == "func" else "is"), rows), ""]
+        for name in found:
+            lines += ["```{eval-rst}", f".. {directive}:: ridgebayes.{name}"]
+            if role == "class":
+                lines += ["   :members:", "   :inherited-members: BaseModel, Exception, object"]
+            lines += ["```", ""]
+    return lines
 
 
 def columns() -> list[str]:
@@ -97,3 +111,19 @@ def columns() -> list[str]:
         )
         rows.append((f"`{one.name}`", one.holds, one.rule, default))
     return table(("column", "holds", "rule", "if absent"), rows)
+
+
+def run_columns() -> list[str]:
+    """Return the columns of the tables that a run leaves."""
+    files = {
+        "summary.csv": ["form", "noise", *SUMMARY_COLUMNS],
+        "evidence.csv": EVIDENCE_COLUMNS,
+        "bayes_factors.csv": BAYES_FACTOR_COLUMNS,
+        "prior_sensitivity.csv": SENSITIVITY_COLUMNS,
+        "loo.csv": LOO_COLUMNS,
+        "left_out.csv": LEFT_OUT_COLUMNS,
+        "coverage.csv": COVERAGE_COLUMNS,
+        "costs.csv": SHORT_COLUMNS,
+    }
+    rows = [(f"`{name}`", ", ".join(f"`{one}`" for one in held)) for name, held in files.items()]
+    return table(("file", "columns"), rows)

@@ -45,7 +45,7 @@ def pages_with(language, **which):
 
 def commands(path, **which):
     """Return the command lines of a page, without their comments, as words."""
-    lines = "\n".join(blocks_of(path, "sh", **which)).splitlines()
+    lines = "\n".join(blocks_of(path, "sh", **which)).replace("\\\n", " ").splitlines()
     return [words for line in lines if (words := shlex.split(line, comments=True))]
 
 
@@ -70,7 +70,7 @@ def test_python_blocks__print_what_their_comments_say(path, folder):
     said, expected, namespace = [], [], {}
     namespace["print"] = lambda *words: said.append(" ".join(map(str, words)))
     for code in blocks_of(path, "python"):
-        expected += re.findall(r"^print\(.*\)\s+# (.+)$", code, flags=re.MULTILINE)
+        expected += re.findall(r"^ *print\(.*\)\s+# (.+)$", code, flags=re.MULTILINE)
         exec(compile(code, str(path), "exec"), namespace)  # the block is ours
     assert said == expected
 

@@ -1,6 +1,8 @@
 """The README's numbers and names, and those of the page of results behind it."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -32,9 +34,28 @@ def test_readme__is_short():
     assert len(README.splitlines()) <= 120
 
 
-def test_library_block__is_fifteen_lines():
+TYPES = {
+    "table": "rb.ContactTable",
+    "fit": "rb.Fit",
+    "q": "rb.QDistribution",
+    "load": "rb.LoadDistribution",
+    "weighed": "rb.Comparison",
+    "fit.converged": "bool",
+    "table.calibration": "rb.ContactTable",
+    "rb.citations(fit)": "pd.DataFrame",
+}
+
+
+def test_library_block__is_fifteen_lines_that_type_checkers_understand(tmp_path):
     (block,) = re.findall(r"^```python\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
     assert len([line for line in block.splitlines() if line]) <= 15
+    asserted = "\n".join(f"assert_type({name}, {kind})" for name, kind in TYPES.items())
+    program = f"from typing import assert_type\nimport pandas as pd\n{block}\n{asserted}\n"
+    (tmp_path / "readme.py").write_text(program, encoding="utf-8")
+    mypy = [sys.executable, "-m", "mypy", "--config-file", str(ROOT / "pyproject.toml")]
+    words = ["--cache-dir", str(ROOT / ".mypy_cache"), str(tmp_path / "readme.py")]
+    done = subprocess.run([*mypy, *words], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
 
 
 def table_of(text):

@@ -1,7 +1,7 @@
 """``python -m tests.wheel PYTHON DIST``: the wheel alone, in an empty environment, does its work.
 
 Checks its size, the main job, a run on a table, and each optional extra with and without: what
-needs one says so, and works once it is there.
+needs one says so, and works once it is there. (dynesty no command asks for: tests/evidence has it.)
 """
 
 import os

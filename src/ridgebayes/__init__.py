@@ -47,6 +47,7 @@ _HOME = {
     "QDistribution": "predict.q_distribution",
     "LoadDistribution": "predict.load_distribution",
     "Comparison": "comparison.comparison",
+    "citations": "comparison.citations",
     "compare": "comparison.compare",
     "friction_inputs": "friction.inputs",
     "Design": "texture_design.design",
@@ -70,6 +71,7 @@ def __dir__() -> list[str]:
 
 if TYPE_CHECKING:
     from ridgebayes._types import __version__
+    from ridgebayes.comparison.citations import citations
     from ridgebayes.comparison.compare import compare
     from ridgebayes.comparison.comparison import Comparison
     from ridgebayes.distributions.bounded import Truncated, Uniform

@@ -18,6 +18,7 @@ from ridgebayes.checks.coverage import COVERAGE_COLUMNS
 from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
 from ridgebayes.commands.run_folder import PARTIAL, RUN_JSON, write_csv, write_text
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
+from ridgebayes.comparison.citations import citations
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.errors import InputError
@@ -136,6 +137,7 @@ def write_run_json(
         "stages": list(stages),
         **verdicts(comparison),
         "peak_memory_bytes": peak_memory,
+        "citations": citations(comparison).to_dict("records"),
     }
     if reference is not None:
         content[REFERENCE] = verdicts(reference)
