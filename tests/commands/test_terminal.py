@@ -27,6 +27,7 @@ WRONG = {
     "compare": ("no.csv",),
     "predict": ("no", "--texture", "0.02,0.02", "--p-over-E", "0.01", "-o", "b.csv"),
     "friction": ("no", "no.toml", "-o", "x.nc"),
+    "design": ("no", "--scene", "no.toml", "--goal", "P(Q >= 8) >= 0.9"),
     "coverage": ("no.csv",),
     "plan": ("no.toml",),
     "cost": ("no.csv",),

@@ -34,6 +34,7 @@ _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "compare": ("compare", options.Compare),
     "predict": ("predict", options.Predict),
     "friction": ("friction", options.Friction),
+    "design": ("design", options.Design),
     "coverage": ("coverage", options.Coverage),
     "plan": ("plan", options.Plan),
     "cost": ("cost", options.Cost),

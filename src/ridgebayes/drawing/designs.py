@@ -19,7 +19,6 @@ def draw_designs(
     label: str,
     *,
     is_met: bool,
-    lengths: tuple[float, str] = (1.0, "/R"),
 ) -> None:
     """Draw a map of designs on axes.
 
@@ -35,10 +34,7 @@ def draw_designs(
         What the colour shows: ``margin``, or what `probability` holds.
     is_met : bool
         Whether it meets the goals.
-    lengths : (float, str), optional
-        Radius in a unit, and how a width in it is written.
     """
-    radius, unit = lengths
     shown = "margin" if label == "margin" else "probability"
     grid = designs.pivot_table(index="b_over_R", columns="a_over_R", values=shown, aggfunc="first")
     margin = designs.pivot_table(
@@ -47,7 +43,7 @@ def draw_designs(
     outside = designs.assign(outside=designs["extrapolation"].astype(float)).pivot_table(
         index="b_over_R", columns="a_over_R", values="outside", aggfunc="first"
     )
-    x, y = grid.columns.to_numpy(float) * radius, grid.index.to_numpy(float) * radius
+    x, y = grid.columns.to_numpy(float), grid.index.to_numpy(float)
     mesh = axes.pcolormesh(x, y, grid.to_numpy(float), cmap="Blues", shading="nearest")
     axes.figure.colorbar(mesh, ax=axes, label=label)
     handles: list[Artist] = []
@@ -62,11 +58,11 @@ def draw_designs(
                 axes.contourf(x, y, beyond, levels=[0.5, 1.5], colors="none", hatches=["///"])
             name = "beyond what was calibrated" if beyond.min() < 1 else "all beyond calibration"
             handles.append(Patch(facecolor="none", edgecolor="grey", hatch="///", label=name))
-    (point,) = axes.plot(best[0] * radius, best[1] * radius, marker="*", color=_BEST, markersize=14)
+    (point,) = axes.plot(best[0], best[1], marker="*", color=_BEST, markersize=14)
     point.set(linestyle="none", markeredgecolor="white", clip_on=False, zorder=5)
     point.set_label("recommended" if is_met else "nearest to the goal")
-    axes.set_xlabel(f"ridge width $a${unit}")
-    axes.set_ylabel(f"groove width $b${unit}")
+    axes.set_xlabel("ridge width $a/R$")
+    axes.set_ylabel("groove width $b/R$")
     axes.grid(visible=False)
     axes.legend(handles=[*handles, point], loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 

@@ -34,21 +34,27 @@ from ridgebayes.texture_design.sensitivity import Sources, sobol_shares, what_to
 if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
 
+
+def _margin(rows: pd.DataFrame) -> pd.Series:
+    return rows["margin"]
+
+
 _OBJECTIVES = {
-    "margin": lambda row: row["margin"],
+    "margin": _margin,
     "max-pitch": lambda row: row["a_over_R"] + row["b_over_R"],
     "min-pitch": lambda row: -row["a_over_R"] - row["b_over_R"],
     "max-ridge": lambda row: row["a_over_R"],
     "min-ridge": lambda row: -row["a_over_R"],
     "max-groove": lambda row: row["b_over_R"],
     "min-groove": lambda row: -row["b_over_R"],
-    "min-load": lambda row: row["margin"],  # at the smallest load at which any texture will do
+    "min-load": _margin,  # at the smallest load at which any texture will do
 }
 _N_DRAW, _N_SPREAD, _N_PRECISE = 16_384, 4_096, 2**17
 _PRECISE_ROUNDS, _PRECISE_SE = 8, 0.03
 _N_CHECK = 100_000
 _POINTS, _MOST_TEXTURES = 60, 40_000
 _N_LOADS = 20  # of the objective min-load, where none are given
+_ALIKE = 1e-4  # of margins
 _SURE = 2.0  # standard errors by which a recommended texture lies inside
 
 
@@ -113,6 +119,13 @@ class Design(Tabular):
         """The row of the recommended texture; None where no texture meets the goals."""
         return self.best if self.feasible else None
 
+    @property
+    def shown(self) -> str:
+        """What the map shows: the probability, the sd of Q, or of several goals the margin."""
+        if len(self.goals) > 1:
+            return "margin"
+        return "sd of $Q$" if self.goals[0].is_spread else "probability"
+
     def to_dataframe(self) -> pd.DataFrame:
         """Return the textures as a table.
 
@@ -171,11 +184,9 @@ class Design(Tabular):
         """
         from ridgebayes.drawing import designs, records  # loads matplotlib
 
-        label = "sd of $Q$" if self.goals[0].is_spread else "probability"
-        label = label if len(self.goals) == 1 else "margin"
         best = (self.best["a_over_R"], self.best["b_over_R"])
         axes = records.axes_or_new(ax)
-        designs.draw_designs(axes, self.designs, best, label, is_met=self.feasible)
+        designs.draw_designs(axes, self.designs, best, self.shown, is_met=self.feasible)
         return axes
 
 
@@ -212,8 +223,9 @@ def design(
         Loads p/E of goals that name none, the worst of which counts: LO:HI:N, or numbers. The
         scene's largest load if not given.
     objective : str, optional
-        margin, max-pitch, min-pitch, max-ridge, min-ridge, max-groove, min-groove, or min-load:
-        the smallest of the loads (20 steps to the scene's largest if not given) that will do.
+        margin (of those that cannot be told apart the coarsest), max-pitch, min-pitch, max-ridge,
+        min-ridge, max-groove, min-groove, or min-load: the smallest of the loads (20 steps to the
+        scene's largest if not given) that will do.
     rng : int or numpy.random.Generator, optional
         Seed; the same seed gives the same design.
 
@@ -278,7 +290,7 @@ def design(
     tightest = goals[int(best.get("goal", 1)) - 1]
     value = values.at(tightest, *texture)
     sources = Sources(scene, made, loads_of, texture, value)
-    about |= {"tolerance": str(tolerance or 0), "seed": seed, "ridgebayes_version": __version__}
+    about |= {"tolerance": vars(made), "seed": seed, "ridgebayes_version": __version__}
     if objective == "min-load":
         best["load"] = str(value.case.loads[0])
     return Design(
@@ -416,6 +428,9 @@ def _chosen(designs: pd.DataFrame, objective: str) -> Json:
     for wanted in (~rows["extrapolation"], rows["margin"] >= _SURE * rows["probability_se"]):
         if wanted[rows.index].any():
             rows = rows[wanted[rows.index]]
+    if _OBJECTIVES[objective] is _margin:  # of margins that cannot be told apart, the coarsest
+        least = rows["margin"].max() - _SURE * (rows["probability_se"] + _ALIKE)
+        rows, objective = rows[rows["margin"] >= least], "max-pitch"
     # Of equals the first, from the largest margin on.
     rows = rows.sort_values("margin", ascending=False, kind="stable")
     key: FloatArray = _OBJECTIVES[objective](rows).to_numpy().round(12)

@@ -73,7 +73,7 @@ def form_reliability(sources: Sources, probability: float, se: float) -> Json:
     why = ""
     if any(one is None for _, _, one in found):
         why = "a nearest failure was not found"
-    elif not se <= _PRECISE * probability:
+    elif not 0 < se <= _PRECISE * probability:
         why = "Monte Carlo is too coarse to compare with"
     elif abs(total - probability) > _TRUSTED * probability:
         why = "it differs from Monte Carlo by more than 20 %"

@@ -24,7 +24,7 @@ from ridgebayes.texture_design.goal_values import Part, PlacedPart, Value
 FORM, NOISE, COEFFICIENTS = "form", "error model", "coefficients"
 SIMULATION = "a simulation of this texture"
 _GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}
-_N, _N_BLOCK = 2**14, 16
+_N, _N_BLOCK = 2**14, 64
 _N_OUTER, _N_INNER = 128, 256
 _PROB = (0.05, 0.95)
 Draws = Mapping[str, FloatArray]  # by source; the last axis is that of the draws

@@ -1,0 +1,117 @@
+"""`ridgebayes design`: textures that meet a goal, from a finished run and a scene."""
+
+import re
+from pathlib import Path
+
+import pandas as pd
+
+from ridgebayes.commands import options
+from ridgebayes.commands.run_files import read_run
+from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.commands.terminal import Answer, files_in
+from ridgebayes.errors import InputError
+from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.toml import read_body
+from ridgebayes.scene.units import Body
+from ridgebayes.texture_design.bodies import Tolerance
+from ridgebayes.texture_design.design import Design, design
+
+_ABOUT = "design.json"
+
+
+def command(asked: options.Design) -> Answer:
+    """Do what the command line asks for."""
+    scene, body = Scene.from_toml(asked.scene), read_body(asked.scene)
+    sizes: dict[str, object] = {
+        name: _bounds(text, f"--{name}", body)
+        for name, text in (("a", asked.a), ("b", asked.b))
+        if text is not None
+    }
+    if asked.step is not None:
+        sizes["step"] = _length(asked.step, "--step", body)
+    tolerance = Tolerance.parse(asked.tolerance, lambda text: _over_radius(text, body))
+    with new_folder(asked.out, force=asked.force, about=_ABOUT) as folder:
+        found = design(
+            read_run(asked.folder),
+            scene,
+            asked.goal,
+            sizes=sizes,
+            tolerance=tolerance,
+            loads=asked.p_over_E,
+            objective=asked.objective,
+            rng=asked.seed,
+        )
+        _write(found, folder, body)
+    return _answer(found, asked.out, body)
+
+
+def _over_radius(text: str, body: Body) -> float:
+    """Return a length over the radius, of a text with a unit or a number."""
+    return body.over_radius(text) if re.search(r"[^\W\d_eE]", text) else float(text)
+
+
+def _length(text: str, option: str, body: Body) -> float:
+    try:
+        value = _over_radius(text, body)
+    except InputError as error:
+        raise InputError(f"{option} {error}") from None
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise InputError(f"{option} {text!r}: expected a length above 0, over R or such as '10 um'")
+    return value
+
+
+def _bounds(text: str, option: str, body: Body) -> tuple[float, float]:
+    low, colon, high = text.partition(":")
+    if not colon:
+        raise InputError(f"{option} {text!r}: expected LO:HI, such as 0.01:0.04 or '80 um:320 um'")
+    return _length(low, option, body), _length(high, option, body)
+
+
+def _write(found: Design, folder: Path, body: Body) -> None:
+    # Here, not above: they load matplotlib.
+    from ridgebayes.report.design_page import design_page, drawn_design
+
+    write_csv(found.designs, folder / "designs.csv")
+    write_text(found.to_json(), folder / _ABOUT)
+    figure = {kind: drawn_design(found, kind) for kind in ("png", "svg")}
+    for kind, content in figure.items():
+        (folder / f"design.{kind}").write_bytes(content)
+    write_text(design_page(found, figure["png"], body), folder / "design.html")
+
+
+def _answer(found: Design, out: Path, body: Body) -> Answer:
+    row, check = found.best, found.check
+    columns = {
+        "": ["recommended" if found.feasible else "nearest"],
+        "a/R": [row["a_over_R"]],
+        "b/R": [row["b_over_R"]],
+        "value": [row["probability"]],
+        "margin": [row["margin"]],
+        f"by {check['n']:,} draws": [check["probability"]],
+    }
+    if body.radius is not None:
+        micrometres = 1e6 * float(body.radius)
+        columns |= {
+            "a (um)": [row["a_over_R"] * micrometres],
+            "b (um)": [row["b_over_R"] * micrometres],
+        }
+    n = int(found.designs["feasible"].sum())
+    told = f"{out}: {n} of {len(found.designs)} textures meet the goal"
+    if not found.feasible:
+        told += f"; the nearest falls short by {-row['margin']:.3g}"
+    warnings = []
+    if row["extrapolation"]:
+        warnings.append(f"the texture lies beyond what was calibrated: {row['extrapolation_of']}")
+    reliability = found.form_reliability
+    if not reliability["trusted"]:
+        warnings.append(f"first-order reliability is not to be trusted: {reliability['why']}")
+    shares = found.shares[found.shares["of"] == "Q"].sort_values("total_order", ascending=False)
+    shown = shares[["source", "first_order", "total_order"]].round(3)
+    parts: list[str | pd.DataFrame] = [told, pd.DataFrame(columns)]
+    if len(shown):
+        parts += ["Shares in the variance of Q:", shown]
+    if len(found.measure):
+        parts.append(f"What to measure next: {found.measure['measure'].iloc[0]}")
+    return Answer(parts, found.to_dict(), files_in(out), warnings=warnings)

@@ -1,0 +1,192 @@
+"""Shares, reliability and measurements against closed forms."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import ridgebayes as rb
+from ridgebayes.runtime.randomness import stream
+from ridgebayes.texture_design.bodies import Bodies, Tolerance
+from ridgebayes.texture_design.design import _drawn_loads
+from ridgebayes.texture_design.form_reliability import form_reliability
+from ridgebayes.texture_design.goal_values import Value
+from ridgebayes.texture_design.goals import parse_goals
+from ridgebayes.texture_design.next_simulation import next_simulation
+from ridgebayes.texture_design.sensitivity import SIMULATION, Sources, sobol_shares, what_to_measure
+
+TEXTURE = (0.022, 0.02)
+SD_MODULUS, SD_LOAD = 0.2, 0.1
+
+
+@pytest.fixture(scope="module")
+def fit(paper):
+    return rb.calibrate(paper, rb.Modified(), rng=1, noise="iid")
+
+
+@pytest.fixture(scope="module")
+def log_load(fit):
+    """Mean and sd of ln(p/E) of the eighth edge: coefficient and error."""
+    a, b = TEXTURE
+    log_loads = np.log(fit.form.load(8, a, b, fit.draws[:, :1]))
+    return log_loads.mean(), np.sqrt(log_loads.var() + (fit.draws[:, 1] ** 2).mean())
+
+
+def sources_at(fit, log_median, goal="P(Q >= 8) >= 0.9", tolerance=None):
+    """A body whose modulus and load are log-normal: ln(p/E) is normal."""
+    pressure = float(60e3 * np.exp(log_median))
+    scene = rb.Scene.from_dict(
+        {
+            "body": {"radius": "8 mm", "youngs_modulus": f"lognormal(60 kPa, {SD_MODULUS})"},
+            "texture": {"ridge_width": "0.18 mm", "groove_width": "0.16 mm"},
+            "load": {"max": f"lognormal({pressure!r} Pa, {SD_LOAD})"},
+        }
+    )
+    made = Tolerance.parse(tolerance)
+    bodies = Bodies.draw(scene, made, 1_000, 1)
+    loads = _drawn_loads(fit.averaged, bodies.ratios([TEXTURE]))
+    (asked,) = parse_goals(goal)
+    return Sources(scene, made, loads, TEXTURE, Value(0.0, 0.0, asked.cases[0], (0.0, 0.0)))
+
+
+def first_order(share, t):
+    """The first-order index of a normal of this share of the variance, for an indicator z > t."""
+    p = stats.norm.sf(t)
+    both = stats.multivariate_normal(cov=[[1, share], [share, 1]]).cdf([-t, -t])
+    return (both - p**2) / (p - p**2)
+
+
+class Linear:
+    """Q = 2 x + y + z and failure = x > 1, of three normal sources, y and z in one group."""
+
+    def __init__(self):
+        self.groups = {"first": ["x"], "second": ["y", "z"]}
+
+    def draw(self, n, seed):
+        return {name: stream(seed, name).standard_normal(n) for name in "xyz"}
+
+    def outcome(self, draws):
+        return 2 * draws["x"] + draws["y"] + draws["z"], (draws["x"] > 1).astype(float)
+
+
+def test_sobol_shares__of_a_linear_function_are_its_squared_coefficients():
+    found = sobol_shares(Linear(), 3).set_index(["of", "source"])
+    expected = {("Q", "first"): 4 / 6, ("Q", "second"): 2 / 6}
+    expected |= {("failure", "first"): 1.0, ("failure", "second"): 0.0}
+    for key, share in expected.items():
+        row = found.loc[key]
+        # Monte Carlo: three standard errors.
+        assert row["first_order"] == pytest.approx(share, abs=3 * row["first_order_se"] + 1e-12)
+        assert row["total_order"] == pytest.approx(share, abs=3 * row["total_order_se"] + 1e-12)
+        assert row["first_order_se"] < 0.05
+
+
+def test_sobol_shares__of_a_failure_by_normal_logs(fit, log_load):
+    mean, sd = log_load
+    total = np.hypot(np.hypot(SD_MODULUS, SD_LOAD), sd)
+    sources = sources_at(fit, mean + 0.5 * total)
+    found = sobol_shares(sources, 5).set_index(["of", "source"])
+    assert list(found.loc["failure"].index) == ["body", "load", "coefficients", "error model"]
+    for name, own in (("body", SD_MODULUS), ("load", SD_LOAD)):
+        row = found.loc["failure", name]
+        share = (own / total) ** 2
+        assert row["first_order"] == pytest.approx(
+            first_order(share, 0.5), abs=3 * row["first_order_se"]
+        )
+        # What all others leave open.
+        assert row["total_order"] == pytest.approx(
+            1 - first_order(1 - share, 0.5), abs=3 * row["total_order_se"]
+        )
+
+
+def test_what_to_measure__resolves_what_the_closed_form_says(fit, log_load):
+    mean, sd = log_load
+    total = np.hypot(np.hypot(SD_MODULUS, SD_LOAD), sd)
+    found = what_to_measure(sources_at(fit, mean + 0.5 * total), 7).set_index("measure")
+    assert found.index[0] == "body.youngs_modulus"
+    assert set(found.index) == {"body.youngs_modulus", "load.max", SIMULATION}
+    for name, own in (("body.youngs_modulus", SD_MODULUS), ("load.max", SD_LOAD)):
+        # Monte Carlo: of 128 values, their variance has a relative error of 0.12.
+        expected = first_order((own / total) ** 2, 0.5)
+        assert found.loc[name, "resolved"] == pytest.approx(expected, rel=0.4)
+    assert (found["probability_low"] <= found["probability_high"]).all()
+
+
+@pytest.mark.parametrize("failure", [1e-1, 1e-2, 1e-3, 1e-4])
+def test_form__of_normal_logs_is_exact(fit, log_load, failure):
+    mean, sd = log_load
+    total = np.hypot(np.hypot(SD_MODULUS, SD_LOAD), sd)
+    beta = stats.norm.isf(failure)
+    found = form_reliability(sources_at(fit, mean + beta * total), failure, 0.01 * failure)
+    assert found["trusted"]
+    # Exact but for the error's own spread over draws, and that of nodes.
+    assert found["beta"] == pytest.approx(beta, rel=2e-3)
+    assert found["probability"] == pytest.approx(failure, rel=0.03)
+    assert found["importance"]["body"] == pytest.approx((SD_MODULUS / total) ** 2, abs=2e-3)
+    assert sum(found["importance"].values()) == pytest.approx(1)
+
+
+def test_form__adds_the_ways_to_fail(fit, log_load):
+    mean, sd = log_load
+    total = np.hypot(np.hypot(SD_MODULUS, SD_LOAD), sd)
+    one = form_reliability(sources_at(fit, mean + total), 0.1, 0.001)
+    both = form_reliability(sources_at(fit, mean + total, "P(8 <= Q <= 8) >= 0.5"), 0.1, 0.001)
+    # Loads of Q = 10 lie 2 ln(4/3) above those of Q = 8.
+    passed = stats.norm.sf((2 * np.log(4 / 3) - total) / total)
+    assert both["probability"] - one["probability"] == pytest.approx(passed, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("probability", "se", "why"),
+    [
+        (0.2, 0.001, "differs from Monte Carlo by more than 20 %"),
+        (0.1, 0.02, "too coarse"),
+        (0.0, 0.0, "too coarse"),
+    ],
+)
+def test_form__says_when_it_is_not_to_be_trusted(fit, log_load, probability, se, why):
+    mean, sd = log_load
+    sources = sources_at(fit, mean + np.hypot(np.hypot(SD_MODULUS, SD_LOAD), sd))
+    found = form_reliability(sources, probability, se)
+    assert not found["trusted"]
+    assert why in found["why"]
+
+
+@pytest.mark.slow
+def test_form__needs_functions_of_normal_scores(fit):
+    scene = {
+        "body": {"radius": "8 mm", "youngs_modulus": lambda rng: 60e3 * rng.uniform(0.9, 1.1)},
+        "texture": {"ridge_width": "0.18 mm", "groove_width": "0.16 mm"},
+        "load": {"max": "0.6 kPa"},
+    }
+    sizes = {"a": (0.02, 0.03), "b": (0.02, 0.03), "step": 0.005}
+    found = rb.design(fit, rb.Scene.from_dict(scene), "P(Q >= 6) >= 0.5", sizes=sizes)
+    assert found.form_reliability["beta"] is None
+    assert "draws, not functions of normal scores" in found.form_reliability["why"]
+
+
+def test_sources__that_a_scene_correlates_are_one_group(fit):
+    scene = {
+        "body": {"radius": "8 mm", "youngs_modulus": "lognormal(60 kPa, 20 %)"},
+        "texture": {"ridge_width": "0.18 mm", "groove_width": "0.16 mm"},
+        "load": {"max": "lognormal(0.6 kPa, 10 %)"},
+        "joint": [{"of": ["body.youngs_modulus", "load.max"], "correlation": [[1, 0.5], [0.5, 1]]}],
+    }
+    sizes = {"a": (0.02, 0.03), "b": (0.02, 0.03), "step": 0.005}
+    found = rb.design(fit, rb.Scene.from_dict(scene), "P(Q >= 6) >= 0.5", sizes=sizes)
+    assert set(found.shares["source"]) == {"body and load", "coefficients", "error model"}
+    assert "body.youngs_modulus, load.max" in set(found.measure["measure"])
+
+
+def test_next_simulation__of_two_forms_that_differ_is_where_they_differ(paper, fit):
+    hybrid = rb.calibrate(paper, rb.Hybrid(), rng=1, noise="iid")
+    textures = [(0.012, 0.03), (0.022, 0.02), (0.04, 0.01)]
+    forms = [hybrid.averaged, fit.averaged]
+    found = next_simulation(forms, textures, 1)
+    assert list(found["form_a"]) == 3 * ["hybrid"]
+    assert (found["information"].diff().dropna() <= 0).all()
+    assert (found["information"] <= np.log(2) + 0.05).all()
+    assert found["p_over_E"].max() <= 0.0201
+    # The same form twice cannot be told apart.
+    same = next_simulation([fit.averaged, fit.averaged], textures, 1)
+    assert same["information"].max() == pytest.approx(0, abs=1e-12)
+    assert next_simulation([fit.averaged], textures, 1).empty
