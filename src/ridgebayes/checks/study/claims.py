@@ -1,18 +1,19 @@
-# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
-"""The study's claims one by one, each beside our own numbers.
+"""The study's claims one by one, each beside our own numbers; their words are in `claims.toml`.
 
 Loads are those of the half-plane equation (`contact.halfplane`), which has no fitted coefficient
 and no load increment; coefficients are the printed ones and, where it makes sense, those of a
-comparison. Nothing here is typed in but the claims themselves.
+comparison. Nothing is typed in but the claims themselves.
 """
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 
-from ridgebayes._types import FloatArray, IntArray
+from ridgebayes._types import FloatArray, IntArray, Json
 from ridgebayes.checks.least_squares import fit_by_least_squares, power_law_r_squared
 from ridgebayes.checks.load_errors import PAPER_TEXTURES
 from ridgebayes.checks.study.smooth import SmoothCurve
@@ -21,6 +22,7 @@ from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.hertz import half_width
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.model.forms import Classic, Form, Hybrid, Modified
+from ridgebayes.runtime.reading import read_toml
 from ridgebayes.table.table import ContactTable
 
 FORMS = (Classic(), Modified(), Hybrid())  # that have printed coefficients
@@ -106,44 +108,43 @@ def paper_claims(comparison: Comparison, curves: Sequence[SmoothCurve]) -> tuple
     )
 
 
+@cache
+def _words() -> Json:
+    return read_toml(Path(__file__).with_suffix(".toml"))
+
+
+def _claim(name: str, verdict: str | bool, **numbers: object) -> Claim:
+    """Return one of `claims.toml` with our numbers, and a verdict or whether it is confirmed."""
+    told = {key: words.format(**numbers) for key, words in _words()[name].items()}
+    if isinstance(verdict, bool):
+        verdict = CONFIRMED if verdict else NOT_CONFIRMED
+    return Claim(**told, verdict=verdict)
+
+
 def smooth_claim(curves: Sequence[SmoothCurve]) -> Claim:
     """Check the smooth cylinder against Hertz."""
     half_plane, *elements = curves
     r2 = min(curve.r_squared for curve in elements)
     worst = max(curve.worst_count_error for curve in elements)
     loads = "; ".join(f"{c.name} {100 * c.worst_load_error:.1f} %" for c in elements)
-    return Claim(
-        "Smooth cylinder: finite elements agree with Hertz, R² about 1, at most 2 % error.",
-        "Fig. 3",
-        f"Finite-element rows against eq. (1) up to a half-width of 0.2 R: R² at least {r2:.4f}, "
-        f"at most {100 * worst:.1f} % in Q′. In load: {loads}. The half-plane equation without "
-        f"grooves is Hertz to {_digits(half_plane.worst_load_error)} digits.",
-        CONFIRMED if r2 > 0.995 and worst <= 0.02 else NOT_CONFIRMED,
-    )
+    digits = _digits(half_plane.worst_load_error)
+    fine = r2 > 0.995 and worst <= 0.02
+    return _claim("smooth", fine, r2=r2, worst=100 * worst, loads=loads, digits=digits)
 
 
 def power_law_claim(table: ContactTable) -> Claim:
     """Check R^2 of the power law, texture by texture."""
     found = power_law_r_squared(table)
     worst = min(found, key=lambda texture: found[texture])
-    return Claim(
-        "The power law fits each texture with R² > 0.999.",
-        "section 3.1, Fig. 4",
-        f"Least squares on Q, {len(found)} textures: R² between {found[worst]:.5f} at (A, B) = "
-        f"{pair(worst)} and {max(found.values()):.5f}.",
-        CONFIRMED if found[worst] > 0.999 else NOT_CONFIRMED,
-    )
+    least, most = found[worst], max(found.values())
+    n, where = len(found), pair(worst)
+    return _claim("power_law", least > 0.999, n=n, least=least, worst=where, most=most)
 
 
 def modified_claim(table: ContactTable) -> Claim:
     """Check R^2 of Modified, all textures together."""
     found = fit_by_least_squares(Modified(), table)
-    return Claim(
-        "The Modified form fits all textures with R² = 0.999.",
-        "section 3.1",
-        f"Least squares on Q, {found.n_row} rows: R² = {found.r_squared:.4f}.",
-        CONFIRMED if found.r_squared >= 0.9985 else NOT_CONFIRMED,
-    )
+    return _claim("modified", found.r_squared >= 0.9985, n=found.n_row, r2=found.r_squared)
 
 
 def coefficients_claim(form: Form, table: ContactTable, where: str) -> Claim:
@@ -159,12 +160,8 @@ def coefficients_claim(form: Form, table: ContactTable, where: str) -> Claim:
         near.append(abs(own - value) <= half_digit + 2 * spread)
         places = max(1 - math.floor(math.log10(spread)), 0)
         ours.append(f"{_subscript(name)} = {own:.{places}f} ± {spread:.{places}f}")
-    return Claim(
-        f"{form.name.capitalize()}: least squares gives {values}.",
-        where,
-        f"Least squares on Q, {found.n_row} rows: {', '.join(ours)}.",
-        CONFIRMED if all(near) else NOT_CONFIRMED,
-    )
+    told = {"form": form.name.capitalize(), "printed": values, "found": ", ".join(ours)}
+    return _claim("coefficients", all(near), where=where, n=found.n_row, **told)
 
 
 def _subscript(name: str) -> str:
@@ -178,14 +175,9 @@ def _digits(error: float) -> int:
 def classic_claim() -> Claim:
     """Check that Classic asks for too much load."""
     errors = np.concatenate([load_error(Classic(), t, STEPS) for t in (*NINE, EXTREME)])
-    return Claim(
-        "Classic over-predicts the load needed for a given Q.",
-        "all ridged cases",
-        f"Printed c: too high at {np.sum(errors > 0)} of {errors.size} transitions (ten textures, "
-        f"Q = 4 to {STEPS[-1]}), by {errors.min():.1f} to {errors.max():.0f} %. A calibrated c "
-        "gives errors of both signs by construction.",
-        CONFIRMED if np.all(errors > 0) else NOT_CONFIRMED,
-    )
+    n_high, last = int(np.sum(errors > 0)), STEPS[-1]
+    sizes = {"low": errors.min(), "high": errors.max(), "last": last}
+    return _claim("classic", n_high == errors.size, n_high=n_high, n=errors.size, **sizes)
 
 
 def modified_error_claims(comparison: Comparison) -> Iterator[Claim]:
@@ -196,14 +188,17 @@ def modified_error_claims(comparison: Comparison) -> Iterator[Claim]:
         (EXTREME, "up to 15 %", 0.0, 15.5, STEPS[:3]),
     )
     for texture, words, low, high, counts in cases:
-        both = _ranges(Modified(), comparison, texture, counts)
         size = np.abs(load_error(Modified(), texture, counts))
-        later = f"{size[1:].min():.1f} to {size[1:].max():.1f} % in size, printed, from Q = 6"
-        yield Claim(
-            f"Modified errs by {words} in load at (A, B) = {pair(texture)}.",
-            "section 3.2",
-            f"{both} (Q = {counts[0]} to {counts[-1]}); {later}.",
-            CONFIRMED if np.all((size >= low) & (size <= high)) else NOT_CONFIRMED,
+        yield _claim(
+            "modified_errors",
+            bool(np.all((size >= low) & (size <= high))),
+            words=words,
+            texture=pair(texture),
+            both=_ranges(Modified(), comparison, texture, counts),
+            first=counts[0],
+            last=counts[-1],
+            low=size[1:].min(),
+            high=size[1:].max(),
         )
 
 
@@ -214,12 +209,7 @@ def hybrid_error_claim(comparison: Comparison) -> Claim:
         counts = STEPS[:3] if texture == EXTREME else STEPS[:4]
         parts.append(f"at {pair(texture)} {_ranges(Hybrid(), comparison, texture, counts)}")
         fine.append(np.abs(load_error(Hybrid(), texture, counts)).max() <= 2.5)
-    return Claim(
-        "Hybrid stays within 2 % everywhere, the extreme texture included.",
-        "section 3.2, Fig. 6",
-        "; ".join(parts) + ".",
-        CONFIRMED if all(fine) else NOT_CONFIRMED,
-    )
+    return _claim("hybrid_errors", all(fine), found="; ".join(parts))
 
 
 def errors_fall_claim() -> Claim:
@@ -228,12 +218,8 @@ def errors_fall_claim() -> Claim:
     ends = ", ".join(f"{name} {e[0]:.1f} % to {e[-1]:.1f} %" for name, e in sizes.items())
     not_so = [name for name, e in sizes.items() if not np.all(np.diff(e) < 0)]
     rest = f" Not at every step: {', '.join(not_so)}." if not_so else ""
-    return Claim(
-        "Errors fall as Q grows (narrow grooves).",
-        "section 3.2, Fig. 5",
-        f"Printed coefficients at {pair(NARROW)}, Q = 4 to {STEPS[-1]}: {ends}.{rest}",
-        NOT_CONFIRMED if not_so else CONFIRMED,
-    )
+    told = {"texture": pair(NARROW), "last": STEPS[-1], "ends": ends, "rest": rest}
+    return _claim("errors_fall", not not_so, **told)
 
 
 def worst_step_claim() -> Claim:
@@ -245,12 +231,7 @@ def worst_step_claim() -> Claim:
             worst = int(STEPS[np.argmax(sizes)])
             parts.append(f"{form.name} at {pair(texture)}: Q = {worst} ({sizes.max():.1f} %)")
             at_8.append(worst == 8)
-    return Claim(
-        "At wide grooves Modified and Hybrid are worst near Q = 8.",
-        "section 3.2, Fig. 6",
-        f"Largest error with printed coefficients, Q = 4 to {STEPS[-1]}: {'; '.join(parts)}.",
-        CONFIRMED if all(at_8) else NOT_CONFIRMED,
-    )
+    return _claim("worst_step", all(at_8), last=STEPS[-1], found="; ".join(parts))
 
 
 def first_step_claims() -> Iterator[Claim]:
@@ -258,19 +239,9 @@ def first_step_claims() -> Iterator[Claim]:
     low = {t: float(load_error(Modified(), t, STEPS[:1])[0]) for t in NINE if t[1] == 0.01}
     shortfalls = "; ".join(f"{-error:.1f} % at {pair(t)}" for t, error in low.items())
     all_low = all(error < 0 for error in low.values())
-    yield Claim(
-        "Q = 4 at narrow grooves needs more load than Modified predicts.",
-        "section 3.1",
-        f"Printed c falls short of the load by {shortfalls}.",
-        CONFIRMED if all_low else NOT_CONFIRMED,
-    )
-    yield Claim(
-        "That shortfall at Q = 4 comes from the load increment of the finite-element runs.",
-        "section 3.1",
-        "Here each load is the solution of one linear system, without an increment. The shortfall "
-        f"is the same: {shortfalls}.",
-        NOT_CONFIRMED if all_low else NOT_TESTED,
-    )
+    yield _claim("first_step", all_low, shortfalls=shortfalls)
+    # Without an increment.
+    yield _claim("increment", NOT_CONFIRMED if all_low else NOT_TESTED, shortfalls=shortfalls)
 
 
 def _ranges(form: Form, comparison: Comparison, texture: Texture, counts: IntArray) -> str:
@@ -308,14 +279,8 @@ def longer_claim() -> Claim:
     a, b = NARROW
     hertz = float(half_width(exact_loads(NARROW, 1)[0]))
     distal, proximal = (b / 2 + a) / hertz, (b / 2 + a + b) / hertz
-    return Claim(
-        "Grooves make contact longer, not shorter, than on a smooth surface.",
-        "section 3.2",
-        f"At Q = 4 on {pair(NARROW)}, over the Hertz half-width of the same load: {distal:.2f} "
-        "to the outer distal edge (what touches), "
-        f"{proximal:.2f} to the next proximal corner (what counts).",
-        DEPENDS if distal < 1 < proximal else CONFIRMED if distal > 1 else NOT_CONFIRMED,
-    )
+    verdict = DEPENDS if distal < 1 < proximal else distal > 1
+    return _claim("longer", verdict, texture=pair(NARROW), distal=distal, proximal=proximal)
 
 
 def threshold_claim() -> Claim:
@@ -324,16 +289,11 @@ def threshold_claim() -> Claim:
     widths = (0.01, 0.02, 0.03, EXTREME[1])
     excess = [float(load_error(Classic(), (a, b), STEPS[1:2])[0]) for b in widths]
     listed = ", ".join(f"{e:.0f} % at {b:g}" for e, b in zip(excess, widths, strict=True))
-    scaled = float(load_error(Classic(), (10 * a, 10 * WIDE[1]), STEPS[1:2])[0])
-    return Claim(
-        "The groove effect grows over b/R of 0.3 (perhaps 0.03 is meant).",
-        "section 3.2",
-        f"Hertz's excess load at Q = 6, A = {a:g}: {listed} (B). It grows steadily, without a "
-        f"threshold. It depends on b/a alone: at (A, B) = {pair((10 * a, 10 * WIDE[1]))} it is "
-        f"{scaled:.0f} % again.",
-        # The same error at a tenth of b/R: b/R is not what decides.
-        NOT_CONFIRMED if abs(scaled - excess[2]) < 0.01 * excess[2] else CONFIRMED,
-    )
+    large = (10 * a, 10 * WIDE[1])
+    again = float(load_error(Classic(), large, STEPS[1:2])[0])
+    # The same error at a tenth of b/R: b/R is not what decides.
+    is_so = not abs(again - excess[2]) < 0.01 * excess[2]
+    return _claim("threshold", is_so, a=a, excess=listed, scaled=pair(large), again=again)
 
 
 def convergence_claim() -> Claim:
@@ -343,12 +303,4 @@ def convergence_claim() -> Claim:
     # 2 R p is carried by 2k ridges of width a when ridge k is reached.
     pressure = loads / (a * np.arange(1, len(loads) + 1))
     listed = ", ".join(f"{p:.2f} E at Q = {q}" for p, q in zip(pressure, STEPS, strict=False))
-    return Claim(
-        "At wide grooves and high loads load-controlled runs did not converge; displacement "
-        "control might.",
-        "section 3.2",
-        "No load-controlled finite-element run was made here. The half-plane equation at "
-        f"{pair(EXTREME)} is solved without iteration. The mean ridge pressure there is {listed}, "
-        "far beyond small strain.",
-        NOT_TESTED,
-    )
+    return _claim("convergence", NOT_TESTED, texture=pair(EXTREME), pressures=listed)
