@@ -928,6 +928,73 @@ def test_friction__bad_options_are_refused(refused, run, finger, words, expected
     refused(["friction", run, finger, *words], expected)
 
 
+# --- design ---------------------------------------------------------------------------------------
+
+GOAL = "P(Q >= 8) >= 0.9"
+SIZES = ("--a", "120 um:280 um", "--b", "80 um:240 um", "--step", "40 um")
+
+
+def test_design__is_what_the_library_finds(command, run, finger):
+    words = ("design", run, "--scene", finger, "--goal", GOAL, *SIZES)
+    words += ("--tolerance", "5 um", "--objective", "max-pitch", "--seed", 5)
+    said = command(*words, "-o", "d", "--json")
+    assert said.code == 0
+    expected = rb.design(
+        read_run(run),
+        finger,
+        GOAL,
+        sizes={"a": (0.015, 0.035), "b": (0.01, 0.03), "step": 0.005},
+        tolerance=f"{5 / 8_000}",
+        objective="max-pitch",
+        rng=5,
+    )
+    told, content = json.loads(said.out), json.loads(Path("d/design.json").read_text())
+    assert told["result"]["recommended"] == content["recommended"] == expected.recommended
+    assert content["check"] == expected.check
+    names = ["design.html", "design.json", "design.png", "design.svg", "designs.csv"]
+    assert told["files"] == [f"d/{name}" for name in names]
+    pd.testing.assert_frame_equal(
+        pd.read_csv("d/designs.csv", keep_default_na=False, na_values=[]), expected.designs
+    )
+    page = Path("d/design.html").read_text()
+    assert "Recommended texture" in page
+    assert "http" not in page
+    assert command(*words, "-o", "e").code == 0
+    assert Path("d/designs.csv").read_bytes() == Path("e/designs.csv").read_bytes()
+    assert command(*words, "-o", "d").code == 2
+    assert command(*words, "-o", "d", "--force").code == 0
+
+
+def test_design__a_goal_that_nothing_meets_is_no_failure(command, run, finger):
+    words = ("design", run, "--scene", finger, "--goal", "P(Q >= 30) >= 0.9", *SIZES)
+    said = command(*words, "-o", "d")
+    assert said.code == 0
+    assert "0 of 25 textures meet the goal; the nearest falls short by" in said.out
+    assert "beyond what was calibrated: Q" in said.err
+    content = json.loads(Path("d/design.json").read_text())
+    assert (content["feasible"], content["recommended"]) == (False, None)
+    assert content["best"]["margin"] < 0
+    assert "No texture meets the goal" in Path("d/design.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--goal", "Q >= 8"), "goal 'Q >= 8': expected one such as"),
+        (("--goal", GOAL, "--goal", "P(Q <= 6) >= 0.9"), "contradict each other"),
+        (("--goal", GOAL, "--a", "0.03:0.02"), "a: expected bounds 0 < LO <= HI"),
+        (("--goal", GOAL, "--b", "0.03"), "--b '0.03': expected LO:HI"),
+        (("--goal", GOAL, "--step", "10 kg"), "--step '10 kg': must be a number and a unit"),
+        (("--goal", GOAL, "--step", "wide"), "--step 'wide'"),
+        (("--goal", GOAL, "--tolerance", "a lot"), "tolerance 'a lot'"),
+        (("--goal", GOAL, "--p-over-E", "1:2"), "loads: '1:2': expected LO:HI:N"),
+        (("--goal", GOAL, "--objective", "best"), "objective: expected one of margin"),
+    ],
+)
+def test_design__bad_options_are_refused(refused, run, finger, words, expected):
+    refused(["design", run, "--scene", finger, *words, "-o", "d"], expected)
+
+
 def test_generate_and_plan__take_medians_and_say_so(command, finger):
     for words in (("generate", finger, "-o", "t.csv"), ("plan", finger)):
         said = command(*words)
