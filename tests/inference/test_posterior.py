@@ -1,11 +1,13 @@
 import pickle
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from ridgebayes.evidence.tables import evidences
+from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.posterior import N_KEPT
+from ridgebayes.inference.posterior import N_KEPT, Posterior
 from ridgebayes.model.forms import Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -49,6 +51,20 @@ def test_posterior__hands_its_approximation_on_and_leaves_what_follows_from_it_b
     z = np.random.default_rng(2).standard_normal((5, model.n_coordinate))
     for one, other in zip(back.laplace.unwhiten(z), posterior.laplace.unwhiten(z), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12)  # rounding
+
+
+@pytest.mark.parametrize("noise", ["step", "texture+step", "step-smooth", "step-smooth:student"])
+def test_offsets_given__in_parts_are_those_of_all_draws(paper, noise, monkeypatch):
+    monkeypatch.setattr("ridgebayes.inference.posterior._AT_ONCE", 8)
+    model = Model(Observations.from_table(paper), Modified(), Noise.named(noise))
+    u = 0.3 * np.random.default_rng(1).standard_normal((1, 5, 4, model.n_coordinate))
+    chains = Chains(u, np.zeros((1, 5, 4)), np.ones(1), np.ones(model.n_coordinate + 1), ())
+    posterior = Posterior(model, chains, pd.DataFrame(), (), 0)
+    _, given = posterior.offsets_given(1)
+    texture, Q = model.data.textures[2], np.array([4, 8, 30])
+    expected = model.offsets_given(posterior.coordinates).at(texture, Q)
+    for one, other in zip(given.at(texture, Q), expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-12)  # rounding: the nugget
 
 
 @pytest.mark.slow

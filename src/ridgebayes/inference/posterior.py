@@ -16,9 +16,10 @@ from ridgebayes.inference.qmc_nodes import Nodes, compress
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.shared_offsets import OffsetsGiven
+from ridgebayes.model.shared_offsets import OffsetsInParts
 
 N_TEXTURE_WALKED = 40  # a power law of more textures is drawn from exactly, without a walk
+_AT_ONCE = 256  # draws whose covariances of offsets are there whole, of which predictions keep half
 SAMPLERS = ("emcee", "importance", "exact")
 _SMALL_LOG_LIKELIHOOD = 1_000_000  # numbers that go with draws from process to process
 N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
@@ -142,7 +143,7 @@ class Posterior:
             self._derived[n] = compress(model, self.laplace, coordinates, n, seed=self.seed)
         return self._derived[n]
 
-    def offsets_given(self, stride: int) -> tuple[int, OffsetsGiven | None]:
+    def offsets_given(self, stride: int) -> tuple[int, OffsetsInParts | None]:
         """Return what the rows tell of shared offsets at every n-th draw; kept for the next call.
 
         Parameters
@@ -154,18 +155,30 @@ class Posterior:
         -------
         n : int
             `stride`, or more where fewer draws have been worked out before.
-        given : OffsetsGiven or None
+        given : OffsetsInParts or None
             Conditional means and factors; None where the error model has no shared offsets.
         """
         kept = self._derived.get("offsets")
         if kept is None or kept[0] < stride:
-            kept = stride, self.model.offsets_given(self.coordinates[::stride])
+            kept = stride, _offsets_given(self.model, self.coordinates[::stride])
             self._derived["offsets"] = kept
         return kept
 
     def forget_offsets(self) -> None:
         """Let go of what `offsets_given` keeps."""
         self._derived.pop("offsets", None)
+
+
+def _offsets_given(model: Model, u: FloatArray) -> OffsetsInParts | None:
+    """Return what rows tell of offsets, ready for many textures."""
+    if model.offsets is None:
+        return None
+    parts = []
+    for i in range(0, len(u), _AT_ONCE):
+        given = model.offsets_given(u[i : i + _AT_ONCE])
+        assert given is not None  # there are offsets
+        parts.append(given.inverted())
+    return OffsetsInParts(tuple(parts))
 
 
 def posterior_of(

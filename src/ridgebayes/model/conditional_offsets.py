@@ -13,7 +13,6 @@ in which no large numbers cancel. M has the size of the offsets, not of the rows
 import math
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -114,16 +113,11 @@ class OffsetPosterior:
         """Return the variance of scores' combinations (..., n_level, n), shape (..., n)."""
         return (self.half(loading) ** 2).sum(axis=-2)
 
-    @cached_property
-    def inverse(self) -> FloatArray:
-        """R^-1 of the factor M = R R', shape (..., n_level, n_level)."""
-        return _inverse(self.root)
-
-    def variance_cached(self, loading: FloatArray) -> FloatArray:
-        """Return what `variance` does; quicker where it is asked for again and again."""
+    def inverted(self) -> "OffsetPosterior | InverseFactor":
+        """Return what `variance` may be asked of again and again, and takes less memory."""
         if self._diagonal or self.root.shape[-1] > _INVERTED:
-            return self.variance(loading)
-        return ((self.inverse @ loading) ** 2).sum(axis=-2)
+            return self
+        return InverseFactor(_inverse(self.root))
 
     def half(self, right: FloatArray) -> FloatArray:
         """Return R^-1 x of the factor M = R R', shape (..., n_level, n)."""
@@ -192,16 +186,36 @@ class FullRoot:
         others = (self._upper[..., level] for level in design.codes[1:])
         return sum(others, start=self._upper[..., design.codes[0]])
 
-    @cached_property
-    def inverse(self) -> FloatArray:
-        """L^-1, shape (..., n_level, n_level)."""
-        return _inverse(self._factor)
+    def inverted(self) -> "FullRoot | InverseFactor":
+        """Return what `solve` may be asked of again and again, and takes less memory."""
+        if self._factor.shape[-1] > _INVERTED:
+            return self
+        return InverseFactor(_inverse(self._factor))
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Return L^-1 x, from (..., n_level, m); asked for again and again of the same L."""
-        if self._factor.shape[-1] <= _INVERTED:
-            return self.inverse @ right
+        """Return L^-1 x, from (..., n_level, m)."""
         return solve_lower(self._factor, right)
+
+
+@dataclass(frozen=True, eq=False)
+class InverseFactor:
+    """A lower Cholesky factor, L or that of M, by its inverse: all that predictions ask of it.
+
+    Parameters
+    ----------
+    inverse : ndarray of float, shape (..., n_level, n_level)
+        The inverse.
+    """
+
+    inverse: FloatArray
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return the inverse times x, from (..., n_level, m)."""
+        return self.inverse @ right
+
+    def variance(self, loading: FloatArray) -> FloatArray:
+        """Return the variance of scores' combinations (..., n_level, n), shape (..., n)."""
+        return (self.solve(loading) ** 2).sum(axis=-2)
 
 
 Root = DiagonalRoot | FullRoot

@@ -8,7 +8,7 @@ data but where the rows are.
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.conditional_offsets import (
     DiagonalRoot,
     FullRoot,
+    InverseFactor,
     OffsetPosterior,
     Root,
     cholesky_or_nan,
@@ -45,7 +46,7 @@ class Offsets(ABC):
 
     @abstractmethod
     def loading(
-        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root
+        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root | InverseFactor
     ) -> tuple[FloatArray, FloatArray]:
         """Return how offsets of one texture follow from the scores, given L of the same draws.
 
@@ -95,7 +96,7 @@ class GroupedOffsets(Offsets):
         return DiagonalRoot(np.concatenate(scale, axis=-1))
 
     def loading(
-        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root
+        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root | InverseFactor
     ) -> tuple[FloatArray, FloatArray]:
         loading = np.zeros((*eta.shape[:-1], self.n_level, len(Q)))
         rest = np.zeros((*eta.shape[:-1], len(Q)))
@@ -186,7 +187,7 @@ class SmoothOffsets(Offsets):
         return FullRoot(whole)
 
     def loading(
-        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root
+        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root | InverseFactor
     ) -> tuple[FloatArray, FloatArray]:
         at = _coordinates(Q, np.full(len(Q), texture[0] / (texture[0] + texture[1])))
         variance, lengths = eta[..., self._tau] ** 2, eta[..., self._lengths]
@@ -196,7 +197,7 @@ class SmoothOffsets(Offsets):
         with np.errstate(over="ignore", under="ignore"):
             correlation = np.exp(-0.5 * np.einsum("lqx,...x->...lq", squares, lengths**-2.0))
             widening = -np.expm1(-0.5 * np.einsum("qx,...x->...q", beyond**2, lengths**-2.0))
-        assert isinstance(root, FullRoot)
+        assert not isinstance(root, DiagonalRoot)
         shared = np.zeros((*eta.shape[:-1], self.n_level, len(Q)))
         shared[..., : len(self._places), :] = variance[..., None, None] * correlation
         loading = root.solve(shared)
@@ -248,26 +249,52 @@ class OffsetsGiven:
         Structure.
     eta : ndarray of float, shape (n_draw, n_noise)
         The error model's parameters.
-    root : DiagonalRoot or FullRoot
+    root : DiagonalRoot, FullRoot or InverseFactor
         L of the same draws.
     mean : ndarray of float, shape (n_draw, n_level)
         Scores: their mean, or the scores themselves where they were sampled.
-    spread : OffsetPosterior or None
+    spread : OffsetPosterior, InverseFactor or None
         How they vary about the mean; None where they were sampled.
     """
 
     offsets: Offsets
     eta: FloatArray
-    root: Root
+    root: Root | InverseFactor
     mean: FloatArray
-    spread: OffsetPosterior | None
+    spread: OffsetPosterior | InverseFactor | None
+
+    def inverted(self) -> "OffsetsGiven":
+        """Return the same in half the memory, quicker to ask for many textures."""
+        root = self.root.inverted() if isinstance(self.root, FullRoot) else self.root
+        spread = self.spread
+        if isinstance(spread, OffsetPosterior):
+            spread = spread.inverted()
+        return replace(self, root=root, spread=spread)
 
     def at(self, texture: Texture, Q: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
         loading, variance = self.offsets.loading(self.eta, texture, Q, self.root)
         if self.spread is not None:
-            variance = variance + self.spread.variance_cached(loading)
+            variance = variance + self.spread.variance(loading)
         return np.einsum("dl,dlq->dq", self.mean, loading), variance
+
+
+@dataclass(frozen=True, eq=False)
+class OffsetsInParts:
+    """What rows tell of offsets for draws of which some are worked out at a time.
+
+    Parameters
+    ----------
+    parts : tuple of OffsetsGiven
+        Of some draws, then of the next.
+    """
+
+    parts: tuple[OffsetsGiven, ...]
+
+    def at(self, texture: Texture, Q: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
+        mean, variance = zip(*(one.at(texture, Q) for one in self.parts), strict=True)
+        return np.concatenate(mean), np.concatenate(variance)
 
 
 def offsets_of(noise: Noise, data: Observations) -> Offsets | None:

@@ -17,7 +17,7 @@ from ridgebayes.contact.scaling import Texture
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form, PowerLaw
-from ridgebayes.model.shared_offsets import OffsetsGiven
+from ridgebayes.model.shared_offsets import OffsetsInParts
 from ridgebayes.predict.interpolant import Interpolant
 from ridgebayes.runtime.randomness import stream
 
@@ -37,7 +37,7 @@ class PosteriorLoads:
         Posterior.
     theta : ndarray of float, shape (n_draw, n_parameter)
         Parameters.
-    offsets : OffsetsGiven or None
+    offsets : OffsetsInParts or None
         Of the same draws.
     weight : ndarray of float, shape (n_draw, 2), or None
         Of nodes, see `ridgebayes.inference.qmc_nodes.Nodes`; draws have none.
@@ -47,7 +47,7 @@ class PosteriorLoads:
 
     fit: Posterior
     theta: FloatArray
-    offsets: OffsetsGiven | None
+    offsets: OffsetsInParts | None
     weight: FloatArray | None = None
     uniform: FloatArray | None = None
 
