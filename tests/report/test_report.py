@@ -16,6 +16,7 @@ from ridgebayes.checks.study import study_of
 from ridgebayes.comparison.ranking import Predicting
 from ridgebayes.errors import InputError
 from ridgebayes.report import render_report, write_report
+from ridgebayes.report.evidence import error_models_section
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
 from ridgebayes.report.wording import decimals, interval, number, probability, with_error
@@ -81,58 +82,60 @@ def test_page_is_well_formed_and_self_contained(full, page):
     assert page.open == []
     assert not page.all("script")
     assert not page.all("link")
-    assert all(image["src"].startswith("data:image/png;base64,") for image in page.all("img"))
-    assert all(link["href"].startswith("#") for link in page.all("a"))
+    starts = ("data:image/png;base64,", "data:image/svg+xml;base64,")
+    assert all(image["src"].startswith(starts) for image in page.all("img"))
+    assert all(link["href"].startswith(("#", "data:")) for link in page.all("a"))
     assert "http" not in re.sub(r"base64,[^\"]*", "", full)
+    assert len(full) < 5e6
 
 
 def test_every_link_has_its_section(page):
-    anchors = {attrs["id"] for attrs in page.all("h2")}
-    assert {link["href"][1:] for link in page.all("a")} == anchors
+    anchors = {attrs["id"] for attrs in page.all("h2")} | {"answer"}
+    assert {link["href"][1:] for link in page.all("a") if link["href"][0] == "#"} == anchors
 
 
 @pytest.mark.parametrize(
     "section",
     [
-        "Evidence",
-        "Data",
-        "Coefficients",
-        "Q against load",
-        "Held-out rows",
-        "Percent error of each form",
-        "K against pitch",
-        "Smooth cylinder against Hertz",
+        "Data and priors",
+        "Forms and evidence",
+        "Predictions",
+        "Does the model hold?",
+        "How it was computed",
         "Finite-element reference",
-        "The study's claims",
-        "Prior sensitivity",
-        "Cross-validation",
-        "Sensitivity to prior and likelihood",
-        "Predictive checks",
-        "Convergence",
-        "Posteriors",
-        "Traces",
-        "Glossary",
-        "Made with",
+        "The study this package began with",
+        "Appendix",
     ],
 )
 def test_full_report_has_section(page, section):
-    assert section in page.text
+    assert f" {section} " in page.text[page.text.index("Which contact form") :]
+
+
+def test_details_are_closed_and_the_order_is_kept(page):
+    assert len(page.all("details")) > 10
+    assert not any("open" in attrs for attrs in page.all("details"))
+    anchors = [attrs["id"] for attrs in page.all("h2")]
+    wanted = ["data", "evidence", "predictions", "checks", "computation", "reference", "study"]
+    assert anchors == [*wanted, "appendix"]
 
 
 def test_every_image_has_words_for_those_who_do_not_see_it(page):
-    assert len(page.all("img")) == 19
+    assert len(page.all("img")) == 20
     assert all(len(image["alt"]) > 20 for image in page.all("img"))
 
 
 def test_first_words_are_the_answer(page, comparison):
-    head = page.text[: page.text.index("Natural logarithms")]
+    head = page.text[: page.text.index("rows fitted") if "rows fitted" in page.text else 4000]
     factor = comparison.bayes_factors.iloc[5]
+    assert "Which contact form describes paper_sweep.csv?" in head
     assert "The evidence supports Hybrid among the forms compared." in head
+    assert "were compared on 41 rows of 9 textures" in head
     assert {factor["form_a"], factor["form_b"]} == {"modified", "hybrid"}
     assert f"ln Bayes factor over Modified, the next, is {-factor['ln_bf']:.1f};" in head
+    assert "On these 9 textures up to the observed loads, Hybrid and Modified predict" in head
     assert "Rows are not independent" in head
-    assert "3 of 3 lie inside" in head
     assert "The evidence for Half-plane is decisive among the forms compared." in head
+    assert f"table SHA-256 {comparison.table.digest()[:12]} · ridgebayes" in head
 
 
 def test_no_nan_and_no_endless_digits(page, markdown):
@@ -262,7 +265,7 @@ def test_undecided_is_the_headline_where_it_is(reference):
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_study_is_shown_for_its_own_sweep_and_for_no_other_table(page, odd, reference):
-    words = ("The study's claims", "Smooth cylinder against Hertz", "doi:10.1016")
+    words = ("The study this package", "Smooth cylinder against Hertz", "doi:10.1016")
     assert all(one in page.text for one in words)
     for other in (odd, reference):
         html = render_report(other)
@@ -375,19 +378,20 @@ def test_package_exports_write_report():
 
 
 @pytest.mark.parametrize(("without", "more"), [((3.4, 15.0), "offset"), ((8.0, 2.0), "form")])
-def test_first_screen__says_what_a_smooth_offset_means_and_which_of_the_two_predicts(
+def test_error_models_section__says_what_a_smooth_offset_means_and_which_of_the_two_predicts(
     comparison, without, more
 ):
     data = report_data(comparison)
     verdict = replace(data.verdict, error_model_weights={"step-smooth": 0.9, "iid": 0.1})
-    models = pd.DataFrame({"noise": ["step-smooth", "iid"]})
+    models = pd.DataFrame({"noise": ["step-smooth", "iid"], "log_mean_evidence": [1.0, 0.0]})
+    models["probability"] = [0.9, 0.1]
     smooth = replace(data, verdict=verdict, error_models=models, predicting=Predicting(*without))
-    words = first_screen(smooth).notes[-1]
+    words = error_models_section(smooth)[1].words
     assert "which form leaves the smaller and smoother remainder" in words
     assert f"{number(without[0], 2)} times as large with Classic in the place of Hybrid" in words
     assert f"bands are {number(without[1], 2)} times as wide without the offset" in words
     assert f"the {more} does more of the predicting" in words
-    bare = first_screen(replace(smooth, predicting=None)).notes[-1]
+    bare = error_models_section(replace(smooth, predicting=None))[1].words
     assert "smoother remainder" in bare
     assert "predicting" not in bare
 

@@ -61,20 +61,20 @@ def shown_textures(comparison: Comparison, n_most: int = 3) -> tuple[Texture, ..
     Returns
     -------
     tuple of (float, float)
-        All if there are no more; those of the study's Figs 5 and 6 that the table has; if it has
-        none, those of the narrowest and the widest grooves for their ridges, and one held out.
+        All if there are no more; those of the study's Figs 5 and 6 if the table has them; else
+        those of the narrowest and the widest grooves for their ridges, and one held out or between.
     """
     ok = comparison.table.frame
     ok = ok[(ok["status"] == "ok") & (ok["kind"] == "transition")]
     present = list(dict.fromkeys(zip(ok["a_over_R"], ok["b_over_R"], strict=True)))
     if len(present) <= n_most:
         return tuple(present)
-    of_paper = [texture for texture in PAPER_TEXTURES if texture in present]
-    if of_paper:
-        return tuple(of_paper)
+    if set(PAPER_TEXTURES) <= set(present):
+        return PAPER_TEXTURES
     ordered = sorted(present, key=lambda texture: texture[1] / texture[0])
     held_out = [t for t in comparison.table.held_out.textures if t in present]
-    return tuple(dict.fromkeys([*ordered[:1], *ordered[-1:], *held_out]))[:n_most]
+    middle = ordered[len(ordered) // 2]
+    return tuple(dict.fromkeys([ordered[0], ordered[-1], *held_out, middle]))[:n_most]
 
 
 def percent_errors(

@@ -15,6 +15,7 @@ from ridgebayes.checks.load_errors import (
 )
 from ridgebayes.checks.power_scaling import power_scaling
 from ridgebayes.checks.predictive_checks import PredictiveChecks, posterior_checks, prior_bands
+from ridgebayes.checks.repeat import Repeat, against_priors, repeat_posterior
 from ridgebayes.checks.study import Study, study_of
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.comparison import Comparison
@@ -37,6 +38,28 @@ from ridgebayes.results import Fit
 
 _N_LOAD = 300  # of one panel's band: steps as sharp as a pixel
 _BEYOND = 1.6  # how far beyond a texture's own highest load its panel goes
+
+
+@dataclass(frozen=True)
+class Consequence:
+    """What the choice of a form changes in predictions at fitted textures, up to their loads.
+
+    Parameters
+    ----------
+    n_texture : int
+        Textures looked at.
+    over : str
+        The next form; empty where there is none.
+    apart : int
+        Largest difference of the two forms' medians of Q.
+    width : int
+        Largest width of the shown form's band on Q.
+    """
+
+    n_texture: int
+    over: str
+    apart: int
+    width: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +92,8 @@ class ReportData:
         Rows of the table with status ok that are transitions.
     bands : pandas.DataFrame
         Bands on Q of the shown form, texture by texture.
+    consequence : Consequence
+        What the choice of a form changes in them.
     held_out : pandas.DataFrame
         Held-out loads beside their bands, see `held_out_loads`.
     textures : tuple of (float, float)
@@ -83,6 +108,10 @@ class ReportData:
         Prior predictive loads of the shown form; empty in a quick run.
     power_scaling : pandas.DataFrame
         Sensitivity of each parameter of the shown form to prior and likelihood.
+    repeat : Repeat or None
+        The shown fit drawn again; None in a quick run.
+    against_priors : pandas.DataFrame
+        Where the shown fit's means lie in their priors.
     study : Study or None
         The study's claims; None for any table but the embedded sweep.
     """
@@ -100,6 +129,7 @@ class ReportData:
     error_models: pd.DataFrame
     transitions: pd.DataFrame
     bands: pd.DataFrame
+    consequence: Consequence
     held_out: pd.DataFrame
     textures: tuple[Texture, ...]
     percent_errors: pd.DataFrame
@@ -108,6 +138,8 @@ class ReportData:
     checks: PredictiveChecks | None
     prior_bands: pd.DataFrame
     power_scaling: pd.DataFrame
+    repeat: Repeat | None
+    against_priors: pd.DataFrame
     study: Study | None
 
     @property
@@ -148,21 +180,26 @@ def report_data(comparison: Comparison) -> ReportData:
     seen = frame[frame["status"] == "ok"]
     transitions = seen[seen["kind"] == "transition"]
     textures = shown_textures(comparison)
+    ranked, verdict = forms_by_probability(comparison), comparison.verdict
+    over = verdict.over if verdict is not None else ""
+    bands = _panel_bands(comparison, [shown, *([over] if over else [])], seen)
+    own_bands = bands[bands["form"] == shown]
     is_exact = bool(fit.model.data.is_exact.any())
     return ReportData(
         comparison,
         preset,
         best,
         shown,
-        tuple(forms_by_probability(comparison)),
-        comparison.verdict,
+        tuple(ranked),
+        verdict,
         problems(comparison),
         none if best is None else factors_by_method(comparison, best),
         none if best is None else sensitivity_factors(comparison, best),
         predicting(comparison),
         mean_evidence(comparison.evidence),
         transitions,
-        _panel_bands(comparison, shown, seen),
+        own_bands.reset_index(drop=True),
+        _consequence(bands, shown, over, seen[seen["role"] == "calibration"]),
         held_out_loads(comparison),
         textures,
         percent_errors(comparison, textures),
@@ -171,12 +208,26 @@ def report_data(comparison: Comparison) -> ReportData:
         posterior_checks(fit, rng=fit.seed) if is_exact else None,
         prior_bands(fit.model, rng=fit.seed) if preset.extras else none,
         power_scaling(fit),
+        repeat_posterior(fit) if preset.extras else None,
+        against_priors(fit),
         study_of(comparison),
     )
 
 
-def _panel_bands(comparison: Comparison, form: str, seen: pd.DataFrame) -> pd.DataFrame:
-    """Return the bands of one form at loads that suit each texture's panel, counts alone too."""
+def _consequence(bands: pd.DataFrame, shown: str, over: str, seen: pd.DataFrame) -> Consequence:
+    """Compare the simulation bands of two forms at loads up to each texture's largest."""
+    key = ["a_over_R", "b_over_R"]
+    largest = seen.groupby(key)["p_over_E"].max().rename("largest").reset_index()
+    bands = bands[bands["kind_of_band"] == "simulation"].merge(largest, on=key)
+    bands = bands[bands["p_over_E"] <= bands["largest"]]
+    own, other = (bands[bands["form"] == form].reset_index() for form in (shown, over))
+    apart = (own["q_median"] - other["q_median"]).abs().max() if over else 0
+    n_texture = len(own[key].drop_duplicates())
+    return Consequence(n_texture, over, int(apart), int((own["q_upper"] - own["q_lower"]).max()))
+
+
+def _panel_bands(comparison: Comparison, forms: list[str], seen: pd.DataFrame) -> pd.DataFrame:
+    """Return the bands of some forms at loads that suit each texture's panel, counts alone too."""
     # One figure holds so many panels: textures beyond are in the run folder's bands.csv.
     textures = comparison.table.textures[:MOST_TEXTURES]
     loads = []
@@ -185,7 +236,7 @@ def _panel_bands(comparison: Comparison, form: str, seen: pd.DataFrame) -> pd.Da
         top = float((own if len(own) else seen)["p_over_E"].max())
         loads.append((np.linspace(0.0, np.sqrt(_BEYOND * top), _N_LOAD) ** 2)[1:])
     return bands_table(
-        comparison, textures=textures, forms=[form], loads=np.array(loads), compressed=True
+        comparison, textures=textures, forms=forms, loads=np.array(loads), compressed=True
     )
 
 

@@ -434,3 +434,9 @@ class Report:
     """Write the report of a finished run again."""
 
     folder: RunFolder
+    checklist: Annotated[
+        bool,
+        typer.Option(
+            "--checklist", help="Write nothing. Show where the report meets BARG and WAMBS."
+        ),
+    ] = False

@@ -1,16 +1,22 @@
 """Figures and reports of a run folder: begun by workers, written when the run is done."""
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING, Optional
+from typing import TYPE_CHECKING, Any, Optional
 
 from ridgebayes.checks.report_data import ReportData, report_data
 from ridgebayes.commands.run_files import REFERENCE
 from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.evidence.error_models import AUTO
+from ridgebayes.inference.presets import STANDARD
 
 if TYPE_CHECKING:
     from ridgebayes.report.figures.gallery import Gallery
+
+
+_DEFAULTS = (("noise", AUTO), ("accuracy", STANDARD.name))
 
 
 def begin_figures(data: ReportData, executor: Executor) -> "Gallery":
@@ -25,6 +31,8 @@ def write_pages(
     folder: Path,
     reference: Comparison | None,
     begun: Sequence[Optional["Gallery"]] = (),
+    *,
+    command: str = "",
 ) -> None:
     """Write figures, report.html and report.md into a folder.
 
@@ -38,6 +46,8 @@ def write_pages(
         Second comparison, whose own pages go into a folder of their own if that is there.
     begun : sequence of Gallery or None, optional
         What `begin_figures` returned for each; None where nothing is begun.
+    command : str, optional
+        What was typed, see `command_line`.
     """
     # They import matplotlib, which a run does while it waits for workers.
     from ridgebayes.report import write_reports
@@ -49,6 +59,23 @@ def write_pages(
         second = second or Gallery(report_data(reference))
         if (folder / REFERENCE).is_dir():
             second.save(folder / REFERENCE / "figures")
-            write_reports(second, folder / REFERENCE)
+            write_reports(second, folder / REFERENCE, command=command)
     gallery.save(folder / "figures")
-    write_reports(gallery, folder, reference=second)
+    write_reports(gallery, folder, reference=second, command=command)
+
+
+def command_line(command: str, options: Mapping[str, Any], seed: int) -> str:
+    """Return a command line that gives the same numbers; files without their folders.
+
+    Examples
+    --------
+    >>> command_line("run", {"table": "/home/me/a.csv", "forms": [], "noise": "auto"}, 3)
+    'ridgebayes run --table a.csv --seed 3'
+    """
+    words = ["ridgebayes", command]
+    for name, value in options.items():
+        if value and (name, value) not in _DEFAULTS:
+            text = ",".join(map(str, value)) if isinstance(value, list) else str(value)
+            own = Path(text).name if name in ("table", "priors") else text
+            words += [f"--{name.replace('_', '-')}", own]
+    return shlex.join([*words, "--seed", str(seed)])

@@ -15,7 +15,7 @@ from ridgebayes.checks.cross_validation import left_out_scores
 from ridgebayes.checks.report_data import ReportData, report_data
 from ridgebayes.commands import BEGAN, options
 from ridgebayes.commands.answers import comparison_answer
-from ridgebayes.commands.pages import begin_figures, write_pages
+from ridgebayes.commands.pages import begin_figures, command_line, write_pages
 from ridgebayes.commands.parsing import parse_names
 from ridgebayes.commands.request import FitRequest, Inputs
 from ridgebayes.commands.run_files import REFERENCE, write_comparison, write_run_json
@@ -128,7 +128,8 @@ def run_job(
                 reference, gallery = second()
                 galleries.append(gallery)
         with progress.stage("figures and report"):
-            write_pages(comparison, partial, reference, galleries)
+            typed = command_line("run", request.options, request.seed)
+            write_pages(comparison, partial, reference, galleries, command=typed)
         write_run_json(
             partial,
             comparison,

@@ -252,6 +252,21 @@ def read_run(folder: Path) -> Comparison:
     )
 
 
+def read_command(folder: Path) -> tuple[str, dict[str, Any], int]:
+    """Return the command, options and seed of a run folder.
+
+    Raises
+    ------
+    InputError
+        If it is not a run folder, or run.json is damaged.
+    """
+    about = _read_about(folder)
+    found = about.get("command"), about.get("options"), about.get("seed")
+    if not all(map(isinstance, found, (str, dict, int))):
+        raise InputError(f"{folder / RUN_JSON}: damaged, not what ridgebayes writes; run again")
+    return about["command"], about["options"], about["seed"]
+
+
 def _read_fit(
     folder: Path, form: str, noise: str, listed: Sequence[dict[str, Any]], evidence: pd.DataFrame
 ) -> Fit:

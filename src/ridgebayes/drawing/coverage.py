@@ -69,7 +69,7 @@ def plot_coverage(frame: pd.DataFrame) -> Figure:
         Line2D([], [], color=shade, marker="o", markersize=4, label=f"{100 * prob:g} % band")
         for prob, shade in zip(probs, shades, strict=True)
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5))
     return figure
 
 

@@ -11,16 +11,19 @@ from matplotlib.ticker import MaxNLocator
 from ridgebayes.drawing.style import (
     COLOURS,
     MINUS,
+    MOST_LEGEND,
     OBSERVED,
     QUIET,
     WIDTH,
     colour_of,
     look_of,
     new_figure,
+    panel_grid,
     plain,
     rows_by_texture,
     shared_legend,
     styled,
+    symbol,
     texture_title,
     title_of,
 )
@@ -70,7 +73,7 @@ def plot_percent_errors(errors: pd.DataFrame) -> Figure:
     forms = list(dict.fromkeys(errors["form"]))
     zoomed = [form for form in forms if form != "classic"]
     rows = [forms, zoomed] if zoomed and len(zoomed) < len(forms) else [forms]
-    figure = new_figure(WIDTH, 1.3 + 2.4 * len(rows))
+    figure = new_figure(WIDTH, 1.3 + 1.9 * len(rows))
     panels = figure.subplots(len(rows), len(textures), squeeze=False, sharex="col")
     hollow: dict[str, Any] = {"linestyle": "--", "markerfacecolor": "#FFFFFF"}
     for column, (texture, here) in zip(panels.T, textures.items(), strict=True):
@@ -91,7 +94,7 @@ def plot_percent_errors(errors: pd.DataFrame) -> Figure:
     handles.append(Line2D([], [], color=QUIET, label="calibrated"))
     if (errors["coefficients"] == "printed").any():
         handles.append(Line2D([], [], color=QUIET, marker="o", label="printed", **hollow))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    figure.legend(handles=handles, loc="outside lower center", ncols=MOST_LEGEND)
     return figure
 
 
@@ -133,7 +136,7 @@ def plot_smooth_cylinder(curves: pd.DataFrame) -> Figure:
         textcoords="offset points",
         ha="right",
         va="top",
-        fontsize=8,
+        fontsize=9,
         color="#555555",
     )
     shared_legend(figure, left, n_column=2)
@@ -213,7 +216,7 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str, noise: str = "iid") -> 
     # Every marker is named, also that of a method not known here.
     markers = {m: _METHODS.get(m, "X") for m in (*_METHODS, *sorted(methods)) if m in methods}
     is_summed = _SUMMED in methods
-    figure = new_figure(WIDTH, 1.5 + 0.75 * len(forms))
+    figure = new_figure(WIDTH, 1.5 + 0.5 * len(forms))
     axes = figure.subplots()
     lowest = min(float(factors["ln_bf"].min()) * 1.08, -6.0)
     for low, high, shade in ((-1, 0, 0.0), (-3, -1, 0.025), (-5, -3, 0.05), (lowest, -5, 0.075)):
@@ -236,7 +239,7 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str, noise: str = "iid") -> 
         height = i + 0.31 * (1 / len(rows) - 1) if is_summed else i
         room = middle > 0.6 * lowest  # else the number would stand outside on the left
         axes.annotate(
-            f"{middle:.2f}".replace("-", MINUS),
+            f"{middle:.1f}".replace("-", MINUS),
             (middle, height),
             xytext=(-10 if room else 10, 0),
             textcoords="offset points",
@@ -248,15 +251,12 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str, noise: str = "iid") -> 
     axes.set_yticks(range(len(forms)), [title_of(form) for form in forms])
     axes.axvline(0, color="#000000", linewidth=1)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel(
-        f"ln Bayes factor against {title_of(best)} "
-        "(shades: positive, strong, very strong, from 1, 3, 5 on)"
-    )
+    axes.set_xlabel(f"ln Bayes factor against {title_of(best)} (shades: from 1, 3, 5 on)")
     handles = [
         axes.plot([], [], marker, color=QUIET, linestyle="none", label=label)[0]
         for label, marker in zip(_labels(markers, noise), markers.values(), strict=True)
     ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+    figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure
 
 
@@ -286,8 +286,8 @@ def plot_prior_sensitivity(factors: pd.DataFrame, best: str) -> Figure:
         A panel a prior, the vertical axis linear within 5 of zero and logarithmic beyond.
     """
     priors = list(dict.fromkeys(factors["prior"]))
-    figure = new_figure(WIDTH, 3.9)
-    panels = figure.subplots(1, len(priors), squeeze=False, sharey=True)[0]
+    labels = ("scale, times default", f"ln BF against {title_of(best)}")
+    figure, panels = panel_grid(len(priors), 1.5, 0.9, labels=labels, sharex=True, sharey=True)
     for axes, prior in zip(panels, priors, strict=True):
         for form in dict.fromkeys(factors["form"]):
             rows = factors[(factors["prior"] == prior) & (factors["form"] == form)].dropna()
@@ -299,12 +299,10 @@ def plot_prior_sensitivity(factors: pd.DataFrame, best: str) -> Figure:
         axes.axhline(0, color="#000000", linewidth=1)
         axes.axvline(1, color=QUIET, linewidth=1, linestyle=":")
         axes.set_yscale("symlog", linthresh=5, linscale=1.5)
-        title = f"prior of {_PRIORS.get(prior) or plain(prior)}"
-        axes.set(xscale="log", title=title, xlabel="scale, times default")
+        axes.set(xscale="log", title=f"prior of {_PRIORS.get(prior) or symbol(prior)}")
     low, high = factors["ln_bf"].min(), factors["ln_bf"].max()
-    ticks = [t for t in (-100, -50, -20, -10, -5, -3, -1, 1, 3, 5, 10, 20) if low <= t <= high]
+    ticks = [t for t in (-100, -30, -10, -5, 5, 20) if low <= t <= high]
     panels[0].set_yticks([*ticks, 0], [f"{t}".replace("-", MINUS) for t in (*ticks, 0)])
     panels[0].minorticks_off()
-    panels[0].set_ylabel(f"ln Bayes factor against {title_of(best)}")
     shared_legend(figure, panels[0])
     return figure

@@ -12,6 +12,7 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.drawing.style import (
     DPI,
     OBSERVED,
+    WIDTH,
     colour_of,
     panel_grid,
     shared_legend,
@@ -57,7 +58,7 @@ def plot_corner(
     powers = _powers(draws)
     draws = draws * 10.0**powers
     n = len(names)
-    size = min(2.0 + 1.6 * n, 11.0)
+    size = min(1.6 + 1.1 * n, WIDTH)
     figure = Figure(figsize=(size, size), dpi=DPI)
     FigureCanvasAgg(figure)
     colour = colour_of(form)
@@ -79,7 +80,7 @@ def plot_corner(
         smooth=0.9,
         color=colour,
         labels=[
-            _scaled(name, power).replace(" ", "\n" if n >= 6 else " ", 1)
+            _scaled(name, power).replace(" ", "\n", 1)
             for name, power in zip(names, powers.tolist(), strict=True)
         ],
         truths=inside,
@@ -89,17 +90,17 @@ def plot_corner(
         fill_contours=True,
         levels=(0.39, 0.86),  # one and two standard deviations of a normal in two dimensions
         quantiles=(0.05, 0.5, 0.95),
-        max_n_ticks=4 if n < 6 else 3,
-        labelpad=-0.06 if n < 6 else 0.2,
-        label_kwargs={"fontsize": 10 if n < 6 else 7.5},
+        max_n_ticks=3,
+        labelpad=0.12 if n < 4 else 0.3,
+        label_kwargs={"fontsize": 9},
         hist_kwargs={"linewidth": 1.2},
     )
     for axes in figure.axes:
         axes.grid(False)
-        axes.tick_params(labelsize=8 if n < 6 else 7)
+        axes.tick_params(labelsize=9)
         for line in axes.lines:
             line.set_linewidth(0.9)
-    left = (0.85 if n < 6 else 1.1) / size
+    left = 1.1 / size
     figure.subplots_adjust(left=left, bottom=left, right=1 - 0.3 / size, top=1 - 0.45 / size)
     note = "" if n == n_parameter else f" ({n} of {n_parameter} parameters)"
     figure.suptitle(f"{title_of(form)}: posterior{note}", y=1 - 0.1 / size, va="top")
@@ -129,7 +130,7 @@ def plot_traces(form: str, summary: pd.DataFrame, theta: FloatArray, *, n_parame
     """
     n_ensemble, n_step, n_walker, n = theta.shape
     powers = _powers(theta.reshape(-1, n)).tolist()
-    figure, panels = panel_grid(n, 1.75, 0.7, labels=("kept step", ""), sharex=True)
+    figure, panels = panel_grid(n, 1.6, 0.7, labels=("kept step", ""), sharex=True)
     steps = np.arange(1, n_step + 1)
     for i, (axes, power) in enumerate(zip(panels, powers, strict=True)):
         row = summary.iloc[i]
@@ -172,7 +173,7 @@ def plot_posterior_checks(
     matplotlib.figure.Figure
         A panel a quantity: both distributions over the posterior's draws, and the p-value.
     """
-    figure, panels = panel_grid(len(quantities), 2.2, 1.1)
+    figure, panels = panel_grid(len(quantities), 1.7, 0.9)
     for axes, (title, values) in zip(panels, quantities.items(), strict=True):
         observed, replicated, p_value = values
         both = np.concatenate([replicated, observed])
@@ -215,4 +216,4 @@ def _scaled(name: str, power: int) -> str:
 
 
 def _ensemble_colour(k: int) -> str:
-    return ("#0072B2", "#D55E00", "#009E73", "#B2478F", "#C88A00", "#56B4E9")[k % 6]
+    return ("#0072B2", "#D55E00", "#009E73", "#B2478F", "#6B4E00", "#56B4E9")[k % 6]

@@ -29,7 +29,12 @@ MOST_TEXTURES = 12  # that one figure has panels for
 
 @styled()
 def plot_bands(
-    bands: pd.DataFrame, table: pd.DataFrame, form: str, *, n_texture: int | None = None
+    bands: pd.DataFrame,
+    table: pd.DataFrame,
+    form: str,
+    *,
+    n_texture: int | None = None,
+    untitled: bool = False,
 ) -> Figure:
     """Draw Q against load with the bands of one form, a panel a texture.
 
@@ -43,6 +48,8 @@ def plot_bands(
         Form, or ``average``.
     n_texture : int, optional
         How many textures there are, if not all are in `bands`.
+    untitled : bool, optional
+        Whether the figure goes without its heading.
 
     Returns
     -------
@@ -53,7 +60,7 @@ def plot_bands(
     observed = rows_by_texture(table)
     shown = list(by_texture)[:MOST_TEXTURES]
     labels = ("$p/E$ (dimensionless)", "edges in contact $Q$")
-    figure, panels = panel_grid(len(shown), 2.15, 1.2, labels=labels)
+    figure, panels = panel_grid(len(shown), 1.8, 1.0, labels=labels)
     for axes, texture in zip(panels, shown, strict=True):
         rows = observed.get(texture, table.iloc[:0])
         draw_band(axes, by_texture[texture], colour_of(form))
@@ -62,22 +69,24 @@ def plot_bands(
     _legend(figure, colour_of(form), float(bands["prob"].iloc[0]))
     total = n_texture or len(by_texture)
     more = f", {len(shown)} of {total} textures" if len(shown) < total else ""
-    figure.suptitle(f"{title_of(form)}: Q against load{more}", fontsize=11)
+    if not untitled:
+        figure.suptitle(f"{title_of(form)}: Q against load{more}", fontsize=11)
     return figure
 
 
 def draw_band(axes: Axes, bands: pd.DataFrame, colour: str) -> None:
     """Draw the bands of one texture, light and dark, grey where extrapolated."""
-    for kind, alpha in (("simulation", 0.30), ("curve", 0.75)):
+    # A band one value high would be no area at all: it is given a little height, the wider kind
+    # more, so that both are seen where they are the same.
+    for kind, alpha, room in (("simulation", 0.30, 0.55), ("curve", 0.80, 0.25)):
         part = bands[bands["kind_of_band"] == kind].sort_values("p_over_E")
         p, lower, upper = (part[c].to_numpy(float) for c in ("p_over_E", "q_lower", "q_upper"))
         outside = part["extrapolation"].to_numpy(bool)
         for is_outside in (False, True):
-            # A band one value high would be no area at all: it is given a little height.
             axes.fill_between(
                 p,
-                lower - 0.25,
-                upper + 0.25,
+                lower - room,
+                upper + room,
                 where=(outside == is_outside).tolist(),
                 step="post",
                 linewidth=0,
@@ -114,7 +123,7 @@ def _root(p: FloatArray) -> FloatArray:
 def _legend(figure: Figure, colour: str, prob: float) -> None:
     handles = [
         Line2D([], [], color=OBSERVED, marker=".", markersize=7, linewidth=1, label="observed"),
-        Patch(color=colour, alpha=0.75, linewidth=0, label=f"curve, {100 * prob:.0f} %"),
+        Patch(color=colour, alpha=0.80, linewidth=0, label=f"curve, {100 * prob:.0f} %"),
         Patch(color=colour, alpha=0.30, linewidth=0, label=f"simulation, {100 * prob:.0f} %"),
         Patch(
             facecolor="#9A9A9A", alpha=0.5, hatch="////", edgecolor="#FFFFFF", label="extrapolation"
@@ -139,7 +148,7 @@ def plot_held_out(loads: pd.DataFrame) -> Figure:
     """
     textures = list(rows_by_texture(loads).items())[:3]
     forms = list(dict.fromkeys(loads["form"]))
-    figure = new_figure(WIDTH, 3.6)
+    figure = new_figure(WIDTH, 3.0)
     panels = figure.subplots(1, len(textures), squeeze=False)[0]
     for axes, (texture, here) in zip(panels, textures, strict=True):
         for k, form in enumerate(forms):
@@ -196,7 +205,7 @@ def plot_prior_bands(bands: pd.DataFrame, rows: pd.DataFrame, form: str) -> Figu
     textures = list(rows_by_texture(bands).items())[:MOST_TEXTURES]
     observed = rows_by_texture(rows)
     figure, panels = panel_grid(
-        len(textures), 2.2, 1.1, labels=("$Q$", "load $p/E$"), sharex=True, sharey=True
+        len(textures), 1.8, 1.0, labels=("$Q$", "load $p/E$"), sharex=True, sharey=True
     )
     colour = colour_of(form)
     for axes, (texture, own) in zip(panels, textures, strict=True):

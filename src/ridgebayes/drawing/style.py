@@ -25,15 +25,16 @@ _FORMS = {
     "power-law": ("Power law", "#009E73", "s"),
     "modified": ("Modified", "#0072B2", "o"),
     "hybrid": ("Hybrid", "#B2478F", "D"),
-    "half-plane": ("Half-plane", "#C88A00", "P"),
+    "half-plane": ("Half-plane", "#6B4E00", "P"),
     "average": ("Average of forms", "#444444", "X"),
 }
 TITLES, COLOURS, MARKERS = ({name: look[i] for name, look in _FORMS.items()} for i in range(3))
 MINUS = "\N{MINUS SIGN}"
 OBSERVED = "#000000"
 QUIET = "#8A8A8A"
-WIDTH = 9.0  # inches: 1350 pixels at 150 dpi, a laptop's page
-DPI = 150
+WIDTH = 7.4  # inches: what A4 holds, so that a tick label of 9 pt is printed as such
+DPI = 180
+MOST_LEGEND = 4  # entries in a row
 _STYLE: dict[str, Any] = {
     "font.size": 10,
     "axes.titlesize": 10,
@@ -117,7 +118,7 @@ def shared_legend(
     """Put one panel's legend below or above all panels."""
     handles, labels = axes.get_legend_handles_labels()
     loc: Any = f"outside {at} center"
-    figure.legend(handles, labels, loc=loc, ncols=n_column or len(labels))
+    figure.legend(handles, labels, loc=loc, ncols=n_column or min(len(labels), MOST_LEGEND))
 
 
 def colour_of(form: str) -> str:
@@ -192,7 +193,7 @@ def symbol(parameter: str) -> str:
 def texture_title(texture: tuple[float, float], rows: pd.DataFrame | None = None) -> str:
     """Return the heading of the panel of (a/R, b/R), and whether all of its rows are held out."""
     held_out = rows is not None and len(rows) and (rows["role"] == "held-out").all()
-    return f"$a/R$ = {texture[0]:g}, $b/R$ = {texture[1]:g}" + (" (held out)" if held_out else "")
+    return f"$a/R$ = {texture[0]:g}, $b/R$ = {texture[1]:g}" + ("\n(held out)" if held_out else "")
 
 
 def rows_by_texture(frame: pd.DataFrame) -> dict[tuple[float, float], pd.DataFrame]:
@@ -202,7 +203,7 @@ def rows_by_texture(frame: pd.DataFrame) -> dict[tuple[float, float], pd.DataFra
 
 
 def as_bytes(figure: Figure, kind: str) -> bytes:
-    """Return a figure as a file: ``png`` at 150 dpi or ``svg``; equal figures, equal bytes."""
+    """Return a figure as a file: ``png`` at 180 dpi or ``svg``; equal figures, equal bytes."""
     file = io.BytesIO()
     with styled():
         lay_out(figure)

@@ -21,7 +21,9 @@ from typing import TYPE_CHECKING
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.errors import InputError
-from ridgebayes.report.blocks import Picture
+from ridgebayes.report.blocks import Picture, Table
+from ridgebayes.report.checklist import held_against
+from ridgebayes.report.exports import data_uri, to_csv, to_latex
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
 from ridgebayes.report.sections import contents
@@ -31,8 +33,9 @@ from ridgebayes.runtime.text import visible
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["render_report", "write_report", "write_reports"]
+__all__ = ["checklist_of", "render_report", "write_report", "write_reports"]
 
+_SMALL = 80_000  # bytes of an SVG that is embedded; of larger ones the PNG is
 _TEMPLATES = {".html": "report.html.jinja", ".md": "report.md.jinja"}
 
 
@@ -108,7 +111,9 @@ def render_report(
     return _rendered(Gallery(report_data(comparison)), second, [suffix])[0]
 
 
-def write_reports(gallery: Gallery, folder: Path, *, reference: Gallery | None = None) -> None:
+def write_reports(
+    gallery: Gallery, folder: Path, *, reference: Gallery | None = None, command: str = ""
+) -> None:
     """Write report.html and report.md into a folder; see `write_report`.
 
     Parameters
@@ -118,24 +123,68 @@ def write_reports(gallery: Gallery, folder: Path, *, reference: Gallery | None =
     folder : Path
         Where to.
     reference : Gallery, optional
-        Second comparison.
+        Second comparison, whose own figures are in the folder's ``reference-fe``.
+    command : str, optional
+        What was typed.
     """
-    pages = _rendered(gallery, reference, list(_TEMPLATES))
+    pages = _rendered(gallery, reference, list(_TEMPLATES), command=command, in_folder=True)
     for suffix, page in zip(_TEMPLATES, pages, strict=True):
         _write(folder / f"report{suffix}", page)
 
 
-def _rendered(gallery: Gallery, reference: Gallery | None, suffixes: list[str]) -> list[str]:
+def checklist_of(comparison: Comparison) -> list[tuple[str, bool, str]]:
+    """Return the items of reporting checklists, and where the report meets each, or why not.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        What is reported.
+
+    Returns
+    -------
+    list of (str, bool, str)
+        Item, whether it is met, the section or the reason.
+    """
+    gallery = Gallery(report_data(comparison))
+    return held_against(first_screen(gallery.data), contents(gallery, None))
+
+
+def _rendered(
+    gallery: Gallery,
+    reference: Gallery | None,
+    suffixes: list[str],
+    *,
+    command: str = "",
+    in_folder: bool = False,
+) -> list[str]:
     def image(picture: Picture) -> str:
         """Return a figure to embed: drawn now, so that a page without figures costs none."""
         owner = reference if picture.of_reference and reference is not None else gallery
+        svg = owner.file(picture.name, "svg")
+        if len(svg) <= _SMALL:
+            return "data:image/svg+xml;base64," + base64.b64encode(svg).decode("ascii")
         png = owner.file(picture.name, "png")
         return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
 
+    def files(picture: Picture) -> dict[str, str]:
+        """Return where a figure's files are, if they are beside the page."""
+        folder = "reference-fe/figures" if picture.of_reference else "figures"
+        paths = {kind: f"{folder}/{picture.name}.{kind}" for kind in ("png", "svg")}
+        return paths if in_folder else {}
+
+    def downloads(table: Table) -> dict[str, str]:
+        """Return the links that hold a table."""
+        return {
+            "csv": data_uri(to_csv(table), "text/csv"),
+            "tex": data_uri(to_latex(table), "application/x-tex"),
+        }
+
     filled = {
-        "first": first_screen(gallery.data, None if reference is None else reference.data),
+        "first": first_screen(gallery.data, None if reference is None else reference.data, command),
         "sections": contents(gallery, reference),
         "image": image,
+        "files": files,
+        "downloads": downloads,
     }
     return [_environment(s).get_template(_TEMPLATES[s]).render(filled) for s in suffixes]
 
@@ -153,7 +202,7 @@ def _environment(suffix: str) -> "Environment":
         loader=PackageLoader("ridgebayes.report"),
         autoescape=suffix == ".html",
         # Markdown is escaped here, HTML after this by autoescape.
-        finalize=escaped_markdown if suffix == ".md" else _tied,
+        finalize=_markdown if suffix == ".md" else _tied,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -166,6 +215,11 @@ def _environment(suffix: str) -> "Environment":
 def _tied(value: object) -> object:
     """Keep a number and its per cent sign on one line, and show characters that hide."""
     return visible(value).replace(" %", "\N{NO-BREAK SPACE}%") if type(value) is str else value
+
+
+def _markdown(value: object) -> object:
+    """Escape what is not yet Markdown."""
+    return value if hasattr(value, "__html__") else escaped_markdown(value)
 
 
 def _badge(words: str) -> str:

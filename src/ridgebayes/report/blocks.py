@@ -19,7 +19,7 @@ class Table:
     """A table of finished strings.
 
     `text` are the columns that are not numbers, `strong` the rows to set off, `badge` a column
-    whose words are to stand out; `wide` takes the whole page.
+    whose words are to stand out.
     """
 
     header: Sequence[str]
@@ -28,22 +28,43 @@ class Table:
     text: Sequence[int] = (0,)
     strong: Sequence[int] = ()
     badge: int | None = None
-    wide: bool = False
     kind: ClassVar[str] = "table"
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure by its name in the gallery of the comparison, or of the reference, and a caption."""
+    """A figure by its name in the gallery of the comparison, or of the reference, and a caption.
+
+    `alt` tells the finding to those who do not see the figure; the caption does where it is empty.
+    """
 
     name: str
     caption: str
+    alt: str = ""
     narrow: bool = False
     of_reference: bool = False
     kind: ClassVar[str] = "picture"
 
 
-Block: TypeAlias = Text | Table | Picture
+@dataclass(frozen=True)
+class Folded:
+    """Details that open on demand; `short` ones are printed."""
+
+    title: str
+    blocks: Sequence["Block"]
+    short: bool = False
+    kind: ClassVar[str] = "folded"
+
+
+@dataclass(frozen=True)
+class Part:
+    """A heading inside a section."""
+
+    words: str
+    kind: ClassVar[str] = "part"
+
+
+Block: TypeAlias = Text | Table | Picture | Folded | Part
 
 
 @dataclass(frozen=True)

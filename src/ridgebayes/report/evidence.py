@@ -12,7 +12,7 @@ import pandas as pd
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bayes_factors import SUMMED
 from ridgebayes.model.default_priors import REASONS
-from ridgebayes.report.blocks import Block, Picture, Table, Text
+from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
 from ridgebayes.report.wording import (
     ABSENT,
     decimals,
@@ -29,25 +29,36 @@ from ridgebayes.report.wording import (
 def evidence_section(data: ReportData) -> list[Block]:
     """Return log evidences, Bayes factors and how well the methods agree."""
     blocks: list[Block] = [ranking_table(data)]
-    summed = bool((data.comparison.bayes_factors["noise"] == SUMMED).any())
     if len(data.comparison.probabilities) > 1:
+        summed = bool((data.comparison.bayes_factors["noise"] == SUMMED).any())
+        caption = "ln Bayes factor of each form against the best" + (
+            ", error models summed out (star, with its number). Beside it by every method under "
+            "the printed error model alone."
+            if summed
+            else ", by every method."
+        )
         blocks += [
-            Picture(
-                "evidence",
-                "ln Bayes factor of each form against the best, with its number: "
-                + (
-                    "error models summed out, as in the verdict (star). Behind it "
-                    if summed
-                    else ""
-                )
-                + "by every method"
-                + (" under the printed error model alone" if summed else "")
-                + ". Where the methods agree, their symbols lie below one another. Monte Carlo "
-                "errors are smaller than the symbols unless a bar shows.",
-            ),
-            pairs_table(data),
+            Picture("evidence", caption, _evidence_alt(data)),
+            Folded("Bayes factors of all pairs", [*_summed_pairs(data), pairs_table(data)]),
         ]
-    return [*blocks, agreement_table(data)]
+    return blocks
+
+
+def _evidence_alt(data: ReportData) -> str:
+    """Say what the evidence figure shows."""
+    first = data.factors.drop_duplicates("form").sort_values("ln_bf", ascending=False)
+    against = ", ".join(
+        f"{form_name(row['form'])} {decimals(row['ln_bf'], 1)}" for row in first.to_dict("records")
+    )
+    return f"ln Bayes factors against {form_name(data.shown)}: {against}."
+
+
+def _summed_pairs(data: ReportData) -> list[Block]:
+    """Return the Bayes factors with error models summed out, where several were weighed."""
+    factors = data.comparison.bayes_factors
+    summed = factors[factors["noise"] == SUMMED]
+    caption = "Bayes factors with the error models summed out, at equal prior probabilities."
+    return [_pairs(summed, caption)] if len(summed) else []
 
 
 def ranking_table(data: ReportData) -> Table:
@@ -64,8 +75,8 @@ def ranking_table(data: ReportData) -> Table:
             error = _hypot(own["log_evidence_se"], top["log_evidence_se"])
             factor, error = over_best.get(name, (own["log_evidence"] - top["log_evidence"], error))
             cells = [
-                with_error(own["log_evidence"], own["log_evidence_se"]),
-                "0 (best)" if name == best else with_error(factor, error),
+                with_error(own["log_evidence"], own["log_evidence_se"], 1),
+                "0 (best)" if name == best else with_error(factor, error, 1),
                 probability(comparison.probabilities[name]),
             ]
         lacks = "NO" if name in comparison.unconverged else "no: negligible"
@@ -101,8 +112,8 @@ def _pairs(factors: pd.DataFrame, caption: str) -> Table:
         rows.append(
             [
                 f"{form_name(ahead)} over {form_name(behind)}",
-                with_error(abs(row["ln_bf"]), row["ln_bf_se"]),
-                decimals(abs(row["log10_bf"]), 2),
+                with_error(abs(row["ln_bf"]), row["ln_bf_se"], 1),
+                decimals(abs(row["log10_bf"]), 1),
                 row["method"],
                 reading_text(row["reading"]).partition(" (")[0],
             ]
@@ -130,12 +141,12 @@ def agreement_table(data: ReportData) -> Table:
     )
 
 
-def _evidence(row: Mapping[Any, Any] | None) -> str:
+def _evidence(row: Mapping[Any, Any] | None, most: int = 4) -> str:
     if row is None:
         return ABSENT
     if row["status"] != "ok":
         return str(row["status"])
-    return with_error(row["log_evidence"], row["log_evidence_se"])
+    return with_error(row["log_evidence"], row["log_evidence_se"], most)
 
 
 def _distance(own: Mapping[str, Mapping[Any, Any]], check: str) -> str:
@@ -163,51 +174,72 @@ def error_models_section(data: ReportData) -> list[Block]:
     rows = [
         [
             mean["noise"],
-            *(_evidence(usable.get((form, mean["noise"]))) for form in forms),
+            *(_evidence(usable.get((form, mean["noise"])), 1) for form in forms),
             decimals(mean["log_mean_evidence"], 1),
             probability(mean["probability"]),
         ]
         for mean in means.to_dict("records")
     ]
-    blocks: list[Block] = [
+    return [
         Text(
-            "Residuals of the loads repeat from texture to texture and from step to step. An error "
-            "model states what repeats. Ignoring correlation makes posteriors too narrow and "
-            "overstates Bayes factors. Predictions and probabilities of forms are averaged over "
-            "the error models. Parameters are printed under the simplest whose evidence is within "
-            f"1.1 of the highest: {noise_name(comparison.noise.name)}."
+            "An error model states which residuals repeat: none (iid), those of a texture, or "
+            "those of a step. Predictions and probabilities of forms are averaged over them. "
+            "Parameters are printed under the simplest whose evidence is within 1.1 of the "
+            f"highest: {noise_name(comparison.noise.name)}."
         ),
-        Table(
-            ["Error model", *map(form_name, forms), "ln of the mean", "Probability"],
-            rows,
-            "ln evidence of every form under every error model, and the log of its mean over the "
-            "forms. A form without a usable evidence counts as zero. Error models that were not "
-            "chosen: importance sampling where near the best, otherwise Laplace's approximation, "
-            "without an error. Independent rows (iid): quadrature. Names are those of --noise.",
-            strong=(0,),
-            wide=True,
+        *_smooth(data),
+        Folded(
+            "Evidence of each error model",
+            [
+                Table(
+                    ["Error model", *map(form_name, forms), "ln of the mean", "Probability"],
+                    rows,
+                    "ln evidence of every form under every error model, and the log of its mean "
+                    "over the forms. A form without a usable evidence counts as zero. Error models "
+                    "that were not chosen: importance sampling where near the best, otherwise "
+                    "Laplace's approximation, without an error. Independent rows (iid): "
+                    "quadrature. Names are those of --noise.",
+                    strong=(0,),
+                ),
+                Text(
+                    "Calibrated textures and steps keep their inferred offset; new ones draw from "
+                    "its distribution. An offset smooth in log h and a/pitch is interpolated "
+                    "between its neighbours. It widens beyond the calibrated range of either.",
+                    "note",
+                ),
+            ],
         ),
     ]
-    summed = comparison.bayes_factors[comparison.bayes_factors["noise"] == SUMMED]
-    if len(summed):
-        caption = "Bayes factors with the error models summed out, at equal prior probabilities."
-        blocks.append(_pairs(summed, caption))
-    blocks.append(
-        Text(
-            "Calibrated textures and steps keep their inferred offset; new ones draw from its "
-            "distribution. An offset smooth in log h and a/pitch is interpolated between its "
-            "neighbours. It widens beyond the calibrated range of either.",
-            "note",
-        )
+
+
+def _smooth(data: ReportData) -> list[Block]:
+    """Say what Bayes factors mean under a smooth offset, and whether it or the form predicts."""
+    weights = {} if data.verdict is None else data.verdict.error_model_weights
+    if sum(weight for name, weight in weights.items() if "smooth" in name) < 0.5:
+        return []
+    words = (
+        "Under a smooth offset a Bayes factor tells which form leaves the smaller and smoother "
+        "remainder, given the priors of that offset."
     )
-    return blocks
+    if data.predicting is None:
+        return [Text(words)]
+    form, offset = data.predicting.without_form, data.predicting.without_offset
+    more, less = ("form", "offset") if form > offset else ("offset", "form")
+    return [
+        Text(
+            f"{words} On textures left out, the error of predicted loads is {number(form, 2)} "
+            f"times as large with Classic in the place of {form_name(data.shown)}, and bands are "
+            f"{number(offset, 2)} times as wide without the offset: the {more} does more of the "
+            f"predicting than the {less}."
+        )
+    ]
 
 
 def prior_section(data: ReportData) -> list[Block]:
-    """Return every prior with its reason, and the Bayes factors against its scale."""
+    """Return the Bayes factors against the scale of each prior."""
     factors, against = data.sensitivity, form_name(data.shown)
     if not len(factors):
-        return [prior_table(data), *_unscaled(data)]
+        return _unscaled(data)
     rows = []
     for (form, prior), part in factors.groupby(["form", "prior"], sort=False):
         ordered = part.sort_values("factor").dropna()
@@ -216,7 +248,7 @@ def prior_section(data: ReportData) -> list[Block]:
         at_default = ordered.iloc[(ordered["factor"] - 1).abs().argmin()]
         cells = (ordered["ln_bf"].iloc[0], at_default["ln_bf"], ordered["ln_bf"].iloc[-1])
         name = "c and c₁" if prior == "c" else parameter_name(str(prior))
-        rows.append([form_name(str(form)), name, *(decimals(x, 2) for x in cells)])
+        rows.append([form_name(str(form)), name, *(decimals(x, 1) for x in cells)])
     low, high = factors["factor"].min(), factors["factor"].max()
     words = (
         "A Bayes factor always depends on the width of the priors. Here the scale of each prior is "
@@ -226,16 +258,19 @@ def prior_section(data: ReportData) -> list[Block]:
         f"ln Bayes factor of each form against {against}. Above zero the form is ahead. Dotted "
         "line: the default scale. The axis is linear within 5 of zero."
     )
+    ahead = factors.dropna().loc[lambda x: x["ln_bf"] > 0, "form"].unique()
+    alt = (
+        f"{', '.join(map(form_name, ahead))} comes ahead of {against} for some prior scale."
+        if len(ahead)
+        else f"{against} stays ahead of every other form at every prior scale."
+    )
     scales = [f"ln BF at {low:g} × scale", "at default", f"at {high:g} × scale"]
     found = Table([f"Form, against {against}", "Prior of", *scales], rows, text=(0, 1))
-    blocks: list[Block] = [
-        prior_table(data),
-        Text(words),
+    return [
+        Text(f"{words} {alt}"),
         *_unscaled(data),
-        Picture("prior-sensitivity", caption),
-        found,
+        Folded("Bayes factors at each scale", [Picture("prior-sensitivity", caption, alt), found]),
     ]
-    return blocks
 
 
 def _unscaled(data: ReportData) -> list[Block]:

@@ -1,13 +1,17 @@
-"""The answer in a sentence, and what stands against trusting it."""
+"""The first screen: the question, the graded answer in three sentences, and what made it."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
+from ridgebayes._types import __version__
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.verdict import Verdict
+from ridgebayes.report.blocks import Picture
 from ridgebayes.report.wording import (
+    change_text,
     decimals,
     form_name,
-    noise_name,
+    listed,
     number,
     percent,
     probability,
@@ -28,48 +32,75 @@ class FirstScreen:
 
     Parameters
     ----------
-    headline, sentence : str
-        The answer, and the numbers behind it.
-    cautions, notes : tuple of str
-        What to bear in mind, and what else the first screen tells.
+    question, headline : str
+        What was asked, and the graded answer.
+    sentences : tuple of str
+        What was compared on which data; how sure the answer is, and what would change it; what it
+        means for predictions. Then what a second comparison says, if there is one.
+    cautions : tuple of str
+        What to bear in mind.
     problems : tuple of str
         Fits that failed or did not converge; a report with any is marked in red.
+    picture : Picture
+        Q against load with bands.
+    made_by : str
+        Command, seed, digest of the table, version.
     """
 
+    question: str
     headline: str
-    sentence: str
+    sentences: tuple[str, ...]
     cautions: tuple[str, ...]
-    notes: tuple[str, ...]
     problems: tuple[str, ...]
+    picture: Picture
+    made_by: str
 
 
-def first_screen(data: ReportData, reference: ReportData | None = None) -> FirstScreen:
+def first_screen(
+    data: ReportData, reference: ReportData | None = None, command: str = ""
+) -> FirstScreen:
     """Return the first screen of a report, with a word on a second comparison if there is any."""
-    caution, problems = data.comparison.noise.caution, data.problems
-    notes = [_held_out(data)]
+    problems = data.problems
+    sentences = [_compared(data), _how_sure(data), _consequence(data)]
     if reference is not None:
         n_row = len(reference.comparison.table.calibration)
-        notes.append(
-            f"This is the answer for {data.comparison.table.where}. A second comparison asks which "
-            f"form describes {count(n_row, 'finite-element row')}, the half-plane's equation among "
-            f"them: {_headline(reference)}"
+        sentences.append(
+            f"A second comparison, on {count(n_row, 'finite-element row')}: {_headline(reference)}"
             + (f" {lead(reference.verdict)}" if reference.verdict else "")
         )
         problems += tuple(f"finite-element rows: {what}" for what in reference.problems)
-    notes.append(_error_model(data))
-    cautions = [CAUTIONS.get(caution, caution)] if caution else []
+    table = data.comparison.table
+    made_by = [
+        command or f"seed of the draws {data.fit.seed}",
+        f"table SHA-256 {table.digest()[:12]}",
+        f"ridgebayes {__version__}",
+    ]
+    return FirstScreen(
+        f"Which contact form describes {_name(table.where)}?",
+        _headline(data),
+        tuple(words for words in sentences if words),
+        _cautions(data),
+        problems,
+        _bands(data),
+        " · ".join(words for words in made_by if words),
+    )
+
+
+def _name(where: str) -> str:
+    """Return a table's name in a sentence: a file's, or what is no file with an article."""
+    name = Path(where).name
+    return name if "." in name else f"the {name}"
+
+
+def _cautions(data: ReportData) -> tuple[str, ...]:
+    caution = data.comparison.noise.caution
+    found = [CAUTIONS.get(caution, caution)] if caution else []
     if n_repeated := len(data.comparison.table.repeated):
-        cautions.append(
+        found.append(
             f"{count(n_repeated, 'row')} with the load of another source, solver or series to all "
             "digits. Copies count twice: leave one of each out."
         )
-    return FirstScreen(
-        _headline(data),
-        _sentence(data),
-        tuple(cautions),
-        tuple(words for words in notes if words),
-        problems,
-    )
+    return tuple(found)
 
 
 def _headline(data: ReportData) -> str:
@@ -98,25 +129,30 @@ def headline(verdict: Verdict) -> str:
     }[verdict.grade]
 
 
-def _sentence(data: ReportData) -> str:
+def _compared(data: ReportData) -> str:
     comparison, verdict = data.comparison, data.verdict
     rows = comparison.table.calibration
     basis = f"{count(len(rows), 'row')} of {count(len(rows.textures), 'texture')}"
-    if data.best is None:
-        return f"{count(len(comparison.fits), 'form')} fitted to {basis}."
     if verdict is None:
-        return f"Fitted to {basis}."
-    words = (
-        f"Of the {len(comparison.probabilities)} forms compared on {basis}, "
-        f"{form_name(verdict.form)} has probability "
-        f"{probability(comparison.probabilities[verdict.form])} at equal prior odds. "
-        f"{lead(verdict)}"
-    )
-    if verdict.grade == "undecided":
-        return f"{words} Why: {verdict.why}."
+        return f"{listed([form_name(name) for name in comparison.fits])} fitted to {basis}."
+    names = listed([form_name(name) for name in data.ranked if name in comparison.probabilities])
     return (
-        f"{words} Its posterior probability passes 0.95 if its prior probability is above "
-        f"{number(verdict.min_prior_probability, 2)}."
+        f"{names} were compared on {basis}. {form_name(verdict.form)} has probability "
+        f"{probability(comparison.probabilities[verdict.form])} at equal prior odds."
+    )
+
+
+def _how_sure(data: ReportData) -> str:
+    verdict = data.verdict
+    if verdict is None:
+        return ""
+    if verdict.grade == "undecided":
+        return f"{lead(verdict)} Why it is undecided: {verdict.why}."
+    _, _, least = verdict.why.partition(" (")
+    weakest = f" It is least with {change_text(least.removesuffix(')'))}." if least else ""
+    return (
+        f"{lead(verdict)}{weakest} Its posterior probability passes 0.95 if its prior "
+        f"probability is above {number(verdict.min_prior_probability, 1)}."
     )
 
 
@@ -131,42 +167,35 @@ def lead(verdict: Verdict) -> str:
     )
 
 
-def _held_out(data: ReportData) -> str:
-    """Say how many held-out loads lie inside the best form's bands."""
-    if data.best is None or not len(data.held_out):
-        return ""
-    own = data.held_out[data.held_out["form"] == data.best]
-    far = " (an extrapolation)" if own["extrapolation"].all() else ""
-    return (
-        f"Of the held-out loads{far}, {int(own['inside'].sum())} of {len(own)} lie inside the "
-        f"{percent(own['prob'].iloc[0])} bands of {form_name(data.best)}."
-    )
+def _consequence(data: ReportData) -> str:
+    """Say what the choice of a form changes in predictions at the table's own textures."""
+    found = data.consequence
+    n = found.n_texture
+    where = f"On {'this texture' if n == 1 else f'these {n} textures'} up to the observed loads"
+    shown = form_name(data.shown)
+    wide = f"at most {count(found.width, 'edge')} wide" if found.width else "a single count"
+    prob = percent(data.bands["prob"].iloc[0])
+    band = f"the {prob} band of {shown} for a further simulation is {wide}"
+    if not found.over:
+        return f"{where}, {band}."
+    return f"{where}, {shown} and {form_name(found.over)} {_apart(found.apart)}, and {band}."
 
 
-def _error_model(data: ReportData) -> str:
-    """Say which error models carry weight, and what Bayes factors mean under a smooth one."""
-    weights = {} if data.verdict is None else data.verdict.error_model_weights
-    if len(data.error_models) < 2 or not weights:
-        return ""
-    listed = ", ".join(f"{name} {probability(weight)}" for name, weight in weights.items())
-    words = (
-        f"Predictions are averaged over the error models by their probability: {listed}. "
-        f"Parameters are printed under {noise_name(data.comparison.noise.name)}."
+def _apart(edges: int) -> str:
+    """Return how far apart two predictions of Q are."""
+    if edges == 0:
+        return "predict the same median of Q"
+    pairs = "one pair" if edges <= 2 else f"{edges // 2} pairs"
+    return f"predict medians of Q at most {pairs} of edges apart"
+
+
+def _bands(data: ReportData) -> Picture:
+    """Return Q against load, of three textures where there are more."""
+    n, n_shown = len(data.comparison.table.textures), len(data.textures)
+    name = "bands" if n <= 3 or not n_shown else "bands-first"
+    some = f" {n_shown} of {n} textures; all are under Predictions." if n > 3 else ""
+    caption = (
+        f"Edges in contact Q against load, {form_name(data.shown)}. Full colour: the form's "
+        f"own curve. Pale: a further simulation. Hatched: extrapolation.{some}"
     )
-    smooth = sum(weight for name, weight in weights.items() if "smooth" in name)
-    if smooth < 0.5:
-        return words
-    words += (
-        " Under a smooth offset a Bayes factor tells which form leaves the smaller and smoother "
-        "remainder, given the priors of that offset."
-    )
-    if data.predicting is None:
-        return words
-    form, offset = data.predicting.without_form, data.predicting.without_offset
-    more, less = ("form", "offset") if form > offset else ("offset", "form")
-    return (
-        f"{words} On textures left out, the error of predicted loads is {number(form, 2)} times as "
-        f"large with Classic in the place of {form_name(data.shown)}, and bands are "
-        f"{number(offset, 2)} times as wide without the offset: the {more} does more of the "
-        f"predicting than the {less}."
-    )
+    return Picture(name, caption, f"{_consequence(data)} {some}".strip())

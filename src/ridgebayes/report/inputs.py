@@ -11,7 +11,7 @@ import numpy as np
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.drawing.style import rows_by_texture
 from ridgebayes.report.blocks import Block, Table, Text
-from ridgebayes.report.wording import number
+from ridgebayes.report.wording import form_name, number
 from ridgebayes.runtime.text import count
 
 MOST_TEXTURES = 40
@@ -20,6 +20,13 @@ _ERRORS = {
     "loads": "of a load, relative to the table's",
     "posterior": "of a mean, in posterior sds",
     "evidence": "in ln Z",
+}
+_FORMULAS = {
+    "classic": ("(h L + b/(2 R)) / c", "c"),
+    "power-law": ("(Q − 2) / K", "K of each texture"),
+    "modified": ("h L / c", "c"),
+    "hybrid": ("h / (c₁/L + c₂ R/a)", "c₁, c₂"),
+    "half-plane": ("s of the half-plane equation, without a fit, / c", "c (theory: 1)"),
 }
 _GLOSSARY = (
     ("a/R, b/R, pitch L", "Ridge width, groove width and their sum, over the body's radius R."),
@@ -65,7 +72,12 @@ def data_section(data: ReportData) -> list[Block]:
         for (a, b), part in list(textures.items())[:MOST_TEXTURES]
     ]
     header = ("Texture", "a/R", "b/R", "a/pitch", "Rows", "Q", "p/E", "Role", "Solver")
-    blocks.append(Table(header, rows, text=(0, 7, 8)))
+    # The last two tell nothing where nothing was held out, and no solver is named.
+    tells = [True] * 7 + [bool(len(table.held_out)), any(row[8] for row in rows)]
+    kept = [i for i, it_does in enumerate(tells) if it_does]
+    text = [j for j, i in enumerate(kept) if i in (0, 7, 8)]
+    cells = [[row[i] for i in kept] for row in rows]
+    blocks.append(Table([header[i] for i in kept], cells, text=text))
     n = len(table.textures)
     if n > len(rows):
         blocks.append(Text(f"{len(rows)} of {n:,} textures shown; all are in table.csv.", "note"))
@@ -85,6 +97,35 @@ def _counted(data: ReportData) -> str:
         f"{number(min(ratios), 3)} to {number(max(ratios), 3)}. Error model: "
         f"{data.comparison.noise.name}."
     )
+
+
+def forms_section(data: ReportData) -> list[Block]:
+    """Return the model in formulas."""
+    rows = [[form_name(name), *_FORMULAS[name]] for name in data.ranked if name in _FORMULAS]
+    return [
+        Text(
+            "The table says at which load p/E each count Q of edges is reached. A form gives "
+            "s = √(p/E) at that count from the texture. With h = Q/2 − 1 and L = (a + b)/R, and "
+            "p/E at Poisson's ratio 0.5, the log load of a row is y = 2 ln s + offset + error. The "
+            "error has standard deviation σ, and the offset is that of the error model."
+        ),
+        Table(["Form", "s(Q)", "Coefficients"], rows, text=(0, 1, 2)),
+    ]
+
+
+def goal_section(data: ReportData) -> list[Block]:
+    """Return why the analysis is Bayesian, and the rule of its verdict."""
+    return [
+        Text(
+            "Why Bayesian: an evidence weighs how well a form fits against how much it could fit, "
+            "and bands carry the uncertainty of coefficients and of error models."
+        ),
+        Text(
+            "Decision rule: decisive needs ln BF of 5 over the next form and more than 3 over the "
+            "whole range of priors and error models. Supports needs 3 and the same form ahead over "
+            "the range; leans needs 2 and the same. All else is undecided."
+        ),
+    ]
 
 
 def cost_section(data: ReportData) -> list[Block]:
@@ -140,4 +181,12 @@ def versions_section(_: ReportData) -> list[Block]:
             found.append(f"{name} {version(name)}")
         except PackageNotFoundError:
             found.append(f"{name} unknown")
-    return [Text(", ".join(found) + ".", "note")]
+    return [
+        Text(
+            "The run folder holds the table as used (table.csv), the draws (posterior-*.nc), every "
+            "table as CSV and the settings (run.json). The same command, seed and versions give "
+            "the same bytes.",
+            "note",
+        ),
+        Text(", ".join(found) + ".", "note"),
+    ]

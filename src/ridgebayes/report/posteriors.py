@@ -4,19 +4,22 @@
 import numpy as np
 
 from ridgebayes.checks.power_scaling import THRESHOLD
+from ridgebayes.checks.repeat import OUTER
 from ridgebayes.checks.report_data import ReportData
-from ridgebayes.report.blocks import Block, Picture, Table, Text
+from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
 from ridgebayes.report.figures.gallery import MOST_PARAMETERS
 from ridgebayes.report.wording import (
     ABSENT,
     decimals,
     form_name,
     interval,
+    number,
     parameter_name,
     percent,
     with_error,
 )
 
+TINY = 1e-4  # of sigma: a hundredth of a per cent of the load
 MOST_ROWS = 40  # of one table; the run folder's CSV files hold them all
 
 
@@ -24,29 +27,45 @@ def coefficients_section(data: ReportData) -> list[Block]:
     """Return every coefficient beside the printed one and beside least squares on Q."""
     fits = data.comparison.fits
     dropped = sum(max(len(fit.summary) - MOST_ROWS, 0) for fit in fits.values())
-    prob = next(iter(fits.values())).summary["prob"].iloc[0]
+    others = [name for name in data.ranked if name != data.shown]
     blocks: list[Block] = [
         Text(
-            "The posterior weighs relative errors of the load. Least squares, the study's method, "
-            "weighs errors of Q. The two differ where a form fails systematically. σ is the "
-            "standard deviation of the log load about the form: its typical relative error."
+            "The posterior weighs relative errors of the load, least squares on Q errors of the "
+            "count. The two differ where a form fails systematically. σ is the standard deviation "
+            f"of the log load about the form: its typical relative error.{_tiny_sigma(data)}"
         ),
-        Table(
-            [
-                "Form",
-                "Parameter",
-                "Posterior mean ± sd",
-                f"{percent(prob)} interval",
-                "Printed",
-                "Least squares on Q",
-            ],
-            [row for name in data.ranked for row in _coefficients(data, name)],
-            text=(0, 1),
-        ),
+        _coefficients_table(data, [data.shown]),
     ]
+    if others:
+        blocks.append(
+            Folded("Coefficients of the other forms", [_coefficients_table(data, others)])
+        )
     if dropped:
         blocks.append(Text(f"{dropped:,} more parameters are in summary.csv.", "note"))
     return blocks
+
+
+def _tiny_sigma(data: ReportData) -> str:
+    """Say what it means where a form leaves next to no error."""
+    summary = data.fit.summary.set_index("parameter")["mean"]
+    sigma = float(summary.get("sigma", np.nan))
+    if not sigma < TINY:
+        return ""
+    return (
+        f" Here it is under {100 * TINY:g} %: beside the offset, {form_name(data.shown)} leaves "
+        "less than any solver or experiment resolves. Rows may come from this very form, or the "
+        "offset may absorb them."
+    )
+
+
+def _coefficients_table(data: ReportData, names: list[str]) -> Table:
+    prob = data.fit.summary["prob"].iloc[0]
+    header = ["Form", "Parameter", "Posterior mean ± sd", f"{percent(prob)} interval"]
+    return Table(
+        [*header, "Published 2019", "Least squares on Q"],
+        [row for name in names for row in _coefficients(data, name)],
+        text=(0, 1),
+    )
 
 
 def _coefficients(data: ReportData, name: str) -> list[list[str]]:
@@ -55,6 +74,7 @@ def _coefficients(data: ReportData, name: str) -> list[list[str]]:
     summary, rows = fit.summary.to_dict("records"), []
     for row in [*summary[: MOST_ROWS - 1], *summary[MOST_ROWS - 1 :][-1:]]:
         parameter, own = row["parameter"], ABSENT
+        tiny = parameter == "sigma" and row["mean"] < TINY
         if squares is not None and parameter in squares.coefficients:
             value, error = squares.coefficients[parameter], squares.standard_errors[parameter]
             own = with_error(value, error, 5)
@@ -62,8 +82,8 @@ def _coefficients(data: ReportData, name: str) -> list[list[str]]:
             [
                 form_name(name),
                 parameter_name(parameter),
-                with_error(row["mean"], row["sd"], 6),
-                interval(row["eti_lower"], row["eti_upper"], row["sd"]),
+                f"< {TINY:g}" if tiny else with_error(row["mean"], row["sd"], 6),
+                ABSENT if tiny else interval(row["eti_lower"], row["eti_upper"], row["sd"]),
                 f"{printed[parameter]:g}" if parameter in printed else ABSENT,
                 own,
             ]
@@ -84,7 +104,7 @@ def convergence_section(data: ReportData) -> list[Block]:
                 decimals(float(np.max(chains.tau)), 2) if known else ABSENT,
                 f"{summary['ess_bulk'].min():,.0f}",
                 f"{summary['ess_tail'].min():,.0f}",
-                decimals(summary["r_hat"].max(), 5),
+                decimals(summary["r_hat"].max(), 4),
                 f"{chains.acceptance.min():.2f} to {chains.acceptance.max():.2f}",
                 "converged" if fits[name].converged else "did not converge",
             ]
@@ -113,6 +133,47 @@ def convergence_section(data: ReportData) -> list[Block]:
     return blocks
 
 
+def repeat_section(data: ReportData) -> list[Block]:
+    """Return whether the posterior stays the same with twice the draws."""
+    found = data.repeat
+    if found is None:
+        return []
+    how = f"{form_name(data.shown)} was drawn again with twice the draws ({found.n_draw:,}), "
+    if found.failed:
+        return [Text(f"{how}by importance sampling, which failed: {found.failed}.", "warning")]
+    return [
+        Text(
+            f"{how}another seed and another method, importance sampling. The mean that moved most "
+            f"is that of {parameter_name(found.parameter)}, by {decimals(found.moved, 2)} "
+            "posterior standard deviations."
+        )
+    ]
+
+
+def sense_section(data: ReportData) -> list[Block]:
+    """Return whether the posterior makes sense against what was known before."""
+    frame = data.against_priors
+    outer = frame[(frame["prior_below"] < OUTER) | (frame["prior_below"] > 1 - OUTER)]
+    odd = ", ".join(parameter_name(name) for name in outer["parameter"])
+    words = (
+        f"{odd}: the posterior mean lies in the outer {percent(OUTER)} of its prior. Ask whether "
+        "such a value can be."
+        if odd
+        else f"No posterior mean lies in the outer {percent(OUTER)} of its prior."
+    )
+    rows = [
+        [
+            parameter_name(row["parameter"]),
+            number(row["prior_median"], 3),
+            f"< {TINY:g}" if 0 < row["mean"] < TINY else number(row["mean"], 4),
+            percent(round(row["prior_below"], 2)),
+        ]
+        for row in frame.head(MOST_ROWS).to_dict("records")
+    ]
+    header = ["Parameter", "Prior median", "Posterior mean", "Prior below the mean"]
+    return [Text(words), Folded("Posterior means in their priors", [Table(header, rows)])]
+
+
 def corner_section(data: ReportData) -> list[Block]:
     """Return the corner plot of every fit."""
     pictures: list[Block] = []
@@ -136,7 +197,7 @@ def trace_section(data: ReportData) -> list[Block]:
 
 
 def checks_section(data: ReportData) -> list[Block]:
-    """Return the predictive checks of the best form."""
+    """Return the posterior predictive checks of the best form."""
     blocks: list[Block] = []
     if data.checks is not None:
         found = data.checks.table()
@@ -151,13 +212,19 @@ def checks_section(data: ReportData) -> list[Block]:
                 "posterior-checks",
                 "Posterior predictive checks: each statistic of replicated and of observed rows, "
                 "over the posterior's draws.",
+                f"Statistics that {form_name(data.shown)} does not reproduce: {odd or 'none'}.",
             ),
         ]
+    return blocks
+
+
+def prior_check(data: ReportData) -> list[Block]:
+    """Return what the priors say of the loads before the rows are known."""
     caption = (
         "Prior predictive check: loads from the priors alone, with the rows. The priors should "
         "reach well beyond the rows, but not by many powers of ten."
     )
-    return [*blocks, Picture("prior-bands", caption)]
+    return [Picture("prior-bands", caption)]
 
 
 def power_scaling_section(data: ReportData) -> list[Block]:

@@ -8,7 +8,7 @@ import pandas as pd
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bands import AVERAGE
-from ridgebayes.report.blocks import Block, Picture, Table, Text
+from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
 from ridgebayes.report.wording import (
     ABSENT,
     decimals,
@@ -29,13 +29,17 @@ _NEW = {
 
 def bands_section(data: ReportData) -> list[Block]:
     """Return Q against load with bands, texture by texture."""
+    if len(data.comparison.table.textures) <= 3:
+        return []  # the first screen has them all
     caption = (
-        f"{form_name(data.shown)}. Dark: the form's own curve. Light: a further simulation. "
+        f"{form_name(data.shown)}. Full colour: the form's own curve. Pale, and drawn taller: a "
+        "further simulation. "
         "Hatched: extrapolation, that is a count, load, a/pitch, a/R or b/R beyond the calibrated "
         "range. The load axis is a square-root scale, on which steps are equally wide. A band of "
-        "one count is drawn a quarter of an edge to either side."
+        "one count is drawn a little to either side of it."
     )
-    return [Picture("bands", caption)]
+    alt = f"Q against load of every texture with the bands of {form_name(data.shown)}."
+    return [Folded("Q against load of all textures", [Picture("bands", caption, alt)])]
 
 
 def held_out_section(data: ReportData) -> list[Block]:
@@ -72,17 +76,35 @@ def held_out_section(data: ReportData) -> list[Block]:
     ]
     blocks: list[Block] = [
         Text(f"{count(n_row, 'row')} not fitted, only predicted. Bands include the error model."),
-        Picture("held-out", caption),
+        Picture("held-out", caption, f"Held-out loads inside the {band}: {_inside(rows)}."),
         Table(["Form", f"Inside the {band}", "Load error, %", "Extrapolation"], rows, text=(0, 3)),
-        Table(
-            ["a/R", "b/R", "Q", "Observed p/E", "Median", band, "Observed is"],
-            best,
-            f"{form_name(data.shown)}, row by row.",
-            text=(6,),
-            badge=6,
+        Folded(
+            "Row by row",
+            [
+                Table(
+                    ["a/R", "b/R", "Q", "Observed p/E", "Median", band, "Observed is"],
+                    best,
+                    f"{form_name(data.shown)}, row by row.",
+                    text=(6,),
+                    badge=6,
+                )
+            ],
+            short=True,
         ),
     ]
     return blocks
+
+
+def _inside(rows: list[list[str]]) -> str:
+    return ", ".join(f"{form} {inside}" for form, inside, *_ in rows)
+
+
+def _errors_alt(data: ReportData, rows: list[list[str]]) -> str:
+    """Say what the figure of load errors shows, of its first texture."""
+    a, b = data.textures[0]
+    return f"Load errors in per cent at a/R = {a:g}, b/R = {b:g}: " + ", ".join(
+        f"{form} {first}" for form, first, *_ in rows
+    )
 
 
 def _range(errors: "pd.Series[float]") -> str:
@@ -99,7 +121,7 @@ def coverage_section(data: ReportData) -> list[Block]:
             row["noise"],
             percent(row["prob"]),
             f"{int(row['covered'])} of {int(row['n'])}",
-            f"{decimals(100 * row['share'], 1)} ± {decimals(100 * row['share_se'], 1)} %",
+            f"{with_error(100 * row['share'], 100 * row['share_se'], 0)} %",
             number(row["mean_width"], 2),
         ]
         for row in counted.to_dict("records")
@@ -113,18 +135,34 @@ def coverage_section(data: ReportData) -> list[Block]:
             "about nine in ten. Fewer mean that bands are too narrow, more that they are too wide. "
             "Independent rows (iid) are shown beside the error model of this run."
         ),
-        Picture("coverage", "Share of transitions inside, and width of the bands."),
-        Table(
-            ["Error model", "Band", "Inside", "Share ± standard error", "Width in log load"],
-            rows,
-            "Standard errors treat whole textures as independent. Of the transitions left out, "
-            f"{beyond} % lie beyond the range of their fit.",
+        Picture(
+            "coverage", "Share of transitions inside, and width of the bands.", _coverage_alt(data)
+        ),
+        Folded(
+            "Coverage in numbers",
+            [
+                Table(
+                    ["Error model", "Band", "Inside", "Share ± standard error", "Width, log load"],
+                    rows,
+                    "Standard errors treat whole textures as independent. Of the transitions left "
+                    f"out, {beyond} % lie beyond the range of their fit.",
+                )
+            ],
         ),
     ]
     failed = counted[counted["failed"] != ""]
     if len(failed):
         blocks.append(Text(f"Not fitted: {failed['failed'].iloc[0]}", "warning"))
     return blocks
+
+
+def _coverage_alt(data: ReportData) -> str:
+    """Say what the figure of coverage shows: the share inside the widest usual band."""
+    counted = data.comparison.coverage
+    usual = counted[counted["prob"] == 0.9]
+    return "Share of left-out transitions inside 90 % bands: " + ", ".join(
+        f"{row['noise']} {percent(round(row['share'], 2))}" for row in usual.to_dict("records")
+    )
 
 
 def errors_section(data: ReportData) -> list[Block]:
@@ -146,7 +184,7 @@ def errors_section(data: ReportData) -> list[Block]:
         "load. Solid lines: coefficients calibrated here (posterior means). Dashed: printed."
     )
     blocks: list[Block] = [
-        Picture("percent-error", caption),
+        Picture("percent-error", caption, _errors_alt(data, rows)),
         Table(
             ["Form", *(f"a/R = {a:g}, b/R = {b:g}" for a, b in data.textures)],
             rows,
@@ -178,15 +216,16 @@ def score_section(data: ReportData) -> list[Block]:
         blocks.append(_rows_table(scores))
         if scores["n_bad_k"].sum():
             words = (
-                "Rows with a Pareto k above 0.7 strongly influence the posterior. Their scores are "
-                "rough estimates. A form with more than a fifth of such rows gets no score."
+                "A row with a Pareto k above 0.7 influences the posterior too strongly for a "
+                "score without a refit. A form with such rows gets no number here. Its scores on "
+                "textures and steps left out come from refits."
             )
             blocks.append(Text(words, "note"))
     if len(left_out):
         for leave, part in left_out.groupby("leave", sort=False):
             if part["log_score"].notna().any():
                 leaders[str(leave)] = _leaders(part, "log_score")
-        blocks.append(_left_out_table(left_out))
+        blocks.append(Folded("Textures and steps left out", [_left_out_table(left_out)]))
     if blocks:
         words = (
             "Expected log predictive density (elpd) of held-out data, and the weights of the "
@@ -232,8 +271,8 @@ def _rows_table(scores: pd.DataFrame) -> Table:
         [
             [
                 form_name(row["form"]),
-                with_error(row["elpd"], row["se"], 2),
-                decimals(row["p"], 1),
+                "not reliable" if row["n_bad_k"] else with_error(row["elpd"], row["se"], 1),
+                ABSENT if row["n_bad_k"] else decimals(row["p"], 1),
                 str(int(row["n_bad_k"])),
                 decimals(row["stacking_weight"], 3),
             ]
@@ -262,7 +301,7 @@ def _left_out_row(row: dict[Any, Any]) -> list[str]:
         return [*what, ABSENT, ABSENT, ABSENT]
     return [
         *what,
-        with_error(row["log_score"], row["log_score_se"], 2),
+        with_error(row["log_score"], row["log_score_se"], 1),
         number(row["mean_crps"], 2),
         decimals(row["stacking_weight"], 3),
     ]

@@ -1,11 +1,12 @@
 # ruff: noqa: RUF001  (typographic minus is meant: readers see it)
 """The sections of a report in reading order: answer first, how it was reached after."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import replace
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.report import evidence, inputs, posteriors, predictions, study
-from ridgebayes.report.blocks import Block, Picture, Section, Table, Text
+from ridgebayes.report.blocks import Block, Folded, Part, Picture, Section, Text
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
 from ridgebayes.report.wording import decimals, with_error
@@ -26,17 +27,33 @@ def contents(gallery: Gallery, reference: Gallery | None) -> list[Section]:
     list of Section
         Without figures that do not apply, and sections that are empty then.
     """
-    drawn = {False: gallery, True: {} if reference is None else reference}
+    drawn: dict[bool, Container[str]] = {
+        False: gallery,
+        True: {} if reference is None else reference,
+    }
     found = []
     for title, anchor, blocks_of in _SECTIONS:
         subject = reference if blocks_of is reference_section else gallery
-        blocks = [
-            block
-            for block in ([] if subject is None else blocks_of(subject.data))
-            if not isinstance(block, Picture) or block.name in drawn[block.of_reference]
-        ]
+        blocks = _that_apply([] if subject is None else blocks_of(subject.data), drawn)
         if blocks:
             found.append(Section(title, anchor, blocks))
+    return found
+
+
+def _that_apply(blocks: Sequence[Block], drawn: Mapping[bool, Container[str]]) -> list[Block]:
+    """Return blocks without figures that do not apply, and parts without what is left empty."""
+    found: list[Block] = []
+    for block in blocks:
+        if isinstance(block, Folded):
+            inner = _that_apply(block.blocks, drawn)
+            if inner:
+                found.append(replace(block, blocks=inner))
+        elif not isinstance(block, Picture) or block.name in drawn[block.of_reference]:
+            if isinstance(block, Part) and found and isinstance(found[-1], Part):
+                found.pop()  # nothing stands under it
+            found.append(block)
+    while found and isinstance(found[-1], Part):
+        found.pop()
     return found
 
 
@@ -49,22 +66,21 @@ def reference_section(reference: ReportData) -> list[Block]:
             "with loads of CalculiX held out. None of them came from the half-plane equation, so "
             "that equation is compared as well. Its only coefficient is a scale c that should be 1."
         ),
-        Text(f"{answer.headline} {answer.sentence}", "strong"),
+        Text(" ".join([answer.headline, *answer.sentences[1:2]]), "strong"),
         *(Text(words, "note") for words in answer.cautions),
         *(Text(words, "warning") for words in answer.problems),
     ]
     if "half-plane" in reference.ranked:
         blocks.append(Text(_scale(reference)))
-    blocks += [
-        evidence.ranking_table(reference),
+    caption = "100 (p form / p data − 1) on the finite-element rows, held-out repeats included."
+    details: list[Block] = [
         Picture("evidence", "ln Bayes factors on the finite-element rows.", of_reference=True),
     ]
     if len(reference.comparison.probabilities) > 1:
-        blocks.append(evidence.pairs_table(reference))
-    blocks += [one for one in posteriors.coefficients_section(reference) if isinstance(one, Table)]
-    caption = "100 (p form / p data − 1) on the finite-element rows, held-out repeats included."
-    blocks.append(Picture("percent-error", caption, of_reference=True))
-    return blocks
+        details.append(evidence.pairs_table(reference))
+    details += posteriors.coefficients_section(reference)[1:]
+    details.append(Picture("percent-error", caption, of_reference=True))
+    return [*blocks, evidence.ranking_table(reference), Folded("Details", details)]
 
 
 def _scale(reference: ReportData) -> str:
@@ -78,27 +94,95 @@ def _scale(reference: ReportData) -> str:
     )
 
 
+def data_and_priors(data: ReportData) -> list[Block]:
+    """Return what went in: rows, priors, and what the priors say before the rows."""
+    return [
+        *inputs.data_section(data),
+        Part("Priors"),
+        evidence.prior_table(data),
+        Folded("Prior predictive check", posteriors.prior_check(data)),
+    ]
+
+
+def forms_and_evidence(data: ReportData) -> list[Block]:
+    """Return the forms, their evidence, and what it owes to priors and error models."""
+    return [
+        *inputs.forms_section(data),
+        Part("Evidence"),
+        *evidence.evidence_section(data),
+        Part("Prior sensitivity"),
+        *evidence.prior_section(data),
+        Part("Error models"),
+        *evidence.error_models_section(data),
+        Part("Coefficients"),
+        *posteriors.coefficients_section(data),
+    ]
+
+
+def predictions_section(data: ReportData) -> list[Block]:
+    """Return bands, held-out rows, coverage, and K against pitch."""
+    return [
+        *predictions.bands_section(data),
+        Part("Held-out rows"),
+        *predictions.held_out_section(data),
+        Part("Coverage of the bands"),
+        *predictions.coverage_section(data),
+        Folded("K against pitch", predictions.slopes_section(data)),
+    ]
+
+
+def model_checks(data: ReportData) -> list[Block]:
+    """Return what tells whether the model holds."""
+    return [
+        Part("Posterior predictive check"),
+        *posteriors.checks_section(data),
+        Part("Sense check"),
+        *posteriors.sense_section(data),
+        Part("Load error of each form"),
+        *predictions.errors_section(data),
+        Part("Cross-validation"),
+        *predictions.score_section(data),
+    ]
+
+
+def computation(data: ReportData) -> list[Block]:
+    """Return how the posteriors were drawn, and what they depend on."""
+    return [
+        *inputs.goal_section(data),
+        Part("Convergence"),
+        *posteriors.convergence_section(data),
+        *posteriors.repeat_section(data),
+        Folded("Evidence by independent methods", [evidence.agreement_table(data)]),
+        Folded("Sensitivity to prior and likelihood", posteriors.power_scaling_section(data)),
+        Folded("Accuracy and run time", inputs.cost_section(data)),
+        Folded("Posteriors", posteriors.corner_section(data)),
+        Folded("Traces", posteriors.trace_section(data)),
+    ]
+
+
+def study_section(data: ReportData) -> list[Block]:
+    """Return the claims of the study behind the embedded sweep."""
+    return [
+        *study.claims_section(data),
+        Folded("Smooth cylinder against Hertz", study.smooth_section(data)),
+    ]
+
+
+def appendix(data: ReportData) -> list[Block]:
+    """Return words and versions."""
+    return [
+        Folded("Glossary", inputs.glossary_section(data)),
+        *inputs.versions_section(data),
+    ]
+
+
 _SECTIONS: tuple[tuple[str, str, Callable[[ReportData], list[Block]]], ...] = (
-    ("Evidence", "evidence", evidence.evidence_section),
-    ("Error models", "error-models", evidence.error_models_section),
-    ("Data", "data", inputs.data_section),
-    ("Coefficients", "coefficients", posteriors.coefficients_section),
-    ("Q against load", "bands", predictions.bands_section),
-    ("Held-out rows", "held-out", predictions.held_out_section),
-    ("Coverage of the bands", "coverage", predictions.coverage_section),
-    ("Percent error of each form", "errors", predictions.errors_section),
-    ("K against pitch", "slopes", predictions.slopes_section),
-    ("Smooth cylinder against Hertz", "smooth", study.smooth_section),
+    ("Data and priors", "data", data_and_priors),
+    ("Forms and evidence", "evidence", forms_and_evidence),
+    ("Predictions", "predictions", predictions_section),
+    ("Does the model hold?", "checks", model_checks),
+    ("How it was computed", "computation", computation),
     ("Finite-element reference", "reference", reference_section),
-    ("The study's claims", "claims", study.claims_section),
-    ("Prior sensitivity", "priors", evidence.prior_section),
-    ("Sensitivity to prior and likelihood", "power-scaling", posteriors.power_scaling_section),
-    ("Cross-validation", "loo", predictions.score_section),
-    ("Predictive checks", "checks", posteriors.checks_section),
-    ("Convergence", "convergence", posteriors.convergence_section),
-    ("Accuracy and run time", "cost", inputs.cost_section),
-    ("Posteriors", "posteriors", posteriors.corner_section),
-    ("Traces", "traces", posteriors.trace_section),
-    ("Glossary", "reading", inputs.glossary_section),
-    ("Made with", "versions", inputs.versions_section),
+    ("The study this package began with", "study", study_section),
+    ("Appendix", "appendix", appendix),
 )

@@ -2,6 +2,8 @@
 """Names and numbers as a reader wants them: errors to two digits, values to match, no raw NaN."""
 
 import math
+import re
+from collections.abc import Sequence
 
 from ridgebayes.drawing.style import TITLES
 
@@ -68,6 +70,23 @@ def noise_name(name: str) -> str:
     return ", ".join(words)
 
 
+def change_text(change: str) -> str:
+    """Return a change of a prior or an error model, as a verdict names it, in a reader's words.
+
+    Examples
+    --------
+    >>> change_text("hybrid's c2 prior's scale times 10"), change_text("error model iid alone")
+    ("Hybrid's prior of c₂ 10 times as wide", 'the error model "independent rows, normal errors"')
+    """
+    if found := re.fullmatch(r"(?:(\S+)'s )?(\S+) prior's scale times (\S+)", change):
+        form, parameter, factor = found.groups()
+        owner = f"{form_name(form)}'s" if form else "the"
+        return f"{owner} prior of {parameter_name(parameter)} {factor} times as wide"
+    if found := re.fullmatch(r"error model (\S+) alone", change):
+        return f'the error model "{noise_name(found[1])}"'
+    return change
+
+
 def reading_text(reading: str) -> str:
     """Return a reading of a Bayes factor, without its caution, with the form named for a reader.
 
@@ -80,6 +99,17 @@ def reading_text(reading: str) -> str:
     for name, title in TITLES.items():
         words = words.replace(f" for {name} ", f" for {title} ")
     return words.strip()
+
+
+def listed(words: Sequence[str]) -> str:
+    """Return words as a list in a sentence.
+
+    Examples
+    --------
+    >>> listed(["Hybrid"]), listed(["Hybrid", "Modified", "Classic"])
+    ('Hybrid', 'Hybrid, Modified and Classic')
+    """
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def number(x: float, digits: int = 4) -> str:
@@ -124,7 +154,9 @@ def with_error(value: float, error: float, most: int = 4) -> str:
     Examples
     --------
     >>> with_error(1.33707, 0.0099), with_error(83.386907, 1.9e-7), with_error(2.0, float("nan"))
-    ('1.3371 ± 0.0099', '83.3869 ± < 0.0001', '2.0000')
+    ('1.3371 ± 0.0099', '83.3869', '2.0000')
+    >>> with_error(-20.3084, 0.0027, 1)
+    '−20.3'
     """
     if value is None or math.isnan(value):
         return ABSENT
@@ -132,7 +164,7 @@ def with_error(value: float, error: float, most: int = 4) -> str:
         return decimals(value, most)
     places = min(max(1 - math.floor(math.log10(error)), 0), most)
     if error < 0.5 * 10.0**-most:
-        return f"{decimals(value, places)} ± < {10.0**-most:.{most}f}"
+        return decimals(value, places)
     return f"{decimals(value, places)} ± {error:.{places}f}"
 
 

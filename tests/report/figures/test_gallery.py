@@ -23,6 +23,7 @@ RANKED = ("hybrid", "modified", "power-law", "classic")
 NAMES = (
     "evidence",
     "prior-sensitivity",
+    "bands-first",
     "bands",
     "held-out",
     "percent-error",
@@ -106,7 +107,7 @@ def test_evidence_figure_shows_the_number_with_error_models_summed_out():
     figure = plot_bayes_factors(factors, "hybrid", "texture+step")
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == ["error models summed out", "bridge (texture+step)", "laplace (texture+step)"]
-    assert [text.get_text() for text in figure.axes[0].texts] == ["\N{MINUS SIGN}6.00"]
+    assert [text.get_text() for text in figure.axes[0].texts] == ["\N{MINUS SIGN}6.0"]
 
 
 def test_gallery_has_every_figure_of_a_full_comparison(full):
@@ -119,6 +120,16 @@ def test_gallery_has_every_figure_of_a_full_comparison(full):
 )
 def test_no_text_is_clipped_or_lies_on_other_text(full, name):
     assert clipped_and_overlapping(full[name]) == ([], [])
+
+
+@pytest.mark.parametrize(
+    "name", [*NAMES, *(f"{k}-{f}" for f in FORMS for k in ("corner", "traces"))]
+)
+def test_text_is_9_pt_or_more_where_a4_is_as_wide_as_the_figure(full, name):
+    figure = full[name]
+    scale = min(1.0, 190 / 25.4 / figure.get_figwidth())  # a page less its margins
+    small = {text.get_text() for text, _ in drawn_texts(figure) if scale * text.get_size() < 9}
+    assert small == set()
 
 
 @pytest.mark.long

@@ -1,7 +1,7 @@
 """All figures of a report, under stable names."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ from ridgebayes.checks.predictive_checks import QUANTITIES, PredictiveChecks
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.checks.study import Study
 from ridgebayes.comparison.bands import AVERAGE
+from ridgebayes.contact.scaling import Texture
 from ridgebayes.drawing.coverage import plot_coverage
 from ridgebayes.drawing.forms import (
     plot_bayes_factors,
@@ -34,7 +35,7 @@ from ridgebayes.runtime.pool import submit_or_defer
 from ridgebayes.runtime.progress import tell_count
 
 KINDS = ("png", "svg")
-MOST_PARAMETERS = 12  # a corner plot of more cannot be read, and traces fill pages
+MOST_PARAMETERS = 6  # a corner plot of more cannot be read, and traces fill pages
 
 
 class Gallery(Mapping[str, Figure]):
@@ -134,7 +135,8 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
     -------
     dict of str to callable
         By name, in this order: ``evidence``, ``prior-sensitivity`` where there are two forms;
-        ``bands``; ``held-out`` where rows were; ``percent-error``, ``slopes``;
+        ``bands``, and ``bands-first`` with three textures where
+        there are more; ``held-out`` where rows were; ``percent-error``, ``slopes``;
         ``smooth-cylinder`` of the embedded sweep; ``coverage`` where it was counted;
         ``posterior-checks`` and ``prior-bands`` of the best form; ``corner-<form>`` and
         ``traces-<form>`` of each fit. Of a quick comparison only ``evidence``, ``bands``,
@@ -147,6 +149,10 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
     if len(data.sensitivity) and data.preset.extras:
         found["prior-sensitivity"] = partial(plot_prior_sensitivity, data.sensitivity, shown)
     n_texture = len(comparison.table.textures)
+    if n_texture > len(data.textures) > 0:
+        found["bands-first"] = partial(
+            plot_bands, _of(data.bands, data.textures), data.transitions, shown, untitled=True
+        )
     found["bands"] = partial(plot_bands, data.bands, data.transitions, shown, n_texture=n_texture)
     held_out = data.held_out
     if len(held_out):
@@ -165,6 +171,12 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
         found[f"corner-{name}"] = partial(corner_of, comparison.fits[name])
         found[f"traces-{name}"] = partial(traces_of, comparison.fits[name])
     return found
+
+
+def _of(bands: pd.DataFrame, textures: Sequence[Texture]) -> pd.DataFrame:
+    """Return the bands of some textures."""
+    pairs = pd.MultiIndex.from_frame(bands[["a_over_R", "b_over_R"]])
+    return bands[pairs.isin(list(textures))]
 
 
 def _extras(data: ReportData) -> dict[str, Callable[[], Figure]]:

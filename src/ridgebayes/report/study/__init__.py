@@ -9,7 +9,7 @@ Examples
 >>> from ridgebayes.checks.report_data import report_data
 >>> data = report_data(rb.compare(rb.paper_sweep(), [rb.Modified()], noise="iid", rng=1))
 >>> [type(block).__name__ for block in (*smooth_section(data), *claims_section(data))]
-['Picture', 'Table', 'Text', 'Table']
+['Picture', 'Table', 'Text', 'Folded']
 """
 
 from collections import Counter
@@ -17,7 +17,7 @@ from collections import Counter
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.checks.study.claims import VERDICTS
 from ridgebayes.checks.study.smooth import FIG_3_TEXTURE
-from ridgebayes.report.blocks import Block, Picture, Table, Text
+from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
 from ridgebayes.report.wording import decimals
 
 _SOLVERS = {
@@ -67,5 +67,5 @@ def claims_section(data: ReportData) -> list[Block]:
     )
     rows = [[claim.text, claim.where, claim.ours, claim.verdict] for claim in claims]
     header = ("Claim", "Where", "Our numbers", "Verdict")
-    found = Table(header, rows, text=(0, 1, 2, 3), badge=3, wide=True)
-    return [Text(words), found]
+    found = Table(header, rows, text=(0, 1, 2, 3), badge=3)
+    return [Text(words), Folded("All claims, with numbers", [found])]

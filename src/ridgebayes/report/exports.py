@@ -1,0 +1,58 @@
+# ruff: noqa: RUF001  (typographic signs are meant: cells have them)
+r"""Tables as other programs take them: CSV, and LaTeX with booktabs.
+
+Examples
+--------
+>>> table = Table(["Form", "ln BF"], [["Hybrid & co", "−3.0"]])
+>>> print(to_csv(table))
+Form,ln BF
+Hybrid & co,-3.0
+<BLANKLINE>
+>>> print(to_latex(table).splitlines()[3])
+Hybrid \& co & $-$3.0 \\
+"""
+
+import csv
+import io
+from urllib.parse import quote
+
+from ridgebayes.drawing.style import MINUS
+from ridgebayes.report.blocks import Table
+from ridgebayes.runtime.text import visible
+
+_LATEX = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        MINUS: "$-$",
+        "±": r"$\pm$",
+        "×": r"$\times$",
+        **{character: f"\\{character}" for character in "&%$#_{}"},
+    }
+)
+
+
+def to_csv(table: Table) -> str:
+    """Return a table's cells as CSV, minus signs as other programs read them."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    for row in (table.header, *table.rows):
+        writer.writerow([cell.replace(MINUS, "-") for cell in row])
+    return file.getvalue()
+
+
+def to_latex(table: Table) -> str:
+    """Return a table as a LaTeX tabular; symbols are for a compiler that reads Unicode."""
+    columns = "".join("l" if i in table.text else "r" for i in range(len(table.header)))
+    head, *rows = (
+        " & ".join(visible(" ".join(cell.split())).translate(_LATEX) for cell in row) + r" \\"
+        for row in (table.header, *table.rows)
+    )
+    lines = [rf"\begin{{tabular}}{{{columns}}}", rf"\toprule {head}", r"\midrule", *rows]
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
+
+
+def data_uri(text: str, kind: str) -> str:
+    """Return text as a link that holds it."""
+    return f"data:{kind};charset=utf-8,{quote(text)}"

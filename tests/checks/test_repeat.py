@@ -1,0 +1,35 @@
+"""A posterior drawn again, and held against its priors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ridgebayes.checks.repeat import against_priors, repeat_posterior
+
+
+def test_repeat_posterior__draws_twice_as_many_and_finds_the_same(fits):
+    fit = fits["modified"]
+    found = repeat_posterior(fit)
+    assert found.n_draw >= 2 * len(fit.draws)
+    assert not found.failed
+    # Monte Carlo: four standard errors of both means, in posterior sds.
+    assert found.moved < 4 * (1 / fit.summary["ess_bulk"].min() + 1 / found.n_draw) ** 0.5
+
+
+def test_repeat_posterior__sees_a_posterior_that_is_off(fits):
+    fit = fits["modified"]
+    moved = fit.summary.assign(mean=fit.summary["mean"] + [0.0, 1.0] * fit.summary["sd"])
+    found = repeat_posterior(replace(fit, summary=moved))
+    assert found.parameter == "sigma"
+    assert found.moved == pytest.approx(1, abs=0.1)
+
+
+def test_against_priors__is_where_means_lie_in_their_priors(fits):
+    found = against_priors(fits["modified"]).set_index("parameter")
+    mean = fits["modified"].summary.set_index("parameter")["mean"]
+    # Log-normal, median 1.382, log-sd 0.1; Monte Carlo, four standard errors of 10,000 draws.
+    z = np.log(mean["c"] / 1.382) / 0.1
+    share = 0.5 * (1 + np.tanh(0.8 * z))  # the normal's to 0.01 near its middle
+    assert found["prior_below"]["c"] == pytest.approx(share, abs=0.03)
+    assert found["prior_median"]["c"] == pytest.approx(1.382, rel=0.005)
