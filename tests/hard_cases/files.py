@@ -296,6 +296,7 @@ class Page(HTMLParser):
 HTML = {"html", "head", "meta", "title", "style", "body", "header", "main", "section", "nav"}
 HTML |= {"h1", "h2", "h3", "p", "a", "table", "thead", "tbody", "tr", "th", "td", "caption"}
 HTML |= {"figure", "img", "figcaption", "strong", "span", "div", "ul", "li", "footer", "br"}
+HTML |= {"details", "summary"}
 
 
 @functools.cache

@@ -110,7 +110,7 @@ def test_quick_run__chooses_the_same_error_model_and_form(tmp_path):
     assert (cmp.cost["cpu_s"] >= 0).all()
     assert own["error"].max() < QUICK.evidence_error
     page = (tmp_path / "out/report.md").read_text(encoding="utf-8")
-    assert "## Accuracy and run time" in page
+    assert "<summary>Accuracy and run time</summary>" in page
     assert "Accuracy quick: the target error is" in page
     # The standard evidence of this pair, by bridge sampling: 261.9.
     used = cmp.evidence[cmp.evidence["used"] & (cmp.evidence["form"] == "hybrid")]

@@ -28,7 +28,12 @@ from ridgebayes.report.wording import (
 
 def evidence_section(data: ReportData) -> list[Block]:
     """Return log evidences, Bayes factors and how well the methods agree."""
-    blocks: list[Block] = [ranking_table(data)]
+    words = (
+        "The evidence of a form is the probability density of the rows, its parameters averaged "
+        "over their priors. A Bayes factor is the ratio of two evidences: ln BF = 3 means odds of "
+        "20 to 1."
+    )
+    blocks: list[Block] = [Text(words), ranking_table(data)]
     if len(data.comparison.probabilities) > 1:
         summed = bool((data.comparison.bayes_factors["noise"] == SUMMED).any())
         caption = "ln Bayes factor of each form against the best" + (

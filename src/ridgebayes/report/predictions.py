@@ -228,8 +228,8 @@ def score_section(data: ReportData) -> list[Block]:
         blocks.append(Folded("Textures and steps left out", [_left_out_table(left_out)]))
     if blocks:
         words = (
-            "Expected log predictive density (elpd) of held-out data, and the weights of the "
-            f"mixture of forms that predicts it best. {_agreement(data, leaders)}"
+            "Expected log predictive density (elpd) of held-out data, higher is better, and the "
+            f"weights of the mixture of forms that predicts it best. {_agreement(data, leaders)}"
         )
         blocks.insert(0, Text(words))
     return blocks
