@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from ridgebayes.drawing.style import COLOURS, MARKERS
+from ridgebayes.drawing.style import COLOURS, MARKERS, as_bytes, new_figure
 
 # Machado, Oliveira and Fernandes (2009), severity 1, of linear RGB.
 DEUTERANOPIA = np.array(
@@ -63,3 +63,14 @@ def test_markers__are_told_apart_without_any_colour():
 def test_colours__stand_out_from_the_paper():
     # WCAG 2.1, 1.4.11: graphics, 3 to 1.
     assert min(map(contrast, COLOURS.values())) > 3
+
+
+def test_as_bytes__is_the_same_picture_whatever_was_asked_for_before():
+    def drawn():
+        figure = new_figure(2.0, 1.0)
+        figure.subplots().plot([0, 1])
+        return figure
+
+    one, other = drawn(), drawn()
+    as_bytes(one, "svg")
+    assert as_bytes(one, "png") == as_bytes(other, "png")

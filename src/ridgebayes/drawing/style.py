@@ -211,7 +211,9 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
         if kind == "png":
             FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
         else:
+            dpi = figure.dpi
             FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None, "Creator": None})
+            figure.dpi = dpi  # it draws at 72 points an inch, and leaves that behind
     FigureCanvasBase(figure)  # lets go of the pixels
     return file.getvalue()
 
