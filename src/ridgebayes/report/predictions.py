@@ -181,7 +181,8 @@ def errors_section(data: ReportData) -> list[Block]:
     ]
     caption = (
         "100 (p form / p data − 1) at each transition. Above zero the form predicts too high a "
-        "load. Solid lines: coefficients calibrated here (posterior means). Dashed: printed."
+        "load. Coefficients are posterior means"
+        + ("; dashed, hollow: those of the study." if data.study else ".")
     )
     blocks: list[Block] = [
         Picture("percent-error", caption, _errors_alt(data, rows)),

@@ -163,7 +163,10 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
     if len(held_out):
         found["held-out"] = partial(plot_held_out, held_out)
     if len(data.percent_errors):
-        found["percent-error"] = partial(plot_percent_errors, data.percent_errors)
+        errors = data.percent_errors
+        if data.study is None:  # the published coefficients are those of another table
+            errors = errors[errors["coefficients"] == "calibrated"]
+        found["percent-error"] = partial(plot_percent_errors, errors)
     if not data.preset.extras:
         return found | {f"corner-{shown}": partial(corner_of, data.fit)}
     found |= _extras(data)
