@@ -286,11 +286,12 @@ def plot_prior_sensitivity(factors: pd.DataFrame, best: str) -> Figure:
         A panel a prior, the vertical axis linear within 5 of zero and logarithmic beyond.
     """
     priors = list(dict.fromkeys(factors["prior"]))
-    labels = ("scale, times default", f"ln BF against {title_of(best)}")
+    labels = ("scale, times default", "ln BF")
     figure, panels = panel_grid(len(priors), 1.5, 0.9, labels=labels, sharex=True, sharey=True)
     for axes, prior in zip(panels, priors, strict=True):
         for form in dict.fromkeys(factors["form"]):
             rows = factors[(factors["prior"] == prior) & (factors["form"] == form)].dropna()
+            rows = rows.sort_values("factor")
             axes.plot(
                 rows["factor"],
                 rows["ln_bf"],
@@ -300,8 +301,9 @@ def plot_prior_sensitivity(factors: pd.DataFrame, best: str) -> Figure:
         axes.axvline(1, color=QUIET, linewidth=1, linestyle=":")
         axes.set_yscale("symlog", linthresh=5, linscale=1.5)
         axes.set(xscale="log", title=f"prior of {_PRIORS.get(prior) or symbol(prior)}")
+    figure.suptitle(f"ln Bayes factor against {title_of(best)}", fontsize=10)
     low, high = factors["ln_bf"].min(), factors["ln_bf"].max()
-    ticks = [t for t in (-100, -30, -10, -5, 5, 20) if low <= t <= high]
+    ticks = [t for t in (-100, -50, -20, -5, 5, 20) if low <= t <= high]
     panels[0].set_yticks([*ticks, 0], [f"{t}".replace("-", MINUS) for t in (*ticks, 0)])
     panels[0].minorticks_off()
     shared_legend(figure, panels[0])
