@@ -73,7 +73,7 @@ def plot_percent_errors(errors: pd.DataFrame) -> Figure:
     forms = list(dict.fromkeys(errors["form"]))
     zoomed = [form for form in forms if form != "classic"]
     rows = [forms, zoomed] if zoomed and len(zoomed) < len(forms) else [forms]
-    figure = new_figure(WIDTH, 1.3 + 1.9 * len(rows))
+    figure = new_figure(WIDTH, 1.3 + 1.7 * len(rows))
     panels = figure.subplots(len(rows), len(textures), squeeze=False, sharex="col")
     hollow: dict[str, Any] = {"linestyle": "--", "markerfacecolor": "#FFFFFF"}
     for column, (texture, here) in zip(panels.T, textures.items(), strict=True):

@@ -173,7 +173,7 @@ def plot_posterior_checks(
     matplotlib.figure.Figure
         A panel a quantity: both distributions over the posterior's draws, and the p-value.
     """
-    figure, panels = panel_grid(len(quantities), 1.7, 0.9)
+    figure, panels = panel_grid(len(quantities), 1.55, 0.9)
     for axes, (title, values) in zip(panels, quantities.items(), strict=True):
         observed, replicated, p_value = values
         both = np.concatenate([replicated, observed])

@@ -186,10 +186,15 @@ def errors_section(data: ReportData) -> list[Block]:
     )
     blocks: list[Block] = [
         Picture("percent-error", caption, _errors_alt(data, rows)),
-        Table(
-            ["Form", *(f"a/R = {a:g}, b/R = {b:g}" for a, b in data.textures)],
-            rows,
-            "Smallest to largest load error in per cent, calibrated coefficients.",
+        Folded(
+            "Load errors in numbers",
+            [
+                Table(
+                    ["Form", *(f"a/R = {a:g}, b/R = {b:g}" for a, b in data.textures)],
+                    rows,
+                    "Smallest to largest load error in per cent, calibrated coefficients.",
+                )
+            ],
         ),
     ]
     return blocks
