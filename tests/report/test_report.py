@@ -333,7 +333,7 @@ def test_coverage_is_shown_with_its_figure(comparison):
         columns=COVERAGE_COLUMNS,
     )
     page = Page(render_report(replace(comparison, coverage=shares)))
-    assert "step 90 % 38 of 41 92.7 ± 5.2 % 0.0064" in page.text.replace("\xa0", " ")
+    assert "step 90 % 38 of 41 93 ± 5 % 0.0064" in page.text.replace("\xa0", " ")
     assert "9 textures left out in turn, Hybrid fitted to the others" in page.text
     assert "24 % lie beyond" in page.text.replace("\xa0", " ")
     assert any("Share of transitions inside" in image["alt"] for image in page.all("img"))
