@@ -65,7 +65,8 @@ def first_screen(
     if reference is not None:
         n_row = len(reference.comparison.table.calibration)
         sentences.append(
-            f"A second comparison is on {count(n_row, 'finite-element row')}. {_headline(reference)}"
+            f"A second comparison is on {count(n_row, 'finite-element row')}. "
+            + _headline(reference)
             + (f" {lead(reference.verdict)}" if reference.verdict else "")
         )
         problems += tuple(f"finite-element rows: {what}" for what in reference.problems)
