@@ -111,8 +111,7 @@ def _joint(model: Model, u: FloatArray, log_density: FloatArray) -> FloatArray:
     if not model.is_latent:
         return log_density - model.log_prior_density(u)
     theta = model.to_theta(u)
-    steps = np.array_split(theta, max(theta.shape[1] // 512, 1), axis=1)
-    return np.concatenate([model.log_likelihood(part) for part in steps], axis=1)
+    return model.log_likelihood(theta.reshape(-1, model.n_parameter)).reshape(log_density.shape)
 
 
 def _parameters(model: Model, theta: FloatArray) -> _Variables:

@@ -43,7 +43,9 @@ _STRETCH = 0.7  # a of sinh(a t) / a: tails that outliers need, for nodes and fo
 _NARROW = 1e-3  # least share of it
 _STEP, _HALF = 0.25, 24  # the one-dimensional rule: 49 nodes, to 47 sds
 _HUGE = 1e300
-_CHUNK = 1_000_000  # numbers held at a time where draws x points x rows are needed
+_CHUNK = (
+    200_000  # numbers held at a time, which caches hold, where draws x points x rows are needed
+)
 
 
 class _Approximation(NamedTuple):
@@ -94,6 +96,8 @@ class SampledOffsets:
         independent = self._design.diagonal and not isinstance(offsets, SmoothOffsets)
         self.is_product = independent and self._one_code
         self.n_latent = offsets.n_level
+        # Numbers that `marginal` holds at a time for each draw.
+        self.n_held = (2 * _HALF + 1) * len(rows.upper) if self.is_product else 1
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         """Return the log-likelihood with the offsets integrated out.

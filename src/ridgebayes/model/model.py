@@ -156,12 +156,12 @@ class Model:
         Fewer where textures are many, or each draw has a covariance of many places: arrays stay in
         the processor's cache, and memory does not grow with the draws.
         """
-        per_draw = len(self._a)
-        if isinstance(self.offsets, SmoothOffsets):
-            per_draw = self.offsets.n_level**2 // _COVARIANCE
-        elif self.offsets is not None and len(self.noise.factors) > 1:
+        per_draw, is_smooth = len(self._a), isinstance(self.offsets, SmoothOffsets)
+        if self.offsets is not None and (is_smooth or len(self.noise.factors) > 1):
             per_draw = max(per_draw, self.offsets.n_level**2 // _COVARIANCE)
-        return max(_CACHED // max(per_draw, 1), 1)
+        if isinstance(self.likelihood, SampledOffsets):
+            per_draw = max(per_draw, self.likelihood.n_held)
+        return max(_CACHED // per_draw, 1)
 
     def with_priors(self, priors: Mapping[str, Distribution]) -> "Model":
         """Return the model with some priors replaced."""
@@ -303,12 +303,10 @@ class Model:
         if not isinstance(self.likelihood, SampledOffsets):
             value = self.marginal_log_density(u)
             return Estimate(value, value, np.empty((len(u), 0)))
-        log_rates, eta, _ = self._parts(u)
         with np.errstate(all="ignore"):
-            found = self.likelihood.estimated(log_rates, eta, rng, n_point)
-        prior = self.log_prior_density(u)
-        values = (prior + found.log_density, prior + found.log_joint)
-        value, joint = (np.where(np.isnan(x), -np.inf, x) for x in values)
+            found = self.likelihood.estimated(*self._parts(u)[:2], rng, n_point)
+        both = self.log_prior_density(u) + np.stack([found.log_density, found.log_joint])
+        value, joint = np.where(np.isnan(both), -np.inf, both)
         return Estimate(value, joint, found.latent)
 
     def gradient(self, u: FloatArray) -> FloatArray:
