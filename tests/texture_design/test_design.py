@@ -60,7 +60,7 @@ def test_values__of_certain_bodies_are_those_of_predict(fit):
             assert values.at(spread, a, b).value == pytest.approx(float(q.std()[i]), abs=5e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_values__of_a_mixture_are_those_of_predict(paper):
     noises = {"hybrid": "texture+step", "power-law": "iid", "modified": "step-smooth"}
     noises["classic"] = "step:student"

@@ -20,7 +20,8 @@ from ridgebayes.predict.predictive_cdf import PosteriorLoads
 from ridgebayes.runtime.randomness import stream
 
 _N_NODE = 11
-_FLAT = 1e-12
+_LEAST_TERM = 1e-5  # of log loads: what is left out of a series
+_LEAST_SCALE = 1e-12
 Series = FloatArray  # shape (n_term, n_draw)
 
 
@@ -86,7 +87,7 @@ class DrawnLoads:
         """Return location and scale of draws at a pitch of 1, each at its own a/pitch, (n,)."""
         x = (ratio - self._middle) / self._half
         location, scale = (_evaluate(one[:, which], x) for one in self.series(count))
-        return np.nan_to_num(location, nan=np.inf), np.maximum(scale, _FLAT)
+        return np.nan_to_num(location, nan=np.inf), np.maximum(scale, _LEAST_SCALE)
 
     def at_calibrated(self, texture: Texture, count: int) -> tuple[FloatArray, FloatArray]:
         """Return location and scale at a texture that was calibrated on, shape (n_draw,)."""
@@ -110,8 +111,9 @@ class DrawnLoads:
         both = []
         for values in (location, scale):
             with np.errstate(invalid="ignore"):
-                flat = np.ptp(values, axis=0).max() < _FLAT
-            both.append(values[:1] if flat else self._to_series @ values)
+                series = self._to_series @ values
+                left = np.cumsum(np.abs(series[::-1]).max(axis=1))[::-1]  # of each term and further
+            both.append(series[: max(int(np.sum(~(left < _LEAST_TERM))), 1)])
         return both[0], both[1]
 
     def _check_scale_law(self) -> None:
