@@ -38,6 +38,7 @@ _ALL: tuple[type[Distribution], ...] = (*_CLOSED.values(), Truncated, Empirical)
 _KINDS = {kind.kind: kind for kind in _ALL}
 _WITHOUT_UNIT = ("log_sd", "shape", "rate")
 _CALL = re.compile(r"\s*(\w+)\s*\((.*)\)\s*", flags=re.DOTALL)
+_COMMA = re.compile(r",(?![^(]*\))")  # in no brackets
 _LONGEST = 1_000  # characters
 
 
@@ -78,7 +79,8 @@ def parse_distribution(
     if call is None or call[1] not in _USAGE:
         got = clipped(text) if isinstance(text, str) else repr(text)
         raise InputError(f"{where}: expected one of {', '.join(_USAGE.values())}, got {got}")
-    name, parts, at = call[1], _split(call[2]), f"{where} = {clipped(str(text))}"
+    name, at = call[1], f"{where} = {clipped(str(text))}"
+    parts = [part.strip() for part in _COMMA.split(call[2])]
     usage = _USAGE[name]
     if len(parts) != usage.count(",") + 1 or not all(parts):
         raise InputError(f"{at}: expected {usage}")
@@ -97,18 +99,6 @@ def parse_distribution(
         return Truncated(*arguments) if name == "truncated" else _CLOSED[name](*arguments)
     except InputError as error:
         raise InputError(f"{at}: {error}") from None
-
-
-def _split(text: str) -> list[str]:
-    """Return what stands between commas that are in no brackets."""
-    parts, depth = [""], 0
-    for letter in text:
-        depth += (letter == "(") - (letter == ")")
-        if letter == "," and depth == 0:
-            parts.append("")
-        else:
-            parts[-1] += letter
-    return [part.strip() for part in parts]
 
 
 def _number(

@@ -6,11 +6,12 @@ from dataclasses import dataclass, field, replace
 from itertools import takewhile
 
 import numpy as np
+from scipy.interpolate import krogh_interpolate
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.record import HUGE, Imported
-from ridgebayes.fea.transitions import interpolate, transitions_of
+from ridgebayes.fea.transitions import transitions_of
 from ridgebayes.table.table import ContactTable
 
 _ROUND = 2e-3  # of R: how far surface nodes may lie off a circle
@@ -125,7 +126,7 @@ def _height(x: FloatArray, y: FloatArray, at: float) -> float:
             if xs[0] == xs[1]:
                 heights.append(float(ys.min()))
                 continue
-        heights.append(interpolate(xs, ys, at))
+        heights.append(float(krogh_interpolate(xs, ys, at)))
     return min(heights)
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import krogh_interpolate
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
@@ -139,21 +140,6 @@ def _rising(load: FloatArray) -> tuple[IntArray, list[str]]:
     return np.flatnonzero(finite & (load > before)), messages
 
 
-def interpolate(x: FloatArray, y: FloatArray, at: float) -> float:
-    """Return the value at a point of the polynomial through some points.
-
-    Examples
-    --------
-    >>> interpolate(np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0, 9.0]), 2.0)
-    4.0
-    """
-    weights = [
-        np.prod([(at - other) / (one - other) for k, other in enumerate(x) if k != i])
-        for i, one in enumerate(x)
-    ]
-    return float(np.dot(weights, y))
-
-
 def _extrapolated(
     load: FloatArray, gap: FloatArray, error: FloatArray, before: IntArray, upper: float
 ) -> tuple[float, float] | None:
@@ -165,7 +151,7 @@ def _extrapolated(
     slope = (g[2] - g[1]) / (p[2] - p[1])
     straight = p[2] - g[2] / slope
     # Inverse quadratic interpolation: the load as a parabola of the gap, at gap 0.
-    curved = interpolate(g, p, 0.0)
+    curved = float(krogh_interpolate(g, p, 0.0))
     doubt = math.hypot(curved - straight, error[last[-1]] / abs(slope))
     if not (p[2] < straight <= upper * (1 + 1e-12) + doubt):
         return None

@@ -3,7 +3,8 @@
 `atomic` has files that appear whole or not at all, and locks; `reading` reads what others made;
 `journal` keeps finished parts; `pool` has workers and ordered results, `cluster` those of Dask;
 `progress` times stages, `memory` watches how much is used; `randomness` has named streams of one
-seed; `text` words for messages. The room knows `errors` and nothing of contact or statistics.
+seed; `text` words for messages, `templates` whole pages; `extras` imports optional packages. The
+room knows `errors` and nothing of contact or statistics.
 
 >>> from ridgebayes.runtime.pool import executor_for, map_ordered
 >>> from ridgebayes.runtime.randomness import stream

@@ -281,14 +281,11 @@ def row_codes(*columns: Any) -> IntArray:
     >>> row_codes(["x", "y", "x"], [1.0, 1.0, 1.0]).tolist()
     [0, 1, 0]
     """
-    codes = np.zeros(len(columns[0]), dtype=np.int64)
-    for column in columns:
-        cell, distinct = pd.factorize(pd.Series(column), use_na_sentinel=False)
-        if len(distinct) == 1:  # as of most optional columns
-            continue
-        # Renumbered after every column, so the product stays below n_row^2 and cannot overflow.
-        codes = pd.factorize(codes * np.int64(len(distinct)) + cell)[0].astype(np.int64)
-    return codes
+    frame = pd.DataFrame(
+        {i: pd.Series(column).reset_index(drop=True) for i, column in enumerate(columns)}
+    )
+    codes = frame.groupby(list(frame), sort=False, dropna=False).ngroup()
+    return codes.to_numpy(dtype=np.int64)
 
 
 def as_numbers(cells: "pd.Series[Any]") -> tuple[FloatArray, BoolArray, BoolArray]:
