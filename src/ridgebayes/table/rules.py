@@ -284,8 +284,8 @@ def row_codes(*columns: Any) -> IntArray:
     frame = pd.DataFrame(
         {i: pd.Series(column).reset_index(drop=True) for i, column in enumerate(columns)}
     )
-    codes = frame.groupby(list(frame), sort=False, dropna=False).ngroup()
-    return codes.to_numpy(dtype=np.int64)
+    groups = frame.groupby(list(frame), sort=False, dropna=False)
+    return np.asarray(groups.ngroup(), dtype=np.int64)
 
 
 def as_numbers(cells: "pd.Series[Any]") -> tuple[FloatArray, BoolArray, BoolArray]:
