@@ -247,3 +247,23 @@ def test_read__other_encodings_are_read_and_said(content, said):
 
 def test_read__blanks_between_columns_separate_them():
     assert read("  a   b  Q\n0.03 0.01 4\n0.02 0.04 6\n").frame["Q"].tolist() == [4, 6]
+
+
+@pytest.mark.parametrize(
+    "tail",
+    ["", "\n", ",,,\n", "# mean of three runs,,,\n", ' "0.5",1,4,x\n', "1e999,1,4,\n", "1,2\n"],
+)
+@pytest.mark.parametrize("top", ["", "Test 7\n\n"])
+def test_read__long_text_is_what_short_text_is(monkeypatch, top, tail):
+    text = top + "a,b,Q,note\n0.1,.5,4,007\n-1e-3,,6, nan\n" + tail
+
+    def outcome():
+        try:
+            cells = read(text)
+        except InputError as error:
+            return str(error)
+        return cells.frame.to_csv(), cells.row.tolist(), cells.lines.tolist(), cells.messages
+
+    expected = outcome()
+    monkeypatch.setattr("ridgebayes.fea.delimited._LONG", 0)
+    assert outcome() == expected

@@ -227,7 +227,7 @@ def raw_csv(content: bytes, where: str, contract: Sequence[Column] = COLUMNS) ->
     header = next(cells)[1]
     # Before the rows: with another separator every row would look ragged.
     check_header(header, where, contract)
-    if not _is_rectangular(np.frombuffer(content, dtype=np.uint8), len(header)):
+    if not is_rectangular(np.frombuffer(content, dtype=np.uint8), ",", len(header)):
         _refuse_ragged(cells, header, where)
 
     known = {column.name: column.holds for column in contract}
@@ -288,17 +288,17 @@ def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, 
         raise InputError(f"{where}, line {before + 1}: not CSV: {error}") from None
 
 
-def _is_rectangular(data: np.ndarray, width: int) -> bool:
-    """Count the commas of every line at once; False where quotes or blanks hide the answer."""
+def is_rectangular(data: np.ndarray, separator: str, width: int) -> bool:
+    """Count the separators of every line at once; False where quotes or blanks hide the answer."""
     if np.any(data == ord('"')):
         return False
     if len(data) and data[-1] != ord("\n"):
         data = np.append(data, np.uint8(ord("\n")))
-    marks = data[(data == ord(",")) | (data == ord("\n"))]
+    marks = data[(data == ord(separator)) | (data == ord("\n"))]
     if len(marks) % width:
         return False
     lines = marks.reshape(-1, width)
-    return bool(np.all(lines[:, :-1] == ord(",")) and np.all(lines[:, -1] == ord("\n")))
+    return bool(np.all(lines[:, :-1] == ord(separator)) and np.all(lines[:, -1] == ord("\n")))
 
 
 def _refuse_ragged(rows: Iterator[tuple[int, list[str]]], header: list[str], where: str) -> None:
