@@ -80,7 +80,7 @@ class AllRows:
         most = _N_WEIGHTED_LATENT if model.is_latent and exact else _N_WEIGHTED
         u = u[:: -(-len(u) // most)]
         log_likelihood = log_likelihoods(model, model.to_theta(u)) if exact else np.empty(0)
-        laplace = posterior.laplace if posterior.converged and not drawn_exactly(model) else None
+        laplace = None if drawn_exactly(model) else posterior.approximation
         failures, evidence = posterior.convergence_failures, posterior.evidence
         return cls(u, log_likelihood, failures, evidence, model.parameter_names, laplace)
 
@@ -154,7 +154,8 @@ class Fold:
             rng = stream(self.seed, "proposal")
             near = Independence.fitted(laplace.whiten(u)[0], laplace.n_curved, rng)
             found = importance_posterior(model, laplace, near, seed=self.seed, **self.effort)
-            if found[1].ok:
+            # Where draws given all rows fell short, so would those of another search.
+            if found[1].ok or known.failures:
                 return found
         return importance_posterior(model, seed=self.seed, **self.effort)
 
