@@ -38,9 +38,10 @@ from ridgebayes.runtime.randomness import stream
 
 LEAVES = ("texture", "step", "row")
 # Less than `importance_posterior` takes by itself: a share of 41 rows asks for no second digit.
-EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 384, "n_point": 32}
+EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 256, "n_point": 32}
 N_CRPS = 10_240  # draws behind a CRPS; its standard error is about 1 % of a predictive sd
 _N_WEIGHTED, _N_WEIGHTED_LATENT, _N_RESAMPLED = 2_048, 512, 1_024
+_N_PROPOSAL = 512  # draws that a proposal is fitted to
 _LEAST_EFFECTIVE = 100  # weighted draws: a log score is then known to about 0.1
 _BATCH = 512  # draws at a time, so that memory stays bounded
 
@@ -147,7 +148,8 @@ class Fold:
             raise ComputationError("no row is left to fit")
         model, known = self._model(), self.known
         if known is not None and known.laplace is not None:
-            u = known.coordinates[:, np.isin(known.names, model.parameter_names)]
+            u = known.coordinates[:: max(len(known.coordinates) // _N_PROPOSAL, 1)]
+            u = u[:, np.isin(known.names, model.parameter_names)]
             laplace = known.laplace
             if model.parameter_names != known.names:  # without coefficients of the rows left out
                 laplace = fit_laplace(model, near=model.to_theta(u.mean(axis=0)))

@@ -97,7 +97,7 @@ def importance_posterior(
     if proposal is None:
         laplace = laplace.bound_to(model)
     modes = laplace.other_modes
-    u, log_density, log_means, variances, shapes = [], [], [], [], []
+    u, log_density, log_means, variances, log_weights = [], [], [], [], []
     for repeat in range(N_REPEAT):
         rng = stream(seed, f"importance {repeat}")
         fitted = proposal
@@ -105,16 +105,19 @@ def importance_posterior(
             few = laplace.whitened(_estimates(model, rng, max(n_point // 4, 1), []))
             k = laplace.n_curved
             fitted, _ = adapted(few, k, model.n_parameter - k, rng, n_round=n_round, n=n_per_round)
-        estimates: list[Estimate] = []
+        estimates: list[tuple[FloatArray, Estimate]] = []
         many = laplace.whitened(_estimates(model, rng, n_point, estimates))
         found = weighted(many, fitted, rng, n_draw)
         log_means.append(found.log_mean)
         variances.append(found.relative.var() / n_draw)
-        shapes.append(pareto_k(found.log_weight))
+        log_weights.append(found.log_weight)
         chosen = found.resampled(rng, n_draw)
-        latent = np.concatenate([one.latent for one in estimates])[chosen]
-        u.append(np.concatenate([laplace.unwhiten(found.z[chosen])[0], latent], axis=1))
-        log_density.append(np.concatenate([one.log_joint for one in estimates])[chosen])
+        joined = [np.concatenate([at, one.latent], axis=1) for at, one in estimates]
+        u.append(np.concatenate(joined)[chosen])
+        log_density.append(np.concatenate([one.log_joint for _, one in estimates])[chosen])
+    if proposal is not None:  # of one proposal all weights are of one tail
+        log_weights = [np.concatenate(log_weights)]
+    shapes = [pareto_k(each) for each in log_weights]
     draws = np.stack(u).reshape(N_REPEAT, -1, 128, model.n_coordinate)
     chains = Chains(
         draws,
@@ -133,13 +136,17 @@ def importance_posterior(
 
 
 def _estimates(
-    model: Model, rng: np.random.Generator, n_point: int, kept: list[Estimate]
+    model: Model,
+    rng: np.random.Generator,
+    n_point: int,
+    kept: list[tuple[FloatArray, Estimate]],
 ) -> Callable[[FloatArray], FloatArray]:
-    """Return the log density of the parameters, which keeps all that it estimates."""
+    """Return the log density of the parameters, which keeps all that it estimates, and where."""
 
     def log_density(u: FloatArray) -> FloatArray:
-        kept.append(model.estimated(u, rng, n_point))
-        return kept[-1].log_density
+        found = model.estimated(u, rng, n_point)
+        kept.append((u, found))
+        return found.log_density
 
     return log_density
 

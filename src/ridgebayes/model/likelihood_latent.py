@@ -115,9 +115,10 @@ class SampledOffsets:
         self, log_rates: FloatArray, eta: FloatArray, rng: np.random.Generator, n_point: int
     ) -> Estimate:
         """Estimate the likelihood at draws (n_draw, n_texture) and (n_draw, n_noise)."""
-        per_point = len(self._rows.upper) + 2 * self.n_latent
-        n_at_once = max(_CHUNK // (n_point * per_point), 1)
-        way = self._from_lines if self.is_product else self._from_points
+        way, n_held = self._from_lines, self.n_held
+        if not self.is_product:
+            way, n_held = self._from_points, n_point * (len(self._rows.upper) + 2 * self.n_latent)
+        n_at_once = max(_CHUNK // n_held, 1)
         parts = [
             way(log_rates[i : i + n_at_once], eta[i : i + n_at_once], rng, n_point)
             for i in range(0, len(eta), n_at_once)
