@@ -1,11 +1,15 @@
 """A posterior drawn again, and held against its priors."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from ridgebayes.checks.repeat import against_priors, repeat_posterior
+from ridgebayes.checks.repeat import against_priors, is_cheap, repeat_posterior
+from ridgebayes.model.forms import form_named
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
 
 
 def test_repeat_posterior__draws_twice_as_many_and_finds_the_same(fits):
@@ -33,3 +37,11 @@ def test_against_priors__is_where_means_lie_in_their_priors(fits):
     share = 0.5 * (1 + np.tanh(0.8 * z))  # the normal's to 0.01 near its middle
     assert found["prior_below"]["c"] == pytest.approx(share, abs=0.03)
     assert found["prior_median"]["c"] == pytest.approx(1.382, rel=0.005)
+
+
+def test_is_cheap__is_not_where_offsets_are_sampled_or_parameters_many(fits):
+    assert is_cheap(fits["modified"])
+    data = fits["modified"].model.data
+    latent = Model(data, form_named("modified"), Noise.named("step:student"))
+    assert not is_cheap(SimpleNamespace(model=latent))
+    assert not is_cheap(SimpleNamespace(model=SimpleNamespace(is_latent=False, n_parameter=21)))

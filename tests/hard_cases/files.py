@@ -272,6 +272,11 @@ def leading_out(folder):
 # --- what is shown --------------------------------------------------------------------------------
 
 
+# Its sections and figures, the figures' files, and tables to save.
+OWN_LINKS = ("#", "data:image/png;base64,", "data:image/svg+xml;base64,", "figures/")
+OWN_LINKS += ("data:text/csv;charset=utf-8,", "data:application/x-tex;charset=utf-8,")
+
+
 class Page(HTMLParser):
     """Elements and attributes of a page."""
 
@@ -287,7 +292,7 @@ class Page(HTMLParser):
         for name, value in attrs:
             self.attributes.add(name)
             if name in ("href", "src"):
-                assert value.startswith(("#", "data:image/png;base64,")), value
+                assert value.startswith(OWN_LINKS), value
 
     def handle_data(self, data):
         self.text.append(data)
@@ -353,8 +358,9 @@ def hostile_html():
     "Links, images, pipes, emphasis and HTML in labels, then the Markdown report",
     why="A pipe ends a table cell. A bracket can begin an image that loads from elsewhere. "
     "Markdown passes HTML through.",
-    expected="An independent CommonMark parser finds no link, image or HTML. Every row of a table "
-    "is as wide as its header. Labels are text.",
+    expected="An independent CommonMark parser finds no link, no image but the report's own "
+    "figures, and no HTML but its own folds. Every row of a table is as wide as its header. Labels "
+    "are text.",
 )
 def hostile_markdown():
     from markdown_it import MarkdownIt
@@ -363,8 +369,13 @@ def hostile_markdown():
     tokens = MarkdownIt("commonmark").enable(["table", "strikethrough"]).parse(text)
     inline = [one for token in tokens for one in token.children or ()]
     kinds = {one.type for one in (*tokens, *inline)}
-    bad = {"link_open", "image", "html_inline", "html_block", "s_open", "fence", "code_block"}
+    bad = {"link_open", "html_inline", "s_open", "fence", "code_block"}
     assert not kinds & bad, kinds & bad
+    images = [str(one.attrs["src"]) for one in inline if one.type == "image"]
+    assert all(re.fullmatch(r"figures/[a-z-]+\.png", src) for src in images), images
+    fold = r"<details><summary>[\w ,]+</summary>|</details>"
+    folds = [one.content.strip() for one in tokens if one.type == "html_block"]
+    assert all(re.fullmatch(fold, one) for one in folds), folds
     shown = "".join(one.content for one in inline if one.type == "text")
     for label in LABELS[:5]:
         assert label in shown, label
@@ -379,7 +390,7 @@ def hostile_markdown():
         elif token.type == "table_open":
             widths.append(set())
     assert all(len(one) == 1 for one in widths)
-    return f"{len(widths)} tables, no link, image or HTML"
+    return f"{len(widths)} tables; {len(images)} images and {len(folds) // 2} folds of its own"
 
 
 @hard_case(

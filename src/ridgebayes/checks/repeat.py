@@ -16,6 +16,7 @@ from ridgebayes.runtime.randomness import stream
 
 OUTER = 0.01  # share of a prior on either side beyond which a posterior mean is out of place
 _CHEAP = {"n_round": 3, "n_per_round": 512, "n_point": 32}
+_MOST_PARAMETERS = 20
 _N_PRIOR = 10_000
 _PER_STEP = 128  # importance draws come in multiples of it
 
@@ -68,6 +69,11 @@ def repeat_posterior(posterior: Posterior) -> Repeat:
     worst = int(moved.argmax())
     failed = "; ".join(why for why in again.convergence_failures if "Pareto" in why)
     return Repeat(n_draw, posterior.model.parameter_names[worst], float(moved[worst]), failed)
+
+
+def is_cheap(posterior: Posterior) -> bool:
+    """Return whether a repeat takes seconds: few parameters, and no offsets to be sampled over."""
+    return not posterior.model.is_latent and posterior.model.n_parameter <= _MOST_PARAMETERS
 
 
 def against_priors(posterior: Posterior) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from ridgebayes.checks.load_errors import (
 )
 from ridgebayes.checks.power_scaling import power_scaling
 from ridgebayes.checks.predictive_checks import PredictiveChecks, posterior_checks, prior_bands
-from ridgebayes.checks.repeat import Repeat, against_priors, repeat_posterior
+from ridgebayes.checks.repeat import Repeat, against_priors, is_cheap, repeat_posterior
 from ridgebayes.checks.study import Study, study_of
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.comparison import Comparison
@@ -109,7 +109,7 @@ class ReportData:
     power_scaling : pandas.DataFrame
         Sensitivity of each parameter of the shown form to prior and likelihood.
     repeat : Repeat or None
-        The shown fit drawn again; None in a quick run.
+        The shown fit drawn again; None in a quick run, and where that would take long.
     against_priors : pandas.DataFrame
         Where the shown fit's means lie in their priors.
     study : Study or None
@@ -208,7 +208,7 @@ def report_data(comparison: Comparison) -> ReportData:
         posterior_checks(fit, rng=fit.seed) if is_exact else None,
         prior_bands(fit.model, rng=fit.seed) if preset.extras else none,
         power_scaling(fit),
-        repeat_posterior(fit) if preset.extras else None,
+        repeat_posterior(fit) if preset.extras and is_cheap(fit) else None,
         against_priors(fit),
         study_of(comparison),
     )
