@@ -60,7 +60,8 @@ def plot_bands(
     observed = rows_by_texture(table)
     shown = list(by_texture)[:MOST_TEXTURES]
     labels = ("$p/E$ (dimensionless)", "edges in contact $Q$")
-    figure, panels = panel_grid(len(shown), 1.8, 1.0, labels=labels)
+    # Without a heading it shares a screen with the words that answer.
+    figure, panels = panel_grid(len(shown), 1.55 if untitled else 1.8, 1.0, labels=labels)
     for axes, texture in zip(panels, shown, strict=True):
         rows = observed.get(texture, table.iloc[:0])
         draw_band(axes, by_texture[texture], colour_of(form))
