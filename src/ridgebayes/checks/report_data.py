@@ -199,7 +199,7 @@ def report_data(comparison: Comparison) -> ReportData:
         mean_evidence(comparison.evidence),
         transitions,
         own_bands.reset_index(drop=True),
-        _consequence(bands, shown, over, seen[seen["role"] == "calibration"]),
+        consequence_of(bands, shown, over, seen[seen["role"] == "calibration"]),
         held_out_loads(comparison),
         textures,
         percent_errors(comparison, textures),
@@ -214,8 +214,23 @@ def report_data(comparison: Comparison) -> ReportData:
     )
 
 
-def _consequence(bands: pd.DataFrame, shown: str, over: str, seen: pd.DataFrame) -> Consequence:
-    """Compare the simulation bands of two forms at loads up to each texture's largest."""
+def consequence_of(bands: pd.DataFrame, shown: str, over: str, seen: pd.DataFrame) -> Consequence:
+    """Compare the simulation bands of two forms at loads up to each texture's largest.
+
+    Parameters
+    ----------
+    bands : pandas.DataFrame
+        Columns of bands.csv, both forms at equal textures and loads.
+    shown, over : str
+        The forms; `over` may be empty.
+    seen : pandas.DataFrame
+        Rows fitted.
+
+    Returns
+    -------
+    Consequence
+        Over the textures of `seen`.
+    """
     key = ["a_over_R", "b_over_R"]
     largest = seen.groupby(key)["p_over_E"].max().rename("largest").reset_index()
     bands = bands[bands["kind_of_band"] == "simulation"].merge(largest, on=key)

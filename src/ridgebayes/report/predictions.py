@@ -136,7 +136,10 @@ def coverage_section(data: ReportData) -> list[Block]:
             "Independent rows (iid) are shown beside the error model of this run."
         ),
         Picture(
-            "coverage", "Share of transitions inside, and width of the bands.", _coverage_alt(data)
+            "coverage",
+            "Share of transitions inside, with two standard errors, and width of the bands. A line "
+            "marks the share that each band claims.",
+            _coverage_alt(data),
         ),
         Folded(
             "Coverage in numbers",
