@@ -15,6 +15,7 @@ from ridgebayes.drawing.style import (
     WIDTH,
     colour_of,
     panel_grid,
+    plain,
     shared_legend,
     styled,
     symbol,
@@ -79,10 +80,7 @@ def plot_corner(
         bins=36,
         smooth=0.9,
         color=colour,
-        labels=[
-            _scaled(name, power).replace(" ", "\n", 1)
-            for name, power in zip(names, powers.tolist(), strict=True)
-        ],
+        labels=[_label(name, power) for name, power in zip(names, powers.tolist(), strict=True)],
         truths=inside,
         truth_color="#000000",
         plot_datapoints=False,
@@ -209,6 +207,14 @@ def _powers(draws: FloatArray) -> IntArray:
     sizes = np.quantile(np.abs(draws), 0.5, axis=0)
     small = (sizes > 0) & (sizes < 1e-3)
     return np.where(small, -np.floor(np.log10(np.where(small, sizes, 1))), 0).astype(np.int64)
+
+
+def _label(name: str, power: int) -> str:
+    """Return a parameter's symbol, with its texture on a second line that is as wide as a panel."""
+    words = _scaled(name, power)
+    if name.startswith("K["):
+        return f"{words.partition(' ')[0]}\n{plain(name[2:-1], 13)}"
+    return words
 
 
 def _scaled(name: str, power: int) -> str:
