@@ -52,6 +52,12 @@ _HOME = {
     "friction_inputs": "friction.inputs",
     "Design": "texture_design.design",
     "design": "texture_design.design",
+    "FrictionModel": "friction.friction_model",
+    "FrictionBands": "friction.bands",
+    "FrictionTable": "friction.table",
+    "read_friction_table": "friction.table",
+    "FrictionFit": "friction.calibration",
+    "calibrate_friction": "friction.calibration",
     "write_report": "report",
 }
 __all__ = list(_HOME)
@@ -78,7 +84,11 @@ if TYPE_CHECKING:
     from ridgebayes.distributions.distribution import Gamma, HalfNormal, LogNormal, Normal
     from ridgebayes.distributions.empirical import Empirical
     from ridgebayes.errors import ComputationError, InputError, RidgebayesError
+    from ridgebayes.friction.bands import FrictionBands
+    from ridgebayes.friction.calibration import FrictionFit, calibrate_friction
+    from ridgebayes.friction.friction_model import FrictionModel
     from ridgebayes.friction.inputs import friction_inputs
+    from ridgebayes.friction.table import FrictionTable, read_friction_table
     from ridgebayes.inference.chains import SampleSettings
     from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
     from ridgebayes.predict.load_distribution import LoadDistribution

@@ -181,6 +181,12 @@ class Friction:
     ] = None
     n: Annotated[int, typer.Option("--n", min=1, help="Draws.")] = 4000
     edges: Annotated[bool, typer.Option("--edges", help="Add the forces on edges.")] = False
+    model: Annotated[
+        bool,
+        typer.Option(
+            "--model", help="Add bands on the coefficient of friction: FILE-mu.csv, -mu-shares.csv."
+        ),
+    ] = False
     seed: Seed = 0
     force: Force = False
 

@@ -57,11 +57,12 @@ def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool
 
 def write_tree(tree: xr.DataTree, path: str | os.PathLike[str]) -> None:
     """Write groups of draws, packed, whole or not at all."""
+    pack = {"zlib": True, "complevel": 1, "shuffle": True}
     packed = {
-        name: {v: {"zlib": True, "complevel": 1, "shuffle": True} for v in group.data_vars}
+        name: {v: pack for v, values in group.data_vars.items() if values.dtype.kind in "biuf"}
         for name, group in tree.children.items()
     }
-    encoding = {f"/{name}": pack for name, pack in packed.items()}
+    encoding = {f"/{name}": variables for name, variables in packed.items()}
     # Bytes: the traceback of a failed write would hold a view, and with it a file in memory that
     # then cannot be closed.
     content = bytes(tree.to_netcdf(engine="h5netcdf", encoding=encoding))

@@ -1,0 +1,283 @@
+"""Bands of the coefficient of friction, and what share of their variance each term and input has.
+
+Contact quantities of one draw depend on each other, and so do calibrated parameters. Sobol indices
+are therefore those of groups that are independent: the contact as a whole, each parameter that is
+known by a prior of its own, or all of them together where they were calibrated, subject, session,
+rig and repeat. In two samples one group at a time is swapped (pick and freeze). Draws of the
+contact are taken with replacement.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from ridgebayes._types import FloatArray, IntArray, Tabular
+from ridgebayes.errors import InputError
+from ridgebayes.friction.terms import EFFECTS, PARAMETERS, TERMS, coefficients, terms
+from ridgebayes.runtime.randomness import stream
+
+_N_BATCH, _N = 16, 1_024  # the spread between batches gives standard errors
+_N_KEPT = 4_096
+_N_BIN, _LEAST = 16, 64  # bins of a scene's value, and draws that a bin has in all batches
+_SCALES = [PARAMETERS.index(name) for name in PARAMETERS if name.startswith(("tau_", "sigma"))]
+_SCENE = ("a_over_R", "b_over_R", "nu", "offset", "radius", "youngs_modulus", "p_over_E", "Q")
+BAND_COLUMNS = ["load", "p_over_E", "mu_mean", "mu_sd", "mu_median", "mu_lower", "mu_upper"]
+BAND_COLUMNS += ["prob", "extrapolation"]
+SHARE_COLUMNS = ["load", "p_over_E", "kind", "name", "share", "share_se", "total", "total_se"]
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionInputs:
+    """Of joint draws what friction needs, without their edges.
+
+    Parameters
+    ----------
+    load : ndarray of float, shape (n_load,)
+        The dataset's coordinate.
+    contact : ndarray of float, shape (n_draw, n_load, 3)
+        E A/W, w/R and I/W.
+    scene : dict of str to ndarray of float, shape (n_draw,) or (n_draw, n_load)
+        Values of the scene, loads and counts.
+    extrapolation : ndarray of float, shape (n_draw, n_load)
+        1 where a draw lies beyond what was calibrated.
+    """
+
+    load: FloatArray
+    contact: FloatArray
+    scene: dict[str, FloatArray]
+    extrapolation: FloatArray
+
+    @classmethod
+    def of(cls, inputs: "xr.Dataset | FrictionInputs", *, edges: bool) -> "FrictionInputs":
+        """Return what a dataset of `friction_inputs` holds of it.
+
+        Raises
+        ------
+        InputError
+            If it lacks a variable, or edges have no forces: of round ridges.
+        """
+        if isinstance(inputs, FrictionInputs):
+            return inputs
+        needed = ["p_over_E", "contact_length_over_R", "contact_fraction"]
+        needed += ["edge_x", "edge_side", "edge_G"] if edges else []
+        if missing := [name for name in needed if name not in inputs]:
+            hint = " (friction_inputs with edges=True, or kappa=0)" if "edge_G" in missing else ""
+            raise InputError(f"inputs: expected {', '.join(needed)}, got no {missing[0]}{hint}")
+        value = {name: inputs[name].to_numpy() for name in inputs if name in {*needed, *_SCENE}}
+        p, length = value["p_over_E"], value["contact_length_over_R"]
+        half_width = 0.5 * length / value["contact_fraction"]
+        interlocking = np.zeros(p.shape)
+        if edges:
+            side, G = value["edge_side"], value["edge_G"]
+            if np.isnan(G[side != 0]).any():
+                raise InputError("inputs: expected sharp ridges, or kappa=0: round ones have no G")
+            # Of each side's ridges the edges that face the centre; the mean of both directions.
+            proximal = side * np.nan_to_num(value["edge_x"]) < 0
+            interlocking = 0.5 * np.where(proximal, G, 0.0).sum(axis=2) / (2 * p)
+        contact = np.stack([length / (2 * p), half_width, interlocking], axis=2)
+        scene = {name: value[name].astype(np.float64) for name in _SCENE if name in value}
+        beyond = inputs["extrapolation"].to_numpy().astype(np.float64)
+        return cls(inputs["load"].to_numpy(), contact, scene, beyond)
+
+    @classmethod
+    def joined(cls, parts: "Sequence[FrictionInputs]") -> "FrictionInputs":
+        """Return blocks of draws as one."""
+        scene = {
+            name: np.concatenate([one.scene[name] for one in parts]) for name in parts[0].scene
+        }
+        contact = np.concatenate([one.contact for one in parts])
+        beyond = np.concatenate([one.extrapolation for one in parts])
+        return cls(parts[0].load, contact, scene, beyond)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrictionBands(Tabular):
+    """Bands of the coefficient of friction, with the shares of terms and inputs in their variance.
+
+    Parameters
+    ----------
+    bands : pandas.DataFrame
+        A row a load: load, p_over_E (its mean over draws), mu_mean, mu_sd, mu_median, mu_lower,
+        mu_upper, prob, extrapolation (share of draws beyond what was calibrated).
+    shares : pandas.DataFrame
+        Rows of each load: load, p_over_E, kind, name, share, share_se, total, total_se. Of kind
+        ``term``: cov(term, mu) over var(mu); these add up to 1. Of kind ``input``: first-order
+        and total Sobol index of independent groups. Of kind ``scene``: first-order index of single
+        quantities of the contact's draws, which overlap where they depend on each other.
+    mu : ndarray of float, shape (4096, n_load), dimensionless
+        Draws.
+    """
+
+    bands: pd.DataFrame
+    shares: pd.DataFrame
+    mu: FloatArray
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the bands.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A copy of `bands`.
+        """
+        return self.bands.copy()
+
+    def __repr__(self) -> str:
+        last = self.bands.iloc[-1]
+        band = f"{last['mu_lower']:.3g} to {last['mu_upper']:.3g}"
+        return f"FrictionBands(mu = {band} with {last['prob']:g} at p/E = {last['p_over_E']:.3g})"
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """n independent points: which draw of the contact, parameters, and scores of the effects."""
+
+    contact: IntArray
+    theta: FloatArray
+    score: FloatArray
+
+    def evaluated(self, contact: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the terms with their effects, (n, 3), and mu at contacts of one load."""
+        effect = np.exp((self.score * self.theta[:, _SCALES]).sum(axis=1))
+        found = terms(contact[self.contact], self.theta) * effect[:, None]
+        return found, found.sum(axis=1)
+
+    def swapped(self, other: "_Sample", group: str, columns: Sequence[int]) -> "_Sample":
+        """Return the points with one group of another sample's."""
+        if group == "contact":
+            return replace(self, contact=other.contact)
+        if group in EFFECTS:
+            score = self.score.copy()
+            score[:, EFFECTS.index(group)] = other.score[:, EFFECTS.index(group)]
+            return replace(self, score=score)
+        theta = self.theta.copy()
+        theta[:, columns] = other.theta[:, columns]
+        return replace(self, theta=theta)
+
+
+def predicted(
+    inputs: FrictionInputs,
+    draw: Callable[[np.random.Generator, int], FloatArray],
+    parameters: Mapping[str, Sequence[int]],
+    *,
+    seed: int,
+    prob: float = 0.9,
+) -> FrictionBands:
+    """Predict friction from draws of the contact and of the parameters.
+
+    Parameters
+    ----------
+    inputs : FrictionInputs
+        Draws of the contact.
+    draw : callable
+        Generator and n to n independent draws of the parameters, shape (n, 9).
+    parameters : mapping of str to sequence of int
+        Independent groups of parameters, and their columns.
+    seed : int
+        Seed.
+    prob : float, optional
+        Probability inside the bands.
+
+    Raises
+    ------
+    InputError
+        If `prob` is not between 0 and 1.
+    """
+    if not 0 < prob < 1:
+        raise InputError(f"prob: expected above 0 and below 1, got {prob!r}")
+    rng, n, n_draw = stream(seed, "friction", "bands"), _N_BATCH * _N, len(inputs.contact)
+    one, other = (
+        _Sample(rng.integers(n_draw, size=n), draw(rng, n), rng.standard_normal((n, len(EFFECTS))))
+        for _ in range(2)
+    )
+    groups = {"contact": [], **parameters}
+    groups |= {name: [] for name, j in zip(EFFECTS, _SCALES, strict=True) if one.theta[:, j].any()}
+    swaps = {name: one.swapped(other, name, columns) for name, columns in groups.items()}
+    bands, shares, kept = [], [], np.empty((_N_KEPT, len(inputs.load)))
+    for j, load in enumerate(inputs.load.tolist()):
+        contact = inputs.contact[:, j]
+        by_term, mu = one.evaluated(contact)
+        kept[:, j] = mu[:_N_KEPT]
+        lower, median, upper = np.quantile(mu, [0.5 - prob / 2, 0.5, 0.5 + prob / 2])
+        at = (load, float(inputs.scene["p_over_E"][:, j].mean()))
+        beyond = float(inputs.extrapolation[:, j].mean())
+        bands.append((*at, mu.mean(), mu.std(), median, lower, upper, prob, beyond))
+        found = [("term", *row) for row in _term_shares(by_term, mu)]
+        swapped = {name: sample.evaluated(contact)[1] for name, sample in swaps.items()}
+        found += [("input", *row) for row in _sobol(mu, other.evaluated(contact)[1], swapped)]
+        found += [("scene", *row) for row in _scene_shares(inputs, j, one, float(mu.var()))]
+        shares += [(*at, *row) for row in found]
+    return FrictionBands(
+        pd.DataFrame(bands, columns=BAND_COLUMNS), pd.DataFrame(shares, columns=SHARE_COLUMNS), kept
+    )
+
+
+_Row = tuple[str, float, float, float, float]
+
+
+def _mean_and_se(values: FloatArray) -> tuple[float, float]:
+    """Return the mean over batches and its standard error."""
+    return float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values)))
+
+
+def _term_shares(by_term: FloatArray, mu: FloatArray) -> list[_Row]:
+    """Return cov(term, mu)/var(mu) of every term that is there."""
+    batches = mu.reshape(_N_BATCH, _N)
+    off = batches - batches.mean(axis=1, keepdims=True)
+    found = []
+    for name, values in zip(TERMS, by_term.T, strict=True):
+        if values.any():
+            share = (values.reshape(_N_BATCH, _N) * off).sum(axis=1) / (off * off).sum(axis=1)
+            found.append((name, *_mean_and_se(share), np.nan, np.nan))
+    return found
+
+
+def _sobol(one: FloatArray, other: FloatArray, swapped: Mapping[str, FloatArray]) -> list[_Row]:
+    """Return first-order and total indices of every group, of each batch by itself."""
+    from scipy import stats  # a third of a second that not every command spends
+
+    of_batches = {
+        "f_A": one.reshape(_N_BATCH, _N),
+        "f_B": other.reshape(_N_BATCH, _N),
+        "f_AB": np.stack([values.reshape(_N_BATCH, _N) for values in swapped.values()]),
+    }
+    found = stats.sobol_indices(func=of_batches, n=_N)
+    first = found.first_order.reshape(_N_BATCH, -1).T  # one group alone comes without its axis
+    total = found.total_order.reshape(_N_BATCH, -1).T
+    rows = zip(swapped, first, total, strict=True)
+    return [(name, *_mean_and_se(share), *_mean_and_se(most)) for name, share, most in rows]
+
+
+def _scene_shares(
+    inputs: FrictionInputs, j: int, sample: _Sample, variance: float
+) -> Iterator[_Row]:
+    """Yield var(E[mu | value])/var(mu) of single values, from the draws that there are.
+
+    Parameters and effects do not depend on the contact: given it, mu has a known mean.
+    """
+    effect = np.exp((sample.score * sample.theta[:, _SCALES]).sum(axis=1))
+    factors = (coefficients(sample.theta) * effect[:, None]).mean(axis=0)
+    mean = inputs.contact[:, j] @ factors[:3] + factors[3]
+    for name, values in inputs.scene.items():
+        value = values if values.ndim == 1 else values[:, j]
+        if np.ptp(value) > 0 and len(value) >= _LEAST * _N_BATCH:
+            batches = zip(
+                np.array_split(value, _N_BATCH), np.array_split(mean, _N_BATCH), strict=True
+            )
+            _, se = _mean_and_se(np.array([_between(*each) for each in batches]))
+            yield name, _between(value, mean) / variance, se / variance, np.nan, np.nan
+
+
+def _between(value: FloatArray, mean: FloatArray) -> float:
+    """Return the variance of the means of bins, less what it has by chance."""
+    distinct, codes = np.unique(value, return_inverse=True)
+    if len(distinct) > _N_BIN:
+        codes = np.argsort(np.argsort(value)) * _N_BIN // len(value)
+    number = np.bincount(codes)
+    means = np.bincount(codes, weights=mean) / number
+    between = float((number * (means - mean.mean()) ** 2).sum())
+    within = float(((mean - means[codes]) ** 2).sum()) / max(len(mean) - len(number), 1)
+    return (between - (len(number) - 1) * within) / len(mean)

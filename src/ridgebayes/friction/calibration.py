@@ -1,0 +1,399 @@
+"""`calibrate_friction`: a friction model's parameters from measured friction."""
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from ridgebayes._types import FloatArray, Json, Rng, Tabular, __version__
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.contact.hertz import half_width
+from ridgebayes.distributions.distribution import Distribution
+from ridgebayes.distributions.grammar import from_dict, to_dict
+from ridgebayes.errors import InputError
+from ridgebayes.evidence.bridge import bridge_evidence
+from ridgebayes.friction.bands import FrictionBands, FrictionInputs, predicted
+from ridgebayes.friction.density import FrictionDensity, FrictionRows
+from ridgebayes.friction.friction_model import FrictionModel
+from ridgebayes.friction.inputs import friction_inputs
+from ridgebayes.friction.table import FrictionTable, read_friction_table
+from ridgebayes.friction.terms import PARAMETERS, terms
+from ridgebayes.inference.chains import Chains, ProgressCallback, SampleSettings
+from ridgebayes.inference.diagnostics import arviz_object, failed_diagnostics, summarise
+from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.inference.netcdf import read_tree, write_tree
+from ridgebayes.inference.posterior import N_KEPT
+from ridgebayes.results import Fit
+from ridgebayes.runtime.randomness import seed_of, stream
+from ridgebayes.scene.scene import Scene
+
+_N_INPUT = 512  # draws of each texture's contact
+_NEGLIGIBLE = 1e-3  # relative deviation of the contact below which a component is left out
+_SAMPLE = ("chain", "draw")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrictionFit(Tabular):
+    """The posterior of a friction model's parameters, with its predictions and its file.
+
+    Parameters
+    ----------
+    model : FrictionModel
+        What was known beforehand.
+    chains : Chains
+        Thinned draws, as normal scores of the unknown parameters.
+    summary : pandas.DataFrame
+        One row per parameter: mean, sd, interval, effective sample sizes, R-hat.
+    convergence_failures : tuple of str
+        Rules of convergence that were not met; empty if it converged.
+    evidence : LogEvidence
+        Natural log evidence of ln mu, by bridge sampling.
+    rows : pandas.DataFrame
+        The table, held-out rows too, with mu_median, mu_lower and mu_upper: bands of 90 % for a
+        measurement of that standard error on a new subject, session and rig.
+    seed : int
+        Seed of the run.
+    table_digest : str
+        Of the friction table.
+    """
+
+    model: FrictionModel
+    chains: Chains
+    summary: pd.DataFrame
+    convergence_failures: tuple[str, ...]
+    evidence: LogEvidence
+    rows: pd.DataFrame
+    seed: int
+    table_digest: str
+
+    @property
+    def converged(self) -> bool:
+        """Whether every convergence rule was met."""
+        return not self.convergence_failures
+
+    @property
+    def theta(self) -> FloatArray:
+        """Draws of all nine parameters, known ones too, shape (n_draw, 9)."""
+        return self.model.theta(self.chains.u.reshape(-1, self.chains.u.shape[-1]))
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the summary of the posterior as a table.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A copy of `summary`.
+        """
+        return self.summary.copy()
+
+    def __repr__(self) -> str:
+        state = "converged" if self.converged else f"NOT converged: {self.convergence_failures[0]}"
+        values = ", ".join(
+            f"{row.parameter} = {row.mean:.4g} ± {row.sd:.2g}" for row in self.summary.itertuples()
+        )
+        return f"FrictionFit({values}; {state})"
+
+    def predict(self, inputs: xr.Dataset, *, prob: float = 0.9, rng: Rng = 0) -> FrictionBands:
+        """Predict a further measurement on a new subject, session and rig.
+
+        Parameters
+        ----------
+        inputs : xarray.Dataset
+            What `friction_inputs` returns; with its edges, unless the model's kappa is 0.
+        prob : float, optional
+            Probability inside the bands.
+        rng : int or numpy.random.Generator, optional
+            Seed; the same seed gives the same bands.
+
+        Returns
+        -------
+        FrictionBands
+            Bands, and the shares of terms and inputs in their variance; the calibrated parameters
+            depend on each other and have one share.
+
+        Raises
+        ------
+        InputError
+            If a variable is missing, or ridges are round.
+        """
+        theta = self.theta
+        return predicted(
+            FrictionInputs.of(inputs, edges=self.model.kappa != 0),
+            lambda random, n: theta[random.integers(len(theta), size=n)],
+            {"parameters": range(len(PARAMETERS))},
+            seed=seed_of(rng),
+            prob=prob,
+        )
+
+    def to_arviz(self) -> Any:
+        """Return the draws in arviz's container.
+
+        Returns
+        -------
+        arviz.InferenceData or xarray.DataTree
+            InferenceData of arviz 0.x, DataTree of 1.x: posterior (chain = ensemble, draw),
+            sample_stats, observed_data (mu), constant_data (the other columns of `rows`).
+        """
+        return arviz_object(self._groups())
+
+    def _groups(self) -> dict[str, xr.Dataset]:
+        n_ensemble, n_step, n_walker, k = self.chains.u.shape
+        u = self.chains.u.reshape(n_ensemble, n_step * n_walker, k)
+        theta = self.model.theta(u)
+        columns = {name: ("row", self.rows[name].to_numpy()) for name in self.rows}
+        return {
+            "posterior": xr.Dataset(
+                {name: (_SAMPLE, theta[..., PARAMETERS.index(name)]) for name in self.model.unknown}
+            ),
+            "sample_stats": xr.Dataset(
+                {
+                    "lp": (_SAMPLE, self.chains.log_density.reshape(n_ensemble, -1)),
+                    "u": ((*_SAMPLE, "coordinate"), u),
+                    "acceptance_rate": (("chain",), self.chains.acceptance),
+                    "tau": (("quantity",), self.chains.tau),
+                }
+            ),
+            "observed_data": xr.Dataset({"mu": columns.pop("mu")}),
+            "constant_data": xr.Dataset(columns),
+        }
+
+    def to_netcdf(self, path: str | os.PathLike[str]) -> None:
+        """Write what `to_arviz` returns, so that the fit can be read again, and arviz opens it.
+
+        Parameters
+        ----------
+        path : path
+            File to write, whole or not at all; one that is there is replaced.
+        """
+        tree = xr.DataTree.from_dict(self._groups())
+        tree.attrs = {
+            "ridgebayes_version": __version__,
+            "friction_model": json.dumps(_to_json(self.model)),
+            "summary": self.summary.to_json(orient="records", double_precision=15),
+            "missing": json.dumps(self.convergence_failures),
+            "stopping_rule_missing": json.dumps(self.chains.convergence_failures),
+            "evidence": json.dumps(asdict(self.evidence)),
+            "columns": json.dumps(list(self.rows)),
+            "seed": str(self.seed),
+            "table_digest": self.table_digest,
+            "n_walker": self.chains.u.shape[2],
+        }
+        write_tree(tree, path)
+
+    @classmethod
+    def from_netcdf(cls, path: str | os.PathLike[str]) -> "FrictionFit":
+        """Read what `to_netcdf` wrote.
+
+        Parameters
+        ----------
+        path : path
+            File.
+
+        Returns
+        -------
+        FrictionFit
+            The fit.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, damaged, or not written by this package.
+        """
+        return read_tree(path, _fit_of)
+
+
+def calibrate_friction(
+    table: FrictionTable | pd.DataFrame | str | os.PathLike[str],
+    inputs: Fit | Comparison | None,
+    model: FrictionModel | None = None,
+    *,
+    nu: float = 0.5,
+    rng: Rng = 0,
+    settings: SampleSettings | None = None,
+    progress: ProgressCallback | None = None,
+) -> FrictionFit:
+    """Sample the posterior of friction's parameters given measured friction.
+
+    Parameters
+    ----------
+    table : FrictionTable, path or pandas.DataFrame
+        Rows of role calibration are fitted, all are predicted.
+    inputs : Fit, Comparison or None
+        Posterior that the contact of rows on ridges is drawn from, as by `friction_inputs`; None
+        if all rows are of smooth surfaces.
+    model : FrictionModel, optional
+        Priors, and which parameters are known.
+    nu : float, optional
+        Poisson's ratio of the body.
+    rng : int or numpy.random.Generator, optional
+        Seed; the same seed gives the same draws.
+    settings : SampleSettings, optional
+        Lengths and thresholds of the walk.
+    progress : callable, optional
+        Called with a line of text now and then.
+
+    Returns
+    -------
+    FrictionFit
+        Draws, diagnostics, evidence, and what is missing if it did not converge.
+
+    Raises
+    ------
+    InputError
+        If a cell of the table breaks a rule, no row is to be fitted, nothing is unknown, or rows on
+        ridges come without `inputs`.
+
+    Notes
+    -----
+    ln mu is normal about the model's; subjects, sessions of a subject and rigs have effects of
+    their own, which are integrated out. What the draws of a row's contact leave open widens its
+    error, to first order. Rows without a label share one.
+
+    *Cost.* Some seconds for a hundred rows of a few textures.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> p = [0.004, 0.008, 0.012]
+    >>> smooth = {"a_over_R": None, "b_over_R": None, "p_over_E": p, "mu": [1.32, 0.94, 0.79]}
+    >>> fit = calibrate_friction(pd.DataFrame(smooth), None, FrictionModel(kappa=0), rng=1)
+    >>> fit.converged
+    True
+    """
+    table, seed, model = read_friction_table(table), seed_of(rng), model or FrictionModel()
+    if not table.is_fitted.any():
+        raise InputError(f"{table.where}: expected a row of role calibration, got none")
+    if not model.unknown:
+        raise InputError("model: expected a parameter that is not known, got none")
+    rows = rows_of(table.frame, inputs, nu, seed, edges=model.kappa != 0)
+    density = FrictionDensity(model, rows.where(table.is_fitted))
+    chains, summary, evidence = sampled(density, seed, settings, progress)
+    failures = chains.convergence_failures + failed_diagnostics(summary)
+    kept = chains.thinned(N_KEPT)
+    theta = model.theta(kept.u.reshape(-1, kept.u.shape[-1]))
+    bands = _row_bands(rows, theta, stream(seed, "friction", "rows"))
+    frame = table.frame.assign(**bands)
+    return FrictionFit(model, kept, summary, failures, evidence, frame, seed, table.digest())
+
+
+def sampled(
+    density: FrictionDensity,
+    seed: int,
+    settings: SampleSettings | None,
+    progress: ProgressCallback | None = None,
+) -> tuple[Chains, pd.DataFrame, LogEvidence]:
+    """Return chains of a density, the parameters' summary and the evidence."""
+    # emcee takes a while to load, and only sampling needs it.
+    from ridgebayes.inference.emcee_sampling import sample
+
+    names = density.model.unknown
+    chains = sample(
+        density.log_density,
+        density.laplace,
+        seed=seed,
+        names=names,
+        settings=settings,
+        progress=progress,
+    )
+    columns = [PARAMETERS.index(name) for name in names]
+    summary = summarise(density.model.theta(chains.u)[..., columns], names)
+    bridge = stream(seed, "friction", "bridge")
+    return (
+        chains,
+        summary,
+        bridge_evidence(density.log_density, chains, density.laplace, rng=bridge, draws_max=10_000),
+    )
+
+
+def rows_of(
+    frame: pd.DataFrame, source: Fit | Comparison | None, nu: float, seed: int, *, edges: bool
+) -> FrictionRows:
+    """Return the rows of a friction table's frame with the contact of each.
+
+    Raises
+    ------
+    InputError
+        If rows on ridges come without a posterior.
+    """
+    p, smooth = frame["p_over_E"].to_numpy(), frame["a_over_R"].isna().to_numpy()
+    width = half_width(p, nu=nu)
+    contact = np.stack([width / p, width, np.zeros(len(p))], axis=1)
+    spread = [np.zeros((len(p), 3, 0))]
+    widths = frame[["a_over_R", "b_over_R"]].to_numpy()
+    for i, texture in enumerate(np.unique(widths[~smooth], axis=0)):
+        if source is None:
+            raise InputError("inputs: expected a Fit or a Comparison for rows on ridges, got None")
+        here = np.flatnonzero((widths == texture).all(axis=1))
+        loads, at = np.unique(p[here], return_inverse=True)
+        scene, own = (
+            Scene.of([tuple(texture.tolist())], nu=nu),
+            int(stream(seed, f"texture {i}").integers(2**31)),
+        )
+        drawn = friction_inputs(source, scene, loads, n=_N_INPUT, rng=own, edges=edges)
+        found = FrictionInputs.of(drawn, edges=edges).contact
+        mean = found.mean(axis=0)
+        scale = np.where(mean > 0, mean, 1.0)
+        off = ((found - mean) / scale).reshape(_N_INPUT, -1) / np.sqrt(_N_INPUT)
+        _, size, direction = np.linalg.svd(off, full_matrices=False)
+        components = (size[:, None] * direction)[size > _NEGLIGIBLE].T.reshape(*mean.shape, -1)
+        contact[here] = mean[at]
+        spread.append(np.zeros((len(p), 3, components.shape[-1])))
+        spread[-1][here] = (scale[..., None] * components)[at]
+    return FrictionRows.of(frame, contact, np.concatenate(spread, axis=2))
+
+
+def _row_bands(
+    rows: FrictionRows, theta: FloatArray, rng: np.random.Generator
+) -> dict[str, FloatArray]:
+    """Return bands of every row's mu on a new subject, session and rig."""
+    scales = theta[:, PARAMETERS.index("tau_subject") :]
+    effect = (scales * rng.standard_normal(scales.shape)).sum(axis=1)
+    open_ = rng.standard_normal((len(theta), rows.spread.shape[2]))
+    bands = np.empty((3, len(rows.mu)))
+    for r, relative_se in enumerate(rows.se / rows.mu):
+        contact = rows.contact[r] + open_ @ rows.spread[r].T
+        error = relative_se * rng.standard_normal(len(theta))
+        mu = terms(contact, theta).sum(axis=1) * np.exp(effect + error)
+        bands[:, r] = np.quantile(mu, (0.5, 0.05, 0.95))
+    return dict(zip(("mu_median", "mu_lower", "mu_upper"), bands, strict=True))
+
+
+def _to_json(model: FrictionModel) -> Json:
+    given = {name: getattr(model, name) for name in PARAMETERS}
+    return {k: to_dict(v) if isinstance(v, Distribution) else float(v) for k, v in given.items()}
+
+
+def _fit_of(tree: xr.DataTree) -> FrictionFit:
+    """Return the fit in a file; an error of any kind if there is none."""
+    about: Json = {str(name): value for name, value in tree.attrs.items()}
+    given = json.loads(about["friction_model"])
+    model = FrictionModel(
+        **{k: from_dict(v) if isinstance(v, dict) else float(v) for k, v in given.items()}
+    )
+    stats, n_walker = tree["sample_stats"], int(about["n_walker"])
+    u = stats["u"].to_numpy()
+    shape = (u.shape[0], u.shape[1] // n_walker, n_walker)
+    chains = Chains(
+        u.reshape(*shape, len(model.unknown)),
+        stats["lp"].to_numpy().reshape(shape),
+        stats["acceptance_rate"].to_numpy(),
+        stats["tau"].to_numpy(),
+        tuple(json.loads(about["stopping_rule_missing"])),
+    )
+    observed, constant = tree["observed_data"], tree["constant_data"]
+    names = json.loads(about["columns"])
+    columns = {k: (observed if k == "mu" else constant)[k].to_numpy() for k in names}
+    return FrictionFit(
+        model,
+        chains,
+        pd.DataFrame(json.loads(about["summary"])),
+        tuple(json.loads(about["missing"])),
+        LogEvidence(**json.loads(about["evidence"])),
+        pd.DataFrame(columns),
+        int(about["seed"]),
+        about["table_digest"],
+    )

@@ -1,0 +1,139 @@
+"""The posterior of a friction model's parameters: subjects, sessions and rigs integrated out.
+
+ln mu of row r is ln m_r + effects + error. Effects are normal, and what draws of the contact leave
+open is taken to first order: both enter the rows' covariance D + U U', with D diagonal and few
+columns in U, and a call costs O(rows x columns^2).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes.friction.friction_model import FrictionModel
+from ridgebayes.friction.terms import PARAMETERS, coefficients
+from ridgebayes.inference.coordinates import NoCoefficients
+from ridgebayes.inference.laplace import Laplace
+from ridgebayes.inference.mode_search import hessian, searched
+from ridgebayes.model.conditional_offsets import cholesky_or_nan, solve_lower
+from ridgebayes.table.rules import row_codes
+
+_LOG_2PI = math.log(2 * math.pi)
+_LEAST_VARIANCE = 1e-10  # of ln mu: nothing is measured to 1e-5; below, rounding would show
+_AT_ONCE = 2_000_000  # numbers of U that are held at a time
+_FAR = 1e100  # stands for minus the log density where there is none
+_FLATTEST = 0.1  # curvature: the prior alone has 1
+_GROUPED = slice(PARAMETERS.index("tau_subject"), PARAMETERS.index("sigma"))
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionRows:
+    """Measured friction, and the contact of each row.
+
+    Parameters
+    ----------
+    mu, se : ndarray of float, shape (n_row,)
+        Coefficient of friction and its standard error.
+    contact : ndarray of float, shape (n_row, 3)
+        Means of E A/W, w/R and I/W.
+    spread : ndarray of float, shape (n_row, 3, k)
+        Their deviations along k independent standard normals.
+    groups : sequence of ndarray of int, each of shape (n_row,)
+        Codes of subjects, of sessions of a subject, and of rigs.
+    """
+
+    mu: FloatArray
+    se: FloatArray
+    contact: FloatArray
+    spread: FloatArray
+    groups: Sequence[np.ndarray]
+
+    @classmethod
+    def of(cls, frame: pd.DataFrame, contact: FloatArray, spread: FloatArray) -> "FrictionRows":
+        """Return the rows of a friction table's frame."""
+        subject, session, rig = (frame[name] for name in ("subject", "session", "rig"))
+        groups = row_codes(subject), row_codes(subject, session), row_codes(rig)
+        mu, se = frame["mu"].to_numpy(), frame["mu_se"].to_numpy()
+        return cls(mu, se, contact, spread, groups)
+
+    def where(self, keep: BoolArray) -> "FrictionRows":
+        """Return some of the rows."""
+        groups = [codes[keep] for codes in self.groups]
+        return FrictionRows(
+            self.mu[keep], self.se[keep], self.contact[keep], self.spread[keep], groups
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionDensity:
+    """Posterior density in normal scores of the unknown parameters.
+
+    Parameters
+    ----------
+    model : FrictionModel
+        Priors.
+    rows : FrictionRows
+        Rows to fit.
+    """
+
+    model: FrictionModel
+    rows: FrictionRows
+
+    @cached_property
+    def _member(self) -> tuple[FloatArray, "np.ndarray"]:
+        """Return which row is of which group, (n_row, n_group), and each group's kind."""
+        known = [np.unique(codes, return_inverse=True) for codes in self.rows.groups]
+        member = np.concatenate([np.eye(len(names))[codes] for names, codes in known], axis=1)
+        return member, np.repeat(np.arange(len(known)), [len(names) for names, _ in known])
+
+    def log_density(self, u: FloatArray) -> FloatArray:
+        """Return the log posterior density, (n, k) to (n,)."""
+        prior = -0.5 * ((u * u).sum(axis=-1) + u.shape[-1] * _LOG_2PI)
+        return prior + self.log_likelihood(self.model.theta(u))
+
+    def log_likelihood(self, theta: FloatArray) -> FloatArray:
+        """Return the log-likelihood of ln mu, shape (n,), of parameters (n, 9)."""
+        n_column = self._member[0].shape[1] + self.rows.spread.shape[2]
+        n_part = math.ceil(len(theta) * len(self.rows.mu) * n_column / _AT_ONCE)
+        parts = np.array_split(theta, max(n_part, 1))
+        return np.concatenate([self._log_likelihood(part) for part in parts])
+
+    def _log_likelihood(self, theta: FloatArray) -> FloatArray:
+        rows, (member, kind) = self.rows, self._member
+        factors = coefficients(theta)
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            mean = factors[:, :3] @ rows.contact.T + factors[:, 3:]
+            residual = np.log(rows.mu) - np.log(mean)
+            grouped = member * theta[:, _GROUPED][:, None, kind]
+            open_ = np.einsum("tj,njk->tnk", factors[:, :3], rows.spread) / mean[:, :, None]
+            variance = theta[:, -1:] ** 2 + (rows.se / rows.mu) ** 2
+        variance = np.maximum(variance, _LEAST_VARIANCE)
+        U = np.concatenate([grouped, open_], axis=2) / np.sqrt(variance)[:, :, None]
+        r = residual / np.sqrt(variance)
+        usable = np.isfinite(U).all(axis=(1, 2)) & np.isfinite(r).all(axis=1)
+        U[~usable], r[~usable] = 0.0, 0.0
+        across = np.swapaxes(U, 1, 2)
+        root = cholesky_or_nan(np.eye(U.shape[2]) + across @ U)
+        explained = solve_lower(root, across @ r[:, :, None])[:, :, 0]
+        square = (r * r).sum(axis=1) - (explained * explained).sum(axis=1)
+        log_volume = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+        value = -0.5 * (square + np.log(variance).sum(axis=1) + r.shape[1] * _LOG_2PI) - log_volume
+        return np.where(usable & np.isfinite(value), value, -np.inf)
+
+    @cached_property
+    def laplace(self) -> Laplace:
+        """The normal approximation about the mode."""
+
+        def negative(u: FloatArray) -> FloatArray:
+            return np.minimum(-self.log_density(u.reshape(-1, k)), _FAR).reshape(u.shape[:-1])
+
+        k = len(self.model.unknown)
+        mode = searched(negative, np.zeros(k), 1e-3)
+        value, vector = np.linalg.eigh(hessian(negative, mode))
+        covariance = (vector / np.maximum(value, _FLATTEST)) @ vector.T
+        factor = np.linalg.cholesky(covariance)
+        return Laplace(mode, factor, -float(negative(mode)), NoCoefficients(), k)

@@ -1,0 +1,154 @@
+"""A worked friction model: adhesion, deformation loss and interlocking, and who measures.
+
+    mu = (tau0 f A/W + alpha + (2/(3 pi)) beta w/R + kappa I/W) exp(u)
+
+A is the touching area at rest, f what sliding leaves of it, w the contact half-width, I the sum of
+the forces G on the proximal edges of one side, W the load, all of a unit length along the ridges; u
+adds up effects of subject, session, rig and repeat. `docs/friction.md` says where each term comes
+from and where it ends.
+"""
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+import xarray as xr
+
+from ridgebayes._types import FloatArray, Rng
+from ridgebayes.distributions.distribution import Distribution
+from ridgebayes.distributions.grammar import parse_distribution
+from ridgebayes.errors import InputError
+from ridgebayes.friction.bands import FrictionBands, FrictionInputs, predicted
+from ridgebayes.friction.terms import COEFFICIENTS, PARAMETERS
+from ridgebayes.runtime.randomness import seed_of
+
+Prior = Distribution | float | str
+
+
+@dataclass(frozen=True)
+class FrictionModel:
+    """What is known beforehand of the parameters of friction.
+
+    Each is a distribution, its text as in a file of priors (``lognormal(0.1, 50 %)``), or a number
+    that is taken as known. A term whose coefficient is 0 is left out. Stresses are over Young's
+    modulus.
+
+    Parameters
+    ----------
+    tau0 : Distribution, str or float, optional
+        Shear stress of the adhesive contact.
+    alpha : Distribution, str or float, optional
+        Its rise with the mean pressure in the contact, of which mu gets as much.
+    area_factor : Distribution, str or float, optional
+        Touching area in sliding over that at rest.
+    beta : Distribution, str or float, optional
+        Share of the elastic work that is lost.
+    kappa : Distribution, str or float, optional
+        What the proximal edges of one side resist, over the sum of their forces G: an assumption.
+    tau_subject, tau_session, tau_rig : Distribution, str or float, optional
+        Standard deviations of ln mu between subjects, sessions of a subject, and rigs.
+    sigma : Distribution, str or float, optional
+        Standard deviation of ln mu from one measurement to the next.
+
+    Raises
+    ------
+    InputError
+        If a number is negative or not finite, a distribution has mass below 0, or no term is left.
+
+    Examples
+    --------
+    >>> FrictionModel(kappa=0).unknown  # no interlocking
+    ('tau0', 'area_factor', 'beta', 'tau_subject', 'tau_session', 'tau_rig', 'sigma')
+    """
+
+    tau0: Prior = "lognormal(0.07, 1)"
+    alpha: Prior = 0.0
+    area_factor: Prior = "uniform(0.6, 1)"
+    beta: Prior = "lognormal(0.24, 0.3)"
+    kappa: Prior = "lognormal(1, 1)"
+    tau_subject: Prior = "halfnormal(0.3)"
+    tau_session: Prior = "halfnormal(0.15)"
+    tau_rig: Prior = "halfnormal(0.1)"
+    sigma: Prior = "halfnormal(0.1)"
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            given = getattr(self, field.name)
+            if isinstance(given, str):
+                given = parse_distribution(given, field.name)
+                object.__setattr__(self, field.name, given)
+            low = given.support[0] if isinstance(given, Distribution) else given
+            if not isinstance(low, int | float | np.number) or not 0 <= low < math.inf:
+                rule = "expected a distribution of positive values, or a number >= 0"
+                raise InputError(f"{field.name}: {rule}, got {given!r}")
+        if not any(self._given[name] for name in COEFFICIENTS):
+            raise InputError(f"expected one of {', '.join(COEFFICIENTS)} above 0, got none")
+
+    @property
+    def _given(self) -> dict[str, Distribution | float]:
+        return {name: getattr(self, name) for name in PARAMETERS}
+
+    @property
+    def priors(self) -> dict[str, Distribution]:
+        """Priors of the parameters that are not known."""
+        given = self._given.items()
+        return {name: one for name, one in given if isinstance(one, Distribution)}
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Names of the parameters that are not known."""
+        return tuple(self.priors)
+
+    def theta(self, scores: FloatArray) -> FloatArray:
+        """Return all nine parameters at normal scores of the unknown ones.
+
+        Parameters
+        ----------
+        scores : ndarray of float, shape (..., n_unknown), dimensionless
+            Scores in the order of `unknown`.
+
+        Returns
+        -------
+        ndarray of float, shape (..., 9), dimensionless
+            Parameters in the order of the fields.
+        """
+        out = np.empty((*scores.shape[:-1], len(PARAMETERS)))
+        known = iter(np.moveaxis(scores, -1, 0))
+        for i, one in enumerate(self._given.values()):
+            out[..., i] = one.value_at(next(known)) if isinstance(one, Distribution) else one
+        return out
+
+    def predict(
+        self, inputs: xr.Dataset | FrictionInputs, *, prob: float = 0.9, rng: Rng = 0
+    ) -> FrictionBands:
+        """Predict the coefficient of friction before anything was measured.
+
+        Parameters
+        ----------
+        inputs : xarray.Dataset
+            What `friction_inputs` returns; with its edges, unless kappa is 0.
+        prob : float, optional
+            Probability inside the bands.
+        rng : int or numpy.random.Generator, optional
+            Seed; the same seed gives the same bands.
+
+        Returns
+        -------
+        FrictionBands
+            Bands for a further measurement on a new subject, session and rig, and the shares of
+            terms and inputs in their variance.
+
+        Raises
+        ------
+        InputError
+            If a variable is missing, or ridges are round, which have no forces on edges.
+        """
+        k = len(self.unknown)
+        columns = {name: [PARAMETERS.index(name)] for name in self.unknown}
+        return predicted(
+            FrictionInputs.of(inputs, edges=self.kappa != 0),
+            lambda random, n: self.theta(random.standard_normal((n, k))),
+            columns,
+            seed=seed_of(rng),
+            prob=prob,
+        )

@@ -1,0 +1,175 @@
+"""`FrictionTable`: measured coefficients of friction, validated once, at the door."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import BoolArray, Tabular
+from ridgebayes.errors import InputError
+from ridgebayes.runtime.text import count
+from ridgebayes.table.columns import CALIBRATION, HELD_OUT, Column, Findings, RawTable
+from ridgebayes.table.files import frame_digest, read_raw, write_frame
+from ridgebayes.table.rules import own_column, read_number, read_text, validated
+
+_WIDTH = "must be finite and > 0; of a smooth surface a_over_R and b_over_R are both empty"
+_LABEL = "any text on one line"
+COLUMNS = (
+    Column("a_over_R", "number", _WIDTH),
+    Column("b_over_R", "number", _WIDTH),
+    Column("p_over_E", "number", "must be finite and > 0"),
+    Column("mu", "number", "must be finite and > 0"),
+    Column("mu_se", "number", "must be finite and >= 0", 0.0),
+    Column("subject", "text", _LABEL, ""),
+    Column("session", "text", _LABEL, ""),
+    Column("rig", "text", _LABEL, ""),
+    Column("role", "text", "must be 'calibration' or 'held-out'", CALIBRATION),
+)
+_RULES = {column.name: column.rule for column in COLUMNS}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrictionTable(Tabular):
+    """Rows of measured friction, every rule of the contract held.
+
+    `read_friction_table` makes it. Columns of the user's own stand after those of the contract:
+
+    ================== ============================================================================
+    a_over_R, b_over_R ridge and groove width over the radius: finite, > 0; both empty: smooth
+    p_over_E           load per projected area over Young's modulus: finite, > 0
+    mu                 coefficient of friction: finite, > 0
+    mu_se              optional: its standard error: >= 0; default 0
+    subject            optional: person or specimen
+    session            optional: day or session of that subject
+    rig                optional: apparatus
+    role               optional: ``calibration`` (default) or ``held-out``: predicted, never fitted
+    ================== ============================================================================
+
+    Parameters
+    ----------
+    where : str, optional
+        File or name that messages show.
+
+    Notes
+    -----
+    Rows without a label have one unnamed subject (session, rig) in common.
+    """
+
+    _frame: pd.DataFrame
+    where: str = "friction table"
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """A copy of the rows: contract columns in their order, all filled, then the user's own."""
+        return self._frame.copy()
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a copy of the rows, as `frame`.
+
+        Returns
+        -------
+        pandas.DataFrame, shape (n_row, n_column)
+            Contract columns in their order, all filled, then the user's own.
+        """
+        return self.frame
+
+    def __len__(self) -> int:
+        return len(self._frame)
+
+    def __repr__(self) -> str:
+        subjects = count(self._frame["subject"].nunique(), "subject")
+        return f"FrictionTable({self.where}: {count(len(self), 'row')}, {subjects})"
+
+    @property
+    def is_fitted(self) -> BoolArray:
+        """Where rows are of role calibration, shape (n_row,)."""
+        return (self._frame["role"] == CALIBRATION).to_numpy(dtype=bool)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the table, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or path
+            Ends in ``.csv`` or ``.parquet``; an existing file is replaced.
+        """
+        write_frame(self._frame, Path(path))
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the content: equal for equal rows in equal order.
+
+        Returns
+        -------
+        str
+            64 hexadecimal digits.
+        """
+        return frame_digest(self._frame, COLUMNS)
+
+
+def read_friction_table(
+    source: FrictionTable | pd.DataFrame | str | os.PathLike[str],
+) -> FrictionTable:
+    """Read and validate a table of measured friction.
+
+    Parameters
+    ----------
+    source : str, path, pandas.DataFrame or FrictionTable
+        A ``.csv`` file (UTF-8, commas, one header line), a ``.parquet`` file, or the rows
+        themselves. `FrictionTable` describes the columns; one is returned as it is.
+
+    Returns
+    -------
+    FrictionTable
+        The validated table; defaults are filled in, and nothing is dropped or repaired.
+
+    Raises
+    ------
+    InputError
+        If the source is none of these, the file cannot be read, or a rule is broken; the message
+        names file, row, column, value and rule of every bad cell (the first twenty shown, the rest
+        counted).
+
+    Examples
+    --------
+    >>> rows = {"a_over_R": [0.022, None], "b_over_R": [0.02, None], "p_over_E": 0.01}
+    >>> read_friction_table(pd.DataFrame(rows | {"mu": [0.8, 1.1], "subject": "A"}))
+    FrictionTable(friction table: 2 rows, 1 subject)
+    """
+    if isinstance(source, FrictionTable):
+        return source
+    if isinstance(source, pd.DataFrame):
+        raw = RawTable(source.copy(), "friction table")
+    elif isinstance(source, str | os.PathLike):
+        raw = read_raw(Path(source), COLUMNS)
+    else:
+        kind = type(source).__name__
+        raise InputError(
+            f"friction table: expected a path, a FrictionTable or a pandas.DataFrame, got {kind}"
+        )
+    return FrictionTable(validated(raw, _checked, COLUMNS), raw.where)
+
+
+def _checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
+    """Return the canonical frame, and every cell that breaks a rule."""
+    cells = raw.frame.reset_index(drop=True)
+    found = Findings(len(cells))
+    typed: dict[str, Any] = {}
+    empty: dict[str, BoolArray] = {}
+    for column in COLUMNS:
+        read = read_number if column.holds == "number" else read_text
+        typed[column.name], empty[column.name] = read(cells, column, found)
+    for name in cells.columns:
+        if name not in _RULES:
+            typed[name] = own_column(cells[name], name, found)
+    for name in ("p_over_E", "mu"):
+        found.add(empty[name], name, "must not be empty or NaN")
+        found.add(~(typed[name] > 0), name, _RULES[name])
+    for name, other in (("a_over_R", "b_over_R"), ("b_over_R", "a_over_R")):
+        found.add(empty[name] & ~empty[other], name, _WIDTH)
+        found.add(~(typed[name] > 0) & ~empty[name], name, _WIDTH)
+    found.add(~(typed["mu_se"] >= 0), "mu_se", _RULES["mu_se"])
+    found.add(~np.isin(typed["role"], (CALIBRATION, HELD_OUT)), "role", _RULES["role"])
+    return pd.DataFrame(typed), found
