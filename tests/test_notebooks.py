@@ -15,7 +15,11 @@ NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?(?![\w.])"
 
 
 def test_notebooks__are_all_known():
-    assert [path.name for path in NOTEBOOKS] == ["design.ipynb", "quickstart.ipynb"]
+    assert [path.name for path in NOTEBOOKS] == [
+        "design.ipynb",
+        "friction.ipynb",
+        "quickstart.ipynb",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -76,3 +80,15 @@ def test_notebook__shows_again_what_is_stored(path, tmp_path, monkeypatch):
         np.testing.assert_allclose(
             np.array(new_numbers, float), np.array(numbers, float), rtol=0.15, atol=0.05
         )
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_friction__runs_and_narrows_the_band(tmp_path, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
+    notebook = nbformat.read(FOLDER / "friction.ipynb", as_version=4)
+    resources = {"metadata": {"path": str(tmp_path)}}
+    NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()
+    texts, n_figure = shown(notebook)
+    assert n_figure == 2
+    band = re.search(r"mu at the largest load: ([\d.]+) to ([\d.]+)", "".join(texts))
+    assert float(band[2]) < 4 * float(band[1])
