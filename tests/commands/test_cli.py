@@ -928,6 +928,22 @@ def test_friction__is_what_the_library_draws(command, run, finger):
     assert Path("x.csv").read_bytes() == Path("y.csv").read_bytes()
 
 
+def test_friction__with_the_model_writes_bands_and_shares(command, refused, run, finger):
+    words = ("friction", run, finger, "--n", 40, "--loads", 2, "--seed", 5, "--model")
+    said = command(*words, "-o", "x.nc", "--json")
+    assert said.code == 0
+    drawn = rb.friction_inputs(read_run(run), finger, 2, n=40, rng=5, edges=True)
+    expected = rb.FrictionModel().predict(drawn, rng=5)
+    told = json.loads(said.out)
+    assert told["files"] == ["x.nc", "x-mu.csv", "x-mu-shares.csv"]
+    pd.testing.assert_frame_equal(pd.DataFrame(told["result"]), expected.bands, check_dtype=False)
+    pd.testing.assert_frame_equal(pd.read_csv("x-mu.csv"), expected.bands)
+    pd.testing.assert_frame_equal(pd.read_csv("x-mu-shares.csv"), expected.shares)
+    with xr.open_dataset("x.nc", engine="h5netcdf") as found:
+        assert "edge" not in found.dims  # not asked for
+    refused([*words, "-o", "x.csv"], "x-mu.csv: exists")
+
+
 @pytest.mark.parametrize(
     ("words", "expected"),
     [

@@ -44,13 +44,13 @@ def test_read__one_message_lists_every_bad_cell(tmp_path):
     for cell in (
         "row 1 (line 2): b_over_R = (empty): must be finite and > 0; of a smooth surface",
         "row 2 (line 3): a_over_R = (empty)",
-        "row 3 (line 4): a_over_R = -1",
-        "row 3 (line 4): p_over_E = 0: must be finite and > 0",
-        "row 3 (line 4): mu_se = -0.1: must be finite and >= 0",
-        "row 4 (line 5): mu = -0.5: must be finite and > 0",
-        "row 4 (line 5): mu_se = inf",
-        "row 4 (line 5): role = fit: must be 'calibration' or 'held-out'",
-        "row 5 (line 6): p_over_E = 1,5: must be a number, with a point for decimals",
+        "row 3 (line 4): a_over_R = '-1'",
+        "row 3 (line 4): p_over_E = '0': must be finite and > 0",
+        "row 3 (line 4): mu_se = '-0.1': must be finite and >= '0'",
+        "row 4 (line 5): mu = '-0.5': must be finite and > 0",
+        "row 4 (line 5): mu_se = 'inf'",
+        "row 4 (line 5): role = 'fit': must be 'calibration' or 'held-out'",
+        "row 5 (line 6): p_over_E = '1,5': must be a number, with a point for decimals",
         "row 5 (line 6): mu = (empty): must not be empty or NaN",
     ):
         assert cell in words

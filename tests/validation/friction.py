@@ -3,6 +3,7 @@
 ``python -m tests.validation.friction`` writes docs/validation/friction.csv. For each table the
 truth is drawn from the priors, rows are simulated on a fixed plan, and calibrated. Of 50 tables
 each parameter should be inside 41 to 49 times: a binomial leaves that range in 3 % of the cases.
+A run that was stopped goes on.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from ridgebayes.runtime.randomness import stream
 TARGET = Path(__file__).parents[2] / "docs" / "validation" / "friction.csv"
 # As for other simulated tables: enough for a quantile among some thousand draws.
 SETTINGS = rb.SampleSettings(tau_change=0.1)
+COLUMNS = ["n_table", "n_inside", "n_converged"]
 SURFACES = ((None, None), (0.022, 0.02), (0.012, 0.03))
 
 
@@ -74,15 +76,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("-o", type=Path, default=TARGET)
     asked = parser.parse_args()
-    rows, found = rows_to_fit(asked.seed), []
-    for i in range(asked.n):
-        found.append(hits(rows, rb.FrictionModel(), i, asked.seed))
-        every = pd.concat(found)
-        counted = every.groupby("parameter", sort=False).agg(
-            n_table=("inside", "size"), n_inside=("inside", "sum"), n_converged=("converged", "sum")
-        )
-        print(i, " ".join(f"{k}:{v}" for k, v in counted["n_inside"].items()), flush=True)
+    counted = pd.read_csv(asked.o, index_col="parameter") if asked.o.exists() else None
+    first = 0 if counted is None else int(counted["n_table"].max())
+    rows = rows_to_fit(asked.seed)
+    for i in range(first, asked.n):
+        found = hits(rows, rb.FrictionModel(), i, asked.seed).set_index("parameter").assign(one=1)
+        new = found[["one", "inside", "converged"]].astype(int).set_axis(COLUMNS, axis=1)
+        counted = new if counted is None else counted + new
         counted.to_csv(asked.o)
+        print(i, counted["n_inside"].to_dict(), flush=True)
 
 
 if __name__ == "__main__":
