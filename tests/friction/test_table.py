@@ -46,7 +46,7 @@ def test_read__one_message_lists_every_bad_cell(tmp_path):
         "row 2 (line 3): a_over_R = (empty)",
         "row 3 (line 4): a_over_R = '-1'",
         "row 3 (line 4): p_over_E = '0': must be finite and > 0",
-        "row 3 (line 4): mu_se = '-0.1': must be finite and >= '0'",
+        "row 3 (line 4): mu_se = '-0.1': must be finite and >= 0",
         "row 4 (line 5): mu = '-0.5': must be finite and > 0",
         "row 4 (line 5): mu_se = 'inf'",
         "row 4 (line 5): role = 'fit': must be 'calibration' or 'held-out'",
