@@ -50,7 +50,7 @@ _HOME = {
     "citations": "comparison.citations",
     "compare": "comparison.compare",
     "friction_inputs": "friction.inputs",
-    "Design": "texture_design.design",
+    "Design": "texture_design.record",
     "design": "texture_design.design",
     "FrictionModel": "friction.friction_model",
     "FrictionBands": "friction.bands",
@@ -100,4 +100,5 @@ if TYPE_CHECKING:
     from ridgebayes.simulate.responses import contact_at_loads, edge_forces, ridge_forces
     from ridgebayes.table.datafiles import paper_sweep, reference_fe
     from ridgebayes.table.table import ContactTable, read_table
-    from ridgebayes.texture_design.design import Design, design
+    from ridgebayes.texture_design.design import design
+    from ridgebayes.texture_design.record import Design

@@ -11,7 +11,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.predict.predict import predict_q
 from ridgebayes.predict.q_distribution import mix_q
 from ridgebayes.texture_design.bodies import Bodies, Tolerance
-from ridgebayes.texture_design.design import _drawn_loads
+from ridgebayes.texture_design.drawn_loads import drawn_loads
 from ridgebayes.texture_design.goal_values import GoalValues
 from ridgebayes.texture_design.goals import Load, parse_goals
 
@@ -35,7 +35,7 @@ def uncertain():
 
 def values_of(source, scene, tolerance, textures, n=16_384, seed=3):
     made = Tolerance.parse(tolerance)
-    loads = _drawn_loads(source.averaged, Bodies.draw(scene, made, n, seed).ratios(textures))
+    loads = drawn_loads(source.averaged, Bodies.draw(scene, made, n, seed).ratios(textures))
     return GoalValues(loads, lambda size: Bodies.draw(scene, made, size, seed), n)
 
 

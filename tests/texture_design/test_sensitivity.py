@@ -7,7 +7,7 @@ from scipy import stats
 import ridgebayes as rb
 from ridgebayes.runtime.randomness import stream
 from ridgebayes.texture_design.bodies import Bodies, Tolerance
-from ridgebayes.texture_design.design import _drawn_loads
+from ridgebayes.texture_design.drawn_loads import drawn_loads
 from ridgebayes.texture_design.form_reliability import form_reliability
 from ridgebayes.texture_design.goal_values import Value
 from ridgebayes.texture_design.goals import parse_goals
@@ -43,7 +43,7 @@ def sources_at(fit, log_median, goal="P(Q >= 8) >= 0.9", tolerance=None):
     )
     made = Tolerance.parse(tolerance)
     bodies = Bodies.draw(scene, made, 1_000, 1)
-    loads = _drawn_loads(fit.averaged, bodies.ratios([TEXTURE]))
+    loads = drawn_loads(fit.averaged, bodies.ratios([TEXTURE]))
     (asked,) = parse_goals(goal)
     return Sources(scene, made, loads, TEXTURE, Value(0.0, 0.0, asked.cases[0], (0.0, 0.0)))
 

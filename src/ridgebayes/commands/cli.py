@@ -24,6 +24,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import typer
 
 from ridgebayes.commands import options
+from ridgebayes.commands.design_options import DesignOptions
 from ridgebayes.commands.shared_options import Output
 from ridgebayes.errors import ComputationError, InputError
 
@@ -34,7 +35,7 @@ _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "compare": ("compare", options.Compare),
     "predict": ("predict", options.Predict),
     "friction": ("friction", options.Friction),
-    "design": ("design", options.Design),
+    "design": ("design", DesignOptions),
     "coverage": ("coverage", options.Coverage),
     "plan": ("plan", options.Plan),
     "cost": ("cost", options.Cost),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from ridgebayes.commands import options
+from ridgebayes.commands.design_options import DesignOptions
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.commands.terminal import Answer, files_in
@@ -14,12 +14,13 @@ from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.toml import read_body
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Tolerance
-from ridgebayes.texture_design.design import Design, design
+from ridgebayes.texture_design.design import design
+from ridgebayes.texture_design.record import Design
 
 _ABOUT = "design.json"
 
 
-def command(asked: options.Design) -> Answer:
+def command(asked: DesignOptions) -> Answer:
     """Do what the command line asks for."""
     scene, body = Scene.from_toml(asked.scene), read_body(asked.scene)
     sizes: dict[str, object] = {

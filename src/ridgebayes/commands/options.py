@@ -192,55 +192,6 @@ class Friction:
 
 
 @dataclass(frozen=True)
-class Design:
-    """Find textures that meet a goal under all uncertainties, from a finished run."""
-
-    folder: RunFolder
-    scene: Annotated[Path, typer.Option(help="Scene file: body and load, also as distributions.")]
-    goal: Annotated[
-        list[str],
-        typer.Option(
-            help="Such as 'P(Q >= 8) >= 0.95', 'P(6 <= Q <= 10 at p/E = 0.01) >= 90 %', "
-            "'P(Q(0.004) < 8 <= Q(0.01)) >= 0.9' or 'sd(Q) <= 1'. May be repeated."
-        ),
-    ]
-    a: Annotated[
-        str | None,
-        typer.Option(help="Ridge widths LO:HI over the radius, or with units. Those calibrated."),
-    ] = None
-    b: Annotated[str | None, typer.Option(help="Groove widths LO:HI, in the same way.")] = None
-    step: Annotated[
-        str | None,
-        typer.Option(help="Widths that can be made are its multiples, such as '10 um'."),
-    ] = None
-    tolerance: Annotated[
-        str | None,
-        typer.Option(
-            help="Standard deviation of both widths as made, '5 %' or '10 um', or bounds, "
-            "'worst 5 %'."
-        ),
-    ] = None
-    p_over_E: Annotated[
-        str | None,
-        typer.Option(
-            "--p-over-E",
-            help="Load p/E of goals that name none, LO:HI:N or log:LO:HI:N: the worst of them "
-            "counts, or with --objective min-load the smallest that will do. The scene's largest.",
-        ),
-    ] = None
-    objective: Annotated[
-        str,
-        typer.Option(
-            help="margin, max-pitch, min-pitch, max-ridge, min-ridge, max-groove, min-groove or "
-            "min-load: which feasible texture is recommended."
-        ),
-    ] = "margin"
-    seed: Seed = 0
-    out: OutFolder = Path("ridgebayes-design")
-    force: Force = False
-
-
-@dataclass(frozen=True)
 class Coverage:
     """Leave each texture out in turn and count how often the bands contain its loads."""
 

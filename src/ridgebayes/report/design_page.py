@@ -7,7 +7,7 @@ import pandas as pd
 from ridgebayes.drawing.designs import plot_designs
 from ridgebayes.drawing.style import as_bytes
 from ridgebayes.scene.units import Body
-from ridgebayes.texture_design.design import Design
+from ridgebayes.texture_design.record import Design
 
 
 def drawn_design(found: Design, kind: str) -> bytes:

@@ -1,193 +1,37 @@
 """`design`: the textures that meet a goal under all uncertainties, the best of them, and why."""
 
-import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from ridgebayes._types import FloatArray, Json, Rng, Tabular, __version__
+from ridgebayes._types import Json, Rng, __version__
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
-from ridgebayes.predict.extrapolation import CalibratedRange, names_of
-from ridgebayes.predict.q_distribution import heavy_parts, shares
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.scene.scene import Scene, as_scene
-from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
 from ridgebayes.texture_design.bodies import Bodies, Tolerance
+from ridgebayes.texture_design.choice import OBJECTIVES, chosen, mark_extrapolation
 from ridgebayes.texture_design.drawn_check import drawn_check
-from ridgebayes.texture_design.drawn_loads import DrawnLoads
+from ridgebayes.texture_design.drawn_loads import drawn_loads
 from ridgebayes.texture_design.form_reliability import form_reliability
 from ridgebayes.texture_design.goal_values import GoalValues, Value
 from ridgebayes.texture_design.goals import LARGEST, Goal, Load, parse_goals, read_loads
+from ridgebayes.texture_design.lattice import lattice
 from ridgebayes.texture_design.next_simulation import next_simulation
+from ridgebayes.texture_design.record import Design
 from ridgebayes.texture_design.sensitivity import Sources, sobol_shares, what_to_measure
 
-if TYPE_CHECKING:  # heavy
-    from matplotlib.axes import Axes
-
-
-def _margin(rows: pd.DataFrame) -> pd.Series:
-    return rows["margin"]
-
-
-_OBJECTIVES = {
-    "margin": _margin,
-    "max-pitch": lambda row: row["a_over_R"] + row["b_over_R"],
-    "min-pitch": lambda row: -row["a_over_R"] - row["b_over_R"],
-    "max-ridge": lambda row: row["a_over_R"],
-    "min-ridge": lambda row: -row["a_over_R"],
-    "max-groove": lambda row: row["b_over_R"],
-    "min-groove": lambda row: -row["b_over_R"],
-    "min-load": _margin,  # at the smallest load at which any texture will do
-}
 _N_DRAW, _N_SPREAD, _N_PRECISE = 16_384, 4_096, 2**17
 _PRECISE_ROUNDS, _PRECISE_SE = 8, 0.03
 _N_CHECK = 100_000
-_POINTS, _MOST_TEXTURES = 60, 40_000
 _N_LOADS = 20  # of the objective min-load, where none are given
-_ALIKE = 1e-4  # of margins
-_SURE = 2.0  # standard errors by which a recommended texture lies inside
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Design(Tabular):
-    """Textures that meet a goal, and the recommended one.
-
-    Parameters
-    ----------
-    goals : tuple of Goal
-        What was asked for.
-    objective : str
-        By what the recommended one was chosen.
-    designs : pandas.DataFrame
-        A row a texture: a_over_R, b_over_R, probability (of the goal with the least margin; of a
-        bound on the spread the standard deviation of Q), probability_se, feasible, extrapolation,
-        extrapolation_of, margin, and goal (its number) where there are several.
-    best : dict
-        The row that is recommended, or, where no texture meets the goals, comes nearest to it.
-    check : dict
-        n, probability and se of an independent run of draws at that texture, and the goal.
-    shares : pandas.DataFrame
-        Sobol's indices there, see `texture_design.sensitivity`.
-    measure : pandas.DataFrame
-        What knowing one source exactly would do.
-    form_reliability : dict
-        beta, probability (of failure), trusted, and why not.
-    simulate_next : pandas.DataFrame
-        Textures by what a simulation would tell of the two leading forms.
-    options : dict
-        Bounds, step, tolerance, seed and version.
-    """
-
-    goals: tuple[Goal, ...]
-    objective: str
-    designs: pd.DataFrame
-    best: Json
-    check: Json
-    shares: pd.DataFrame
-    measure: pd.DataFrame
-    form_reliability: Json
-    simulate_next: pd.DataFrame
-    options: Json
-
-    def __repr__(self) -> str:
-        told = " and ".join(goal.text for goal in self.goals)
-        row, word = self.best, "recommended" if self.feasible else "nearest"
-        place = f"a/R {row['a_over_R']:.4g}, b/R {row['b_over_R']:.4g}"
-        n = int(self.designs["feasible"].sum())
-        return (
-            f"Design({told}: {n} of {len(self.designs)} textures; {word} {place}, "
-            f"margin {row['margin']:.3g})"
-        )
-
-    @property
-    def feasible(self) -> bool:
-        """Whether any texture meets the goals."""
-        return bool(self.designs["feasible"].any())
-
-    @property
-    def recommended(self) -> Json | None:
-        """The row of the recommended texture; None where no texture meets the goals."""
-        return self.best if self.feasible else None
-
-    @property
-    def shown(self) -> str:
-        """What the map shows: the probability, the sd of Q, or of several goals the margin."""
-        if len(self.goals) > 1:
-            return "margin"
-        return "sd of $Q$" if self.goals[0].is_spread else "probability"
-
-    def to_dataframe(self) -> pd.DataFrame:
-        """Return the textures as a table.
-
-        Returns
-        -------
-        pandas.DataFrame
-            A copy of `designs`.
-        """
-        return self.designs.copy()
-
-    def to_dict(self) -> Json:
-        """Return all but the map as plain values, as design.json holds them.
-
-        Returns
-        -------
-        dict
-            goals, feasible, recommended (a row, or None), best, objective, check, shares, measure,
-            form_reliability, simulate_next, options.
-        """
-        return {
-            "goals": [goal.text for goal in self.goals],
-            "feasible": self.feasible,
-            "recommended": self.recommended,
-            "best": self.best,
-            "objective": self.objective,
-            "check": self.check,
-            "shares": self.shares.to_dict("records"),
-            "form_reliability": self.form_reliability,
-            "measure": self.measure.to_dict("records"),
-            "simulate_next": self.simulate_next.head(5).to_dict("records"),
-            "options": self.options,
-        }
-
-    def to_json(self) -> str:
-        """Return `to_dict` as JSON.
-
-        Returns
-        -------
-        str
-            Indented text.
-        """
-        return json.dumps(self.to_dict(), indent=2) + "\n"
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the probability over ridge and groove width, and the recommended texture.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure's if not given.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on. The bold line bounds what is feasible; grey is extrapolation.
-        """
-        from ridgebayes.drawing import designs, records  # loads matplotlib
-
-        best = (self.best["a_over_R"], self.best["b_over_R"])
-        axes = records.axes_or_new(ax)
-        designs.draw_designs(axes, self.designs, best, self.shown, is_met=self.feasible)
-        return axes
 
 
 def design(
@@ -269,23 +113,23 @@ def design(
     (True, True)
     """
     scene, seed, made = as_scene(scene), seed_of(rng), Tolerance.parse(tolerance)
-    if objective not in _OBJECTIVES:
-        raise InputError(f"objective: expected one of {', '.join(_OBJECTIVES)}, got {objective!r}")
+    if objective not in OBJECTIVES:
+        raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
     alternatives = _alternatives(loads, objective)
     asked = [parse_goals(goal, some) for some in alternatives]
     averaged = source.averaged
-    textures, about = _lattice(sizes or {}, [fit for fit, _ in averaged])
+    textures, about = lattice(sizes or {}, [fit for fit, _ in averaged])
     made.check(min(min(texture) for texture in textures))
     draw = partial(Bodies.draw, scene, made)
-    loads_of = _drawn_loads(averaged, draw(_N_DRAW, seed).ratios(textures))
+    loads_of = drawn_loads(averaged, draw(_N_DRAW, seed).ratios(textures))
     n = _N_SPREAD if any(one.is_spread for one in asked[0]) else _N_DRAW
     values = GoalValues(loads_of, lambda size: draw(size, seed), n)
     for goals in asked:
         designs = _map(values, goals, textures)
-        _mark_extrapolation(designs, averaged, scene, goals)
+        mark_extrapolation(designs, averaged, scene, goals)
         if designs["feasible"].any():
             break
-    best = _chosen(designs, objective)
+    best = chosen(designs, objective)
     texture = (float(best["a_over_R"]), float(best["b_over_R"]))
     tightest = goals[int(best.get("goal", 1)) - 1]
     value = values.at(tightest, *texture)
@@ -323,62 +167,6 @@ def _alternatives(loads: str | Sequence[float] | None, objective: str) -> list[t
     return [(one,) for one in found] if objective == "min-load" else [found]
 
 
-def _lattice(sizes: Mapping[str, Any], fits: Sequence[Posterior]) -> tuple[list[Texture], Json]:
-    """Return the textures that can be made, within bounds, and what bounds and step are."""
-    unknown = set(sizes) - {"a", "b", "step"}
-    if unknown:
-        raise InputError(f"sizes: expected a, b and step, got {sorted(unknown)[0]!r}")
-    ranges = [CalibratedRange.of(fit) for fit in fits]
-    calibrated = {"a": [one.ridge for one in ranges], "b": [one.groove for one in ranges]}
-    bounds = {}
-    for name, known in calibrated.items():
-        low, high = sizes.get(name) or (
-            max(one[0] for one in known) / 1.5,
-            min(one[1] for one in known) * 1.5,
-        )
-        if not LEAST_WIDTH <= low <= high <= LARGEST_WIDTH:
-            raise InputError(f"{name}: expected bounds 0 < LO <= HI over R, got {low:g}:{high:g}")
-        bounds[name] = float(low), float(high)
-    widest = max(high - low for low, high in bounds.values())
-    step = sizes.get("step") or _round_step(widest / _POINTS)
-    if not (0 < step < math.inf):
-        raise InputError(f"step: expected above 0, got {step!r}")
-    columns = []
-    for name, (low, high) in bounds.items():
-        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-        if last - first >= _MOST_TEXTURES:
-            raise InputError(f"step: expected at most {_MOST_TEXTURES:,} textures; a larger step")
-        widths = [float(f"{i * step:.12g}") for i in range(first, last + 1)]
-        if not widths and low == high:
-            widths = [low]
-        if not widths:
-            raise InputError(f"{name}: no multiple of the step {step:g} is within {low:g}:{high:g}")
-        columns.append(widths)
-    textures = [(a, b) for a in columns[0] for b in columns[1]]
-    if len(textures) > _MOST_TEXTURES:
-        raise InputError(
-            f"step: expected at most {_MOST_TEXTURES:,} textures, got {len(textures):,}; "
-            "a larger step, or closer bounds"
-        )
-    return textures, {"a": list(bounds["a"]), "b": list(bounds["b"]), "step": float(step)}
-
-
-def _round_step(least: float) -> float:
-    """Return the least of 1, 2, 5, 10, ... times a power of ten that is not below a number."""
-    power = 10.0 ** math.floor(math.log10(max(least, LEAST_WIDTH)))
-    return float(next(k * power for k in (1, 2, 5, 10) if k * power >= least * (1 - 1e-9)))
-
-
-def _drawn_loads(
-    averaged: Sequence[tuple[Posterior, float]], ratios: tuple[float, float]
-) -> list[tuple[DrawnLoads, float]]:
-    weights = shares([weight for _, weight in averaged]).tolist()
-    return [
-        (DrawnLoads(fit, *ratios), weight)
-        for (fit, _), weight in zip(averaged, weights, strict=True)
-    ]
-
-
 def _map(values: GoalValues, goals: Sequence[Goal], textures: Sequence[Texture]) -> pd.DataFrame:
     """Return the value of the goal with the least margin at each texture."""
     rows = []
@@ -392,52 +180,6 @@ def _map(values: GoalValues, goals: Sequence[Goal], textures: Sequence[Texture])
     names = ["a_over_R", "b_over_R", "probability", "probability_se", "feasible", "margin", "goal"]
     frame = pd.DataFrame(rows, columns=names)
     return frame if len(goals) > 1 else frame.drop(columns="goal")
-
-
-def _mark_extrapolation(
-    designs: pd.DataFrame,
-    averaged: Sequence[tuple[Posterior, float]],
-    scene: Scene,
-    goals: Sequence[Goal],
-) -> None:
-    """Add what lies beyond what was calibrated, as `predict` says it."""
-    a, b = designs["a_over_R"].to_numpy(), designs["b_over_R"].to_numpy()
-    flags = np.zeros(len(designs), dtype=np.uint8)
-    cases = [case for goal in goals for case in goal.cases]
-    counts = [n for case in cases for n, _ in (*case.at_least, *case.below)]
-    median = np.array([scene.highest_load(scene.textures[0])])
-    largest = max(load.p_over_E(median)[0] for case in cases for load in case.loads)
-    weights = shares([weight for _, weight in averaged])
-    for (fit, _), is_heavy in zip(averaged, heavy_parts(weights), strict=True):
-        if is_heavy:
-            known = CalibratedRange.of(fit)
-            flags |= known.texture_flags(a, b)
-            flags |= known.load_flags(largest, scene.nu) | known.count_flags(max(counts))
-    place = designs.columns.to_list().index("feasible") + 1
-    designs.insert(place, "extrapolation", flags != 0)
-    designs.insert(place + 1, "extrapolation_of", names_of(flags).astype(str))
-
-
-def _chosen(designs: pd.DataFrame, objective: str) -> Json:
-    """Return the recommended row, or that which comes nearest where none is feasible."""
-    rows = designs
-    if rows["feasible"].any():
-        rows = rows[rows["feasible"]]
-    else:
-        objective = "margin"
-    for wanted in (~rows["extrapolation"], rows["margin"] >= _SURE * rows["probability_se"]):
-        if wanted[rows.index].any():
-            rows = rows[wanted[rows.index]]
-    if _OBJECTIVES[objective] is _margin:  # of margins that cannot be told apart, the coarsest
-        least = rows["margin"].max() - _SURE * (rows["probability_se"] + _ALIKE)
-        rows, objective = rows[rows["margin"] >= least], "max-pitch"
-    # Of equals the first, from the largest margin on.
-    rows = rows.sort_values("margin", ascending=False, kind="stable")
-    key: FloatArray = _OBJECTIVES[objective](rows).to_numpy().round(12)
-    row = rows.iloc[int(np.argmax(key))].to_dict()
-    return {
-        str(name): one.item() if isinstance(one, np.generic) else one for name, one in row.items()
-    }
 
 
 def _inside(designs: pd.DataFrame) -> list[Texture]:

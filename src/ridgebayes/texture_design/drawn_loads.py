@@ -4,6 +4,7 @@ A body's loads go with the square of the pitch. What is left is a smooth functio
 is worked out at some nodes and kept as a Chebyshev series for each draw.
 """
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -17,6 +18,7 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.predict.predict import N_LOAD_DRAWS
 from ridgebayes.predict.predictive_cdf import PosteriorLoads
+from ridgebayes.predict.q_distribution import shares
 from ridgebayes.runtime.randomness import stream
 
 _N_NODE = 11
@@ -127,6 +129,17 @@ class DrawnLoads:
             raise InputError(
                 f"{form.name}: expected loads that go with the square of the pitch, got others"
             )
+
+
+def drawn_loads(
+    averaged: Sequence[tuple[Posterior, float]], ratios: tuple[float, float]
+) -> list[tuple[DrawnLoads, float]]:
+    """Return the loads of posteriors over a range of a/pitch, with weights that sum to 1."""
+    weights = shares([weight for _, weight in averaged]).tolist()
+    return [
+        (DrawnLoads(fit, *ratios), weight)
+        for (fit, _), weight in zip(averaged, weights, strict=True)
+    ]
 
 
 def _evaluate(series: Series, x: FloatArray) -> FloatArray:

@@ -1,0 +1,78 @@
+"""Which of the textures is recommended, and which lie beyond what was calibrated."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray, Json
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.predict.extrapolation import CalibratedRange, names_of
+from ridgebayes.predict.q_distribution import heavy_parts, shares
+from ridgebayes.scene.scene import Scene
+from ridgebayes.texture_design.goals import Goal
+
+_ALIKE = 1e-4  # of margins
+_SURE = 2.0  # standard errors by which a recommended texture lies inside
+
+
+def _margin(rows: pd.DataFrame) -> pd.Series:
+    return rows["margin"]
+
+
+OBJECTIVES = {
+    "margin": _margin,
+    "max-pitch": lambda row: row["a_over_R"] + row["b_over_R"],
+    "min-pitch": lambda row: -row["a_over_R"] - row["b_over_R"],
+    "max-ridge": lambda row: row["a_over_R"],
+    "min-ridge": lambda row: -row["a_over_R"],
+    "max-groove": lambda row: row["b_over_R"],
+    "min-groove": lambda row: -row["b_over_R"],
+    "min-load": _margin,  # at the smallest load at which any texture will do
+}
+
+
+def mark_extrapolation(
+    designs: pd.DataFrame,
+    averaged: Sequence[tuple[Posterior, float]],
+    scene: Scene,
+    goals: Sequence[Goal],
+) -> None:
+    """Add what lies beyond what was calibrated, as `predict` says it."""
+    a, b = designs["a_over_R"].to_numpy(), designs["b_over_R"].to_numpy()
+    flags = np.zeros(len(designs), dtype=np.uint8)
+    cases = [case for goal in goals for case in goal.cases]
+    counts = [n for case in cases for n, _ in (*case.at_least, *case.below)]
+    median = np.array([scene.highest_load(scene.textures[0])])
+    largest = max(load.p_over_E(median)[0] for case in cases for load in case.loads)
+    weights = shares([weight for _, weight in averaged])
+    for (fit, _), is_heavy in zip(averaged, heavy_parts(weights), strict=True):
+        if is_heavy:
+            known = CalibratedRange.of(fit)
+            flags |= known.texture_flags(a, b)
+            flags |= known.load_flags(largest, scene.nu) | known.count_flags(max(counts))
+    place = designs.columns.to_list().index("feasible") + 1
+    designs.insert(place, "extrapolation", flags != 0)
+    designs.insert(place + 1, "extrapolation_of", names_of(flags).astype(str))
+
+
+def chosen(designs: pd.DataFrame, objective: str) -> Json:
+    """Return the recommended row, or that which comes nearest where none is feasible."""
+    rows = designs
+    if rows["feasible"].any():
+        rows = rows[rows["feasible"]]
+    else:
+        objective = "margin"
+    for wanted in (~rows["extrapolation"], rows["margin"] >= _SURE * rows["probability_se"]):
+        if wanted[rows.index].any():
+            rows = rows[wanted[rows.index]]
+    if OBJECTIVES[objective] is _margin:  # of margins that cannot be told apart, the coarsest
+        least = rows["margin"].max() - _SURE * (rows["probability_se"] + _ALIKE)
+        rows, objective = rows[rows["margin"] >= least], "max-pitch"
+    # Of equals the first, from the largest margin on.
+    rows = rows.sort_values("margin", ascending=False, kind="stable")
+    key: FloatArray = OBJECTIVES[objective](rows).to_numpy().round(12)
+    row = rows.iloc[int(np.argmax(key))].to_dict()
+    return {
+        str(name): one.item() if isinstance(one, np.generic) else one for name, one in row.items()
+    }

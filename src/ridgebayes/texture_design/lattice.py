@@ -1,0 +1,60 @@
+"""Textures that can be made: multiples of a step within bounds."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ridgebayes._types import Json
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.errors import InputError
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.predict.extrapolation import CalibratedRange
+from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
+
+_POINTS, _MOST_TEXTURES = 60, 40_000
+
+
+def lattice(sizes: Mapping[str, Any], fits: Sequence[Posterior]) -> tuple[list[Texture], Json]:
+    """Return the textures that can be made, within bounds, and what bounds and step are."""
+    unknown = set(sizes) - {"a", "b", "step"}
+    if unknown:
+        raise InputError(f"sizes: expected a, b and step, got {sorted(unknown)[0]!r}")
+    ranges = [CalibratedRange.of(fit) for fit in fits]
+    calibrated = {"a": [one.ridge for one in ranges], "b": [one.groove for one in ranges]}
+    bounds = {}
+    for name, known in calibrated.items():
+        low, high = sizes.get(name) or (
+            max(one[0] for one in known) / 1.5,
+            min(one[1] for one in known) * 1.5,
+        )
+        if not LEAST_WIDTH <= low <= high <= LARGEST_WIDTH:
+            raise InputError(f"{name}: expected bounds 0 < LO <= HI over R, got {low:g}:{high:g}")
+        bounds[name] = float(low), float(high)
+    widest = max(high - low for low, high in bounds.values())
+    step = sizes.get("step") or _round_step(widest / _POINTS)
+    if not (0 < step < math.inf):
+        raise InputError(f"step: expected above 0, got {step!r}")
+    columns = []
+    for name, (low, high) in bounds.items():
+        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+        if last - first >= _MOST_TEXTURES:
+            raise InputError(f"step: expected at most {_MOST_TEXTURES:,} textures; a larger step")
+        widths = [float(f"{i * step:.12g}") for i in range(first, last + 1)]
+        if not widths and low == high:
+            widths = [low]
+        if not widths:
+            raise InputError(f"{name}: no multiple of the step {step:g} is within {low:g}:{high:g}")
+        columns.append(widths)
+    textures = [(a, b) for a in columns[0] for b in columns[1]]
+    if len(textures) > _MOST_TEXTURES:
+        raise InputError(
+            f"step: expected at most {_MOST_TEXTURES:,} textures, got {len(textures):,}; "
+            "a larger step, or closer bounds"
+        )
+    return textures, {"a": list(bounds["a"]), "b": list(bounds["b"]), "step": float(step)}
+
+
+def _round_step(least: float) -> float:
+    """Return the least of 1, 2, 5, 10, ... times a power of ten that is not below a number."""
+    power = 10.0 ** math.floor(math.log10(max(least, LEAST_WIDTH)))
+    return float(next(k * power for k in (1, 2, 5, 10) if k * power >= least * (1 - 1e-9)))

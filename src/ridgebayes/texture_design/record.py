@@ -1,0 +1,145 @@
+"""`Design`: the textures that meet a goal, the best of them, and why."""
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from ridgebayes._types import Json, Tabular
+from ridgebayes.texture_design.goals import Goal
+
+if TYPE_CHECKING:  # heavy
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Design(Tabular):
+    """Textures that meet a goal, and the recommended one.
+
+    Parameters
+    ----------
+    goals : tuple of Goal
+        What was asked for.
+    objective : str
+        By what the recommended one was chosen.
+    designs : pandas.DataFrame
+        A row a texture: a_over_R, b_over_R, probability (of the goal with the least margin; of a
+        bound on the spread the standard deviation of Q), probability_se, feasible, extrapolation,
+        extrapolation_of, margin, and goal (its number) where there are several.
+    best : dict
+        The row that is recommended, or, where no texture meets the goals, comes nearest to it.
+    check : dict
+        n, probability and se of an independent run of draws at that texture, and the goal.
+    shares : pandas.DataFrame
+        Sobol's indices there, see `texture_design.sensitivity`.
+    measure : pandas.DataFrame
+        What knowing one source exactly would do.
+    form_reliability : dict
+        beta, probability (of failure), trusted, and why not.
+    simulate_next : pandas.DataFrame
+        Textures by what a simulation would tell of the two leading forms.
+    options : dict
+        Bounds, step, tolerance, seed and version.
+    """
+
+    goals: tuple[Goal, ...]
+    objective: str
+    designs: pd.DataFrame
+    best: Json
+    check: Json
+    shares: pd.DataFrame
+    measure: pd.DataFrame
+    form_reliability: Json
+    simulate_next: pd.DataFrame
+    options: Json
+
+    def __repr__(self) -> str:
+        told = " and ".join(goal.text for goal in self.goals)
+        row, word = self.best, "recommended" if self.feasible else "nearest"
+        place = f"a/R {row['a_over_R']:.4g}, b/R {row['b_over_R']:.4g}"
+        n = int(self.designs["feasible"].sum())
+        return (
+            f"Design({told}: {n} of {len(self.designs)} textures; {word} {place}, "
+            f"margin {row['margin']:.3g})"
+        )
+
+    @property
+    def feasible(self) -> bool:
+        """Whether any texture meets the goals."""
+        return bool(self.designs["feasible"].any())
+
+    @property
+    def recommended(self) -> Json | None:
+        """The row of the recommended texture; None where no texture meets the goals."""
+        return self.best if self.feasible else None
+
+    @property
+    def shown(self) -> str:
+        """What the map shows: the probability, the sd of Q, or of several goals the margin."""
+        if len(self.goals) > 1:
+            return "margin"
+        return "sd of $Q$" if self.goals[0].is_spread else "probability"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the textures as a table.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A copy of `designs`.
+        """
+        return self.designs.copy()
+
+    def to_dict(self) -> Json:
+        """Return all but the map as plain values, as design.json holds them.
+
+        Returns
+        -------
+        dict
+            goals, feasible, recommended (a row, or None), best, objective, check, shares, measure,
+            form_reliability, simulate_next, options.
+        """
+        return {
+            "goals": [goal.text for goal in self.goals],
+            "feasible": self.feasible,
+            "recommended": self.recommended,
+            "best": self.best,
+            "objective": self.objective,
+            "check": self.check,
+            "shares": self.shares.to_dict("records"),
+            "form_reliability": self.form_reliability,
+            "measure": self.measure.to_dict("records"),
+            "simulate_next": self.simulate_next.head(5).to_dict("records"),
+            "options": self.options,
+        }
+
+    def to_json(self) -> str:
+        """Return `to_dict` as JSON.
+
+        Returns
+        -------
+        str
+            Indented text.
+        """
+        return json.dumps(self.to_dict(), indent=2) + "\n"
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the probability over ridge and groove width, and the recommended texture.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure's if not given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on. The bold line bounds what is feasible; grey is extrapolation.
+        """
+        from ridgebayes.drawing import designs, records  # loads matplotlib
+
+        best = (self.best["a_over_R"], self.best["b_over_R"])
+        axes = records.axes_or_new(ax)
+        designs.draw_designs(axes, self.designs, best, self.shown, is_met=self.feasible)
+        return axes
