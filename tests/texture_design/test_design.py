@@ -92,6 +92,25 @@ def test_values__of_uncertain_bodies_are_averages_of_predict(fit, uncertain):
         assert found.value == pytest.approx(each.mean(), abs=4 * se)
 
 
+def test_values__at_every_load_are_those_of_the_outermost(fit):
+    goal = parse_goals("P(Q = 8 at every p/E = 0.0082:0.0092:3) >= 0.5")[0]
+    found = values_of(fit, rb.Scene.of([(0.02, 0.02)]), None, TEXTURES).at(goal, 0.022, 0.02)
+    # One error of the loads: 8 edges at the lowest of them, and not yet 10 at the highest.
+    low, high = (fit.predict(0.022, 0.02, p) for p in (0.0082, 0.0092))
+    assert found.value == pytest.approx(float(low.at_least(8) - high.at_least(10)), abs=2e-3)
+    assert 0.1 < found.value < 0.9
+
+
+def test_bodies__widths_over_the_radius_go_with_it(uncertain):
+    a, b = Bodies.draw(uncertain, Tolerance(), 4_000, 1).widths(0.02, 0.03)
+    np.testing.assert_allclose(b / a, 1.5)
+    assert np.log(a).std() == pytest.approx(0.03, rel=0.05)
+    assert np.median(a) == pytest.approx(0.02, rel=3e-3)
+    made = Bodies.draw(uncertain, Tolerance.parse("0.001"), 4_000, 1).widths(0.02, 0.03)
+    spread = [np.std(one / factor) for one, factor in zip(made, (a, a), strict=True)]
+    assert spread == pytest.approx([0.05, 0.05], rel=0.05)
+
+
 def test_values__the_worst_corner_is_the_worst_of_textures(fit):
     scene = rb.Scene.of([(0.02, 0.02)], p_over_E=0.009)
     goal, (a, b) = parse_goals("P(Q >= 8) >= 0.5")[0], (0.022, 0.02)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import integrate, stats
 
 import ridgebayes as rb
 from ridgebayes.runtime.randomness import stream
@@ -11,7 +11,7 @@ from ridgebayes.texture_design.drawn_loads import drawn_loads
 from ridgebayes.texture_design.form_reliability import form_reliability
 from ridgebayes.texture_design.goal_values import Value
 from ridgebayes.texture_design.goals import parse_goals
-from ridgebayes.texture_design.next_simulation import next_simulation
+from ridgebayes.texture_design.next_simulation import _information, next_simulation
 from ridgebayes.texture_design.sensitivity import SIMULATION, Sources, sobol_shares, what_to_measure
 
 TEXTURE = (0.022, 0.02)
@@ -190,3 +190,15 @@ def test_next_simulation__of_two_forms_that_differ_is_where_they_differ(paper, f
     same = next_simulation([fit.averaged, fit.averaged], textures, 1)
     assert same["information"].max() == pytest.approx(0, abs=1e-12)
     assert next_simulation([fit.averaged], textures, 1).empty
+
+
+@pytest.mark.parametrize(("apart", "expected"), [(0.0, 0.0), (2.0, None), (50.0, np.log(2))])
+def test_information__of_two_normals_is_their_divergence_from_the_mixture(apart, expected):
+    forms = [(np.full(4_000, centre), np.ones(4_000)) for centre in (0.0, apart)]
+    found = _information(forms, np.random.default_rng(1))
+    if expected is None:
+        y = np.linspace(-9, 9 + apart, 20_001)
+        one, other = stats.norm.pdf(y), stats.norm.pdf(y - apart)
+        expected = integrate.trapezoid(one * np.log(2 * one / (one + other)), y)
+    # Monte Carlo: 8,000 terms of sd under 0.5.
+    assert found == pytest.approx(expected, abs=0.02)
