@@ -30,7 +30,7 @@ from ridgebayes.model.rows import Rows
 from ridgebayes.model.shared_offsets import OffsetsGiven, SmoothOffsets, offsets_of
 
 _CACHED = 100_000  # textures times draws whose arrays fit in a processor's cache
-_COVARIANCE = 20  # numbers of a covariance that count as one texture
+_COVARIANCE = 5  # numbers of a covariance that count as one texture
 _COEFFICIENTS_MAX = 100  # with errors that leave them no closed-form posterior
 _LATENT_ROWS_MAX = 2_000  # of which a call takes some hundredths of a second
 _HUGE = 1e100  # coefficients beyond which a rate may overflow
