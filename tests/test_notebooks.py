@@ -1,94 +1,71 @@
-"""Every notebook runs from top to bottom; those with outputs in git show the same again."""
+"""Every notebook asks a question, runs from top to bottom, and shows what is stored in it."""
 
+import math
 import re
 from pathlib import Path
 
 import nbformat
-import numpy as np
 import pytest
 from nbclient import NotebookClient
 
 FOLDER = Path(__file__).parents[1] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
-STORED = [path for path in NOTEBOOKS if path.stem in {"design"}]  # with their outputs
-NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?(?![\w.])"
+NUMBER = re.compile(r"-?\b\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+IN_MAKE_TEST = "quickstart"
+every_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
 
-def test_notebooks__are_all_known():
-    assert [path.name for path in NOTEBOOKS] == [
-        "design.ipynb",
-        "friction.ipynb",
-        "quickstart.ipynb",
+def code_cells(path):
+    return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+
+
+def figures(cell):
+    return sum("image/png" in output.get("data", {}) for output in cell.outputs)
+
+
+def numbers(cell):
+    """Return the numbers that a cell prints or shows as text."""
+    texts = [
+        one.get("text", "") or one.get("data", {}).get("text/plain", "") for one in cell.outputs
     ]
+    # The size of a figure, and where an object lies in memory, are no results.
+    texts = [text for text in texts if "<Figure" not in text and " at 0x" not in text]
+    return [float(number) for text in texts for number in NUMBER.findall(text)]
 
 
-@pytest.mark.parametrize(
-    "path", [path for path in NOTEBOOKS if path not in STORED], ids=lambda path: path.stem
-)
-def test_notebook__is_stored_without_outputs(path):
-    notebook = nbformat.read(path, as_version=4)
-    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
-    assert code
-    assert all(not cell.outputs and cell.execution_count is None for cell in code)
+@every_notebook
+def test_notebook__asks_a_question_and_is_stored_with_its_outputs(path):
+    first = nbformat.read(path, as_version=4).cells[0]
+    assert re.match(r"# .+\?\n", first.source)
+    cells = code_cells(path)
+    assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
+    assert sum(map(figures, cells)) >= 1
+    assert not any(output.output_type == "error" for cell in cells for output in cell.outputs)
 
 
 # Jupyter's own start-up warnings are not ours to act on; errors in a cell raise all the same.
 @pytest.mark.filterwarnings("ignore")
-def test_quickstart__runs_and_leaves_a_report(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, id=path.stem, marks=[pytest.mark.long] * (path.stem != IN_MAKE_TEST))
+        for path in NOTEBOOKS
+    ],
+)
+def test_notebook__runs_and_shows_what_is_stored(path, tmp_path, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
-    notebook = nbformat.read(FOLDER / "quickstart.ipynb", as_version=4)
+    notebook = nbformat.read(path, as_version=4)
     resources = {"metadata": {"path": str(tmp_path)}}
     NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()
-    assert (tmp_path / "report.html").stat().st_size > 10_000
-    shown = [
-        output
-        for cell in notebook.cells
-        if cell.cell_type == "code"
-        for output in cell.outputs
-        if "image/png" in output.get("data", {})
-    ]
-    assert len(shown) == 4
-
-
-def shown(notebook):
-    """Return the texts that a notebook shows, and how many figures."""
-    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
-    outputs = [output for cell in code for output in cell.outputs]
-    data = [output.get("data", {}) for output in outputs]
-    texts = [
-        output.get("text", one.get("text/plain", ""))
-        for output, one in zip(outputs, data, strict=True)
-        if "image/png" not in one
-    ]
-    return texts, sum("image/png" in one for one in data)
-
-
-@pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("path", STORED, ids=lambda path: path.stem)
-def test_notebook__shows_again_what_is_stored(path, tmp_path, monkeypatch):
-    monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
-    stored, again = (nbformat.read(path, as_version=4) for _ in range(2))
-    resources = {"metadata": {"path": str(tmp_path)}}
-    NotebookClient(again, timeout=600, kernel_name="python3", resources=resources).execute()
-    (texts, n_figure), (new_texts, n_new_figure) = shown(stored), shown(again)
-    assert n_figure == n_new_figure > 0
-    assert len(texts) == len(new_texts) > 0
-    for text, new in zip(texts, new_texts, strict=True):
-        assert re.sub(NUMBER, "", text).split() == re.sub(NUMBER, "", new).split()
-        numbers, new_numbers = (re.findall(NUMBER, one) for one in (text, new))
-        # Another version of a library may sample otherwise: Monte Carlo, and steps of a lattice.
-        np.testing.assert_allclose(
-            np.array(new_numbers, float), np.array(numbers, float), rtol=0.15, atol=0.05
-        )
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_friction__runs_and_narrows_the_band(tmp_path, monkeypatch):
-    monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
-    notebook = nbformat.read(FOLDER / "friction.ipynb", as_version=4)
-    resources = {"metadata": {"path": str(tmp_path)}}
-    NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()
-    texts, n_figure = shown(notebook)
-    assert n_figure == 2
-    band = re.search(r"mu at the largest load: ([\d.]+) to ([\d.]+)", "".join(texts))
-    assert float(band[2]) < 4 * float(band[1])
+    now = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    for cell, stored in zip(now, code_cells(path), strict=True):
+        assert figures(cell) == figures(stored), cell.source
+        if "az." in cell.source:  # the two arviz lines show other columns
+            continue
+        found, shown = numbers(cell), numbers(stored)
+        assert len(found) == len(shown), cell.source
+        # Other libraries draw other numbers: within some standard errors of a few hundred draws.
+        for one, other in zip(found, shown, strict=True):
+            assert math.isclose(one, other, rel_tol=0.1, abs_tol=0.02), (one, other, cell.source)
+    if path.stem == IN_MAKE_TEST:
+        assert (tmp_path / "report.html").stat().st_size > 10_000
