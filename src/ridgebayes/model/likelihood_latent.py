@@ -195,6 +195,11 @@ class SampledOffsets:
 
     def joint(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         """Return log-likelihood + log density of the scores + log Jacobian of xi, shape (...)."""
+        if eta.ndim == 2 and len(log_rates) == len(eta) == len(latent):
+            return self._in_parts(self._joint, log_rates, eta, latent)
+        return self._joint(log_rates, eta, latent)
+
+    def _joint(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         root, given, *_ = self._approximation(self._residual(log_rates), eta)
         scores = given.at(latent)
         rows = self._rows_given(log_rates, eta, root.times(scores)).sum(axis=-1)
