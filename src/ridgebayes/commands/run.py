@@ -70,7 +70,7 @@ def run_job(
     request : FitRequest
         What is fitted. Without a table the finite-element reference rows are compared as well, with
         every form. With accuracy quick only error models of normal tails are weighed, no textures
-        are left out, no finite elements compared, and five figures are drawn.
+        are left out, no finite elements compared, and only figures of the answer are drawn.
     force : bool, optional
         Whether an existing run folder may be replaced.
     resume : bool, optional
