@@ -69,12 +69,12 @@ def command(asked: options.Friction) -> Answer:
 def _answer(found: FrictionBands) -> tuple[str | pd.DataFrame, ...]:
     """Return bands, and the shares of terms and inputs at the largest load."""
     last = found.shares["load"] == found.shares["load"].max()
-    shown = found.shares[last & (found.shares["kind"] != "scene")]
+    shown = found.shares[last & (found.shares["kind"] != "scene")].round(3).astype(object)
     return (
         "Coefficient of friction before any measurement (docs/friction.md):",
         found.bands.round(4),
         "Shares of its variance at the largest load:",
-        shown[["kind", "name", "share", "share_se", "total"]].round(3),
+        shown.where(shown.notna(), "")[["kind", "name", "share", "share_se", "total"]],
     )
 
 
