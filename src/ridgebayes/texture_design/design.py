@@ -29,7 +29,7 @@ from ridgebayes.texture_design.record import Design
 from ridgebayes.texture_design.sensitivity import Sources, sobol_shares, what_to_measure
 
 _N_DRAW, _N_SPREAD, _N_PRECISE = 16_384, 4_096, 2**17
-_PRECISE_ROUNDS, _PRECISE_SE = 8, 0.03
+_PRECISE_ROUNDS, _PRECISE_SE = 16, 0.03
 _N_CHECK = 100_000
 _N_LOADS = 20  # of the objective min-load, where none are given
 
