@@ -1,9 +1,11 @@
 """Files of others: text, TOML, and what libraries cannot read refused in their words."""
 
+import sys
+
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.runtime.reading import decoded, read_toml, refusing
+from ridgebayes.runtime.reading import decoded, extra, read_toml, refusing
 
 
 def test_refusing__says_where_and_what_the_library_says():
@@ -54,3 +56,14 @@ def test_read_toml__refuses_what_is_none(tmp_path, text):
     path.write_text(text)
     with pytest.raises(InputError, match=r"mine\.toml: not TOML: "):
         read_toml(path)
+
+
+def test_extra__returns_a_module_of_a_package():
+    assert extra("json.decoder", "none", "") is sys.modules["json.decoder"]
+
+
+def test_extra__says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    message = r"\At\.xlsx: needs openpyxl: pip install 'ridgebayes\[excel\]'\Z"
+    with pytest.raises(InputError, match=message):
+        extra("openpyxl", "excel", "t.xlsx: needs openpyxl")

@@ -15,7 +15,7 @@ from scipy.special import ndtri
 from ridgebayes._types import FloatArray
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.model import Model
-from ridgebayes.runtime.extras import extra
+from ridgebayes.runtime.reading import extra
 
 _REMAINING = 0.05  # log evidence that the live points may still hold when sampling ends
 _WALKED = 6  # coordinates from which on random walks are cheaper than draws within ellipsoids

@@ -8,6 +8,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_toml
 from ridgebayes.runtime.text import shown_value
 
+_LARGEST = 10**30  # of whole numbers: longer ones cannot be shown
 _SHOWN = 80  # characters of a key that messages show
 
 
@@ -60,7 +61,8 @@ def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
         if name not in tables or not isinstance(entries, dict):
             raise InputError(f"{path}: {name[:_SHOWN]}: expected tables [columns] and [values]")
         for key, value in entries.items():
-            number = isinstance(value, int | float) and not isinstance(value, bool)
+            is_whole = isinstance(value, int) and not isinstance(value, bool)
+            number = isinstance(value, float) or (is_whole and abs(value) < _LARGEST)
             text = value if isinstance(value, str) else shown_value(value)
             if not (isinstance(value, str) or (number and name == "values")):
                 raise InputError(

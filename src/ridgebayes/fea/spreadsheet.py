@@ -16,8 +16,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.delimited import DelimitedText, Reading
 from ridgebayes.fea.layout import LOOKED_AT, known
 from ridgebayes.fea.problems import Problems
-from ridgebayes.runtime.extras import extra
-from ridgebayes.runtime.reading import refusing
+from ridgebayes.runtime.reading import extra, refusing
 
 LARGEST = 2**30  # bytes of all members, unpacked
 LARGEST_XML = 2**26  # bytes of the members that are parsed: more would take minutes

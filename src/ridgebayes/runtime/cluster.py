@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ridgebayes.errors import InputError, WorkerLostError
-from ridgebayes.runtime.extras import extra
+from ridgebayes.runtime.reading import extra
 
 if TYPE_CHECKING:
     from distributed import Client

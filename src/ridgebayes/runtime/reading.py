@@ -10,6 +10,7 @@ import tomllib
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from stat import S_ISREG
 from typing import TYPE_CHECKING, Any
@@ -136,6 +137,30 @@ def refusing(
         if kinds and not isinstance(error, kinds):
             raise
         raise InputError(f"{where}: {one_line_message(error, most)}{rule}") from None
+
+
+def extra(module: str, name: str, needed: str) -> Any:
+    """Return a module of an optional package.
+
+    Parameters
+    ----------
+    module : str
+        The module.
+    name : str
+        Of the extra that installs it.
+    needed : str
+        What the message begins with, such as ``t.parquet: Parquet needs pyarrow``.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    try:
+        import_module(module.partition(".")[0])
+        return import_module(module)
+    except ImportError:
+        raise InputError(f"{needed}: pip install 'ridgebayes[{name}]'") from None
 
 
 def check_tree(file: "h5py.File", where: str) -> None:

@@ -14,8 +14,7 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import replacing
-from ridgebayes.runtime.extras import extra
-from ridgebayes.runtime.reading import decoded, read_bytes, refusing
+from ridgebayes.runtime.reading import decoded, extra, read_bytes, refusing
 from ridgebayes.runtime.text import clipped
 from ridgebayes.table.columns import COLUMNS, SHOWN, Column, RawTable, check_header, listed
 
