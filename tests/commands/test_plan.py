@@ -107,11 +107,24 @@ length = "12 mm"
 """
 
 
-def test_plan__says_a_load_beyond_reach_first_and_in_its_own_units(command, monkeypatch):
-    Path("scene.toml").write_text(UNITS)
+BEYOND = (
+    "ridgebayes: load: 10 N on 12 mm is p/E = 0.58; expected at most p/E = 0.5, "
+    "8.64 N on 12 mm: no solver goes further\n"
+)
+
+
+def test_plan__refuses_a_load_beyond_reach_at_once_and_in_its_own_units(command, monkeypatch):
+    Path("scene.toml").write_text(UNITS.replace("5 N", "10 N"))
     monkeypatch.setattr("ridgebayes.commands.plan.plan", stopped)
     said = command("scene.toml")  # before anything is computed
-    warning = "5 N on 12 mm is p/E = 0.29; this package computes to p/E = 0.1. "
+    assert (said.code, said.err) == (2, BEYOND)
+
+
+def test_plan__warns_of_friction_beyond_the_reach_of_finite_elements(command, monkeypatch):
+    Path("scene.toml").write_text(UNITS + "friction = 0.3\n")
+    monkeypatch.setattr("ridgebayes.commands.plan.plan", stopped)
+    said = command("scene.toml")
+    warning = "5 N on 12 mm is p/E = 0.29; expected at most p/E = 0.1. "
     assert said.code == 1
     assert said.err.startswith(f"ridgebayes: warning: {warning}")
     said = command("scene.toml", "--json")
@@ -120,16 +133,26 @@ def test_plan__says_a_load_beyond_reach_first_and_in_its_own_units(command, monk
     monkeypatch.undo()
 
 
+def test_plan__says_count_and_width_at_large_deformation_with_their_error(command):
+    Path("scene.toml").write_text(UNITS + "[accuracy]\nrelative = 0.01\n")
+    said = command("scene.toml")
+    assert (said.code, said.err) == (0, "")
+    assert "By two scales" in said.out
+    assert "Standard error of the load: 0." in said.out
+
+
 def stopped(*_, **__):
     raise ComputationError("enough")
 
 
-def test_generate__says_a_load_beyond_reach_before_it_runs(command, monkeypatch):
-    Path("scene.toml").write_text(UNITS)
+def test_generate__refuses_a_load_beyond_reach_before_it_runs(command, monkeypatch):
+    Path("scene.toml").write_text(UNITS.replace("5 N", "10 N"))
     monkeypatch.setattr("ridgebayes.commands.generate.sweep_job", stopped)
     monkeypatch.setattr("sys.argv", ["ridgebayes"])
     said = command.func("generate", "scene.toml", "-o", "t.csv")
-    assert said.err.startswith("ridgebayes: warning: 5 N on 12 mm is p/E = 0.29; ")
+    assert (said.code, said.err) == (2, BEYOND)
+    said = command.func("generate", "scene.toml", "--solver", "half-plane", "-o", "t.csv")
+    assert said.err.startswith("ridgebayes: warning: 10 N on 12 mm is p/E = 0.58; ")
     assert said.err.endswith("ridgebayes: enough\n")
 
 

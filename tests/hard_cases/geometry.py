@@ -280,13 +280,13 @@ def loads_of_nothing_and_of_everything():
         rb.InputError,
         "no transition under p/E = 1e-300",
     )
-    frame = rb.generate(rb.Scene.of([(0.022, 0.02)], p_over_E=1.0)).frame
+    frame = rb.generate(rb.Scene.of([(0.022, 0.02)], p_over_E=1.0), solver="half-plane").frame
     Q, p = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
     assert np.array_equal(Q, 4 + 2 * np.arange(len(Q)))
     assert np.all(np.diff(p) > 0)
     smooth = hertz.load_of_half_width((Q / 2 - 1) * 0.042)
     assert np.all(np.abs(p / smooth - 1)[Q > 20] < 0.01)
-    counted = rb.contact_at_loads(rb.Scene.of([(0.022, 0.02)]), [1.0])
+    counted = rb.contact_at_loads(rb.Scene.of([(0.022, 0.02)]), [1.0], solver="half-plane")
     assert counted["status"].tolist() == ["ok"]
     assert counted["Q"].tolist() == [Q[-1]]
     return f"2 edges at 1e-300, {Q[-1]} at 1 by solver and count of a scene; {none}"
@@ -404,11 +404,11 @@ def pitch_of_a_millionth():
         coarse = form.load([4, 6, 40], 0.022, 0.02, theta)
         np.testing.assert_allclose(fine / coarse, (2.2e-7 / 0.022) ** 2, rtol=1e-14)
     for p in (0.01, 1e10):
-        found = rb.contact_at_loads(rb.Scene.of([(1e-6, 1e-6)]), [p])
+        found = rb.contact_at_loads(rb.Scene.of([(1e-6, 1e-6)]), [p], solver="half-plane")
         assert found["Q"].tolist() == [0]
         assert found["contact_fraction"].isna().all()
         assert found["status"].str.startswith("not computed: some ").all()
-        forces = rb.ridge_forces(rb.Scene.of([(1e-6, 1e-6)]), [p])
+        forces = rb.ridge_forces(rb.Scene.of([(1e-6, 1e-6)]), [p], solver="half-plane")
         assert forces["status"].tolist() == found["status"].tolist()
         assert forces["share"].isna().all()
     return f"loads scale by 1e-10; a scene says {found['status'][0]!r}"

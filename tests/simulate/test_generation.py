@@ -291,11 +291,13 @@ def test_unknown_solvers_are_refused():
 
 
 @pytest.mark.slow
-def test_finite_elements_are_chosen_where_the_body_is_large_beside_its_contact():
-    """The half-plane is off by more than 1 % here, and finite elements by less."""
+def test_finite_elements_and_two_scales_agree_where_the_body_is_large_beside_its_contact():
+    """The half-plane is off by more than 1 % here, and both of them by less."""
     scene = Scene.of([(0.06, 0.02)], p_over_E=0.02, nu=0.45, relative=0.01)
-    frame = generate(scene).frame
-    assert frame["solver"].unique().tolist() == ["cylinder-fe"]
+    chosen, frame = generate(scene).frame, generate(scene, solver="cylinder-fe").frame
+    assert chosen["solver"].unique().tolist() == ["two-scale"]
+    error = np.hypot(chosen["rel_se"], frame["rel_se"])
+    assert (np.abs(chosen["p_over_E"] / frame["p_over_E"] - 1) < 1.96 * error).all()
     assert frame["source"].str.contains(r"effects=ridges\+finite-body").all()
     assert (frame["rel_se"] == 1e-3).all()
     assert frame["status"].tolist() == ["ok", "ok"]

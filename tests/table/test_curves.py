@@ -14,7 +14,7 @@ CURVE = Curve(
     b_over_R=5e-324,
     Q=(4, 6, 8),
     p_over_E=(0.1, np.nextafter(0.1, 1.0), math.nan),
-    rel_se=0.0,
+    rel_se=(0.0, 0.0, 0.0),
     nu=1 / 3,
     offset_over_R=0.0,
     role="held-out",
@@ -35,7 +35,7 @@ def test_plain__comes_back_from_json_to_the_last_bit():
 
 
 def test_curves_to_frame__has_the_rows_of_each_curve_in_turn():
-    other = replace(CURVE, Q=(10,), p_over_E=(0.5,), status=("ok",), a_over_R=0.7)
+    other = replace(CURVE, Q=(10,), p_over_E=(0.5,), rel_se=(0.0,), status=("ok",), a_over_R=0.7)
     frame = curves_to_frame([CURVE, other])
     assert frame["Q"].tolist() == [4, 6, 8, 10]
     assert frame["a_over_R"].tolist() == [0.1 + 0.2] * 3 + [0.7]
@@ -46,7 +46,7 @@ def test_curves_to_frame__has_the_rows_of_each_curve_in_turn():
 @pytest.mark.parametrize(
     ("given", "column"),
     [
-        ({"rel_se": 1e-3}, "rel_se"),
+        ({"rel_se": (1e-3, 2e-3, 0.0)}, "rel_se"),
         ({"offset_over_R": 0.1}, "offset_over_R"),
         ({"edges": 24}, "edges"),
     ],
@@ -55,4 +55,5 @@ def test_curves_to_frame__leaves_out_what_no_curve_has(given, column):
     assert set(COLUMNS) - set(curves_to_frame([CURVE])) == {"rel_se", "offset_over_R", "edges"}
     frame = curves_to_frame([CURVE, replace(CURVE, **given)])
     (value,) = given.values()
-    assert frame[column].tolist() == [0] * 3 + [value] * 3
+    rows = list(value) if isinstance(value, tuple) else [value] * 3
+    assert frame[column].tolist() == [0] * 3 + rows

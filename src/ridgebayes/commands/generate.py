@@ -17,7 +17,8 @@ from ridgebayes.runtime.pool import executor_for, map_ordered
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.text import count
 from ridgebayes.scene.effects import Plan
-from ridgebayes.scene.estimates import beyond_reach, plan
+from ridgebayes.scene.estimates import plan
+from ridgebayes.scene.reach import beyond_reach
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.toml import read_body
 from ridgebayes.simulate import generation
@@ -38,7 +39,7 @@ def command(asked: options.Generate) -> Answer:
     else:
         wanted = Scene.paper()
     written = read_body(asked.scene).load if asked.scene is not None else ""
-    warned = warn(*filter(None, [beyond_reach(wanted, written)]))
+    warned = warn(*filter(None, [beyond_reach(wanted, written, asked.solver)]))
     solving: dict[str, Any]
     solving = {"solver": asked.solver, "rel_tol": asked.tol, "accuracy": asked.accuracy}
     if asked.fields is None:

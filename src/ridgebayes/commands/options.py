@@ -65,7 +65,8 @@ class Generate:
     p_max: Annotated[float, typer.Option(help="Highest load p/E, with --texture.")] = 0.02
     nu: Annotated[float, typer.Option(help="Poisson's ratio, with --texture.")] = 0.5
     solver: Annotated[
-        str, typer.Option(help="auto, hertz, half-plane, cylinder-linear or cylinder-fe.")
+        str,
+        typer.Option(help="auto, hertz, half-plane, two-scale, cylinder-linear or cylinder-fe."),
     ] = "auto"
     tol: Annotated[
         float | None,

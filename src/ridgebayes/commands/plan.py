@@ -15,7 +15,8 @@ from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.text import duration, percent
 from ridgebayes.scene.effects import Plan, plan_table
-from ridgebayes.scene.estimates import beyond_reach, plan
+from ridgebayes.scene.estimates import plan
+from ridgebayes.scene.reach import beyond_reach
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.toml import read_body
 from ridgebayes.scene.units import Body
@@ -24,6 +25,11 @@ from ridgebayes.table.datafiles import data_path
 from ridgebayes.table.files import check_name, write_frame
 
 CHECK_CSV = "plan-check.csv"
+_METHODS = {
+    "half-plane": "the half-plane equation",
+    "two-scale": "two scales (half-plane ridges on a largely deformed body)",
+    "cylinder-fe": "finite elements",
+}
 
 
 def command(asked: options.Plan) -> Answer:
@@ -112,7 +118,7 @@ def scene_text(scene: Scene, one: Plan, body: Body) -> list[str | pd.DataFrame]:
     )
     cost = duration(sum(effect.cost_s for effect in simulated))
     cost = cost if cost.startswith("under") else f"about {cost}"
-    how = "finite elements" if one.needs_finite_elements else "the half-plane equation"
+    how = _METHODS[one.solver]
     lines.append(f"To compute {wanted}, simulate: {sizes}. By {how} that takes {cost}.")
     if one.left_out:
         names = ", ".join(f"{effect.name} ({percent(effect.estimate)})" for effect in one.left_out)
@@ -132,14 +138,14 @@ def scene_text(scene: Scene, one: Plan, body: Body) -> list[str | pd.DataFrame]:
 
 
 def _expected(scene: Scene, one: Plan, body: Body) -> str:
-    """Say which count and contact the highest load gives, by the half-plane equation."""
+    """Say which count and contact the highest load gives."""
     p = scene.highest_load(one.texture)
     load = f"p/E = {p:.3g}"
     if body.load and p == scene.p_over_E:
         load = f"{body.load} ({load})"
     alone = scene.model_copy(update={"textures": (one.texture,)})
     (found,) = contact_at_loads(alone, [p]).to_dict("records")
-    if found["status"] != "ok":
+    if math.isnan(found["half_width_over_R"]):
         return f"Q at {load} is not known: {found['status']}."
     width = 2 * found["half_width_over_R"]
     size = f"{width:.2g} R"
@@ -147,7 +153,10 @@ def _expected(scene: Scene, one: Plan, body: Body) -> str:
         size += f" ({1e3 * width * float(body.radius):.2g} mm)"
     mean = " on average over offsets" if one.texture.offset == "uniform" else ""
     words = f"at {load} expect Q = {found['Q']:.3g}{mean} in a contact {size} wide"
-    return f"{words}, of which {percent(found['contact_fraction'])} touches."
+    words += f", of which {percent(found['contact_fraction'])} touches."
+    if found["rel_se"]:
+        words += f" Standard error of the load: {percent(found['rel_se'])}, of lengths half of it."
+    return words if found["status"] == "ok" else f"{words} This is {found['status']}."
 
 
 def plan_check_job(

@@ -13,13 +13,14 @@ from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.newton import NotConvergedError
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.contact.two_scale import half_plane_load, load_of
 from ridgebayes.drawing.scenes import plot_counts, plot_effects, plot_plan_check
 from ridgebayes.drawing.style import save
 from ridgebayes.errors import ComputationError, RidgebayesError
 from ridgebayes.report.figures.bodies import plot_deformed, plot_pressed
 from ridgebayes.runtime.text import one_line_message
 from ridgebayes.scene.effects import Plan, full_profile, plan_label, plan_table
-from ridgebayes.scene.estimates import HIGHEST_LOAD
+from ridgebayes.scene.reach import HIGHEST_LOAD
 from ridgebayes.scene.scene import Scene
 
 _TOLERANCE = 1e-5  # of the curves
@@ -36,7 +37,7 @@ def draw_plan(scene: Scene, one: Plan, folder: Path) -> list[str]:
     """
     texture, p_max = one.texture, scene.highest_load(one.texture)
     sharp = Profile(texture.a_over_R, texture.b_over_R)
-    profile = one.profile or (full_profile(texture) if one.needs_finite_elements else sharp)
+    profile = one.profile or (sharp if one.solver == "half-plane" else full_profile(texture))
     failed = []
     for name, make in {
         "effects": lambda: plot_effects(plan_table([one]), scene.relative),
@@ -65,7 +66,10 @@ def _counts(profile: Profile, sharp: Profile, scene: Scene, one: Plan) -> Figure
     names: dict[Profile, str] = {profile: "as planned"}
     names.setdefault(full_profile(one.texture), "all that the scene gives")
     names.setdefault(sharp, "ridges alone")
-    found = {name: _curve(each, scene, p_max) for each, name in names.items()}
+    p = _half_plane_load(scene, one, p_max)
+    found = {name: _curve(each, scene, p) for each, name in names.items()}
+    if one.solver == "two-scale":
+        found = {name: (load_of(loads, scene.nu), Q) for name, (loads, Q) in found.items()}
     curves = {name: curve for name, curve in found.items() if len(curve[0])}
     smooth = _smooth(sharp, scene, p_max)
     if len(smooth[0]):
@@ -76,10 +80,9 @@ def _counts(profile: Profile, sharp: Profile, scene: Scene, one: Plan) -> Figure
 
 
 def _deformed(profile: Profile, scene: Scene, one: Plan, p_max: float) -> Figure:
-    if not one.needs_finite_elements:
-        return plot_pressed(
-            solve_contact(profile, load_factor(scene.nu) * p_max, rel_tol=_TOLERANCE)
-        )
+    if one.solver != "cylinder-fe":
+        p = _half_plane_load(scene, one, p_max)
+        return plot_pressed(solve_contact(profile, load_factor(scene.nu) * p, rel_tol=_TOLERANCE))
     if p_max > HIGHEST_LOAD:  # it would take minutes to find out
         raise ComputationError(f"p/E = {p_max:.2g} is above {HIGHEST_LOAD:g}")
     body = Cylinder(profile, p_max=p_max, nu=scene.nu, friction=scene.friction, edges=_EDGES)
@@ -87,6 +90,11 @@ def _deformed(profile: Profile, scene: Scene, one: Plan, p_max: float) -> Figure
         return plot_deformed(body, body.at_load(p_max, body.unloaded()))
     except NotConvergedError as failed:
         raise ComputationError(str(failed)) from None
+
+
+def _half_plane_load(scene: Scene, one: Plan, p_max: float) -> float:
+    """Return the load under which a half-plane does what the body does."""
+    return float(half_plane_load(p_max, scene.nu)) if one.solver == "two-scale" else p_max
 
 
 def _curve(profile: Profile, scene: Scene, p_max: float) -> tuple[FloatArray, FloatArray]:

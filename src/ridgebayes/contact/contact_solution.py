@@ -165,7 +165,7 @@ def solve_contact(
     if ridges is None and (first := hertz / profile.pitch) * m > 2 * _MAX_UNKNOWNS:
         # What Hertz's contact covers alone is too much: not even listed, there may be millions.
         why = f"not computed: some {first * m:.2g} unknowns; cap {_MAX_UNKNOWNS}"
-        return _nothing(profile, m, why)
+        return no_solution(profile, why)
     within = profile.segments(1.3 * hertz + 3 * profile.pitch)
     if ridges is not None:
         within = [one for one in within if one.ridge is None or one.ridge in ridges]
@@ -192,16 +192,16 @@ def solve_contact(
         status = "ok"
         break
     if found is None:
-        return _nothing(profile, m, status)
+        return no_solution(profile, status)
     if status == "ok":
         status = _checked(found, W, rel_tol)
     return ContactSolution(profile, tuple(segments), found, status)
 
 
-def _nothing(profile: Profile, m: int, status: str) -> ContactSolution:
+def no_solution(profile: Profile, status: str) -> ContactSolution:
     """Return a record without a solution, which says why there is none."""
     nothing = Intervals(np.empty(0), np.empty(0), profile.mirrored)
-    empty = PressureSolution(nothing, np.empty((0, m)), math.nan, np.empty(0), m)
+    empty = PressureSolution(nothing, np.empty((0, 1)), math.nan, np.empty(0), 1)
     return ContactSolution(profile, (), empty, status)
 
 

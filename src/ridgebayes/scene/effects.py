@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
 
 DEFAULT_RELATIVE = 1e-8  # without a wanted accuracy only what has no effect at all is left out
-BY_FINITE_ELEMENTS = ("finite body and large deformation", "friction")
+BEYOND_HALF_PLANE = ("finite body and large deformation", "friction")
 # Finite elements themselves are right to about this: a smaller effect is not worth them.
 FINITE_ELEMENT_ERROR = 0.002
 
@@ -63,12 +63,15 @@ class Plan(Tabular):
         neglected.
     relative : float
         Accuracy wanted.
+    solver : {"half-plane", "two-scale", "cylinder-fe"}
+        What computes loads to that accuracy at the least cost.
     """
 
     texture: Texture
     effects: tuple[Effect, ...]
     profile: Profile | None
     relative: float = DEFAULT_RELATIVE
+    solver: str = "half-plane"
 
     def __repr__(self) -> str:
         return f"Plan({plan_label(self.texture)}: {', '.join(self.simulated) or 'nothing'})"
@@ -110,13 +113,8 @@ class Plan(Tabular):
     @property
     def left_out(self) -> tuple[Effect, ...]:
         """Effects that are not simulated although they exceed the wanted accuracy."""
-        missing = [e for e in self.effects if e.name in BY_FINITE_ELEMENTS and not e.simulated]
+        missing = [e for e in self.effects if e.name in BEYOND_HALF_PLANE and not e.simulated]
         return tuple(effect for effect in missing if effect.estimate > self.relative)
-
-    @property
-    def needs_finite_elements(self) -> bool:
-        """Whether an effect is simulated that only finite elements have."""
-        return any(name in BY_FINITE_ELEMENTS for name in self.simulated)
 
 
 def plan_table(plans: list[Plan]) -> pd.DataFrame:

@@ -14,20 +14,21 @@ from functools import cached_property
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.contact import halfplane, hertz
+from ridgebayes.contact import halfplane, hertz, two_scale
 from ridgebayes.contact.contact_solution import ContactSolution, load_factor, solve_contact
 from ridgebayes.contact.reaching import nearest_gap
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import percent
 from ridgebayes.scene.effects import (
-    BY_FINITE_ELEMENTS,
+    BEYOND_HALF_PLANE,
     DEFAULT_RELATIVE,
     FINITE_ELEMENT_ERROR,
     Effect,
     Plan,
     full_profile,
 )
+from ridgebayes.scene.reach import HIGHEST_LOAD
 from ridgebayes.scene.scene import Scene, Texture
 
 _SAFETY = 1.5  # an estimate may be two thirds of the truth and still be on the safe side
@@ -38,8 +39,7 @@ _STEP = 0.03  # of a load, for the slope of a gap
 _FINITE_BODY = 0.45
 _PER_PRESS, _PER_CUBE = 8e-4, 3e-11  # CPU seconds of a solution: fixed, and times unknowns cubed
 _MOST_LOOKED_AT = 64
-_PER_TRANSITION = 5.0  # CPU seconds of finite elements
-HIGHEST_LOAD = 0.1  # p/E to which loads were checked: docs/validation/cylinder.md
+_PER_TRANSITION, _PER_TWO_SCALE = 5.0, 1e-3  # CPU seconds, of finite elements and two-scale
 
 
 def plan(scene: Scene) -> list[Plan]:
@@ -76,26 +76,6 @@ def plan(scene: Scene) -> list[Plan]:
     return [_planned(_Base.of(scene, texture)) for texture in scene.textures]
 
 
-def beyond_reach(scene: Scene, written: str = "") -> str:
-    """Say that the highest load of a scene is beyond what was checked; nothing if it is not.
-
-    Parameters
-    ----------
-    scene : Scene
-        With its loads.
-    written : str, optional
-        The load with its unit, as a scene file has it.
-    """
-    highest = max(scene.highest_load(texture) for texture in scene.textures)
-    if highest <= HIGHEST_LOAD:
-        return ""
-    load = f"{written} is p/E = {highest:.2g}" if written else f"p/E = {highest:.2g}"
-    return (
-        f"{load}; this package computes to p/E = {HIGHEST_LOAD:g}. Above it finite elements often "
-        "end without a result, and half-plane loads, which are for small strain, are far off"
-    )
-
-
 def _too_narrow(texture: Texture, status: str) -> InputError:
     return InputError(
         f"textures: a/R = {texture.a_over_R!r}, b/R = {texture.b_over_R!r}: {status}; "
@@ -106,7 +86,10 @@ def _too_narrow(texture: Texture, status: str) -> InputError:
 
 def _planned(base: "_Base") -> Plan:
     effects = [_ridges(base), _partial_contact(base), _offset(base), _floor(base), _corner(base)]
-    effects += [_poisson(base), _finite_body(base), _friction(base), *_not_modelled()]
+    large, solver = _finite_body(base)
+    friction = _friction(base)
+    effects += [_poisson(base), large, friction, *_not_modelled()]
+    solver = "cylinder-fe" if friction.simulated else solver
     chosen = {effect.name for effect in effects if effect.simulated}
     profile = None
     if chosen & {"ridges", "offset", "groove floor", "corner radius"}:
@@ -116,7 +99,7 @@ def _planned(base: "_Base") -> Plan:
             corner=base.given.corner if "corner radius" in chosen else 0.0,
             offset=base.given.offset if "offset" in chosen else 0.0,
         )
-    return Plan(base.texture, tuple(effects), profile, base.tolerance)
+    return Plan(base.texture, tuple(effects), profile, base.tolerance, solver)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +139,21 @@ class _Base:
         """The same in words."""
         relative = self.scene.relative
         return f"the wanted {percent(relative)}" if relative else "0, and no accuracy is stated"
+
+    @property
+    def p_max(self) -> float:
+        """The highest load looked at, over E."""
+        return self.W_max / load_factor(self.scene.nu)
+
+    @cached_property
+    def two_scale_error(self) -> float:
+        """Largest relative standard error of two-scale loads; infinite where there are none."""
+        nu = self.scene.nu
+        if nu < two_scale.LEAST_NU:
+            return math.inf
+        loads = np.minimum(self.W / load_factor(nu), two_scale.REACH)
+        error = two_scale.relative_error(loads, self.sharp.a, self.sharp.b, nu)
+        return float(np.max(error))
 
     @cached_property
     def given(self) -> Profile:
@@ -292,9 +290,9 @@ def _poisson(base: _Base) -> Effect:
     return Effect("Poisson's ratio", nu, estimate, True, reason, 0.0)
 
 
-def _finite_body(base: _Base) -> Effect:
-    width, nu = base.half_width, base.scene.nu
-    p = base.W_max / load_factor(nu)
+def _finite_body(base: _Base) -> tuple[Effect, str]:
+    """Return the effect, and the solver that it calls for."""
+    width, nu, p = base.half_width, base.scene.nu, base.p_max
     count = max(base.last.Q, 2 * width / base.sharp.pitch)
     strain = 2 * p / (count * base.sharp.a)
     hang = base.penetration / base.sharp.b
@@ -305,33 +303,53 @@ def _finite_body(base: _Base) -> Effect:
     estimate = _FINITE_BODY * width**2 + 0.3 * hang**2 + drawn
     reason = f"contact half-width over R; load per ridge over E a is {strain:.2g}, "
     reason += f"penetration over b {hang:.2g}; "
-    return _by_finite_elements(base, BY_FINITE_ELEMENTS[0], width, estimate, reason)
+    solver, why = _solver_for(base, estimate)
+    cost = (_PER_TRANSITION if solver == "cylinder-fe" else _PER_TWO_SCALE) * len(base.W)
+    simulated = solver != "half-plane"
+    return Effect(BEYOND_HALF_PLANE[0], width, estimate, simulated, reason + why, cost), solver
 
 
-def _by_finite_elements(
-    base: _Base, name: str, number: float, estimate: float, reason: str
-) -> Effect:
-    """Simulate an effect by finite elements where it exceeds both a stated accuracy and theirs."""
-    wanted, simulated = base.tolerance, False
-    if estimate <= wanted:
-        reason += f"within {base.wanted}"
-    elif estimate <= FINITE_ELEMENT_ERROR:
-        reason += f"below the error of finite elements, {percent(FINITE_ELEMENT_ERROR)}"
-    elif base.scene.relative is None and name == BY_FINITE_ELEMENTS[0]:
-        reason += "a scene without a stated accuracy uses the half-plane"
-    else:
-        reason, simulated = f"{reason}above {base.wanted}: finite elements", True
-    return Effect(name, number, estimate, simulated, reason, _PER_TRANSITION * len(base.W))
+def _solver_for(base: _Base, estimate: float) -> tuple[str, str]:
+    """Return the cheapest solver that is right to a stated accuracy, or else the best, and why.
+
+    Parameters
+    ----------
+    base : _Base
+        With the loads.
+    estimate : float
+        Error of the half-plane.
+    """
+    error, goes_on = base.two_scale_error, base.p_max > HIGHEST_LOAD
+    if estimate <= base.tolerance:
+        return "half-plane", f"within {base.wanted}"
+    if base.scene.relative is None and not (goes_on and error < math.inf):
+        return "half-plane", (
+            f"a scene without a stated accuracy uses the half-plane to p/E = {HIGHEST_LOAD:g}"
+        )
+    if estimate <= min(error, FINITE_ELEMENT_ERROR):
+        return "half-plane", f"below the error of finite elements, {percent(FINITE_ELEMENT_ERROR)}"
+    if error <= max(base.tolerance, FINITE_ELEMENT_ERROR) or (goes_on and error < math.inf):
+        return "two-scale", f"above {base.wanted}: two-scale, right to {percent(error)}"
+    return "cylinder-fe", f"above {base.wanted}: finite elements"
 
 
 def _friction(base: _Base) -> Effect:
+    """Simulate friction by finite elements where it exceeds both a stated accuracy and theirs."""
     nu, friction = base.scene.nu, base.scene.friction
     beta = (1 - 2 * nu) / (2 * (1 - nu))
     # Full stick raises the stiffness of a flat contact by (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) at most.
     stick = (1 - nu) * math.log(3 - 4 * nu) / (1 - 2 * nu) - 1 if nu < 0.5 else 0.0
     estimate = stick * min(friction / beta, 1.0) if beta > 0 and friction else 0.0
     reason = f"friction coefficient; tangential mismatch (1 - 2 nu)/(2 (1 - nu)) is {beta:.2g}; "
-    return _by_finite_elements(base, BY_FINITE_ELEMENTS[1], friction, estimate, reason)
+    simulated = estimate > max(base.tolerance, FINITE_ELEMENT_ERROR)
+    if estimate <= base.tolerance:
+        reason += f"within {base.wanted}"
+    elif simulated:
+        reason += f"above {base.wanted}: finite elements"
+    else:
+        reason += f"below the error of finite elements, {percent(FINITE_ELEMENT_ERROR)}"
+    cost = _PER_TRANSITION * len(base.W)
+    return Effect(BEYOND_HALF_PLANE[1], friction, estimate, simulated, reason, cost)
 
 
 def _not_modelled() -> Iterator[Effect]:

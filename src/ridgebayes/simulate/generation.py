@@ -11,6 +11,7 @@ from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.scene.effects import Plan, full_profile
 from ridgebayes.scene.estimates import plan
+from ridgebayes.scene.reach import HIGHEST_LOAD, beyond_reach
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.simulate import solvers
 from ridgebayes.simulate.presets import LoadPreset
@@ -36,12 +37,14 @@ def generate(
     ----------
     scene : Scene or path
         Textures, Poisson's ratio, highest load.
-    solver : {"auto", "hertz", "half-plane", "cylinder-linear", "cylinder-fe"}
+    solver : {"auto", "hertz", "half-plane", "two-scale", "cylinder-linear", "cylinder-fe"}
         ``"auto"`` simulates the effects that the scene calls for, see `scene.estimates.plan`;
-        ``"half-plane"`` all that the scene gives but friction, at small strain; ``"hertz"`` is the
-        smooth closed form in ridge units; ``"cylinder-linear"`` the whole cylinder at small
-        strain by finite elements, of sharp, centred textures; ``"cylinder-fe"`` all that the scene
-        gives on the whole cylinder, neo-Hookean at finite strain, by finite elements.
+        ``"half-plane"`` all that the scene gives but friction, at small strain; ``"two-scale"``
+        the same ridges under a body that is deformed largely, as a smooth cylinder is;
+        ``"hertz"`` is the smooth closed form in ridge units; ``"cylinder-linear"`` the whole
+        cylinder at small strain by finite elements, of sharp, centred textures; ``"cylinder-fe"``
+        all that the scene gives on the whole cylinder, neo-Hookean at finite strain, by finite
+        elements.
     rel_tol : float or None, scalar, dimensionless
         Wanted relative error of each load; None is that of `accuracy`, or the scene's if tighter.
     accuracy : str, optional
@@ -75,19 +78,22 @@ def generate(
     InputError
         If the solver is unknown, the scene asks for what the solver cannot simulate, or a texture
         has no transition, or over 65,536, under the load. All findings in one message. If workers
-        have another version of this package.
+        have another version of this package. If a load is above p/E = 0.5, for "auto" and
+        "two-scale".
     ComputationError
         If workers die, so that a texture cannot be computed.
 
     Notes
     -----
-    *Validity.* But for "cylinder-fe" small strain: within 1 % of finite strain up to p/E = 0.015,
-    of moderate grooves.
+    *Validity.* But for "two-scale" and "cylinder-fe" small strain: within 1 % of finite strain up
+    to p/E = 0.015, of moderate grooves. Rows of "two-scale" above the load to which it was held
+    against finite elements say so in their status. Without a stated accuracy "auto" is
+    "half-plane" up to p/E = 0.1, and "two-scale" above.
 
     *Preset.* As `contact.halfplane.transition_loads` and `contact.reaching.reaching_loads`;
-    "hertz" is exact for its own question. Rows of "cylinder-fe" carry their mesh's error in
-    `rel_se`, and in `edges` how many of its edges lie on a ridge; where finite elements stop
-    converging a row says at which load.
+    "hertz" is exact for its own question. Rows of "two-scale" carry what is neglected in `rel_se`.
+    Rows of "cylinder-fe" carry their mesh's error in `rel_se`, and in `edges` how many of its
+    edges lie on a ridge; where finite elements stop converging a row says at which load.
 
     Over 200 sharp, centred textures share one function of b/a on the half-plane, with an error of
     a tenth of the tolerance or of 1e-8, whichever is less. Rows of "cylinder-linear" carry their
@@ -118,6 +124,7 @@ def generate(
         ]
         if refused:
             raise InputError("\n".join(refused))
+    beyond_reach(scene, solver=solver)
     tasks = _tasks(scene.at_medians(), solver, rel_tol, wanted.meshes)
     solve = functools.partial(_solved, pressed=pressed) if pressed is not None else _solved
     found = _all_found(tasks, solve, executor, journal, progress)
@@ -133,8 +140,9 @@ def generate(
 def _tasks(scene: Scene, solver: str, rel_tol: float, meshes: tuple[int, ...]) -> list[TextureTask]:
     # There is nothing to plan where every effect given is simulated anyway.
     plain = not any(optional_effects(texture) for texture in scene.textures) and not scene.friction
-    planned = not (plain and (scene.relative is None or solver != "auto"))
-    by_half_plane = plain and not planned and solver in ("auto", "half-plane")
+    high = max(scene.highest_load(texture) for texture in scene.textures) > HIGHEST_LOAD
+    planned = not (plain and ((scene.relative is None and not high) or solver != "auto"))
+    by_half_plane = plain and not planned and solver in ("auto", "half-plane", "two-scale")
     loads = solvers.many_loads(scene, rel_tol) if by_half_plane else None
     tasks = []
     for number, texture in enumerate(scene.textures, start=1):

@@ -9,17 +9,25 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from ridgebayes.contact.contact_solution import ContactSolution, load_factor, solve_many_contacts
+from ridgebayes._types import FloatArray
+from ridgebayes.contact import two_scale
+from ridgebayes.contact.contact_solution import (
+    ContactSolution,
+    load_factor,
+    no_solution,
+    solve_many_contacts,
+)
 from ridgebayes.contact.edges import edge_forces as edges_of
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.scene.effects import full_profile
 from ridgebayes.scene.estimates import plan
+from ridgebayes.scene.reach import HIGHEST_LOAD
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.table.columns import LARGEST_LOAD
 from ridgebayes.table.rules import texture_label
 
-_FIRST, _LAST = ["texture", "p_over_E"], ["penetration_over_R", "status"]
+_FIRST, _LAST = ["texture", "p_over_E"], ["penetration_over_R", "rel_se", "status"]
 RESPONSE_COLUMNS = [*_FIRST, "Q", "contact_fraction", "half_width_over_R", "approach_over_R"]
 RESPONSE_COLUMNS += _LAST
 FORCE_COLUMNS = [*_FIRST, "land", "ridge", "left_over_R", "right_over_R", "share"]
@@ -44,8 +52,9 @@ def contact_at_loads(
         Textures and Poisson's ratio; its own load does not matter.
     p_over_E : array_like of float, shape (n_load,), dimensionless
         Loads per projected area over Young's modulus.
-    solver : {"auto", "half-plane"}
-        Whether to simulate what the scene calls for, or all that it gives.
+    solver : {"auto", "half-plane", "two-scale"}
+        Whether to simulate what the scene calls for, or all that it gives, at small strain or at
+        large deformation of the body.
     rel_tol : float, optional
         Tolerance of contact ends.
 
@@ -55,7 +64,9 @@ def contact_at_loads(
         A row a texture and load, (n_texture n_load,) in all. Columns texture, p_over_E, Q (ridges
         in contact), contact_fraction (length in contact between its outermost ends),
         half_width_over_R (half of that distance), approach_over_R (relative to the surface at a
-        distance R), penetration_over_R (deepest, into any groove), status: other than ``"ok"`` it
+        distance R), penetration_over_R (deepest, into any groove), rel_se
+        (relative standard error of the load that does this; lengths err by about half of it; 0 at
+        small strain), status: other than ``"ok"`` it
         says what failed, and numbers of that row are not to be used. Of an offset ``"uniform"``
         all are means over 32 offsets, and Q is no longer whole.
 
@@ -67,8 +78,11 @@ def contact_at_loads(
 
     Notes
     -----
-    *Validity.* Small strain and no friction: within 1 % of finite strain up to p/E = 0.015, of
-    moderate grooves. Of contacts of very many ridges nothing is computed, as `status` says.
+    *Validity.* No friction. "half-plane" is for small strain: within 1 % of finite strain up to
+    p/E = 0.015, of moderate grooves. "two-scale" goes to p/E = 0.5; `status` says of loads above
+    those at which it was held against finite elements. "auto" is as for `generate`, or two-scale
+    where that would take finite elements. Of contacts of very many ridges nothing is computed, as
+    `status` says.
 
     *Accuracy.* Of a mean count: each change of a count is misplaced by at most a 64th of a pitch.
 
@@ -81,12 +95,14 @@ def contact_at_loads(
     ([2, 4, 6], [0.44, 0.22, 0.26])
     """
     rows = []
-    for label, load, places in _solved(as_scene(scene), p_over_E, solver, rel_tol):
+    scene = as_scene(scene)
+    for label, load, places, scale in _solved(scene, p_over_E, solver, rel_tol):
         each = np.array([_measures(found) for found in places])
         mean = each[0] if len(places) == 1 else each.mean(axis=0)
         count = places[0].Q if len(places) == 1 else mean[0]
         status = next((one.status for one in places if one.status != "ok"), "ok")
-        rows.append([label, load, count, *mean[1:].tolist(), status])
+        error = _error(load, places[0].profile, scale, scene.nu)
+        rows.append([label, load, count, *mean[1:4].tolist(), mean[4] * scale, error, status])
     return pd.DataFrame(rows, columns=RESPONSE_COLUMNS)
 
 
@@ -112,8 +128,9 @@ def ridge_forces(
         Textures and Poisson's ratio; its own load does not matter.
     p_over_E : array_like of float, shape (n_load,), dimensionless
         Loads per projected area over Young's modulus.
-    solver : {"auto", "half-plane"}
-        Whether to simulate what the scene calls for, or all that it gives.
+    solver : {"auto", "half-plane", "two-scale"}
+        Whether to simulate what the scene calls for, or all that it gives, at small strain or at
+        large deformation of the body.
     rel_tol : float, optional
         Tolerance of contact ends.
 
@@ -122,7 +139,8 @@ def ridge_forces(
     pandas.DataFrame
         Columns texture, p_over_E, land (``ridge`` or ``floor``), ridge (its number, or that of
         the ridge to the left of a floor), left_over_R, right_over_R (ends of contact), share (of
-        the load), mean_pressure_over_E, penetration_over_R (into the groove to the right), status.
+        the load), mean_pressure_over_E, penetration_over_R (into the groove to the right), rel_se
+        (as of `contact_at_loads`), status.
         Of a body that sits symmetrically the right half; its mirror image has the same. A load of
         which nothing was computed has one row, whose status says why.
 
@@ -145,17 +163,18 @@ def ridge_forces(
     """
     scene = _of_known_offset(scene)
     rows = []
-    for label, load, (found,) in _solved(scene, p_over_E, solver, rel_tol):
+    for label, load, (found,), scale in _solved(scene, p_over_E, solver, rel_tol):
         profile, pressing, grooves = found.profile, found.pressing, found.penetrations
         if not found.segments:
-            rows.append([label, load, "", -1, *[math.nan] * 5, found.status])
+            rows.append([label, load, "", -1, *[math.nan] * 6, found.status])
+        error = _error(load, found.profile, scale, scene.nu)
         contacts = zip(found.covered.items(), pressing.forces.tolist(), strict=True)
         for (segment, (left, right)), force in contacts:
             kind, share = "floor" if segment.ridge is None else "ridge", force / pressing.load
             number = profile.ridge_before(segment)
             pressure, hang = 2 * load * share / (right - left), grooves.get(number, math.nan)
-            where = [kind, number, left, right]
-            rows.append([label, load, *where, share, pressure, hang, found.status])
+            values = [left, right, share, pressure, hang * scale, error]
+            rows.append([label, load, kind, number, *values, found.status])
     return pd.DataFrame(rows, columns=FORCE_COLUMNS)
 
 
@@ -193,8 +212,8 @@ def edge_forces(
 
     Notes
     -----
-    *Validity.* As `contact_at_loads`. Without friction; what edges resist in sliding is not
-    computed here: see `docs/derivations/edges.md`.
+    *Validity.* Small strain: as "half-plane" of `contact_at_loads`. What edges resist in sliding is
+    not computed here: see `docs/derivations/edges.md`.
 
     *Accuracy.* The lateral force is that of the pressure's centroid. With sharp corners it is the
     sum of side G to 1e-6 of the sum of G.
@@ -214,7 +233,7 @@ def edge_forces(
     """
     scene = _of_known_offset(scene)
     rows = []
-    for label, load, (found,) in _solved(scene, p_over_E, "half-plane", rel_tol):
+    for label, load, (found,), _ in _solved(scene, p_over_E, "half-plane", rel_tol):
         if not found.segments:
             rows.append([label, load, "", -1, 0, *[math.nan] * 4, found.status])
             continue
@@ -234,10 +253,19 @@ def _of_known_offset(given: Scene | str | os.PathLike[str]) -> Scene:
     return scene
 
 
+def _error(load: float, profile: Profile, scale: float, nu: float) -> float:
+    """Return the relative error of a load at large deformation; 0 at small strain."""
+    return 0.0 if scale == 1.0 else float(two_scale.relative_error(load, profile.a, profile.b, nu))
+
+
 def _solved(
     scene: Scene, p_over_E: ArrayLike, solver: str, rel_tol: float
-) -> Iterator[tuple[str, float, tuple[ContactSolution, ...]]]:
-    """Yield each texture's label and load with its solutions: one, or one an offset."""
+) -> Iterator[tuple[str, float, tuple[ContactSolution, ...], float]]:
+    """Yield each texture's label and load with its solutions: one, or one an offset.
+
+    The last is the load over that of the half-plane that does the same; pressures and what hangs
+    into grooves under them are larger by it.
+    """
     try:
         loads = np.atleast_1d(np.asarray(p_over_E, dtype=np.float64))
     except (TypeError, ValueError):
@@ -247,19 +275,46 @@ def _solved(
         raise InputError(
             f"p_over_E = {loads[~within][0]}; expected finite and > 0, at most {LARGEST_LOAD:g}"
         )
-    if solver not in ("auto", "half-plane"):
-        raise InputError(f"solver = {solver!r}; expected auto or half-plane")
-    if solver == "half-plane":
-        profiles = [full_profile(texture) for texture in scene.textures]
-    else:
+    if solver not in ("auto", "half-plane", "two-scale"):
+        raise InputError(f"solver = {solver!r}; expected auto, half-plane or two-scale")
+    profiles = [full_profile(texture) for texture in scene.textures]
+    solvers = [solver] * len(profiles)
+    if solver == "auto":
         # Pressures are of the ridges even where transition loads would not notice these.
         sharp = [Profile(texture.a_over_R, texture.b_over_R) for texture in scene.textures]
-        profiles = [one.profile or none for one, none in zip(plan(scene), sharp, strict=True)]
-    for texture, profile in zip(scene.textures, profiles, strict=True):
+        plans = plan(scene)
+        profiles = [one.profile or none for one, none in zip(plans, sharp, strict=True)]
+        high = bool(loads.max() > HIGHEST_LOAD)
+        solvers = ["two-scale" if high else one.solver for one in plans]
+        if scene.nu < two_scale.LEAST_NU:
+            solvers = ["half-plane"] * len(plans)
+    for texture, profile, chosen in zip(scene.textures, profiles, solvers, strict=True):
         label = texture_label(texture.a_over_R, texture.b_over_R)
         offsets = _OFFSETS if texture.offset == "uniform" else [profile.offset]
         places = [replace(profile, offset=offset) for offset in offsets]
-        W = load_factor(scene.nu) * loads
-        solutions = [solve_many_contacts(place, W, rel_tol=rel_tol) for place in places]
-        for load, found in zip(loads.tolist(), zip(*solutions, strict=True), strict=True):
-            yield label, load, found
+        by_body = np.ones_like(loads)
+        if chosen != "half-plane":
+            by_body = two_scale.width_ratio(loads, scene.nu) ** -2.0
+        for load, scale, found in zip(
+            loads.tolist(),
+            by_body.tolist(),
+            zip(*(_pressed(one, scene.nu, loads, by_body, rel_tol) for one in places), strict=True),
+            strict=True,
+        ):
+            yield label, load, found, scale
+
+
+def _pressed(
+    profile: Profile, nu: float, loads: FloatArray, by_body: FloatArray, rel_tol: float
+) -> list[ContactSolution]:
+    """Return the contact at each load; that of the half-plane at the load over `by_body`."""
+    within = np.isfinite(by_body)
+    W = load_factor(nu) * loads[within] / by_body[within]
+    solved = iter(solve_many_contacts(profile, W, rel_tol=rel_tol))
+    found = [next(solved) if one else no_solution(profile, two_scale.BEYOND) for one in within]
+    return [
+        replace(one, status=two_scale.UNCHECKED)
+        if scale != 1.0 and load > two_scale.CHECKED and one.status == "ok"
+        else one
+        for load, scale, one in zip(loads, by_body, found, strict=True)
+    ]

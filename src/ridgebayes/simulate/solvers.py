@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ridgebayes._types import FloatArray, IntArray, Json
-from ridgebayes.contact import halfplane, hertz
+from ridgebayes.contact import halfplane, hertz, two_scale
 from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.many_textures import LoadFunction, load_function
 from ridgebayes.contact.reaching import reaching_loads
@@ -23,7 +23,7 @@ from ridgebayes.table.curves import Curve
 if TYPE_CHECKING:
     from ridgebayes.contact.cylinder.cylinder import Cylinder, Transition
 
-SOLVERS = ("auto", "hertz", "half-plane", "cylinder-linear", "cylinder-fe")
+SOLVERS = ("auto", "hertz", "half-plane", "two-scale", "cylinder-linear", "cylinder-fe")
 _MANY, _MOST_UNLIKE = 200, 1e3  # textures, and ratios of groove to ridge, that one function serves
 # A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
 _MAX_TRANSITIONS = 65_536
@@ -86,6 +86,12 @@ class TextureTask:
         """Its highest load."""
         return self.scene.highest_load(self.texture)
 
+    def at_half_plane_load(self) -> "TextureTask":
+        """Return the task up to the load under which a half-plane does what the body does."""
+        p_max = float(two_scale.half_plane_load(self.p_max, self.scene.nu))
+        texture = self.texture.model_copy(update={"max_p_over_E": p_max})
+        return replace(self, scene=self.scene.model_copy(update={"textures": (texture,)}))
+
     @property
     def where(self) -> str:
         """Words for it in messages."""
@@ -129,9 +135,10 @@ def transition_curves(
         If the texture has no transition, or over 65,536, under the load.
     """
     texture, scene, solver = task.texture, task.scene, task.solver
-    by_elements = _by_elements(one, solver)
+    chosen = chosen_solver(one, solver)
+    by_elements, two_scales = chosen == "cylinder-fe", chosen == "two-scale"
     profile = one.profile if solver == "auto" else full_profile(texture)
-    if profile is None and by_elements:
+    if profile is None and (by_elements or two_scales):
         profile = full_profile(texture)
     if solver == "hertz" or profile is None:
         yield _curve(task, _many(task, _hertz), "hertz", "effects=none")
@@ -139,8 +146,10 @@ def transition_curves(
     names = ["ridges", *optional_effects(texture)]
     if solver == "auto":
         names = [name for name in names if name in one.simulated or not one.effects]
-    if by_elements:
-        names += ["finite body and large deformation"] + ["friction"] * (scene.friction > 0)
+    if by_elements or two_scales:
+        names += ["finite body and large deformation"]
+    if by_elements and scene.friction > 0:
+        names += ["friction"]
     effects = "effects=" + "+".join(names).replace(" ", "-")
     if solver == "cylinder-linear":
         edges = task.meshes[0]
@@ -155,9 +164,11 @@ def transition_curves(
                 if pressed is not None:
                     pressed(texture, body, reached)
             continue
-        sharp = here == Profile(here.a, here.b)
-        found = _many(task, _half_plane) if sharp else _events(here, task)
-        yield _curve(task, found, "half-plane", f"{effects} rel_tol={task.rel_tol:g}", offset)
+        sharp, how = here == Profile(here.a, here.b), f"{effects} rel_tol={task.rel_tol:g}"
+        with_reach = task.at_half_plane_load() if two_scales else task
+        found = _many(with_reach, _half_plane) if sharp else _events(here, with_reach)
+        curve = _curve(task, found, "half-plane", how, offset)
+        yield _two_scale(curve) if two_scales else curve
 
 
 def _curve(
@@ -169,7 +180,7 @@ def _curve(
         b_over_R=texture.b_over_R,
         Q=tuple(Q.tolist()),
         p_over_E=tuple(p_over_E.tolist()),
-        rel_se=_ELEMENTS_SE.get(edges, 0.0),
+        rel_se=(_ELEMENTS_SE.get(edges, 0.0),) * len(Q),
         nu=task.scene.nu,
         offset_over_R=offset * (texture.a_over_R + texture.b_over_R),
         role=texture.role,
@@ -198,15 +209,35 @@ def optional_effects(texture: Texture) -> list[str]:
 _ELEMENTS_SE = {48: 5e-4, 24: 1e-3, 10: 4e-3}
 
 
-def _by_elements(one: Plan, solver: str) -> bool:
-    return solver == "cylinder-fe" or (solver == "auto" and one.needs_finite_elements)
+def chosen_solver(one: Plan, solver: str) -> str:
+    """Return the solver that is named, or the plan's for "auto"."""
+    return one.solver if solver == "auto" else solver
+
+
+def _two_scale(curve: Curve) -> Curve:
+    """Return a curve of half-plane loads at the loads that do so at large deformation."""
+    loads = two_scale.load_of(curve.p_over_E, curve.nu)
+    error = two_scale.relative_error(loads, curve.a_over_R, curve.b_over_R, curve.nu)
+    said = (
+        two_scale.UNCHECKED if one == "ok" and p > two_scale.CHECKED else one
+        for one, p in zip(curve.status, loads.tolist(), strict=True)
+    )
+    return replace(
+        curve,
+        p_over_E=tuple(loads.tolist()),
+        rel_se=tuple(np.nan_to_num(error).tolist()),
+        status=tuple(said),
+        solver="two-scale",
+        source=curve.source.replace(" half-plane ", " two-scale ", 1),
+    )
 
 
 def friction_refused(scene: Scene, one: Plan, solver: str) -> str:
     """Say what is wrong with leaving out friction; nothing if it may be."""
     friction = next((effect for effect in one.effects if effect.name == "friction"), None)
     wanted = max(scene.relative or 0.0, FINITE_ELEMENT_ERROR if solver == "auto" else 0.0)
-    if friction is None or _by_elements(one, solver) or friction.estimate <= wanted:
+    by_elements = chosen_solver(one, solver) == "cylinder-fe"
+    if friction is None or by_elements or friction.estimate <= wanted:
         return ""
     return (
         f"friction = {scene.friction!r}: changes loads by up to {friction.estimate:.2g}, "

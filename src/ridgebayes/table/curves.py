@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-_BY_ROW = ("Q", "p_over_E", "status")
+_BY_ROW = ("Q", "p_over_E", "rel_se", "status")
 _IF_ANY = ("rel_se", "offset_over_R", "edges")
 
 
@@ -23,8 +23,8 @@ class Curve:
         Counts reached.
     p_over_E : tuple of float, shape (n_row,), dimensionless
         Their loads; NaN where none was found.
-    rel_se : float, scalar, dimensionless
-        Known relative error of the loads.
+    rel_se : tuple of float, shape (n_row,), dimensionless
+        Known relative errors of the loads.
     nu : float, scalar, dimensionless
         Poisson's ratio.
     offset_over_R : float, scalar, dimensionless
@@ -41,7 +41,7 @@ class Curve:
     b_over_R: float
     Q: tuple[int, ...]
     p_over_E: tuple[float, ...]
-    rel_se: float
+    rel_se: tuple[float, ...]
     nu: float
     offset_over_R: float
     role: str
@@ -59,7 +59,7 @@ class Curve:
     def from_dict(cls, values: dict[str, Any]) -> "Curve":
         """Return the curve of what `to_dict` gave, the same to the last bit."""
         loads = tuple(math.nan if load is None else load for load in values["p_over_E"])
-        rows = {"Q": tuple(values["Q"]), "status": tuple(values["status"]), "p_over_E": loads}
+        rows = {name: tuple(values[name]) for name in _BY_ROW} | {"p_over_E": loads}
         return cls(**(values | rows))
 
 

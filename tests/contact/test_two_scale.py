@@ -1,0 +1,110 @@
+"""Two scales: the smooth cylinder's table, and loads on ridges against finite elements."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ridgebayes.contact import halfplane, hertz
+from ridgebayes.contact.contact_solution import load_factor
+from ridgebayes.contact.reaching import reaching_loads
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.contact.two_scale import (
+    REACH,
+    TABLE,
+    half_plane_load,
+    load_of,
+    relative_error,
+    width_ratio,
+)
+from ridgebayes.table.datafiles import CALCULIX_FE, CYLINDER_SWEEP, data_path
+
+NU = (0.3, 0.37, 0.4, 0.45, 0.49, 0.5)
+LOADS = np.linspace(1e-6, REACH, 101)
+
+
+def test_width_ratio__is_the_table_of_the_smooth_cylinder():
+    table = pd.read_csv(TABLE)
+    assert table["p_over_E"].max() >= REACH
+    table = table[table["p_over_E"] <= REACH]
+    found = width_ratio(table["p_over_E"], table["nu"])
+    # Discretisation: meshes twice as fine differ by under 2e-4.
+    np.testing.assert_allclose(found, table["width_over_hertz"], rtol=3e-4)
+
+
+def test_width_ratio__is_that_of_another_code():
+    rows = pd.read_csv(data_path("fea/smooth_cylinder.csv"))
+    rows = rows[(rows["model"] == "neo-hooke") & (rows["half_width_over_R"] > 0.1)]
+    assert len(rows) == 1
+    for row in rows.to_dict("records"):
+        ratio = row["width_over_hertz"]
+        load = hertz.load_of_half_width(row["half_width_over_R"] / ratio)
+        assert width_ratio(load) == pytest.approx(ratio, abs=1.2e-3)  # reference: three decimals
+
+
+@pytest.mark.parametrize("nu", NU)
+def test_width_ratio__is_one_at_no_load_and_falls(nu):
+    assert float(width_ratio(0.0, nu)) == 1.0
+    assert (np.diff(width_ratio(LOADS, nu)) < 0).all()
+
+
+def test_width_ratio__grows_with_poissons_ratio():
+    nu = np.linspace(0.3, 0.5, 51)
+    for p in (0.01, 0.1, 0.5):
+        assert (np.diff(width_ratio(p, nu)) > 0).all()
+
+
+def test_width_ratio__of_a_compressible_body_falls_as_its_surface_draws_in():
+    # The surface strain -(1 - 2 nu)(1 + nu) q/E draws the surface in, by s = (1 - 2 nu)(1 + nu) p
+    # at the contact's end. What that makes of the body's shape narrows it by 8/pi^2 s
+    # (docs/derivations/two-scale.md); the material's own second order is left out.
+    nu, p = 0.3, 2e-3
+    drawn = (1 - 2 * nu) * (1 + nu) * p / float(hertz.half_width(p, nu=nu))
+    assert 1 - float(width_ratio(p, nu)) == pytest.approx(8 / math.pi**2 * drawn, rel=0.2)
+
+
+@pytest.mark.parametrize("nu", NU)
+def test_load_of__undoes_half_plane_load(nu):
+    back = load_of(half_plane_load(LOADS, nu), nu)
+    np.testing.assert_allclose(back, LOADS, rtol=1e-10)  # rounding times condition
+    assert (np.diff(half_plane_load(LOADS, nu)) > 0).all()
+    assert float(load_of(1e-9, nu)) == pytest.approx(1e-9, rel=1e-4)  # small strain
+
+
+def test_load_of__of_what_is_beyond_is_not_known():
+    assert np.isnan(load_of([float(half_plane_load(REACH)) * 1.001, math.nan])).all()
+    assert np.isnan(width_ratio(REACH * 1.001))
+    assert np.isnan(width_ratio(0.1, 0.29))
+
+
+@pytest.mark.parametrize("name", [CYLINDER_SWEEP, CALCULIX_FE])
+def test_load_of__is_the_load_of_finite_elements_on_sharp_corners(name):
+    rows = pd.read_csv(data_path(name)).to_dict("records")
+    off = []
+    for row in rows:
+        a, b, nu, k = row["a_over_R"], row["b_over_R"], row["nu"], row["Q"] // 2 - 1
+        half_plane = halfplane.transition_loads(a, b, k).p_over_E(a + b, nu=nu)[-1]
+        found = float(load_of(half_plane, nu))
+        error = np.hypot(row["rel_se"], float(relative_error(found, a, b, nu)))
+        off.append((found / row["p_over_E"] - 1) / error)
+    assert len(off) >= 12
+    assert np.mean(np.abs(off) < 1.96) >= 0.95
+
+
+ROUND = pd.read_csv(data_path("fea/rounded_corners.csv"))
+KEYS = ["a_over_R", "b_over_R", "nu", "offset_over_R"]
+
+
+@pytest.mark.parametrize(("key", "rows"), list(ROUND.groupby(KEYS)))
+def test_load_of__is_the_load_of_finite_elements_on_round_corners(key, rows):
+    a, b, nu, offset = key
+    profile = Profile(a, b, corner=rows["corner_radius_over_R"].iloc[0], offset=offset / (a + b))
+    top = 1.05 * load_factor(nu) * rows["p_over_E"].max()
+    events = reaching_loads(profile, W_max=top, rel_tol=1e-4)
+    half_plane = dict(zip(events.Q.tolist(), events.W / load_factor(nu), strict=True))
+    found = load_of([half_plane.get(Q, math.nan) for Q in rows["Q"]], nu)
+    known = np.isfinite(found)  # the half-plane's corners stop it at some load
+    assert known.sum() >= min(len(rows), 2)
+    error = np.hypot(rows["rel_se"], relative_error(found, a, b, nu))
+    assert (np.abs(found / rows["p_over_E"] - 1)[known] < 1.96 * error[known]).all()

@@ -1,0 +1,120 @@
+"""Scenes at large deformation: which solver a plan chooses, and what it says of its loads."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ridgebayes.contact.two_scale import CHECKED, REACH, load_of, relative_error, width_ratio
+from ridgebayes.errors import InputError
+from ridgebayes.scene.estimates import plan
+from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.simulate.generation import generate
+from ridgebayes.simulate.responses import contact_at_loads, ridge_forces
+from ridgebayes.table.datafiles import data_path
+
+A, B = 0.0625, 0.05
+HARD = Scene.of([(A, B)], p_over_E=0.45, relative=0.01)
+
+
+def test_generate__two_scale_loads_are_the_half_planes_at_large_deformation():
+    scene = Scene.of([(A, B)], p_over_E=0.15)
+    found = generate(scene, solver="two-scale").frame
+    half_plane = generate(scene, solver="half-plane").frame
+    n = len(found)
+    expected = load_of(half_plane["p_over_E"][:n])
+    np.testing.assert_allclose(found["p_over_E"], expected, rtol=1e-8)  # the tolerance of loads
+    np.testing.assert_allclose(found["rel_se"], relative_error(expected, A, B), rtol=1e-6)
+    # A load above the scene's at large deformation is not below it at small strain.
+    assert len(half_plane) >= n
+    assert set(found["status"]) == {"ok"}
+    assert found["source"].str.contains("two-scale effects=ridges.finite-body").all()
+
+
+@pytest.mark.parametrize("texture", [{"corner_radius_over_R": 0.1 * A}, {"offset": 0.2}])
+def test_generate__two_scale_takes_corners_and_offsets_along(texture):
+    scene = Scene(textures=(Texture(a_over_R=A, b_over_R=B, **texture),), p_over_E=0.05)
+    found, half_plane = (generate(scene, solver=one).frame for one in ("two-scale", "half-plane"))
+    same = half_plane["p_over_E"][: len(found)]
+    np.testing.assert_allclose(found["p_over_E"], load_of(same), rtol=1e-7)
+
+
+def test_generate__says_which_loads_nobody_has_checked():
+    frame = generate(HARD).frame
+    assert frame["solver"].unique().tolist() == ["two-scale"]
+    beyond = frame["p_over_E"] > CHECKED
+    assert beyond.any()
+    assert (frame["status"][~beyond] == "ok").all()
+    assert frame["status"][beyond].str.startswith("not checked").all()
+    assert (np.diff(frame["rel_se"]) > 0).all()
+
+
+@pytest.mark.parametrize("relative", [None, 0.01])
+def test_generate__refuses_a_load_that_no_solver_reaches(relative):
+    scene = Scene.of([(A, B)], p_over_E=0.6, relative=relative)
+    with pytest.raises(InputError, match=r"p/E = 0\.6; expected at most p/E = 0\.5"):
+        generate(scene)
+    assert len(generate(scene, solver="half-plane").frame)
+
+
+@pytest.mark.parametrize(
+    ("p", "relative", "solver"),
+    [
+        (0.002, 0.01, "half-plane"),
+        (0.08, 0.01, "two-scale"),
+        (0.08, 1e-4, "cylinder-fe"),
+        (0.3, 1e-4, "two-scale"),
+        (0.08, None, "half-plane"),
+        (0.2, None, "two-scale"),
+    ],
+)
+def test_plan__chooses_the_cheapest_solver_that_is_right_to_the_accuracy(p, relative, solver):
+    (one,) = plan(Scene.of([(0.02, 0.1)], p_over_E=p, relative=relative))
+    assert one.solver == solver
+    named = {effect.name: effect for effect in one.effects}["finite body and large deformation"]
+    assert named.simulated == (solver != "half-plane")
+
+
+def test_contact_at_loads__counts_change_at_two_scale_loads():
+    loads = generate(Scene.of([(A, B)], p_over_E=0.15), solver="two-scale").frame["p_over_E"]
+    p = np.concatenate([loads * (1 - 1e-5), loads * (1 + 1e-5)])
+    found = contact_at_loads(HARD, p, solver="two-scale")
+    Q = 4 + 2 * np.arange(len(loads))
+    assert found["Q"].tolist() == [*(Q - 2), *Q]
+    assert (found["rel_se"] > 0).all()
+
+
+def test_contact_at_loads__at_small_loads_is_the_half_planes():
+    p = [1e-5, 1e-4]
+    one, other = (contact_at_loads(HARD, p, solver=s) for s in ("two-scale", "half-plane"))
+    assert one["half_width_over_R"].to_numpy() == pytest.approx(
+        other["half_width_over_R"].to_numpy(), rel=2e-4
+    )
+    assert (other["rel_se"] == 0).all()
+
+
+def test_contact_at_loads__says_what_is_beyond():
+    found = contact_at_loads(HARD, [0.1, 0.4, REACH * 1.01])
+    assert [text.split(":")[0] for text in found["status"]] == ["ok", "not checked", "not computed"]
+    assert found["half_width_over_R"].notna().tolist() == [True, True, False]
+    assert math.isnan(found["rel_se"].iloc[2])
+
+
+def test_ridge_forces__carry_the_load_at_large_deformation():
+    found = ridge_forces(HARD, [0.1], solver="two-scale")
+    width = found["right_over_R"] - found["left_over_R"]
+    assert (found["mean_pressure_over_E"] * width).sum() == pytest.approx(0.1, rel=1e-9)
+    small = ridge_forces(HARD, [0.1 * float(width_ratio(0.1)) ** 2], solver="half-plane")
+    ratio = found["penetration_over_R"] / small["penetration_over_R"]
+    # Algebra: a groove's depth under a pressure that is larger by 1/r^2.
+    assert ratio.dropna().to_numpy() == pytest.approx(float(width_ratio(0.1)) ** -2, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["light_touch", "firm_grip", "hard_press"])
+def test_generate__shipped_fingertips_run_to_their_load(name):
+    scene = Scene.from_toml(data_path(f"scenes/fingertip_{name}.toml"))
+    frame = generate(scene).frame
+    assert set(frame["status"]) == {"ok"}
+    assert (frame["rel_se"] < scene.relative).all() if "rel_se" in frame else True
+    next_one = generate(scene.model_copy(update={"p_over_E": 1.5 * scene.p_over_E})).frame
+    assert next_one["Q"].iloc[: len(frame)].tolist() == frame["Q"].tolist()
