@@ -33,6 +33,7 @@ _NEWTON_STEPS = 12
 # of the half-width, by 1 - r^2, and by the mean pressure on ridges.
 _TABLE_ERROR, _TABLE_GROWTH = 4e-4, 4e-3
 _BY_WIDTH, _BY_BODY, _BY_PRESSURE = 0.05, 0.1, 0.01
+OFF_CENTRE = 4e-3  # of loads of bodies off centre, beside these
 
 
 @cache

@@ -218,6 +218,8 @@ def _two_scale(curve: Curve) -> Curve:
     """Return a curve of half-plane loads at the loads that do so at large deformation."""
     loads = two_scale.load_of(curve.p_over_E, curve.nu)
     error = two_scale.relative_error(loads, curve.a_over_R, curve.b_over_R, curve.nu)
+    if curve.offset_over_R:
+        error = np.hypot(error, two_scale.OFF_CENTRE)
     said = (
         two_scale.UNCHECKED if one == "ok" and p > two_scale.CHECKED else one
         for one, p in zip(curve.status, loads.tolist(), strict=True)
