@@ -4,6 +4,7 @@
 #   make test       lint, types, the tests, doctests, the notebook and the README's code blocks
 #   make test-long  all tests, those marked `long` too, on every Python of PYTHONS, and fuzzing
 #   make docs       the site, into docs/_build/html
+#   make notebooks  runs all notebooks and stores their outputs
 #   make dist       wheel and sdist, checked, and the main job from the wheel alone on every Python
 #   make hard-cases, make mutation, make architecture: the pages of docs/ that are made by running code
 # Another Python: make test PYTHON=python3.12 VENV=.venv-3.12
@@ -18,7 +19,7 @@ PYTEST   = $(BIN)/python -m pytest -n auto --dist worksteal
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: setup run lint types fast test test-long docs dist hard-cases mutation architecture clean
+.PHONY: setup run lint types fast test test-long docs notebooks dist hard-cases mutation architecture clean
 
 setup: $(VENV)/.installed
 
@@ -61,6 +62,11 @@ test-python: setup
 # From stored outputs; warnings are errors, and every reference has to resolve.
 docs: setup
 	$(BIN)/python -m sphinx -W --keep-going -n -q docs docs/_build/html
+
+notebooks: setup
+	cd notebooks && MPLBACKEND=module://matplotlib_inline.backend_inline \
+	    $(abspath $(BIN))/jupyter-execute --inplace *.ipynb
+	rm -f notebooks/report.html
 
 dist: setup
 	rm -rf dist
