@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import ridgebayes as rb
@@ -80,3 +81,17 @@ def test_held_out_loads_without_weights_is_empty(single):
 
 def test_held_out_loads_of_nothing_held_out_is_empty(comparison):
     assert not len(held_out_loads(replace(comparison, table=comparison.table.calibration)))
+
+
+def test_rows_of_a_body_off_centre_are_in_no_table_of_errors(comparison):
+    frame = comparison.table.frame
+    a, b = PAPER_TEXTURES[0]
+    own = frame[(frame["a_over_R"] == a) & (frame["b_over_R"] == b)].iloc[:3]
+    away = own.assign(Q=[4, 5, 6], offset_over_R=0.005, role="held-out")  # odd counts too
+    table = rb.ContactTable.from_frame(pd.concat([frame, away], ignore_index=True))
+    found = replace(comparison, table=table)
+    assert shown_textures(found) == PAPER_TEXTURES
+    pd.testing.assert_frame_equal(percent_errors(found), percent_errors(comparison))
+    pd.testing.assert_frame_equal(held_out_loads(found), held_out_loads(comparison))
+    alone = pd.concat([comparison.table.calibration.frame, away], ignore_index=True)
+    assert held_out_loads(replace(comparison, table=rb.ContactTable.from_frame(alone))).empty

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from ridgebayes.comparison.bands import loads_table
+from ridgebayes.comparison.bands import loads_table, predicted_rows
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.model.forms import PowerLaw
@@ -31,7 +31,7 @@ def held_out_loads(comparison: Comparison) -> pd.DataFrame:
     """
     held_out = comparison.table.held_out
     # Without a usable evidence there are no weights to average the forms with.
-    if not comparison.probabilities or not (held_out.column("kind") == "transition").any():
+    if not comparison.probabilities or predicted_rows(held_out).empty:
         return pd.DataFrame()
     loads = loads_table(replace(comparison, table=held_out))
     loads = loads[loads["kind_of_band"] == "simulation"].reset_index(drop=True)
@@ -64,8 +64,7 @@ def shown_textures(comparison: Comparison, n_most: int = 3) -> tuple[Texture, ..
         All if there are no more; those of the study's Figs 5 and 6 if the table has them; else
         those of the narrowest and the widest grooves for their ridges, and one held out or between.
     """
-    ok = comparison.table.frame
-    ok = ok[(ok["status"] == "ok") & (ok["kind"] == "transition")]
+    ok = predicted_rows(comparison.table)
     present = list(dict.fromkeys(zip(ok["a_over_R"], ok["b_over_R"], strict=True)))
     if len(present) <= n_most:
         return tuple(present)
@@ -97,8 +96,7 @@ def percent_errors(
         The power law has no row where a texture has no K.
     """
     wanted = shown_textures(comparison) if textures is None else textures
-    frame = comparison.table.frame
-    frame = frame[(frame["status"] == "ok") & (frame["kind"] == "transition")]
+    frame = predicted_rows(comparison.table)
     blocks = []
     for a, b in wanted:
         rows = frame[(frame["a_over_R"] == a) & (frame["b_over_R"] == b)].sort_values("Q")

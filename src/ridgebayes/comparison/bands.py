@@ -15,6 +15,7 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.predict import KINDS, NEGLIGIBLE, predict_load, predict_q
 from ridgebayes.predict.q_distribution import QDistribution, mix_q
+from ridgebayes.table.table import ContactTable
 
 AVERAGE = "average"
 _Distribution = TypeVar("_Distribution", QDistribution, LoadDistribution)
@@ -129,9 +130,7 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
         included, those of a body off centre not, which no form predicts. Simulation bands hold the
         row's known relative error `rel_se` too: they are of the load as it was observed.
     """
-    frame = comparison.table.frame
-    is_predicted = (frame["kind"] == "transition") & (frame["offset_over_R"] == 0)
-    frame = frame[(frame["status"] == "ok") & is_predicted]
+    frame = predicted_rows(comparison.table)
     blocks = []
     a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
     for kind in KINDS:
@@ -145,6 +144,13 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
             blocks.append(_of_form(name, parts, load.to_dataframe(prob)))
             blocks[-1]["p_over_E_observed"] = frame["p_over_E"].to_numpy()
     return pd.concat(blocks, ignore_index=True)
+
+
+def predicted_rows(table: ContactTable) -> pd.DataFrame:
+    """Return the ok transitions of a table; no form predicts those of a body off centre."""
+    frame = table.frame
+    is_predicted = (frame["kind"] == "transition") & (frame["offset_over_R"] == 0)
+    return frame[(frame["status"] == "ok") & is_predicted]
 
 
 def _nu_of_textures(comparison: Comparison) -> dict[Texture, float]:
