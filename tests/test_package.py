@@ -136,7 +136,10 @@ def test_errors__can_be_told_apart_and_caught_together():
     [
         ("emcee", ["inference/emcee_sampling"]),
         ("arviz", ["inference/diagnostics"]),
-        ("typer", ["commands/cli", "commands/options", "commands/shared_options"]),
+        (
+            "typer",
+            [f"commands/{name}" for name in ("cli", "design_options", "options", "shared_options")],
+        ),
         ("rich", ["commands/terminal", "runtime/progress"]),
         ("distributed", ["runtime/cluster"]),
     ],

@@ -7,9 +7,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from ridgebayes._types import FloatArray
 from ridgebayes.drawing.style import new_figure, styled
 
 _BEST = "#D55E00"
+_LEVELS = (0.1, 0.5, 0.9, 0.99)
 
 
 def draw_designs(
@@ -49,7 +51,11 @@ def draw_designs(
     handles: list[Artist] = []
     if min(len(x), len(y)) > 1:
         values = margin.to_numpy(float)
-        if values.min() < 0 <= values.max():
+        levels = [p for p in _LEVELS if _within(p, grid.to_numpy(float))]
+        if levels and label == "probability":
+            lines = axes.contour(x, y, grid, levels=levels, colors="#8A8A8A", linewidths=0.8)
+            axes.clabel(lines, fontsize=8)
+        if _within(0.0, values):
             axes.contour(x, y, values, levels=[0.0], colors="black", linewidths=1.8)
             handles.append(Line2D([], [], color="black", linewidth=1.8, label="goal just met"))
         if outside.to_numpy().mean() > 0:
@@ -65,6 +71,10 @@ def draw_designs(
     axes.set_ylabel("groove width $b/R$")
     axes.grid(visible=False)
     axes.legend(handles=[*handles, point], loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+
+
+def _within(level: float, values: FloatArray) -> bool:
+    return bool(values.min() < level <= values.max())
 
 
 @styled()
