@@ -101,7 +101,7 @@ def test_load_of__is_the_load_of_finite_elements_on_round_corners(key, rows):
     a, b, nu, offset = key
     profile = Profile(a, b, corner=rows["corner_radius_over_R"].iloc[0], offset=offset / (a + b))
     top = 1.05 * load_factor(nu) * rows["p_over_E"].max()
-    events = reaching_loads(profile, W_max=top, rel_tol=1e-4)
+    events = reaching_loads(profile, W_max=top, rel_tol=1e-6)
     half_plane = dict(zip(events.Q.tolist(), events.W / load_factor(nu), strict=True))
     found = load_of([half_plane.get(Q, math.nan) for Q in rows["Q"]], nu)
     known = np.isfinite(found)  # the half-plane's corners stop it at some load
