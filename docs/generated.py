@@ -39,7 +39,8 @@ def write_pages(folder: Path) -> None:
 
 def copy_notebooks(source: Path, folder: Path) -> None:
     """Copy the notebooks to where Sphinx reads them."""
-    folder.mkdir(exist_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
     for path in sorted(source.glob("*.ipynb")):
         shutil.copy2(path, folder / path.name)
 
