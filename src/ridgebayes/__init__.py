@@ -43,6 +43,7 @@ _HOME = {
     "Uniform": "distributions.bounded",
     "Fit": "results",
     "calibrate": "results",
+    "PosteriorMixture": "inference.mixture",
     "SampleSettings": "inference.chains",
     "QDistribution": "predict.q_distribution",
     "LoadDistribution": "predict.load_distribution",
@@ -90,6 +91,7 @@ if TYPE_CHECKING:
     from ridgebayes.friction.inputs import friction_inputs
     from ridgebayes.friction.table import FrictionTable, read_friction_table
     from ridgebayes.inference.chains import SampleSettings
+    from ridgebayes.inference.mixture import PosteriorMixture
     from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
     from ridgebayes.predict.load_distribution import LoadDistribution
     from ridgebayes.predict.q_distribution import QDistribution

@@ -24,6 +24,7 @@ from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import arviz_object
+from ridgebayes.inference.mixture import PosteriorMixture, fit_mixture
 from ridgebayes.inference.netcdf import priors_to_json, read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.sampling import sample_posterior
@@ -32,6 +33,7 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import OF_ERRORS, Priors, resolve_priors
+from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.predict import Predictive
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable, read_table
@@ -197,6 +199,28 @@ class Fit(Posterior, Predictive, Tabular):
         log_likelihood_joint of sample_stats.
         """
         return arviz_object(all_groups(self))
+
+    def to_mixture(self, n_component: int | None = None) -> PosteriorMixture:
+        """Return the posterior of the printed error model as a Gaussian mixture.
+
+        For use as a prior elsewhere: it writes JSON, and text for PyMC, NumPyro and Stan.
+
+        Parameters
+        ----------
+        n_component : int, optional
+            Components, 1 to 8; chosen by the density of draws that were left out if not given.
+
+        Returns
+        -------
+        PosteriorMixture
+            With its distance from the draws, and the range that was calibrated.
+
+        Raises
+        ------
+        InputError
+            If there are more than 40 parameters, or `n_component` is out of its range.
+        """
+        return fit_mixture(self, CalibratedRange.of(self).to_dict(), n_component)
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
         """Write what `to_arviz` returns, so that the fit can be read again, and arviz opens it.

@@ -186,6 +186,15 @@ def test_write_inputs__blocks_are_the_whole(fit, tmp_path, monkeypatch, suffix):
     np.testing.assert_allclose(first["edge_x"], whole["edge_x"][3, 0].dropna("edge"))
 
 
+def test_write_inputs__netcdf_of_too_many_draws_is_refused_at_once(fit, tmp_path, monkeypatch):
+    monkeypatch.setattr("ridgebayes.friction.files.LARGEST_NETCDF", 10_000)
+    monkeypatch.setattr("ridgebayes.friction.inputs._BLOCK", 7)
+    draws = InputDraws(fit, Scene.of([(A, B)]), 2, n=1_000, rng=1)
+    with pytest.raises(InputError, match=r"x.nc: 1,000 draws of .* expected at most \d+ in NetCDF"):
+        write_inputs(draws.blocks(), tmp_path / "x.nc")
+    assert not list(tmp_path.iterdir())
+
+
 def test_friction_inputs__bad_input_is_one_clear_error(fit, tmp_path):
     scene = Scene.of([(A, B)])
     two = Scene.of([(A, B), (B, A)])

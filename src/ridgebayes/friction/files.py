@@ -1,7 +1,7 @@
 """Joint draws as files: NetCDF, Parquet and CSV."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from ridgebayes.friction.inputs import joined
 from ridgebayes.runtime.atomic import replacing
 
 SUFFIXES = (".nc", ".parquet", ".csv")
+LARGEST_NETCDF = 2**30  # bytes of variables: a file of HDF5 is made in memory, three times that
 
 
 def check_name(path: Path) -> None:
@@ -23,7 +24,7 @@ def check_name(path: Path) -> None:
 
 
 def write_inputs(blocks: xr.Dataset | Iterable[xr.Dataset], path: str | os.PathLike[str]) -> None:
-    """Write draws; those that come in blocks are written one by one, but into NetCDF.
+    """Write draws; those that come in blocks go to Parquet and CSV one by one.
 
     Parameters
     ----------
@@ -36,19 +37,34 @@ def write_inputs(blocks: xr.Dataset | Iterable[xr.Dataset], path: str | os.PathL
     Raises
     ------
     InputError
-        If the suffix is another, or pyarrow is missing for Parquet.
+        If the suffix is another, pyarrow is missing for Parquet, or blocks would make more than
+        1 GiB of variables for NetCDF: that is made in memory.
     """
     target = Path(path)
     check_name(target)
     parts = [blocks] if isinstance(blocks, xr.Dataset) else blocks
     with replacing(target) as part:
         if target.suffix == ".nc":
-            joined(list(parts)).to_netcdf(part, engine="h5netcdf")
+            kept = parts if isinstance(parts, list) else _bounded(parts, target)
+            joined(list(kept)).to_netcdf(part, engine="h5netcdf")
         elif target.suffix == ".csv":
             for i, one in enumerate(parts):
                 _frame(one).to_csv(part, mode="a" if i else "w", header=not i, index=False)
         else:
             _write_parquet(parts, part)
+
+
+def _bounded(parts: Iterable[xr.Dataset], path: Path) -> Iterator[xr.Dataset]:
+    """Yield blocks, unless all together would be too large."""
+    for one in parts:
+        n, each = int(one.attrs["n_draw"]), one.nbytes / one.sizes["draw"]
+        if n * each > LARGEST_NETCDF:
+            raise InputError(
+                f"{path}: {n:,} draws of {each:,.0f} bytes; expected at most "
+                f"{LARGEST_NETCDF / each:,.0f} in NetCDF, which is made in memory; Parquet and "
+                "CSV take any number"
+            )
+        yield one
 
 
 def _write_parquet(parts: Iterable[xr.Dataset], path: Path) -> None:

@@ -1,6 +1,5 @@
 """Joint draws of what a body does on a texture: counts, contact, forces on ridges and edges."""
 
-import hashlib
 import json
 import math
 import os
@@ -168,14 +167,12 @@ class InputDraws:
             PredictiveSampler(fit, profile["a"], profile["b"]) for fit, _ in self._parts
         ]
         self.contact_relative_error = math.nan
-        rows = self._parts[0][0].model.data
         self._attrs = {
             "scene": json.dumps(scene.model_dump(mode="json")),
             "seed": self._seed,
+            "n_draw": self.n,
             "ridgebayes_version": __version__,
-            "fitted_rows_digest": hashlib.sha256(
-                np.stack([rows.a_over_R[rows.texture], rows.Q, rows.log_load]).tobytes()
-            ).hexdigest(),
+            "fitted_rows_digest": self._parts[0][0].model.data.digest(),
         }
         if scene.uncertain is not None:
             self._attrs["scene_distributions"] = json.dumps(scene.uncertain.texts)

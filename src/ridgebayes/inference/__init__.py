@@ -5,8 +5,9 @@ Three ways lead to a `Posterior` (`posterior`): a walk (`emcee_sampling`; `chain
 asked for and what it returns, `checkpoint` keeps it on disk), `importance_sampling` (always where
 offsets have no closed-form integral), and for the power law exact draws (`power_law_exact`);
 `sampling` picks the one that suits a model. `diagnostics` judges draws, `qmc_nodes` compresses
-them, `arviz_groups` names them as arviz does, `netcdf` writes them; `log_evidence` has the record
-of an evidence, `presets` the accuracies to choose from. The room knows `model` and `runtime`.
+them, `arviz_groups` names them as arviz does, `netcdf` writes them, `mixture` makes few numbers of
+them, and `mixture_code` of these a prior for other programs; `log_evidence` has the record of an
+evidence, `presets` the accuracies to choose from. The room knows `model` and `runtime`.
 
 >>> from ridgebayes.inference.importance_sampling import importance_posterior
 >>> from ridgebayes.model.forms import Modified

@@ -1,5 +1,6 @@
 """The rows a posterior is conditioned on, as arrays."""
 
+import hashlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -115,6 +116,11 @@ class Observations:
     def is_exact(self) -> BoolArray:
         """Rows that give the load itself: no count, no bracket, or a bracket of no width."""
         return ~self.is_count & (np.isnan(self.log_lower) | (self.log_lower == self.log_load))
+
+    def digest(self) -> str:
+        """Return the SHA-256 of textures, counts and loads of the rows."""
+        rows = np.stack([self.a_over_R[self.texture], self.Q, self.log_load])
+        return hashlib.sha256(rows.tobytes()).hexdigest()
 
     def take(self, rows: BoolArray) -> "Observations":
         """Return some of the rows, with the textures that they have."""

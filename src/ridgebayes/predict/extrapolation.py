@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes._types import BoolArray, FloatArray, Json
 from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import PowerLaw
@@ -72,6 +72,19 @@ class CalibratedRange:
             frozenset((*data.textures[j], count) for j, count in rows),
             frozenset(fit.form.textures) if isinstance(fit.form, PowerLaw) else None,
         )
+
+    def to_dict(self) -> Json:
+        """Return the range as plain values; the load is reduced to nu = 0.5."""
+        found: Json = {
+            "a_over_R": list(self.ridge),
+            "b_over_R": list(self.groove),
+            "a_over_pitch": list(self.ratio),
+            "Q_max": self.Q_max,
+            "p_over_E_max": self.load_max,
+        }
+        if self.textures is not None:
+            found["textures"] = [list(one) for one in sorted(self.textures)]
+        return found
 
     def texture_flags(self, a_over_R: FloatArray, b_over_R: FloatArray) -> Flags:
         """Return the flags of textures.
