@@ -2,7 +2,7 @@
 
 ``python data/friction/make_sliding.py [JOB ...]`` computes rows that the file lacks, of all jobs
 or of those with the given numbers: an hour or so on one processor. It can be stopped and started
-again, but not within a path with friction. What did not converge is printed.
+again; a path with friction that was broken off begins anew. What did not converge is printed.
 """
 
 import math
@@ -178,10 +178,12 @@ class Job:
             "mu": self.mu,
             "corner_segments": self.arc,
         }
-        done = pd.read_csv(FILE) if FILE.exists() else pd.DataFrame(columns=[*keys, "offset"])
-        done = done[np.logical_and.reduce([done[name] == value for name, value in keys.items()])]
+        rows = pd.read_csv(FILE) if FILE.exists() else pd.DataFrame(columns=[*keys, "offset"])
+        done = rows[np.logical_and.reduce([rows[name] == value for name, value in keys.items()])]
         if self.mu and len(done):
-            return
+            if done["offset"].max() > 0.999:
+                return
+            rows.drop(done.index).to_csv(FILE, index=False)
         lacking = [o for o in OFFSETS if not np.isclose(done["offset"].astype(float), o).any()]
         for one in rubbed(self) if self.mu else frictionless(self, lacking):
             net = half_plane(self.a, self.b, one["offset"], self.p)

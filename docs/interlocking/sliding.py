@@ -45,7 +45,8 @@ def main() -> None:
         print(f"mu = {mu:g}: {len(one)} rows to {one['offset'].max():.3f} pitches")
         print(f"  from 0.25 on: {late.mean():.4f}, {late.min():.4f} to {late.max():.4f}")
     axes[1].set(xlabel="moved, pitches", ylabel="resistance, over W", title="with friction")
-    axes[1].legend(frameon=False, fontsize=6)
+    if len(rubbed):
+        axes[1].legend(frameon=False, fontsize=6)
     figure.savefig(HERE / "sliding.png", dpi=130)
 
 
