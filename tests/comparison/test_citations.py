@@ -12,7 +12,7 @@ def used(result):
 def test_comparison__lists_samplers_evidences_and_scores(comparison):
     found = used(comparison)
     assert {"forms", "MCMC", "bridge sampling", "Savage-Dickey ratio", "stacking"} <= found
-    assert not {"nested sampling", "finite elements", "importance sampling"} & found
+    assert not {"nested sampling", "finite elements"} & found
     unscored = replace(comparison, loo=comparison.loo.head(0))
     assert found - used(unscored) == {"leave-one-out scores", "stacking"}
 
