@@ -303,7 +303,7 @@ def plot_prior_sensitivity(factors: pd.DataFrame, best: str) -> Figure:
         axes.set(xscale="log", title=f"prior of {_PRIORS.get(prior) or symbol(prior)}")
     figure.suptitle(f"ln Bayes factor against {title_of(best)}", fontsize=10)
     low, high = factors["ln_bf"].min(), factors["ln_bf"].max()
-    ticks = [t for t in (-100, -50, -20, -5, 5, 20) if low <= t <= high]
+    ticks = [t for t in (-100, -20, -5, 5, 20) if low <= t <= high]
     panels[0].set_yticks([*ticks, 0], [f"{t}".replace("-", MINUS) for t in (*ticks, 0)])
     panels[0].minorticks_off()
     shared_legend(figure, panels[0])

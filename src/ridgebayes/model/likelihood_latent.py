@@ -38,7 +38,8 @@ from ridgebayes.model.shared_offsets import Offsets, OffsetsGiven, SmoothOffsets
 from ridgebayes.model.tails import Tail
 
 _LOG_2PI = math.log(2 * math.pi)
-_PASSES = 6  # outliers' weights settle; what is left is the estimates' to correct
+_PASSES = 8  # outliers' weights settle; what is left is the estimates' to correct
+_OFF = 3.0  # sds of a row, its variance as if it were normal, beyond which offsets miss it
 _STRETCH = 0.7  # a of sinh(a t) / a: tails that outliers need, for nodes and for points
 _NARROW = 1e-3  # least share of it
 _STEP, _HALF = 0.25, 24  # the one-dimensional rule: 49 nodes, to 47 sds
@@ -250,15 +251,23 @@ class SampledOffsets:
         _, extra = self._rows.centre
         own, df = eta[..., :1] ** 2 + self._rows.rel_se**2, eta[..., -1:]
         loading = root.loading(self._design)
-        # A priori an outlier lies far off already: it never pulls at its neighbours.
-        square = residual * residual + (loading**2).sum(axis=-2)
+        # A t is a normal of unknown variance: this is its mean given what the residual may be. Rows
+        # that offsets miss begin as if they lay as far off as a priori: outliers never pull at
+        # their neighbours then. The others begin with their own variance, which is soon settled.
+        variance = np.broadcast_to(own, residual.shape)
         for n_left in reversed(range(n_pass + 1)):
-            # A t is a normal of unknown variance: this is its mean given what the residual may be.
-            weight = 1 / ((df * own + square) / (df + 1) + extra)
+            weight = 1 / (variance + extra)
             given = given_rows(self._design, root, weight, residual)
-            if n_left:
-                left = residual - self._design.spread(root.times(given.mean))
-                square = left * left + given.variance(loading)
+            left = residual - self._design.spread(root.times(given.mean))
+            if n_left == n_pass:
+                square = residual * residual + (loading**2).sum(axis=-2)
+                is_off = left * left > _OFF**2 * (own + extra)
+                variance = np.where(is_off, (df * own + square) / (df + 1), variance)
+            elif n_left:
+                # What the offset adds is this share of the row's own variance: with the share kept
+                # the mean is solved for, where putting it in takes a pass for each factor df + 1.
+                share = np.minimum(given.variance(loading) * weight, 1.0)
+                variance = (df * own + left * left + share * extra) / (df + 1 - share)
         return _Approximation(root, given, weight, residual)
 
     def _residual(self, log_rates: FloatArray) -> FloatArray:
