@@ -1,11 +1,10 @@
 """Text of cells between separators, and the numbers that are meant by them."""
 
 import codecs
-import csv
-import io
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
@@ -21,7 +20,7 @@ from ridgebayes.fea.layout import LOOKED_AT, find_layout
 from ridgebayes.fea.problems import Problems
 from ridgebayes.runtime.reading import decoded
 from ridgebayes.runtime.text import clipped
-from ridgebayes.table.files import is_rectangular, lossless, records
+from ridgebayes.table.files import is_rectangular, lossless, read_clean, records
 
 SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
 _COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
@@ -49,7 +48,6 @@ _NOTHING = re.compile(
     re.I,
 )
 
-_POINT = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|"
 _LONG = 1_000_000  # characters: pandas reads them in a tenth of the time
 _Row = tuple[int, list[str]]  # line, and cells
 _NOTE = re.compile(r"#.*|[^\W\d].*\s.*")  # words, and not one label of a row cut off
@@ -145,15 +143,16 @@ class DelimitedText(Source):
         self._units = {new[name]: units[name] for name in new}  # that stand in the cells
         self.headers = tuple(new.get(name, name) for name in self.headers)
         first = rows[layout.first][0] - how.skip_rows
-        frame = _read_plain("\n".join(text.split("\n")[first - 1 :]), self._separator, self.headers)
-        if frame is not None:
-            self._typed = frame
-            self._lines: IntArray = np.arange(len(frame)) + rows[layout.first][0]
+        self._clean = text.split("\n", first - 1)[-1].encode()
+        if _is_plain(self._clean, self._separator, self.headers):
+            self._typed = read_clean(self._clean, self.headers, (), separator=self._separator)
+            self._lines: IntArray = np.arange(len(self._typed)) + rows[layout.first][0]
         else:
             below = [row for row in records(text, where, self._separator) if row[0] >= first]
             below, notes = _without_notes(below)
             self._messages += [f"{where}: passed over below the rows: {note!r}" for note in notes]
             self._lines, self._typed = self._checked(below, problems)
+            self._clean = b""
         if "=" in text:
             for name, cells in self._typed.items():
                 begin = cells.str.lstrip().str.startswith("=").to_numpy(bool)
@@ -212,10 +211,12 @@ class DelimitedText(Source):
 
     def _numbers(self, wanted: list[str], problems: Problems) -> tuple[dict[str, FloatArray], str]:
         """Read in the style of which fewest cells are no number, and note those that are none."""
-        if not self._how.empty and self._how.decimal != "comma":
-            plain = {name: _plain_numbers(self._typed[name]) for name in wanted}
-            if all(values is not None for values in plain.values()):
-                return {name: values for name, values in plain.items() if values is not None}, "."
+        if self._clean and not self._how.empty and self._how.decimal != "comma":
+            with suppress(ValueError, OverflowError):  # which the slower look below tells of
+                frame = read_clean(self._clean, self.headers, wanted, separator=self._separator)
+                exact = {name: frame[name].to_numpy(dtype=float) for name in wanted}
+                if not any(np.isinf(values).any() for values in exact.values()):
+                    return exact, "."
         text: dict[str, pd.Series[str]] = {}
         for name in wanted:
             cells = self._typed[name].str.strip().str.removesuffix(self._units.get(name, ""))
@@ -261,23 +262,13 @@ class DelimitedText(Source):
         return found, mark + thousands
 
 
-def _read_plain(text: str, separator: str, names: Sequence[str]) -> pd.DataFrame | None:
-    """Return long text as pandas reads it, which is fast; None where a row may be an odd one."""
-    last = text.rstrip("\n").rpartition("\n")[2].split(separator)
-    is_plain = len(text) > _LONG and sum(map(bool, last)) > 1
-    data = np.frombuffer(text.encode(), dtype=np.uint8)
-    if not is_plain or not is_rectangular(data, separator, len(names)):
-        return None
-    known: dict[str, Any] = {"dtype": str, "keep_default_na": False, "quoting": csv.QUOTE_NONE}
-    return pd.read_csv(io.StringIO(text), sep=separator, header=None, names=list(names), **known)
-
-
-def _plain_numbers(cells: "pd.Series[str]") -> FloatArray | None:
-    """Return numbers with a point for decimals, NaN where empty; None where some are not."""
-    if not cells.str.fullmatch(_POINT).all():
-        return None
-    values = cells.mask(cells == "", "nan").to_numpy(dtype=object).astype(np.float64)
-    return None if np.isinf(values).any() else values
+def _is_plain(text: bytes, separator: str, names: Sequence[str]) -> bool:
+    """Return whether text is long, and pandas reads it as `records` does, which is slow."""
+    last = text.rstrip(b"\n").rpartition(b"\n")[2].split(separator.encode())
+    lowered = text.lower() if len(text) > _LONG else b"true"
+    words = b"true" in lowered or b"false" in lowered
+    data = np.frombuffer(text, dtype=np.uint8)
+    return not words and sum(map(bool, last)) > 1 and is_rectangular(data, separator, len(names))
 
 
 def _is_decimal_comma(cell: str) -> bool:

@@ -241,14 +241,34 @@ def raw_csv(content: bytes, where: str, contract: Sequence[Column] = COLUMNS) ->
     if b"true" in lowered or b"false" in lowered:
         return retyped()  # pandas would take the words for 1 and 0
     try:
-        frame = _read_csv(content, header, numbers)
+        frame = read_clean(content, header, numbers, header=0)
     except (ValueError, OverflowError):
         return retyped()
     return RawTable(_own_numbers(frame, known), where, retyped=retyped)
 
 
-def _read_csv(content: bytes, columns: Sequence[str], numbers: Collection[str]) -> pd.DataFrame:
+def read_clean(
+    content: bytes,
+    columns: Sequence[str],
+    numbers: Collection[str],
+    *,
+    header: int | None = None,
+    separator: str = ",",
+) -> pd.DataFrame:
     """Read CSV with pandas: floats exact, all else text, no word taken for empty.
+
+    Parameters
+    ----------
+    content : bytes
+        UTF-8; in columns of numbers the words true and false would be read as 1 and 0.
+    columns : sequence of str
+        Names.
+    numbers : collection of str
+        Those of them that hold numbers.
+    header : int or None, optional
+        Record that is passed over.
+    separator : str, optional
+        One character.
 
     Raises
     ------
@@ -258,7 +278,8 @@ def _read_csv(content: bytes, columns: Sequence[str], numbers: Collection[str]) 
     return pd.read_csv(
         io.BytesIO(content),
         names=list(columns),
-        header=0,
+        header=header,
+        sep=separator,
         index_col=False,
         dtype={name: (float if name in numbers else str) for name in columns},
         keep_default_na=False,
