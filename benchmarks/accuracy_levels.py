@@ -22,7 +22,7 @@ from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.presets import PRESETS
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
-from ridgebayes.simulate.presets import LOAD_PRESETS
+from ridgebayes.simulate.generation import LOAD_PRESETS
 
 SEEDS = {"quick": 20, "standard": 20, "reference": 8}
 

@@ -17,8 +17,7 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.results import calibrate
-from ridgebayes.simulate.generation import generate
-from ridgebayes.simulate.presets import LOAD_PRESETS
+from ridgebayes.simulate.generation import LOAD_PRESETS, generate
 
 
 def test_accuracies__are_three_each_tighter_than_the_one_before():

@@ -336,7 +336,7 @@ def test_coverage_is_shown_with_its_figure(comparison):
     assert "step 90 % 38 of 41 93 ± 5 % 0.0064" in page.text.replace("\xa0", " ")
     assert "9 textures left out in turn, Hybrid fitted to the others" in page.text
     assert "24 % lie beyond" in page.text.replace("\xa0", " ")
-    assert any("Share of transitions inside" in image["alt"] for image in page.all("img"))
+    assert any("Share of left-out transitions inside" in image["alt"] for image in page.all("img"))
 
 
 @pytest.mark.parametrize("suffix", [".html", ".md"])

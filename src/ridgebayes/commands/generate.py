@@ -16,9 +16,8 @@ from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import executor_for, map_ordered
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.text import count
-from ridgebayes.scene.effects import Plan
+from ridgebayes.scene.effects import Plan, beyond_reach
 from ridgebayes.scene.estimates import plan
-from ridgebayes.scene.reach import beyond_reach
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.toml import read_body
 from ridgebayes.simulate import generation

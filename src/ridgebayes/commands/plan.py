@@ -14,9 +14,8 @@ from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.text import duration, percent
-from ridgebayes.scene.effects import Plan, plan_table
+from ridgebayes.scene.effects import Plan, beyond_reach, plan_table
 from ridgebayes.scene.estimates import plan
-from ridgebayes.scene.reach import beyond_reach
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.toml import read_body
 from ridgebayes.scene.units import Body

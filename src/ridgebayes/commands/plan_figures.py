@@ -19,8 +19,7 @@ from ridgebayes.drawing.style import save
 from ridgebayes.errors import ComputationError, RidgebayesError
 from ridgebayes.report.figures.bodies import plot_deformed, plot_pressed
 from ridgebayes.runtime.text import one_line_message
-from ridgebayes.scene.effects import Plan, full_profile, plan_label, plan_table
-from ridgebayes.scene.reach import HIGHEST_LOAD
+from ridgebayes.scene.effects import HIGHEST_LOAD, Plan, full_profile, plan_label, plan_table
 from ridgebayes.scene.scene import Scene
 
 _TOLERANCE = 1e-5  # of the curves

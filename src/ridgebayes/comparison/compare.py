@@ -266,6 +266,7 @@ class _PrintedFit:
         return f"posterior of {self.model.form.name}"
 
 
+_LONG_WALK = 4_000_000  # numbers of a walk that is thinned to what files keep, 32 MB
 _Drawn = tuple[Posterior, list[LogEvidence]]
 
 
@@ -309,8 +310,9 @@ def _printed_fit(task: _PrintedFit) -> tuple[_Drawn | str, float]:
     began = time.process_time()
     try:
         posterior, found = _draw(task)
-        # What evidence needed whole is not carried from process to process.
-        posterior = replace(posterior, chains=posterior.kept_chains)
+        # What evidence needed whole is not carried from process to process where it is long.
+        if posterior.chains.u.size > _LONG_WALK:
+            posterior = replace(posterior, chains=posterior.kept_chains)
         if task.execution.scores:  # and for the fit's file, which is written elsewhere
             posterior = posterior.with_log_likelihood()
         drawn: _Drawn | str = posterior, found

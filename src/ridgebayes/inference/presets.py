@@ -1,6 +1,6 @@
 """The three accuracies of posteriors that commands offer: target errors, and how they are reached.
 
-Those of loads are in `simulate.presets`. `ridgebayes cost` measures the curves that they are
+Those of loads are in `simulate.generation`. `ridgebayes cost` measures the curves that they are
 points of; docs/performance.md holds the measured errors.
 """
 

@@ -8,7 +8,7 @@ Examples
 --------
 >>> import ridgebayes as rb
 >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
->>> print(render_report(cmp, ".md").splitlines()[2])
+>>> print(render_report(cmp, ".md").splitlines()[4])
 **The evidence supports Hybrid among the forms compared.**
 """
 
@@ -60,7 +60,7 @@ def write_report(
     Raises
     ------
     InputError
-        If the suffix is another, or the folder does not exist.
+        If `comparison` is none, the suffix is another, or the folder does not exist.
     OutputError
         If the file cannot be written, such as on a full disk.
 
@@ -78,9 +78,12 @@ def write_report(
     >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_report(cmp, f"{folder}/report.md")
-    ...     print(Path(folder, "report.md").read_text(encoding="utf-8").splitlines()[2])
+    ...     print(Path(folder, "report.md").read_text(encoding="utf-8").splitlines()[4])
     **The evidence supports Hybrid among the forms compared.**
     """
+    if not isinstance(comparison, Comparison):
+        kind = type(comparison).__name__
+        raise InputError(f"write_report: expected a Comparison, as compare returns, got {kind}")
     target = Path(path)
     suffix = target.suffix.lower()
     if suffix not in _TEMPLATES:

@@ -1,4 +1,4 @@
-"""Which effects a scene calls for, as records and as a table; `estimates` decides."""
+"""Which effects a scene calls for, as records, and how far solvers go; `estimates` decides."""
 
 import math
 from dataclasses import asdict, dataclass, fields
@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from ridgebayes._types import Tabular
+from ridgebayes.contact import two_scale
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.scene.scene import Texture
+from ridgebayes.errors import InputError
+from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.table.rules import texture_label
 
 if TYPE_CHECKING:  # heavy
@@ -18,6 +20,7 @@ DEFAULT_RELATIVE = 1e-8  # without a wanted accuracy only what has no effect at 
 BEYOND_HALF_PLANE = ("finite body and large deformation", "friction")
 # Finite elements themselves are right to about this: a smaller effect is not worth them.
 FINITE_ELEMENT_ERROR = 0.002
+HIGHEST_LOAD = 0.1  # p/E to which finite elements go: docs/validation/cylinder.md
 
 
 @dataclass(frozen=True)
@@ -136,3 +139,46 @@ def full_profile(texture: Texture) -> Profile:
     offset = 0.5 if texture.offset == "uniform" else float(texture.offset)
     depth, corner = texture.groove_depth_over_R or math.inf, texture.corner_radius_over_R
     return Profile(texture.a_over_R, texture.b_over_R, depth, corner, offset)
+
+
+def beyond_reach(scene: Scene, written: str = "", solver: str = "auto") -> str:
+    """Say that the highest load of a scene is beyond its solver's reach; nothing if it is not.
+
+    Parameters
+    ----------
+    scene : Scene
+        With its loads.
+    written : str, optional
+        The load with its unit, as a scene file has it.
+    solver : str, optional
+        As for `ridgebayes.generate`.
+
+    Returns
+    -------
+    str
+        Of what cannot be computed by finite elements or at small strain: a warning.
+
+    Raises
+    ------
+    InputError
+        If no solver goes as far, or the one that is named does not, and "half-plane" is not named.
+    """
+    highest = max(scene.highest_load(texture) for texture in scene.textures)
+    load = f"{written} is p/E = {highest:.2g}" if written else f"p/E = {highest:.2g}"
+    if solver == "two-scale" and scene.nu < two_scale.LEAST_NU:
+        raise InputError(
+            f"poissons_ratio = {scene.nu:g}: expected {two_scale.LEAST_NU:g} to 0.5 for two-scale"
+        )
+    if solver in ("auto", "two-scale") and highest > two_scale.REACH:
+        number, _, unit = written.partition(" ")
+        most = f"p/E = {two_scale.REACH:g}"
+        if number and written == f"{number} {unit}":
+            most += f", {float(number) * two_scale.REACH / highest:.3g} {unit}"
+        raise InputError(f"load: {load}; expected at most {most}: no solver goes further")
+    goes_on = not scene.friction and scene.nu >= two_scale.LEAST_NU
+    if highest <= HIGHEST_LOAD or (solver in ("auto", "two-scale") and goes_on):
+        return ""
+    return (
+        f"{load}; expected at most p/E = {HIGHEST_LOAD:g}. Above it finite elements often end "
+        "without a result, and half-plane loads, which are for small strain, are far off"
+    )

@@ -24,11 +24,11 @@ from ridgebayes.scene.effects import (
     BEYOND_HALF_PLANE,
     DEFAULT_RELATIVE,
     FINITE_ELEMENT_ERROR,
+    HIGHEST_LOAD,
     Effect,
     Plan,
     full_profile,
 )
-from ridgebayes.scene.reach import HIGHEST_LOAD
 from ridgebayes.scene.scene import Scene, Texture
 
 _SAFETY = 1.5  # an estimate may be two thirds of the truth and still be on the safe side

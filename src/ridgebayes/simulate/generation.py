@@ -4,20 +4,58 @@ import functools
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import map_ordered
-from ridgebayes.scene.effects import Plan, full_profile
+from ridgebayes.scene.effects import HIGHEST_LOAD, Plan, beyond_reach, full_profile
 from ridgebayes.scene.estimates import plan
-from ridgebayes.scene.reach import HIGHEST_LOAD, beyond_reach
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.simulate import solvers
-from ridgebayes.simulate.presets import LoadPreset
 from ridgebayes.simulate.solvers import CylinderVisitor, TextureTask, optional_effects, versions
 from ridgebayes.table.curves import Curve, curves_to_frame
 from ridgebayes.table.table import ContactTable
+
+
+@dataclass(frozen=True)
+class LoadPreset:
+    """How far errors of loads are pressed down.
+
+    Parameters
+    ----------
+    name : str
+        ``quick``, ``standard`` or ``reference``.
+    load_error : float
+        Promised relative error of a load by the half-plane.
+    meshes : tuple of int
+        Edges of finite elements a ridge, finest first: where one cannot pass a corner, the next
+        goes on.
+    """
+
+    name: str
+    load_error: float
+    meshes: tuple[int, ...] = (24, 10)
+
+    @classmethod
+    def named(cls, name: str) -> "LoadPreset":
+        """Return one by its name.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        if name not in LOAD_PRESETS:
+            raise InputError(f"accuracy: expected one of {', '.join(LOAD_PRESETS)}, got {name!r}")
+        return LOAD_PRESETS[name]
+
+
+LOAD_PRESETS = {
+    "quick": LoadPreset("quick", 1e-4, (10,)),
+    "standard": LoadPreset("standard", 1e-8),
+    "reference": LoadPreset("reference", 1e-10, (48, 24, 10)),
+}
 
 
 def generate(
@@ -49,7 +87,7 @@ def generate(
         Wanted relative error of each load; None is that of `accuracy`, or the scene's if tighter.
     accuracy : str, optional
         ``quick`` (1e-4, and the coarse mesh of finite elements), ``standard`` (1e-8) or
-        ``reference`` (1e-10, and a mesh twice as fine), see `ridgebayes.simulate.presets`.
+        ``reference`` (1e-10, and a mesh twice as fine), see `LoadPreset`.
     pressed : callable, optional
         Is given each texture that finite elements simulate: the cylinder, and its transitions with
         the states there, such as `ridgebayes.commands.fields.FieldFiles` writes to files. In this

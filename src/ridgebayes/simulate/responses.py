@@ -20,9 +20,8 @@ from ridgebayes.contact.contact_solution import (
 from ridgebayes.contact.edges import edge_forces as edges_of
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
-from ridgebayes.scene.effects import full_profile
+from ridgebayes.scene.effects import HIGHEST_LOAD, full_profile
 from ridgebayes.scene.estimates import plan
-from ridgebayes.scene.reach import HIGHEST_LOAD
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.table.columns import LARGEST_LOAD
 from ridgebayes.table.rules import texture_label

@@ -10,5 +10,5 @@ Examples
 >>> from ridgebayes.report.figures.gallery import Gallery
 >>> data = report_data(rb.compare(rb.paper_sweep(), [rb.Modified()], noise="iid", rng=1))
 >>> sorted(Gallery(data))[:3]
-['bands', 'corner-modified', 'held-out']
+['bands', 'bands-first', 'corner-modified']
 """
