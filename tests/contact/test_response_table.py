@@ -58,6 +58,7 @@ def test_response_table__of_many_textures_is_the_contact_of_each():
     assert max(worst(table, n, Q) for Q in (2, 6)) < 3e-4
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_response_table__of_many_offsets_is_roughly_the_contact_of_each():
     offset = np.random.default_rng(3).uniform(-0.45, 0.45, 100)

@@ -116,6 +116,7 @@ def test_fit__comes_back_from_its_file(fitted, tmp_path):
         rb.FrictionFit.from_netcdf(tmp_path / "g.nc")
 
 
+@pytest.mark.long
 def test_calibrate__on_ridges_draws_their_contact_and_predicts_a_scene(fits):
     """Two textures from a posterior of counts; the band of a scene narrows."""
     frame = made(4).assign(a_over_R=0.022, b_over_R=0.02)

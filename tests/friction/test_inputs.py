@@ -87,7 +87,7 @@ def test_sampler__student_tails_reach_no_further_than_the_body(average):
 
 
 # Here four of them; 200 were seen to hold.
-@pytest.mark.parametrize("n_scene", [4, pytest.param(24, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n_scene", [4, pytest.param(24, marks=pytest.mark.long)])
 def test_friction_inputs__contacts_are_those_of_their_scenes(fit, n_scene):
     rng = np.random.default_rng(5)
     for _ in range(n_scene):

@@ -95,6 +95,7 @@ def elsewhere(environment: dict[str, str]) -> dict[str, str]:
     "can change sums, texts and file names.",
     expected="Every file of loads, posteriors, evidences, bands and report has the same bytes "
     "(exact, apart from times).",
+    long=True,
 )
 def environments():
     first, other = of_two_environments()

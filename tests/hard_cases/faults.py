@@ -145,6 +145,7 @@ Path.rename = renaming
     "would differ, or be lost.",
     expected="Killed by signal 9 each time. After --resume every file has the bytes of an "
     "undisturbed run (exact, apart from times), and no other file is left.",
+    long=True,
 )
 def killed_at_stages(folder):
     return resumed(folder, [stage for stage in KILLS if "half-way" in stage or "old run" in stage])
@@ -635,6 +636,7 @@ def deadly(task):
     "and the cause is unknown.",
     expected="Killed once: the evidences of one process, to the last bit. An evidence that kills "
     "every worker is named with its form and error model, as a ComputationError (exit 1).",
+    long=True,
 )
 def killed_worker(folder):
     alone = weighed(None)

@@ -436,6 +436,7 @@ def hostile_figures(folder):
     "pages. An unknown one leads to a KeyError half-way, or to markup.",
     expected="Each edit is refused in one line, or the report shows it as text. No other error, "
     "and only the page's own elements.",
+    long=True,
 )
 def edited_run(folder):
     evil = "<script>x</script>$|`"

@@ -64,6 +64,7 @@ def sum_of_normals(log_load, sd, p):
     "than the ridge looks the same as one between two calibrated textures.",
     expected="predict, predict_load, every row of bands and the report flag them. Textures and "
     "counts inside the range are not flagged.",
+    long=True,
 )
 def textures_far_outside(folder):
     for name in ("classic", "modified", "hybrid"):
@@ -137,6 +138,7 @@ def loads_beyond_counts():
     why="Draws times textures times loads are 10^10 numbers of 8 bytes.",
     expected="Peak memory of the whole process under 1 GB. Each probability agrees with that of "
     "10,240 draws within its own error and 0.01, at 50 points.",
+    long=True,
 )
 def a_million_loads():
     work = """

@@ -94,6 +94,7 @@ def test_quick__walks_where_importance_weights_are_too_uneven(paper, monkeypatch
     assert walked.complete
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_quick_run__chooses_the_same_error_model_and_form(tmp_path):
     cmp = run_job(tmp_path / "out", FitRequest(accuracy="quick"), workers=1)

@@ -115,6 +115,7 @@ def test_transitions__of_tiny_ridges_are_the_half_planes():
     np.testing.assert_allclose(loads(found), expected, rtol=2e-3)  # discretisation
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("others", "tolerance"),
@@ -137,6 +138,7 @@ def test_transitions__of_tiny_profiles_are_the_half_planes(others, tolerance):
 # --------------------------------------------------------------------------------------- symmetry
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_transitions__of_the_mirrored_profile_are_the_same():
     left, right = (reached(Profile(0.06, 0.03, offset=s * 0.2), 5e-3) for s in (-1, 1))
