@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
+from ridgebayes.contact import two_scale
 from ridgebayes.errors import InputError
 from ridgebayes.friction.files import write_inputs
 from ridgebayes.friction.inputs import SMALL_STRAIN, InputDraws
@@ -99,10 +100,11 @@ def test_friction_inputs__contacts_are_those_of_their_scenes(fit, n_scene):
         drawn = rb.friction_inputs(fit, scene, [load], n=3, rng=int(rng.integers(1000)))
         one = drawn.isel(draw=0, load=0)
         error, at = drawn.attrs["contact_relative_error"], float(one["p_over_E_mechanics"])
-        found = rb.contact_at_loads(scene, [at], solver="half-plane", rel_tol=1e-8).iloc[0]
+        solver = "two-scale" if nu >= 0.3 else "half-plane"
+        found = rb.contact_at_loads(scene, [at], solver=solver, rel_tol=1e-8).iloc[0]
         assert found["Q"] == int(one["Q"])
         length = 2 * found["contact_fraction"] * found["half_width_over_R"]
-        forces = rb.ridge_forces(scene, [at], solver="half-plane", rel_tol=1e-8)
+        forces = rb.ridge_forces(scene, [at], solver=solver, rel_tol=1e-8)
         expected = {
             "contact_length_over_R": length,
             "contact_fraction": found["contact_fraction"],
@@ -123,7 +125,8 @@ def test_friction_inputs__edges_are_those_of_edge_forces_scaled_to_the_load(fit)
         drawn.isel(draw=int(np.argmin(drawn["Q"].values)), load=0),
         drawn.isel(draw=0, load=0),
     ):
-        at, count = float(one["p_over_E_mechanics"]), int(one["Q"])
+        count = int(one["Q"])
+        at = float(two_scale.half_plane_load(float(one["p_over_E_mechanics"])))
         exact = rb.edge_forces(Scene.of([(A, B)]), [at])
         scale = load / at
         for name, column, factor in (
@@ -139,13 +142,23 @@ def test_friction_inputs__edges_are_those_of_edge_forces_scaled_to_the_load(fit)
     assert len(set(drawn["Q"].values.ravel().tolist())) > 1
 
 
+def test_friction_inputs__of_a_largely_deformed_body_are_flagged_where_nothing_was_checked(fit):
+    drawn = rb.friction_inputs(fit, Scene.of([(A, B)]), [0.019, 0.3, 0.4], n=20, rng=7)
+    assert not drawn["extrapolation"][:, 0].any()
+    flags = drawn["extrapolation_of"].values
+    assert ["strain" in text for text in flags[0]] == [False, False, True]
+    # The body is softer than its half-plane: the mechanics reaches a count at a higher load.
+    at = drawn["p_over_E_mechanics"].values[:, 1]
+    assert (np.abs(at / 0.3 - 1) < 0.3).all()
+
+
 def test_friction_inputs__tell_units_provenance_and_extrapolation(fit):
-    scene = Scene.of([(A, B)], p_over_E=0.018)
-    drawn = rb.friction_inputs(fit, scene, 6, n=50, rng=7)
-    assert drawn["load"].values.tolist() == pytest.approx([i / 6 for i in range(1, 7)])
-    np.testing.assert_allclose(drawn["p_over_E"][0], 0.018 * drawn["load"])
+    scene = Scene.of([(A, B)], p_over_E=0.0155).model_copy(update={"nu": 0.29})
+    drawn = rb.friction_inputs(fit, scene, 31, n=50, rng=7)
+    assert drawn["load"].values.tolist() == pytest.approx([i / 31 for i in range(1, 32)])
+    np.testing.assert_allclose(drawn["p_over_E"][0], 0.0155 * drawn["load"])
     assert all("units" in drawn[name].attrs for name in drawn.data_vars)
-    assert json.loads(drawn.attrs["scene"])["p_over_E"] == 0.018
+    assert json.loads(drawn.attrs["scene"])["p_over_E"] == 0.0155
     assert drawn.attrs["seed"] == 7
     assert drawn.attrs["ridgebayes_version"] == rb.__version__
     strained = drawn["p_over_E"].values > SMALL_STRAIN

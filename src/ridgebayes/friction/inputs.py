@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ridgebayes._types import FloatArray, IntArray, Rng, __version__
 from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.contact import two_scale
 from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.response_table import ContactValues, ResponseTable
 from ridgebayes.errors import ComputationError, InputError
@@ -40,7 +41,7 @@ _VARIABLES = {
     "ridge_force_max": ("dl", "E R", "largest force on a ridge, per length"),
     "penetration_over_R": ("dl", "R", "deepest, into any groove"),
     "extrapolation": ("dl", "", "whether anything lies beyond what was calibrated"),
-    "extrapolation_of": ("dl", "", "what does; strain: p/E above 0.015"),
+    "extrapolation_of": ("dl", "", "what does; strain: p/E above 0.33, above 0.015 if nu < 0.3"),
     "a_over_R": ("d", "R", "ridge width"),
     "b_over_R": ("d", "R", "groove width"),
     "nu": ("d", "1", "Poisson's ratio"),
@@ -99,14 +100,15 @@ def friction_inputs(
     -----
     Q is drawn, with one score of the error model for all loads of a draw, so that it never falls as
     the load rises; at each load it is distributed as `predict` says. The contact is that of the
-    half-plane at ``p_over_E_mechanics``, the load nearest to p at which it counts Q, away from the
+    mechanics at ``p_over_E_mechanics``, the load nearest to p at which it counts Q, away from the
     ends of that interval by 0.01 % of it (1 % where very many offsets are drawn). Forces and K are
-    scaled by p / p_over_E_mechanics, so that they carry the load; G follows from K. Where the body
+    scaled by p over that load, so that they carry p; G follows from K. Where the body
     is off centre Q is that of a centred one: forms know no offset. Net forces are differences of G,
     for which `edge_forces` is the function to ask.
 
-    *Validity.* As `contact_at_loads`: small strain, no friction. Above p/E = 0.015
-    ``extrapolation`` is set.
+    *Validity.* No friction. The body's large deformation is that of a smooth cylinder, as with the
+    two-scale solver of `contact_at_loads`; nu under 0.3 is taken at small strain. Above p/E = 0.33,
+    or 0.015 at small strain, ``extrapolation`` is set.
 
     *Accuracy.* Contacts are interpolated: ``contact_relative_error`` is three times the largest
     error seen where 24 of them were solved, 1e-4 at least, of every quantity (of edges over the
@@ -198,7 +200,8 @@ class InputDraws:
                 Q[here], flags[here], draw_index[here] = drawn.Q, drawn.flags, drawn.draw_index
         values = self._contacts(index, Q, p, nu, rng)
         beyond = names_of(flags)
-        strained = p > SMALL_STRAIN
+        is_large = nu[:, None] >= two_scale.LEAST_NU
+        strained = p > np.where(is_large, two_scale.CHECKED, SMALL_STRAIN)
         beyond[strained] = [f"{text},strain".lstrip(",") for text in beyond[strained]]
         fits = [fit for fit, _ in self._parts]
         values |= {
@@ -234,19 +237,24 @@ class InputDraws:
         if self._edges:
             out["edge_side"] = np.zeros((*p.shape, n_edge), dtype=np.int8)
         factor = np.broadcast_to(load_factor(0.0) * (1 - nu**2)[:, None], p.shape)
-        W = factor * p
+        # What the body does under p a half-plane does under this load.
+        half_plane = two_scale.half_plane_load(p, nu[:, None])
+        is_large = np.isfinite(half_plane)
+        W = factor * np.where(is_large, half_plane, p)
         for count in np.unique(Q).tolist():
             i, j = here = np.nonzero(count == Q)
             found = self._table.at(index[i], count, W[here])
             if math.isnan(self.contact_relative_error):
                 self.contact_relative_error = self._measure(index, Q, W, rng)
             at, line = found.W / factor[here], 2 * p[here]
-            out["p_over_E_mechanics"][here] = at
+            own = np.where(is_large[here], two_scale.load_of(at, nu[i]), at)
+            own = np.where(np.isfinite(own), own, at)
+            out["p_over_E_mechanics"][here] = own
             out["contact_length_over_R"][here] = found.length
             out["contact_fraction"][here] = found.length / found.extent
             out["ridge_force_mean"][here] = line * found.share / count
             out["ridge_force_max"][here] = line * found.largest_share
-            out["penetration_over_R"][here] = found.penetration
+            out["penetration_over_R"][here] = found.penetration * own / at
             if self._edges:
                 modulus = 1 / (1 - nu[i][:, None] ** 2)
                 K = np.maximum(found.K, 0.0) * modulus * (p[here] / at)[:, None]
