@@ -489,9 +489,14 @@ def test_loo__without_row_likelihoods_is_an_empty_table(paper, fits, monkeypatch
     assert len(found.loo) == 0
 
 
-def test_fits__carry_the_draws_that_are_kept_and_their_rows_likelihood(comparison, monkeypatch):
-    fit = comparison.fits["hybrid"]
+def test_fits__of_long_walks_carry_the_draws_that_are_kept(paper, monkeypatch):
+    monkeypatch.setattr("ridgebayes.comparison.compare._LONG_WALK", 10_000)
+    fit = rb.compare(paper, [rb.Modified()], noise="iid", rng=1).fits["modified"]
     assert fit.chains.log_density.size == fit.draws.shape[0] <= N_KEPT
+
+
+def test_fits__carry_their_rows_likelihood(comparison, monkeypatch):
+    fit = comparison.fits["hybrid"]
     rows = fit.model.pointwise_log_likelihood(fit.coordinates)
     np.testing.assert_array_equal(fit.log_likelihood, rows)
     monkeypatch.setattr(Model, "pointwise_log_likelihood", None)  # nobody works it out again

@@ -108,6 +108,7 @@ def environments():
     why="A sum over threads adds in another order. The last digits of a matrix product change, "
     "and a chain that compares two numbers takes another path.",
     expected="Every file has the same bytes (exact): the matrices are too small for threads.",
+    long=True,
 )
 def threads():
     first, other = of_two_environments()

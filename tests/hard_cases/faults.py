@@ -212,6 +212,7 @@ def textures_done(folder: Path) -> int:
     "or a half-written journal entry must not block the next start.",
     expected="Exit 130 with one line, then -15, then -9. The table appears only at the end, with "
     "the bytes of an undisturbed sweep (exact), and no other file beside it.",
+    long=True,
 )
 def stopped_sweep(folder):
     expected, counts = sweep_undisturbed(), []
@@ -462,6 +463,7 @@ def held(*given, **known):
     "write chains or textures to the same place.",
     expected="The second is refused in one line, exit 2, and leaves the first one's files alone. "
     "A lock ends with its process, so after SIGKILL the next one can start at once.",
+    long=True,
 )
 def two_at_once(folder):
     here = place(folder)
