@@ -247,8 +247,8 @@ class InputDraws:
             if math.isnan(self.contact_relative_error):
                 self.contact_relative_error = self._measure(index, Q, W, rng)
             at, line = found.W / factor[here], 2 * p[here]
-            own = np.where(is_large[here], two_scale.load_of(at, nu[i]), at)
-            own = np.where(np.isfinite(own), own, at)
+            large = two_scale.load_of(at, nu[i])
+            own = np.where(is_large[here] & np.isfinite(large), large, at)
             out["p_over_E_mechanics"][here] = own
             out["contact_length_over_R"][here] = found.length
             out["contact_fraction"][here] = found.length / found.extent

@@ -44,9 +44,8 @@ _STRETCH = 0.7  # a of sinh(a t) / a: tails that outliers need, for nodes and fo
 _NARROW = 1e-3  # least share of it
 _STEP, _HALF = 0.25, 24  # the one-dimensional rule: 49 nodes, to 47 sds
 _HUGE = 1e300
-_CHUNK = (
-    200_000  # numbers held at a time, which caches hold, where draws x points x rows are needed
-)
+# Numbers at a time where draws x points x rows are needed: caches hold them.
+_CHUNK = 200_000
 
 
 class _Approximation(NamedTuple):
