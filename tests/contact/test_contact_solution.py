@@ -187,6 +187,20 @@ def test_pressed__a_rounded_ridge_has_the_closed_load_of_its_width(share, W):
     assert load == pytest.approx(W, rel=1e-6)
 
 
+@pytest.mark.parametrize("more", [0.02, 1.0, 30.0])
+def test_pressed__a_rounded_ridge_covered_to_its_walls_is_a_punch_beyond_that_load(more):
+    r, w, c = 3e-3, 0.5 * A, 0.5 * A - 3e-3
+    angle = math.asin(c / w)
+    free = 0.5 * w**2 + (w**2 * (0.5 * math.pi - angle) - c * w * math.cos(angle)) / (math.pi * r)
+    W = (1 + more) * free
+    found = solve_contact(Profile(A, B, corner=r, offset=0.5), W, ridges=range(1))
+    assert found.status == "ok"
+    np.testing.assert_allclose(found.ends, (-w, w), rtol=1e-15)  # rounding
+    # Discretisation: the series of a kink, summed after Abel.
+    strength = found.pressing.singular[1][0]
+    assert strength == pytest.approx((W - free) / math.pi, rel=1e-5)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_pressed__is_what_a_grid_converges_to(shape):

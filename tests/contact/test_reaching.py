@@ -160,6 +160,20 @@ def test_reaching_loads__scale_with_the_square_of_the_length(scale):
     np.testing.assert_allclose(scaled.W, scale**2 * usual.W, rtol=3e-8)  # tolerance
 
 
+@pytest.mark.parametrize("share", [0.1, 0.05])
+def test_reaching_loads__go_on_where_contact_covers_a_round_corner(share):
+    """On the way to far ridges the last one touched is covered up to its walls."""
+    a, b = 0.022, 0.02
+    found = reaching_loads(Profile(a, b, corner=share * a), W_max=0.089)
+    assert set(found.status) == {"ok"}
+    assert found.Q[-1] == 22
+    sharp = reaching_loads(Profile(a, b), W_max=0.089)
+    # Order: the share of the body's width that corners take away, which falls as it widens.
+    apart = np.abs(found.W / sharp.W - 1)
+    assert apart.max() < 5e-3
+    assert apart[4:].max() < 2e-3
+
+
 @pytest.mark.slow
 def test_reaching_loads__small_corners_tend_to_sharp_ones():
     sharp = reaching_loads(Profile(A, B), W_max=2e-3).W

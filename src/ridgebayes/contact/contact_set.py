@@ -16,6 +16,7 @@ from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 _SHRINK = 0.1  # a contact keeps at least this share of its width in one step
 TENSION = 0.1  # times the root of the tolerance, of the mean pressure: free ends err by as much
 BEGUN, _ROUNDING = 1e-6, 1e-9  # of the load
+_AT_WALL = 1e-6  # of a round corner: an end nearer to the wall may step there
 _NOTHING = 1e-11  # of a segment's width: narrower is no contact
 
 
@@ -87,9 +88,10 @@ class ContactSet:
         """Return where an end is after its step; equations of docs/derivations/contact.md."""
         sign, limits = 2 * side - 1, (segment.start, segment.stop)
         end, limit, sharp = self._ends[segment][side], limits[side], segment.corner == 0
+        room = abs(limit - end)
         width = float(2 * found.intervals.half_width[i])
         mean, strength = abs(found.coefficients[i, 0]), found.singular[side][i]
-        stuck = [sharp and one == at for one, at in zip(self._ends[segment], limits, strict=True)]
+        stuck = [one == at for one, at in zip(self._ends[segment], limits, strict=True)]
         if stuck[side] and strength >= -self._tol * mean:  # (5)
             return end
         most = (1 - _SHRINK) * width * (1.0 if any(stuck) else 0.5)  # (9)
@@ -103,8 +105,7 @@ class ContactSet:
         if not stuck[side] and abs(step) <= self._near_enough(width, share, layer):
             return end
         step = min(max(step, -most), 2 * width)  # (9)
-        room = abs(limit - end)
-        if not sharp:  # never as far as the wall, where the profile is vertical
+        if not sharp and room > _AT_WALL * segment.corner:  # where the profile is vertical
             step = min(step, 0.5 * room)
         return limit if step >= room else end + sign * step
 
