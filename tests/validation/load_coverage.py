@@ -8,7 +8,7 @@ new. docs/validation/load_coverage.csv says how many of them the bands hold.
 
     python -m tests.validation.load_coverage --tables 100 --workers 2 --only "series, 41"
 
-Every table that is done stands in build/load_coverage.jsonl; a run that was stopped goes on from
+Every table that is done stands in docs/validation/load_coverage.jsonl; a run that was stopped goes on from
 there. A table of 20 or 41 rows takes some 5 CPU seconds, one of 200 rows a minute or two.
 
 Run it from the repository's root with OMP_NUM_THREADS=1.
@@ -41,7 +41,7 @@ from ridgebayes.runtime.randomness import stream
 from tests.validation.simulated import simulated
 
 OUT = Path("docs/validation/load_coverage.csv")
-DONE = Path("build/load_coverage.jsonl")
+DONE = Path("docs/validation/load_coverage.jsonl")
 TRUTHS = {
     "iid": "iid",
     "series": "series",
@@ -151,7 +151,6 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--only", default="", help="part of 'TRUTH, N_ROW'")
     asked = parser.parse_args()
-    DONE.parent.mkdir(exist_ok=True)
     lines = DONE.read_text().splitlines() if DONE.exists() else []
     known = {tuple(one[key] for key in _KEYS) for one in map(json.loads, lines)}
     wanted = [

@@ -8,7 +8,7 @@ in each grade, and with which form named.
 
     python -m tests.validation.verdicts --tables 40 --workers 2
 
-Every table that is done stands in build/verdicts.jsonl; a run that was stopped goes on from there.
+Every table that is done stands in docs/validation/verdicts.jsonl; a run that was stopped goes on from there.
 A table takes some 5 CPU seconds, so all cells with 40 tables take hours.
 
 Run it from the repository's root with OMP_NUM_THREADS=1.
@@ -46,7 +46,7 @@ from ridgebayes.runtime.randomness import stream
 from tests.validation.verdicts_figure import plot_verdicts
 
 OUT = Path("docs/validation/verdicts.csv")
-DONE = Path("build/verdicts.jsonl")
+DONE = Path("docs/validation/verdicts.jsonl")
 TRUTHS = ("classic", "modified", "hybrid", "hybrid c2 = 0.03", "power-law")
 ERRORS = ("iid 0.01", "iid 0.03", "iid 0.10", "texture+step", "series")
 N_TEXTURE = (9, 4)
@@ -185,7 +185,6 @@ def main() -> None:
     if asked.check:
         check(list(cells(asked.tables, asked.only))[::5][: asked.check])
         return
-    DONE.parent.mkdir(exist_ok=True)
     lines = DONE.read_text().splitlines() if DONE.exists() else []
     known = {
         json.dumps({k: one[k] for k in ("truth", "errors", "n_texture", "index")})
