@@ -18,6 +18,7 @@ from ridgebayes.errors import ComputationError
 from ridgebayes.inference.coordinates import Conditional, Funnel, FunnelAbout, NoCoefficients
 from ridgebayes.inference.funnel_mode import curvature_in_w, funnel_mode, no_mode, slope_in_w
 from ridgebayes.inference.mode_search import WIDTH, hessian, scale, searched
+from ridgebayes.inference.valley import Valley, find_valley
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.model import Model
 
@@ -55,6 +56,8 @@ class Laplace:
         Whether the mode was found; else the coordinates are useful all the same.
     other_modes : tuple of str
         What `several_modes` returned, where other modes were searched for.
+    valley : Valley, optional
+        The curve that the coefficients lie along, where it is curved.
     """
 
     mode: FloatArray
@@ -64,6 +67,7 @@ class Laplace:
     n_noise: int
     is_mode: bool = True
     other_modes: tuple[str, ...] = ()
+    valley: Valley | None = None
 
     def bound_to(self, model: Model) -> "Laplace":
         """Return the same approximation in coordinates that a model of equal content works out.
@@ -93,6 +97,8 @@ class Laplace:
         w, k = z @ self.factor[:, self._order].T, self._n_coefficient
         u = self.mode + w
         u[..., :k], log_jacobian = self.frame.forward(w[..., :k], u[..., self._noise])
+        if self.valley is not None:
+            u[..., :k] = self.valley.bent(u[..., :k])
         return u, log_jacobian
 
     def whitened(
@@ -109,7 +115,8 @@ class Laplace:
     def whiten(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return z of u, and log |du/dw| there: the inverse of `unwhiten`."""
         w, k = u - self.mode, self._n_coefficient
-        w[..., :k], log_jacobian = self.frame.inverse(u[..., :k], u[..., self._noise])
+        straight = u[..., :k] if self.valley is None else self.valley.bent(u[..., :k], -1)
+        w[..., :k], log_jacobian = self.frame.inverse(straight, u[..., self._noise])
         flat = w.reshape(-1, w.shape[-1]).T
         z = _solve_lower(self.factor, flat).T.reshape(w.shape)
         return z[..., self._order], log_jacobian
@@ -196,7 +203,14 @@ def fit_laplace(
         found = _fit(model, start)
     else:
         found = _fit_conditional(model, start, start[model.n_coefficient :])
+    found = replace(found, valley=_valley(model, found))
     return replace(found, other_modes=several_modes(model, found)) if search_others else found
+
+
+def _valley(model: Model, found: Laplace) -> Valley | None:
+    k, h = model.n_coefficient, 1e-3
+    steps = (found.unwhiten(h * np.eye(len(found.mode)))[0] - found.mode)[:, :k] / h
+    return find_valley(model, found.mode[:k], steps.T @ steps)
 
 
 def _fit(model: Model, start: FloatArray, tol: float = 1e-4) -> Laplace:
