@@ -8,8 +8,8 @@ new. docs/validation/load_coverage.csv says how many of them the bands hold.
 
     python -m tests.validation.load_coverage --tables 100 --workers 2 --only "series, 41"
 
-Every table that is done stands in docs/validation/load_coverage.jsonl; a run that was stopped goes on from
-there. A table of 20 or 41 rows takes some 5 CPU seconds, one of 200 rows a minute or two.
+Every table that is done stands in docs/validation/load_coverage.jsonl; a run that was stopped goes
+on from there. A table of 20 or 41 rows takes some 5 CPU seconds, one of 200 rows a minute or two.
 
 Run it from the repository's root with OMP_NUM_THREADS=1.
 """

@@ -45,7 +45,7 @@ class Valley:
     height: interpolate.CubicSpline
 
     def bent(self, u: FloatArray, sign: int = 1) -> FloatArray:
-        """Carry points from the tangent to the curve, or with `sign` -1 back; (..., 2) to the same."""
+        """Carry points, shape (..., 2), from the tangent to the curve; with `sign` -1 back."""
         along = (u - self.origin) @ self.basis[:, 0]
         ends = self.height.x[[0, -1]]
         shift = sign * self.height(np.clip(along, *ends))
