@@ -104,7 +104,7 @@ def _heights(
         for _ in range(_N_NEWTON):
             rows = model.linearised(mode + vectors @ np.array([s, t]))
             slope = rows[:, :2] @ vectors[:, 1]
-            change = slope @ (rows[:, 2] - residual) / (slope @ slope)
+            change = float(slope @ (rows[:, 2] - residual) / (slope @ slope))
             t -= change
             if not abs(change) > _CLOSE * across:
                 break
