@@ -232,3 +232,15 @@ def test_code__samples_the_posterior_in_numpyro(fits, texture_fit, name):
     names = [key for key in drawn if key != "ridgebayes_x"]
     order = [name for name in fit.model.parameter_names if name in names]
     assert_like(np.stack([np.asarray(drawn[key]) for key in order], axis=1), fit.draws)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["hybrid", "texture"])
+@pytest.mark.filterwarnings("default")
+def test_code__compiles_and_samples_the_posterior_in_stan(fits, texture_fit, name):
+    stan = pytest.importorskip("stan", reason="pystan is heavy: an extra of nobody's here")
+    fit = fits[name] if name in ("hybrid",) else texture_fit
+    found = stan.build(fit.to_mixture().code("stan"), random_seed=1)
+    drawn = found.sample(num_chains=4, num_warmup=1_000, num_samples=10_000)
+    names = fit.model.parameter_names
+    assert_like(np.stack([drawn[key].ravel() for key in names], axis=1), fit.draws)

@@ -113,10 +113,18 @@ def test_from_dict__takes_joint_draws():
     for section, words in (
         ({"of": of, "draws": rows[:, :1]}, "joint.draws: expected finite rows of 2"),
         ({"of": of}, "expected one of correlation and draws"),
+        ({"of": of, "draws": [[1.0, 2.0], [1.0]]}, "joint.draws: expected finite rows of 2"),
         ({"of": [of[0], of[0]], "draws": rows}, "joint.of: expected each once"),
     ):
         with pytest.raises(InputError, match=words):
             Scene.from_dict({"texture": texture, "joint": [section]})
+
+
+def test_from_dict__refuses_a_callable_of_no_number():
+    for given in ("x", np.ones(3)):
+        texture = {"ridge_width": lambda rng, given=given: given, "groove_width": 0.015}
+        with pytest.raises(InputError, match="expected a callable that returns a number, got"):
+            Scene.from_dict({"texture": texture})
 
 
 def test_draw_scene__a_uniform_offset_is_anywhere():
@@ -143,6 +151,7 @@ def test_generate__takes_medians_and_says_so(read):
         ("(60 kPa, 20 %)", "(60 kPa)", r"expected lognormal\(median, log_sd\)"),
         ("-0.9", "-1.9", "joint.correlation: expected a symmetric matrix"),
         ("-0.9], [", "0.9], [", "joint.correlation: expected a symmetric matrix"),
+        ("-0.9], [", "], [", "joint.correlation: expected a symmetric matrix"),
         ('of = ["texture.ridge', 'of = ["texture.bridge', "joint.of: .*'texture.bridge_width'"),
         ("0.45, 0.5", "0.45, 0.6", "poissons_ratio = 0.525: .*less than or equal to 0.5"),
         ("normal(0.25 mm, 5 %)", "empirical(w.csv, w)", "w.csv, row 7, w: expected a finite"),

@@ -2,7 +2,7 @@
 
 ln mu of row r is ln m_r + effects + error. Effects are normal, and what draws of the contact leave
 open is taken to first order: both enter the rows' covariance D + U U', with D diagonal and few
-columns in U, and a call costs O(rows x columns^2).
+columns in U. A row is of three groups: a call costs O(rows + columns^3).
 """
 
 import math
@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
+from scipy import sparse
 
 from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.friction.friction_model import FrictionModel
@@ -24,7 +25,7 @@ from ridgebayes.table.rules import row_codes
 
 _LOG_2PI = math.log(2 * math.pi)
 _LEAST_VARIANCE = 1e-10  # of ln mu: nothing is measured to 1e-5; below, rounding would show
-_AT_ONCE = 2_000_000  # numbers of U that are held at a time
+_AT_ONCE = 2_000_000  # numbers in arrays that are held at a time
 _FAR = 1e100  # stands for minus the log density where there is none
 _FLATTEST = 0.1  # curvature: the prior alone has 1
 _GROUPED = slice(PARAMETERS.index("tau_subject"), PARAMETERS.index("sigma"))
@@ -84,11 +85,13 @@ class FrictionDensity:
     rows: FrictionRows
 
     @cached_property
-    def _member(self) -> tuple[FloatArray, "np.ndarray"]:
-        """Return which row is of which group, (n_row, n_group), and each group's kind."""
+    def _member(self) -> tuple[FloatArray, np.ndarray, sparse.csr_array]:
+        """Return each row's groups, (n_row, n_group), pairs of them, and the kinds of groups."""
         known = [np.unique(codes, return_inverse=True) for codes in self.rows.groups]
         member = np.concatenate([np.eye(len(names))[codes] for names, codes in known], axis=1)
-        return member, np.repeat(np.arange(len(known)), [len(names) for names, _ in known])
+        kind = np.repeat(np.arange(len(known)), [len(names) for names, _ in known])
+        pairs = sparse.csr_array([np.outer(one, one).ravel() for one in member])
+        return member, kind, pairs
 
     def log_density(self, u: FloatArray) -> FloatArray:
         """Return the log posterior density, (n, k) to (n,)."""
@@ -97,31 +100,40 @@ class FrictionDensity:
 
     def log_likelihood(self, theta: FloatArray) -> FloatArray:
         """Return the log-likelihood of ln mu, shape (n,), of parameters (n, 9)."""
-        n_column = self._member[0].shape[1] + self.rows.spread.shape[2]
-        n_part = math.ceil(len(theta) * len(self.rows.mu) * n_column / _AT_ONCE)
+        n_row, _, k = self.rows.spread.shape
+        size = (self._member[0].shape[1] + k) ** 2 + n_row * (k + 1)
+        n_part = math.ceil(len(theta) * size / _AT_ONCE)
         parts = np.array_split(theta, max(n_part, 1))
         return np.concatenate([self._log_likelihood(part) for part in parts])
 
     def _log_likelihood(self, theta: FloatArray) -> FloatArray:
-        rows, (member, kind) = self.rows, self._member
-        factors = coefficients(theta)
+        rows, (member, kind, pairs) = self.rows, self._member
+        factors, scale = coefficients(theta), theta[:, _GROUPED][:, kind]
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             mean = factors[:, :3] @ rows.contact.T + factors[:, 3:]
             residual = np.log(rows.mu) - np.log(mean)
-            grouped = member * theta[:, _GROUPED][:, None, kind]
             open_ = np.einsum("tj,njk->tnk", factors[:, :3], rows.spread) / mean[:, :, None]
             variance = theta[:, -1:] ** 2 + (rows.se / rows.mu) ** 2
         variance = np.maximum(variance, _LEAST_VARIANCE)
-        U = np.concatenate([grouped, open_], axis=2) / np.sqrt(variance)[:, :, None]
-        r = residual / np.sqrt(variance)
-        usable = np.isfinite(U).all(axis=(1, 2)) & np.isfinite(r).all(axis=1)
-        U[~usable], r[~usable] = 0.0, 0.0
-        across = np.swapaxes(U, 1, 2)
-        root = cholesky_or_nan(np.eye(U.shape[2]) + across @ U)
-        explained = solve_lower(root, across @ r[:, :, None])[:, :, 0]
-        square = (r * r).sum(axis=1) - (explained * explained).sum(axis=1)
+        finite = (residual, variance, scale, open_.reshape(len(theta), -1))
+        usable = np.logical_and.reduce([np.isfinite(part).all(axis=1) for part in finite])
+        for part in (residual, scale, open_):
+            part[~usable] = 0.0
+        variance[~usable] = 1.0
+        weight, n = 1.0 / variance, member.shape[1]
+        weighted = np.swapaxes(weight[:, :, None] * open_, 1, 2)
+        precision = np.eye(n + open_.shape[2]) + np.zeros((len(theta), 1, 1))
+        within = (weight @ pairs).reshape(-1, n, n)
+        precision[:, :n, :n] += scale[:, :, None] * within * scale[:, None, :]
+        precision[:, n:, :n] = (weighted @ member) * scale[:, None, :]  # its lower half is read
+        precision[:, n:, n:] += weighted @ open_
+        right = [(weight * residual) @ member * scale, (weighted @ residual[:, :, None])[:, :, 0]]
+        root = cholesky_or_nan(precision)
+        explained = solve_lower(root, np.concatenate(right, axis=1)[:, :, None])[:, :, 0]
+        square = (weight * residual**2).sum(axis=1) - (explained * explained).sum(axis=1)
         log_volume = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
-        value = -0.5 * (square + np.log(variance).sum(axis=1) + r.shape[1] * _LOG_2PI) - log_volume
+        constant = np.log(variance).sum(axis=1) + residual.shape[1] * _LOG_2PI
+        value = -0.5 * (square + constant) - log_volume
         return np.where(usable & np.isfinite(value), value, -np.inf)
 
     @cached_property

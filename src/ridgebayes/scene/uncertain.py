@@ -72,9 +72,16 @@ class Source:
         if hasattr(self.given, "ppf"):
             return np.asarray(self.given.ppf(special.ndtr(score)), dtype=np.float64)
         if callable(self.given):
-            return np.array([float(self.given(rng)) for _ in score])
+            return np.array([self._called(rng) for _ in score])
         place = (special.ndtr(score) * len(self.given)).astype(np.int64)
         return np.asarray(self.given[np.minimum(place, len(self.given) - 1)])
+
+    def _called(self, rng: np.random.Generator) -> float:
+        found = self.given(rng)
+        try:
+            return float(found)
+        except (TypeError, ValueError):
+            raise InputError(f"expected a callable that returns a number, got {found!r}") from None
 
     @property
     def median(self) -> float:
@@ -265,10 +272,10 @@ class Joint:
                     f"joint.of: expected each once of {', '.join(known)}, got {name!r}"
                 )
         if draws is not None:
-            found = cls(names, None, draws if hasattr(draws, "rvs") else np.asarray(draws))
+            found = cls(names, None, draws if hasattr(draws, "rvs") else _array(draws))
             found.rows(1, stream(0, "shape"))
             return found
-        matrix = np.array(section["correlation"], dtype=np.float64)
+        matrix = _array(section["correlation"]).astype(np.float64)
         if (
             matrix.shape != (len(names), len(names))
             or not np.isfinite(matrix).all()
@@ -331,3 +338,11 @@ def _derived(certain: Json, has_units: bool, drawn: Mapping[str, FloatArray]) ->
         if f"body.{key}" in at:
             values[key] = at[f"body.{key}"]
     return values
+
+
+def _array(rows: object) -> np.ndarray:
+    """Return rows as an array, an empty one if their lengths differ."""
+    try:
+        return np.asarray(rows)
+    except ValueError:
+        return np.empty(0)
