@@ -67,6 +67,7 @@ def test_density__of_scores_without_end_is_zero_and_never_nan():
     assert np.isfinite(value[3])
 
 
+@pytest.mark.slow
 def test_calibrate__finds_a_known_truth(fitted):
     assert fitted.converged
     found = fitted.summary.set_index("parameter")
@@ -81,6 +82,7 @@ def test_calibrate__finds_a_known_truth(fitted):
     assert fitted.theta[:, [1, 2, 3, 4]].tolist()[0] == [0.0, 0.8, 0.24, 0.0]
 
 
+@pytest.mark.slow
 def test_calibrate__evidence_is_that_of_quadrature():
     """One unknown parameter: the integral over its score on a grid."""
     model = rb.FrictionModel(0.09, 0, 0.8, 0.24, 0, 0.2, 0.1, 0.0, "halfnormal(0.1)")

@@ -46,6 +46,7 @@ def assert_frequencies(counts, pmf, n):
     assert np.all(np.abs(counts - pmf) < 5 * se + 2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "texture", [(0.022, 0.02), (0.012, 0.03), (0.032, 0.01), (0.018, 0.045), (0.025, 0.015)]
 )
@@ -61,6 +62,7 @@ def test_friction_inputs__counts_are_those_of_predict(average, texture):
     assert np.all(np.diff(drawn["Q"].values, axis=1) >= 0)
 
 
+@pytest.mark.slow
 def test_sampler__of_many_textures_draws_what_predict_says_of_each(average):
     rng, n = np.random.default_rng(4), 60
     a, b = (width * np.exp(0.1 * rng.standard_normal(n)) for width in (A, B))

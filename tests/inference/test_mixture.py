@@ -136,6 +136,7 @@ def test_to_mixture__refuses(fits, mixtures, monkeypatch):
         fits["hybrid"].to_mixture()
 
 
+@pytest.mark.slow
 def test_transforms__stand_in_for_priors_without_a_closed_form(paper):
     fit = rb.calibrate(paper, rb.Modified(), noise="iid", priors={"c": Gamma(30.0, 22.0)}, rng=1)
     mixture = fit.to_mixture(2)

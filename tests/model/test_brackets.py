@@ -104,6 +104,7 @@ def test_brackets_have_no_such_bias(increment, on_average, in_each):
     assert abs(late) < 0.02 * np.log1p(increment) / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("increment", [0.01, 0.05, 0.20])
 def test_brackets_widen_the_posterior_by_what_they_leave_open(increment):
     wider = average(over_phases(increment, True), "sd")[0] / exact().sd[0]

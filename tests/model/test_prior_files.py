@@ -115,6 +115,7 @@ PRIORS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PRIORS)
 def test_model__is_sampled_integrated_written_and_read_back_under_it(data, tmp_path, name):
     model = Model(data, rb.Modified(), Noise(), PRIORS[name])

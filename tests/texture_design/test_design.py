@@ -135,6 +135,7 @@ def random_goals(n):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "tolerance", "objective", "seed"), list(random_goals(10)))
 def test_design__recommended_probability_is_that_of_drawn_counts(
     fit, uncertain, text, tolerance, objective, seed
@@ -151,6 +152,7 @@ def test_design__recommended_probability_is_that_of_drawn_counts(
         assert found.goals[0].margin(check["probability"]) > -3 * check["se"]
 
 
+@pytest.mark.slow
 def test_design__objectives_choose_among_the_feasible(fit, uncertain):
     pitches = {}
     for objective in ("max-pitch", "min-pitch", "max-groove"):
@@ -204,6 +206,7 @@ def test_design__extrapolation_is_marked_and_not_chosen_while_one_inside_will_do
     assert only.best["extrapolation"]
 
 
+@pytest.mark.slow
 def test_design__the_same_seed_gives_the_same_design(fit, uncertain):
     texts = [
         rb.design(fit, uncertain, "P(Q >= 8) >= 0.9", sizes=COARSE, rng=4).to_json()
@@ -212,6 +215,7 @@ def test_design__the_same_seed_gives_the_same_design(fit, uncertain):
     assert texts[0] == texts[1]
 
 
+@pytest.mark.slow
 def test_design__is_a_record_like_the_others(fit, uncertain):
     found = rb.design(
         fit, uncertain, ["P(Q >= 6) >= 0.9", "sd(Q) <= 1.5"], sizes=COARSE, tolerance="5 %", rng=1
@@ -254,6 +258,7 @@ def test_design__bad_options_are_refused(fit, uncertain, options, expected):
     assert expected in str(refused.value)
 
 
+@pytest.mark.slow
 def test_design__widths_are_uncertain_by_the_scene_or_by_a_tolerance(fit):
     texture = {"ridge_width": "normal(0.2 mm, 5 %)", "groove_width": "0.16 mm"}
     scene = rb.Scene.from_dict(SCENE | {"texture": texture})

@@ -192,6 +192,7 @@ def test_next_simulation__of_two_forms_that_differ_is_where_they_differ(paper, f
     assert next_simulation([fit.averaged], textures, 1).empty
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("apart", "expected"), [(0.0, 0.0), (2.0, None), (50.0, np.log(2))])
 def test_information__of_two_normals_is_their_divergence_from_the_mixture(apart, expected):
     forms = [(np.full(4_000, centre), np.ones(4_000)) for centre in (0.0, apart)]

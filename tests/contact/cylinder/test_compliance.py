@@ -8,12 +8,14 @@ from ridgebayes.table.datafiles import data_path
 from ridgebayes.table.table import read_table
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def rim():
     return rim_compliance(0.49, reach=0.3, edge=1e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("a", "b"), [(0.032, 0.01), (0.022, 0.02)])
 def test_transitions__are_those_of_another_finite_element_code(rim, a, b):
     frame = read_table(data_path("fea/small_strain.csv")).frame
@@ -25,7 +27,6 @@ def test_transitions__are_those_of_another_finite_element_code(rim, a, b):
     np.testing.assert_allclose(loads, frame["p_over_E"], rtol=2.5e-3)
 
 
-@pytest.mark.slow
 def test_transitions__come_nearer_to_the_half_plane_with_finer_edges():
     """A texture so small that the body is a half-plane to it."""
     a, b, nu = 0.008, 0.0025, 0.3
@@ -37,7 +38,6 @@ def test_transitions__come_nearer_to_the_half_plane_with_finer_edges():
     assert errors[1] < 1e-3 < errors[0] < 0.02  # discretisation, first order at sharp corners
 
 
-@pytest.mark.slow
 def test_transitions__depend_on_nu_by_the_reduced_load(rim):
     other = rim_compliance(0.2, reach=0.3, edge=1e-3)
     reduced = [
@@ -56,7 +56,6 @@ def test_rim_compliance__is_computed_once(rim):
     assert rim_compliance(0.49, reach=0.3, edge=1e-3) is rim
 
 
-@pytest.mark.slow
 def test_small_strain_transitions__serve_the_incompressible_body():
     Q, loads = small_strain_transitions(0.032, 0.03, p_max=0.006)
     half_plane = halfplane.transition_loads(0.032, 0.03, 1).p_over_E(0.062)

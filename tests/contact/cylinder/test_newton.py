@@ -168,6 +168,7 @@ def test_shear__is_at_most_the_frictions(ab, friction):
     assert not state.shear[~on].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ab", [AB, None])
 def test_friction__of_a_body_below_half_pulls_the_contact_inwards(ab):
     """At nu = 0.3 the surface moves inwards under pressure; friction acts against that."""
