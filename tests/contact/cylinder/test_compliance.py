@@ -7,7 +7,6 @@ from ridgebayes.errors import InputError
 from ridgebayes.table.datafiles import data_path
 from ridgebayes.table.table import read_table
 
-
 pytestmark = pytest.mark.slow
 
 
