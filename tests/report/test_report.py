@@ -131,7 +131,7 @@ def test_first_words_are_the_answer(page, comparison):
     assert "The evidence supports Hybrid among the forms compared." in head
     assert "were compared on 41 rows of 9 textures" in head
     assert {factor["form_a"], factor["form_b"]} == {"modified", "hybrid"}
-    assert f"ln Bayes factor over Modified, the next, is {-factor['ln_bf']:.1f};" in head
+    assert f"ln Bayes factor of Hybrid over Modified, the next, is {-factor['ln_bf']:.1f};" in head
     assert "On these 9 textures up to the observed loads, Hybrid and Modified predict" in head
     assert "Rows are not independent" in head
     assert "The evidence for Half-plane is decisive among the forms compared." in head

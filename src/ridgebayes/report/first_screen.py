@@ -152,7 +152,7 @@ def _how_sure(data: ReportData) -> str:
     _, _, least = verdict.why.partition(" (")
     weakest = f" It is least with {change_text(least.removesuffix(')'))}." if least else ""
     return (
-        f"{lead(verdict)}{weakest} Its posterior probability passes 0.95 if its prior "
+        f"{lead(verdict)}{weakest} The form's posterior probability passes 0.95 if its prior "
         f"probability is above {number(verdict.min_prior_probability, 1)}."
     )
 
@@ -161,9 +161,10 @@ def lead(verdict: Verdict) -> str:
     """Return the Bayes factor and its range as one sentence, no finer than the range supports."""
     low, high = verdict.ln_bf_range
     digits = 1 if high - low < 10 else 0
+    form, over = form_name(verdict.form), form_name(verdict.over)
     return (
-        f"Its ln Bayes factor over {form_name(verdict.over)}, the next, is "
-        f"{decimals(verdict.ln_bf, digits)}; over priors and error models it lies between "
+        f"The ln Bayes factor of {form} over {over}, the next, is "
+        f"{decimals(verdict.ln_bf, digits)}; across priors and error models it lies between "
         f"{decimals(low, digits)} and {decimals(high, digits)}."
     )
 
