@@ -628,8 +628,8 @@ def test_rows_of_two_sources_with_one_load__are_told(command, quick, paper):
     both = pd.concat([rows.assign(source="A"), rows.iloc[:2].assign(source="B")])
     rb.ContactTable.from_frame(both).write("mine.csv")
     said = command("compare", "mine.csv", *IID, "--forms", "modified", "-o", "out")
-    told = "mine.csv: rows with the load of another source, solver or series to all digits: 2."
-    assert f"{told} Copies count twice; leave one of each out." in said.out
+    told = "2 rows with the load of another source, solver or series to all digits."
+    assert f"{told} Copies count twice: leave one of each out." in said.out
 
 
 def test_run__passes_every_option_on(command, monkeypatch, finished):

@@ -9,6 +9,7 @@ import pandas as pd
 
 from ridgebayes.commands.run_files import summary_table, verdicts
 from ridgebayes.commands.terminal import Answer, files_in
+from ridgebayes.comparison.cautions import cautions
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.results import Fit
@@ -70,11 +71,7 @@ def _rows_text(done: Comparison, out: Path, then: str = "") -> str:
     notes = []
     if n_left_out := len(table.left_out):
         notes.append(f"{table.where}: {n_left_out} rows are not ok and were not fitted")
-    if n_repeated := len(table.repeated):
-        notes.append(
-            f"{table.where}: rows with the load of another source, solver or series to all digits: "
-            f"{n_repeated}. Copies count twice; leave one of each out."
-        )
+    notes += cautions(done)
     return "\n".join([*notes, told.strip()])
 
 

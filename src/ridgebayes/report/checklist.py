@@ -69,7 +69,7 @@ ITEMS = (
     ),
     Item("BARG 4E, estimates beside decisions", "evidence", "Coefficients"),
     Item("BARG 5A to 5D, sensitivity to priors", "evidence", "is varied by a factor of", _ONE),
-    Item("BARG 5E, sensitivity of the decision", ANSWER, "over priors and error models", _ONE),
+    Item("BARG 5E, sensitivity of the decision", ANSWER, "across priors and error models", _ONE),
     Item("BARG 6A, versions", "appendix", "Python"),
     Item("BARG 6B and 6C, script and data", ANSWER, "table SHA-256"),
     Item("BARG 6D, auxiliary files", "appendix", "posterior-"),

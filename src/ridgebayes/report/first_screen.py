@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ridgebayes._types import __version__
 from ridgebayes.checks.report_data import ReportData
+from ridgebayes.comparison.cautions import cautions
 from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.report.blocks import Picture
 from ridgebayes.report.wording import (
@@ -17,13 +18,6 @@ from ridgebayes.report.wording import (
     probability,
 )
 from ridgebayes.runtime.text import count
-
-CAUTIONS = {
-    "rows are not independent": (
-        "Rows are not independent: the errors of a form repeat within a texture and from step to "
-        "step. Ignoring correlation makes posteriors too narrow and overstates Bayes factors."
-    )
-}
 
 
 @dataclass(frozen=True)
@@ -80,7 +74,7 @@ def first_screen(
         f"Which contact form describes {_name(table.where)}?",
         _headline(data),
         tuple(words for words in sentences if words),
-        _cautions(data),
+        cautions(data.comparison),
         problems,
         _bands(data),
         " · ".join(words for words in made_by if words),
@@ -91,17 +85,6 @@ def _name(where: str) -> str:
     """Return a table's name in a sentence: a file's, or what is no file with an article."""
     name = Path(where).name
     return name if "." in name else f"the {name}"
-
-
-def _cautions(data: ReportData) -> tuple[str, ...]:
-    caution = data.comparison.noise.caution
-    found = [CAUTIONS.get(caution, caution)] if caution else []
-    if n_repeated := len(data.comparison.table.repeated):
-        found.append(
-            f"{count(n_repeated, 'row')} with the load of another source, solver or series to all "
-            "digits. Copies count twice: leave one of each out."
-        )
-    return tuple(found)
 
 
 def _headline(data: ReportData) -> str:

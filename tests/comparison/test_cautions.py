@@ -1,0 +1,23 @@
+import ridgebayes as rb
+from ridgebayes.comparison.cautions import cautions
+from ridgebayes.inference.presets import QUICK
+
+
+def _compared(frame):
+    table = rb.ContactTable.from_frame(frame)
+    return rb.compare(table, rb.Modified(), noise="step", accuracy=QUICK)
+
+
+def test_cautions__loads_in_other_units_contradict_the_prior(paper):
+    frame = paper.calibration.frame
+    assert cautions(_compared(frame)) == ()
+    wrong = _compared(frame.assign(p_over_E=30 * frame["p_over_E"]))
+    (told,) = cautions(wrong)
+    assert told.startswith("The loads contradict a prior: c of modified is 0.")
+    # The prior is log-normal about 1.382 with a log-sd of 0.1: times exp(-0.2326) and exp(0.2326).
+    assert "expected 1.1 to 1.74 (98 %). Check that widths are over R and loads are p/E" in told
+
+
+def test_cautions__rows_that_are_taken_as_independent(paper):
+    (told,) = cautions(rb.compare(paper, rb.Modified(), noise="iid", accuracy=QUICK))
+    assert told.startswith("Rows are not independent")
