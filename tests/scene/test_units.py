@@ -4,7 +4,6 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.errors import InputError
-from ridgebayes.scene.toml import read_body
 from ridgebayes.scene.units import Body, to_si
 from ridgebayes.table.datafiles import data_path
 
@@ -73,7 +72,7 @@ def test_what_is_no_length_is_named_with_the_rule(text):
 def test_body__of_a_scene_knows_its_load_as_written(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text(UNITS)
-    body = read_body(path)
+    body = rb.Scene.from_toml(path).body
     assert body.load == "5 N on 12 mm"
     # Algebra: 5 N over 2 R times the length times E.
     assert body.p_over_E("5 N") == 5 / (2 * 0.012 * 0.012 * 60e3)
@@ -84,13 +83,13 @@ def test_body__of_a_scene_knows_its_load_as_written(tmp_path):
 def test_body__of_a_line_load(tmp_path, old, new):
     path = tmp_path / "scene.toml"
     path.write_text(UNITS.replace(old, new).replace('length = "12 mm"', ""))
-    body = read_body(path)
+    body = rb.Scene.from_toml(path).body
     assert body.load == "5 N/m"
     assert body.p_over_E("5 N/m") == rb.Scene.from_toml(path).p_over_E == 5 / (0.024 * 60e3)
 
 
 def test_body__of_a_scene_without_units_is_empty():
-    assert read_body(data_path("scenes/paper.toml")) == Body()
+    assert rb.Scene.from_toml(data_path("scenes/paper.toml")).body == Body()
 
 
 def test_body__lengths_are_over_the_radius():

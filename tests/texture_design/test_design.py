@@ -111,6 +111,27 @@ def test_bodies__widths_over_the_radius_go_with_it(uncertain):
     assert spread == pytest.approx([0.05, 0.05], rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("load", "same"),
+    [
+        ({"max": "0.6 kPa"}, "0.6 kPa"),
+        ({"line": "9.6 N/m"}, "9.6 N/m"),
+        ({"force": "0.1 N", "length": "normal(10 mm, 5 %)"}, "100 mN"),
+    ],
+)
+def test_values__of_a_load_with_a_unit_are_those_of_each_body(fit, load, same):
+    scene = rb.Scene.from_dict(SCENE | {"load": load})
+    values = values_of(fit, scene, None, TEXTURES)
+    goals = [
+        parse_goals(f"P(Q >= 8 at {at}) >= 0.5", body=scene.body)[0]
+        for at in (same, "100 %", "p/E = 0.01")
+    ]
+    found = [values.at(goal, 0.022, 0.02).value for goal in goals]
+    assert found[0] == pytest.approx(found[1], rel=1e-12)  # algebra: the same load
+    # Where modulus and radius vary, so does the p/E of a load.
+    assert abs(found[0] - found[2]) > 0.02
+
+
 def test_values__the_worst_corner_is_the_worst_of_textures(fit):
     scene = rb.Scene.of([(0.02, 0.02)], p_over_E=0.009)
     goal, (a, b) = parse_goals("P(Q >= 8) >= 0.5")[0], (0.022, 0.02)

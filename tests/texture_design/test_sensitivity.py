@@ -101,13 +101,16 @@ def test_sobol_shares__of_a_failure_by_normal_logs(fit, log_load):
 def test_what_to_measure__resolves_what_the_closed_form_says(fit, log_load):
     mean, sd = log_load
     total = np.hypot(np.hypot(SD_MODULUS, SD_LOAD), sd)
-    found = what_to_measure(sources_at(fit, mean + 0.5 * total), 7).set_index("measure")
-    assert found.index[0] == "body.youngs_modulus"
-    assert set(found.index) == {"body.youngs_modulus", "load.max", SIMULATION}
+    found = what_to_measure(sources_at(fit, mean + 0.5 * total), 7)
+    found = found.set_index(["measure", "spread_left"])
+    assert found.index[0] == ("body.youngs_modulus", 0.0)
+    known = {(name, left) for name in ("body.youngs_modulus", "load.max") for left in (0.0, 0.5)}
+    assert set(found.index) == known | {(SIMULATION, 0.0)}
     for name, own in (("body.youngs_modulus", SD_MODULUS), ("load.max", SD_LOAD)):
-        # Monte Carlo: of 128 values, their variance has a relative error of 0.12.
-        expected = first_order((own / total) ** 2, 0.5)
-        assert found.loc[name, "resolved"] == pytest.approx(expected, rel=0.4)
+        for left in (0.0, 0.5):
+            # Monte Carlo: of 128 values, their variance has a relative error of 0.12.
+            expected = first_order((1 - left**2) * (own / total) ** 2, 0.5)
+            assert found.loc[(name, left), "resolved"] == pytest.approx(expected, rel=0.4)
     assert (found["probability_low"] <= found["probability_high"]).all()
 
 

@@ -10,19 +10,22 @@ from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.text import percent
 from ridgebayes.scene.scene import Scene
-from ridgebayes.scene.toml import read_body
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Tolerance
 from ridgebayes.texture_design.design import design
+from ridgebayes.texture_design.goals import parse_goals
 from ridgebayes.texture_design.record import Design
 
 _ABOUT = "design.json"
+_LITTLE = 0.01  # of what is open: not worth a measurement
 
 
 def command(asked: DesignOptions) -> Answer:
     """Do what the command line asks for."""
-    scene, body = Scene.from_toml(asked.scene), read_body(asked.scene)
+    scene = Scene.from_toml(asked.scene)
+    body = scene.body
     sizes: dict[str, object] = {
         name: _bounds(text, f"--{name}", body)
         for name, text in (("a", asked.a), ("b", asked.b))
@@ -31,6 +34,7 @@ def command(asked: DesignOptions) -> Answer:
     if asked.step is not None:
         sizes["step"] = _length(asked.step, "--step", body)
     tolerance = Tolerance.parse(asked.tolerance, lambda text: _over_radius(text, body))
+    parse_goals(asked.goal, body=body)  # before the run is read, which takes seconds
     with new_folder(asked.out, force=asked.force, about=_ABOUT) as folder:
         found = design(
             read_run(asked.folder),
@@ -92,6 +96,8 @@ def _answer(found: Design, out: Path, body: Body) -> Answer:
         "margin": [row["margin"]],
         f"by {check['n']:,} draws": [check["probability"]],
     }
+    if "load" in row:
+        columns["load"] = [row["load"]]
     if body.radius is not None:
         micrometres = 1e6 * float(body.radius)
         columns |= {
@@ -106,13 +112,20 @@ def _answer(found: Design, out: Path, body: Body) -> Answer:
     if row["extrapolation"]:
         warnings.append(f"the texture lies beyond what was calibrated: {row['extrapolation_of']}")
     reliability = found.form_reliability
-    if not reliability["trusted"]:
+    if reliability["beta"] is not None and not reliability["trusted"]:
         warnings.append(f"first-order reliability is not to be trusted: {reliability['why']}")
     shares = found.shares[found.shares["of"] == "Q"].sort_values("total_order", ascending=False)
-    shown = shares[["source", "first_order", "total_order"]].round(3)
+    orders = {"first_order": "alone", "total_order": "with what it interacts with"}
+    shown = shares[["source", *orders]].rename(columns=orders)
+    for name in orders.values():
+        shown[name] = [percent(min(max(share, 0.0), 1.0)) for share in shown[name]]
     parts: list[str | pd.DataFrame] = [told, pd.DataFrame(columns)]
     if len(shown):
         parts += ["Shares in the variance of Q:", shown]
     if len(found.measure):
-        parts.append(f"What to measure next: {found.measure['measure'].iloc[0]}")
+        first = found.measure.iloc[0]
+        would = f"known exactly, it settles {percent(first['resolved'])} of what is open"
+        is_little = first["resolved"] < _LITTLE
+        what = "nothing, no source settles 1 %" if is_little else f"{first['measure']} ({would})"
+        parts.append(f"What to measure next: {what}")
     return Answer(parts, found.to_dict(), files_in(out), warnings=warnings)

@@ -19,7 +19,7 @@ class DesignOptions:
         list[str],
         typer.Option(
             help="Such as 'P(Q >= 8) >= 0.95', 'P(6 <= Q <= 10 at p/E = 0.01) >= 90 %', "
-            "'P(Q(0.004) < 8 <= Q(0.01)) >= 0.9' or 'sd(Q) <= 1'. May be repeated."
+            "'P(Q(0.2 N) < 8 <= Q(0.8 N)) >= 0.9' or 'sd(Q) <= 1'. May be repeated."
         ),
     ]
     a: Annotated[
@@ -42,8 +42,8 @@ class DesignOptions:
         str | None,
         typer.Option(
             "--p-over-E",
-            help="Load p/E of goals that name none, LO:HI:N or log:LO:HI:N: the worst of them "
-            "counts, or with --objective min-load the smallest that will do. The scene's largest.",
+            help="Loads of goals that name none, p/E or with units, LO:HI:N or log:LO:HI:N: the "
+            "worst counts, or of min-load the smallest that will do. The scene's largest.",
         ),
     ] = None
     objective: Annotated[

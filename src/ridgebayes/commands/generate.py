@@ -19,7 +19,6 @@ from ridgebayes.runtime.text import count
 from ridgebayes.scene.effects import Plan, beyond_reach
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene
-from ridgebayes.scene.toml import read_body
 from ridgebayes.simulate import generation
 from ridgebayes.table.files import check_name
 from ridgebayes.table.table import ContactTable
@@ -37,8 +36,7 @@ def command(asked: options.Generate) -> Answer:
         wanted = Scene.of(textures, p_over_E=asked.p_max, nu=asked.nu)
     else:
         wanted = Scene.paper()
-    written = read_body(asked.scene).load if asked.scene is not None else ""
-    warned = warn(*filter(None, [beyond_reach(wanted, written, asked.solver)]))
+    warned = warn(*filter(None, [beyond_reach(wanted, asked.solver)]))
     solving: dict[str, Any]
     solving = {"solver": asked.solver, "rel_tol": asked.tol, "accuracy": asked.accuracy}
     if asked.fields is None:

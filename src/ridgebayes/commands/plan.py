@@ -17,8 +17,6 @@ from ridgebayes.runtime.text import duration, percent
 from ridgebayes.scene.effects import Plan, beyond_reach, plan_table
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene
-from ridgebayes.scene.toml import read_body
-from ridgebayes.scene.units import Body
 from ridgebayes.simulate.responses import contact_at_loads
 from ridgebayes.table.datafiles import data_path
 from ridgebayes.table.files import check_name, write_frame
@@ -50,13 +48,13 @@ def command(asked: options.Plan) -> Answer:
         refuse_existing(asked.out, asked.force)
     if asked.figures is not None and asked.figures.exists() and not asked.figures.is_dir():
         raise InputError(f"{asked.figures}: not a folder; --figures names one")
-    scene, body = Scene.from_toml(asked.scene), read_body(asked.scene)
-    warned = warn(*filter(None, [beyond_reach(scene, body.load)]))
+    scene = Scene.from_toml(asked.scene)
+    warned = warn(*filter(None, [beyond_reach(scene)]))
     plans = plan(scene)
     if asked.out is not None:
         write_frame(plan_table(plans), asked.out)
     parts: list[str | pd.DataFrame] = [*medians_taken(scene.uncertain_names)]
-    parts += [part for one in plans for part in scene_text(scene, one, body)]
+    parts += [part for one in plans for part in scene_text(scene, one)]
     reasons = plan_table(plans)[["texture", "effect", "number", "reason"]]
     files, failed, problem = [asked.out] if asked.out else [], [], ""
     if asked.figures is not None:
@@ -92,7 +90,7 @@ def _draw(scene: Scene, plans: Sequence[Plan], folder: Path) -> list[str]:
     return [why for one in plans for why in draw_plan(scene, one, folder)]
 
 
-def scene_text(scene: Scene, one: Plan, body: Body) -> list[str | pd.DataFrame]:
+def scene_text(scene: Scene, one: Plan) -> list[str | pd.DataFrame]:
     """Say what a texture of a scene is: sentences, and its effects as a table.
 
     Parameters
@@ -101,13 +99,9 @@ def scene_text(scene: Scene, one: Plan, body: Body) -> list[str | pd.DataFrame]:
         With the load.
     one : Plan
         Of one of its textures.
-    body : Body
-        What the scene file gives with units; may be empty.
     """
     texture = one.texture
-    lines = [
-        f"a/R = {texture.a_over_R:g}, b/R = {texture.b_over_R:g}: {_expected(scene, one, body)}"
-    ]
+    lines = [f"a/R = {texture.a_over_R:g}, b/R = {texture.b_over_R:g}: {_expected(scene, one)}"]
     simulated = [effect for effect in one.effects if effect.simulated]
     wanted = f"loads right to {percent(scene.relative)}" if scene.relative else "its loads"
     sizes = ", ".join(
@@ -136,10 +130,11 @@ def scene_text(scene: Scene, one: Plan, body: Body) -> list[str | pd.DataFrame]:
     return [*lines, pd.DataFrame(rows), f"Not modelled: {unknown}."]
 
 
-def _expected(scene: Scene, one: Plan, body: Body) -> str:
+def _expected(scene: Scene, one: Plan) -> str:
     """Say which count and contact the highest load gives."""
     p = scene.highest_load(one.texture)
     load = f"p/E = {p:.3g}"
+    body = scene.body
     if body.load and p == scene.p_over_E:
         load = f"{body.load} ({load})"
     alone = scene.model_copy(update={"textures": (one.texture,)})

@@ -21,7 +21,6 @@ from ridgebayes.predict.predict import KINDS
 from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.text import count
 from ridgebayes.scene.scene import Scene
-from ridgebayes.scene.toml import read_body
 from ridgebayes.scene.units import Body
 from ridgebayes.table.files import check_name, write_frame
 
@@ -63,7 +62,8 @@ def _where(asked: options.Predict) -> tuple[Sequence[Texture], FloatArray, float
     elif asked.R is not None or asked.E is not None:
         raise InputError("--scene, and --R or --E: expected one of them, got both")
     else:
-        scene, body = Scene.from_toml(asked.scene), read_body(asked.scene)
+        scene = Scene.from_toml(asked.scene)
+        body = scene.body
     if not asked.texture and scene is None:
         raise InputError("--texture: missing; expected A,B, or --scene")
     if asked.p_over_E is not None and asked.load is not None:

@@ -1,5 +1,6 @@
 """A map of designs: how probable a goal is over ridge and groove width."""
 
+import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -46,7 +47,7 @@ def draw_designs(
         index="b_over_R", columns="a_over_R", values="outside", aggfunc="first"
     )
     x, y = grid.columns.to_numpy(float), grid.index.to_numpy(float)
-    mesh = axes.pcolormesh(x, y, grid.to_numpy(float), cmap="Blues", shading="nearest")
+    mesh = axes.pcolormesh(_edges(x), _edges(y), grid.to_numpy(float), cmap="Blues")
     axes.figure.colorbar(mesh, ax=axes, label=label)
     handles: list[Artist] = []
     if min(len(x), len(y)) > 1:
@@ -71,6 +72,12 @@ def draw_designs(
     axes.set_ylabel("groove width $b/R$")
     axes.grid(visible=False)
     axes.legend(handles=[*handles, point], loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+
+
+def _edges(widths: FloatArray) -> FloatArray:
+    """Return the edges of the cells of evenly spaced widths; a single one gets a narrow cell."""
+    half = 0.5 * np.diff(widths).min() if len(widths) > 1 else 0.05 * widths[0]
+    return np.append(widths - half, widths[-1] + half)
 
 
 def _within(level: float, values: FloatArray) -> bool:

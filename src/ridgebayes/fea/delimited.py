@@ -19,7 +19,7 @@ from ridgebayes.fea.column_units import is_unit, split_header
 from ridgebayes.fea.layout import LOOKED_AT, find_layout
 from ridgebayes.fea.problems import Problems
 from ridgebayes.runtime.reading import decoded
-from ridgebayes.runtime.text import clipped
+from ridgebayes.runtime.text import clipped, count
 from ridgebayes.table.files import is_rectangular, lossless, read_clean, records
 
 SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
@@ -50,7 +50,7 @@ _NOTHING = re.compile(
 
 _LONG = 1_000_000  # characters: pandas reads them in a tenth of the time
 _Row = tuple[int, list[str]]  # line, and cells
-_NOTE = re.compile(r"#.*|[^\W\d].*\s.*")  # words, and not one label of a row cut off
+_NOTE = re.compile(r"[^\W\d].*\s.*")  # words, and not one label of a row cut off
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,11 @@ class DelimitedText(Source):
         self.headers = clean_headers(layout.headers, where)
         if layout.first >= len(rows):
             raise InputError(f"{where}: no rows below the header")
-        found = zip(self.headers, map(_WITH_UNIT.fullmatch, rows[layout.first][1]), strict=False)
+        first, cells = next(
+            (row for row in rows[layout.first :] if not self._is_comment(row[1])),
+            rows[layout.first],
+        )
+        found = zip(self.headers, map(_WITH_UNIT.fullmatch, cells), strict=False)
         units = {name: match[1] for name, match in found if match is not None}
         new = {
             name: f"{name} [{unit}]"
@@ -142,15 +146,21 @@ class DelimitedText(Source):
         }
         self._units = {new[name]: units[name] for name in new}  # that stand in the cells
         self.headers = tuple(new.get(name, name) for name in self.headers)
-        first = rows[layout.first][0] - how.skip_rows
-        self._clean = text.split("\n", first - 1)[-1].encode()
+        self._clean = text.split("\n", first - how.skip_rows - 1)[-1].encode()
         if _is_plain(self._clean, self._separator, self.headers):
             self._typed = read_clean(self._clean, self.headers, (), separator=self._separator)
-            self._lines: IntArray = np.arange(len(self._typed)) + rows[layout.first][0]
+            self._lines: IntArray = np.arange(len(self._typed)) + first
         else:
-            below = [row for row in records(text, where, self._separator) if row[0] >= first]
+            begin = rows[layout.first][0] - how.skip_rows
+            below = [row for row in records(text, where, self._separator) if row[0] >= begin]
+            below, comments = self._without_comments(below)
             below, notes = _without_notes(below)
-            self._messages += [f"{where}: passed over below the rows: {note!r}" for note in notes]
+            told = f"{where}: passed over"
+            if comments:
+                self._messages.append(
+                    f"{told}: {count(len(comments), 'comment')} such as {comments[0]!r}"
+                )
+            self._messages += [f"{told} below the rows: {note!r}" for note in notes]
             self._lines, self._typed = self._checked(below, problems)
             self._clean = b""
         if "=" in text:
@@ -184,6 +194,19 @@ class DelimitedText(Source):
         """Return cells as they were typed."""
         return [str(self._typed[name].iloc[row]) for row, name in wanted]
 
+    def _is_comment(self, cells: list[str]) -> bool:
+        """Return whether a record begins with a # that is not part of a label."""
+        begin = cells[0].lstrip()
+        is_whole = len(cells) == len(self.headers)
+        return begin.startswith("# " if is_whole else "#")
+
+    def _without_comments(self, rows: list[_Row]) -> tuple[list[_Row], list[str]]:
+        """Return the rows without comments, and those; most rows are labels, not comments."""
+        comments = [self._separator.join(cells) for _, cells in rows if self._is_comment(cells)]
+        if 2 * len(comments) > len(rows):
+            return rows, []
+        return [row for row in rows if not self._is_comment(row[1])], comments
+
     def _checked(self, rows: list[_Row], problems: Problems) -> tuple[IntArray, pd.DataFrame]:
         """Return each row's line, and every cell as it was typed.
 
@@ -209,14 +232,24 @@ class DelimitedText(Source):
         frame = pd.DataFrame(whole, columns=list(self.headers), dtype=str)
         return np.array(lines, dtype=np.int64), frame
 
+    def _first_mark(self, wanted: list[str]) -> str:
+        """Return the decimal mark to try first: a comma only where some cell is sure to have it."""
+        if self._how.decimal:
+            return "," if self._how.decimal == "comma" else "."
+        rows = self._typed[wanted].head(LOOKED_AT).to_numpy(dtype=object)
+        return "," if any(map(_is_decimal_comma, rows.ravel())) else "."
+
     def _numbers(self, wanted: list[str], problems: Problems) -> tuple[dict[str, FloatArray], str]:
         """Read in the style of which fewest cells are no number, and note those that are none."""
-        if self._clean and not self._how.empty and self._how.decimal != "comma":
+        if self._clean and not self._how.empty:
+            mark = self._first_mark(wanted)
             with suppress(ValueError, OverflowError):  # which the slower look below tells of
-                frame = read_clean(self._clean, self.headers, wanted, separator=self._separator)
+                frame = read_clean(
+                    self._clean, self.headers, wanted, separator=self._separator, decimal=mark
+                )
                 exact = {name: frame[name].to_numpy(dtype=float) for name in wanted}
                 if not any(np.isinf(values).any() for values in exact.values()):
-                    return exact, "."
+                    return exact, mark
         text: dict[str, pd.Series[str]] = {}
         for name in wanted:
             cells = self._typed[name].str.strip().str.removesuffix(self._units.get(name, ""))
@@ -266,7 +299,7 @@ def _is_plain(text: bytes, separator: str, names: Sequence[str]) -> bool:
     """Return whether text is long, and pandas reads it as `records` does, which is slow."""
     last = text.rstrip(b"\n").rpartition(b"\n")[2].split(separator.encode())
     lowered = text.lower() if len(text) > _LONG else b"true"
-    words = b"true" in lowered or b"false" in lowered
+    words = any(word in lowered for word in (b"true", b"false", b"\n#"))
     data = np.frombuffer(text, dtype=np.uint8)
     return not words and sum(map(bool, last)) > 1 and is_rectangular(data, separator, len(names))
 
@@ -308,12 +341,17 @@ def _decoded(content: bytes, where: str) -> tuple[str, list[str]]:
 
 def _tabs_for_blanks(text: str) -> str:
     """Return text in columns with tabs between; empty if most lines are not equally wide."""
-    rows = [re.sub(r"^\s*#+", "", row) for row in text.split("\n")]
+    lines = text.split("\n")
+    n = next((i for i, row in enumerate(lines) if not row.lstrip().startswith("#")), 0)
+    rows = [re.sub(r"^\s*#+", "", row) for row in lines[:n]] + lines[n:]  # a header among them
     widths = Counter(len(row.split()) for row in rows[:LOOKED_AT] if row.strip())
     width, n = widths.most_common(1)[0] if widths else (0, 0)
     if width < 2 or n < 2 or 2 * n <= widths.total():
         return ""
-    return "\n".join("\t".join(row.split()) if len(row.split()) == width else row for row in rows)
+    return "\n".join(
+        "\t".join(row.split()) if len(row.split()) == width else as_is
+        for row, as_is in zip(rows, lines, strict=True)
+    )
 
 
 def _separated(text: str, where: str) -> tuple[str, str]:

@@ -81,7 +81,7 @@ def find_layout(rows: Records, where: str, header_row: int | None = None) -> Lay
     below = rows[i + 1 : i + 2]
     if below and _is_units(below[0][1]):
         messages.append(f"{where}: units in line {below[0][0]}")
-        units = [one.strip().strip("[]()") for one in below[0][1]]
+        units = _units(below[0][1])
         headers = [
             f"{name} [{unit}]" if unit not in _NO_UNIT and not split_header(name)[1] else name
             for name, unit in zip(headers, [*units, *[""] * len(headers)], strict=False)
@@ -144,7 +144,11 @@ def _refuse_rows(above: Records, headers: Sequence[str], line: int, where: str) 
         raise FileError(where, needs=[text], options={"header_row": str(line)})
 
 
+def _units(cells: Sequence[str]) -> list[str]:
+    return [one.strip().removeprefix("#").strip().strip("[]()") for one in cells]
+
+
 def _is_units(cells: Sequence[str]) -> bool:
     """Return whether a record holds units and nothing else."""
-    units = [one.strip().strip("[]()") for one in cells]
+    units = _units(cells)
     return any(map(is_unit, units)) and all(one in _NO_UNIT or is_unit(one) for one in units)

@@ -9,10 +9,9 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import BoolArray, Tabular
-from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import count
 from ridgebayes.table.columns import CALIBRATION, HELD_OUT, Column, Findings, RawTable
-from ridgebayes.table.files import frame_digest, read_raw, write_frame
+from ridgebayes.table.files import frame_digest, raw_cells, write_frame
 from ridgebayes.table.rules import own_column, read_number, read_text, validated
 
 _WIDTH = "must be finite and > 0; of a smooth surface a_over_R and b_over_R are both empty"
@@ -140,15 +139,7 @@ def read_friction_table(
     """
     if isinstance(source, FrictionTable):
         return source
-    if isinstance(source, pd.DataFrame):
-        raw = RawTable(source.copy(), "friction table")
-    elif isinstance(source, str | os.PathLike):
-        raw = read_raw(Path(source), COLUMNS)
-    else:
-        kind = type(source).__name__
-        raise InputError(
-            f"friction table: expected a path, a FrictionTable or a pandas.DataFrame, got {kind}"
-        )
+    raw = raw_cells(source, "friction table", "FrictionTable", COLUMNS)
     return FrictionTable(validated(raw, _checked, COLUMNS), raw.where)
 
 

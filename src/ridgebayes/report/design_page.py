@@ -46,7 +46,10 @@ def design_page(found: Design, png: bytes, body: Body) -> str:
         "micrometres": None if body.radius is None else 1e6 * float(body.radius),
         "tables": [
             ("Shares in the variance of Q and of failure (Sobol's indices)", _rows(found.shares)),
-            ("What to measure next", _rows(found.measure)),
+            (
+                "What to measure next (spread left 0: known exactly, the most that can be done)",
+                _rows(found.measure),
+            ),
             ("What to simulate next", _rows(found.simulate_next.head(5))),
         ],
     }

@@ -26,7 +26,7 @@ class SceneDraws:
     p_over_E : ndarray of float
         Highest load.
     physical : dict of str to ndarray of float
-        Radius (m) and Young's modulus (Pa), where the scene has units.
+        Radius and length (m) and Young's modulus (Pa), where the scene has units.
     """
 
     profile: dict[str, FloatArray]

@@ -141,15 +141,13 @@ def full_profile(texture: Texture) -> Profile:
     return Profile(texture.a_over_R, texture.b_over_R, depth, corner, offset)
 
 
-def beyond_reach(scene: Scene, written: str = "", solver: str = "auto") -> str:
+def beyond_reach(scene: Scene, solver: str = "auto") -> str:
     """Say that the highest load of a scene is beyond its solver's reach; nothing if it is not.
 
     Parameters
     ----------
     scene : Scene
         With its loads.
-    written : str, optional
-        The load with its unit, as a scene file has it.
     solver : str, optional
         As for `ridgebayes.generate`.
 
@@ -164,6 +162,7 @@ def beyond_reach(scene: Scene, written: str = "", solver: str = "auto") -> str:
         If no solver goes as far, or the one that is named does not, and "half-plane" is not named.
     """
     highest = max(scene.highest_load(texture) for texture in scene.textures)
+    written = scene.body.load
     load = f"{written} is p/E = {highest:.2g}" if written else f"p/E = {highest:.2g}"
     if solver == "two-scale" and scene.nu < two_scale.LEAST_NU:
         raise InputError(

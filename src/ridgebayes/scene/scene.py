@@ -6,12 +6,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, InstanceOf, field_validator, model_validator
 
 from ridgebayes._types import Json
 from ridgebayes.errors import InputError
 from ridgebayes.scene import fields
 from ridgebayes.scene.toml import DEFAULT_LOAD, read_scene_file, scene_text, scene_values
+from ridgebayes.scene.units import NO_UNITS, Body
 from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
 
 
@@ -80,6 +81,9 @@ class Scene(fields.Record):
         Wanted relative accuracy of each transition load; None leaves it to the solver.
     uncertain : scene.uncertain.Uncertain or None, optional
         Distributions of values whose medians stand above; made by `from_toml` and `from_dict`.
+    body : scene.units.Body, optional
+        Radius, modulus and length in SI units, for loads and lengths beside the scene; empty where
+        it has no units. Scenes that are equal but for it are equal.
 
     Examples
     --------
@@ -94,6 +98,15 @@ class Scene(fields.Record):
     friction: fields.NotNegative = 0.0
     relative: fields.Relative | None = None
     uncertain: Annotated[Any, Field(exclude=True, repr=False)] = None
+    body: Annotated[InstanceOf[Body], Field(exclude=True, repr=False)] = NO_UNITS
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scene) and super().__eq__(
+            other.model_copy(update={"body": self.body})
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.textures, self.nu, self.p_over_E))
 
     def highest_load(self, texture: Texture) -> float:
         """Return the highest load on one of the textures: its own, or the scene's.

@@ -171,35 +171,6 @@ _SECTIONS: dict[str, type[BaseModel]] = {
 }
 
 
-def read_body(path: Path) -> Body:
-    """Read what a scene file gives with units, for loads and lengths beside it.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The TOML file.
-
-    Returns
-    -------
-    Body
-        Empty where the file has no units.
-
-    Raises
-    ------
-    InputError
-        As `read_scene_file` does.
-    """
-    scene = _read(path)
-    body, load = scene.body, scene.load
-    if body.radius is None or not body.radius.has_unit:
-        return Body()
-    words = next((str(one.raw) for one in (load.max, load.line, load.force) if one), "")
-    if load.force and load.length:
-        words += f" on {load.length.raw}"
-    modulus = body.youngs_modulus.value if body.youngs_modulus else None
-    return Body(body.radius.value, modulus, load.length.value if load.length else None, words)
-
-
 def read_scene_file(path: Path) -> Json:
     """Read a scene file into the plain numbers of a `Scene`.
 
@@ -235,7 +206,7 @@ def scene_values(data: Json) -> Json:
 
 def _values(scene: _SceneFile, where: str) -> Json:
     try:
-        return _plain(scene) | {"uncertain": _uncertain_values(scene)}
+        return _plain(scene) | {"uncertain": _uncertain_values(scene), "body": _body(scene)}
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
 
@@ -307,9 +278,8 @@ def _clashes(scene: _SceneFile) -> list[str]:
     given = [f"load.{key}" for key in keys if getattr(load, key) is not None]
     if len(given) > 1:
         problems.append(f"{', '.join(given)}: give one of them")
-    if (load.force is None) != (load.length is None):
-        missing = "length" if load.length is None else "force"
-        problems.append(f"load.{missing}: missing; a force takes both, load.force and load.length")
+    if load.force is not None and load.length is None:
+        problems.append("load.length: missing; a force is spread over it")
     if (load.max or load.line or load.force) and scene.body.youngs_modulus is None:
         problems.append(f"body.youngs_modulus: missing; {given[0]} needs it")
     return problems
@@ -336,6 +306,18 @@ def _plain(scene: _SceneFile) -> Json:
         if measure is not None and body.youngs_modulus is not None:
             values["p_over_E"] = _ratio(measure, over * body.youngs_modulus.value)
     return values
+
+
+def _body(scene: _SceneFile) -> Body:
+    """Return what a scene gives with units; medians of what is uncertain."""
+    body, load = scene.body, scene.load
+    if body.radius is None or not body.radius.has_unit:
+        return Body()
+    words = next((str(one.raw) for one in (load.max, load.line, load.force) if one), "")
+    if load.force and load.length:
+        words += f" on {load.length.raw}"
+    modulus = body.youngs_modulus.value if body.youngs_modulus else None
+    return Body(body.radius.value, modulus, load.length.value if load.length else None, words)
 
 
 def _median(value: Any) -> Any:

@@ -206,13 +206,16 @@ class Uncertain:
 
     def draw(self, n: int, seed: int) -> dict[str, FloatArray]:
         """Return n draws of the values that are not certain, by place."""
-        score = {name: stream(seed, "scene", name).standard_normal(n) for name in self.sources}
-        drawn = self.at_scores(score, seed)
+        drawn = self.at_scores(self.scores(n, seed), seed)
         for one in self.joint:
             if one.draws is not None:
                 rows = one.rows(n, stream(seed, "scene", *one.of))
                 drawn |= dict(zip(one.of, rows.T, strict=True))
         return drawn
+
+    def scores(self, n: int, seed: int) -> dict[str, FloatArray]:
+        """Return n independent standard normal scores, by place."""
+        return {name: stream(seed, "scene", name).standard_normal(n) for name in self.sources}
 
     def at_scores(self, score: Mapping[str, FloatArray], seed: int = 0) -> dict[str, FloatArray]:
         """Return values at independent standard normal scores, by place; callables draw theirs."""
@@ -334,9 +337,8 @@ def _derived(certain: Json, has_units: bool, drawn: Mapping[str, FloatArray]) ->
         loads = [at[f"{texture}.max_p_over_E"]]
     if loads:
         values["p_over_E"] = loads[0]
-    for key in ("radius", "youngs_modulus") if has_units else ():
-        if f"body.{key}" in at:
-            values[key] = at[f"body.{key}"]
+    places = ("body.radius", "body.youngs_modulus", "load.length") if has_units else ()
+    values |= {place.partition(".")[2]: at[place] for place in places if place in at}
     return values
 
 

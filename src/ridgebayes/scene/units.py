@@ -76,6 +76,24 @@ def to_si(text: str, dimension: Dimension) -> Fraction:
         raise InputError(f"{shown!r}: {rule}") from None
 
 
+def load_to_si(text: str) -> tuple[Fraction, Dimension]:
+    """Return a pressure, line load or force in its SI unit, and which of them it is.
+
+    Examples
+    --------
+    >>> load_to_si("20 N/m")
+    (Fraction(20, 1), 'line load')
+    """
+    for dimension in _LOADS:
+        try:
+            return to_si(text, dimension), dimension
+        except InputError as error:
+            if "decimal comma" in str(error):
+                raise
+    examples = ", ".join(repr(EXAMPLES[one]) for one in _LOADS)
+    raise InputError(f"{text!r}: expected a number and a unit of a load, such as {examples}")
+
+
 def with_point(text: str) -> str:
     """Return text with decimal points for decimal commas.
 
@@ -136,16 +154,8 @@ class Body:
 
     def p_over_E(self, text: str) -> float:
         """Return p/E of a pressure, line load or force; InputError if that cannot be."""
-        for dimension in _LOADS:
-            try:
-                value = to_si(text, dimension)
-            except InputError as error:
-                if "decimal comma" in str(error):
-                    raise
-                continue
-            return float(value / self._unit(text, dimension))
-        examples = ", ".join(repr(EXAMPLES[one]) for one in _LOADS)
-        raise InputError(f"{text!r}: expected a number and a unit of a load, such as {examples}")
+        value, dimension = load_to_si(text)
+        return float(value / self._unit(text, dimension))
 
     def _unit(self, text: str, dimension: Dimension) -> Fraction:
         """Return the load of a kind at which p = E: 2 R E for a line load, for p is over 2 R."""
@@ -161,6 +171,9 @@ class Body:
         for value in parts.values():
             unit *= value or 1
         return unit
+
+
+NO_UNITS = Body()
 
 
 def _positive(option: str, text: str | None, dimension: Dimension) -> Fraction | None:

@@ -162,7 +162,7 @@ def generate(
         ]
         if refused:
             raise InputError("\n".join(refused))
-    beyond_reach(scene, solver=solver)
+    beyond_reach(scene, solver)
     tasks = _tasks(scene.at_medians(), solver, rel_tol, wanted.meshes)
     solve = functools.partial(_solved, pressed=pressed) if pressed is not None else _solved
     found = _all_found(tasks, solve, executor, journal, progress)

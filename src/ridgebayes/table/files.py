@@ -4,6 +4,7 @@ import csv
 import hashlib
 import io
 import json
+import os
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -20,6 +21,19 @@ from ridgebayes.table.columns import COLUMNS, SHOWN, Column, RawTable, check_hea
 
 SUFFIXES = (".csv", ".parquet")
 MOST_CELLS = 10**8  # of Parquet: a small file of repeated values may hold any number of rows
+
+
+def raw_cells(
+    source: object, where: str, record: str, contract: Sequence[Column] = COLUMNS
+) -> RawTable:
+    """Return the cells of rows or of a file; InputError, in terms of `record`, if it is neither."""
+    if isinstance(source, pd.DataFrame):
+        return RawTable(source.copy(), where)
+    if isinstance(source, str | os.PathLike):
+        return read_raw(Path(source), contract)
+    raise InputError(
+        f"{where}: expected a path, a {record} or a pandas.DataFrame, got {type(source).__name__}"
+    )
 
 
 def read_raw(path: Path, contract: Sequence[Column] = COLUMNS) -> RawTable:
@@ -254,6 +268,7 @@ def read_clean(
     *,
     header: int | None = None,
     separator: str = ",",
+    decimal: str = ".",
 ) -> pd.DataFrame:
     """Read CSV with pandas: floats exact, all else text, no word taken for empty.
 
@@ -267,8 +282,8 @@ def read_clean(
         Those of them that hold numbers.
     header : int or None, optional
         Record that is passed over.
-    separator : str, optional
-        One character.
+    separator, decimal : str, optional
+        One character each; the latter between digits of numbers.
 
     Raises
     ------
@@ -280,6 +295,7 @@ def read_clean(
         names=list(columns),
         header=header,
         sep=separator,
+        decimal=decimal,
         index_col=False,
         dtype={name: (float if name in numbers else str) for name in columns},
         keep_default_na=False,
@@ -309,12 +325,23 @@ def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, 
 
 
 def is_rectangular(data: np.ndarray, separator: str, width: int) -> bool:
-    """Count the separators of every line at once; False where quotes or blanks hide the answer."""
-    if np.any(data == ord('"')):
-        return False
+    """Count the separators of every line at once; False where blanks or quotes hide the answer.
+
+    Quotes do so if they are not around whole cells, or there are quotes or lines within.
+    """
     if len(data) and data[-1] != ord("\n"):
         data = np.append(data, np.uint8(ord("\n")))
-    marks = data[(data == ord(separator)) | (data == ord("\n"))]
+    is_mark = (data == ord(separator)) | (data == ord("\n"))
+    quotes = np.flatnonzero(data == ord('"'))
+    if len(quotes):
+        first, last = quotes[::2], quotes[1::2]
+        if len(first) > len(last) or not is_mark[first[first > 0] - 1].all():
+            return False
+        within = np.logical_xor.accumulate(data == ord('"'))
+        if not is_mark[last + 1].all() or np.any(data[within] == ord("\n")):
+            return False
+        is_mark &= ~within
+    marks = data[is_mark]
     if len(marks) % width:
         return False
     lines = marks.reshape(-1, width)

@@ -20,7 +20,7 @@ from ridgebayes.table.columns import (
     OK,
     RawTable,
 )
-from ridgebayes.table.files import frame_digest, read_raw, write_frame
+from ridgebayes.table.files import frame_digest, raw_cells, write_frame
 from ridgebayes.table.rules import checked, validated
 
 if TYPE_CHECKING:  # heavy
@@ -293,9 +293,4 @@ def read_table(source: ContactTable | pd.DataFrame | str | os.PathLike[str]) -> 
     """
     if isinstance(source, ContactTable):
         return source
-    if isinstance(source, pd.DataFrame):
-        return ContactTable.from_frame(source)
-    if isinstance(source, str | os.PathLike):
-        return ContactTable._validated(read_raw(Path(source)))
-    kind = type(source).__name__
-    raise InputError(f"table: expected a path, a ContactTable or a pandas.DataFrame, got {kind}")
+    return ContactTable._validated(raw_cells(source, "table", "ContactTable"))

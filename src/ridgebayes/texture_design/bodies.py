@@ -12,8 +12,9 @@ from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.randomness import stream
 from ridgebayes.runtime.text import clipped
-from ridgebayes.scene.draws import draw_scene
+from ridgebayes.scene.draws import SceneDraws, draw_scene
 from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.units import Body
 
 _FURTHEST = 4.9  # sds that a width leaves its nominal value by, so that it stays above 0
 _LARGEST_SHARE = 0.2  # of a width: largest sd
@@ -108,17 +109,17 @@ class Bodies:
         Scores of both widths as made; of no meaning where the tolerance is bounds.
     factor : ndarray of float, shape (2, n)
         What a width over R is multiplied with: distributions of the scene's widths and radius.
-    largest : ndarray of float
-        The scene's largest load p/E.
     nu : ndarray of float
         Poisson's ratio.
+    units : mapping of str to ndarray of float
+        p/E of one of each unit that a load may have here, see `goals.Load`.
     """
 
     tolerance: Tolerance
     score: FloatArray
     factor: FloatArray
-    largest: FloatArray
     nu: FloatArray
+    units: Mapping[str, FloatArray]
 
     @classmethod
     def draw(
@@ -151,8 +152,8 @@ class Bodies:
             tolerance,
             np.clip(score, -_FURTHEST, _FURTHEST),
             np.stack([drawn.profile[name] / value for name, value in nominal.items()]),
-            drawn.p_over_E,
             drawn.nu,
+            _units(drawn, scene.body),
         )
 
     @property
@@ -166,8 +167,8 @@ class Bodies:
             self.tolerance,
             self.score[:, index],
             self.factor[:, index],
-            self.largest[index],
             self.nu[index],
+            {unit: p[index] for unit, p in self.units.items()},
         )
 
     def widths(
@@ -191,3 +192,21 @@ class Bodies:
         ends = np.array([low * factor.min() * (a / b).min(), high * factor.max() * (a / b).max()])
         found = ends / (1 + ends)
         return float(found[0]), float(found[1])
+
+
+def median_units(scene: Scene) -> dict[str, FloatArray]:
+    """Return the units of loads, see `Bodies`, where all of a scene is at its median, (1,)."""
+    return dict(Bodies.draw(scene.at_medians(), Tolerance(), 1, 0).units)
+
+
+def _units(drawn: SceneDraws, body: Body) -> dict[str, FloatArray]:
+    found = {"p/E": np.ones_like(drawn.nu), "share": drawn.p_over_E}
+    of_one = np.ones_like(drawn.nu)
+    medians = {"youngs_modulus": body.modulus, "radius": body.radius, "length": body.length}
+    lengths = {"pressure": 1, "line load": 2, "force": 1}  # P' = 2 R p
+    for (name, median), (unit, factor) in zip(medians.items(), lengths.items(), strict=True):
+        if median is None:
+            break
+        of_one = of_one / (factor * drawn.physical.get(name, float(median)))
+        found[unit] = of_one
+    return found

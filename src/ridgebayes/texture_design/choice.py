@@ -10,6 +10,7 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.extrapolation import CalibratedRange, names_of
 from ridgebayes.predict.q_distribution import heavy_parts, shares
 from ridgebayes.scene.scene import Scene
+from ridgebayes.texture_design.bodies import median_units
 from ridgebayes.texture_design.goals import Goal
 
 _ALIKE = 1e-4  # of margins
@@ -43,8 +44,8 @@ def mark_extrapolation(
     flags = np.zeros(len(designs), dtype=np.uint8)
     cases = [case for goal in goals for case in goal.cases]
     counts = [n for case in cases for n, _ in (*case.at_least, *case.below)]
-    median = np.array([scene.highest_load(scene.textures[0])])
-    largest = max(load.p_over_E(median)[0] for case in cases for load in case.loads)
+    units = median_units(scene)
+    largest = max(load.p_over_E(units)[0] for case in cases for load in case.loads)
     weights = shares([weight for _, weight in averaged])
     for (fit, _), is_heavy in zip(averaged, heavy_parts(weights), strict=True):
         if is_heavy:

@@ -16,6 +16,7 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.scene.scene import Scene, as_scene
+from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Bodies, Tolerance
 from ridgebayes.texture_design.choice import OBJECTIVES, chosen, mark_extrapolation
 from ridgebayes.texture_design.drawn_check import drawn_check
@@ -64,8 +65,8 @@ def design(
         Of widths as made: ``5 %`` or a length over R, a standard deviation of each width (normal);
         ``worst 5 %``: bounds, of which the worst corner counts.
     loads : str or sequence of float, optional
-        Loads p/E of goals that name none, the worst of which counts: LO:HI:N, or numbers. The
-        scene's largest load if not given.
+        Loads p/E of goals that name none, the worst of which counts: LO:HI:N, also with units, or
+        numbers. The scene's largest load if not given.
     objective : str, optional
         margin (of those that cannot be told apart the coarsest), max-pitch, min-pitch, max-ridge,
         min-ridge, max-groove, min-groove, or min-load: the smallest of the loads (20 steps to the
@@ -115,8 +116,8 @@ def design(
     scene, seed, made = as_scene(scene), seed_of(rng), Tolerance.parse(tolerance)
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
-    alternatives = _alternatives(loads, objective)
-    asked = [parse_goals(goal, some) for some in alternatives]
+    alternatives = _alternatives(loads, objective, scene.body)
+    asked = [parse_goals(goal, some, scene.body) for some in alternatives]
     averaged = source.averaged
     textures, about = lattice(sizes or {}, [fit for fit, _ in averaged])
     made.check(min(min(texture) for texture in textures))
@@ -152,16 +153,18 @@ def design(
     )
 
 
-def _alternatives(loads: str | Sequence[float] | None, objective: str) -> list[tuple[Load, ...]]:
+def _alternatives(
+    loads: str | Sequence[float] | None, objective: str, body: Body
+) -> list[tuple[Load, ...]]:
     """Return the loads of goals that name none; several of them for the smallest that will do."""
     if loads is None:
         found: tuple[Load, ...] = (LARGEST,)
         if objective == "min-load":
-            found = tuple(Load(i / _N_LOADS, is_share=True) for i in range(1, _N_LOADS + 1))
+            found = tuple(Load(i / _N_LOADS, "share") for i in range(1, _N_LOADS + 1))
     elif isinstance(loads, str):
-        found = read_loads(loads, "loads")
+        found = read_loads(loads, "loads", body)
     else:
-        found = tuple(one for p in loads for one in read_loads(repr(float(p)), "loads"))
+        found = tuple(one for p in loads for one in read_loads(repr(float(p)), "loads", body))
     if not found:
         raise InputError("loads: expected at least one, got none")
     return [(one,) for one in found] if objective == "min-load" else [found]

@@ -43,7 +43,7 @@ def drawn_check(
     bodies = draw_bodies(n, seed)
     a, b = (np.broadcast_to(one, n) for one in bodies.widths(*texture, value.corner))
     loads = value.case.loads
-    p = np.stack([load.p_over_E(bodies.largest) for load in loads], axis=1)
+    p = np.stack([load.p_over_E(bodies.units) for load in loads], axis=1)
     rng = stream(seed, "check")
     weight = np.array([share for _, share in averaged])
     part = rng.choice(len(weight), size=n, p=weight / weight.sum())

@@ -144,7 +144,7 @@ def _limit(sources: Sources, names: list[str], mode: _Mode, u: FloatArray) -> Fl
     bodies = Bodies.draw(sources.scene, sources.tolerance, len(u), 0, given)
     made = bodies.widths(*sources.texture, sources.value.corner)
     a, b = (np.broadcast_to(width, len(u)) for width in made)
-    log_p = np.log(reduced_load(mode.load.p_over_E(bodies.largest), bodies.nu))
+    log_p = np.log(reduced_load(mode.load.p_over_E(bodies.units), bodies.nu))
     location, spread, scale = (np.empty(len(u)) for _ in range(3))
     for i, ratio in enumerate((a / (a + b)).tolist()):
         own = mode.loads.at(mode.count, slice(None), np.asarray(ratio))

@@ -68,7 +68,7 @@ class Part:
     def log_p(self, load: Load) -> FloatArray:
         """Return the log of the load at nu = 0.5 of each draw."""
         if load not in self._log_p:
-            p = load.p_over_E(self.bodies.largest)
+            p = load.p_over_E(self.bodies.units)
             self._log_p[load] = np.log(reduced_load(p, self.bodies.nu))
         return self._log_p[load]
 

@@ -4,6 +4,7 @@
 |---|---|
 | ``P(Q >= 8) >= 0.95`` | also ``>``, ``<``, ``<=``, ``=``, ``6 <= Q <= 10`` |
 | ``P(Q >= 12) <= 5 %`` | the same as ``P(Q < 12) >= 95 %`` |
+| ``P(Q >= 8 at 0.8 N) >= 0.95`` | a pressure, line load or force, of a scene with units |
 | ``P(Q >= 8 at p/E = 0.004:0.02:5) >= 0.95`` | at the worst of five loads |
 | ``P(Q = 8 at every p/E = 0.009:0.01:3) >= 0.9`` | at all of them together |
 | ``P(Q(0.004) < 8 <= Q(0.01)) >= 0.9`` | a switch; ``Q(50 %)``: at half the largest load |
@@ -14,7 +15,7 @@ Several goals have ``and`` or ``;`` between them. Without a load a goal is at th
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -23,6 +24,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import clipped
+from ridgebayes.scene.units import NO_UNITS, Body, load_to_si
 from ridgebayes.table.columns import LARGEST_LOAD
 
 _USAGE = (
@@ -37,7 +39,11 @@ _PROBABILITY = re.compile(
     re.IGNORECASE,
 )
 _SPREAD = re.compile(rf"sd\s*\(\s*q\s*{_AT}\)\s*(?P<op><=)\s*(?P<level>{_NUMBER})", re.IGNORECASE)
-_LOADS = re.compile(r"at\s+(?P<rule>every|worst)?\s*(?:p/E\s*=)?\s*(?P<loads>\S.*)", re.IGNORECASE)
+_LOADS = re.compile(
+    r"at\s+(?P<rule>every\b|worst\b)?\s*(?:(?:p/E|p|P'|F)\s*=)?\s*(?P<loads>\S.*)", re.IGNORECASE
+)
+_WITH_UNIT = re.compile(r"[-+.,\d]+(?:e[+-]?\d+)?\s*[^\W\d_].*", re.IGNORECASE)
+_SYMBOLS = {"p/E": "", "pressure": " Pa", "line load": " N/m", "force": " N"}
 _Q = re.compile(r"q(?:\s*\((?P<load>[^()]+)\))?", re.IGNORECASE)
 _FLIPPED = {"<": ">", "<=": ">=", "=": "=", ">": "<", ">=": "<="}
 _MOST_LOADS, _MOST_COUNT = 1_000, 2_000
@@ -45,28 +51,30 @@ _MOST_LOADS, _MOST_COUNT = 1_000, 2_000
 
 @dataclass(frozen=True)
 class Load:
-    """A load: p/E, or a share of the scene's largest load, which may be uncertain.
+    """A load in a unit, of which p/E may be uncertain.
 
     Parameters
     ----------
     value : float
         Above 0.
-    is_share : bool, optional
-        Whether it is a share.
+    unit : {"p/E", "share", "pressure", "line load", "force"}, optional
+        A share is of the scene's largest load, the others are in Pa, N/m and N.
     """
 
     value: float
-    is_share: bool = False
+    unit: str = "p/E"
 
-    def p_over_E(self, largest: FloatArray) -> FloatArray:
-        """Return p/E for each largest load."""
-        return self.value * largest if self.is_share else np.full(np.shape(largest), self.value)
+    def p_over_E(self, units: Mapping[str, FloatArray]) -> FloatArray:
+        """Return p/E, from that of one of each unit."""
+        return self.value * units[self.unit]
 
     def __str__(self) -> str:
-        return f"{100 * self.value:g} %" if self.is_share else f"{self.value:g}"
+        if self.unit == "share":
+            return f"{100 * self.value:g} %"
+        return f"{self.value:g}{_SYMBOLS[self.unit]}"
 
 
-LARGEST = Load(1.0, is_share=True)
+LARGEST = Load(1.0, "share")
 
 
 @dataclass(frozen=True)
@@ -90,7 +98,7 @@ class Case:
     def excludes(self, other: "Case") -> bool:
         """Return whether it and another can never both happen: Q never falls as the load rises."""
         return any(
-            n >= m and low.is_share == high.is_share and low.value <= high.value
+            n >= m and low.unit == high.unit and low.value <= high.value
             for one, two in permutations((self, other))
             for n, low in one.at_least
             for m, high in two.below
@@ -123,7 +131,9 @@ class Goal:
         return 1 - value / self.level if self.is_spread else value - self.level
 
 
-def parse_goals(text: str | Sequence[str], loads: Sequence[Load] = (LARGEST,)) -> tuple[Goal, ...]:
+def parse_goals(
+    text: str | Sequence[str], loads: Sequence[Load] = (LARGEST,), body: Body = NO_UNITS
+) -> tuple[Goal, ...]:
     """Return the goals that a text, or several, stand for.
 
     Parameters
@@ -132,6 +142,8 @@ def parse_goals(text: str | Sequence[str], loads: Sequence[Load] = (LARGEST,)) -
         See the table above.
     loads : sequence of Load, optional
         Of goals that name none.
+    body : Body, optional
+        What a load with a unit is over.
 
     Raises
     ------
@@ -142,12 +154,12 @@ def parse_goals(text: str | Sequence[str], loads: Sequence[Load] = (LARGEST,)) -
     --------
     >>> goal, = parse_goals("P(6 <= Q <= 10 at p/E = 0.01) >= 95 %")
     >>> goal.cases, goal.level
-    ((Case(at_least=((6, Load(value=0.01, is_share=False)),), below=((12, Load(value=0.01, \
-is_share=False)),)),), 0.95)
+    ((Case(at_least=((6, Load(value=0.01, unit='p/E')),), below=((12, Load(value=0.01, \
+unit='p/E')),)),), 0.95)
     """
     texts = [text] if isinstance(text, str) else list(text)
     parts = [part for one in texts for part in re.split(r";|\band\b", _plain(one))]
-    goals = tuple(_goal(part.strip(), tuple(loads)) for part in parts)
+    goals = tuple(_goal(part.strip(), tuple(loads), body) for part in parts)
     for one, other in permutations(goals, 2):
         _refuse_contradiction(one, other)
     return goals
@@ -161,7 +173,7 @@ def _plain(text: object) -> str:
     return text
 
 
-def _goal(text: str, loads: tuple[Load, ...]) -> Goal:
+def _goal(text: str, loads: tuple[Load, ...], body: Body) -> Goal:
     where = f"goal {clipped(text)}"
     found = _PROBABILITY.fullmatch(text) or _SPREAD.fullmatch(text)
     if found is None:
@@ -173,7 +185,7 @@ def _goal(text: str, loads: tuple[Load, ...]) -> Goal:
         words = _LOADS.fullmatch(parts["at"].strip())
         if words is None:
             raise InputError(f"{where}: expected loads as 'at p/E = 0.01' or LO:HI:N")
-        rule, loads = (words["rule"] or "worst").lower(), read_loads(words["loads"], where)
+        rule, loads = (words["rule"] or "worst").lower(), read_loads(words["loads"], where, body)
     try:
         level = float(parts["level"]) / (100 if parts.get("percent") else 1)
     except ValueError:
@@ -185,7 +197,8 @@ def _goal(text: str, loads: tuple[Load, ...]) -> Goal:
         return Goal(text, cases, level, is_spread=True)
     if not 0 < level < 1:
         raise InputError(f"{where}: expected a probability between 0 and 1, got {level:g}")
-    cases = tuple(_event(parts["event"], load, has_own, where) for load in loads)
+    given = None if has_own else body  # of what may stand in brackets behind Q
+    cases = tuple(_event(parts["event"], load, given, where) for load in loads)
     if parts["op"] == "<=":
         cases, level = tuple(_complement(case, where) for case in cases), 1 - level
     if rule == "every":
@@ -196,7 +209,7 @@ def _goal(text: str, loads: tuple[Load, ...]) -> Goal:
     return Goal(text, tuple(dict.fromkeys(cases)), level)
 
 
-def _event(text: str, load: Load, has_own: bool, where: str) -> Case:
+def _event(text: str, load: Load, body: Body | None, where: str) -> Case:
     """Return the event of one load, or of the loads in brackets behind Q."""
     terms = [part.strip() for part in re.split(r"(<=|>=|=|<|>)", text)]
     if len(terms) not in (3, 5):
@@ -212,9 +225,9 @@ def _event(text: str, load: Load, has_own: bool, where: str) -> Case:
         assert match is not None
         here = load
         if match["load"] is not None:
-            if has_own:
+            if body is None:
                 raise InputError(f"{where}: expected Q(load) or 'at p/E = ..', got both")
-            here = _load(match["load"], where)
+            here = _load(match["load"], where, body)
         low, high = _bounds(count, op if found[0] else _FLIPPED[op], where)
         at_least += [] if low is None else [(low, here)]
         below += [] if high is None else [(high, here)]
@@ -242,33 +255,43 @@ def _bounds(text: str, op: str, where: str) -> tuple[int | None, int | None]:
     return low, high
 
 
-def read_loads(text: str, where: str) -> tuple[Load, ...]:
+def read_loads(text: str, where: str, body: Body) -> tuple[Load, ...]:
     """Return one load, or those of LO:HI:N, evenly spaced, or log:LO:HI:N."""
     is_log, parts = text.startswith("log:"), text.removeprefix("log:").split(":")
     if len(parts) == 1 and not is_log:
-        return (_load(text, where),)
-    ends = [_load(part, where) for part in parts[:2]]
+        return (_load(text, where, body),)
+    ends = [_load(part, where, body) for part in parts[:2]]
     n = int(parts[2]) if len(parts) == 3 and parts[2].strip().isdecimal() else 0
     low, high = ends[0], ends[-1]
-    if not 1 <= n <= _MOST_LOADS or low.is_share != high.is_share or low.value > high.value:
-        raise InputError(f"{where}: {text!r}: expected LO:HI:N with LO <= HI and N >= 1")
+    if not 1 <= n <= _MOST_LOADS or low.unit != high.unit or low.value > high.value:
+        raise InputError(
+            f"{where}: {text!r}: expected LO:HI:N with LO <= HI, of one kind, and N >= 1"
+        )
     spaced = (np.geomspace if is_log else np.linspace)(low.value, high.value, n)
-    return tuple(Load(value, low.is_share) for value in spaced.tolist())
+    return tuple(Load(value, low.unit) for value in spaced.tolist())
 
 
-def _load(text: str, where: str) -> Load:
+def _load(text: str, where: str, body: Body) -> Load:
     text = text.strip()
     is_share = text.endswith("%")
     try:
-        value = float(text.removesuffix("%")) / (100 if is_share else 1)
+        value = p_over_E = float(text.removesuffix("%")) / (100 if is_share else 1)
+        unit = "share" if is_share else "p/E"
     except ValueError:
-        value = math.nan
-    if not 0 < value <= (1 if is_share else LARGEST_LOAD):
+        if not _WITH_UNIT.fullmatch(text):
+            value = p_over_E = math.nan
+        else:
+            try:
+                (exact, unit), p_over_E = load_to_si(text), body.p_over_E(text)
+            except InputError as error:
+                raise InputError(f"{where}: {error}") from None
+            value = float(exact)
+    if not 0 < p_over_E <= (1 if is_share else LARGEST_LOAD):
         raise InputError(
-            f"{where}: expected a load p/E above 0, or a share such as 50 % of the scene's "
-            f"largest load, got {clipped(text)}"
+            f"{where}: expected a load p/E above 0, one with a unit such as '0.8 N', or a share "
+            f"such as 50 % of the scene's largest load, got {clipped(text)}"
         )
-    return Load(value, is_share)
+    return Load(value, unit)
 
 
 def _refuse_contradiction(one: Goal, other: Goal) -> None:

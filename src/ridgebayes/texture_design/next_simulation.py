@@ -40,7 +40,9 @@ def next_simulation(forms: Sequence[Form], textures: Sequence[Texture], seed: in
     Notes
     -----
     Nested Monte Carlo: loads are drawn from each form, and their densities under both forms are
-    averages over draws of coefficients.
+    averages over draws of coefficients. One load is looked at, the highest: a simulation up to it
+    gives the lower ones as well, whose errors are not independent of it, so that the information is
+    a lower bound.
     """
     if len(forms) < 2 or not textures:
         return pd.DataFrame(columns=_COLUMNS)

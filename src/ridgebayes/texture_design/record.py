@@ -34,7 +34,7 @@ class Design(Tabular):
     shares : pandas.DataFrame
         Sobol's indices there, see `texture_design.sensitivity`.
     measure : pandas.DataFrame
-        What knowing one source exactly would do.
+        What knowing one source better would do: exactly, and to half its spread.
     form_reliability : dict
         beta, probability (of failure), trusted, and why not.
     simulate_next : pandas.DataFrame

@@ -6,6 +6,7 @@ order of its loads; the error of a load from a normal score; the body, the load 
 the scene. Values that a scene correlates are one group.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -17,7 +18,7 @@ from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.runtime.randomness import stream
 from ridgebayes.scene.scene import Scene
-from ridgebayes.texture_design.bodies import Bodies, Tolerance
+from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
 from ridgebayes.texture_design.goal_values import Part, PlacedPart, Value
 
@@ -27,6 +28,7 @@ _GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}
 _N, _N_BLOCK = 2**14, 64
 _N_OUTER, _N_INNER = 128, 256
 _PROB = (0.05, 0.95)
+_SPREADS_LEFT = (0.0, 0.5)  # by a measurement
 Draws = Mapping[str, FloatArray]  # by source; the last axis is that of the draws
 
 
@@ -65,6 +67,35 @@ class Sources:
             found[name] = stream(seed, name).random(n)
         return found | {"score": stream(seed, "score").standard_normal(n)}
 
+    def draw_measured(self, members: Sequence[str], left: float, seed: int) -> Draws:
+        """Return blocks of draws, in each of which some sources are measured.
+
+        A share `left` of their spread, in normal scores, is left; 0 for any but tolerance and
+        distributions of the scene.
+        """
+        n = _N_OUTER * _N_INNER
+        draws, known = self.draw(n, seed), self.draw(_N_OUTER, seed + 1)
+        uncertain = self.scene.uncertain if left and members != ["tolerance"] else None
+        if uncertain is not None:
+            score, known = uncertain.scores(n, seed), uncertain.scores(_N_OUTER, seed + 1)
+        else:
+            score = draws
+        measured = {
+            one: left * score[one]
+            + math.sqrt(1 - left**2) * np.repeat(known[one], _N_INNER, axis=-1)
+            for one in members
+        }
+        if uncertain is not None:
+            measured = uncertain.at_scores(score | measured, seed)
+        return {**draws, **measured}
+
+    def may_be_measured_in_part(self, members: Sequence[str]) -> bool:
+        """Return whether draws of these sources are functions of normal scores."""
+        known = {} if self.scene.uncertain is None else self.scene.uncertain.sources
+        return members == ["tolerance"] or all(
+            one in known and known[one].has_quantiles for one in members
+        )
+
     @property
     def groups(self) -> dict[str, list[str]]:
         """Sources by group; groups that a scene correlates are one."""
@@ -97,7 +128,8 @@ class Sources:
 
     def outcome(self, draws: Draws) -> tuple[FloatArray, FloatArray]:
         """Return Q at the case's highest load, and whether the case fails, both (n,)."""
-        highest = max(self.value.case.loads, key=lambda load: (load.is_share, load.value))
+        units = median_units(self.scene)
+        highest = max(self.value.case.loads, key=lambda load: load.p_over_E(units)[0])
         Q, failed = np.full(len(draws["score"]), 2.0), np.zeros(len(draws["score"]))
         for here, which, placed, own in self._placed(draws):
             error = own.score(draws["score"][here], which)
@@ -204,20 +236,25 @@ def _indices(values: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
 
 
 def what_to_measure(sources: Sources, seed: int) -> pd.DataFrame:
-    """Return what the goal's probability would become if one source were known exactly.
+    """Return what the goal's probability would become if one source were known better.
 
     Returns
     -------
     pandas.DataFrame
-        Columns measure, resolved (share of the variance of whether the goal is met that goes, on
-        average) and probability_low, probability_high (90 % interval of what the probability
-        would become), the most telling first.
+        Columns measure, spread_left (share of the source's sd that is left: 0 is known exactly, the
+        most that any measurement can do; 0.5), resolved (share of the variance of whether the goal
+        is met that goes, on average) and probability_low, probability_high (90 % interval of what
+        the probability would become), the most telling first.
     """
     rows = []
-    n = _N_OUTER * _N_INNER
-    for k, (name, members) in enumerate(sources.measurable.items()):
-        draws, known = sources.draw(n, seed + 2 + 2 * k), sources.draw(_N_OUTER, seed + 3 + 2 * k)
-        draws |= {one: np.repeat(known[one], _N_INNER, axis=-1) for one in members}
+    asked = [
+        (2 + 2 * k, name, members, left)
+        for k, (name, members) in enumerate(sources.measurable.items())
+        for left in _SPREADS_LEFT
+        if not left or sources.may_be_measured_in_part(members)
+    ]
+    for more, name, members, left in asked:
+        draws = sources.draw_measured(members, left, seed + more)
         met = 1 - sources.outcome(draws)[1] if name == SIMULATION else sources.probability(draws)
         within = met.reshape(_N_OUTER, _N_INNER)
         share = within.mean(axis=1)
@@ -225,8 +262,11 @@ def what_to_measure(sources: Sources, seed: int) -> pd.DataFrame:
         noise = within.var(axis=1, ddof=1).mean() / _N_INNER
         resolved = (share.var(ddof=1) - noise) / total if total else 0.0
         low, high = np.quantile(share, _PROB)
-        rows.append((name, min(max(resolved, 0.0), 1.0), low, high))
+        rows.append((name, left, min(max(resolved, 0.0), 1.0), low, high))
     frame = pd.DataFrame(
-        rows, columns=["measure", "resolved", "probability_low", "probability_high"]
+        rows,
+        columns=["measure", "spread_left", "resolved", "probability_low", "probability_high"],
     )
-    return frame.sort_values("resolved", ascending=False, kind="stable", ignore_index=True)
+    return frame.sort_values(
+        ["spread_left", "resolved"], ascending=[True, False], kind="stable", ignore_index=True
+    )
