@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
+from ridgebayes.fea import delimited
 from ridgebayes.fea.delimited import DelimitedText, Reading
 from ridgebayes.fea.problems import Problems
 
@@ -158,6 +159,54 @@ def test_delimited__a_title_with_commas_leaves_columns_between_blanks():
     text = "# R = 8 mm, E = 60 kPa, nu = 0.5\n# a   b  Q\n1 2 4\n1  2 6\n1 2 8\n"
     cells = read(text)
     assert cells.frame["Q"].tolist() == [4, 6, 8]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# a,b,Q\n# mesh fine, run 3\n1,2,4\n#second\n1,2,6\n",
+        "#a;b;Q\n1;2;4\n# 1;2;3\n1;2;6\n",
+        "# a b Q\n# units: none\n1 2 4\n# this is fine\n1 2 6\n# end\n",
+    ],
+)
+def test_delimited__comments_among_the_rows_are_passed_over_and_said(text):
+    cells = read(text, ("a", "b"))
+    assert cells.frame["Q"].tolist() == [4, 6]
+    lines = [i for i, line in enumerate(text.split("\n"), start=1) if line[:1] == "1"]
+    assert list(cells.lines) == lines
+    assert "passed over: " in " ".join(cells.messages)
+
+
+@pytest.mark.parametrize("labels", [("#1", "#2"), ("# 1", "# 2")])
+def test_delimited__labels_that_begin_with_a_hash_are_no_comments(labels):
+    text = "name,a,b,Q\n" + "".join(f"{label},1,2,4\n" for label in labels)
+    assert read(text).frame["name"].tolist() == list(labels)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a;b;Q\n0,5;2;4\n0,25;-1,5e-3;6\n",
+        '"a","b","Q"\n"0.5","2","4"\n"0.25","","6"\n',
+        '"a","b","Q"\n"0,5","2","4"\n"0,25",3,6\n',
+        '"a";"b";"Q"\n"0,5";"2";"4"\n"0,25";"3";"6"',
+        'a,b,Q,n\n1,2,4,"x, y"\n1,2,6,"z"\n',
+        'a,b,Q,n\n1,2,4,"say ""x"""\n1,2,6,z\n',
+        'a,b,Q,n\n1,2,4,"two\nlines"\n1,2,6,z\n',
+        'a,b,Q,n\n1,2,4,5"\n1,2,6,z\n',
+    ],
+)
+def test_read__long_files_hold_what_short_ones_do(text, monkeypatch):
+    def outcome():
+        try:
+            cells = read(text)
+        except InputError as error:
+            return str(error)
+        return cells.frame.to_dict("list") | {"messages": cells.messages}
+
+    short = outcome()
+    monkeypatch.setattr(delimited, "_LONG", 0)
+    np.testing.assert_equal(outcome(), short)
 
 
 @pytest.mark.parametrize("notes", ["Exported by Foo 12\n\nTotal rows: 2\n", "#end,,\n,,\n"])

@@ -50,7 +50,7 @@ _NOTHING = re.compile(
 
 _LONG = 1_000_000  # characters: pandas reads them in a tenth of the time
 _Row = tuple[int, list[str]]  # line, and cells
-_NOTE = re.compile(r"[^\W\d].*\s.*")  # words, and not one label of a row cut off
+_NOTE = re.compile(r"#.*|[^\W\d].*\s.*")  # words, and not one label of a row cut off
 
 
 @dataclass(frozen=True)
@@ -201,10 +201,11 @@ class DelimitedText(Source):
         return begin.startswith("# " if is_whole else "#")
 
     def _without_comments(self, rows: list[_Row]) -> tuple[list[_Row], list[str]]:
-        """Return the rows without comments, and those; most rows are labels, not comments."""
-        comments = [self._separator.join(cells) for _, cells in rows if self._is_comment(cells)]
-        if 2 * len(comments) > len(rows):
+        """Return the rows without comments, and those; where most rows are some, they are labels."""
+        whole = [self._is_comment(cells) for _, cells in rows if len(cells) == len(self.headers)]
+        if 2 * sum(whole) > len(whole):
             return rows, []
+        comments = [self._separator.join(cells) for _, cells in rows if self._is_comment(cells)]
         return [row for row in rows if not self._is_comment(row[1])], comments
 
     def _checked(self, rows: list[_Row], problems: Problems) -> tuple[IntArray, pd.DataFrame]:
@@ -344,7 +345,8 @@ def _tabs_for_blanks(text: str) -> str:
     lines = text.split("\n")
     n = next((i for i, row in enumerate(lines) if not row.lstrip().startswith("#")), 0)
     rows = [re.sub(r"^\s*#+", "", row) for row in lines[:n]] + lines[n:]  # a header among them
-    widths = Counter(len(row.split()) for row in rows[:LOOKED_AT] if row.strip())
+    some = [row.split() for row in rows[:LOOKED_AT] if row.strip() and row.lstrip()[0] != "#"]
+    widths = Counter(map(len, some))
     width, n = widths.most_common(1)[0] if widths else (0, 0)
     if width < 2 or n < 2 or 2 * n <= widths.total():
         return ""
