@@ -366,6 +366,18 @@ def foreign_files() -> list[Foreign]:
             empty="-",
         ),
         Foreign("per-texture.csv", _per_texture(), BODY, _truth(true_rows())),
+        Foreign(
+            "per-texture-no-unit.csv",
+            _per_texture("{a}/{b} mm"),
+            BODY | {"value": "N/mm"},
+            _truth(true_rows()),
+        ),
+        _long("own-names.csv", "w1|w2|cnt|q_lin", said=BODY | {"load": "N/mm"}),
+        _long(
+            "comments.csv",
+            "# ridge width [mm]|groove width [mm]|proximal edges|line load [N/mm]",
+            change=lambda content: content.replace("\n", "\n# mesh 3, fine\n", 3),
+        ),
         *_histories(),
         *_books(),
         *_broken(),
@@ -381,9 +393,9 @@ def _grouped(content: str) -> str:
     return "\n".join(map(";".join, lines)) + "\n"
 
 
-def _per_texture() -> bytes:
+def _per_texture(name: str = "a={a} b={b} mm [N/mm]") -> bytes:
     wide = true_rows().pivot_table(index="Q", columns=["a", "b"], values="line", sort=False)
-    header = ["Q", *(f"a={a} b={b} mm [N/mm]" for a, b in TEXTURES)]
+    header = ["Q", *(name.format(a=a, b=b) for a, b in TEXTURES)]
     rows = [[Q, *loads] for Q, loads in zip(wide.index, wide.to_numpy().tolist(), strict=True)]
     return text(header, rows).encode()
 

@@ -12,7 +12,10 @@ from ridgebayes.fea.words import corners_of, count_term, key_of, settings_of, te
         *((one, "b") for one in ("GrooveWidth", "Rillenbreite", "Nut", "Nutweite", "gap width")),
         *((one, "R") for one in ("Radius", "Halbmesser", "Krümmungsradius", "R")),
         *((one, "E") for one in ("Young's modulus", "E-Modul", "Elastizitätsmodul", "modulus")),
-        *((one, "Q") for one in ("contacts", "Kontakte", "Anzahl Stege", "ridges in contact")),
+        *(
+            (one, "Q")
+            for one in ("contacts", "Kontakte", "Anzahl Stege", "ridges in contact", "cnt")
+        ),
         *((one, "p") for one in ("Pressure", "Flächenpressung", "Kontaktdruck", "mean pressure")),
         *((one, "load") for one in ("Force", "Normalkraft", "Last", "F", "Belastung")),
         *((one, "line") for one in ("line load", "Linienlast", "force per unit length")),
@@ -23,7 +26,13 @@ from ridgebayes.fea.words import corners_of, count_term, key_of, settings_of, te
         ),
         *(
             (one, "")
-            for one in ("shear modulus", "reduced modulus", "groove depth", "friction force")
+            for one in (
+                "shear modulus",
+                "reduced modulus",
+                "groove depth",
+                "friction force",
+                "q_lin",
+            )
         ),
         ("untere Last", "load_lower"),
         ("a/R", "a_over_R"),

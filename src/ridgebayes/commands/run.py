@@ -98,10 +98,11 @@ def run_job(
     if request.table is None and extras:
         rows = replace(reference_fe(), where=EMBEDDED_FE)
         reference_inputs = request.on(rows, [form_named(name) for name in FORMS])
+    typical = _typical(inputs, reference_inputs, began)
     n_worker = n_cpu() if workers is None and scheduler is None else workers
     with (
         new_folder(folder, force=force, resume=resume) as partial,
-        Progress(_n_stage(inputs, reference_inputs, began), began=began) as progress,
+        Progress(len(typical), began=began, typical=typical) as progress,
         watched_memory() as memory,
         ThreadPoolExecutor(1) as thread,
         executor_for(n_worker, scheduler) as executor,
@@ -148,10 +149,22 @@ def run_job(
     return comparison
 
 
-def _n_stage(inputs: Inputs, reference: Inputs | None, began: float | None) -> int:
-    """Return how many stages a run has: one a form, the tables and the pages."""
-    n = len(inputs.forms) + 9 + 2 * inputs.accuracy.extras
-    return n + (reference is not None) + (began is not None)
+def _typical(inputs: Inputs, reference: Inputs | None, began: float | None) -> dict[str, float]:
+    """Return the stages of a run, and seconds that they take on the embedded sweep."""
+    first = {} if began is None else {"start": 3.0}
+    fits = {f"calibrate {form.name}": 2.0 for form in inputs.forms}
+    weighed = {
+        "prior sensitivity": 3.0,
+        "savage-dickey and Bayes factors": 0.1,
+        "leave-one-out": 0.1,
+    }
+    extras = {"textures and steps left out": 18.0, "coverage of the bands": 3.0}
+    written = {"what accuracy costs": 0.4, "what the report shows": 6.0, "bands": 1.5}
+    written |= {"files of posteriors": 6.0}
+    beside = {} if reference is None else {"finite-element comparison": 0.1}
+    found = first | {"error models": 6.0} | fits | weighed
+    found |= extras if inputs.accuracy.extras else {}
+    return found | written | beside | {"figures and report": 0.3}
 
 
 def _second(

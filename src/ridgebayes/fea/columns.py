@@ -127,7 +127,7 @@ def read_columns(
 def _supplied(error: FileError) -> tuple[dict[str, str], dict[str, str], dict[str, Any]]:
     """Return mapping, values and ways of reading that an error asks for, with a guess of each ?."""
     mapping = {
-        key: text.replace("?", "N/mm" if key.startswith("load") else "mm")
+        key: text.replace("?", "N/mm" if key.startswith(("load", "value")) else "mm")
         for key, text in error.mapping.items()
         if text != "?"
     }

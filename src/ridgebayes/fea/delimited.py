@@ -201,7 +201,7 @@ class DelimitedText(Source):
         return begin.startswith("# " if is_whole else "#")
 
     def _without_comments(self, rows: list[_Row]) -> tuple[list[_Row], list[str]]:
-        """Return the rows without comments, and those; where most rows are some, they are labels."""
+        """Return the rows without comments, and those; if most rows were some, they are labels."""
         whole = [self._is_comment(cells) for _, cells in rows if len(cells) == len(self.headers)]
         if 2 * sum(whole) > len(whole):
             return rows, []

@@ -343,10 +343,13 @@ class ColumnInterpreter:
         free = [n for n in free if not n.startswith("(column")]
         numbers = {n: self.cells.frame[n] for n in free if self.cells.frame[n].dtype.kind in "if"}
 
+        has_Q = any(use.key == "Q" for use in self._uses)  # so that no other column counts
+
         def fits(name: str) -> int:
             unit, cells = split_header(name)[1], numbers[name].to_numpy(float)
             is_length = unit_factor(unit, "length") is not None
-            is_count = bool((cells == np.round(cells)).all() and (cells >= 2).all())
+            is_whole = bool((cells == np.round(cells)).all() and (cells >= 2).all())
+            is_count = is_whole and not has_Q
             is_load = any(unit_factor(unit, d) for d in ("pressure", "line load", "force"))
             return {"Q": is_count and not unit, "load": is_load - is_length - is_count}.get(
                 key, is_length - is_load - (is_count and not unit)

@@ -342,6 +342,13 @@ def _without_load(use: Use, columns: _Columns) -> Use:
         for one in columns.uses
     )
     if use.unit is None and (has_units or {"E", "R"} & columns.values.keys()):
+        if use.texture is not None:
+            columns.problems.need(
+                "loads in columns for each texture have no unit: expected --map 'value=*;kPa', or "
+                "1 for p/E",
+                {"value": "*;?"},
+            )
+            return replace(use, key=f"p_over_E{lower}")
         shown = re.sub(r"\d+", "*", use.header) if use.Q is not None else use.header
         columns.problems.need(
             f"column {shown!r}: no unit: p/E, pressure, line load or force: name it, as "

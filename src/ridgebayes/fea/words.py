@@ -15,12 +15,12 @@ _PATTERNS = tuple(
     for key, yes, no in (
         (
             "Q",
-            rf"^(?:proximal\w* |contact )?{_COUNTED}$(?<!land)(?<!ridge)(?<!steg)|\bq\b|^counts?$"
-            rf"|^anzahl$|^n$|\b(?:number|no|n|num|count|anzahl|zahl)\b.*\b{_COUNTED}\b"
+            rf"^(?:proximal\w* |contact )?{_COUNTED}$(?<!land)(?<!ridge)(?<!steg)|\bq\b"
+            rf"|^c(?:ou)?nts?$|^anzahl$|^n$|\b(?:number|no|n|num|count|anzahl|zahl)\b.*\b{_COUNTED}\b"
             rf"|\b{_COUNTED}\b.*(?:in contact|i[mn] kontakt|touched|touching|beruhrt|reached|count"
             rf"|(?:pro|je|per) (?:seite|side))|\b(?:touched|touching) {_COUNTED}"
             r"|(?:steg|rippen|kanten|kontakt|segment)(?:an)?zahl",
-            r"width|breite|pressure|druck",
+            r"width|breite|pressure|druck|\blin",
         ),
         ("pitch", r"pitch|period|teilung|wavelength|wellenlange", ""),
         ("a", r"\b(?:ridge|land|rib)\b|^(?:steg|rippe)|\b(?:steg|rippe)", _SHAPE + "|radius|gap"),
