@@ -1,7 +1,10 @@
 """Who computes: options that choose it, workers and their deaths, and results in order."""
 
+import contextvars
+import io
 import multiprocessing
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -28,6 +31,7 @@ from ridgebayes.runtime.pool import (
     n_cpu,
     workers,
 )
+from ridgebayes.runtime.progress import Progress, Relay, tell
 
 
 @pytest.fixture
@@ -387,3 +391,32 @@ def test_executor_for__says_what_to_install(monkeypatch):
     expected = r"needs distributed: pip install 'ridgebayes\[dask\]'"
     with pytest.raises(InputError, match=expected), executor_for(None, "tcp://127.0.0.1:1"):
         pass
+
+
+def tell_slowly(n):
+    for i in range(n):
+        time.sleep(0.3)
+        tell(f"step {i} of {n}")
+    return n
+
+
+@pytest.mark.process
+def test_map_ordered__tells_what_its_workers_tell():
+    out = io.StringIO()
+    with workers(2) as pool, Progress(1, out) as progress, progress.stage("walk"):
+        progress.detail = lambda text: print(text, file=out)
+        assert list(map_ordered(tell_slowly, [9, 1], pool)) == [9, 1]
+    assert re.search(r"step \d of 9\n", out.getvalue())
+
+
+def test_relay__drops_what_nobody_hears():
+    here, there = multiprocessing.Pipe(duplex=False)
+
+    def run():
+        relay = Relay(there)
+        for _ in range(3_000):
+            relay._told = 0.0
+            relay.detail("x" * 100)
+
+    contextvars.copy_context().run(run)
+    assert here.recv() == "x" * 100

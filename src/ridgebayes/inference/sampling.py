@@ -9,6 +9,7 @@ from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
 from ridgebayes.inference.posterior import Posterior, drawn_exactly, posterior_of
 from ridgebayes.inference.power_law_exact import sample_power_law
 from ridgebayes.model.model import Model
+from ridgebayes.runtime.progress import tell
 
 # Of draws that are estimated at many points each; the proposals settle in four rounds.
 _LATENT = {"n_round": 4, "n_per_round": 1_000}
@@ -75,7 +76,7 @@ def sample_posterior(
         seed=seed,
         names=model.parameter_names,
         settings=settings,
-        progress=progress,
+        progress=progress or (lambda text: tell(f"{model.form.name}, {model.noise.name}: {text}")),
         checkpoint=checkpoint,
     )
     failures = chains.convergence_failures + laplace.other_modes

@@ -5,7 +5,6 @@ one `ProcessPoolExecutor` of many workers a death breaks all that was submitted,
 which task: here each worker is such an executor of its own, and a thread waits for it.
 """
 
-import ctypes
 import itertools
 import multiprocessing
 import os
@@ -21,10 +20,12 @@ from concurrent import futures
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import partial
 from multiprocessing import forkserver, resource_tracker
+from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
 
 from ridgebayes.errors import ComputationError, InputError, WorkerLostError
-from ridgebayes.runtime.progress import tell_count
+from ridgebayes.runtime.memory import give_back
+from ridgebayes.runtime.progress import HEARD_EVERY_S, Relay, pass_on, tell_count
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -60,6 +61,7 @@ class WorkerPool(futures.Executor):
         self._threads = futures.ThreadPoolExecutor(n_worker)
         # By the thread that waits for it.
         self._workers: dict[int, futures.ProcessPoolExecutor] = {}
+        self.pipes: dict[int, Connection] = {}
         self._futures: weakref.WeakSet[futures.Future[Any]] = weakref.WeakSet()
         self._lock = threading.Lock()
         self._stopped = False
@@ -103,7 +105,7 @@ class WorkerPool(futures.Executor):
                     if self._stopped:
                         raise futures.CancelledError
                     if me not in self._workers:
-                        self._workers[me] = _started()
+                        self._workers[me], self.pipes[me] = _started()
                     future = self._workers[me].submit(_call, message)
                 return future.result()
             except futures.BrokenExecutor:
@@ -271,7 +273,7 @@ def map_ordered(
                 future.add_done_callback(ended.put)
             if not under_way:
                 return
-            future = ended.get()
+            future = _next_ended(ended, executor)
             number, task = under_way.pop(future)
             try:
                 early[number] = result = future.result()
@@ -289,6 +291,16 @@ def map_ordered(
     finally:
         for future in under_way:
             future.cancel()
+
+
+def _next_ended(ended: Any, executor: futures.Executor) -> Any:
+    """Wait for a task to end, and pass on what workers tell meanwhile."""
+    while isinstance(executor, WorkerPool):
+        with suppress(queue.Empty):
+            return ended.get(timeout=HEARD_EVERY_S)
+        for pipe in list(executor.pipes.values()):
+            pass_on(pipe)
+    return ended.get()
 
 
 def submit_or_defer(
@@ -324,11 +336,13 @@ def submit_or_defer(
     return executor.submit(function, *args, **kwargs).result
 
 
-def _started() -> futures.ProcessPoolExecutor:
-    worker = futures.ProcessPoolExecutor(1, multiprocessing.get_context(_METHOD), _begin)
+def _started() -> tuple[futures.ProcessPoolExecutor, Connection]:
+    context = multiprocessing.get_context(_METHOD)
+    here, there = context.Pipe(duplex=False)
+    worker = futures.ProcessPoolExecutor(1, context, _begin, (there,))
     with _one_thread_each():
         worker.submit(int)  # which starts the process
-    return worker
+    return worker, here
 
 
 @contextmanager
@@ -347,9 +361,10 @@ def _one_thread_each() -> Iterator[None]:
                     os.environ[name] = value
 
 
-def _begin() -> None:
+def _begin(pipe: Connection) -> None:
     """Leave Ctrl-C to the parent, and end when it does, however that ended: in a fresh worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Relay(pipe)
     threading.Thread(target=_follow, daemon=True).start()
 
 
@@ -368,7 +383,7 @@ def _call(message: bytes) -> Any:
         found = function(*args, **kwargs)
         del args, kwargs
         if time.perf_counter() > began + _LONG_S:
-            _give_back()
+            give_back()
         return found
     except Exception as error:
         try:
@@ -376,12 +391,6 @@ def _call(message: bytes) -> Any:
         except Exception:
             raise RuntimeError(f"{type(error).__name__}: {error}") from error
         raise
-
-
-def _give_back() -> None:
-    """Give free memory back to the system: glibc's malloc would keep what the largest task took."""
-    with suppress(OSError, AttributeError, TypeError):  # another library has no such function
-        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _exit(code: int | None) -> str:

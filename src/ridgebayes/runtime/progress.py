@@ -1,11 +1,13 @@
 """What a long command says while it works, and how long each stage took."""
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar, Token
 from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
 from typing import Any, TextIO
 
 from ridgebayes.runtime.text import duration
@@ -13,7 +15,8 @@ from ridgebayes.runtime.text import duration
 # How much is told: -1 nothing, 0 stages, 1 also how far each is where there is no terminal. Set for
 # the time of one command, so that what works need not hand it on.
 VERBOSITY: ContextVar[int] = ContextVar("VERBOSITY", default=0)
-_CURRENT: ContextVar["Progress | None"] = ContextVar("_CURRENT", default=None)
+_CURRENT: ContextVar["Progress | Relay | None"] = ContextVar("_CURRENT", default=None)
+HEARD_EVERY_S = 1.0  # from a worker
 _EVERY_S = {0: 30.0, 1: 2.0}  # a line on a stage that takes long, where there is no terminal
 
 
@@ -55,7 +58,7 @@ class Progress:
     _entered: float = 0.0
     _began: float = 0.0
     _told: float = 0.0
-    _token: "Token[Progress | None] | None" = None
+    _token: "Token[Progress | Relay | None] | None" = None
 
     def __enter__(self) -> "Progress":
         self._token = _CURRENT.set(self)
@@ -101,7 +104,7 @@ class Progress:
             Adds CPU seconds of workers to the stage's own.
         """
         if self._bar is not None:
-            self._bar.update(self._task, description=name + self._left(0.0))
+            self._bar.update(self._task, description=name)
         # Of this thread alone: several may have stages of their own at the same time.
         wall, cpu, elsewhere = time.perf_counter(), time.thread_time(), [0.0]
         self.name, self._began, self._told = name, wall, wall
@@ -122,8 +125,9 @@ class Progress:
     def _left(self, share: float) -> str:
         """Return words for what is left of all stages, a share of the present one being done."""
         names, seconds = list(self.typical), list(self.typical.values())
-        ended = [names.index(one["name"]) for one in self.stages if one["name"] in names]
-        at = max(ended, default=-1) + 1  # those before it that were not needed are done as well
+        begun = [names.index(one["name"]) + 1 for one in self.stages if one["name"] in names]
+        begun += [names.index(self.name)] if self.name in names else []
+        at = max(begun, default=0)  # those before it that were not needed are done as well
         done = sum(seconds[:at]) + share * sum(seconds[at : at + 1])
         if not 0 < done < sum(seconds):
             return ""
@@ -150,6 +154,45 @@ class Progress:
         if n and self._bar is not None:
             self._bar.update(self._task, completed=len(self.stages) + n_done / n)
         self.detail(f"{self.name}: {text}" if self.name else text)
+
+
+class Relay:
+    """Stands for the progress of a command in its worker: sends how far a task is, now and then.
+
+    Parameters
+    ----------
+    pipe : multiprocessing.connection.Connection
+        To the command's process.
+    """
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe, self._told = pipe, time.monotonic()
+        if os.name == "posix":  # elsewhere what nobody hears would in the end be waited for
+            os.set_blocking(pipe.fileno(), False)
+            _CURRENT.set(self)
+
+    def detail(self, text: str) -> None:
+        """Send how far the task is."""
+        if time.monotonic() >= self._told + HEARD_EVERY_S:
+            self._told = time.monotonic()
+            with suppress(BlockingIOError):
+                self._pipe.send(text)
+
+    def count(self, n_done: int, n: int | None) -> None:
+        """Say nothing: the parts of a task are not those of a stage."""
+
+
+def tell(text: str) -> None:
+    """Tell the running command's progress, if there is one, how far something is."""
+    progress = _CURRENT.get()
+    if progress is not None:
+        progress.detail(text)
+
+
+def pass_on(pipe: Connection) -> None:
+    """Tell what a worker has sent."""
+    while pipe.poll():
+        tell(pipe.recv())
 
 
 def tell_count(n_done: int, n: int | None = None) -> None:
