@@ -133,11 +133,11 @@ class DelimitedText(Source):
         self.headers = clean_headers(layout.headers, where)
         if layout.first >= len(rows):
             raise InputError(f"{where}: no rows below the header")
-        first, cells = next(
+        first, begun = next(
             (row for row in rows[layout.first :] if not self._is_comment(row[1])),
             rows[layout.first],
         )
-        found = zip(self.headers, map(_WITH_UNIT.fullmatch, cells), strict=False)
+        found = zip(self.headers, map(_WITH_UNIT.fullmatch, begun), strict=False)
         units = {name: match[1] for name, match in found if match is not None}
         new = {
             name: f"{name} [{unit}]"
