@@ -151,8 +151,8 @@ class DelimitedText(Source):
             self._typed = read_clean(self._clean, self.headers, (), separator=self._separator)
             self._lines: IntArray = np.arange(len(self._typed)) + first
         else:
-            begin = rows[layout.first][0] - how.skip_rows
-            below = [row for row in records(text, where, self._separator) if row[0] >= begin]
+            top = rows[layout.first][0] - how.skip_rows
+            below = [row for row in records(text, where, self._separator) if row[0] >= top]
             below, comments = self._without_comments(below)
             below, notes = _without_notes(below)
             told = f"{where}: passed over"
