@@ -365,7 +365,8 @@ def crps_of_draws(draws: FloatArray, observed: FloatArray) -> FloatArray:
     ladder = np.sort(draws, axis=0)
     place = 2 * np.arange(1, n + 1)[:, None] - n - 1
     apart = (place * ladder).sum(axis=0) / (n * (n - 1))
-    return np.abs(draws - observed).mean(axis=0) - apart
+    value: FloatArray = np.abs(draws - observed).mean(axis=0) - apart
+    return value
 
 
 def _codes(data: Observations, leave: str) -> tuple[IntArray, list[str]]:

@@ -85,7 +85,8 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     q = frame["Q"].to_numpy(float)
 
     def residual(scaled: FloatArray) -> FloatArray:
-        return form.continuous_count(p, a, b, scaled * start, nu) - q
+        value: FloatArray = form.continuous_count(p, a, b, scaled * start, nu) - q
+        return value
 
     # In units of the printed coefficients c1 and c2 differ by little, not by a factor of 85.
     solution = least_squares(residual, np.ones(len(start)), xtol=1e-14, ftol=1e-14, gtol=1e-14)

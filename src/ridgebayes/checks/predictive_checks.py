@@ -218,4 +218,5 @@ def _mean_matrix(code: IntArray) -> FloatArray:
     """Return the matrix that takes rows to the mean of each code, in sorted order of the codes."""
     _, group = np.unique(code, return_inverse=True)
     member = np.eye(group.max() + 1)[:, group.reshape(-1)]
-    return member / member.sum(axis=1, keepdims=True)
+    value: FloatArray = member / member.sum(axis=1, keepdims=True)
+    return value

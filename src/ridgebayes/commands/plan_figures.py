@@ -1,5 +1,6 @@
 """Figures of `ridgebayes plan`: of each texture of a scene, and of the check of estimates."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -38,11 +39,12 @@ def draw_plan(scene: Scene, one: Plan, folder: Path) -> list[str]:
     sharp = Profile(texture.a_over_R, texture.b_over_R)
     profile = one.profile or (sharp if one.solver == "half-plane" else full_profile(texture))
     failed = []
-    for name, make in {
+    recipes: dict[str, Callable[[], Figure]] = {
         "effects": lambda: plot_effects(plan_table([one]), scene.relative),
         "counts": lambda: _counts(profile, sharp, scene, one),
         "deformed": lambda: _deformed(profile, scene, one, p_max),
-    }.items():
+    }
+    for name, make in recipes.items():
         label = f"{name}-{plan_label(texture)}"
         try:
             figure = make()

@@ -298,7 +298,7 @@ def _read_about(folder: Path) -> dict[str, Any]:
         raise InputError(f"{folder}: {_why_no_run(folder)}; {rule}")
     content = read_bytes(path, LARGEST_TEXT)
     try:
-        about = json.loads(content.decode("utf-8"))
+        about: dict[str, Any] = json.loads(content.decode("utf-8"))
         named = [about["forms"], about["table"], about["noise"], about["accuracy"]]
         named += [about["verdicts"]["failures"], about.setdefault("nugget", NUGGET)]
         fits = [(one["form"], one["noise"], one["left_to"]) for one in about["fits"]]

@@ -141,7 +141,8 @@ def smooth_load(half_width_over_R: ArrayLike, *, nu: float = 0.5) -> FloatArray:
     approach = np.sum(parabola / energies) / np.sum(load / energies)
     coefficients = (approach * load - parabola) / energies
     F = 0.25 * math.pi * math.pi * coefficients[0] / half_width**2
-    return np.asarray(half_width_over_R, dtype=np.float64) ** 2 * F / (1.0 - nu**2)
+    value: FloatArray = np.asarray(half_width_over_R, dtype=np.float64) ** 2 * F / (1.0 - nu**2)
+    return value
 
 
 def forget_loads() -> None:

@@ -178,7 +178,8 @@ class PressureSolution:
         n = coefficients.shape[1]
         if n <= self.n_coupled:
             return coefficients
-        return coefficients * np.exp(-36.0 * (np.arange(n) / n) ** 8)
+        value: FloatArray = coefficients * np.exp(-36.0 * (np.arange(n) / n) ** 8)
+        return value
 
 
 def solve_pressure(
@@ -245,12 +246,13 @@ def solve_pressure(
 def chebyshev_points(intervals: Intervals, n_point: int) -> FloatArray:
     """Return x at the Chebyshev points of each interval, shape (n, n_point)."""
     s = np.cos((np.arange(n_point) + 0.5) * (math.pi / n_point))
-    return intervals.centre[:, None] + intervals.half_width[:, None] * s
+    value: FloatArray = intervals.centre[:, None] + intervals.half_width[:, None] * s
+    return value
 
 
 def chebyshev_coefficients(values: FloatArray) -> FloatArray:
     """Return Chebyshev coefficients from values at `chebyshev_points`, shape (n, n_point)."""
-    found = fft.dct(values, type=2, axis=-1) / values.shape[-1]
+    found: FloatArray = fft.dct(values, type=2, axis=-1) / values.shape[-1]
     found[..., 0] *= 0.5
     return found
 

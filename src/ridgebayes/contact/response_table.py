@@ -80,7 +80,8 @@ class Axis:
             return np.ones((len(x), 1))
         if not self.is_smooth:
             place = np.interp(x, self.nodes, np.arange(self.n))
-            return np.maximum(1 - np.abs(place[:, None] - np.arange(self.n)), 0.0)
+            value: FloatArray = np.maximum(1 - np.abs(place[:, None] - np.arange(self.n)), 0.0)
+            return value
         at_nodes = np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(self.n), self.n - 1))
         t = (2 * x - self.low - self.high) / (self.high - self.low)
         return np.asarray(chebyshev.chebvander(t, self.n - 1) @ at_nodes)
@@ -172,7 +173,8 @@ class ResponseTable:
     def _weights(self, index: IntArray) -> FloatArray:
         """Return the weight of each shape, (n, n_shape)."""
         if not self._axes:
-            return (self._place[index][:, None] == np.arange(len(self._shapes))) * 1.0
+            value: FloatArray = (self._place[index][:, None] == np.arange(len(self._shapes))) * 1.0
+            return value
         weights = np.ones((len(index), 1))
         for axis, column in zip(self._axes, self._at[index].T, strict=True):
             weights = weights[:, :, None] * axis.weights(column)[:, None, :]

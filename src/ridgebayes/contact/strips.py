@@ -170,4 +170,5 @@ def _smallest_pressure(coefficients: FloatArray, in_contact: BoolArray) -> Float
     m = coefficients.shape[1]
     points = np.arange(2 * m + 1) * (math.pi / (2 * m))
     values = np.tensordot(np.cos(points[:, None] * np.arange(m)), coefficients, axes=(1, 1))
-    return np.where(in_contact, values.min(axis=0), np.inf).min(axis=0)
+    value: FloatArray = np.where(in_contact, values.min(axis=0), np.inf).min(axis=0)
+    return value

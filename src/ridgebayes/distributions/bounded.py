@@ -58,12 +58,14 @@ class Uniform(Distribution):
     def value_at(self, u: FloatArray | float) -> FloatArray:
         u, width = np.asarray(u, dtype=float), self.high - self.low
         tail = width * special.ndtr(-np.abs(u))
-        return np.where(u < 0, self.low + tail, self.high - tail)
+        value: FloatArray = np.where(u < 0, self.low + tail, self.high - tail)
+        return value
 
     def score(self, x: FloatArray | float) -> FloatArray:
         width = self.high - self.low
         below, above = (np.asarray(x) - self.low) / width, (self.high - np.asarray(x)) / width
-        return np.where(below < above, special.ndtri(below), -special.ndtri(above))
+        value: FloatArray = np.where(below < above, special.ndtri(below), -special.ndtri(above))
+        return value
 
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
         return (self.high - self.low) * np.exp(-0.5 * (np.square(u) + _LOG_2PI))
@@ -144,7 +146,10 @@ class Truncated(Distribution):
         sign = np.where(from_below, 1.0, -1.0)
         beyond = np.where(from_below, special.log_ndtr(low), special.log_ndtr(-high))
         inside = self._log_mass + special.log_ndtr(sign * u)
-        return np.clip(sign * special.ndtri_exp(np.logaddexp(beyond, inside)), low, high)
+        value: FloatArray = np.clip(
+            sign * special.ndtri_exp(np.logaddexp(beyond, inside)), low, high
+        )
+        return value
 
     def score(self, x: FloatArray | float) -> FloatArray:
         low, high = self._ends
@@ -152,7 +157,8 @@ class Truncated(Distribution):
         below = _log_between(np.asarray(low), own) - self._log_mass
         above = _log_between(own, np.asarray(high)) - self._log_mass
         smaller = np.minimum(np.minimum(below, above), 0.0)
-        return np.where(below < above, 1.0, -1.0) * special.ndtri_exp(smaller)
+        value: FloatArray = np.where(below < above, 1.0, -1.0) * special.ndtri_exp(smaller)
+        return value
 
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
         own = self._base_score(u)
@@ -166,4 +172,5 @@ def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:
     near = special.log_ndtr(np.where(upper, -low, high))
     far = special.log_ndtr(np.where(upper, -high, low))
     with np.errstate(divide="ignore", invalid="ignore"):
-        return near + np.log(-np.expm1(np.minimum(far - near, 0.0)))
+        value: FloatArray = near + np.log(-np.expm1(np.minimum(far - near, 0.0)))
+        return value

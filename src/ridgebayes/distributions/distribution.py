@@ -243,7 +243,8 @@ class Normal(Distribution):
 
     def log_pdf(self, x: FloatArray) -> FloatArray:
         z = self.score(x)
-        return -0.5 * z * z - np.log(self.sd) - 0.5 * _LOG_2PI
+        value: FloatArray = -0.5 * z * z - np.log(self.sd) - 0.5 * _LOG_2PI
+        return value
 
     def value_at(self, u: FloatArray | float) -> FloatArray:
         return self.mean + self.sd * np.asarray(u)
@@ -289,8 +290,8 @@ class HalfNormal(Distribution):
         # The smaller of P(X <= x) = erf(x / sd sqrt 2) and its complement, so that none cancels.
         tail, low = special.ndtr(-np.abs(u)), u < 0
         if low.all():
-            return self.sd * (math.sqrt(2) * special.erfinv(tail))
-        z = math.sqrt(2) * np.where(low, special.erfinv(tail), special.erfcinv(tail))
+            return np.asarray(self.sd * (math.sqrt(2) * special.erfinv(tail)))
+        z: FloatArray = math.sqrt(2) * np.where(low, special.erfinv(tail), special.erfcinv(tail))
         if np.any(far := u > 35):  # where even the tail underflows, its logarithm does not
             log_half_tail = special.log_ndtr(-np.where(far, u, 0)) - math.log(2)
             z = np.where(far, -special.ndtri_exp(log_half_tail), z)
@@ -301,7 +302,8 @@ class HalfNormal(Distribution):
         with np.errstate(divide="ignore"):
             low = special.ndtri_exp(np.log(special.erf(z / math.sqrt(2))))
         high = -special.ndtri_exp(np.minimum(special.log_ndtr(-z) + math.log(2), 0.0))
-        return np.where(z < 0.67, low, high)
+        value: FloatArray = np.where(z < 0.67, low, high)
+        return value
 
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
         z = np.asarray(x) / self.sd
@@ -349,12 +351,14 @@ class Gamma(Distribution):
         if np.any(low := u < -37):  # where the tail underflows, P is x^shape / Gamma(shape + 1)
             log_tail = special.log_ndtr(np.where(low, u, 0))
             x = np.where(low, np.exp((log_tail + special.gammaln(shape + 1)) / shape), x)
-        return x / self.rate
+        value: FloatArray = x / self.rate
+        return value
 
     def score(self, x: FloatArray | float) -> FloatArray:
         z = np.asarray(x) * self.rate
         low, high = special.gammainc(self.shape, z), special.gammaincc(self.shape, z)
-        return np.where(low < high, special.ndtri(low), -special.ndtri(high))
+        value: FloatArray = np.where(low < high, special.ndtri(low), -special.ndtri(high))
+        return value
 
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
         u = np.asarray(u, dtype=float)

@@ -118,7 +118,8 @@ class Empirical(Distribution):
 
     def _line_at(self, u: FloatArray) -> FloatArray:
         inside = self._inside(u)
-        return self._curve(inside) + self._curve(inside, 1) * (u - inside)
+        value: FloatArray = self._curve(inside) + self._curve(inside, 1) * (u - inside)
+        return value
 
     def log_pdf(self, x: FloatArray) -> FloatArray:
         x = np.asarray(x, dtype=float)
@@ -144,11 +145,13 @@ class Empirical(Distribution):
             is_low = self._curve(middle) < y
             low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
         found = np.where(y < ends[0], below, 0.5 * (low + high))
-        return np.where(y > ends[1], above, found)
+        value: FloatArray = np.where(y > ends[1], above, found)
+        return value
 
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
         slope = self._curve(self._inside(np.asarray(u, dtype=float)), 1)
-        return slope * x if self._is_log else slope
+        value: FloatArray = slope * x if self._is_log else slope
+        return value
 
 
 def read_sample(path: Path, column: str, number: Callable[[str], float]) -> FloatArray:

@@ -24,17 +24,17 @@ from ridgebayes.distributions.empirical import Empirical, read_sample
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import clipped
 
-_CLOSED: dict[str, type[Distribution]] = {
+CLOSED: dict[str, type[Distribution]] = {
     "normal": Normal,
     "lognormal": LogNormal,
     "halfnormal": HalfNormal,
     "gamma": Gamma,
     "uniform": Uniform,
 }
-_USAGE = {
-    name: f"{name}({', '.join(f.name for f in fields(kind))})" for name, kind in _CLOSED.items()
+USAGE = {
+    name: f"{name}({', '.join(f.name for f in fields(kind))})" for name, kind in CLOSED.items()
 } | {"truncated": "truncated(DIST, low, high)", "empirical": "empirical(FILE.csv, COLUMN)"}
-_ALL: tuple[type[Distribution], ...] = (*_CLOSED.values(), Truncated, Empirical)
+_ALL: tuple[type[Distribution], ...] = (*CLOSED.values(), Truncated, Empirical)
 _KINDS = {kind.kind: kind for kind in _ALL}
 _WITHOUT_UNIT = ("log_sd", "shape", "rate")
 _CALL = re.compile(r"\s*(\w+)\s*\((.*)\)\s*", flags=re.DOTALL)
@@ -76,12 +76,12 @@ def parse_distribution(
     Truncated(base=Normal(mean=1.0, sd=0.1), low=0.9, high=inf)
     """
     call = _CALL.fullmatch(text) if isinstance(text, str) and len(text) <= _LONGEST else None
-    if call is None or call[1] not in _USAGE:
+    if call is None or call[1] not in USAGE:
         got = clipped(text) if isinstance(text, str) else repr(text)
-        raise InputError(f"{where}: expected one of {', '.join(_USAGE.values())}, got {got}")
+        raise InputError(f"{where}: expected one of {', '.join(USAGE.values())}, got {got}")
     name, at = call[1], f"{where} = {clipped(str(text))}"
     parts = [part.strip() for part in _COMMA.split(call[2])]
-    usage = _USAGE[name]
+    usage = USAGE[name]
     if len(parts) != usage.count(",") + 1 or not all(parts):
         raise InputError(f"{at}: expected {usage}")
     arguments: list[Any] = []
@@ -96,7 +96,7 @@ def parse_distribution(
         if name == "empirical":
             sample = read_sample(folder / parts[0], parts[1], number)
             return Empirical.of(sample, f"{parts[1]} of {parts[0]}")
-        return Truncated(*arguments) if name == "truncated" else _CLOSED[name](*arguments)
+        return Truncated(*arguments) if name == "truncated" else CLOSED[name](*arguments)
     except InputError as error:
         raise InputError(f"{at}: {error}") from None
 
@@ -122,7 +122,8 @@ def _number(
     if name == "log_sd":
         return percent / 100
     if name == "sd" and before:
-        return abs(before[0]) * percent / 100
+        value: float = abs(before[0]) * percent / 100
+        return value
     raise InputError(f"{at}: percent: expected only for sd after a mean, or log_sd, got {part!r}")
 
 

@@ -209,10 +209,12 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
         lay_out(figure)
         # Straight from the canvas: `savefig` would draw everything once more beforehand.
         if kind == "png":
-            FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
+            agg: Any = FigureCanvasAgg(figure)
+            agg.print_png(file, metadata={"Software": None})
         else:
             dpi = figure.dpi
-            FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None, "Creator": None})
+            svg: Any = FigureCanvasSVG(figure)
+            svg.print_svg(file, metadata={"Date": None, "Creator": None})
             figure.dpi = dpi  # it draws at 72 points an inch, and leaves that behind
     FigureCanvasBase(figure)  # lets go of the pixels
     return file.getvalue()

@@ -126,7 +126,8 @@ class _Normal:
     def log_pdf(self, points: FloatArray) -> FloatArray:
         scaled = (points - self.mean) @ np.linalg.inv(self.root).T
         log_norm = np.log(np.diag(self.root)).sum() + 0.5 * len(self.mean) * math.log(2 * math.pi)
-        return -0.5 * (scaled * scaled).sum(axis=-1) - log_norm
+        value: FloatArray = -0.5 * (scaled * scaled).sum(axis=-1) - log_norm
+        return value
 
 
 def _bridge(

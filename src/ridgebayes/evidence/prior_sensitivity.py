@@ -176,7 +176,8 @@ def _log_weights(posterior: Posterior, other: Model, names: list[str]) -> FloatA
         changes = [
             new.log_pdf(x) - old.log_pdf(x) for x, (new, old) in zip(values, pairs, strict=True)
         ]
-        return np.sum(changes, axis=0)
+        value: FloatArray = np.sum(changes, axis=0)
+        return value
     every = slice(None, None, max(len(posterior.coordinates) // _N_LIKELIHOOD, 1))
     before = posterior.kept_chains.log_density.ravel()[every]
     return other.log_density(posterior.coordinates[every]) - before

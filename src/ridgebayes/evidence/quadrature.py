@@ -96,7 +96,8 @@ def _turn(n: int) -> FloatArray:
     if n == 1:
         return np.eye(1)
     mirror = np.eye(n)[-1] - 1 / math.sqrt(n)
-    return np.eye(n) - 2 * np.outer(mirror, mirror) / (mirror @ mirror)
+    value: FloatArray = np.eye(n) - 2 * np.outer(mirror, mirror) / (mirror @ mirror)
+    return value
 
 
 def _failed(reason: str) -> LogEvidence:

@@ -284,7 +284,10 @@ def _decoded(text: str, n: int) -> bytes:
 def _header(content: bytes, head: np.dtype, n: int) -> list[int]:
     if len(content) < n * head.itemsize:
         raise ValueError(f"{len(content)} bytes of a header of {n} numbers")
-    return np.frombuffer(content[: n * head.itemsize], dtype=head).astype(object).tolist()
+    value: list[int] = (
+        np.frombuffer(content[: n * head.itemsize], dtype=head).astype(object).tolist()
+    )
+    return value
 
 
 def one_named(here: str, field: str, data: list[ET.Element], given: list[ET.Element]) -> ET.Element:

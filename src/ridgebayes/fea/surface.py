@@ -96,7 +96,8 @@ class CylinderSurface:
             else:
                 centres = corners + np.array([radius, -radius])
                 sides.append([_distance(x, y, *centre) - radius for centre in centres])
-        return np.min(np.array(sides), axis=0)
+        value: FloatArray = np.min(np.array(sides), axis=0)
+        return value
 
     def overlap(self, position: FloatArray, corners: FloatArray, width: float) -> float:
         """Return how deep the rim is inside ridges, on the mean of where it is: a penalty's."""

@@ -96,7 +96,8 @@ class FrictionDensity:
     def log_density(self, u: FloatArray) -> FloatArray:
         """Return the log posterior density, (n, k) to (n,)."""
         prior = -0.5 * ((u * u).sum(axis=-1) + u.shape[-1] * _LOG_2PI)
-        return prior + self.log_likelihood(self.model.theta(u))
+        value: FloatArray = prior + self.log_likelihood(self.model.theta(u))
+        return value
 
     def log_likelihood(self, theta: FloatArray) -> FloatArray:
         """Return the log-likelihood of ln mu, shape (n,), of parameters (n, 9)."""

@@ -122,7 +122,7 @@ class Chains:
     @property
     def n_step(self) -> int:
         """Steps kept of each ensemble."""
-        return self.u.shape[1]
+        return int(self.u.shape[1])
 
     def thinned(self, n: int) -> "Chains":
         """Return at most about `n` draws, whole steps at a time, evenly."""

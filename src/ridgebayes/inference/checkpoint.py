@@ -61,7 +61,7 @@ class Walk:
     @property
     def n_step(self) -> int:
         """Steps so far."""
-        return self.u.shape[1]
+        return int(self.u.shape[1])
 
 
 _ARRAYS = tuple(one.name for one in fields(Walk) if one.name != "random_states")

@@ -153,7 +153,8 @@ class Funnel:
         h = 1e-4
         steps = h * np.eye(len(u_noise))
         up = self.log_scales(u_noise + steps).sum(axis=-1)
-        return (up - self.log_scales(u_noise - steps).sum(axis=-1)) / (2 * h)
+        value: FloatArray = (up - self.log_scales(u_noise - steps).sum(axis=-1)) / (2 * h)
+        return value
 
     def about(self, mode: FloatArray) -> "FunnelAbout":
         """Return the map between coefficients and directions in units of their widths."""

@@ -147,7 +147,7 @@ def _rank_normalised(x: FloatArray) -> FloatArray:
     from scipy.stats import rankdata  # a third of a second that not every command spends
 
     ranks = rankdata(x, axis=None).reshape(x.shape)
-    return ndtri((ranks - 0.375) / (x.size + 0.25))
+    return np.asarray(ndtri((ranks - 0.375) / (x.size + 0.25)))
 
 
 def failed_diagnostics(summary: pd.DataFrame) -> tuple[str, ...]:
@@ -352,7 +352,8 @@ def autocorrelation_time(x: FloatArray, window: float = 5.0) -> FloatArray:
     n_step = len(x)
     columns = (x - x.mean(axis=0)).reshape(*x.shape[:2], -1)
     tau = [_sokal(np.ascontiguousarray(columns[..., i]), window) for i in range(columns.shape[-1])]
-    return np.maximum(np.array(tau).reshape(x.shape[2:]), 1 / n_step)
+    value: FloatArray = np.maximum(np.array(tau).reshape(x.shape[2:]), 1 / n_step)
+    return value
 
 
 def _sokal(x: FloatArray, window: float) -> float:
@@ -395,4 +396,5 @@ def effective_sample_size(x: FloatArray) -> FloatArray:
     True
     """
     n = x.shape[1] * x.shape[2]
-    return np.sum([n / autocorrelation_time(ensemble) for ensemble in x], axis=0)
+    value: FloatArray = np.sum([n / autocorrelation_time(ensemble) for ensemble in x], axis=0)
+    return value

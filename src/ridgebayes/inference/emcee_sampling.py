@@ -22,7 +22,7 @@ from ridgebayes.inference.moves import MOVES, Independence, Weighted, adapted
 from ridgebayes.runtime.randomness import stream
 
 
-class Ensemble(emcee.EnsembleSampler):
+class Ensemble(emcee.EnsembleSampler):  # type: ignore[misc]  # emcee has no types
     """An ensemble that moves by an independence proposal and by differential evolution.
 
     emcee takes the densities of a vectorised function one walker at a time, in Python; here they
@@ -227,7 +227,8 @@ def _start(draws: Weighted, rng: np.random.Generator, n_walker: int) -> FloatArr
     if len(by_weight) + len(rest) < n_walker:
         raise InputError("sample: expected starting points of positive density, got too few")
     others = rng.permutation(rest)[: n_walker - len(by_weight)]
-    return draws.z[np.concatenate([by_weight, others])]
+    value: FloatArray = draws.z[np.concatenate([by_weight, others])]
+    return value
 
 
 def _mean_tau(u: FloatArray, log_density: FloatArray) -> FloatArray:
@@ -235,7 +236,8 @@ def _mean_tau(u: FloatArray, log_density: FloatArray) -> FloatArray:
     if not log_density.shape[1]:
         return np.full(u.shape[-1] + 1, np.inf)
     everything = np.concatenate([u, log_density[..., None]], axis=-1)
-    return np.mean([autocorrelation_time(ensemble) for ensemble in everything], axis=0)
+    value: FloatArray = np.mean([autocorrelation_time(ensemble) for ensemble in everything], axis=0)
+    return value
 
 
 def _unmet_rules(

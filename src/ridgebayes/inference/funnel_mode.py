@@ -39,7 +39,7 @@ def funnel_mode(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
         value = -float(model.log_density(u)) - float(scales.sum())
         return value if math.isfinite(value) else 1e300
 
-    return optimize.minimize(
+    result: FloatArray = optimize.minimize(
         negative,
         start,
         jac=lambda u: finite(slope_in_w(model, funnel, u)),
@@ -47,6 +47,7 @@ def funnel_mode(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:
         method="trust-exact",
         options={"gtol": 1e-6, "maxiter": 500},
     ).x
+    return result
 
 
 def slope_in_w(model: Model, funnel: Funnel, u: FloatArray) -> FloatArray:

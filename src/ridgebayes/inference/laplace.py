@@ -368,4 +368,5 @@ def _fit_iid_gaussian(model: Model, tol: float, u: FloatArray) -> Laplace:
 
 
 def _solve_lower(factor: FloatArray, right: FloatArray) -> FloatArray:
-    return linalg.solve_triangular(factor, right, lower=True, check_finite=False)
+    value: FloatArray = linalg.solve_triangular(factor, right, lower=True, check_finite=False)
+    return value

@@ -44,7 +44,8 @@ def searched(
         found = optimize.minimize(
             lambda y: float(scaled(y)), found.x, method="Nelder-Mead", options=_WITHOUT_SLOPE
         )
-    return start + factors * found.x
+    value: FloatArray = start + factors * found.x
+    return value
 
 
 def scale(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
@@ -52,7 +53,8 @@ def scale(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatA
     factors = 0.5 ** np.arange(9)
     steps = WIDTH * factors[:, None, None] * np.eye(len(x))
     bends = np.abs(function(x + steps) + function(x - steps) - 2 * function(x))
-    return factors[np.argmax(bends < 1, axis=0)]
+    value: FloatArray = factors[np.argmax(bends < 1, axis=0)]
+    return value
 
 
 def hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
@@ -65,4 +67,5 @@ def hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> Floa
     steps = WIDTH * np.eye(len(x))
     slopes = [[_value_and_slope(scaled, s)[1] for s in (step, -step)] for step in steps]
     rows = np.array([(ahead - behind) / (2 * WIDTH) for ahead, behind in slopes])
-    return 0.5 * (rows + rows.T) / np.outer(factors, factors)
+    value: FloatArray = 0.5 * (rows + rows.T) / np.outer(factors, factors)
+    return value

@@ -150,17 +150,20 @@ def _mixture(
 def _distances(points: FloatArray, centres: FloatArray, inverse: FloatArray) -> FloatArray:
     """Return squared distances in units of each component's shape, (n_component, n)."""
     off = np.swapaxes(inverse @ (points.T - centres[:, :, None]), 0, 1)
-    return (off * off).sum(axis=0)
+    value: FloatArray = (off * off).sum(axis=0)
+    return value
 
 
 def _log_sum_exp(x: FloatArray) -> FloatArray:
     """Return log sum exp over the first axis: SciPy's own takes longer to begin than to add."""
     top = x.max(axis=0)
-    return top + np.log(np.exp(x - top).sum(axis=0))
+    value: FloatArray = top + np.log(np.exp(x - top).sum(axis=0))
+    return value
 
 
 def _log_volumes(factors: FloatArray) -> FloatArray:
-    return np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
+    value: FloatArray = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
+    return value
 
 
 @dataclass(frozen=True, eq=False)

@@ -141,7 +141,8 @@ class Posterior:
         if n not in self._derived:
             model, coordinates = self.model, self.coordinates
             self._derived[n] = compress(model, self.laplace, coordinates, n, seed=self.seed)
-        return self._derived[n]
+        value: Nodes | None = self._derived[n]
+        return value
 
     def offsets_given(self, stride: int) -> tuple[int, OffsetsInParts | None]:
         """Return what the rows tell of shared offsets at every n-th draw; kept for the next call.

@@ -144,7 +144,8 @@ def _texture_evidence(model: Model, texture: int, sigma: FloatArray) -> FloatArr
     squares = groups.sum_of_squares[mine] + n * (groups.mean[mine] + 2 * mean[:, None]) ** 2
     fit = -0.5 * (n * np.log(2 * math.pi * variance) + squares / variance).sum(axis=1)
     off = (mean - math.log(prior.median)) / prior.log_sd
-    return fit - 0.5 * off**2 - math.log(prior.log_sd) + np.log(sd)
+    value: FloatArray = fit - 0.5 * off**2 - math.log(prior.log_sd) + np.log(sd)
+    return value
 
 
 def sample_power_law(model: Model, *, seed: int) -> Chains:
@@ -200,4 +201,7 @@ def sample_power_law(model: Model, *, seed: int) -> Chains:
 
 def _sigma_log_density(model: Model, log_sigma: np.ndarray) -> np.ndarray:
     sigma = np.exp(log_sigma)
-    return log_evidence_given_sigma(model, sigma) + model.priors["sigma"].log_pdf(sigma) + log_sigma
+    value: np.ndarray = (
+        log_evidence_given_sigma(model, sigma) + model.priors["sigma"].log_pdf(sigma) + log_sigma
+    )
+    return value

@@ -112,4 +112,5 @@ def _sobol(d: int, n: int, rng: np.random.Generator) -> FloatArray:
 
     name = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"
     points = qmc.Sobol(d, **{name: rng}).random_base2(round(math.log2(n)))
-    return np.clip(points, 1e-12, 1 - 1e-12)
+    value: FloatArray = np.clip(points, 1e-12, 1 - 1e-12)
+    return value

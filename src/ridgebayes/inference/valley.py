@@ -49,7 +49,8 @@ class Valley:
         along = (u - self.origin) @ self.basis[:, 0]
         ends = self.height.x[[0, -1]]
         shift = sign * self.height(np.clip(along, *ends))
-        return u + shift[..., None] * self.basis[:, 1]
+        moved: FloatArray = u + shift[..., None] * self.basis[:, 1]
+        return moved
 
 
 def find_valley(model: Model, mode: FloatArray, covariance: FloatArray) -> Valley | None:

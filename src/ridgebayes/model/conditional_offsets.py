@@ -57,7 +57,8 @@ class Design:
     @property
     def transposed(self) -> FloatArray:
         """Z' with its zeros, shape (n_level, n_row)."""
-        return self._gather.toarray()
+        value: FloatArray = self._gather.toarray()
+        return value
 
     def spread(self, b: FloatArray) -> FloatArray:
         """Return Z b: each row's offset, from (..., n_level) to (..., n_row)."""
@@ -101,7 +102,8 @@ class OffsetPosterior:
     @property
     def log_det(self) -> FloatArray:
         """Log |M|, shape (...)."""
-        return 2 * np.log(self.pivots).sum(axis=-1)
+        value: FloatArray = 2 * np.log(self.pivots).sum(axis=-1)
+        return value
 
     def at(self, normal: FloatArray) -> FloatArray:
         """Return the scores that standard normals (..., n_level) stand for."""
@@ -111,7 +113,8 @@ class OffsetPosterior:
 
     def variance(self, loading: FloatArray) -> FloatArray:
         """Return the variance of scores' combinations (..., n_level, n), shape (..., n)."""
-        return (self.half(loading) ** 2).sum(axis=-2)
+        value: FloatArray = (self.half(loading) ** 2).sum(axis=-2)
+        return value
 
     def inverted(self) -> "OffsetPosterior | InverseFactor":
         """Return what `variance` may be asked of again and again, and takes less memory."""
@@ -215,7 +218,8 @@ class InverseFactor:
 
     def variance(self, loading: FloatArray) -> FloatArray:
         """Return the variance of scores' combinations (..., n_level, n), shape (..., n)."""
-        return (self.solve(loading) ** 2).sum(axis=-2)
+        value: FloatArray = (self.solve(loading) ** 2).sum(axis=-2)
+        return value
 
 
 Root = DiagonalRoot | FullRoot

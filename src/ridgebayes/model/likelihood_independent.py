@@ -28,7 +28,8 @@ class IndependentRows:
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         """Return the log-likelihood, shape (...), from (..., n_texture) and (..., n_noise)."""
-        return self._each(log_rates, eta).sum(axis=-1)
+        value: FloatArray = self._each(log_rates, eta).sum(axis=-1)
+        return value
 
     def pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         """Return each row's log-likelihood, shape (..., n_obs)."""
@@ -80,7 +81,10 @@ class IndependentNormalRows(IndependentRows):
             squares = np.add.reduceat(self._n * r, self._level_begins, axis=-1)
         variance = eta[..., :1] ** 2 + self._level_variance
         misfit = (self._level_squares + squares) / variance
-        return -0.5 * (self._level_n * np.log(2 * math.pi * variance) + misfit).sum(axis=-1)
+        value: FloatArray = -0.5 * (self._level_n * np.log(2 * math.pi * variance) + misfit).sum(
+            axis=-1
+        )
+        return value
 
     def gradient(self, log_rates: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return d marginal by the log rate of each group's texture, and by sigma.

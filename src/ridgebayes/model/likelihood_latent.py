@@ -107,7 +107,8 @@ class SampledOffsets:
         """
         if self.is_product:
             top, share = _shares(self._lines(log_rates, eta, 0.0)[2])
-            return (top + np.log(share.sum(axis=-1))).sum(axis=-1)
+            value: FloatArray = (top + np.log(share.sum(axis=-1))).sum(axis=-1)
+            return value
         at_centre = np.zeros((*eta.shape[:-1], self.n_latent))
         return self.joint(log_rates, eta, at_centre) + 0.5 * self.n_latent * _LOG_2PI
 
@@ -204,7 +205,8 @@ class SampledOffsets:
         scores = given.at(latent)
         rows = self._rows_given(log_rates, eta, root.times(scores)).sum(axis=-1)
         prior = -0.5 * ((scores**2).sum(axis=-1) + self.n_latent * _LOG_2PI)
-        return rows + prior - 0.5 * given.log_det
+        value: FloatArray = rows + prior - 0.5 * given.log_det
+        return value
 
     def pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
         """Return log p(row | offsets), shape (n_draw, n_obs)."""
@@ -289,4 +291,5 @@ def _picked(share: FloatArray, rng: np.random.Generator) -> IntArray:
     """Return an index of the last axis, drawn in proportion to weights."""
     ladder = np.cumsum(share, axis=-1)
     passed = ladder < rng.random((*share.shape[:-1], 1)) * ladder[..., -1:]
-    return np.minimum(passed.sum(axis=-1), share.shape[-1] - 1)
+    value: IntArray = np.minimum(passed.sum(axis=-1), share.shape[-1] - 1)
+    return value

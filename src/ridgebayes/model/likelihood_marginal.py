@@ -59,7 +59,10 @@ class IntegratedOffsets:
         left = self._residual(log_rates) - self._design.spread(root.times(given.mean))
         misfit = ((groups.sum_of_squares + groups.n * left * left) / variance).sum(axis=-1)
         misfit += (given.mean**2).sum(axis=-1) + given.log_det
-        return -0.5 * (misfit + (groups.n * (np.log(variance) + _LOG_2PI)).sum(axis=-1))
+        value: FloatArray = -0.5 * (
+            misfit + (groups.n * (np.log(variance) + _LOG_2PI)).sum(axis=-1)
+        )
+        return value
 
     def products(self, eta: FloatArray, columns: FloatArray) -> FloatArray:
         """Return X' inverse(Sigma) X of columns (n_obs, m) that groups of rows share, (..., m, m).
@@ -186,7 +189,8 @@ class IntegratedSmoothOffsets(IntegratedOffsets):
         misfit = half**2 + 2 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)) + _LOG_2PI
         scatter = groups.sum_of_squares / variance + np.log(groups.n)
         scatter = scatter + (groups.n - 1) * (np.log(variance) + _LOG_2PI)
-        return -0.5 * (misfit + scatter).sum(axis=-1)
+        value: FloatArray = -0.5 * (misfit + scatter).sum(axis=-1)
+        return value
 
     def products(self, eta: FloatArray, columns: FloatArray) -> FloatArray:
         half = solve_lower(self._whole_factor(eta), self._group_means(columns))

@@ -396,5 +396,5 @@ class Model:
 
     def log_prior_density(self, u: FloatArray) -> FloatArray:
         """Return the log prior density of the parameters in `u`, shape ``u.shape[:-1]``."""
-        scores = u[..., : self.n_parameter]
-        return -0.5 * ((scores * scores).sum(axis=-1) + self.n_parameter * _LOG_2PI)
+        squares: FloatArray = np.square(u[..., : self.n_parameter]).sum(axis=-1)
+        return -0.5 * (squares + self.n_parameter * _LOG_2PI)

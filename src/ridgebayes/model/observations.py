@@ -115,7 +115,10 @@ class Observations:
     @property
     def is_exact(self) -> BoolArray:
         """Rows that give the load itself: no count, no bracket, or a bracket of no width."""
-        return ~self.is_count & (np.isnan(self.log_lower) | (self.log_lower == self.log_load))
+        value: BoolArray = ~self.is_count & (
+            np.isnan(self.log_lower) | (self.log_lower == self.log_load)
+        )
+        return value
 
     def digest(self) -> str:
         """Return the SHA-256 of textures, counts and loads of the rows."""

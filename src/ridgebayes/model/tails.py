@@ -162,7 +162,8 @@ class NormalTail(Tail):
 
     def log_density(self, z: Any, df: Any) -> FloatArray:
         with np.errstate(over="ignore"):
-            return -0.5 * np.square(np.asarray(z, float)) - _HALF_LOG_2PI
+            value: FloatArray = -0.5 * np.square(np.asarray(z, float)) - _HALF_LOG_2PI
+            return value
 
     def rvs(self, rng: np.random.Generator, df: Any, size: Any) -> FloatArray:
         return np.asarray(rng.standard_normal(size))
@@ -183,7 +184,8 @@ class NormalTail(Tail):
         return -step * (slope + 0.5 * step)
 
     def _log_lower(self, z: FloatArray, *fixed: FloatArray) -> FloatArray:
-        return special.log_ndtr(z)
+        value: FloatArray = special.log_ndtr(z)
+        return value
 
 
 @dataclass(frozen=True)
@@ -211,14 +213,16 @@ class StudentTail(Tail):
     def log_density(self, z: Any, df: Any) -> FloatArray:
         df, log_peak = self._fixed(df)
         with np.errstate(over="ignore"):
-            return log_peak - 0.5 * (df + 1) * _log1p_square(z / np.sqrt(df))
+            value: FloatArray = log_peak - 0.5 * (df + 1) * _log1p_square(z / np.sqrt(df))
+            return value
 
     def rvs(self, rng: np.random.Generator, df: Any, size: Any) -> FloatArray:
         return np.asarray(rng.standard_t(df, size))
 
     def site_variance(self, df: Any) -> FloatArray:
         df = np.asarray(df, float)
-        return (df + 3) / (df + 1)
+        value: FloatArray = (df + 3) / (df + 1)
+        return value
 
     def _fixed(self, df: Any) -> tuple[FloatArray, ...]:
         df = np.asarray(df, float)
@@ -243,7 +247,8 @@ class StudentTail(Tail):
         growth = np.expm1(step)
         # cosh(v + s) / cosh v - 1 = cosh s - 1 + slope sinh s, by exp(s) - 1 alone.
         change = growth * (slope + 0.5 * growth * (1 + slope)) / (1 + growth)
-        return -df * np.log1p(change)
+        value: FloatArray = -df * np.log1p(change)
+        return value
 
     def _log_lower(self, z: FloatArray, *fixed: FloatArray) -> FloatArray:
         r"""Return log P(error <= z) for z <= 0.

@@ -55,7 +55,8 @@ class Interpolant:
         last, value = np.zeros_like(x), np.zeros_like(x)
         for coefficient in series[:0:-1]:  # Clenshaw
             last, value = value, coefficient + 2 * x * value - last
-        return series[0] + x * value - last
+        result: FloatArray = series[0] + x * value - last
+        return result
 
     def _cover(self, low: float, high: float, n_most: int) -> bool:
         """Extend the pieces to a range; False if that would take more than `n_most` values."""

@@ -136,7 +136,8 @@ class LoadDistribution(Predicted):
     @property
     def extrapolation(self) -> BoolArray:
         """Whether texture, count or median load were not calibrated, shape (...)."""
-        return self._all_flags != 0
+        value: BoolArray = self._all_flags != 0
+        return value
 
     @property
     def extrapolation_of(self) -> np.ndarray:
@@ -284,8 +285,10 @@ class LoadDistribution(Predicted):
         if not self.shape or "Q" not in self._places:
             one = self._some(self._numbers.ravel()[:1])
             p = np.linspace(float(one.quantile(1e-3)[0]), float(one.quantile(0.999)[0]), 200)
-            return records.draw_distribution(p, one.cdf(p), ax)
-        return records.draw_loads(self.to_dataframe(), ax)
+            drawn: Axes = records.draw_distribution(p, one.cdf(p), ax)
+        else:
+            drawn = records.draw_loads(self.to_dataframe(), ax)
+        return drawn
 
     @cached_property
     def _median(self) -> FloatArray:

@@ -169,4 +169,5 @@ def _weighted_quantile(values: FloatArray, weight: FloatArray, prob: float) -> F
     order = np.argsort(values, axis=0)
     total = np.cumsum(weight[order], axis=0)
     first = np.argmax(total >= prob - 1e-12, axis=0)
-    return np.take_along_axis(np.take_along_axis(values, order, 0), first[None], 0)[0]
+    value: FloatArray = np.take_along_axis(np.take_along_axis(values, order, 0), first[None], 0)[0]
+    return value

@@ -80,7 +80,8 @@ class PosteriorLoads:
         One answer of draws, two of nodes.
         """
         if self.weight is None:
-            return values.mean(axis=0)[None]
+            value: FloatArray = values.mean(axis=0)[None]
+            return value
         return np.tensordot(self.weight, values, axes=(0, 0))
 
     @property
@@ -208,7 +209,7 @@ class DrawAverage:
         reach = _SATURATED * scale if self._draws.df is None else np.inf
         with np.errstate(divide="ignore"):
             y = np.log(p)
-        result = (y > (mean + reach).max()).astype(float)
+        result: FloatArray = (y > (mean + reach).max()).astype(float)
         between = np.flatnonzero((y >= (mean - reach).min()) & (result == 0) & (y > -np.inf))
         if len(between) <= _MANY:
             result[between] = self._mean(y[between], mean, scale)
@@ -273,7 +274,7 @@ class NodeAverage:
         if not np.isfinite(mean).all() or self._draws.df is not None or not (scale > 0).all():
             return self._answer(self._halves(y, mean, scale))
         low, high = (mean - _SATURATED * scale).min(), (mean + _SATURATED * scale).max()
-        result = (y > high).astype(float)
+        result: FloatArray = (y > high).astype(float)
         between = np.flatnonzero((y >= low) & (y <= high))
         if not len(between):
             return result
@@ -301,7 +302,7 @@ class NodeAverage:
 
     def _answer(self, found: FloatArray, bias: FloatArray | float = 0.0) -> FloatArray:
         """Return the mean of both halves, shape (n,), and keep the largest error."""
-        value = found.mean(axis=0)
+        value: FloatArray = found.mean(axis=0)
         error = 0.5 * np.abs(found[0] - found[1]) + np.abs(bias)
         self.error = max(self.error, float(error.max(initial=0.0)))
         return value
@@ -344,4 +345,5 @@ class NodeAverage:
 def _kernel(knots: FloatArray, width: float) -> FloatArray:
     """Return the distribution function of a normal kernel of fourth order, [from knot, at knot]."""
     t = (knots - knots[:, None]) / width
-    return ndtr(t) + 0.5 * t * np.exp(-0.5 * t * t) / np.sqrt(2 * np.pi)
+    value: FloatArray = ndtr(t) + 0.5 * t * np.exp(-0.5 * t * t) / np.sqrt(2 * np.pi)
+    return value

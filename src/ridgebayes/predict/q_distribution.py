@@ -152,17 +152,20 @@ class QDistribution(Predicted):
 
     def mean(self) -> FloatArray:
         """Return the mean of Q, shape (...)."""
-        return 2 * self.survival.sum(axis=-1)
+        value: FloatArray = 2 * self.survival.sum(axis=-1)
+        return value
 
     def std(self) -> FloatArray:
         """Return the standard deviation of Q, shape (...)."""
         far = (self.q - self.mean()[..., None]) ** 2
-        return np.sqrt((np.asarray(self.pmf) * far).sum(axis=-1))
+        value: FloatArray = np.sqrt((np.asarray(self.pmf) * far).sum(axis=-1))
+        return value
 
     def _quantile(self, prob: FloatArray) -> IntArray:
         # A rounding error of the sum must not push the quantile a step up.
         reached = np.asarray(self.cdf) >= prob[..., None] * (1 - 1e-12)
-        return self.q[np.argmax(reached, axis=-1)]
+        value: IntArray = self.q[np.argmax(reached, axis=-1)]
+        return value
 
     def extrapolation(self, prob: float = 0.9) -> BoolArray:
         """Return where texture, load or the upper end of the interval were not calibrated.
@@ -182,7 +185,8 @@ class QDistribution(Predicted):
         InputError
             If `prob` is outside 0 to 1.
         """
-        return self._all_flags(prob) != 0
+        value: BoolArray = self._all_flags(prob) != 0
+        return value
 
     def extrapolation_of(self, prob: float = 0.9) -> np.ndarray:
         """Return the names of what was not calibrated, separated by commas.
@@ -242,8 +246,10 @@ class QDistribution(Predicted):
     def _drawn(self, records: ModuleType, ax: "Axes | None") -> "Axes":
         if not self.shape or "p_over_E" not in self.places:
             one = self._some(self._numbers.ravel()[:1])
-            return records.draw_probabilities(one.q, np.asarray(one.pmf)[0], ax)
-        return records.draw_bands(self.to_dataframe(), ax)
+            drawn: Axes = records.draw_probabilities(one.q, np.asarray(one.pmf)[0], ax)
+        else:
+            drawn = records.draw_bands(self.to_dataframe(), ax)
+        return drawn
 
 
 def mix_q(parts: Iterable[QDistribution], weights: Sequence[float]) -> QDistribution:
@@ -286,9 +292,11 @@ def shares(weights: Sequence[float]) -> FloatArray:
     values = np.asarray(weights, dtype=float)
     if not (np.all(values >= 0) and 0 < values.sum() < math.inf):
         raise InputError(f"weights: expected finite, not negative, one above 0, got {weights!r}")
-    return values / values.sum()
+    value: FloatArray = values / values.sum()
+    return value
 
 
 def heavy_parts(share: FloatArray) -> BoolArray:
     """Return which parts of a mixture weigh enough for their extrapolation to be the mixture's."""
-    return (share > 0.01) | (share == share.max())
+    value: BoolArray = (share > 0.01) | (share == share.max())
+    return value

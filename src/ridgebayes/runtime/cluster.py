@@ -7,13 +7,10 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from ridgebayes.errors import InputError, WorkerLostError
 from ridgebayes.runtime.reading import extra
-
-if TYPE_CHECKING:
-    from distributed import Client
 
 _T = TypeVar("_T")
 _ANSWER_S = 10.0  # in which a scheduler has to answer
@@ -75,10 +72,10 @@ class ClusterExecutor(Executor):
     ``distributed.scheduler.allowed-failures`` says (3), and then fails them: `WorkerLostError`.
     """
 
-    def __init__(self, client: "Client") -> None:
+    def __init__(self, client: Any) -> None:  # a Client, whose methods have no types
         self._client = client
         # Not pure: no time is spent on a digest of each task, and no result of before is taken.
-        self._inner = client.get_executor(pure=False)
+        self._inner = self._client.get_executor(pure=False)
         self._n_worker, self._counted = 0, -math.inf
 
     @property

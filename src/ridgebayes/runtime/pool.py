@@ -107,7 +107,8 @@ class WorkerPool(futures.Executor):
                     if me not in self._workers:
                         self._workers[me], self.pipes[me] = _started()
                     future = self._workers[me].submit(_call, message)
-                return future.result()
+                value: _T = future.result()
+                return value
             except futures.BrokenExecutor:
                 with self._lock:
                     worker = self._workers.pop(me)

@@ -290,7 +290,7 @@ def read_clean(
     ValueError, OverflowError
         If a cell of a column of numbers is none.
     """
-    return pd.read_csv(
+    value: pd.DataFrame = pd.read_csv(
         io.BytesIO(content),
         names=list(columns),
         header=header,
@@ -303,6 +303,7 @@ def read_clean(
         encoding="utf-8",
         **_EXACT,
     )
+    return value
 
 
 def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, list[str]]]:

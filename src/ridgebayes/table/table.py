@@ -144,13 +144,14 @@ class ContactTable(Tabular):
             The axes drawn on.
         """
         from ridgebayes.drawing import records  # loads matplotlib
+        from ridgebayes.drawing.predictions import MOST_TEXTURES
 
         ok = self._frame[self._ok]
         if ok.empty:
             raise InputError(f"{self.where}: expected a row with status ok to draw, got none")
         varying = [name for name in CURVE[2:] if len(ok[name].unique()) > 1]
         by_curve, curves = ok.groupby(list(CURVE), sort=False, dropna=False), {}
-        for _, rows in islice(by_curve, records.MOST_TEXTURES):
+        for _, rows in islice(by_curve, MOST_TEXTURES):
             rise = rows.sort_values("p_over_E")
             told = [f"{name} {rise[name].iloc[0]}" for name in varying]
             label = ", ".join([str(rise["texture"].iloc[0]), *told])

@@ -74,7 +74,8 @@ class DrawnLoads:
 
     def cdf(self, t: FloatArray, which: IntArray) -> FloatArray:
         """Return the share of errors up to t, in scales."""
-        return special.ndtr(t) if self.df is None else special.stdtr(self.df[which], t)
+        value: FloatArray = special.ndtr(t) if self.df is None else special.stdtr(self.df[which], t)
+        return value
 
     def series(self, count: int) -> tuple[Series, Series]:
         """Return the series in a/pitch of location and scale at a pitch of 1."""
@@ -145,11 +146,12 @@ def drawn_loads(
 def _evaluate(series: Series, x: FloatArray) -> FloatArray:
     """Return Chebyshev series of draws, each at its own x, shape (n,)."""
     if len(series) == 1:
-        return series[0]
+        first: FloatArray = series[0]
+        return first
     with np.errstate(invalid="ignore"):
         if np.ndim(x) == 0:
             return chebyshev.chebvander(x, len(series) - 1).ravel() @ series
         last, value, twice = np.zeros_like(x), series[-1].copy(), 2 * x
         for one in series[-2:0:-1]:  # Clenshaw
             last, value = value, one + twice * value - last
-        return series[0] + x * value - last
+        return np.asarray(series[0] + x * value - last)

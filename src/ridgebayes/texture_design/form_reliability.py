@@ -154,7 +154,8 @@ def _limit(sources: Sources, names: list[str], mode: _Mode, u: FloatArray) -> Fl
     if mode.loads.df is not None:
         error = special.stdtrit(np.median(mode.loads.df), special.ndtr(error))
     log_load = location + spread * score[COEFFICIENTS] + scale * error + 2 * np.log(a + b)
-    return mode.sign * (log_p - log_load)
+    value: FloatArray = mode.sign * (log_p - log_load)
+    return value
 
 
 def _importance(sources: Sources, names: list[str], point: FloatArray) -> dict[str, float]:

@@ -56,11 +56,12 @@ class Material:
             trace = np.trace(H, axis1=-2, axis2=-1)[..., None, None]
             strain = 0.5 * (H + np.swapaxes(H, -1, -2))
             deviator = strain - trace / 3.0 * _IDENTITY
-            return 2.0 * self.mu * deviator + p[..., None, None] * _IDENTITY
+            return np.asarray(2.0 * self.mu * deviator + p[..., None, None] * _IDENTITY)
         J, cof = jacobian(F), cofactor(F)
         first = np.einsum("...ij,...ij->...", F, F) + 1.0
         scale = self.mu * J ** (-2.0 / 3.0)
-        return scale[..., None, None] * F + (p - scale * first / (3.0 * J))[..., None, None] * cof
+        hydrostatic = (p - scale * first / (3.0 * J))[..., None, None] * cof
+        return np.asarray(scale[..., None, None] * F + hydrostatic)
 
     def stiffness(self, F: FloatArray, p: FloatArray) -> FloatArray:
         """Return dP/dF at fixed p, shape (..., 2, 2, 2, 2)."""
@@ -80,7 +81,8 @@ class Material:
         outer = np.einsum("...ij,...kl->...ijkl", inverse, inverse)
         found = found + (2.0 / 9.0 * first)[four] * outer
         found = found + (first / 3.0)[four] * np.einsum("...il,...kj->...ijkl", inverse, inverse)
-        return scale[four] * found + p[four] * _COFACTOR
+        value: FloatArray = scale[four] * found + p[four] * _COFACTOR
+        return value
 
 
 def jacobian(F: FloatArray) -> FloatArray:

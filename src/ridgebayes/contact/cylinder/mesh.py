@@ -195,4 +195,5 @@ def _halfway(points: FloatArray) -> FloatArray:
     ring = radius.min(axis=0) > _CORE - 1e-9
     direction = (points / np.maximum(radius, 1e-300)).mean(axis=1)
     direction /= np.maximum(np.hypot(*direction), 1e-300)
-    return np.where(ring, radius.mean(axis=0) * direction, straight)
+    value: FloatArray = np.where(ring, radius.mean(axis=0) * direction, straight)
+    return value

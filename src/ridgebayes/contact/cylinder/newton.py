@@ -135,7 +135,8 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
 
 def _nearest(gaps: Gaps) -> np.ndarray:
     """Return the segments that touch first: nothing else holds a loose body."""
-    return np.isfinite(gaps.gap) & (gaps.gap <= gaps.gap.min() + _GAP_TOL)
+    value: np.ndarray = np.isfinite(gaps.gap) & (gaps.gap <= gaps.gap.min() + _GAP_TOL)
+    return value
 
 
 def _changed(

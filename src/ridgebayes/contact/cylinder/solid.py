@@ -46,7 +46,8 @@ class Assembled:
     def pressure_step(self, du: FloatArray, dofs: IntArray) -> FloatArray:
         """Return the step of the pressures that goes with one of the displacements."""
         change = self.volume + np.einsum("eqd,ed->eq", self._coupling, du.reshape(-1)[dofs])
-        return np.einsum("epq,eq->ep", self._inverse, change)
+        value: FloatArray = np.einsum("epq,eq->ep", self._inverse, change)
+        return value
 
 
 class InvertedError(Exception):
@@ -95,11 +96,13 @@ class Solid:
 
     def gradients(self, u: FloatArray) -> FloatArray:
         """Return F = 1 + grad u at the quadrature points, shape (n_element, n_point, 2, 2)."""
-        return np.eye(2) + np.einsum("eni,egnj->egij", u[self.nodes], self._grad)
+        value: FloatArray = np.eye(2) + np.einsum("eni,egnj->egij", u[self.nodes], self._grad)
+        return value
 
     def pressures(self, p: FloatArray) -> FloatArray:
         """Return the pressure field at the quadrature points, shape (n_element, n_point)."""
-        return np.einsum("egp,ep->eg", self._linear, p)
+        value: FloatArray = np.einsum("egp,ep->eg", self._linear, p)
+        return value
 
     def no_pressure(self) -> FloatArray:
         """Return the pressures of the unloaded body, shape (n_element, 3)."""
@@ -116,7 +119,8 @@ class Solid:
         trace = F[..., 0, 0] + F[..., 1, 1]
         change = jacobian(F) - 1.0 if self.material.finite else trace - 2.0
         change = change - self.material.compressibility * self.pressures(p)
-        return np.einsum("eg,eg,egp->ep", self._weight, change, self._linear)
+        value: FloatArray = np.einsum("eg,eg,egp->ep", self._weight, change, self._linear)
+        return value
 
     def assemble(self, u: FloatArray, p: FloatArray) -> Assembled:
         """Linearise at a state.

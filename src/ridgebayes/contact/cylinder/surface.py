@@ -25,7 +25,8 @@ def slopes(s: FloatArray) -> FloatArray:
 
 def _dot(x: FloatArray, y: FloatArray) -> FloatArray:
     """Return the scalar products of vectors, shape (n,)."""
-    return np.einsum("ni,ni->n", x, y)
+    value: FloatArray = np.einsum("ni,ni->n", x, y)
+    return value
 
 
 _BENDS = np.array([4.0, -8.0, 4.0])

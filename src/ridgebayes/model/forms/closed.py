@@ -50,11 +50,13 @@ class Classic(OneCoefficient):
 
     def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
         a, b = np.asarray(a_over_R), np.asarray(b_over_R)
-        return (np.asarray(Q) / 2 - 1) * (a + b) + b / 2
+        value: FloatArray = (np.asarray(Q) / 2 - 1) * (a + b) + b / 2
+        return value
 
     def pairs(self, shape: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
         a, b = np.asarray(a_over_R), np.asarray(b_over_R)
-        return (shape - b / 2) / (a + b)
+        value: FloatArray = (shape - b / 2) / (a + b)
+        return value
 
 
 @dataclass(frozen=True)
@@ -65,10 +67,12 @@ class Modified(OneCoefficient):
     printed: ClassVar[tuple[float, ...] | None] = (1.38,)
 
     def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
-        return (np.asarray(Q) / 2 - 1) * (np.asarray(a_over_R) + np.asarray(b_over_R))
+        value: FloatArray = (np.asarray(Q) / 2 - 1) * (np.asarray(a_over_R) + np.asarray(b_over_R))
+        return value
 
     def pairs(self, shape: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
-        return shape / (np.asarray(a_over_R) + np.asarray(b_over_R))
+        value: FloatArray = shape / (np.asarray(a_over_R) + np.asarray(b_over_R))
+        return value
 
 
 @dataclass(frozen=True)
@@ -92,7 +96,8 @@ class Hybrid(Form):
     def rate(self, theta: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
         a, b = np.asarray(a_over_R), np.asarray(b_over_R)
         c1, c2 = per_texture(theta, a, b), per_texture(theta[..., 1:], a, b)
-        return c1 / (a + b) + c2 / a
+        value: FloatArray = c1 / (a + b) + c2 / a
+        return value
 
     def log_rate_gradient(
         self, theta: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike
