@@ -57,3 +57,9 @@ def test_file_error__of_two_readings_is_one():
     joined = told(first).joined(told(second))
     assert joined.needs == ["no a", "its unit"]
     assert joined.mapping == {"a": "w1;mm"}
+
+
+def test_file_error__tells_of_a_cell_once_whatever_units_are_supplied():
+    first = FileError("f", ["f, row 7: p = 0.01: must rise"])
+    later = FileError("f", ["f, row 7: p = 1e-05: must rise", "f, row 8: p = 1: must rise"])
+    assert first.joined(later).wrong == [*first.wrong, later.wrong[1]]

@@ -1,6 +1,7 @@
 """What is wrong with a file and what it does not say: gathered, and told at once."""
 
 import heapq
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -66,9 +67,12 @@ class FileError(InputError):
 
     def joined(self, later: "FileError") -> "FileError":
         """Return both errors as one: of a first reading, and of one with its needs supplied."""
+        wrong: dict[str, str] = {}  # by all but values, which depend on the units supplied
+        for text in (*self.wrong, *later.wrong):
+            wrong.setdefault(re.sub(r" = [^:,]+", "", text), text)
         return FileError(
             later.where,
-            list(dict.fromkeys([*self.wrong, *later.wrong])),
+            list(wrong.values()),
             list(dict.fromkeys([*self.needs, *later.needs])),
             {**later.options, **self.options},
             {**self.mapping, **later.mapping},
