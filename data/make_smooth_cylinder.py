@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import FloatArray
 from ridgebayes.contact import hertz
 from ridgebayes.contact.cylinder.cylinder import Cylinder
+from ridgebayes.contact.smooth import half_widths
 
 TABLE = Path("src/ridgebayes/contact/smooth_cylinder.csv")
 NU = (0.3, 0.35, 0.4, 0.45, 0.49, 0.5)
@@ -24,16 +24,6 @@ LOADS = {
     0.11: (0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1),
     0.52: (*np.arange(0.125, 0.51, 0.025).tolist(), 0.52),
 }
-_SHARE, _SKIPPED = 0.4, 3  # of the contact's segments, that end it; the last hold part of a contact
-
-
-def half_width(x: FloatArray, pressure: FloatArray) -> float:
-    """Return where pressure falls to zero: its square is smooth in x^2 there."""
-    on = np.flatnonzero(pressure > 0)
-    inside = on[int(len(on) * (1 - _SHARE)) : -_SKIPPED]
-    roots = np.roots(np.polyfit(x[inside] ** 2, pressure[inside] ** 2, 3))
-    real = roots[np.abs(roots.imag) < 1e-9].real
-    return float(np.sqrt(real[np.argmin(np.abs(real - x[on[-1]] ** 2))]))
 
 
 def smooth_rows(nu: float, edges: float) -> list[dict[str, float]]:
@@ -41,11 +31,8 @@ def smooth_rows(nu: float, edges: float) -> list[dict[str, float]]:
     rows = []
     for p_max, loads in LOADS.items():
         body = Cylinder(None, p_max=p_max, nu=nu, edges=edges)
-        length, state = body.problem.faces.length, body.unloaded()
-        x = np.cumsum(length) - 0.5 * length
-        for p in loads:
-            state = body.at_load(p, state)
-            ratio = half_width(x, state.pressure) / float(hertz.half_width(p, nu=nu))
+        for p, width in zip(loads, half_widths(body, loads), strict=True):
+            ratio = width / float(hertz.half_width(p, nu=nu))
             rows.append({"nu": nu, "p_over_E": p, "width_over_hertz": ratio})
     return rows
 

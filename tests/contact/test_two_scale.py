@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ridgebayes.contact import halfplane, hertz
+from ridgebayes._types import NEO_HOOKEAN
+from ridgebayes.contact import halfplane, hertz, two_scale
 from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
@@ -18,6 +19,7 @@ from ridgebayes.contact.two_scale import (
     relative_error,
     width_ratio,
 )
+from ridgebayes.errors import InputError
 from ridgebayes.table.datafiles import CALCULIX_FE, CYLINDER_SWEEP, data_path
 
 NU = (0.3, 0.37, 0.4, 0.45, 0.49, 0.5)
@@ -70,6 +72,30 @@ def test_load_of__undoes_half_plane_load(nu):
     np.testing.assert_allclose(back, LOADS, rtol=1e-10)  # rounding times condition
     assert (np.diff(half_plane_load(LOADS, nu)) > 0).all()
     assert float(load_of(1e-9, nu)) == pytest.approx(1e-9, rel=1e-4)  # small strain
+
+
+def narrowed(nu, ogden):
+    """A body whose contact is 0.2 p narrower, with an equilibrium to p/E = 0.4."""
+    return np.array([0.0, 0.0, -0.2, 0.0]), 0.4
+
+
+def test_another_material__multiplies_r_and_its_own_reach_ends_it(monkeypatch):
+    monkeypatch.setattr(two_scale, "_stiffening", narrowed)
+    p, ogden = np.array([0.01, 0.1, 0.39]), ((1.0, 9.0),)
+    expected = width_ratio(p, 0.45) * (1 - 0.2 * p)
+    np.testing.assert_allclose(width_ratio(p, 0.45, ogden), expected, rtol=1e-14)  # rounding
+    back = load_of(half_plane_load(p, 0.45, ogden), 0.45, ogden)
+    np.testing.assert_allclose(back, p, rtol=1e-10)  # rounding times condition
+    assert two_scale.reach(0.45, ogden) == 0.4 < two_scale.reach()
+    assert np.isnan(width_ratio(0.41, 0.45, ogden))
+    error, soft = (relative_error(p, 0.05, 0.05, 0.45, one) for one in (ogden, NEO_HOOKEAN))
+    assert (error > soft).all()
+
+
+@pytest.mark.parametrize("nu", [[0.45, 0.5], 0.2])
+def test_another_material__takes_one_poissons_ratio(nu):
+    with pytest.raises(InputError, match="ogden: expected one poissons_ratio"):
+        width_ratio(0.1, nu, ((1.0, 9.0),))
 
 
 def test_load_of__of_what_is_beyond_is_not_known():

@@ -165,6 +165,7 @@ def test_mesh__is_finer_where_more_edges_are_asked_for():
         (scene(offset=0.25), 12, r"offset = 0\.25; a deck's body is centred"),
         (scene(), 1, r"edges = 1; expected 2 to 200 on a ridge"),
         (scene(), math.nan, "edges = nan; expected 2 to 200"),
+        (scene().model_copy(update={"ogden": ((1.0, 9.0),)}), 12, "material is neo-Hookean"),
         (scene(0.6), 12, r"the contact is 1\.\d+ R wide; expected under 0\.9 R"),
         (Scene.of([(0.4, 0.2)], p_over_E=0.1, nu=0.4), 12, "ridge 3 lies outside the disk"),
     ],

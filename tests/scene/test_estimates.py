@@ -76,13 +76,14 @@ def test_plan_table__has_exactly_these_columns_and_a_row_an_effect():
         "corner radius",
         "Poisson's ratio",
         FINITE_BODY,
+        "material",
         "friction",
         "adhesion",
         "viscoelasticity",
         "compliance of the ridges",
         "third dimension",
     ]
-    assert table["texture"].tolist() == 12 * ["a0.02_b0.03"] + 12 * ["a0.032_b0.01"]
+    assert table["texture"].tolist() == 13 * ["a0.02_b0.03"] + 13 * ["a0.032_b0.01"]
     assert table["texture"].isin(generate(Scene(textures=textures)).frame["texture"]).all()
     assert table["reason"].str.len().gt(0).all()
     assert list(plan_table([]).columns) == list(table.columns)

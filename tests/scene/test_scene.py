@@ -263,3 +263,44 @@ def test_as_scene__takes_a_scene_or_a_path_and_nothing_else(tmp_path):
     assert as_scene(str(tmp_path / "s.toml")) == as_scene(tmp_path / "s.toml") == scene
     with pytest.raises(InputError, match="scene: expected a Scene or a path, got float"):
         as_scene(0.02)
+
+
+def test_ogden__is_read_written_and_neo_hookean_if_not_given(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        "[body]\nogden = [[0.6, 2], [0.4, 9.5]]\n[texture]\nridge_width = 0.1\ngroove_width = 0.1\n"
+    )
+    scene = Scene.from_toml(path)
+    assert scene.ogden == ((0.6, 2.0), (0.4, 9.5))
+    scene.to_toml(path)
+    assert Scene.from_toml(path) == scene
+    plain = Scene.of([(0.1, 0.1)])
+    assert plain.ogden == ((1.0, 2.0),)
+    plain.to_toml(path)
+    assert "ogden" not in path.read_text()
+
+
+@pytest.mark.parametrize(
+    ("written", "rule"),
+    [
+        ("0.5", "one to three pairs"),
+        ("[]", "one to three pairs"),
+        ("[[0.5, 2], [0.5]]", "one to three pairs"),
+        ("[[0.5, 2], 0.5]", "one to three pairs"),
+        ('[["1", 2]]', "one to three pairs"),
+        ("[[true, 2]]", "one to three pairs"),
+        ("[[0.25, 2], [0.25, 3], [0.25, 4], [0.25, 5]]", "one to three pairs"),
+        ("[[0.5, 2], [0.4, 9]]", "sum to 1"),
+        ("[[1.5, 2], [-0.5, 9]]", "shares > 0"),
+        ("[[1, 0]]", "exponents from 0.5 to 30"),
+        ("[[1, nan]]", "exponents from 0.5 to 30"),
+        ("[[1, -31]]", "exponents from 0.5 to 30"),
+    ],
+)
+def test_ogden__is_refused_where_it_is_no_material(tmp_path, written, rule):
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        f"[body]\nogden = {written}\n[texture]\nridge_width = 0.1\ngroove_width = 0.1\n"
+    )
+    with pytest.raises(InputError, match=rf"body\.ogden = .*{rule}"):
+        Scene.from_toml(path)

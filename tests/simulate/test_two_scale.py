@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from ridgebayes.contact import two_scale
 from ridgebayes.contact.two_scale import CHECKED, REACH, load_of, relative_error, width_ratio
 from ridgebayes.errors import InputError
 from ridgebayes.scene.estimates import plan
@@ -118,3 +119,88 @@ def test_generate__shipped_fingertips_run_to_their_load(name):
     assert (frame["rel_se"] < scene.relative).all() if "rel_se" in frame else True
     next_one = generate(scene.model_copy(update={"p_over_E": 1.5 * scene.p_over_E})).frame
     assert next_one["Q"].iloc[: len(frame)].tolist() == frame["Q"].tolist()
+
+
+STIFF = ((0.5, 2.0), (0.5, 9.0))
+
+
+@pytest.fixture
+def narrowed(monkeypatch):
+    """Bodies of another material, 0.2 p narrower than neo-Hookean ones; no finite elements."""
+    found = np.array([0.0, 0.0, -0.2, 0.0]), 0.4
+    monkeypatch.setattr(two_scale, "_stiffening", lambda nu, ogden: found)
+
+
+def of_material(ogden=STIFF, **given):
+    return Scene.of([(A, B)], p_over_E=0.02, **given).model_copy(update={"ogden": ogden})
+
+
+def test_plan__weighs_the_material(narrowed):
+    effects = {}
+    for relative in (None, 0.005, 0.3):
+        (one,) = plan(of_material(relative=relative))
+        effects[relative] = next(effect for effect in one.effects if effect.name == "material")
+        assert ("material" in one.simulated) == (relative != 0.3)
+        assert one.solver == ("half-plane" if relative == 0.3 else "two-scale")
+        assert "finite body and large deformation" in one.simulated or relative == 0.3
+    # 1/(1 - 0.2 p)^2 at the load of the last transition, and half as much again.
+    assert pytest.approx(effects[None].estimate, rel=0.1) == 1.5 * 0.4 * 0.02
+    assert effects[None].number == 5.5
+    (soft,) = plan(Scene.of([(A, B)]))
+    effect = next(effect for effect in soft.effects if effect.name == "material")
+    assert (effect.number, effect.estimate, effect.simulated) == (2.0, 0.0, False)
+
+
+def test_plan__takes_finite_elements_where_no_smooth_body_is_known(narrowed):
+    (one,) = plan(of_material(nu=0.2))
+    assert one.solver == "cylinder-fe"
+    assert math.isnan(next(e for e in one.effects if e.name == "material").estimate)
+
+
+@pytest.mark.parametrize("solver", ["auto", "two-scale"])
+def test_generate__takes_the_material_along(narrowed, solver):
+    found = generate(of_material(), solver=solver).frame
+    half_plane = generate(of_material(), solver="half-plane").frame["p_over_E"][: len(found)]
+    expected = load_of(half_plane, 0.5, STIFF)
+    np.testing.assert_allclose(found["p_over_E"], expected, rtol=1e-8)  # the tolerance of loads
+    assert (expected > load_of(half_plane)).all()
+    assert found["source"].str.contains("effects=ridges.material").all()
+
+
+def test_generate__leaves_out_a_material_within_the_accuracy(narrowed):
+    found = generate(of_material(relative=0.3)).frame
+    assert not found["source"].str.contains("material").any()
+
+
+def test_generate__refuses_loads_beyond_a_materials_own_reach(narrowed):
+    scene = of_material().model_copy(update={"p_over_E": 0.45})
+    with pytest.raises(InputError, match=r"expected at most p/E = 0\.4, as far as its material"):
+        generate(scene, solver="two-scale")
+
+
+def test_contact_at_loads__takes_the_material_along(narrowed):
+    widths = [
+        contact_at_loads(of_material(ogden), [0.3], solver="two-scale")["half_width_over_R"].iloc[0]
+        for ogden in (STIFF, ((1.0, 2.0),))
+    ]
+    assert widths[0] < 0.99 * widths[1]
+
+
+def test_loads_of_other_materials__are_checked_less_far(narrowed):
+    found = contact_at_loads(of_material(), [0.19, 0.21], solver="two-scale")["status"]
+    assert (found == "ok").tolist() == [True, False]
+
+
+@pytest.mark.parametrize("relative", [None, 0.01])
+def test_generate__refuses_high_loads_of_bodies_softer_in_volume_than_were_computed(relative):
+    scene = Scene.of([(A, B)], p_over_E=0.2, nu=0.2, relative=relative)
+    with pytest.raises(InputError, match=r"at most p/E = 0\.1: .* poissons_ratio is under 0\.3"):
+        generate(scene)
+    assert len(generate(scene, solver="half-plane").frame)
+
+
+def test_contact_at_loads__computes_no_high_loads_of_such_bodies():
+    scene = Scene.of([(A, B)], nu=0.2)
+    low, high = contact_at_loads(scene, [0.02, 0.2])["status"]
+    assert low == "ok"
+    assert high.startswith("not computed")

@@ -70,7 +70,9 @@ def _counts(profile: Profile, sharp: Profile, scene: Scene, one: Plan) -> Figure
     p = _half_plane_load(scene, one, p_max)
     found = {name: _curve(each, scene, p) for each, name in names.items()}
     if one.solver == "two-scale":
-        found = {name: (load_of(loads, scene.nu), Q) for name, (loads, Q) in found.items()}
+        found = {
+            name: (load_of(loads, scene.nu, scene.ogden), Q) for name, (loads, Q) in found.items()
+        }
     curves = {name: curve for name, curve in found.items() if len(curve[0])}
     smooth = _smooth(sharp, scene, p_max)
     if len(smooth[0]):
@@ -86,7 +88,8 @@ def _deformed(profile: Profile, scene: Scene, one: Plan, p_max: float) -> Figure
         return plot_pressed(solve_contact(profile, load_factor(scene.nu) * p, rel_tol=_TOLERANCE))
     if p_max > HIGHEST_LOAD:  # it would take minutes to find out
         raise ComputationError(f"p/E = {p_max:.2g} is above {HIGHEST_LOAD:g}")
-    body = Cylinder(profile, p_max=p_max, nu=scene.nu, friction=scene.friction, edges=_EDGES)
+    nu, friction, ogden = scene.nu, scene.friction, scene.ogden
+    body = Cylinder(profile, p_max=p_max, nu=nu, friction=friction, edges=_EDGES, ogden=ogden)
     try:
         return plot_deformed(body, body.at_load(p_max, body.unloaded()))
     except NotConvergedError as failed:
@@ -95,7 +98,9 @@ def _deformed(profile: Profile, scene: Scene, one: Plan, p_max: float) -> Figure
 
 def _half_plane_load(scene: Scene, one: Plan, p_max: float) -> float:
     """Return the load under which a half-plane does what the body does."""
-    return float(half_plane_load(p_max, scene.nu)) if one.solver == "two-scale" else p_max
+    return (
+        float(half_plane_load(p_max, scene.nu, scene.ogden)) if one.solver == "two-scale" else p_max
+    )
 
 
 def _curve(profile: Profile, scene: Scene, p_max: float) -> tuple[FloatArray, FloatArray]:

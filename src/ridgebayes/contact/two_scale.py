@@ -17,22 +17,25 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import NEO_HOOKEAN, FloatArray, Ogden
 from ridgebayes.contact import hertz
+from ridgebayes.errors import InputError
 
 LEAST_NU = 0.3
 REACH = 0.5  # p/E to which the smooth cylinder was computed: data/make_smooth_cylinder.py
 CHECKED = 0.33  # p/E to which loads on ridges were held against finite elements: docs/two-scale.md
-UNCHECKED = f"not checked: no finite elements above p/E = {CHECKED:g} to compare with"
+CHECKED_STIFFENING = 0.2  # the same of other materials than the neo-Hookean
+UNCHECKED = "not checked: no finite elements at this load to compare with"
 BEYOND = f"not computed: p/E above {REACH:g}, or nu under {LEAST_NU:g}"
 TABLE = Path(__file__).with_name("smooth_cylinder.csv")
 # r - 1 as a polynomial in sqrt(p) without a constant, for at p = 0 r is 1, and in nu.
 _ORDER_P, _ORDER_NU = 6, 4
 _NEWTON_STEPS = 12
 # Standard errors: of r^2, at no load and over 1 - r^2; of ridges' effect, over it, by the square
-# of the half-width, by 1 - r^2, and by the mean pressure on ridges.
+# of the half-width, by 1 - r^2, by the mean pressure on ridges, and by the root of what another
+# material than the neo-Hookean changes of r^2.
 _TABLE_ERROR, _TABLE_GROWTH = 4e-4, 4e-3
-_BY_WIDTH, _BY_BODY, _BY_PRESSURE = 0.05, 0.1, 0.01
+_BY_WIDTH, _BY_BODY, _BY_PRESSURE, _BY_MATERIAL = 0.05, 0.1, 0.01, 0.15
 OFF_CENTRE = 4e-3  # of loads of bodies off centre, beside these
 
 
@@ -46,7 +49,48 @@ def _coefficients() -> FloatArray:
     return np.concatenate([np.zeros(first), found]).reshape(_ORDER_P + 1, first)
 
 
-def width_ratio(p_over_E: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
+@cache
+def _stiffening(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
+    """Return `smooth.stiffening`, once a body and process."""
+    # scikit-fem takes its time to load: only where it is used.
+    from ridgebayes.contact.smooth import stiffening
+
+    return stiffening(nu, ogden)
+
+
+def _body(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:
+    """Return what multiplies r, as coefficients of powers of sqrt(p), and how far it goes."""
+    if ogden == NEO_HOOKEAN or not nu.size:
+        return np.array([1.0]), REACH
+    if not LEAST_NU <= nu.min() == nu.max():
+        raise InputError(
+            f"ogden: expected one poissons_ratio, {LEAST_NU:g} to 0.5, for a material of its own"
+        )
+    found, reach = _stiffening(float(nu.flat[0]), ogden)
+    return np.append(1.0, found[1:]), reach
+
+
+def reach(nu: float = 0.5, ogden: Ogden = NEO_HOOKEAN) -> float:
+    """Return p/E up to which r is known: 0.5, or less of a material that has no equilibrium."""
+    return min(_body(np.array(nu), ogden)[1], REACH)
+
+
+def checked(ogden: Ogden = NEO_HOOKEAN) -> float:
+    """Return p/E up to which loads on ridges were held against finite elements."""
+    return CHECKED if ogden == NEO_HOOKEAN else CHECKED_STIFFENING
+
+
+def _polynomial(
+    root: FloatArray, nu: FloatArray, by_material: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return r, and its derivative by the root of p."""
+    of_p, whole = np.polynomial.polynomial, _coefficients()
+    ratio, slope = (of_p.polyval2d(root, nu, one) for one in (whole, of_p.polyder(whole, axis=0)))
+    ratio, body = 1.0 + ratio, of_p.polyval(root, by_material)
+    return ratio * body, slope * body + ratio * of_p.polyval(root, of_p.polyder(by_material))
+
+
+def width_ratio(p_over_E: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKEAN) -> FloatArray:
     """Return r, a smooth cylinder's contact half-width over that of Hertz at the same load.
 
     Parameters
@@ -55,18 +99,26 @@ def width_ratio(p_over_E: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
         Load per projected area over Young's modulus.
     nu : array_like of float, shape (...), dimensionless
         Poisson's ratio, 0.3 to 0.5.
+    ogden : tuple of (float, float), optional
+        The material, as of `contact.cylinder.material.Material`; neo-Hookean if not given.
 
     Returns
     -------
     ndarray of float, shape (...), dimensionless
         r, by broadcasting; NaN above p/E = 0.5, and where nu is under 0.3.
 
+    Raises
+    ------
+    InputError
+        If the material is another one and nu is not one ratio from 0.3 on.
+
     Notes
     -----
-    *Validity.* Neo-Hookean, between two flat plates or with a mid-plane that stays flat: by
-    symmetry the same.
+    *Validity.* Between two flat plates or with a mid-plane that stays flat: by symmetry the same.
 
     *Accuracy.* 2e-4; 1e-3 above p/E = 0.2 where nu is below 0.4.
+
+    *Cost.* Of another material some 10 CPU seconds, once in a process.
 
     Examples
     --------
@@ -74,16 +126,21 @@ def width_ratio(p_over_E: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
     [0.986, 0.906]
     """
     p, nu = np.broadcast_arrays(np.asarray(p_over_E, float), np.asarray(nu, float))
-    ratio = 1.0 + np.polynomial.polynomial.polyval2d(np.sqrt(p), nu, _coefficients())
-    return np.where((p <= REACH) & (nu >= LEAST_NU), ratio, np.nan)
+    by_material, reach = _body(nu, ogden)
+    ratio, _ = _polynomial(np.sqrt(p), nu, by_material)
+    return np.where((p <= reach) & (nu >= LEAST_NU), ratio, np.nan)
 
 
-def half_plane_load(p_over_E: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
+def half_plane_load(
+    p_over_E: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKEAN
+) -> FloatArray:
     """Return the load p r^2 under which a half-plane does what the body does under p.
 
     Parameters
     ----------
     p_over_E, nu : array_like of float, shape (...), dimensionless
+        As of `width_ratio`.
+    ogden : tuple of (float, float), optional
         As of `width_ratio`.
 
     Returns
@@ -91,10 +148,10 @@ def half_plane_load(p_over_E: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
     ndarray of float, shape (...), dimensionless
         By broadcasting; NaN above p/E = 0.5.
     """
-    return np.asarray(p_over_E, float) * width_ratio(p_over_E, nu) ** 2
+    return np.asarray(p_over_E, float) * width_ratio(p_over_E, nu, ogden) ** 2
 
 
-def load_of(half_plane: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
+def load_of(half_plane: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKEAN) -> FloatArray:
     """Return the load p under which the body does what a half-plane does under another.
 
     Parameters
@@ -103,6 +160,8 @@ def load_of(half_plane: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
         p r^2.
     nu : array_like of float, shape (...), dimensionless
         Poisson's ratio, 0.3 to 0.5.
+    ogden : tuple of (float, float), optional
+        As of `width_ratio`.
 
     Returns
     -------
@@ -115,19 +174,23 @@ def load_of(half_plane: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
     0.2
     """
     wanted, nu = np.broadcast_arrays(np.asarray(half_plane, float), np.asarray(nu, float))
-    slope = np.polynomial.polynomial.polyder(_coefficients(), axis=0)
-    within = wanted <= half_plane_load(REACH, nu)
+    by_material, reach = _body(nu, ogden)
+    within = wanted <= half_plane_load(reach, nu, ogden)
     p = np.where(within, wanted, np.nan)
     for _ in range(_NEWTON_STEPS):
-        root, ratio = np.sqrt(p), width_ratio(p, nu)
+        root = np.sqrt(p)
+        ratio, slope = _polynomial(root, nu, by_material)
         # d(p r^2)/dp = r^2 + r sqrt(p) dr/dsqrt(p)
-        rate = ratio * (ratio + root * np.polynomial.polynomial.polyval2d(root, nu, slope))
-        p = np.minimum(p + (wanted - p * ratio**2) / rate, REACH)
+        p = np.minimum(p + (wanted - p * ratio**2) / (ratio * (ratio + root * slope)), reach)
     return p
 
 
 def relative_error(
-    p_over_E: ArrayLike, a_over_R: float, b_over_R: float, nu: ArrayLike = 0.5
+    p_over_E: ArrayLike,
+    a_over_R: float,
+    b_over_R: float,
+    nu: ArrayLike = 0.5,
+    ogden: Ogden = NEO_HOOKEAN,
 ) -> FloatArray:
     """Return the relative standard error of loads: what two scales neglect.
 
@@ -142,6 +205,8 @@ def relative_error(
         Ridge and groove width.
     nu : array_like of float, shape (...), dimensionless
         Poisson's ratio.
+    ogden : tuple of (float, float), optional
+        As of `width_ratio`.
 
     Returns
     -------
@@ -152,7 +217,7 @@ def relative_error(
     -----
     *Accuracy.* Held against finite elements in docs/two-scale.md.
     """
-    ratio, pitch = width_ratio(p_over_E, nu), a_over_R + b_over_R
+    ratio, pitch = width_ratio(p_over_E, nu, ogden), a_over_R + b_over_R
     width = ratio * hertz.half_width(p_over_E, nu=nu)
     # By how much further than a smooth body's the contact reaches: its compliance between ridges
     # (docs/derivations/half-plane.md, "Very many ridges"), and 0.1 where that is nothing.
@@ -161,5 +226,7 @@ def relative_error(
     by_ridges = 1.0 - (width / (width + further)) ** 2
     pressure = np.asarray(p_over_E, float) / width * pitch / a_over_R
     by_body = 1.0 - ratio**2
+    by_material = np.abs(1.0 - (ratio / width_ratio(p_over_E, nu)) ** 2)
     share = _BY_WIDTH * width**2 + _BY_BODY * by_body + _BY_PRESSURE * pressure
+    share = share + _BY_MATERIAL * np.sqrt(by_material)
     return np.hypot(_TABLE_ERROR + _TABLE_GROWTH * by_body, by_ridges * share)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ridgebayes._types import FloatArray, IntArray
+from ridgebayes._types import NEO_HOOKEAN, FloatArray, IntArray
 from ridgebayes.contact import hertz
 from ridgebayes.contact.cylinder.faces import first_height
 from ridgebayes.contact.cylinder.mesh import DiskMesh, disk_mesh
@@ -98,13 +98,16 @@ def pressed_disk(scene: Scene, *, edges: float = 12.0) -> PressedDisk:
     Raises
     ------
     InputError
-        If the scene has several textures or an offset one, or if ridges lie outside the disk.
+        If the scene has several textures or an offset one, a material other than neo-Hookean, or
+        ridges that lie outside the disk.
     """
     if len(scene.textures) != 1:
         raise InputError(f"{len(scene.textures)} textures; a deck is of one texture")
     (texture,) = scene.textures
     if texture.offset != 0:
         raise InputError(f"offset = {texture.offset!r}; a deck's body is centred, offset 0")
+    if scene.ogden != NEO_HOOKEAN:
+        raise InputError(f"ogden = {scene.ogden!r}; a deck's material is neo-Hookean")
     if not 2 <= edges <= 200:
         raise InputError(f"edges = {edges!r}; expected 2 to 200 on a ridge")
     a, b, r = texture.a_over_R, texture.b_over_R, texture.corner_radius_over_R

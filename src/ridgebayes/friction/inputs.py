@@ -159,6 +159,7 @@ class InputDraws:
             raise InputError(f"n: expected a whole number >= 1, got {n!r}")
         self._seed, self.n, self._edges = seed_of(rng), int(n), edges
         scene = as_scene(scene)
+        self._ogden = scene.ogden
         self._bodies = draw_scene(scene, self.n, self._seed)
         self._loads, self._is_share = _steps(loads)
         profile = self._bodies.profile
@@ -201,7 +202,7 @@ class InputDraws:
         values = self._contacts(index, Q, p, nu, rng)
         beyond = names_of(flags)
         is_large = nu[:, None] >= two_scale.LEAST_NU
-        strained = p > np.where(is_large, two_scale.CHECKED, SMALL_STRAIN)
+        strained = p > np.where(is_large, two_scale.checked(self._ogden), SMALL_STRAIN)
         beyond[strained] = [f"{text},strain".lstrip(",") for text in beyond[strained]]
         fits = [fit for fit, _ in self._parts]
         values |= {
@@ -238,7 +239,7 @@ class InputDraws:
             out["edge_side"] = np.zeros((*p.shape, n_edge), dtype=np.int8)
         factor = np.broadcast_to(load_factor(0.0) * (1 - nu**2)[:, None], p.shape)
         # What the body does under p a half-plane does under this load.
-        half_plane = two_scale.half_plane_load(p, nu[:, None])
+        half_plane = two_scale.half_plane_load(p, nu[:, None], self._ogden)
         is_large = np.isfinite(half_plane)
         W = factor * np.where(is_large, half_plane, p)
         for count in np.unique(Q).tolist():
@@ -247,7 +248,7 @@ class InputDraws:
             if math.isnan(self.contact_relative_error):
                 self.contact_relative_error = self._measure(index, Q, W, rng)
             at, line = found.W / factor[here], 2 * p[here]
-            large = two_scale.load_of(at, nu[i])
+            large = two_scale.load_of(at, nu[i], self._ogden)
             own = np.where(is_large[here] & np.isfinite(large), large, at)
             out["p_over_E_mechanics"][here] = own
             out["contact_length_over_R"][here] = found.length

@@ -168,13 +168,17 @@ def beyond_reach(scene: Scene, solver: str = "auto") -> str:
         raise InputError(
             f"poissons_ratio = {scene.nu:g}: expected {two_scale.LEAST_NU:g} to 0.5 for two-scale"
         )
-    if solver in ("auto", "two-scale") and highest > two_scale.REACH:
+    known = scene.nu >= two_scale.LEAST_NU
+    reach = two_scale.REACH if known else HIGHEST_LOAD
+    if solver in ("auto", "two-scale") and highest > reach:
         number, _, unit = written.partition(" ")
-        most = f"p/E = {two_scale.REACH:g}"
+        most = f"p/E = {reach:g}"
         if number and written == f"{number} {unit}":
-            most += f", {float(number) * two_scale.REACH / highest:.3g} {unit}"
-        raise InputError(f"load: {load}; expected at most {most}: no solver goes further")
-    goes_on = not scene.friction and scene.nu >= two_scale.LEAST_NU
+            most += f", {float(number) * reach / highest:.3g} {unit}"
+        why = "no solver goes further"
+        why += "" if known else f" where poissons_ratio is under {two_scale.LEAST_NU:g}"
+        raise InputError(f"load: {load}; expected at most {most}: {why}")
+    goes_on = not scene.friction and known
     if highest <= HIGHEST_LOAD or (solver in ("auto", "two-scale") and goes_on):
         return ""
     return (

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import NEO_HOOKEAN, FloatArray
 from ridgebayes.contact import halfplane, hertz, two_scale
 from ridgebayes.contact.contact_solution import ContactSolution, load_factor, solve_contact
 from ridgebayes.contact.reaching import nearest_gap
@@ -40,6 +40,7 @@ _FINITE_BODY = 0.45
 _PER_PRESS, _PER_CUBE = 8e-4, 3e-11  # CPU seconds of a solution: fixed, and times unknowns cubed
 _MOST_LOOKED_AT = 64
 _PER_TRANSITION, _PER_TWO_SCALE = 5.0, 1e-3  # CPU seconds, of finite elements and two-scale
+_PER_MATERIAL = 10.0  # CPU seconds, of a smooth body
 
 
 def plan(scene: Scene) -> list[Plan]:
@@ -87,8 +88,11 @@ def _too_narrow(texture: Texture, status: str) -> InputError:
 def _planned(base: "_Base") -> Plan:
     effects = [_ridges(base), _partial_contact(base), _offset(base), _floor(base), _corner(base)]
     large, solver = _finite_body(base)
-    friction = _friction(base)
-    effects += [_poisson(base), large, friction, *_not_modelled()]
+    friction, material = _friction(base), _material(base)
+    if material.simulated and solver == "half-plane":
+        solver = "two-scale" if base.two_scale_error < math.inf else "cylinder-fe"
+        large = replace(large, simulated=True)
+    effects += [_poisson(base), large, material, friction, *_not_modelled()]
     solver = "cylinder-fe" if friction.simulated else solver
     chosen = {effect.name for effect in effects if effect.simulated}
     profile = None
@@ -152,8 +156,8 @@ class _Base:
         if nu < two_scale.LEAST_NU:
             return math.inf
         loads = np.minimum(self.W / load_factor(nu), two_scale.REACH)
-        error = two_scale.relative_error(loads, self.sharp.a, self.sharp.b, nu)
-        return float(np.max(error))
+        sharp, ogden = self.sharp, self.scene.ogden
+        return float(np.max(two_scale.relative_error(loads, sharp.a, sharp.b, nu, ogden)))
 
     @cached_property
     def given(self) -> Profile:
@@ -331,6 +335,22 @@ def _solver_for(base: _Base, estimate: float) -> tuple[str, str]:
     if error <= max(base.tolerance, FINITE_ELEMENT_ERROR) or (goes_on and error < math.inf):
         return "two-scale", f"above {base.wanted}: two-scale, right to {percent(error)}"
     return "cylinder-fe", f"above {base.wanted}: finite elements"
+
+
+def _material(base: _Base) -> Effect:
+    """Compare smooth bodies of the scene's material and of a neo-Hookean one, equally loaded."""
+    ogden, nu = base.scene.ogden, base.scene.nu
+    exponent = sum(share * exponent for share, exponent in ogden)
+    what = "Ogden's exponents, weighed by their shares; "
+    if ogden == NEO_HOOKEAN:
+        return Effect("material", exponent, 0.0, False, f"{what}the body is neo-Hookean", 0.0)
+    estimate = math.nan
+    if nu >= two_scale.LEAST_NU:
+        p = min(base.p_max, two_scale.REACH)
+        own, soft = (float(two_scale.width_ratio(p, nu, one)) for one in (ogden, NEO_HOOKEAN))
+        estimate = _SAFETY * abs((soft / own) ** 2 - 1)
+    what += "a smooth body's load against a neo-Hookean one's"
+    return _decided(base, "material", exponent, estimate, what, _PER_MATERIAL)
 
 
 def _friction(base: _Base) -> Effect:

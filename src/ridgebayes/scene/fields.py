@@ -1,12 +1,21 @@
 """The rules that scene files and the records of a scene share, and how what breaks them is told."""
 
+import math
 import re
 import tomllib
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    ValidationError,
+)
 
+from ridgebayes._types import Ogden
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import one_line_message, shown_value
 from ridgebayes.scene.units import with_point
@@ -15,6 +24,8 @@ from ridgebayes.scene.units import with_point
 _QUANTITY_LINE = re.compile(
     r"\s*([\w.]+\s*=\s*)([+-]?[0-9][0-9.,]*)[ \t]*([^\s\"'#\[\],][^\"'#]*)?(#.*)?"
 )
+
+_MOST_TERMS, _LEAST, _MOST = 3, 0.5, 30  # of Ogden's material, and sizes of its exponents
 
 
 def _offset(raw: object) -> float | str:
@@ -26,12 +37,29 @@ def _offset(raw: object) -> float | str:
     return float(raw)  # type: ignore[arg-type]
 
 
+def _ogden(raw: object) -> Ogden:
+    rule = "must be one to three pairs [share, exponent]"
+    if not isinstance(raw, list | tuple) or not 1 <= len(raw) <= _MOST_TERMS:
+        raise ValueError(rule)
+    numbers = [one for pair in raw if isinstance(pair, list | tuple) for one in pair]
+    plain = all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers)
+    if not plain or any(not isinstance(pair, list | tuple) or len(pair) != 2 for pair in raw):
+        raise ValueError(rule)
+    terms = tuple((float(share), float(exponent)) for share, exponent in raw)
+    if not all(share > 0 and _LEAST <= abs(exponent) <= _MOST for share, exponent in terms):
+        raise ValueError(f"{rule}, shares > 0, exponents from {_LEAST} to {_MOST} in size")
+    if not math.isclose(math.fsum(share for share, _ in terms), 1.0, abs_tol=1e-9):
+        raise ValueError("shares must sum to 1")
+    return terms
+
+
 # The rules of scene files and of the records below.
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 PoissonsRatio = Annotated[float, Field(ge=0.0, le=0.5)]
 Relative = Annotated[float, Field(gt=0.0, lt=1.0)]
 Offset = Annotated[float | Literal["uniform"], PlainValidator(_offset)]
+OgdenTerms = Annotated[Ogden, BeforeValidator(_ogden)]
 Role = Literal["calibration", "held-out"]
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, InstanceOf, field_validator, model_validator
 
-from ridgebayes._types import Json
+from ridgebayes._types import NEO_HOOKEAN, Json
 from ridgebayes.errors import InputError
 from ridgebayes.scene import fields
 from ridgebayes.scene.toml import DEFAULT_LOAD, read_scene_file, scene_text, scene_values
@@ -73,6 +73,9 @@ class Scene(fields.Record):
         One or more, no two alike.
     nu : float, scalar, dimensionless
         Poisson's ratio of the body, 0 to 0.5.
+    ogden : tuple of (float, float)
+        Shares of the shear modulus, and exponents: as of `contact.cylinder.material.Material`.
+        Neo-Hookean if not given.
     p_over_E : float, scalar, dimensionless
         Highest load per projected area over Young's modulus.
     friction : float, scalar, dimensionless
@@ -94,6 +97,7 @@ class Scene(fields.Record):
 
     textures: Annotated[tuple[Texture, ...], Field(min_length=1)]
     nu: fields.PoissonsRatio = 0.5
+    ogden: fields.OgdenTerms = NEO_HOOKEAN
     p_over_E: fields.Positive = DEFAULT_LOAD
     friction: fields.NotNegative = 0.0
     relative: fields.Relative | None = None
@@ -299,7 +303,8 @@ class Scene(fields.Record):
                 "`at_medians()` gives the scene of the medians"
             )
         textures = [one.model_dump(exclude_defaults=True) for one in self.textures]
-        text = scene_text(self.model_dump() | {"textures": textures})
+        ogden = None if self.ogden == NEO_HOOKEAN else self.ogden
+        text = scene_text(self.model_dump() | {"textures": textures, "ogden": ogden})
         Path(path).write_text(text, encoding="utf-8")
 
 

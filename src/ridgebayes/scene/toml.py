@@ -1,6 +1,6 @@
 """Scene files: TOML with units or without, to the plain numbers of a `Scene`, and back.
 
-Keys: `[body]` radius, youngs_modulus, poissons_ratio; `[texture]` (or several `[[texture]]`)
+Keys: `[body]` radius, youngs_modulus, poissons_ratio, ogden; `[texture]` (or several `[[texture]]`)
 ridge_width, groove_width, groove_depth, corner_radius, offset, role, max_p_over_E; `[load]` one
 of max (p), line (P' = 2 R p), force with length (of the cylinder) and p_over_E, and friction;
 `[accuracy]` relative. Radius, modulus, ratio, widths, depth, radius of corners, offset and load may
@@ -28,7 +28,7 @@ from pydantic import (
     WrapValidator,
 )
 
-from ridgebayes._types import Json
+from ridgebayes._types import NEO_HOOKEAN, Json
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
 from ridgebayes.scene import fields
@@ -123,6 +123,7 @@ class _Body(_Section):
     radius: _Length | None = None
     youngs_modulus: _Pressure | None = None
     poissons_ratio: Annotated[fields.PoissonsRatio, _Uncertain] = 0.5
+    ogden: fields.OgdenTerms = NEO_HOOKEAN
 
 
 class _Texture(_Section):
@@ -297,7 +298,7 @@ def _plain(scene: _SceneFile) -> Json:
                 is_length = isinstance(value, _Measure) and key != "offset"
                 values[name] = _ratio(value, radius) if is_length else _median(value)
     values = {"textures": textures, "nu": _median(body.poissons_ratio), "friction": load.friction}
-    values["relative"] = scene.accuracy.relative
+    values |= {"relative": scene.accuracy.relative, "ogden": body.ogden}
     if load.p_over_E is not None:
         values["p_over_E"] = _median(load.p_over_E)
     across = 2 * radius  # P' = 2 R p
@@ -366,7 +367,7 @@ def scene_text(values: Json) -> str:
     textures = [{key: one.get(name) for key, name in keys_of} for one in values["textures"]]
     load = {"p_over_E": values["p_over_E"], "friction": values["friction"] or None}
     sections: list[tuple[str, Json]] = [
-        ("[body]", {"radius": 1.0, "poissons_ratio": values["nu"]}),
+        ("[body]", {"radius": 1.0, "poissons_ratio": values["nu"], "ogden": values["ogden"]}),
         *(("[[texture]]", texture) for texture in textures),
         ("[load]", load),
         ("[accuracy]", {"relative": values["relative"]}),

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
+from ridgebayes._types import NEO_HOOKEAN
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import map_ordered
@@ -81,7 +82,7 @@ def generate(
         the same ridges under a body that is deformed largely, as a smooth cylinder is;
         ``"hertz"`` is the smooth closed form in ridge units; ``"cylinder-linear"`` the whole
         cylinder at small strain by finite elements, of sharp, centred textures; ``"cylinder-fe"``
-        all that the scene gives on the whole cylinder, neo-Hookean at finite strain, by finite
+        all that the scene gives on the whole cylinder, at finite strain, by finite
         elements.
     rel_tol : float or None, scalar, dimensionless
         Wanted relative error of each load; None is that of `accuracy`, or the scene's if tighter.
@@ -116,8 +117,8 @@ def generate(
     InputError
         If the solver is unknown, the scene asks for what the solver cannot simulate, or a texture
         has no transition, or over 65,536, under the load. All findings in one message. If workers
-        have another version of this package. If a load is above p/E = 0.5, for "auto" and
-        "two-scale".
+        have another version of this package. If a load is above p/E = 0.5, or 0.1
+        where nu is under 0.3, for "auto" and "two-scale".
     ComputationError
         If workers die, so that a texture cannot be computed.
 
@@ -177,7 +178,8 @@ def generate(
 
 def _tasks(scene: Scene, solver: str, rel_tol: float, meshes: tuple[int, ...]) -> list[TextureTask]:
     # There is nothing to plan where every effect given is simulated anyway.
-    plain = not any(optional_effects(texture) for texture in scene.textures) and not scene.friction
+    plain = not any(optional_effects(texture) for texture in scene.textures)
+    plain = plain and not scene.friction and scene.ogden == NEO_HOOKEAN
     high = max(scene.highest_load(texture) for texture in scene.textures) > HIGHEST_LOAD
     planned = not (plain and ((scene.relative is None and not high) or solver != "auto"))
     by_half_plane = plain and not planned and solver in ("auto", "half-plane", "two-scale")

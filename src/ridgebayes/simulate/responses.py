@@ -80,8 +80,8 @@ def contact_at_loads(
     *Validity.* No friction. "half-plane" is for small strain: within 1 % of finite strain up to
     p/E = 0.015, of moderate grooves. "two-scale" goes to p/E = 0.5; `status` says of loads above
     those at which it was held against finite elements. "auto" is as for `generate`, or two-scale
-    where that would take finite elements. Of contacts of very many ridges nothing is computed, as
-    `status` says.
+    where that would take finite elements; where nu is under 0.3, half-plane to p/E = 0.1. Of
+    contacts of very many ridges nothing is computed, as `status` says.
 
     *Accuracy.* Of a mean count: each change of a count is misplaced by at most a 64th of a pitch.
 
@@ -100,7 +100,7 @@ def contact_at_loads(
         mean = each[0] if len(places) == 1 else each.mean(axis=0)
         count = places[0].Q if len(places) == 1 else mean[0]
         status = next((one.status for one in places if one.status != "ok"), "ok")
-        error = _error(load, places[0].profile, scale, scene.nu)
+        error = _error(load, places[0].profile, scale, scene)
         rows.append([label, load, count, *mean[1:4].tolist(), mean[4] * scale, error, status])
     return pd.DataFrame(rows, columns=RESPONSE_COLUMNS)
 
@@ -166,7 +166,7 @@ def ridge_forces(
         profile, pressing, grooves = found.profile, found.pressing, found.penetrations
         if not found.segments:
             rows.append([label, load, "", -1, *[math.nan] * 6, found.status])
-        error = _error(load, found.profile, scale, scene.nu)
+        error = _error(load, found.profile, scale, scene)
         contacts = zip(found.covered.items(), pressing.forces.tolist(), strict=True)
         for (segment, (left, right)), force in contacts:
             kind, share = "floor" if segment.ridge is None else "ridge", force / pressing.load
@@ -252,9 +252,12 @@ def _of_known_offset(given: Scene | str | os.PathLike[str]) -> Scene:
     return scene
 
 
-def _error(load: float, profile: Profile, scale: float, nu: float) -> float:
+def _error(load: float, profile: Profile, scale: float, scene: Scene) -> float:
     """Return the relative error of a load at large deformation; 0 at small strain."""
-    return 0.0 if scale == 1.0 else float(two_scale.relative_error(load, profile.a, profile.b, nu))
+    if scale == 1.0:
+        return 0.0
+    a, b, nu = profile.a, profile.b, scene.nu
+    return float(two_scale.relative_error(load, a, b, nu, scene.ogden))
 
 
 def _solved(
@@ -285,35 +288,36 @@ def _solved(
         profiles = [one.profile or none for one, none in zip(plans, sharp, strict=True)]
         high = bool(loads.max() > HIGHEST_LOAD)
         solvers = ["two-scale" if high else one.solver for one in plans]
-        if scene.nu < two_scale.LEAST_NU:
-            solvers = ["half-plane"] * len(plans)
     for texture, profile, chosen in zip(scene.textures, profiles, solvers, strict=True):
         label = texture_label(texture.a_over_R, texture.b_over_R)
         offsets = _OFFSETS if texture.offset == "uniform" else [profile.offset]
         places = [replace(profile, offset=offset) for offset in offsets]
         by_body = np.ones_like(loads)
-        if chosen != "half-plane":
-            by_body = two_scale.width_ratio(loads, scene.nu) ** -2.0
+        if solver == "auto" and scene.nu < two_scale.LEAST_NU:
+            by_body[loads > HIGHEST_LOAD] = math.nan
+        elif chosen != "half-plane":
+            by_body = two_scale.width_ratio(loads, scene.nu, scene.ogden) ** -2.0
         for load, scale, found in zip(
             loads.tolist(),
             by_body.tolist(),
-            zip(*(_pressed(one, scene.nu, loads, by_body, rel_tol) for one in places), strict=True),
+            zip(*(_pressed(one, scene, loads, by_body, rel_tol) for one in places), strict=True),
             strict=True,
         ):
             yield label, load, found, scale
 
 
 def _pressed(
-    profile: Profile, nu: float, loads: FloatArray, by_body: FloatArray, rel_tol: float
+    profile: Profile, scene: Scene, loads: FloatArray, by_body: FloatArray, rel_tol: float
 ) -> list[ContactSolution]:
     """Return the contact at each load; that of the half-plane at the load over `by_body`."""
     within = np.isfinite(by_body)
-    W = load_factor(nu) * loads[within] / by_body[within]
+    W = load_factor(scene.nu) * loads[within] / by_body[within]
+    checked = two_scale.checked(scene.ogden)
     solved = iter(solve_many_contacts(profile, W, rel_tol=rel_tol))
     found = [next(solved) if one else no_solution(profile, two_scale.BEYOND) for one in within]
     return [
         replace(one, status=two_scale.UNCHECKED)
-        if scale != 1.0 and load > two_scale.CHECKED and one.status == "ok"
+        if scale != 1.0 and load > checked and one.status == "ok"
         else one
         for load, scale, one in zip(loads, by_body, found, strict=True)
     ]

@@ -1,6 +1,7 @@
 """Loads of one texture: which solver, which transitions, what it said of each."""
 
 import importlib.metadata
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ridgebayes._types import FloatArray, IntArray, Json
+from ridgebayes._types import NEO_HOOKEAN, FloatArray, IntArray, Json, Ogden
 from ridgebayes.contact import halfplane, hertz, two_scale
 from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.many_textures import LoadFunction, load_function
@@ -88,7 +89,11 @@ class TextureTask:
 
     def at_half_plane_load(self) -> "TextureTask":
         """Return the task up to the load under which a half-plane does what the body does."""
-        p_max = float(two_scale.half_plane_load(self.p_max, self.scene.nu))
+        nu, ogden = self.scene.nu, self.scene.ogden
+        p_max = float(two_scale.half_plane_load(self.p_max, nu, ogden))
+        if math.isnan(p_max):
+            reach = two_scale.reach(nu, ogden)
+            raise InputError(f"load: expected at most p/E = {reach:g}, as far as its material goes")
         texture = self.texture.model_copy(update={"max_p_over_E": p_max})
         return replace(self, scene=self.scene.model_copy(update={"textures": (texture,)}))
 
@@ -143,13 +148,9 @@ def transition_curves(
     if solver == "hertz" or profile is None:
         yield _curve(task, _many(task, _hertz), "hertz", "effects=none")
         return
-    names = ["ridges", *optional_effects(texture)]
-    if solver == "auto":
-        names = [name for name in names if name in one.simulated or not one.effects]
-    if by_elements or two_scales:
-        names += ["finite body and large deformation"]
-    if by_elements and scene.friction > 0:
-        names += ["friction"]
+    names = _simulated(task, one, chosen)
+    if "material" not in names:
+        task = replace(task, scene=scene.model_copy(update={"ogden": NEO_HOOKEAN}))
     effects = "effects=" + "+".join(names).replace(" ", "-")
     if solver == "cylinder-linear":
         edges = task.meshes[0]
@@ -168,7 +169,22 @@ def transition_curves(
         with_reach = task.at_half_plane_load() if two_scales else task
         found = _many(with_reach, _half_plane) if sharp else _events(here, with_reach)
         curve = _curve(task, found, "half-plane", how, offset)
-        yield _two_scale(curve) if two_scales else curve
+        yield _two_scale(curve, task.scene.ogden) if two_scales else curve
+
+
+def _simulated(task: TextureTask, one: Plan, chosen: str) -> list[str]:
+    """Return the names of the effects that a solver simulates."""
+    scene, large = task.scene, chosen in ("cylinder-fe", "two-scale")
+    names = ["ridges", *optional_effects(task.texture)]
+    if scene.ogden != NEO_HOOKEAN and large:
+        names += ["material"]
+    if task.solver == "auto":
+        names = [name for name in names if name in one.simulated or not one.effects]
+    if large:
+        names += ["finite body and large deformation"]
+    if chosen == "cylinder-fe" and scene.friction > 0:
+        names += ["friction"]
+    return names
 
 
 def _curve(
@@ -214,14 +230,15 @@ def chosen_solver(one: Plan, solver: str) -> str:
     return one.solver if solver == "auto" else solver
 
 
-def _two_scale(curve: Curve) -> Curve:
+def _two_scale(curve: Curve, ogden: Ogden) -> Curve:
     """Return a curve of half-plane loads at the loads that do so at large deformation."""
-    loads = two_scale.load_of(curve.p_over_E, curve.nu)
-    error = two_scale.relative_error(loads, curve.a_over_R, curve.b_over_R, curve.nu)
+    nu = curve.nu
+    loads = two_scale.load_of(curve.p_over_E, nu, ogden)
+    error = two_scale.relative_error(loads, curve.a_over_R, curve.b_over_R, nu, ogden)
     if curve.offset_over_R:
         error = np.hypot(error, two_scale.OFF_CENTRE)
     said = (
-        two_scale.UNCHECKED if one == "ok" and p > two_scale.CHECKED else one
+        two_scale.UNCHECKED if one == "ok" and p > two_scale.checked(ogden) else one
         for one, p in zip(curve.status, loads.tolist(), strict=True)
     )
     return replace(
@@ -284,7 +301,14 @@ def _elements(
 
     last, scene, p_max = 3, task.scene, task.p_max  # a table holds transitions from Q = 4 on
     for edges in task.meshes:
-        body = Cylinder(profile, p_max=p_max, nu=scene.nu, friction=scene.friction, edges=edges)
+        body = Cylinder(
+            profile,
+            p_max=p_max,
+            nu=scene.nu,
+            friction=scene.friction,
+            edges=edges,
+            ogden=scene.ogden,
+        )
         reached: list[Transition] = []
         Q, p_over_E, words = transition_curve(body, p_max, seen=reached.append)
         status = np.array(words, dtype=np.str_)

@@ -9,8 +9,11 @@ def energy_density(material, F):
     """Return the stored energy over E where the volume may change; shape (...)."""
     if material.finite:
         J = jacobian(F)
-        first = np.einsum("...ij,...ij->...", F, F) + 1.0
-        shear = 0.5 * material.mu * (J ** (-2.0 / 3.0) * first - 3.0)
+        stretches = np.linalg.svd(F, compute_uv=False) * J[..., None] ** (-1.0 / 3.0)
+        shear = np.zeros_like(J)
+        for share, m in material.ogden:
+            powers = (stretches**m).sum(axis=-1) + J ** (-m / 3.0)
+            shear += 2.0 * material.mu * share / m**2 * (powers - 3.0)
         volume = J - 1.0
     else:
         H = F - np.eye(2)

@@ -4,13 +4,21 @@ import math
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from ridgebayes.contact.cylinder.material import Material, cofactor, jacobian
 from ridgebayes.errors import InputError
 from tests.contact.cylinder.energy import energy_density
 
 NU = [0.0, 0.3, 0.49]
+STIFF = ((0.6, 2.0), (0.4, 9.0))
 KINDS = [pytest.param(True, id="finite"), pytest.param(False, id="linear")]
+MATERIALS = [
+    pytest.param((True,), id="finite"),
+    pytest.param((False,), id="linear"),
+    pytest.param((True, STIFF), id="stiffening"),
+    pytest.param((True, ((0.7, 2.0), (0.3, -2.0))), id="Mooney-Rivlin"),
+]
 STEP = 1e-5
 
 
@@ -41,10 +49,10 @@ def pressure_of(material, F):
     return change / material.compressibility
 
 
-@pytest.mark.parametrize("finite", KINDS)
+@pytest.mark.parametrize("kind", MATERIALS)
 @pytest.mark.parametrize("nu", NU)
-def test_stress__is_the_derivative_of_the_energy(nu, finite):
-    material, F = Material(nu, finite), gradients()
+def test_stress__is_the_derivative_of_the_energy(nu, kind):
+    material, F = Material(nu, *kind), gradients()
     stress = material.stress(F, pressure_of(material, F))
     for i, j, dF in directions():
         slope = (energy_density(material, F + dF) - energy_density(material, F - dF)) / (2 * STEP)
@@ -52,19 +60,20 @@ def test_stress__is_the_derivative_of_the_energy(nu, finite):
         np.testing.assert_allclose(slope, stress[:, i, j], atol=2e-8)
 
 
-@pytest.mark.parametrize("finite", KINDS)
-def test_stress__without_pressure_is_that_of_the_energy_that_ignores_volume(finite):
-    material, F = Material(0.5, finite), gradients()
+@pytest.mark.parametrize("kind", MATERIALS)
+def test_stress__without_pressure_is_that_of_the_energy_that_ignores_volume(kind):
+    material, F = Material(0.5, *kind), gradients()
     stress = material.stress(F, np.zeros(len(F)))
     for i, j, dF in directions():
         slope = (energy_density(material, F + dF) - energy_density(material, F - dF)) / (2 * STEP)
         np.testing.assert_allclose(slope, stress[:, i, j], atol=1e-9)  # finite differences
 
 
-@pytest.mark.parametrize("finite", KINDS)
+@pytest.mark.parametrize("size", [0.3, 0.02])
+@pytest.mark.parametrize("kind", MATERIALS)
 @pytest.mark.parametrize("nu", [*NU, 0.5])
-def test_stiffness__is_the_derivative_of_the_stress_at_fixed_pressure(nu, finite):
-    material, F = Material(nu, finite), gradients()
+def test_stiffness__is_the_derivative_of_the_stress_at_fixed_pressure(nu, kind, size):
+    material, F = Material(nu, *kind), gradients(size=size)
     p = np.random.default_rng(2).uniform(-0.5, 0.5, len(F))
     stiffness = material.stiffness(F, p)
     assert stiffness.shape == (len(F), 2, 2, 2, 2)
@@ -74,10 +83,10 @@ def test_stiffness__is_the_derivative_of_the_stress_at_fixed_pressure(nu, finite
         np.testing.assert_allclose(slope, stiffness[..., k, m], atol=1e-8)
 
 
-@pytest.mark.parametrize("finite", KINDS)
-def test_stiffness__has_major_symmetry(finite):
+@pytest.mark.parametrize("kind", MATERIALS)
+def test_stiffness__has_major_symmetry(kind):
     F = gradients()
-    found = Material(0.3, finite).stiffness(F, np.linspace(-0.5, 0.5, len(F)))
+    found = Material(0.3, *kind).stiffness(F, np.linspace(-0.5, 0.5, len(F)))
     # Rounding.
     np.testing.assert_allclose(found, found.transpose(0, 3, 4, 1, 2), atol=1e-14)
 
@@ -165,6 +174,56 @@ def test_stretch_without_volume__needs_the_textbooks_stress():
     assert energy_density(material, F) == pytest.approx(
         mu / 2 * (stretch - 1 / stretch) ** 2, abs=1e-14
     )
+
+
+@pytest.mark.parametrize("ogden", [STIFF, ((1.0, -3.0),), ((0.5, 1.0), (0.5, 20.0))])
+@pytest.mark.parametrize("stretch", [0.7, 1.0 + 1e-9, 1.02, 1.3])
+def test_stretch_without_volume__needs_ogdens_stress(ogden, stretch):
+    """Plane strain, nu = 0.5, free sides: sigma_1 = sum of 2 mu c/m (l^m - l^-m)."""
+    material, F = Material(0.5, ogden=ogden), np.diag([stretch, 1.0 / stretch])
+    free = material.stress(F, np.array(0.0))
+    p = -free[1, 1] / stretch  # cof(F)_22 = stretch
+    cauchy = material.stress(F, np.array(p)) @ F.T
+    expected = sum(2 / 3 * c / m * (stretch**m - stretch**-m) for c, m in ogden)
+    np.testing.assert_allclose(cauchy, np.diag([expected, 0.0]), rtol=1e-12, atol=1e-13)  # rounding
+
+
+@pytest.mark.parametrize("nu", NU)
+def test_a_block_free_at_its_sides__is_stretched_as_ogdens_energy_says(nu):
+    """The sides' stretch makes the energy least; the force is the energy's slope."""
+    material, stretch = Material(nu, ogden=STIFF), 1.25
+
+    def energy(along, across):
+        return float(energy_density(material, np.diag([along, across])))
+
+    across = optimize.minimize_scalar(
+        lambda x: energy(stretch, x), bounds=(0.6, 1.2), method="bounded", options={"xatol": 1e-10}
+    ).x
+    F = np.diag([stretch, across])
+    stress = material.stress(F, pressure_of(material, F))
+    slope = (energy(stretch + STEP, across) - energy(stretch - STEP, across)) / (2 * STEP)
+    # Finite differences, and where the least energy is found: the root of rounding.
+    np.testing.assert_allclose(stress, np.diag([slope, 0.0]), atol=3e-7)
+
+
+def test_mooney_and_rivlin__are_neo_hookean_where_the_volume_cannot_change():
+    F = gradients()
+    F /= np.sqrt(jacobian(F))[:, None, None]
+    mooney = Material(0.5, ogden=((0.7, 2.0), (0.3, -2.0)))
+    apart = mooney.stress(F, np.zeros(len(F))) - Material(0.5).stress(F, np.zeros(len(F)))
+    pressure = np.einsum("nij,nij->n", apart, cofactor(F)) / np.einsum("nij,nij->n", F, F)
+    # Rounding: all that differs is a pressure.
+    np.testing.assert_allclose(apart, pressure[:, None, None] * cofactor(F), atol=1e-14)
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_ogden__tends_to_neo_hookean_with_its_exponents_and_shares(nu):
+    F, p = gradients(), np.linspace(-0.1, 0.1, 20)
+    limit = Material(nu).stress(F, p)
+    for near in (((1.0, 2.0 + 1e-6),), ((1.0 - 1e-6, 2.0), (1e-6, 9.0))):
+        found = Material(nu, ogden=near).stress(F, p)
+        np.testing.assert_allclose(found, limit, atol=2e-5)  # order: in proportion to 1e-6
+        assert np.abs(found - limit).max() > 1e-8
 
 
 @pytest.mark.parametrize("nu", NU)

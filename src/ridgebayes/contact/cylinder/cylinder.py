@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ridgebayes._types import FloatArray, IntArray
+from ridgebayes._types import NEO_HOOKEAN, FloatArray, IntArray, Ogden
 from ridgebayes.contact import hertz
 from ridgebayes.contact.cylinder.contact_problem import ContactProblem, State
 from ridgebayes.contact.cylinder.faces import (
@@ -75,11 +75,13 @@ class Cylinder:
     p_max : float
         Largest load that will be asked for: the mesh is made for it.
     finite : bool, optional
-        Finite strain, neo-Hookean; or a linear material that follows the contact as it moves.
+        Finite strain; or a linear material that follows the contact as it moves.
     friction : float, optional
         Coulomb's coefficient.
     edges : float, optional
         Edges of the rim over a ridge's width.
+    ogden : tuple of (float, float), optional
+        As of `Material`; neo-Hookean if not given.
 
     Raises
     ------
@@ -96,6 +98,7 @@ class Cylinder:
         finite: bool = True,
         friction: float = 0.0,
         edges: float = 24.0,
+        ogden: Ogden = NEO_HOOKEAN,
     ) -> None:
         if not friction >= 0:
             raise InputError(f"friction = {friction!r}; expected >= 0")
@@ -103,7 +106,7 @@ class Cylinder:
             raise InputError(f"p_max = {p_max!r}; expected over 0 and at most 1")
         self.profile = profile
         self.mirrored = profile is None or profile.mirrored
-        material = Material(nu, finite)
+        material = Material(nu, finite, ogden)
         # Wider than the half-plane's: bodies on ridges reach further, and mesh costs little there.
         self._reach = min(1.2 * float(hertz.half_width(p_max, nu=nu)) + 0.02, 1.2)
         sizes = _Sizes.of(profile, self._reach, edges, p_max)

@@ -1,4 +1,4 @@
-"""Stress and stiffness of the body in plane strain: linear, or neo-Hookean at any strain.
+"""Stress and stiffness of the body in plane strain: linear, or Ogden's at any strain.
 
 The mean stress is a field of its own, p, so that nothing becomes infinite at nu = 0.5; its equation
 is J - 1 - p/K = 0 (its trace at small strain). What is here is the rest: the stress P(F, p) and its
@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import NEO_HOOKEAN, FloatArray, Ogden
 from ridgebayes.errors import InputError
 
 _IDENTITY = np.eye(2)
+_NEAR, _N_TAYLOR = 0.1, 6
 # d cof(F)_iJ / d F_kL of a plane F: cof(F) = [[F22, -F21], [-F12, F11]].
 _COFACTOR = np.zeros((2, 2, 2, 2))
 _COFACTOR[0, 0, 1, 1] = _COFACTOR[1, 1, 0, 0] = 1.0
@@ -28,12 +29,17 @@ class Material:
     nu : float, scalar, dimensionless
         Poisson's ratio, 0 to 0.5, both included.
     finite : bool
-        Neo-Hookean at finite strain, W = mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2 with I1 of the
-        three-dimensional F; or linear.
+        At finite strain, or linear.
+    ogden : tuple of (float, float), optional
+        Terms of W = sum of 2 mu c/m^2 (J^(-m/3) (l1^m + l2^m + 1) - 3), + K/2 (J - 1)^2, at finite
+        strain: c, a share of the shear modulus mu, and m, the exponent of the stretches l1 and l2.
+        One term of m = 2 is neo-Hookean; those of m = 2 and -2 are Mooney and Rivlin's, in plane
+        strain at nu = 0.5 the same. Larger exponents stiffen.
     """
 
     nu: float = 0.5
     finite: bool = True
+    ogden: Ogden = NEO_HOOKEAN
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.nu <= 0.5:
@@ -57,11 +63,9 @@ class Material:
             strain = 0.5 * (H + np.swapaxes(H, -1, -2))
             deviator = strain - trace / 3.0 * _IDENTITY
             return np.asarray(2.0 * self.mu * deviator + p[..., None, None] * _IDENTITY)
-        J, cof = jacobian(F), cofactor(F)
-        first = np.einsum("...ij,...ij->...", F, F) + 1.0
-        scale = self.mu * J ** (-2.0 / 3.0)
-        hydrostatic = (p - scale * first / (3.0 * J))[..., None, None] * cof
-        return np.asarray(scale[..., None, None] * F + hydrostatic)
+        two = (..., None, None)
+        slopes = self._slopes(F)
+        return np.asarray(2.0 * slopes.by_s[two] * F + (slopes.by_J + p)[two] * cofactor(F))
 
     def stiffness(self, F: FloatArray, p: FloatArray) -> FloatArray:
         """Return dP/dF at fixed p, shape (..., 2, 2, 2, 2)."""
@@ -71,18 +75,67 @@ class Material:
             outer = np.einsum("ij,kl->ijkl", _IDENTITY, _IDENTITY)
             one = self.mu * (eye4 + swap - 2.0 / 3.0 * outer)
             return np.broadcast_to(one, (*F.shape[:-2], 2, 2, 2, 2))
-        J, cof = jacobian(F), cofactor(F)
-        inverse = cof / J[..., None, None]  # F^-T
-        first = np.einsum("...ij,...ij->...", F, F) + 1.0
-        scale = self.mu * J ** (-2.0 / 3.0)
-        mixed = np.einsum("...ij,...kl->...ijkl", F, inverse)
-        found = eye4 - 2.0 / 3.0 * (mixed + np.moveaxis(mixed, (-4, -3), (-2, -1)))
-        four = (..., None, None, None, None)
-        outer = np.einsum("...ij,...kl->...ijkl", inverse, inverse)
-        found = found + (2.0 / 9.0 * first)[four] * outer
-        found = found + (first / 3.0)[four] * np.einsum("...il,...kj->...ijkl", inverse, inverse)
-        value: FloatArray = scale[four] * found + p[four] * _COFACTOR
-        return value
+        slopes, cof, four = self._slopes(F), cofactor(F), (..., None, None, None, None)
+        mixed = np.einsum("...ij,...kl->...ijkl", F, cof)
+        mixed = mixed + np.moveaxis(mixed, (-4, -3), (-2, -1))
+        found = 2.0 * slopes.by_s[four] * eye4 + 2.0 * slopes.by_sJ[four] * mixed
+        found = found + 4.0 * slopes.by_ss[four] * np.einsum("...ij,...kl->...ijkl", F, F)
+        found = found + slopes.by_JJ[four] * np.einsum("...ij,...kl->...ijkl", cof, cof)
+        return np.asarray(found + (slopes.by_J + p)[four] * _COFACTOR)
+
+    def _slopes(self, F: FloatArray) -> "_Slopes":
+        """Return the derivatives of the energy without its last part."""
+        square, J = np.einsum("...ij,...ij->...", F, F), jacobian(F)
+        total = np.zeros((5, *J.shape))
+        for share, exponent in self.ogden:
+            total += 2.0 * self.mu * share / exponent**2 * _ogden_slopes(square, J, exponent)
+        return _Slopes(*total)
+
+
+@dataclass(frozen=True, eq=False)
+class _Slopes:
+    """Derivatives of an energy by s = F:F of the plane F and by J, its determinant."""
+
+    by_s: FloatArray
+    by_J: FloatArray
+    by_ss: FloatArray
+    by_sJ: FloatArray
+    by_JJ: FloatArray
+
+
+def _ogden_slopes(square: FloatArray, J: FloatArray, exponent: float) -> FloatArray:
+    """Return the derivatives of J^(-m/3) (l1^m + l2^m + 1), m the exponent, as of `_Slopes`.
+
+    With c = F:F/2J, the sum of both stretches' powers is 2 J^(m/2) T(c), T(cosh t) = cosh(m t/2).
+    """
+    c, third, sixth = 0.5 * square / J, exponent / 3.0, exponent / 6.0
+    T, dT, ddT = _chebyshev(c, 0.5 * exponent)
+    h, alone = J**sixth, third * J ** (-third - 1.0)
+    return np.stack(
+        [
+            h * dT / J,
+            2.0 * h / J * (sixth * T - c * dT) - alone,
+            0.5 * h * ddT / J**2,
+            h / J**2 * ((sixth - 1.0) * dT - c * ddT),
+            2.0 * h / J**2 * (sixth * (sixth - 1.0) * T + 2.0 * (1.0 - sixth) * c * dT + c**2 * ddT)
+            + (third + 1.0) * alone / J,
+        ]
+    )
+
+
+def _chebyshev(c: FloatArray, n: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return T(c) = cosh(n arccosh c) of c >= 1, any real n, and its first two derivatives."""
+    above = np.maximum(c - 1.0, 0.0)
+    s = np.arccosh(1.0 + above)
+    near = s < _NEAR / max(abs(n), 1.0)  # where both stretches are nearly the same
+    far = np.where(near, 1.0, s)
+    T, dT = np.cosh(n * s), n * np.sinh(n * far) / np.sinh(far)
+    ddT = (n**2 * T - c * dT) / np.sinh(far) ** 2  # Chebyshev's equation
+    # Taylor's series about c = 1.
+    terms = np.cumprod([(n**2 - j**2) / ((2 * j + 1) * max(j, 1)) for j in range(_N_TAYLOR)])
+    dT = np.where(near, np.polynomial.polynomial.polyval(above, terms), dT)
+    second = np.polynomial.polynomial.polyder(terms)
+    return T, dT, np.where(near, np.polynomial.polynomial.polyval(above, second), ddT)
 
 
 def jacobian(F: FloatArray) -> FloatArray:
