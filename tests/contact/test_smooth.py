@@ -45,7 +45,7 @@ def test_half_widths__narrow_as_the_body_stiffens():
 
 
 def test_stiffening__ends_where_there_is_no_equilibrium(monkeypatch):
-    monkeypatch.setattr(smooth, "_LOADS", {0.11: (0.07, 0.085, 0.1), 0.52: (0.2,)})
+    monkeypatch.setattr(smooth, "_LOADS", {0.11: (0.06, 0.07, 0.08, 0.09, 0.1), 0.52: (0.2,)})
     monkeypatch.setattr(smooth, "_EDGES", 10.0)
     whole = smooth.half_widths
 
@@ -69,6 +69,6 @@ def test_stiffening__is_that_of_a_finer_mesh(nu):
     assert reach == 0.5
     finer = widths(STIFF, nu, 32.0) / widths(NEO_HOOKEAN, nu, 32.0)
     ratio = np.polynomial.polynomial.polyval(np.sqrt(LOADS), found) + 1
-    np.testing.assert_allclose(ratio, finer, atol=5e-4)  # discretisation
+    np.testing.assert_allclose(ratio, finer, atol=2.5e-3)  # discretisation
     product = width_ratio(0.3, nu, STIFF) / width_ratio(0.3, nu)
     assert product == pytest.approx(1 + np.polyval(found[::-1], math.sqrt(0.3)), rel=1e-12)

@@ -40,7 +40,7 @@ _FINITE_BODY = 0.45
 _PER_PRESS, _PER_CUBE = 8e-4, 3e-11  # CPU seconds of a solution: fixed, and times unknowns cubed
 _MOST_LOOKED_AT = 64
 _PER_TRANSITION, _PER_TWO_SCALE = 5.0, 1e-3  # CPU seconds, of finite elements and two-scale
-_PER_MATERIAL = 10.0  # CPU seconds, of a smooth body
+_PER_MATERIAL = 15.0  # CPU seconds, of a smooth body
 
 
 def plan(scene: Scene) -> list[Plan]:
