@@ -1,11 +1,13 @@
+import numpy as np
+
 import ridgebayes as rb
 from ridgebayes.comparison.cautions import cautions
 from ridgebayes.inference.presets import QUICK
 
 
-def _compared(frame):
+def _compared(frame, noise="step"):
     table = rb.ContactTable.from_frame(frame)
-    return rb.compare(table, rb.Modified(), noise="step", accuracy=QUICK)
+    return rb.compare(table, rb.Modified(), noise=noise, accuracy=QUICK)
 
 
 def test_cautions__loads_in_other_units_contradict_the_prior(paper):
@@ -20,4 +22,13 @@ def test_cautions__loads_in_other_units_contradict_the_prior(paper):
 
 def test_cautions__rows_that_are_taken_as_independent(paper):
     (told,) = cautions(rb.compare(paper, rb.Modified(), noise="iid", accuracy=QUICK))
-    assert told.startswith("Rows are not independent")
+    assert told.startswith("Errors of rows were taken as independent, and no other error model")
+
+
+def test_cautions__rows_that_the_evidence_says_are_independent(paper):
+    frame = paper.calibration.frame
+    places = (frame[name].to_numpy() for name in ("Q", "a_over_R", "b_over_R"))
+    errors = 0.01 * np.random.default_rng(2).standard_normal(len(frame))
+    drawn = _compared(frame.assign(p_over_E=rb.Modified().load(*places) * np.exp(errors)), "auto")
+    assert drawn.noise.name == "iid"
+    assert cautions(drawn) == ()

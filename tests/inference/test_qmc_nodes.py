@@ -1,13 +1,16 @@
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import stats
 
 from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.inference.qmc_nodes import compress
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.predict.predict import predict_q
+from ridgebayes.table.table import ContactTable
 
 LOADS = np.geomspace(5e-4, 0.02, 60)
 
@@ -18,6 +21,17 @@ def exact(paper):
     model = Model(Observations.from_table(paper), Hybrid(), Noise.named("iid"))
     fit, _ = importance_posterior(model, seed=11, n_draw=131_072)
     return fit.model.to_theta(fit.chains.u.reshape(-1, 3))
+
+
+def test_nodes__of_two_rows_are_finite_although_some_would_overflow():
+    """So little is known that nodes far out have a coefficient that no float holds."""
+    frame = pd.DataFrame({"a_over_R": 0.02, "b_over_R": 0.02, "Q": [4, 6]})
+    table = ContactTable.from_frame(frame.assign(p_over_E=[8.415e-4, 3.3438e-3]))
+    model = Model(Observations.from_table(table), Hybrid())
+    fit, _ = importance_posterior(model, seed=1, n_draw=512)
+    found = compress(model, fit.laplace, fit.chains.u.reshape(-1, 3), 2048, seed=1)
+    assert np.isfinite(found.theta).all()
+    assert 1900 < len(found.u) < 2048
 
 
 @pytest.mark.slow

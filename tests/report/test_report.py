@@ -133,7 +133,7 @@ def test_first_words_are_the_answer(page, comparison):
     assert {factor["form_a"], factor["form_b"]} == {"modified", "hybrid"}
     assert f"ln Bayes factor of Hybrid over Modified, the next, is {-factor['ln_bf']:.1f};" in head
     assert "On these 9 textures up to the observed loads, Hybrid and Modified predict" in head
-    assert "Rows are not independent" in head
+    assert "Errors of rows were taken as independent" in head
     assert "The evidence for Half-plane is decisive among the forms compared." in head
     assert f"table SHA-256 {comparison.table.digest()[:12]} · ridgebayes" in head
 

@@ -9,8 +9,9 @@ from ridgebayes.runtime.text import count
 
 _OF_NOISE = {
     "rows are not independent": (
-        "Rows are not independent: the errors of a form repeat within a texture and from step to "
-        "step. Ignoring correlation makes posteriors too narrow and overstates Bayes factors."
+        "Errors of rows were taken as independent, and no other error model was weighed. Where "
+        "they repeat within a texture or from step to step, this makes posteriors too narrow and "
+        "overstates Bayes factors."
     )
 }
 _CONFLICT = 4.0  # prior sds from a prior's centre at which loads contradict it
@@ -31,7 +32,8 @@ def cautions(comparison: Comparison) -> tuple[str, ...]:
             f"{count(n_repeated, 'row')} with the load of another source, solver or series to all "
             "digits. Copies count twice: leave one of each out."
         )
-    if caution := comparison.noise.caution:
+    caution = comparison.noise.caution
+    if caution and comparison.evidence["noise"].nunique() == 1:
         found.append(_OF_NOISE.get(caution, caution))
     for name in forms_by_probability(comparison)[:1]:
         found += _contradicted(comparison.fits[name])

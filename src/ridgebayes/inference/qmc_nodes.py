@@ -102,7 +102,8 @@ def compress(
         if not effective > _LEAST_EFFECTIVE or not pareto_k(log_weight[here]) < K_MAX:
             return None
         weight[here, side] = relative
-    return Nodes(u, model.to_theta(u), weight, cube[:, d])
+    held = weight.any(axis=1)  # far out parameters overflow, at no weight
+    return Nodes(u[held], model.to_theta(u[held]), weight[held], cube[held, d])
 
 
 def _sobol(d: int, n: int, rng: np.random.Generator) -> FloatArray:
