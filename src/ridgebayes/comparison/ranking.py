@@ -40,7 +40,7 @@ def factors_by_method(comparison: Comparison, against: str) -> pd.DataFrame:
         has none). First with the error models summed out, where several were weighed; the methods
         are of the printed one. Savage-Dickey where the pair is Modified and Hybrid.
     """
-    usable = comparison.own_evidence[comparison.own_evidence["status"] == "ok"]
+    usable = comparison.own_evidence.query("status == 'ok'").drop_duplicates(["form", "method"])
     other = usable[usable["form"] == against].set_index("method")
     every = comparison.bayes_factors
     rows = _against(every[every["noise"] == SUMMED].assign(method=SUMMED), against)

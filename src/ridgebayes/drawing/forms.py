@@ -150,7 +150,7 @@ def plot_slopes(slopes: pd.DataFrame) -> Figure:
     Parameters
     ----------
     slopes : pandas.DataFrame
-        Columns form, pitch, K, K_lower, K_upper. Without Classic, whose intercept differs.
+        Columns form, pitch, K, K_lower, K_upper, prob. Without Classic, whose intercept differs.
 
     Returns
     -------
@@ -160,6 +160,7 @@ def plot_slopes(slopes: pd.DataFrame) -> Figure:
     figure = new_figure(WIDTH, 3.9)
     left, right = figure.subplots(1, 2)
     step = 0.018 * (slopes["pitch"].max() - slopes["pitch"].min())
+    level = f"{100 * slopes['prob'].iloc[0]:g} %"
     for axes, scaled in ((left, False), (right, True)):
         for form in dict.fromkeys(slopes["form"]):
             rows = slopes[slopes["form"] == form].sort_values("pitch")
@@ -171,7 +172,10 @@ def plot_slopes(slopes: pd.DataFrame) -> Figure:
             k, low, high = (rows[c].to_numpy() * factor for c in ("K", "K_lower", "K_upper"))
             if form == "modified":  # one number for all textures: a line
                 axes.plot(pitch, k, linewidth=1.4, color=colour, label=title_of(form))
-                axes.fill_between(pitch, low, high, color=colour, alpha=0.2, linewidth=0)
+                label = f"{title_of(form)}, {level} band"
+                axes.fill_between(
+                    pitch, low, high, color=colour, alpha=0.2, linewidth=0, label=label
+                )
                 continue
             axes.errorbar(
                 # Beside the power law's own, not on it.
@@ -182,7 +186,7 @@ def plot_slopes(slopes: pd.DataFrame) -> Figure:
                 markersize=5,
                 capsize=2,
                 elinewidth=1.1,
-                **look_of(form),
+                **(look_of(form) | {"label": f"{title_of(form)}, {level} bar"}),
             )
         axes.xaxis.set_major_locator(MaxNLocator(6))
         axes.set_xlabel("pitch $L = (a + b)/R$ (dimensionless)")
@@ -239,7 +243,7 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str, noise: str = "iid") -> 
         height = i + 0.31 * (1 / len(rows) - 1) if is_summed else i
         room = middle > 0.6 * lowest  # else the number would stand outside on the left
         axes.annotate(
-            f"{middle:.1f}".replace("-", MINUS),
+            f"{round(middle, 1) + 0.0:.1f}".replace("-", MINUS),
             (middle, height),
             xytext=(-10 if room else 10, 0),
             textcoords="offset points",
@@ -265,7 +269,7 @@ def _labels(methods: Iterable[str], noise: str) -> list[str]:
     methods = list(methods)
     if _SUMMED not in methods:
         return [plain(method) for method in methods]
-    others = [plain(f"{method} ({noise})") for method in methods if method != _SUMMED]
+    others = [plain(f"{method} ({noise})", 40) for method in methods if method != _SUMMED]
     return ["error models summed out", *others]
 
 

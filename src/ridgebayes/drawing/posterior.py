@@ -23,7 +23,7 @@ from ridgebayes.drawing.style import (
 )
 
 _N_BIN = 40
-_SHOWN = 0.998  # share of the draws that the axis holds: single far ones would squeeze the rest
+_REACH = 4  # widths of their middle half to which draws are shown: far ones would squeeze the rest
 
 
 @styled()
@@ -128,14 +128,27 @@ def plot_traces(form: str, summary: pd.DataFrame, theta: FloatArray, *, n_parame
     """
     n_ensemble, n_step, n_walker, n = theta.shape
     powers = _powers(theta.reshape(-1, n)).tolist()
-    figure, panels = panel_grid(n, 1.6, 0.7, labels=("kept step", ""), sharex=True)
+    figure, panels = panel_grid(n, 1.6, 1.0, labels=("kept step", ""), sharex=True)
     steps = np.arange(1, n_step + 1)
     for i, (axes, power) in enumerate(zip(panels, powers, strict=True)):
         row = summary.iloc[i]
         mean, half = row["mean"] * 10.0**power, 1.96 * row["sd"] * 10.0**power / np.sqrt(n_walker)
-        axes.axhspan(mean - half, mean + half, color="#000000", alpha=0.08, linewidth=0)
+        axes.axhspan(
+            mean - half,
+            mean + half,
+            color="#000000",
+            alpha=0.12,
+            linewidth=0,
+            label=f"95 % of means of {n_walker} independent draws",
+        )
         for k, ensemble in enumerate(theta[..., i] * 10.0**power):
-            axes.plot(steps, ensemble.mean(axis=1), linewidth=1.0, color=_ensemble_colour(k))
+            axes.plot(
+                steps,
+                ensemble.mean(axis=1),
+                linewidth=1.0,
+                color=_ensemble_colour(k),
+                label=f"ensemble {k + 1}",
+            )
         axes.set_title(
             f"{_scaled(row['parameter'], power)}\n"
             f"R-hat {row['r_hat']:.4f}, ESS {row['ess_bulk']:,.0f}",
@@ -149,6 +162,7 @@ def plot_traces(form: str, summary: pd.DataFrame, theta: FloatArray, *, n_parame
         f"{note}",
         fontsize=10,
     )
+    shared_legend(figure, panels[0], n_column=3)
     return figure
 
 
@@ -174,8 +188,10 @@ def plot_posterior_checks(
     figure, panels = panel_grid(len(quantities), 1.55, 0.9)
     for axes, (title, values) in zip(panels, quantities.items(), strict=True):
         observed, replicated, p_value = values
-        both = np.concatenate([replicated, observed])
-        low, high = np.quantile(both, [0.5 - _SHOWN / 2, 0.5 + _SHOWN / 2])
+        first, third = np.quantile(replicated, [0.25, 0.75])
+        near = np.abs(replicated - (first + third) / 2) <= _REACH * (third - first)
+        both = np.concatenate([replicated[near], np.quantile(observed, [0.05, 0.95])])
+        low, high = both.min(), both.max()
         edges = np.linspace(low, high if high > low else low + 1, _N_BIN + 1).tolist()
         axes.hist(
             replicated, edges, density=True, color=colour_of(form), alpha=0.5, label="replicated"

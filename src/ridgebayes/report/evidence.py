@@ -25,6 +25,8 @@ from ridgebayes.report.wording import (
     with_error,
 )
 
+_NEGLIGIBLE = " Negligible: of a probability under 1e-4, so that nothing rests on the fit."
+
 
 def evidence_section(data: ReportData) -> list[Block]:
     """Return log evidences, Bayes factors and how well the methods agree."""
@@ -92,7 +94,8 @@ def ranking_table(data: ReportData) -> Table:
         ["Form", "Parameters", "ln evidence", "ln BF against the best", "Probability", "Converged"],
         rows,
         "Natural logarithms. Evidence of the log loads under the printed error model. Bayes "
-        "factors, and probabilities at equal prior odds, with error models summed out.",
+        "factors, and probabilities at equal prior odds, with error models summed out."
+        + (_NEGLIGIBLE if any(row[-1] == "no: negligible" for row in rows) else ""),
         text=(0, 5),
         strong=(0,) if best is not None else (),
     )
@@ -151,7 +154,8 @@ def _evidence(row: Mapping[Any, Any] | None, most: int = 4) -> str:
         return ABSENT
     if row["status"] != "ok":
         return str(row["status"])
-    return with_error(row["log_evidence"], row["log_evidence_se"], most)
+    has_error = row["log_evidence_se"] == row["log_evidence_se"]
+    return with_error(row["log_evidence"], row["log_evidence_se"], most if has_error else 1)
 
 
 def _distance(own: Mapping[str, Mapping[Any, Any]], check: str) -> str:

@@ -89,10 +89,18 @@ def _counted(data: ReportData) -> str:
     used = table.calibration
     ratios = [a / (a + b) for a, b in used.textures]
     loads = used.column("p_over_E")
+    fitted = f"{count(len(used), 'row')} of {count(len(used.textures), 'texture')}"
+    if len(used) == len(table):
+        rows = f"{fitted}, all fitted"
+    else:
+        rows = (
+            f"{count(len(table), 'row')}. {fitted} fitted, {len(table.held_out):,} held out, "
+            f"{len(table.left_out):,} left out"
+        )
+    name = Path(table.where).name
     return (
-        f"{Path(table.where).name}: {count(len(table), 'row')}. {count(len(used), 'row')} of "
-        f"{count(len(used.textures), 'texture')} fitted, {len(table.held_out):,} held out, "
-        f"{len(table.left_out):,} left out. Fitted: Q up to {used.column('Q').max()}, p/E from "
+        f"{name[:1].upper() + name[1:] if '.' not in name else name}: {rows}. "
+        f"Q up to {used.column('Q').max()}, p/E from "
         f"{number(loads.min(), 3)} to {number(loads.max(), 3)}, a/pitch from "
         f"{number(min(ratios), 3)} to {number(max(ratios), 3)}. Error model: "
         f"{data.comparison.noise.name}."

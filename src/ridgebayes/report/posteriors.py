@@ -7,7 +7,7 @@ from ridgebayes.checks.power_scaling import THRESHOLD
 from ridgebayes.checks.repeat import OUTER
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
-from ridgebayes.report.figures.gallery import MOST_PARAMETERS
+from ridgebayes.report.figures.gallery import MOST_PARAMETERS, WALK
 from ridgebayes.report.wording import (
     ABSENT,
     decimals,
@@ -24,7 +24,7 @@ MOST_ROWS = 40  # of one table; the run folder's CSV files hold them all
 
 
 def coefficients_section(data: ReportData) -> list[Block]:
-    """Return every coefficient beside the printed one and beside least squares on Q."""
+    """Return every coefficient beside least squares on Q, of the study's sweep the published."""
     fits = data.comparison.fits
     dropped = sum(max(len(fit.summary) - MOST_ROWS, 0) for fit in fits.values())
     others = [name for name in data.ranked if name != data.shown]
@@ -61,11 +61,11 @@ def _tiny_sigma(data: ReportData) -> str:
 def _coefficients_table(data: ReportData, names: list[str]) -> Table:
     prob = data.fit.summary["prob"].iloc[0]
     header = ["Form", "Parameter", "Posterior mean ± sd", f"{percent(prob)} interval"]
-    return Table(
-        [*header, "Published 2019", "Least squares on Q"],
-        [row for name in names for row in _coefficients(data, name)],
-        text=(0, 1),
-    )
+    header += ["Least squares on Q", "Published 2019"]
+    rows = [row for name in names for row in _coefficients(data, name)]
+    if data.study is None:  # the published ones are those of another table
+        header, rows = header[:-1], [row[:-1] for row in rows]
+    return Table(header, rows, text=(0, 1))
 
 
 def _coefficients(data: ReportData, name: str) -> list[list[str]]:
@@ -84,8 +84,8 @@ def _coefficients(data: ReportData, name: str) -> list[list[str]]:
                 parameter_name(parameter),
                 f"< {TINY:g}" if tiny else with_error(row["mean"], row["sd"], 6),
                 ABSENT if tiny else interval(row["eti_lower"], row["eti_upper"], row["sd"]),
-                f"{printed[parameter]:g}" if parameter in printed else ABSENT,
                 own,
+                f"{printed[parameter]:g}" if parameter in printed else ABSENT,
             ]
         )
     return rows
@@ -96,12 +96,13 @@ def convergence_section(data: ReportData) -> list[Block]:
     fits, rows = data.comparison.fits, []
     for name in data.ranked:
         summary, chains = fits[name].summary, fits[name].chains
-        known = np.all(np.isfinite(chains.tau))
+        walked, known = fits[name].sampler == WALK, np.all(np.isfinite(chains.tau))
         rows.append(
             [
                 form_name(name),
-                f"{chains.u.shape[0]} × {chains.u.shape[2]}",
-                decimals(float(np.max(chains.tau)), 2) if known else ABSENT,
+                fits[name].sampler,
+                f"{chains.u.shape[0]} × {chains.u.shape[2]}" if walked else ABSENT,
+                decimals(float(np.max(chains.tau)), 2) if walked and known else ABSENT,
                 f"{summary['ess_bulk'].min():,.0f}",
                 f"{summary['ess_tail'].min():,.0f}",
                 decimals(summary["r_hat"].max(), 4),
@@ -109,28 +110,36 @@ def convergence_section(data: ReportData) -> list[Block]:
                 "converged" if fits[name].converged else "did not converge",
             ]
         )
-    header = ("Form", "Ensembles × walkers", "τ, steps", "Bulk ESS", "Tail ESS", "R-hat")
+    header = ("Form", "Drawn by", "Ensembles × walkers", "τ, steps", "Bulk ESS", "Tail ESS")
     blocks: list[Block] = [
         Table(
-            [*header, "Acceptance", "Verdict"],
+            [*header, "R-hat", "Acceptance", "State"],
             rows,
             "The worst parameter of each form. τ: integrated autocorrelation time. ESS: effective "
-            "sample size. R-hat: across independently started ensembles.",
-            text=(0, 7),
-            badge=7,
+            "sample size. R-hat: across independently started ensembles, or independent proposals. "
+            "Acceptance: of a walk's steps; of importance draws, the share that they are worth.",
+            text=(0, 1, 8),
+            badge=8,
         ),
         Text(
             "Converged means: over 50 τ steps for every parameter and the log posterior, τ stable "
-            "to 1 %, R-hat under 1.01, bulk and tail ESS of at least 400.",
+            "to 1 %, or importance weights with a Pareto k under 0.7; R-hat under 1.01, bulk and "
+            "tail ESS of at least 400.",
             "note",
         ),
-        *(
-            Text(f"{form_name(name)}: {what}", "warning")
-            for name, fit in fits.items()
-            for what in fit.convergence_failures
-        ),
+        *(_not_converged(data, name) for name, fit in fits.items() if not fit.converged),
     ]
     return blocks
+
+
+def _not_converged(data: ReportData, name: str) -> Text:
+    """Say what a fit lacks, and whether that matters."""
+    first, *others = data.comparison.fits[name].convergence_failures
+    more = f"; and {len(others)} more of the kind" if others else ""
+    if name in data.comparison.unconverged:
+        return Text(f"{form_name(name)}: {first}{more}.", "warning")
+    words = "Its probability is negligible, so that nothing rests on it."
+    return Text(f"{form_name(name)}: {first}{more}. {words}", "note")
 
 
 def repeat_section(data: ReportData) -> list[Block]:
@@ -166,12 +175,17 @@ def sense_section(data: ReportData) -> list[Block]:
             parameter_name(row["parameter"]),
             number(row["prior_median"], 3),
             f"< {TINY:g}" if 0 < row["mean"] < TINY else number(row["mean"], 4),
-            percent(round(row["prior_below"], 2)),
+            _share(row["prior_below"]),
         ]
         for row in frame.head(MOST_ROWS).to_dict("records")
     ]
     header = ["Parameter", "Prior median", "Posterior mean", "Prior below the mean"]
     return [Text(words), Folded("Posterior means in their priors", [Table(header, rows)])]
+
+
+def _share(share: float) -> str:
+    """Return a share in whole per cent; never 0 or 100 by rounding."""
+    return "< 1 %" if share < 0.01 else "> 99 %" if share > 0.99 else percent(round(share, 2))
 
 
 def corner_section(data: ReportData) -> list[Block]:
@@ -181,7 +195,8 @@ def corner_section(data: ReportData) -> list[Block]:
         model = data.comparison.fits[name].model
         n = model.n_parameter
         some = f" {MOST_PARAMETERS} of {n} parameters." if n > MOST_PARAMETERS else ""
-        printed = " Solid lines: printed coefficients." if model.form.printed is not None else ""
+        is_published = data.study is not None and model.form.printed is not None
+        printed = " Solid lines: published coefficients." if is_published else ""
         caption = (
             f"{form_name(name)}. Dashed: 5, 50 and 95 % quantiles.{printed} Contours contain 39 "
             f"and 86 %.{some}"
@@ -192,7 +207,8 @@ def corner_section(data: ReportData) -> list[Block]:
 
 def trace_section(data: ReportData) -> list[Block]:
     """Return the traces of every fit."""
-    words = "one line an ensemble. Grey: 95 % range of means of as many independent draws."
+    words = "means of each ensemble. Lines that stay in the grey have forgotten where they began."
+    # What does not apply, as of a form that importance sampling drew, is left out.
     return [Picture(f"traces-{name}", f"{form_name(name)}: {words}") for name in data.ranked]
 
 

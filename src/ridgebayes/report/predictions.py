@@ -67,9 +67,9 @@ def held_out_section(data: ReportData) -> list[Block]:
             f"{row['a_over_R']:g}",
             f"{row['b_over_R']:g}",
             str(row["Q"]),
-            number(row["p_over_E_observed"], 5),
-            number(row["p_over_E_median"], 5),
-            f"{number(row['p_over_E_lower'], 5)} to {number(row['p_over_E_upper'], 5)}",
+            number(row["p_over_E_observed"], 4),
+            number(row["p_over_E_median"], 4),
+            f"{number(row['p_over_E_lower'], 4)} to {number(row['p_over_E_upper'], 4)}",
             "inside" if row["inside"] else "outside",
         ]
         for row in loads[loads["form"] == data.shown].head(MOST_ROWS).to_dict("records")
@@ -208,8 +208,7 @@ def slopes_section(data: ReportData) -> list[Block]:
     caption = (
         "Left: K, the slope of Q′ over s = √(p/E), of each texture. Right: K times half the pitch, "
         "the c of that texture alone. Modified takes c as constant. Hybrid lets it grow as ridges "
-        "get narrower. Bars and band: 90 % intervals. Hybrid is drawn slightly to the right of the "
-        "power law."
+        "get narrower. Hybrid is drawn slightly to the right of the power law."
     )
     return [Picture("slopes", caption)]
 

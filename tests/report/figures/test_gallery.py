@@ -255,6 +255,12 @@ def test_slope_figure_shows_every_power_law_texture(comparison):
     assert any(np.array_equal(line.get_ydata(), own) for line in axes.lines)
 
 
+def test_bands_of_slopes_and_traces_stand_in_their_legends(full):
+    for name, words in (("slopes", "90 % band"), ("slopes", "90 % bar"), ("traces-hybrid", "95 %")):
+        labels = [text.get_text() for text in full[name].legends[0].get_texts()]
+        assert any(words in label for label in labels), (name, labels)
+
+
 def test_corner_of_many_parameters_shows_some_and_says_so(comparison):
     fit = comparison.fits["power-law"]
     figure = corner_of(fit, most=4)

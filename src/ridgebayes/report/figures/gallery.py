@@ -35,6 +35,7 @@ from ridgebayes.runtime.pool import submit_or_defer
 from ridgebayes.runtime.progress import tell_count
 
 KINDS = ("png", "svg")
+WALK = "emcee"  # the sampler whose draws leave a trace
 MOST_PARAMETERS = 6  # a corner plot of more cannot be read, and traces fill pages
 
 
@@ -139,10 +140,10 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
         there are more; ``held-out`` where rows were; ``percent-error``, ``slopes``;
         ``smooth-cylinder`` of the embedded sweep; ``coverage`` where it was counted;
         ``posterior-checks`` and ``prior-bands`` of the best form; ``corner-<form>`` and
-        ``traces-<form>`` of each fit. Of a quick comparison only ``evidence``, ``bands``,
-        ``held-out``, ``percent-error`` and the best form's corner.
+        ``traces-<form>`` of each fit, traces of walks alone. Of a quick comparison only
+        ``evidence``, ``bands``, ``held-out``, ``percent-error`` and the best form's corner.
     """
-    comparison, shown = data.comparison, data.shown
+    comparison, shown, is_study = data.comparison, data.shown, data.study is not None
     found: dict[str, Callable[[], Figure]] = {}
     if len(data.factors):
         found["evidence"] = partial(plot_bayes_factors, data.factors, shown, comparison.noise.name)
@@ -164,15 +165,16 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
         found["held-out"] = partial(plot_held_out, held_out)
     if len(data.percent_errors):
         errors = data.percent_errors
-        if data.study is None:  # the published coefficients are those of another table
+        if not is_study:  # the published coefficients are those of another table
             errors = errors[errors["coefficients"] == "calibrated"]
         found["percent-error"] = partial(plot_percent_errors, errors)
     if not data.preset.extras:
-        return found | {f"corner-{shown}": partial(corner_of, data.fit)}
+        return found | {f"corner-{shown}": partial(corner_of, data.fit, published=is_study)}
     found |= _extras(data)
     for name in data.ranked:
-        found[f"corner-{name}"] = partial(corner_of, comparison.fits[name])
-        found[f"traces-{name}"] = partial(traces_of, comparison.fits[name])
+        found[f"corner-{name}"] = partial(corner_of, comparison.fits[name], published=is_study)
+        if comparison.fits[name].sampler == WALK:
+            found[f"traces-{name}"] = partial(traces_of, comparison.fits[name])
     return found
 
 
@@ -223,7 +225,7 @@ def exact_rows(rows: Observations) -> pd.DataFrame:
     return pd.DataFrame(columns)[rows.is_exact]
 
 
-def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS) -> Figure:
+def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS, published: bool = False) -> Figure:
     """Draw all marginals of a fit; its thinned draws, so that one read from a file looks the same.
 
     Parameters
@@ -232,13 +234,15 @@ def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS) -> Figure:
         With its draws.
     most : int, optional
         How many parameters are shown.
+    published : bool, optional
+        Whether the study's coefficients are marked, where it has some.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
     names, shown = fit.model.parameter_names, shown_parameters(fit, most)
-    printed = dict(zip(names, fit.form.printed or (), strict=False))
+    printed = dict(zip(names, (published and fit.form.printed) or (), strict=False))
     draws = fit.draws[:, shown]
     chosen = [names[i] for i in shown]
     return plot_corner(fit.form.name, chosen, draws, printed, n_parameter=len(names))
