@@ -5,6 +5,7 @@
 #   make test-long  all tests, those marked `long` too, on every Python of PYTHONS, and fuzzing
 #   make docs       the site, into docs/_build/html
 #   make notebooks  runs all notebooks and stores their outputs
+#   make gallery   runs the scripts of docs/gallery and stores their figures
 #   make dist       wheel and sdist, checked, and the main job from the wheel alone on every Python
 #   make hard-cases, make mutation, make architecture: the pages of docs/ that are made by running code
 # Another Python: make test PYTHON=python3.12 VENV=.venv-3.12
@@ -19,7 +20,7 @@ PYTEST   = $(BIN)/python -m pytest -n auto --dist worksteal
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: setup run lint types fast test test-long docs notebooks dist hard-cases mutation architecture clean
+.PHONY: setup run lint types fast test test-long docs notebooks gallery dist hard-cases mutation architecture clean
 
 setup: $(VENV)/.installed
 
@@ -68,6 +69,9 @@ notebooks: setup
 	    $(abspath $(BIN))/jupyter-execute --inplace *.ipynb
 	rm -f notebooks/report.html
 
+gallery: setup
+	$(BIN)/python docs/make_gallery.py
+
 dist: setup
 	rm -rf dist
 	$(BIN)/uv build --quiet
@@ -88,4 +92,4 @@ architecture: setup
 	$(BIN)/python docs/architecture/code_lines.py
 
 clean:
-	rm -rf $(VENV) .venv-* dist docs/_build docs/_generated docs/notebooks .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) .venv-* dist docs/_build docs/_generated docs/notebooks docs/examples .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

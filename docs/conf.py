@@ -46,4 +46,5 @@ nitpick_ignore_regex = [
 ]
 
 generated.write_pages(HERE / "_generated")
+generated.write_gallery(HERE / "gallery", HERE / "examples")
 generated.copy_notebooks(HERE.parent / "notebooks", HERE / "notebooks")

@@ -1,8 +1,10 @@
 """Pages of the site that follow from the code: options of commands, public names, contracts."""
 
+import ast
 import inspect
 import shutil
 from collections.abc import Iterable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +17,15 @@ from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
 from ridgebayes.commands.cli import app
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
 from ridgebayes.comparison.scores import LOO_COLUMNS
+from ridgebayes.distributions.grammar import CLOSED, USAGE
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
+from ridgebayes.fea.column_units import DIMENSIONS
+from ridgebayes.fea.mapping import CONSTANTS, CORNERS, HOLDS, KEYS, PER_Q
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
+from ridgebayes.model.default_priors import NOISE_PRIORS, REASONS, coefficient_priors
+from ridgebayes.model.forms import FORMS, form_named
+from ridgebayes.scene.units import EXAMPLES
 from ridgebayes.table.columns import COLUMNS
 
 
@@ -29,6 +37,9 @@ def write_pages(folder: Path) -> None:
         "api.md": names(),
         "columns.md": columns(),
         "run-columns.md": run_columns(),
+        "map-keys.md": map_keys(),
+        "default-priors.md": default_priors(),
+        "distributions.md": table(("distribution",), [(f"`{one}`",) for one in USAGE.values()]),
     }
     for name, lines in pages.items():
         text = "\n".join(lines) + "\n"
@@ -43,6 +54,24 @@ def copy_notebooks(source: Path, folder: Path) -> None:
     folder.mkdir()
     for path in sorted(source.glob("*.ipynb")):
         shutil.copy2(path, folder / path.name)
+
+
+def write_gallery(scripts: Path, folder: Path) -> None:
+    """Write a page for each script of the gallery: its question, stored figure and code."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    cards = ["::::{grid} 1 2 2 3", ":gutter: 3", ""]
+    for path in sorted(scripts.glob("*.py")):
+        code = path.read_text(encoding="utf-8")
+        title, _, words = (ast.get_docstring(ast.parse(code)) or "").partition("\n\n")
+        body = code.split('"""', 2)[2].strip()
+        picture = f"../gallery/{path.stem}.png"
+        lines = [f"# {title}", "", words, "", f"![{title}]({picture})", ""]
+        lines += ["```python", body, "```", ""]
+        (folder / f"{path.stem}.md").write_text("\n".join(lines), encoding="utf-8")
+        cards += [f":::{{grid-item-card}} {title}", f":link: examples/{path.stem}"]
+        cards += [":link-type: doc", f":img-bottom: gallery/{path.stem}.png", ":::"]
+    (folder.parent / "_generated" / "gallery.md").write_text("\n".join([*cards, "::::", ""]))
 
 
 def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:
@@ -103,14 +132,10 @@ def columns() -> list[str]:
     """Return the contract of a table."""
     rows = []
     for one in COLUMNS:
-        default = (
-            "required"
-            if one.default is None
-            else ""
-            if one.default in ("",) or one.default != one.default
-            else f"`{one.default}`"
-        )
-        rows.append((f"`{one.name}`", one.holds, one.rule, default))
+        default = "required" if one.default is None else f"`{one.default}`"
+        if one.default in ("",) or one.default != one.default:
+            default = ""
+        rows.append((f"`{one.name}`", one.means, one.rule.removeprefix("must be "), default))
     return table(("column", "holds", "rule", "if absent"), rows)
 
 
@@ -128,3 +153,38 @@ def run_columns() -> list[str]:
     }
     rows = [(f"`{name}`", ", ".join(f"`{one}`" for one in held)) for name, held in files.items()]
     return table(("file", "columns"), rows)
+
+
+def map_keys() -> list[str]:
+    """Return the keys of a map of columns."""
+    rows = []
+    for key in dict.fromkeys((*KEYS, *CORNERS, *CONSTANTS)):
+        column = "yes" if key in KEYS else ""
+        if key in PER_Q:
+            column += ", or one for each Q" if column else "one for each Q"
+        unit = f"`{EXAMPLES[DIMENSIONS[key]]}`" if key in DIMENSIONS else ""
+        holds = HOLDS.get(key) or next(one.means for one in COLUMNS if one.name == key)
+        rows.append((f"`{key}`", holds, unit, column, "yes" if key in CONSTANTS else ""))
+    return table(("key", "holds", "unit as in", "in `[columns]`", "in `[values]`"), rows)
+
+
+def default_priors() -> list[str]:
+    """Return the tables of a priors file with the parameters of each, and their defaults."""
+    owned = [
+        (form.name, name, prior)
+        for form in map(form_named, FORMS)
+        for name, prior in coefficient_priors(form).items()
+    ]
+    owned += [("noise", name, prior) for name, prior in NOISE_PRIORS.items()]
+    rows = [
+        (f"`[{owner}]`", f"`{name}`", f"`{as_text(prior)}`", REASONS[name])
+        for owner, name, prior in owned
+    ]
+    rows.insert(1, ("`[power-law]`", "`K`", "`lognormal(auto, 0.3)`", REASONS["K"]))
+    return table(("table", "parameter", "default", "why"), rows)
+
+
+def as_text(prior: Any) -> str:
+    """Return a distribution as a file of priors has it."""
+    name = next(name for name, kind in CLOSED.items() if isinstance(prior, kind))
+    return f"{name}({', '.join(f'{getattr(prior, one.name):g}' for one in fields(prior))})"

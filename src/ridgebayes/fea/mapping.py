@@ -21,11 +21,33 @@ KEYS = (
     *(key for key in DIMENSIONS if key not in ("gap", "thickness")),
     *("load", "load_lower"),
 )
-_PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", *CORNERS)
+PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", *CORNERS)
 _QUANTITIES = (*NUMBERS, *DIMENSIONS, "load", "load_lower", "gap_over_R", "pressure")
 _VARYING = ("Q", "p_over_E", "p_over_E_lower", "source")
 _KNOWN = ("R", "D", "E", "thickness", "a", "b", "pitch", "offset", *NUMBERS, *TEXTS)
-_CONSTANTS = tuple(name for name in _KNOWN if name not in _VARYING)
+CONSTANTS = tuple(name for name in _KNOWN if name not in _VARYING)
+HOLDS = {  # what is no column of the contract; `DIMENSIONS` has the units
+    "a": "ridge width",
+    "b": "groove width",
+    "pitch": "ridge and groove width together, in place of one of them",
+    "R": "radius of the body",
+    "D": "its diameter, in place of R",
+    "thickness": "length of the body along the ridges: forces are over it",
+    "offset": "lateral offset of the body from the groove's centre",
+    "E": "Young's modulus",
+    "p": "load per projected area",
+    "p_lower": "as `p`: the last load at which the count was not yet reached",
+    "line": "load per length along the ridges, 2 R p",
+    "line_lower": "as `p_lower`",
+    "force": "load of the whole body",
+    "force_lower": "as `p_lower`",
+    "load": "a load whose unit tells which of these it is",
+    "load_lower": "as `p_lower`",
+    "gap": "gap at a corner",
+    "gap_over_R": "the same over R",
+    "pressure": "contact pressure at a corner, in any unit: contact is where it is above 0",
+    "status": "state of a row, as in the table; for each Q, of the contact at its corner",
+}
 _WIDE = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
 _SAME = (
@@ -143,8 +165,8 @@ def check_constants(values: Mapping[str, object], where: str) -> None:
         If a key is unknown or must be a column.
     """
     for key in values:
-        if key not in _CONSTANTS:
-            raise InputError(f"{where}: value {key!r}: expected one of {', '.join(_CONSTANTS)}")
+        if key not in CONSTANTS:
+            raise InputError(f"{where}: value {key!r}: expected one of {', '.join(CONSTANTS)}")
 
 
 class _Columns:
@@ -168,7 +190,7 @@ class _Columns:
         if key not in (*KEYS, *CORNERS):
             match = _KEY.fullmatch(key)
             key, Q = (match[1] or "load", int(match[2])) if match else (key, None)
-            if match is None or key not in _PER_Q:
+            if match is None or key not in PER_Q:
                 raise self._error(
                     f"mapping key {name!r}: expected one of {', '.join(KEYS)}, or of "
                     f"{', '.join(CORNERS)} with a corner, as 'gap Q=4'"
@@ -196,9 +218,9 @@ class _Columns:
 
     def _map_all(self, key: str, header: str, unit: str | None) -> None:
         """Add the columns of a header with ``*``."""
-        if header.count("*") != 1 or key not in _PER_Q:
+        if header.count("*") != 1 or key not in PER_Q:
             raise self._error(
-                f"mapping {key}={header}: expected one * in a header of {', '.join(_PER_Q)}"
+                f"mapping {key}={header}: expected one * in a header of {', '.join(PER_Q)}"
             )
         pattern = re.compile(r"(\d{1,6})".join(map(re.escape, header.split("*"))))
         n = len(self.uses)
@@ -238,7 +260,7 @@ class _Columns:
         words = {header: split_header(header)[0] for header in free}
         for header, text in words.items():
             match = _WIDE.fullmatch(text)
-            if match is not None and (match[1] or "").strip(" _") in ("", *_PER_Q):
+            if match is not None and (match[1] or "").strip(" _") in ("", *PER_Q):
                 key = (match[1] or "load").strip(" _")
                 self.uses.append(Use(key, header, Q=int(match[2]), how="named"))
         if len(self.uses) == n:
@@ -263,13 +285,13 @@ class _Columns:
                 found.setdefault("|".join(sorted(_rivals(key))), []).append(header)
         for some in found.values():
             key = key_of(split_header(some[0])[0])
-            if len(some) > 1 and key not in TEXTS and not (key in _PER_Q and is_wide):
+            if len(some) > 1 and key not in TEXTS and not (key in PER_Q and is_wide):
                 self.problems.need(
                     f"columns {', '.join(map(repr, some))} could each be {key}: name one with "
                     f"--map '{key}=HEADER'",
                     {key: some[0]},
                 )
-            if key in _PER_Q and key != "rel_se" and is_wide:
+            if key in PER_Q and key != "rel_se" and is_wide:
                 continue
             of_R = key in ("a", "b", "offset") and split_header(some[0])[1].startswith("%")
             one = Use(f"{key}_over_R", some[0], "%") if of_R else Use(key, some[0])

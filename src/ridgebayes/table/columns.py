@@ -27,6 +27,7 @@ class Column:
     rule: str
     default: float | str | None = None
     always_written: bool = False
+    means: str = ""
 
 
 TRANSITION, COUNT = "transition", "count"
@@ -40,30 +41,69 @@ LEAST_WIDTH, LARGEST_WIDTH, LARGEST_LOAD = 1e-50, 1e50, 1e300
 
 _FREE = "any text on one line"
 COLUMNS = (
-    # Ridge width and groove width over the radius.
-    Column("a_over_R", "number", "must be finite and > 0"),
-    Column("b_over_R", "number", "must be finite and > 0"),
-    # Proximal edges in contact, and the load at which that count was reached (transition) or seen
-    # (count); the last load at which it was not yet reached; the load's known relative error.
-    Column("Q", "number", "must be an integer of at most 2^53"),
-    Column("p_over_E", "number", "must be finite and > 0"),
-    Column("p_over_E_lower", "number", "must be finite and >= 0", np.nan),
-    Column("rel_se", "number", "must be finite and >= 0", 0.0),
-    # A transition load, or a count seen at a load.
-    Column("kind", "text", "must be 'transition' or 'count'", TRANSITION),
-    # Poisson's ratio, and the lateral offset of the body from the groove's centre.
-    Column("nu", "number", "must be from 0 to 0.5", 0.5, True),
-    Column("offset_over_R", "number", "must be finite", 0.0),
-    # Label of the texture; empty means a<A>_b<B>.
-    Column("texture", "text", "one label names one (a_over_R, b_over_R)", "", True),
-    # Which laboratory, rig, mesh or repeat made the row.
-    Column("series", "text", _FREE, ""),
-    # Fitted, or predicted and compared only.
-    Column("role", "text", "must be 'calibration' or 'held-out'", CALIBRATION),
-    # Who computed the row; 'ok', or what failed; where it came from.
-    Column("solver", "text", _FREE, "", True),
-    Column("status", "text", _FREE, OK, True),
-    Column("source", "text", _FREE, "", True),
+    Column("a_over_R", "number", "must be finite and > 0", means="ridge width over the radius"),
+    Column("b_over_R", "number", "must be finite and > 0", means="groove width over the radius"),
+    Column(
+        "Q",
+        "number",
+        "must be an integer of at most 2^53",
+        means="proximal ridge edges in contact: even, unless the body is off the groove's centre",
+    ),
+    Column(
+        "p_over_E",
+        "number",
+        "must be finite and > 0",
+        means="load per projected area over Young's modulus: that at which Q was reached "
+        "(transition), or seen (count)",
+    ),
+    Column(
+        "p_over_E_lower",
+        "number",
+        "must be finite and >= 0",
+        np.nan,
+        means="the last load at which Q was not yet reached: the row is a bracket",
+    ),
+    Column(
+        "rel_se",
+        "number",
+        "must be finite and >= 0",
+        0.0,
+        means="known relative standard error of the load",
+    ),
+    Column(
+        "kind",
+        "text",
+        "must be 'transition' or 'count'",
+        TRANSITION,
+        means="a load at which Q goes up, or a Q seen at some load",
+    ),
+    Column("nu", "number", "must be from 0 to 0.5", 0.5, True, "Poisson's ratio of the body"),
+    Column(
+        "offset_over_R",
+        "number",
+        "must be finite",
+        0.0,
+        means="lateral offset of the body from the groove's centre",
+    ),
+    Column(
+        "texture",
+        "text",
+        "one label names one (a_over_R, b_over_R)",
+        "",
+        True,
+        "label of the texture; empty means a<A>_b<B>",
+    ),
+    Column("series", "text", _FREE, "", means="which laboratory, rig, mesh or repeat made the row"),
+    Column(
+        "role",
+        "text",
+        "must be 'calibration' or 'held-out'",
+        CALIBRATION,
+        means="fitted, or predicted and compared only",
+    ),
+    Column("solver", "text", _FREE, "", True, "who computed the row"),
+    Column("status", "text", _FREE, OK, True, "ok, or what failed: other rows are not fitted"),
+    Column("source", "text", _FREE, "", True, "where the row came from"),
 )
 RULES = {column.name: column.rule for column in COLUMNS}
 NAMES = tuple(column.name for column in COLUMNS)

@@ -110,20 +110,24 @@ def test_evidence_figure_shows_the_number_with_error_models_summed_out():
     assert [text.get_text() for text in figure.axes[0].texts] == ["\N{MINUS SIGN}6.0"]
 
 
+# Negligible forms are drawn by importance sampling, which leaves no trace.
+UNWALKED = {"traces-power-law", "traces-classic"}
+
+
 def test_gallery_has_every_figure_of_a_full_comparison(full):
-    wanted = [*NAMES, *(f"{kind}-{form}" for form in RANKED for kind in ("corner", "traces"))]
-    assert list(full) == wanted
+    wanted = [f"{kind}-{form}" for form in RANKED for kind in ("corner", "traces")]
+    assert list(full) == [*NAMES, *(one for one in wanted if one not in UNWALKED)]
 
 
 @pytest.mark.parametrize(
-    "name", [*NAMES, *(f"{k}-{f}" for f in FORMS for k in ("corner", "traces"))]
+    "name", [*NAMES, *(f"corner-{form}" for form in FORMS), "traces-modified", "traces-hybrid"]
 )
 def test_no_text_is_clipped_or_lies_on_other_text(full, name):
     assert clipped_and_overlapping(full[name]) == ([], [])
 
 
 @pytest.mark.parametrize(
-    "name", [*NAMES, *(f"{k}-{f}" for f in FORMS for k in ("corner", "traces"))]
+    "name", [*NAMES, *(f"corner-{form}" for form in FORMS), "traces-modified", "traces-hybrid"]
 )
 def test_text_is_9_pt_or_more_where_a4_is_as_wide_as_the_figure(full, name):
     figure = full[name]
