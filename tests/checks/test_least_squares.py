@@ -5,7 +5,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.checks.least_squares import fit_by_least_squares, power_law_r_squared, r_squared
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError, InputError
 
 
 def test_least_squares_finds_the_reference_coefficients(paper):
@@ -41,6 +41,15 @@ def test_least_squares_needs_as_many_rows_as_coefficients(paper):
     found = fit_by_least_squares(rb.Modified(), one)
     assert found.coefficients["c"] > 0
     assert np.isnan(found.standard_errors["c"])
+
+
+def test_least_squares_of_a_texture_in_other_units_says_that_there_are_none(paper):
+    frame = paper.calibration.frame
+    wrong = (frame["a_over_R"] == 0.022) & (frame["b_over_R"] == 0.02)
+    loads = frame["p_over_E"] * np.where(wrong, 1000.0, 1.0)
+    table = rb.ContactTable.from_frame(frame.assign(p_over_E=loads))
+    with pytest.raises(ComputationError, match="rate is not positive on the way"):
+        fit_by_least_squares(rb.Hybrid(), table)
 
 
 def test_least_squares_does_not_take_the_power_law(paper):

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from ridgebayes._types import FloatArray
 from ridgebayes.contact.scaling import reduced_load
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.forms import Form
 from ridgebayes.table.table import ContactTable
 
@@ -62,6 +62,8 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     ------
     InputError
         If the form has no printed coefficients, or there are fewer rows than coefficients.
+    ComputationError
+        If the rows lead to coefficients at which the rate of a texture is not positive.
 
     References
     ----------
@@ -86,6 +88,10 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
 
     def residual(scaled: FloatArray) -> FloatArray:
         value: FloatArray = form.continuous_count(p, a, b, scaled * start, nu) - q
+        if not np.isfinite(value).all():
+            raise ComputationError(
+                f"{form.name}: least squares on Q: a texture's rate is not positive on the way"
+            )
         return value
 
     # In units of the printed coefficients c1 and c2 differ by little, not by a factor of 85.

@@ -31,7 +31,7 @@ from ridgebayes.comparison.ranking import (
 from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.drawing.predictions import MOST_TEXTURES
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence.error_models import mean_evidence
 from ridgebayes.inference.presets import Preset
 from ridgebayes.results import Fit
@@ -235,7 +235,7 @@ def consequence_of(bands: pd.DataFrame, shown: str, over: str, seen: pd.DataFram
     largest = seen.groupby(key)["p_over_E"].max().rename("largest").reset_index()
     bands = bands[bands["kind_of_band"] == "simulation"].merge(largest, on=key)
     bands = bands[bands["p_over_E"] <= bands["largest"]]
-    own, other = (bands[bands["form"] == form].reset_index() for form in (shown, over))
+    own, other = (bands[bands["form"] == form].reset_index(drop=True) for form in (shown, over))
     apart = (own["q_median"] - other["q_median"]).abs().max() if over else 0
     n_texture = len(own[key].drop_duplicates())
     return Consequence(n_texture, over, int(apart), int((own["q_upper"] - own["q_lower"]).max()))
@@ -260,6 +260,7 @@ def _least_squares(comparison: Comparison) -> dict[str, LeastSquares]:
     for name, fit in comparison.fits.items():
         try:
             found[name] = fit_by_least_squares(fit.form, comparison.table)
-        except InputError:  # a form with a coefficient per texture, or too few rows
+        # A form with a coefficient per texture, too few rows, or rows that no coefficients suit.
+        except (InputError, ComputationError):
             continue
     return found
