@@ -2,7 +2,9 @@
 
 import json
 import math
+import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -159,6 +161,16 @@ def test_code__of_stan_is_balanced(every_transform):
     for pair in ("{}", "[]", "()"):
         assert text.count(pair[0]) == text.count(pair[1])
     assert text.count("real K_t") == len(TRANSFORMS)
+
+
+def test_code__of_stan_is_translated_by_its_compiler(every_transform, tmp_path):
+    httpstan = pytest.importorskip("httpstan", reason="stanc is heavy: nobody's extra here")
+    stanc, program = Path(httpstan.__file__).parent / "stanc", tmp_path / "x.stan"
+    command = [stanc, f"--o={tmp_path / 'x.hpp'}", program]
+    program.write_text(every_transform.code("stan"))
+    assert subprocess.run(command, check=False).returncode == 0
+    program.write_text(every_transform.code("stan").replace("inv_Phi", "quantile"))
+    assert subprocess.run(command, check=False).returncode != 0
 
 
 class Functions:
