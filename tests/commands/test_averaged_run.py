@@ -92,7 +92,7 @@ def content(folder):
     return json.loads(text, parse_constant=refuse)
 
 
-SERIES = ("series", "texture+step+series", "step+series:student")
+SERIES = ("series", "texture+step+series", "step-smooth+series", "step+series:student")
 
 
 IN_MAKE_TEST = ("step-smooth", "texture+step+series", "iid:student")  # one of each kind

@@ -259,7 +259,7 @@ def test_error_variance__is_sigmas_and_the_mean_of_the_known_ones(noise):
 
 
 @pytest.mark.parametrize("place", range(3))
-@pytest.mark.parametrize("far", [-1e4, -800.0, -40.0, 40.0, 800.0, 1e4])
+@pytest.mark.parametrize("far", [-1e200, -1e4, -800.0, -40.0, 40.0, 800.0, 1e4, 1e200])
 def test_log_density__is_very_low_and_not_nan_far_out(place, far):
     model = Model(observations(made_up(np.random.default_rng(19))), Hybrid())
     assert model.log_density(far * np.eye(3)[place]) < -500

@@ -122,10 +122,11 @@ def test_predict_q__of_very_many_loads_is_that_of_each(paper, noise):
     p = np.append(np.random.default_rng(2).uniform(0.003, 0.03, 30_000), [0.0, 0.012])
     nu = np.where(p > 0.02, 0.4, 0.5)
     many = predict_q(fit, A, B, p, nu=nu)
-    few = predict_q(fit, A, B, p[::60], nu=nu[::60])
+    few = predict_q(fit, A, B, p[::600], nu=nu[::600])
     n = few.survival.shape[-1]
-    # Discretisation: means over draws are tabulated to 1e-13.
-    np.testing.assert_allclose(many.survival[::60, :n], few.survival, rtol=0, atol=1e-12)
+    # Discretisation: means over draws are tabulated to 1e-13, of Student errors to 1e-7.
+    atol = 1e-7 if ":student" in noise else 1e-12
+    np.testing.assert_allclose(many.survival[::600, :n], few.survival, rtol=0, atol=atol)
 
 
 def peak_of(work):

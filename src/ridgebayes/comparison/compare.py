@@ -310,8 +310,9 @@ def _printed_fit(task: _PrintedFit) -> tuple[_Drawn | str, float]:
     began = time.process_time()
     try:
         posterior, found = _draw(task)
-        # What evidence needed whole is not carried from process to process where it is long.
-        if posterior.chains.u.size > _LONG_WALK:
+        # What evidence needed whole is not carried from process to process where it is long, or
+        # where nothing asks for it again: Savage and Dickey's ratio, of independent rows, does.
+        if posterior.chains.u.size > _LONG_WALK or not task.model.is_iid_gaussian:
             posterior = replace(posterior, chains=posterior.kept_chains)
         if task.execution.scores:  # and for the fit's file, which is written elsewhere
             posterior = posterior.with_log_likelihood()

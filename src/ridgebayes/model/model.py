@@ -396,5 +396,6 @@ class Model:
 
     def log_prior_density(self, u: FloatArray) -> FloatArray:
         """Return the log prior density of the parameters in `u`, shape ``u.shape[:-1]``."""
-        squares: FloatArray = np.square(u[..., : self.n_parameter]).sum(axis=-1)
+        scores = np.minimum(np.abs(u[..., : self.n_parameter]), _HUGE)  # whose square is a float
+        squares: FloatArray = np.square(scores).sum(axis=-1)
         return -0.5 * (squares + self.n_parameter * _LOG_2PI)

@@ -10,6 +10,7 @@ coefficients of each are at rounding.
 True
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -26,56 +27,57 @@ _TO_SERIES[0] /= 2
 
 
 class Interpolant:
-    """A function's values to 1e-13, from its values at few places.
+    """A function's values to ten times a tolerance, from its values at few places.
 
     Parameters
     ----------
     function : callable
         From ndarray of float, shape (n,), to the same; smooth, of size 1. It is evaluated itself
-        where a table would take as many values.
+        where a table would take too many values.
+    tolerance : float, optional
+        Of the last three coefficients of each piece.
+    widest : float, optional
+        Width of a piece that is not tried wider.
     """
 
-    def __init__(self, function: Callable[[FloatArray], FloatArray]) -> None:
-        self._function = function
+    def __init__(
+        self,
+        function: Callable[[FloatArray], FloatArray],
+        tolerance: float = _TOLERANCE,
+        widest: float = np.inf,
+    ) -> None:
+        self._function, self._tolerance, self._widest = function, tolerance, widest
         self._edges, self._series = np.empty(0), np.empty((0, _N))
 
     def __call__(self, y: FloatArray) -> FloatArray:
         """Return the values at finite y, shape (n,)."""
         if not len(y):
             return np.empty(0)
-        covered = self._cover(float(y.min()), float(y.max()), len(y))
-        evaluate = self._evaluate if covered else self._function
+        covered = self.cover(float(y.min()), float(y.max()), len(y))
+        evaluate = self.tabulated if covered else self._function
         return np.concatenate([evaluate(y[i : i + _AT_ONCE]) for i in range(0, len(y), _AT_ONCE)])
 
-    def _evaluate(self, y: FloatArray) -> FloatArray:
+    def tabulated(self, y: FloatArray) -> FloatArray:
+        """Return the values at y, shape (n,), in a range that is covered."""
         piece = np.clip(np.searchsorted(self._edges, y) - 1, 0, len(self._series) - 1)
-        low, high = self._edges[piece], self._edges[piece + 1]
-        x = (2 * y - low - high) / (high - low)
-        series = self._series[piece].T
-        last, value = np.zeros_like(x), np.zeros_like(x)
-        for coefficient in series[:0:-1]:  # Clenshaw
-            last, value = value, coefficient + 2 * x * value - last
-        result: FloatArray = series[0] + x * value - last
-        return result
+        return _summed(self._series[piece], y, self._edges[piece], self._edges[piece + 1])
 
-    def _cover(self, low: float, high: float, n_most: int) -> bool:
+    def cover(self, low: float, high: float, n_most: int) -> bool:
         """Extend the pieces to a range; False if that would take more than `n_most` values."""
         gaps = [(low, max(high, np.nextafter(low, np.inf)))]
         if len(self._edges):
             ends = float(self._edges[0]), float(self._edges[-1])
             gaps = [gap for gap in ((low, ends[0]), (ends[1], high)) if gap[0] < gap[1]]
-        pending, done, n = np.array(gaps).reshape(-1, 2), [], 0
+        pieces = [_pieces(*gap, self._widest) for gap in gaps]
+        pending, done, n = np.concatenate([np.empty((0, 2)), *pieces]), [], 0
         while len(pending):
             n += len(pending) * _N
             if n > n_most:
                 return False
-            middle, half = pending.mean(axis=1), 0.5 * (pending[:, 1] - pending[:, 0])
-            values = self._function((middle[:, None] + half[:, None] * _NODES).ravel())
-            series = values.reshape(-1, _N) @ _TO_SERIES.T
-            smooth = np.abs(series[:, -3:]).max(axis=1) < _TOLERANCE
+            series = _series_of(self._function, pending)
+            smooth = np.abs(series[:, -3:]).max(axis=1) < self._tolerance
             done += list(zip(pending[smooth, 0], series[smooth], strict=True))
-            rough, cut = pending[~smooth], middle[~smooth]
-            pending = np.stack([rough[:, 0], cut, cut, rough[:, 1]], axis=1).reshape(-1, 2)
+            pending = _halved(pending[~smooth])
         if done:
             starts = np.append(self._edges[:-1], [start for start, _ in done])
             series = np.concatenate([self._series, [series for _, series in done]])
@@ -83,3 +85,73 @@ class Interpolant:
             end = max(high, self._edges[-1] if len(self._edges) else gaps[0][1])
             self._edges, self._series = np.append(starts[order], end), series[order]
         return True
+
+
+def sparsely(
+    function: Callable[[FloatArray], FloatArray], y: FloatArray, tolerance: float, widest: float
+) -> FloatArray:
+    """Return a smooth function's values at y, shape (n,): from series where many y lie close.
+
+    Parameters
+    ----------
+    function, tolerance, widest
+        As for `Interpolant`.
+    y : ndarray of float, shape (n,)
+        Finite.
+
+    Examples
+    --------
+    >>> y = np.linspace(0.0, 10.0, 1_001)
+    >>> bool(np.abs(sparsely(np.sin, y, 1e-9, 2.0) - np.sin(y)).max() < 1e-8)
+    True
+    """
+    order, value = np.argsort(y), np.empty(len(y))
+    ordered = y[order]
+    pending = _pieces(ordered[0], ordered[-1], widest)
+    few = [order[-1:]]  # no piece holds its upper end
+    while len(pending):
+        ends = np.searchsorted(ordered, pending)
+        held = [order[first:last] for first, last in ends]
+        many = np.diff(ends)[:, 0] > _N
+        few += [one for one, is_many in zip(held, many, strict=True) if not is_many]
+        pending, held = pending[many], [held[i] for i in np.flatnonzero(many)]
+        if not held:
+            break
+        series = _series_of(function, pending)
+        smooth = np.abs(series[:, -3:]).max(axis=1) < tolerance
+        for i in np.flatnonzero(smooth):
+            value[held[i]] = _summed(series[[i]], y[held[i]], *pending[i])
+        pending = _halved(pending[~smooth])
+    own = np.concatenate(few)
+    value[own] = function(y[own])
+    return value
+
+
+def _pieces(low: float, high: float, widest: float) -> FloatArray:
+    """Return the ends of equal pieces of a range, shape (n_piece, 2)."""
+    edges = np.linspace(low, high, 1 + max(math.ceil((high - low) / widest), 1))
+    return np.column_stack([edges[:-1], edges[1:]])
+
+
+def _halved(pieces: FloatArray) -> FloatArray:
+    cut = pieces.mean(axis=1)
+    return np.stack([pieces[:, 0], cut, cut, pieces[:, 1]], axis=1).reshape(-1, 2)
+
+
+def _series_of(function: Callable[[FloatArray], FloatArray], pieces: FloatArray) -> FloatArray:
+    """Return the coefficients of each piece, shape (n_piece, 16)."""
+    middle, half = pieces.mean(axis=1), 0.5 * (pieces[:, 1] - pieces[:, 0])
+    values = function((middle[:, None] + half[:, None] * _NODES).ravel())
+    return values.reshape(-1, _N) @ _TO_SERIES.T
+
+
+def _summed(
+    series: FloatArray, y: FloatArray, low: FloatArray | float, high: FloatArray | float
+) -> FloatArray:
+    """Return the values of series (n or 1, 16) of pieces from low to high, shape (n,)."""
+    x = (2 * y - low - high) / (high - low)
+    last, value = np.zeros_like(x), np.zeros_like(x)
+    for coefficient in series.T[:0:-1]:  # Clenshaw
+        last, value = value, coefficient + 2 * x * value - last
+    result: FloatArray = series.T[0] + x * value - last
+    return result

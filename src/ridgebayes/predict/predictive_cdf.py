@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 from scipy import interpolate
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr, ndtri, stdtr
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
@@ -19,6 +19,7 @@ from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.shared_offsets import OffsetsInParts
 from ridgebayes.predict.interpolant import Interpolant
+from ridgebayes.predict.student_table import StudentTable
 from ridgebayes.runtime.randomness import stream
 
 Counts = IntArray | FloatArray
@@ -88,6 +89,10 @@ class PosteriorLoads:
     def df(self) -> FloatArray | None:
         """Degrees of freedom of each draw's errors; None where these are normal."""
         return self.theta[:, -1] if self.fit.noise.tail == "student" else None
+
+    def cdf(self, z: FloatArray) -> FloatArray:
+        """Return P(error <= z scales) of each draw, (n_draw, n), with small absolute errors."""
+        return ndtr(z) if self.df is None else stdtr(self.df[:, None], z)
 
     def load(self, texture: Texture, Q: Counts, nu: float | FloatArray) -> FloatArray:
         """Return the form's own load of each draw, (n_draw, n_Q); infinite where none reaches Q."""
@@ -191,6 +196,7 @@ class DrawAverage:
 
     def __init__(self, draws: PosteriorLoads, kind: str) -> None:
         self._draws, self._kind = draws, kind
+        self._student = StudentTable(self._mean)
         self._known: tuple[FloatArray, FloatArray, Interpolant] | None = None
 
     def at(self, texture: Texture, Q: IntArray, p: FloatArray, nu: float) -> FloatArray:
@@ -206,11 +212,13 @@ class DrawAverage:
 
     def _cdf(self, p: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
         """Return the mean over draws, normals worked out where they are not 0 or 1."""
-        reach = _SATURATED * scale if self._draws.df is None else np.inf
         with np.errstate(divide="ignore"):
             y = np.log(p)
+        if self._draws.df is not None:
+            return self._student.at(y, mean, scale)
+        reach = _SATURATED * scale
         result: FloatArray = (y > (mean + reach).max()).astype(float)
-        between = np.flatnonzero((y >= (mean - reach).min()) & (result == 0) & (y > -np.inf))
+        between = np.flatnonzero((y >= (mean - reach).min()) & (result == 0))
         if len(between) <= _MANY:
             result[between] = self._mean(y[between], mean, scale)
         elif len(between):
@@ -220,11 +228,10 @@ class DrawAverage:
 
     def _mean(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
         """Return the mean over draws at each y, shape (n,)."""
-        nu = None if self._draws.df is None else self._draws.df[:, None]
-        cdf, result = self._draws.fit.noise.distribution.cdf, np.empty(len(y))
+        result = np.empty(len(y))
         for i in range(0, len(y), 500):  # bounded memory: draws x 500 loads
             z = (y[i : i + 500] - mean[:, None]) / scale[:, None]
-            result[i : i + 500] = cdf(z, nu).mean(axis=0)
+            result[i : i + 500] = self._draws.cdf(z).mean(axis=0)
         return result
 
     def _table(self, mean: FloatArray, scale: FloatArray) -> tuple[Interpolant, float]:
@@ -258,6 +265,7 @@ class NodeAverage:
     def __init__(self, draws: PosteriorLoads, kind: str) -> None:
         self._draws, self._kind = draws, kind
         self.error = 0.0
+        self._student = StudentTable(lambda *where: self._answer(self._halves(*where)))
         self._known: tuple[FloatArray, FloatArray, interpolate.PchipInterpolator] | None = None
 
     def at(self, texture: Texture, Q: IntArray, p: FloatArray, nu: float) -> FloatArray:
@@ -269,9 +277,11 @@ class NodeAverage:
 
     def _cdf(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
         is_curve = self._kind == "curve"
+        if not is_curve and self._draws.df is not None:
+            return self._student.at(y, mean, scale)
         if is_curve and np.isfinite(mean).all():
             scale = np.full(len(mean), _SMOOTHED * self._spread(mean))
-        if not np.isfinite(mean).all() or self._draws.df is not None or not (scale > 0).all():
+        if not np.isfinite(mean).all() or not (scale > 0).all():
             return self._answer(self._halves(y, mean, scale))
         low, high = (mean - _SATURATED * scale).min(), (mean + _SATURATED * scale).max()
         result: FloatArray = (y > high).astype(float)
@@ -312,9 +322,7 @@ class NodeAverage:
         draws = self._draws
         if self._kind == "curve":
             return draws.average((y >= mean[:, None]).astype(float))
-        nu = None if draws.df is None else draws.df[:, None]
-        z = (y - mean[:, None]) / scale[:, None]
-        return draws.average(draws.fit.noise.distribution.cdf(z, nu))
+        return draws.average(draws.cdf((y - mean[:, None]) / scale[:, None]))
 
     def _smoothed(self, knots: FloatArray, mean: FloatArray, width: float) -> FloatArray:
         """Return a curve's distribution at evenly spaced knots."""

@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+from scipy import special
+
+from ridgebayes.predict.student_table import StudentTable
+
+Y = np.log(np.linspace(0.0, 0.18, 300)[1:] ** 2)
+COUNTS = -9.0 + 0.4 * np.arange(1, 20)
+
+
+class Means:
+    """Means over draws of t distribution functions, which count how many are asked for."""
+
+    def __init__(self, df):
+        self.df, self.n = df, 0
+
+    def __call__(self, y, mean, scale):
+        self.n += len(y)
+        return special.stdtr(self.df[:, None], (y - mean[:, None]) / scale[:, None]).mean(axis=0)
+
+
+def draws(spread, scale):
+    rng = np.random.default_rng(3)
+    each = scale * np.exp(0.2 * rng.standard_normal(320))
+    return 0.5 + rng.gamma(2.0, 2.0, 320), spread * rng.standard_normal(320), each
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.02, 0.2])
+@pytest.mark.parametrize("scale", [1e-4, 0.01, 0.3])
+def test_values__of_many_counts_are_those_of_each_from_few(spread, scale):
+    df, off, each = draws(spread, scale)
+    means = Means(df)
+    table = StudentTable(means)
+    found = [table.at(Y, middle + off, each) for middle in COUNTS]
+    asked = means.n
+    expected = [means(Y, middle + off, each) for middle in COUNTS]
+    # Discretisation: the last coefficients of each piece are under 1e-8.
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7)
+    # Of draws too far apart for a table two were tried: for one count, and for several.
+    is_rough = spread > 100 * scale
+    assert asked < (1.7 if is_rough else 0.5) * len(COUNTS) * len(Y)
+
+
+@pytest.mark.parametrize("spread", [0.01, 1.0])
+def test_values__of_counts_with_offsets_of_their_own_are_their_own(spread):
+    df, off, each = draws(spread, 0.01)
+    means, rng = Means(df), np.random.default_rng(4)
+    table = StudentTable(means)
+    for middle in COUNTS[:5]:
+        mean = middle + off + 0.01 * rng.standard_normal(len(off))
+        np.testing.assert_allclose(table.at(Y, mean, each), means(Y, mean, each), rtol=0, atol=1e-7)
+        assert means.n < (COUNTS[:5].searchsorted(middle) + 2) * 2 * len(Y)
+        few = Y[::10]
+        np.testing.assert_array_equal(table.at(few, mean, each), means(few, mean, each))
+
+
+def test_values__are_0_without_a_load_and_where_no_load_reaches():
+    df, off, each = draws(0.0, 0.01)
+    table = StudentTable(Means(df))
+    y = np.append(-np.inf, Y)
+    assert table.at(y, off - 5.0, each)[0] == 0
+    off[:80] = np.inf  # draws whose rate reaches no further ridge
+    assert table.at(np.append(Y, 50.0), off, each).max() == pytest.approx(0.75, rel=1e-3)
