@@ -30,7 +30,7 @@ from ridgebayes.comparison.ranking import (
 )
 from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.contact.scaling import Texture
-from ridgebayes.drawing.predictions import MOST_TEXTURES
+from ridgebayes.drawing import MOST_TEXTURES
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence.error_models import mean_evidence
 from ridgebayes.inference.presets import Preset

@@ -9,6 +9,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
 from ridgebayes._types import FloatArray
+from ridgebayes.drawing import MOST_TEXTURES
 from ridgebayes.drawing.style import (
     OBSERVED,
     WIDTH,
@@ -23,8 +24,6 @@ from ridgebayes.drawing.style import (
     title_of,
 )
 from ridgebayes.errors import InputError
-
-MOST_TEXTURES = 12  # that one figure has panels for
 
 
 @styled()

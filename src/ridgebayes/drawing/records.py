@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.drawing.predictions import MOST_TEXTURES, draw_band
+from ridgebayes.drawing import MOST_TEXTURES
+from ridgebayes.drawing.predictions import draw_band
 from ridgebayes.drawing.scenes import draw_effects, draw_steps
 from ridgebayes.drawing.style import COLOURS, colour_of, look_of, rows_by_texture, title_of
 
