@@ -50,7 +50,9 @@ def ahead(name):
             values = [one.evidence.value for (own, _), one in found.items() if own == form.name]
             one = found[form.name, name]
             raised = replace(one.evidence, value=np.nanmax(values) + AHEAD, status="ok")
-            found[form.name, name] = replace(one, evidence=raised)
+            # Draws that lack convergence would be made again, with their own evidence.
+            drawn = replace(one.posterior, convergence_failures=())
+            found[form.name, name] = replace(one, evidence=raised, posterior=drawn)
         return WeighedErrorModels(found)
 
     return weigh

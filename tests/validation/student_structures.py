@@ -2,13 +2,12 @@
 
 Hybrid's loads of the nine textures with 1 % noise, three rows times 0.8, 1.25 and 1.3. For each of
 step, texture+step and step-smooth, five seeds draw the posterior just as `run` does. A reference
-takes 64 times their draws, and four times the points for each draw's offsets, in 16 parts of
-independent seeds, whose scatter gives its error.
+takes 32 times their draws, in 8 parts of independent proposals, whose scatter gives its error.
 docs/validation/student_structures.csv says what each seed is off by: ln evidence, the largest error
 of a posterior mean in posterior sds, the Pareto shape of its weights, and its CPU seconds.
 
 Every fit that is done stands in build/student_structures.jsonl; a run that was stopped goes on from
-there. A seed takes some 10 to 40 CPU seconds, the reference of a structure a quarter of an hour.
+there. A seed takes some 10 to 40 CPU seconds, the reference of a structure some minutes.
 
 Run it from the repository's root with OMP_NUM_THREADS=1.
 """
@@ -42,7 +41,7 @@ N_SEED = 5
 EVIDENCE, MEAN, SHAPE = 0.05, 0.1, 0.7  # asked: of ln evidence, of means in sds, Pareto k
 REFERENCE = "reference"
 # One after the other: together they would be gigabytes of offsets.
-_PARTS, _EFFORT = 16, {"n_draw": 4_096, "n_round": 6, "n_per_round": 2_048, "n_point": 128}
+_PARTS, _EFFORT = 8, STANDARD.effort | {"n_draw": 4_096, "n_per_round": 1_024}
 
 
 def observations() -> Observations:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
+import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray
@@ -112,6 +113,13 @@ class Posterior:
             return self
         rows = self.model.pointwise_log_likelihood(self.coordinates)
         return replace(self, log_likelihood=rows)
+
+    def at_draws(self, u: FloatArray, seed: int) -> "Posterior":
+        """Return a posterior that some draws stand for, from their coordinates (n_draw, k)."""
+        each, ones = u[None, :, None], np.ones(u.shape[1] + 1)
+        chains = Chains(each, np.zeros(each.shape[:-1]), ones[:1], ones, ())
+        of_all = self.summary, self.convergence_failures
+        return Posterior(self.model, chains, *of_all, seed, self.approximation, self.sampler)
 
     @cached_property
     def laplace(self) -> Laplace:

@@ -37,6 +37,7 @@ class Offsets(ABC):
     """
 
     n_level: int
+    n_held: int  # numbers that a draw's scores given rows take, at most
     codes: IntArray  # level of each row in each factor, shape (n_factor, n_row)
     codes_next: IntArray  # the same at each row's Q + 2, for counts
 
@@ -80,6 +81,7 @@ class GroupedOffsets(Offsets):
         self._sizes = [sizes[factor] for factor in self._factors]
         self._first = np.concatenate([[0], np.cumsum(self._sizes)[:-1]])
         self.n_level = sum(self._sizes)
+        self.n_held = self.n_level ** min(len(self._factors), 2)
         if len(self._factors) > 1 and self.n_level > LARGEST_CROSSED:
             raise ComputationError(
                 f"{noise.name}: {self.n_level} offsets of textures, steps and series; expected at "
@@ -162,6 +164,7 @@ class SmoothOffsets(Offsets):
         if self._tau_series is not None:
             self.n_level += data.n_series
             self.codes, self.codes_next = (np.stack([one, n_place + data.series]) for one in codes)
+        self.n_held = 2 * self.n_level**2
         if n_place > LARGEST_SMOOTH:
             raise ComputationError(
                 f"step-smooth: {n_place} places of Q and a/pitch; expected at most "

@@ -29,6 +29,7 @@ KINDS = ("curve", "simulation")
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
 N_LOAD_DRAWS = 2_560  # draws behind a load distribution; its quantiles move by 0.02 sd at most
 _STORED = 2**19  # draws times places up to which a load distribution keeps them: 8 MB
+_HELD = 2**24  # numbers that rows tell of offsets, of all draws, up to which they are held at once
 _LARGEST_Q = 20_000
 _BLOCK = 8  # counts worked out at a time
 
@@ -82,9 +83,10 @@ class Predictive(ABC):
         Under Student errors no further count than that of a body in contact over its whole width
         is given a probability.
         *Accuracy.* Monte Carlo error of a probability under 0.005 (10,240 draws of independent
-        rows; 2,560 where rows share offsets, 1,280 under Student errors).
+        rows; 2,560 where rows share offsets, 1,280 under Student errors; where there are many
+        offsets, so many at a time as take 128 MiB).
         *Cost.* Some 0.3 s for 100,000 loads of one texture: means over draws are tabulated, to
-        1e-13, where more than 1,000 loads need one.
+        1e-13, where more than 1,000 loads need one; of Student errors to 1e-7, from 60 loads on.
 
         Examples
         --------
@@ -184,6 +186,12 @@ def predict_q(
         Of the broadcast shape.
     """
     _check_kind(kind)
+    parts = _in_parts(fit, kind, N_LOAD_DRAWS // (1 + (fit.noise.tail != "normal")))
+    if len(parts) > 1:
+        predicted = partial(predict_q, nu=nu, kind=kind, compressed=compressed)
+        each = (fit.at_draws(u, fit.seed + i) for i, u in enumerate(parts))
+        found = (predicted(one, a_over_R, b_over_R, p_over_E) for one in each)
+        return mix_q(found, [len(u) for u in parts])
     places = _broadcast(*widths(a_over_R, b_over_R), nu, p_over_E=loads(p_over_E))
     a, b, poisson, p = places.values()
     flat_p, flat_nu = p.ravel(), poisson.ravel()
@@ -235,6 +243,11 @@ def predict_load(
         Of the broadcast shape.
     """
     _check_kind(kind)
+    parts = _in_parts(fit, kind, N_LOAD_DRAWS)
+    if len(parts) > 1 and N_LOAD_DRAWS * np.broadcast(a_over_R, b_over_R, Q, nu).size <= _STORED:
+        each = (fit.at_draws(u, fit.seed + i) for i, u in enumerate(parts))
+        found = (predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in each)
+        return mix_loads(found, [len(u) for u in parts])
     places = _broadcast(*widths(a_over_R, b_over_R), nu, Q=even_counts(Q, least=4))
     a, b, poisson, q = places.values()
     first, place = distinct(a, b, q, poisson)
@@ -251,6 +264,17 @@ def predict_load(
     place = place.reshape(places["Q"].shape)
     where = {"kind_of_band": np.array(kind), **places, "Q": places["Q"].astype(np.int64)}
     return LoadDistribution.of(draws, place, flags[place], highest[place], where)
+
+
+def _in_parts(fit: Posterior, kind: str, n: int) -> list[FloatArray]:
+    """Return about n draws in parts, by their coordinates; one where all need little memory.
+
+    What rows tell of many shared offsets is matrices for each draw, which are held at once.
+    """
+    offsets, stride = fit.model.offsets, -(-len(fit.draws) // n)
+    u = fit.coordinates[::stride]
+    n_held = 1 if offsets is None or kind == "curve" else offsets.n_held
+    return np.array_split(u, -(-len(u) // max(_HELD // n_held, 1)))
 
 
 def _columns(
