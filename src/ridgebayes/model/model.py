@@ -396,6 +396,5 @@ class Model:
 
     def log_prior_density(self, u: FloatArray) -> FloatArray:
         """Return the log prior density of the parameters in `u`, shape ``u.shape[:-1]``."""
-        scores = np.minimum(np.abs(u[..., : self.n_parameter]), _HUGE)  # whose square is a float
-        squares: FloatArray = np.square(scores).sum(axis=-1)
+        squares: FloatArray = np.square(u[..., : self.n_parameter].clip(-_HUGE, _HUGE)).sum(-1)
         return -0.5 * (squares + self.n_parameter * _LOG_2PI)

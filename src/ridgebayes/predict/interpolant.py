@@ -142,7 +142,8 @@ def _series_of(function: Callable[[FloatArray], FloatArray], pieces: FloatArray)
     """Return the coefficients of each piece, shape (n_piece, 16)."""
     middle, half = pieces.mean(axis=1), 0.5 * (pieces[:, 1] - pieces[:, 0])
     values = function((middle[:, None] + half[:, None] * _NODES).ravel())
-    return values.reshape(-1, _N) @ _TO_SERIES.T
+    series: FloatArray = values.reshape(-1, _N) @ _TO_SERIES.T
+    return series
 
 
 def _summed(
