@@ -115,7 +115,20 @@ class Posterior:
         return replace(self, log_likelihood=rows)
 
     def at_draws(self, u: FloatArray, seed: int) -> "Posterior":
-        """Return a posterior that some draws stand for, from their coordinates (n_draw, k)."""
+        """Return the posterior that some draws stand for.
+
+        Parameters
+        ----------
+        u : ndarray of float, shape (n_draw, n_coordinate)
+            Their unconstrained coordinates.
+        seed : int
+            Seed of what predictions draw beside them.
+
+        Returns
+        -------
+        Posterior
+            With the summary of all draws.
+        """
         each, ones = u[None, :, None], np.ones(u.shape[1] + 1)
         chains = Chains(each, np.zeros(each.shape[:-1]), ones[:1], ones, ())
         of_all = self.summary, self.convergence_failures
