@@ -243,8 +243,8 @@ def _scored(execution: Execution, comparison: Comparison) -> Comparison:
         with stage("leave-one-out"):
             loo = loo_later()
     kept = {name: replace(fit, chains=fit.kept_chains) for name, fit in fits.items()}
-    tables = {"bayes_factors": factors, "loo": loo, "prior_sensitivity": sensitivity}
-    return replace(comparison, fits=kept, **tables)
+    comparison = replace(comparison, fits=kept, loo=loo)
+    return replace(comparison, bayes_factors=factors, prior_sensitivity=sensitivity)
 
 
 def chain_file(form: str) -> str:

@@ -92,7 +92,8 @@ class PosteriorLoads:
 
     def cdf(self, z: FloatArray) -> FloatArray:
         """Return P(error <= z scales) of each draw, (n_draw, n), with small absolute errors."""
-        return ndtr(z) if self.df is None else stdtr(self.df[:, None], z)
+        share: FloatArray = ndtr(z) if self.df is None else stdtr(self.df[:, None], z)
+        return share
 
     def load(self, texture: Texture, Q: Counts, nu: float | FloatArray) -> FloatArray:
         """Return the form's own load of each draw, (n_draw, n_Q); infinite where none reaches Q."""

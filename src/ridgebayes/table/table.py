@@ -143,8 +143,10 @@ class ContactTable(Tabular):
         matplotlib.axes.Axes
             The axes drawn on.
         """
-        from ridgebayes.drawing import records  # loads matplotlib
-        from ridgebayes.drawing.predictions import MOST_TEXTURES
+        from ridgebayes.drawing import (
+            MOST_TEXTURES,
+            records,  # loads matplotlib
+        )
 
         ok = self._frame[self._ok]
         if ok.empty:
