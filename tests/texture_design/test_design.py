@@ -4,6 +4,7 @@ import json
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import ridgebayes as rb
@@ -14,6 +15,7 @@ from ridgebayes.texture_design.bodies import Bodies, Tolerance
 from ridgebayes.texture_design.drawn_loads import drawn_loads
 from ridgebayes.texture_design.goal_values import GoalValues
 from ridgebayes.texture_design.goals import Load, parse_goals
+from ridgebayes.texture_design.record import _rows
 
 SCENE = {
     "body": {"radius": "lognormal(8 mm, 3 %)", "youngs_modulus": "lognormal(60 kPa, 15 %)"},
@@ -237,6 +239,11 @@ def test_design__the_same_seed_gives_the_same_design(fit, uncertain):
 
 
 @pytest.mark.slow
+def test_rows__what_could_not_be_estimated_is_null():
+    told = json.dumps(_rows(pd.DataFrame({"source": ["load"], "se": [np.nan]})))
+    assert told == '[{"source": "load", "se": null}]'
+
+
 def test_design__is_a_record_like_the_others(fit, uncertain):
     found = rb.design(
         fit, uncertain, ["P(Q >= 6) >= 0.9", "sd(Q) <= 1.5"], sizes=COARSE, tolerance="5 %", rng=1

@@ -107,10 +107,10 @@ class Design(Tabular):
             "best": self.best,
             "objective": self.objective,
             "check": self.check,
-            "shares": self.shares.to_dict("records"),
+            "shares": _rows(self.shares),
             "form_reliability": self.form_reliability,
-            "measure": self.measure.to_dict("records"),
-            "simulate_next": self.simulate_next.head(5).to_dict("records"),
+            "measure": _rows(self.measure),
+            "simulate_next": _rows(self.simulate_next.head(5)),
             "options": self.options,
         }
 
@@ -143,3 +143,9 @@ class Design(Tabular):
         axes = records.axes_or_new(ax)
         designs.draw_designs(axes, self.designs, best, self.shown, is_met=self.feasible)
         return axes
+
+
+def _rows(frame: pd.DataFrame) -> list[Json]:
+    """Return rows of plain values, None for what could not be estimated."""
+    rows: list[Json] = frame.astype(object).where(frame.notna(), None).to_dict("records")
+    return rows
