@@ -147,5 +147,5 @@ class Design(Tabular):
 
 def _rows(frame: pd.DataFrame) -> list[Json]:
     """Return rows of plain values, None for what could not be estimated."""
-    rows: list[Json] = frame.astype(object).where(frame.notna(), None).to_dict("records")
-    return rows
+    rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
+    return [{str(name): value for name, value in row.items()} for row in rows]
