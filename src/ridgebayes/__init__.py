@@ -76,31 +76,48 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-if TYPE_CHECKING:
-    from ridgebayes._types import __version__
-    from ridgebayes.comparison.citations import citations
-    from ridgebayes.comparison.compare import compare
-    from ridgebayes.comparison.comparison import Comparison
-    from ridgebayes.distributions.bounded import Truncated, Uniform
-    from ridgebayes.distributions.distribution import Gamma, HalfNormal, LogNormal, Normal
-    from ridgebayes.distributions.empirical import Empirical
-    from ridgebayes.errors import ComputationError, InputError, RidgebayesError
-    from ridgebayes.friction.bands import FrictionBands
-    from ridgebayes.friction.calibration import FrictionFit, calibrate_friction
-    from ridgebayes.friction.friction_model import FrictionModel
-    from ridgebayes.friction.inputs import friction_inputs
-    from ridgebayes.friction.table import FrictionTable, read_friction_table
-    from ridgebayes.inference.chains import SampleSettings
-    from ridgebayes.inference.mixture import PosteriorMixture
-    from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
-    from ridgebayes.predict.load_distribution import LoadDistribution
-    from ridgebayes.predict.q_distribution import QDistribution
-    from ridgebayes.report import write_report
-    from ridgebayes.results import Fit, calibrate
-    from ridgebayes.scene.scene import Scene
-    from ridgebayes.simulate.generation import generate
-    from ridgebayes.simulate.responses import contact_at_loads, edge_forces, ridge_forces
-    from ridgebayes.table.datafiles import paper_sweep, reference_fe
-    from ridgebayes.table.table import ContactTable, read_table
-    from ridgebayes.texture_design.design import design
-    from ridgebayes.texture_design.record import Design
+if TYPE_CHECKING:  # "as": for type checkers that ask what is offered
+    from ridgebayes._types import __version__ as __version__
+    from ridgebayes.comparison.citations import citations as citations
+    from ridgebayes.comparison.compare import compare as compare
+    from ridgebayes.comparison.comparison import Comparison as Comparison
+    from ridgebayes.distributions.bounded import Truncated as Truncated
+    from ridgebayes.distributions.bounded import Uniform as Uniform
+    from ridgebayes.distributions.distribution import Gamma as Gamma
+    from ridgebayes.distributions.distribution import HalfNormal as HalfNormal
+    from ridgebayes.distributions.distribution import LogNormal as LogNormal
+    from ridgebayes.distributions.distribution import Normal as Normal
+    from ridgebayes.distributions.empirical import Empirical as Empirical
+    from ridgebayes.errors import ComputationError as ComputationError
+    from ridgebayes.errors import InputError as InputError
+    from ridgebayes.errors import RidgebayesError as RidgebayesError
+    from ridgebayes.friction.bands import FrictionBands as FrictionBands
+    from ridgebayes.friction.calibration import FrictionFit as FrictionFit
+    from ridgebayes.friction.calibration import calibrate_friction as calibrate_friction
+    from ridgebayes.friction.friction_model import FrictionModel as FrictionModel
+    from ridgebayes.friction.inputs import friction_inputs as friction_inputs
+    from ridgebayes.friction.table import FrictionTable as FrictionTable
+    from ridgebayes.friction.table import read_friction_table as read_friction_table
+    from ridgebayes.inference.chains import SampleSettings as SampleSettings
+    from ridgebayes.inference.mixture import PosteriorMixture as PosteriorMixture
+    from ridgebayes.model.forms import Classic as Classic
+    from ridgebayes.model.forms import HalfPlane as HalfPlane
+    from ridgebayes.model.forms import Hybrid as Hybrid
+    from ridgebayes.model.forms import Modified as Modified
+    from ridgebayes.model.forms import PowerLaw as PowerLaw
+    from ridgebayes.predict.load_distribution import LoadDistribution as LoadDistribution
+    from ridgebayes.predict.q_distribution import QDistribution as QDistribution
+    from ridgebayes.report import write_report as write_report
+    from ridgebayes.results import Fit as Fit
+    from ridgebayes.results import calibrate as calibrate
+    from ridgebayes.scene.scene import Scene as Scene
+    from ridgebayes.simulate.generation import generate as generate
+    from ridgebayes.simulate.responses import contact_at_loads as contact_at_loads
+    from ridgebayes.simulate.responses import edge_forces as edge_forces
+    from ridgebayes.simulate.responses import ridge_forces as ridge_forces
+    from ridgebayes.table.datafiles import paper_sweep as paper_sweep
+    from ridgebayes.table.datafiles import reference_fe as reference_fe
+    from ridgebayes.table.table import ContactTable as ContactTable
+    from ridgebayes.table.table import read_table as read_table
+    from ridgebayes.texture_design.design import design as design
+    from ridgebayes.texture_design.record import Design as Design

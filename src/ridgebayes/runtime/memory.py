@@ -1,6 +1,5 @@
-"""How much memory a job and its workers take together, at their peak; giving it back."""
+"""How much memory a job and its workers take together, at their peak."""
 
-import ctypes
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -66,9 +65,3 @@ def watched_memory() -> Iterator[PeakMemory]:
     finally:
         done.set()
         watcher.join()
-
-
-def give_back() -> None:
-    """Give free memory back to the system: glibc's malloc would keep what the largest task took."""
-    with suppress(OSError, AttributeError, TypeError):  # another library has no such function
-        ctypes.CDLL(None).malloc_trim(0)

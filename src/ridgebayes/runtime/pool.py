@@ -5,6 +5,7 @@ one `ProcessPoolExecutor` of many workers a death breaks all that was submitted,
 which task: here each worker is such an executor of its own, and a thread waits for it.
 """
 
+import ctypes
 import itertools
 import multiprocessing
 import os
@@ -24,8 +25,8 @@ from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
 
 from ridgebayes.errors import ComputationError, InputError, WorkerLostError
-from ridgebayes.runtime.memory import give_back
 from ridgebayes.runtime.progress import HEARD_EVERY_S, Relay, pass_on, tell_count
+from ridgebayes.runtime.text import exit_text
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -116,7 +117,7 @@ class WorkerPool(futures.Executor):
                 worker.shutdown()
                 code = process.exitcode
         raise WorkerLostError(
-            f"{_TRIES} worker processes died on this task, the last with {_exit(code)}; "
+            f"{_TRIES} worker processes died on this task, the last with {exit_text(code)}; "
             "they may need more memory"
         )
 
@@ -384,7 +385,9 @@ def _call(message: bytes) -> Any:
         found = function(*args, **kwargs)
         del args, kwargs
         if time.perf_counter() > began + _LONG_S:
-            give_back()
+            # glibc would keep what the largest task took; other libraries have no such function.
+            with suppress(OSError, AttributeError, TypeError):
+                ctypes.CDLL(None).malloc_trim(0)
         return found
     except Exception as error:
         try:
@@ -392,9 +395,3 @@ def _call(message: bytes) -> Any:
         except Exception:
             raise RuntimeError(f"{type(error).__name__}: {error}") from error
         raise
-
-
-def _exit(code: int | None) -> str:
-    if code is not None and code < 0:
-        return f"signal {-code} ({signal.strsignal(-code)})"
-    return f"exit code {code}"

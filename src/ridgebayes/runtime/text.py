@@ -1,6 +1,7 @@
 """Words for messages: one line, cut where it would swamp them, with nothing unseen in them."""
 
 import math
+import signal
 import unicodedata
 
 _LONGEST_VALUE = 200  # characters of a value of a file
@@ -106,3 +107,16 @@ def count(n: int, noun: str, plural: str | None = None) -> str:
     ('1 row', '1,200 rows')
     """
     return f"{n:,} {noun if n == 1 else plural or noun + 's'}"
+
+
+def exit_text(code: int | None) -> str:
+    """Say how a process ended: by a signal where its exit code is negative.
+
+    Examples
+    --------
+    >>> exit_text(-9), exit_text(1)
+    ('signal 9 (Killed)', 'exit code 1')
+    """
+    if code is not None and code < 0:
+        return f"signal {-code} ({signal.strsignal(-code)})"
+    return f"exit code {code}"
