@@ -45,8 +45,7 @@ _MEANS = {
 }
 _EXAMPLES = {"R": "? mm", "E": "? kPa", "thickness": "? mm"}
 
-# Rows of the table, their lines in the file where it has lines, and messages.
-Rows = tuple[pd.DataFrame, IntArray | None, list[str]]
+Rows = tuple[pd.DataFrame, IntArray | None, list[str]]  # of the table, their lines, and messages
 
 
 class ColumnInterpreter:
