@@ -21,6 +21,7 @@ def draw(script: Path, target: Path) -> None:
     from matplotlib import pyplot as plt
 
     mpl.rcdefaults()
+    plt.close("all")
     runpy.run_path(str(script))
     (number,) = plt.get_fignums()
     plt.figure(number).savefig(target, dpi=110, metadata={"Software": None})

@@ -120,7 +120,7 @@ def test_sweep__a_texture_that_kills_every_worker_is_named(tmp_path, killing):
     assert re.search(expected, done.stderr), done.stderr
     assert "Traceback" not in done.stderr
     n = len(entries(tmp_path / "t.csv"))
-    assert n >= 3
+    assert n >= 2  # of four before it, less what the two workers held
     assert f"{n} of {N} textures are in" in done.stderr
 
 

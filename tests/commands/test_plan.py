@@ -180,7 +180,7 @@ def test_plan__new_writes_a_scene_to_start_from(command):
     written = set(re.findall(r"^(?:# )?(\w+) +=", text, flags=re.M))
     written |= set(re.findall(r"^(?:# )?(\w+) =", text, flags=re.M))
     assert written == {
-        *("radius", "youngs_modulus", "poissons_ratio", "ridge_width", "groove_width"),
+        *("radius", "youngs_modulus", "poissons_ratio", "ogden", "ridge_width", "groove_width"),
         *("groove_depth", "corner_radius", "offset", "role", "max_p_over_E", "max", "line"),
         *("force", "length", "p_over_E", "friction", "relative"),
     }

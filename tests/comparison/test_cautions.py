@@ -1,4 +1,7 @@
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 
 import ridgebayes as rb
 from ridgebayes.comparison.cautions import cautions
@@ -32,3 +35,10 @@ def test_cautions__rows_that_the_evidence_says_are_independent(paper):
     drawn = _compared(frame.assign(p_over_E=rb.Modified().load(*places) * np.exp(errors)), "auto")
     assert drawn.noise.name == "iid"
     assert cautions(drawn) == ()
+
+
+def test_cautions__counts_rows_that_repeat_a_load(comparison):
+    table = comparison.table
+    both = pd.concat([table.frame, table.calibration.frame.iloc[:2].assign(source="copy")])
+    told = cautions(replace(comparison, table=rb.ContactTable.from_frame(both)))
+    assert told[0].startswith("2 rows with the load of another source")

@@ -120,7 +120,7 @@ def test_details_are_closed_and_the_order_is_kept(page):
 
 
 def test_every_image_has_words_for_those_who_do_not_see_it(page):
-    assert len(page.all("img")) == 20
+    assert len(page.all("img")) == 18
     assert all(len(image["alt"]) > 20 for image in page.all("img"))
 
 
@@ -394,14 +394,6 @@ def test_error_models_section__says_what_a_smooth_offset_means_and_which_of_the_
     bare = error_models_section(replace(smooth, predicting=None))[1].words
     assert "smoother remainder" in bare
     assert "predicting" not in bare
-
-
-def test_first_screen__counts_rows_that_repeat_a_load(comparison):
-    table = comparison.table
-    both = pd.concat([table.frame, table.calibration.frame.iloc[:2].assign(source="copy")])
-    known = replace(comparison, table=rb.ContactTable.from_frame(both))
-    cautions = first_screen(replace(report_data(comparison), comparison=known)).cautions
-    assert any(one.startswith("2 rows with the load of another source") for one in cautions)
 
 
 def test_prior_section__names_priors_that_are_not_varied(paper):

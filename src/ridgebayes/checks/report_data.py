@@ -18,6 +18,7 @@ from ridgebayes.checks.predictive_checks import PredictiveChecks, posterior_chec
 from ridgebayes.checks.repeat import Repeat, against_priors, is_cheap, repeat_posterior
 from ridgebayes.checks.study import Study, study_of
 from ridgebayes.comparison.bands import bands_table
+from ridgebayes.comparison.cautions import cautions
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import (
     Predicting,
@@ -82,6 +83,8 @@ class ReportData:
         The graded verdict; None where only one form has an evidence.
     problems : tuple of str
         Fits that failed or did not converge.
+    cautions : tuple of str
+        What to bear in mind.
     factors, sensitivity : pandas.DataFrame
         ln Bayes factors of each form against the best, by method and by prior scale.
     predicting : Predicting or None
@@ -123,6 +126,7 @@ class ReportData:
     ranked: tuple[str, ...]
     verdict: Verdict | None
     problems: tuple[str, ...]
+    cautions: tuple[str, ...]
     factors: pd.DataFrame
     sensitivity: pd.DataFrame
     predicting: Predicting | None
@@ -193,6 +197,7 @@ def report_data(comparison: Comparison) -> ReportData:
         tuple(ranked),
         verdict,
         problems(comparison),
+        cautions(comparison),
         none if best is None else factors_by_method(comparison, best),
         none if best is None else sensitivity_factors(comparison, best),
         predicting(comparison),

@@ -68,11 +68,10 @@ def _rows_text(done: Comparison, out: Path, then: str = "") -> str:
     table = done.table
     fitted = count(len(table.calibration), "row")
     told = f"{out}: {fitted} fitted, {len(table.held_out)} held out. {then}"
-    notes = []
+    lines = [told.strip(), *cautions(done)]
     if n_left_out := len(table.left_out):
-        notes.append(f"{table.where}: {n_left_out} rows are not ok and were not fitted")
-    notes += cautions(done)
-    return "\n".join([*notes, told.strip()])
+        lines.insert(0, f"{table.where}: {n_left_out} rows are not ok and were not fitted")
+    return "\n".join(lines)
 
 
 def _coefficients(fits: Sequence[Fit]) -> list[str | pd.DataFrame]:

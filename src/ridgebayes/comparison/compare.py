@@ -242,9 +242,7 @@ def _scored(execution: Execution, comparison: Comparison) -> Comparison:
     if execution.scores:
         with stage("leave-one-out"):
             loo = loo_later()
-    kept = {name: replace(fit, chains=fit.kept_chains) for name, fit in fits.items()}
-    comparison = replace(comparison, fits=kept, loo=loo)
-    return replace(comparison, bayes_factors=factors, prior_sensitivity=sensitivity)
+    return replace(comparison, bayes_factors=factors, loo=loo, prior_sensitivity=sensitivity)
 
 
 def chain_file(form: str) -> str:
@@ -312,10 +310,9 @@ def _printed_fit(task: _PrintedFit) -> tuple[_Drawn | str, float]:
     began = time.process_time()
     try:
         posterior, found = _draw(task)
-        # What evidence needed whole is not carried from process to process, but for Savage and
-        # Dickey's ratio inside Hybrid, of a walk that is not long.
-        is_asked = task.model.form.name == "hybrid" and task.model.is_iid_gaussian
-        if not is_asked or posterior.chains.u.size > _LONG_WALK:
+        # What evidence needed whole is not carried from process to process where it is long, or
+        # where nothing asks for it again: Savage and Dickey's ratio, of independent rows, does.
+        if posterior.chains.u.size > _LONG_WALK or not task.model.is_iid_gaussian:
             posterior = replace(posterior, chains=posterior.kept_chains)
         if task.execution.scores:  # and for the fit's file, which is written elsewhere
             posterior = posterior.with_log_likelihood()

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from ridgebayes._types import __version__
 from ridgebayes.checks.report_data import ReportData
-from ridgebayes.comparison.cautions import cautions
 from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.report.blocks import Picture
 from ridgebayes.report.wording import (
@@ -74,7 +73,7 @@ def first_screen(
         f"Which contact form describes {_name(table.where)}?",
         _headline(data),
         tuple(words for words in sentences if words),
-        cautions(data.comparison),
+        data.cautions,
         problems,
         _bands(data),
         " · ".join(words for words in made_by if words),
