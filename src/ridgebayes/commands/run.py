@@ -122,7 +122,7 @@ def run_job(
             comparison = _add_left_out(comparison, inputs, progress, executor)
         with progress.stage("what accuracy costs"):
             cost = submit_or_defer(local, short_costs, comparison, progress.stages)
-            comparison = replace(comparison, cost=cost())
+            comparison = _thinned(replace(comparison, cost=cost()))
         galleries = [_write(comparison, partial, progress, local)]
         if second is not None:
             with progress.stage("finite-element comparison"):
@@ -172,7 +172,7 @@ def _second(
 ) -> tuple[Comparison, Optional["Gallery"]]:
     """Make the second comparison and its files; its stages stand in its own run.json."""
     with Progress(0, io.StringIO()) as progress:
-        comparison = inputs.compare(progress, folder, executor)
+        comparison = _thinned(inputs.compare(progress, folder, executor))
         begun = _write(comparison, folder, progress, local)
     write_run_json(folder, comparison, command="run", seed=seed, options={}, stages=progress.stages)
     return comparison, begun
@@ -196,16 +196,22 @@ def _add_left_out(
     return replace(comparison, left_out=scores, coverage=shares)
 
 
+def _thinned(comparison: Comparison) -> Comparison:
+    """Keep the draws that files keep: each task below takes all; summaries are there already."""
+    kept = {name: replace(fit, chains=fit.kept_chains) for name, fit in comparison.fits.items()}
+    return replace(comparison, fits=kept)
+
+
 def _write(
     comparison: Comparison, folder: Path, progress: Progress, executor: Executor | None
 ) -> Optional["Gallery"]:
     """Write a comparison and its predictions; return its figures, which are begun meanwhile."""
-    data = submit_or_defer(executor, _shown, comparison)
-    tables = submit_or_defer(executor, _predictions, comparison)
-    begun = None
+    data, begun = submit_or_defer(executor, _shown, comparison), None
     with progress.stage("what the report shows"):
         if executor is not None:  # else it is computed when it is drawn
             begun = begin_figures(replace(data(), comparison=comparison), executor)
+    # Not beside what the report shows: each holds some 200 MiB of draws and loads.
+    tables = submit_or_defer(executor, _predictions, comparison)
     with progress.stage("bands"):
         for name, table in tables().items():
             write_csv(table, folder / name)

@@ -29,7 +29,7 @@ KINDS = ("curve", "simulation")
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
 N_LOAD_DRAWS = 2_560  # draws behind a load distribution; its quantiles move by 0.02 sd at most
 _STORED = 2**19  # draws times places up to which a load distribution keeps them: 8 MB
-_HELD = 2**24  # numbers that rows tell of offsets, of all draws, up to which they are held at once
+_HELD = 2**22  # numbers that rows tell of offsets, of all draws, up to which they are held at once
 _LARGEST_Q = 20_000
 _BLOCK = 8  # counts worked out at a time
 
@@ -84,7 +84,7 @@ class Predictive(ABC):
         is given a probability.
         *Accuracy.* Monte Carlo error of a probability under 0.005 (10,240 draws of independent
         rows; 2,560 where rows share offsets, 1,280 under Student errors; where there are many
-        offsets, so many at a time as take 128 MiB).
+        offsets, so many at a time as take 32 MiB).
         *Cost.* Some 0.3 s for 100,000 loads of one texture: means over draws are tabulated, to
         1e-13, where more than 1,000 loads need one; of Student errors to 1e-7, from 60 loads on.
 
