@@ -160,6 +160,7 @@ def test_reaching_loads__scale_with_the_square_of_the_length(scale):
     np.testing.assert_allclose(scaled.W, scale**2 * usual.W, rtol=3e-8)  # tolerance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.1, 0.05])
 def test_reaching_loads__go_on_where_contact_covers_a_round_corner(share):
     """On the way to far ridges the last one touched is covered up to its walls."""

@@ -122,6 +122,7 @@ ROUND = pd.read_csv(data_path("fea/rounded_corners.csv"))
 KEYS = ["a_over_R", "b_over_R", "nu", "offset_over_R"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("key", "rows"), list(ROUND.groupby(KEYS)))
 def test_load_of__is_the_load_of_finite_elements_on_round_corners(key, rows):
     a, b, nu, offset = key

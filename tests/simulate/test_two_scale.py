@@ -111,6 +111,7 @@ def test_ridge_forces__carry_the_load_at_large_deformation():
     assert ratio.dropna().to_numpy() == pytest.approx(float(width_ratio(0.1)) ** -2, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["light_touch", "firm_grip", "hard_press"])
 def test_generate__shipped_fingertips_run_to_their_load(name):
     scene = Scene.from_toml(data_path(f"scenes/fingertip_{name}.toml"))

@@ -218,6 +218,7 @@ def test_design__an_impossible_goal_gives_the_nearest_and_how_far_off(fit, uncer
     assert json.loads(found.to_json())["recommended"] is None
 
 
+@pytest.mark.slow
 def test_design__extrapolation_is_marked_and_not_chosen_while_one_inside_will_do(fit, uncertain):
     sizes = {"a": (0.002, 0.022), "b": (0.002, 0.022), "step": 0.005}
     found = rb.design(fit, uncertain, "P(Q >= 6) >= 0.9", sizes=sizes, objective="min-pitch", rng=1)
@@ -263,6 +264,7 @@ def test_design__is_a_record_like_the_others(fit, uncertain):
     assert set(told["form_reliability"]) >= {"beta", "probability", "trusted"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
