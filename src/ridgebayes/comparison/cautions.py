@@ -1,7 +1,5 @@
 """What a reader of a comparison has to be told beside the answer."""
 
-import numpy as np
-
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.results import Fit
@@ -42,18 +40,14 @@ def cautions(comparison: Comparison) -> tuple[str, ...]:
 
 def _contradicted(fit: Fit) -> list[str]:
     """Say which coefficient lies far outside its prior; nothing where none does."""
-    model = fit.model
-    parameters = fit.summary.set_index("parameter")["mean"]
-    mean = parameters[list(model.parameter_names)].to_numpy(dtype=float)
-    u = model.to_unconstrained(mean)[: model.n_coefficient]
-    worst = int(np.argmax(np.abs(u)))
-    if not abs(u[worst]) > _CONFLICT:
+    means, priors = fit.summary.set_index("parameter")["mean"], fit.model.priors
+    scores = {name: float(priors[name].score(means[name])) for name in fit.form.parameter_names}
+    worst = max(scores, key=lambda name: abs(scores[name]))
+    if not abs(scores[worst]) > _CONFLICT:
         return []
-    at = np.zeros((3, model.n_parameter))
-    at[:, worst] = -_98_PERCENT, 0.0, _98_PERCENT
-    low, _, high = model.to_theta(at)[:, worst]
+    low, high = (float(priors[worst].value_at(score)) for score in (-_98_PERCENT, _98_PERCENT))
     return [
-        f"The loads contradict a prior: {model.parameter_names[worst]} of {fit.form.name} is "
-        f"{mean[worst]:.3g}, expected {low:.3g} to {high:.3g} (98 %). Check that widths are over "
+        f"The loads contradict a prior: {worst} of {fit.form.name} is "
+        f"{means[worst]:.3g}, expected {low:.3g} to {high:.3g} (98 %). Check that widths are over "
         "R and loads are p/E, or give other priors."
     ]
