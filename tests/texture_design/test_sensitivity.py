@@ -80,6 +80,17 @@ def test_sobol_shares__of_a_linear_function_are_its_squared_coefficients():
         assert row["first_order_se"] < 0.05
 
 
+class Rare(Linear):
+    """Two draws in a thousand fail: too few for shares with a standard error."""
+
+    def outcome(self, draws):
+        return super().outcome(draws)[0], (draws["x"] > 2.9).astype(float)
+
+
+def test_sobol_shares__of_what_hardly_varies_are_not_told():
+    assert set(sobol_shares(Rare(), 3)["of"]) == {"Q"}
+
+
 def test_sobol_shares__of_a_failure_by_normal_logs(fit, log_load):
     mean, sd = log_load
     total = np.hypot(np.hypot(SD_MODULUS, SD_LOAD), sd)

@@ -122,6 +122,8 @@ def _answer(found: Design, out: Path, body: Body) -> Answer:
     parts: list[str | pd.DataFrame] = [told, pd.DataFrame(columns)]
     if len(shown):
         parts += ["Shares in the variance of Q:", shown]
+    else:
+        parts.append("Q varies in too few draws to tell shares of sources in its variance.")
     if len(found.measure):
         first = found.measure.iloc[0]
         would = f"known exactly, it settles {percent(first['resolved'])} of what is open"

@@ -25,7 +25,8 @@ from ridgebayes.texture_design.goal_values import Part, PlacedPart, Value
 FORM, NOISE, COEFFICIENTS = "form", "error model", "coefficients"
 SIMULATION = "a simulation of this texture"
 _GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}
-_N, _N_BLOCK = 2**14, 64
+_N = 2**14
+_MOST_SE = 0.1  # of shares that are told
 _N_OUTER, _N_INNER = 128, 256
 _PROB = (0.05, 0.95)
 _SPREADS_LEFT = (0.0, 0.5)  # by a measurement
@@ -203,7 +204,8 @@ def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Columns of, source, first_order (alone), total_order (with all its interactions), and their
-        standard errors. No rows of what does not vary.
+        standard errors. No rows of what varies in so few draws that one of these is above 0.1, such
+        as rare failures, see `form_reliability`.
     """
     groups = sources.groups
     one, other = (sources.draw(_N, seed_of_draws) for seed_of_draws in (seed, seed + 1))
@@ -212,27 +214,28 @@ def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
     f_A, f_B, *f_AB = (np.stack(sources.outcome(draws)) for draws in (one, other, *mixed))
     rows = []
     for i, output in enumerate(("Q", "failure")):
-        values = {"f_A": f_A[i : i + 1], "f_B": f_B[i : i + 1]}
-        values["f_AB"] = np.stack(f_AB)[:, i : i + 1]
-        first, total = _indices(values)
-        blocks = [
-            _indices({k: v[..., start::_N_BLOCK] for k, v in values.items()})
-            for start in range(_N_BLOCK)
-        ]
-        se = np.std(blocks, axis=0, ddof=1) / np.sqrt(_N_BLOCK)
-        for j, name in enumerate(groups):
-            if np.isfinite(first[j]):
-                rows.append((output, name, first[j], se[0, j], total[j], se[1, j]))
+        f = np.stack([f_A[i], f_B[i]])
+        if not np.ptp(f):
+            continue
+        mixed_f = np.stack(f_AB)[:, i]
+        func = {"f_A": f[:1], "f_B": f[1:], "f_AB": mixed_f[:, None]}
+        found = stats.sobol_indices(func=func, n=_N)
+        first, total = np.ravel(found.first_order), np.ravel(found.total_order)
+        # Both are ratios of means; their errors follow to first order.
+        A, B = f - f.mean()
+        AB, variance = mixed_f - f.mean(), (A**2 + B**2) / 2
+        residuals = (
+            B * (AB - A) - np.outer(first, variance),
+            (AB - A) ** 2 / 2 - np.outer(total, variance),
+        )
+        se = np.std(residuals, axis=-1) / variance.mean() / math.sqrt(_N)
+        if se.max() < _MOST_SE:
+            rows += [
+                (output, name, first[j], se[0, j], total[j], se[1, j])
+                for j, name in enumerate(groups)
+            ]
     names = ["of", "source", "first_order", "first_order_se", "total_order", "total_order_se"]
     return pd.DataFrame(rows, columns=names)
-
-
-def _indices(values: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Return first and total orders, shape (group,) each; NaN where nothing varies."""
-    if not np.ptp(np.concatenate([values["f_A"], values["f_B"]])):
-        return (np.full(len(values["f_AB"]), np.nan),) * 2
-    found = stats.sobol_indices(func=values, n=values["f_A"].shape[-1])
-    return np.ravel(found.first_order), np.ravel(found.total_order)
 
 
 def what_to_measure(sources: Sources, seed: int) -> pd.DataFrame:
