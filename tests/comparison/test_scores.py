@@ -16,6 +16,9 @@ class FakeFit:
         self.summary = {"ess_bulk": np.array([1.0])}
         self.kept_chains = type("C", (), {"log_density": np.zeros(2)})
 
+    def to_numpy(self):
+        return self
+
 
 def fit_of(seed, n_bad):
     pointwise = np.random.default_rng(seed).standard_normal(10)
@@ -25,8 +28,8 @@ def fit_of(seed, n_bad):
 
 @pytest.fixture
 def table_of(monkeypatch):
-    monkeypatch.setattr(scores, "groups_of", lambda fit: {"log_likelihood": fit})
-    monkeypatch.setattr(scores, "leave_one_out", lambda groups, reff: groups["log_likelihood"].loo)
+    monkeypatch.setattr(scores, "groups_of", lambda fit: {"log_likelihood": {"log_load": fit}})
+    monkeypatch.setattr(scores, "leave_one_out", lambda fit, reff: fit.loo)
     return scores.loo_table
 
 

@@ -16,9 +16,9 @@ from ridgebayes.evidence.prior_sensitivity import (
     scale_factors,
 )
 from ridgebayes.evidence.tables import evidence_table
-from ridgebayes.inference.diagnostics import K_MAX, pareto_k
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_k
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 

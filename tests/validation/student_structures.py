@@ -25,9 +25,9 @@ import pandas as pd
 import ridgebayes as rb
 from ridgebayes.evidence.candidates import Weighing, evaluate
 from ridgebayes.evidence.error_models import _efforts
-from ridgebayes.inference.diagnostics import pareto_k
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.pareto_smoothing import pareto_k
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise

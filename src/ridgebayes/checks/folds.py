@@ -19,10 +19,10 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
 from ridgebayes.evidence.error_models import priors_of
 from ridgebayes.inference.chains import Chains
-from ridgebayes.inference.diagnostics import K_MAX, pareto_smoothed
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import Laplace, fit_laplace
 from ridgebayes.inference.moves import Independence
+from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_smoothed
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form

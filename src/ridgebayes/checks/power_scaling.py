@@ -13,7 +13,7 @@ from scipy import special
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.inference.diagnostics import pareto_smoothed
+from ridgebayes.inference.pareto_smoothing import pareto_smoothed
 from ridgebayes.inference.posterior import Posterior
 
 COLUMNS = ["parameter", "prior", "likelihood", "diagnosis"]

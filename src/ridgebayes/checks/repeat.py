@@ -11,9 +11,9 @@ import pandas as pd
 from scipy.special import ndtr
 
 from ridgebayes.errors import ComputationError
-from ridgebayes.inference.diagnostics import K_MAX, pareto_k
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.moves import Independence, weighted
+from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_k
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.runtime.randomness import stream
 

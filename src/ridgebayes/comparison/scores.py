@@ -25,7 +25,8 @@ def loo_table(fits: Mapping[str, Fit]) -> pd.DataFrame:
         if "log_likelihood" in groups:
             # The kept draws are thinned beyond the autocorrelation time where chains are long.
             reff = float(fit.summary["ess_bulk"].min()) / fit.kept_chains.log_density.size
-            scores[name] = leave_one_out(groups, min(max(reff, 1e-3), 1.0))
+            rows = groups["log_likelihood"]["log_load"].to_numpy()
+            scores[name] = leave_one_out(rows, min(max(reff, 1e-3), 1.0))
     if not scores:
         return pd.DataFrame(columns=LOO_COLUMNS)
     sound = {name: score.pointwise for name, score in scores.items() if score.status == "ok"}

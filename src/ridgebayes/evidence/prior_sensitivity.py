@@ -13,8 +13,8 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import power_law_evidence, quadrature_evidence
 from ridgebayes.evidence.tables import used_evidence
-from ridgebayes.inference.diagnostics import K_MAX, pareto_k
 from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_k
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.power_law_exact import is_conjugate
 from ridgebayes.model.model import Model

@@ -14,8 +14,9 @@ from scipy.special import logsumexp
 from ridgebayes._types import FloatArray
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import InputError
-from ridgebayes.inference.diagnostics import effective_sample_size, pareto_k
+from ridgebayes.inference.diagnostics import effective_sample_size
 from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.inference.pareto_smoothing import pareto_k
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Modified

@@ -7,10 +7,10 @@ The only module that imports arviz, of which there are two incompatible lines: 0
 hands around `InferenceData`, 1.x (Python 3.12 and later) xarray's `DataTree`.
 """
 
+import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from types import ModuleType
 from typing import Any
 
@@ -21,6 +21,7 @@ from scipy import fft
 from scipy.special import logsumexp, ndtri
 
 from ridgebayes._types import FloatArray
+from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_smoothed
 
 SUMMARY_COLUMNS = [
     "parameter",
@@ -38,7 +39,6 @@ R_HAT_MAX = 1.01
 ESS_MIN = 400.0
 _R_HAT_DRAWS = 25_600  # of each ensemble: disagreement shows in them as in a million
 _FEW_LAGS = 64  # lags that cost less one by one than all of them by Fourier transform
-K_MAX = 0.7  # Pareto shape of weights above which their mean is not to be trusted
 BAD_SHARE = 0.2  # of the rows that may have such weights before their sum is not quoted
 
 
@@ -139,8 +139,19 @@ def rank_r_hat(draws: FloatArray) -> FloatArray:
     draws = draws[:, :: -(-n_step * n_walker // _R_HAT_DRAWS)]
     n_ensemble, n_step, n_walker, n_parameter = draws.shape
     chains = draws.reshape(n_ensemble, n_step * n_walker, n_parameter)
-    dataset = xr.Dataset({"x": (("chain", "draw", "parameter"), chains)})
-    return np.atleast_1d(import_arviz().rhat(dataset)["x"].to_numpy())
+    return np.array([_r_hat(chains[..., i]) for i in range(n_parameter)])
+
+
+def _r_hat(chains: FloatArray) -> float:
+    """Return the larger R-hat of halves, of their ranks and of those of distances to the median."""
+    half = chains.shape[1] // 2
+    split = np.concatenate([chains[:, :half], chains[:, -half:]])
+    found = []
+    for values in (split, np.abs(split - np.median(split))):
+        z = _rank_normalised(values)
+        within, between = z.var(axis=1, ddof=1).mean(), z.mean(axis=1).var(ddof=1)
+        found.append(math.sqrt(between / within + (half - 1) / half))
+    return max(found)
 
 
 def _rank_normalised(x: FloatArray) -> FloatArray:
@@ -208,13 +219,13 @@ class Loo:
         return f"{self.n_bad_k} of {n} rows have a Pareto k above {K_MAX}"
 
 
-def leave_one_out(groups: Mapping[str, xr.Dataset], reff: float) -> Loo:
+def leave_one_out(log_likelihood: FloatArray, reff: float) -> Loo:
     """Score a fit by leaving out one row at a time.
 
     Parameters
     ----------
-    groups : mapping of str to xarray.Dataset
-        With posterior and log_likelihood.
+    log_likelihood : ndarray of float, shape (..., n_obs)
+        Of each row at each draw.
     reff : float
         Effective over actual number of draws.
 
@@ -227,64 +238,14 @@ def leave_one_out(groups: Mapping[str, xr.Dataset], reff: float) -> Loo:
     ----------
     Vehtari, Gelman & Gabry (2017), doi:10.1007/s11222-016-9696-4.
     """
-    with warnings.catch_warnings():
-        # Bad k is returned, counted and reported; arviz would also warn of it.
-        warnings.simplefilter("ignore")
-        found = import_arviz().loo(arviz_object(groups), pointwise=True, reff=min(reff, 1.0))
-    old = hasattr(found, "elpd_loo")
-    elpd, p = (found.elpd_loo, found.p_loo) if old else (found.elpd, found.p)
-    pointwise = np.asarray(found.loo_i if old else found.elpd_i)
-    # The two lines divide by n and by n - 1 in the standard error; here it is n - 1.
-    se = float(np.sqrt(len(pointwise) * pointwise.var(ddof=1))) if len(pointwise) > 1 else np.nan
-    return Loo(float(elpd), se, float(p), pointwise, np.asarray(found.pareto_k))
-
-
-def pareto_k(log_weights: FloatArray) -> float:
-    """Return the shape of the tail of importance weights; above 0.7 they are not to be trusted.
-
-    Parameters
-    ----------
-    log_weights : ndarray of float, shape (n_draw,)
-        Logarithms, up to a constant.
-
-    References
-    ----------
-    Vehtari et al. (2024), Journal of Machine Learning Research 25(72).
-    """
-    return pareto_smoothed(log_weights)[1]
-
-
-def pareto_smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
-    """Return importance weights whose tail is replaced by a fitted Pareto's, and its shape.
-
-    Parameters
-    ----------
-    log_weights : ndarray of float, shape (n_draw,)
-        Logarithms, up to a constant.
-
-    Returns
-    -------
-    smoothed : ndarray of float, shape (n_draw,)
-        Logarithms of smoothed weights, which sum to 1.
-    shape : float
-        As `pareto_k` returns it.
-    """
-    arviz = import_arviz()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        if arviz.__version__.startswith("0."):
-            smoothed, k = arviz.psislw(log_weights)
-        else:
-            # The 1.x line takes log-likelihoods: what it weighs by is minus its argument.
-            array_stats: Any = import_module("arviz_stats.base").array_stats
-            try:
-                smoothed, k = array_stats.psislw(-np.asarray(log_weights))
-            except ValueError as error:
-                if "tail values are the same" not in str(error):
-                    raise
-                # What the 0.x line says of weights without a tail.
-                smoothed, k = log_weights - logsumexp(log_weights), np.inf
-    return np.asarray(smoothed), float(k)
+    rows = log_likelihood.reshape(-1, log_likelihood.shape[-1]).T
+    smoothed = [pareto_smoothed(-row, min(reff, 1.0)) for row in rows]
+    weighed = zip(smoothed, rows, strict=True)
+    pointwise = np.array([logsumexp(log_weight + row) for (log_weight, _), row in weighed])
+    elpd, n = float(pointwise.sum()), len(rows)
+    p = float((logsumexp(rows, axis=1) - math.log(rows.shape[1])).sum()) - elpd
+    se = math.sqrt(n * pointwise.var(ddof=1)) if n > 1 else math.nan
+    return Loo(elpd, se, p, pointwise, np.array([shape for _, shape in smoothed]))
 
 
 def stacking_weights(pointwise: FloatArray) -> FloatArray:

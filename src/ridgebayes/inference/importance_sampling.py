@@ -15,10 +15,10 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.inference.chains import Chains
-from ridgebayes.inference.diagnostics import K_MAX, pareto_k
 from ridgebayes.inference.laplace import Laplace, fit_laplace
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.moves import Independence, adapted, weighted
+from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_k
 from ridgebayes.inference.posterior import Posterior, posterior_of
 from ridgebayes.model.likelihood_latent import Estimate
 from ridgebayes.model.model import Model

@@ -14,8 +14,8 @@ import numpy as np
 from scipy import special
 
 from ridgebayes._types import FloatArray
-from ridgebayes.inference.diagnostics import K_MAX, pareto_k
 from ridgebayes.inference.laplace import Laplace
+from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_k
 from ridgebayes.model.model import Model
 from ridgebayes.runtime.randomness import stream
 

@@ -1,0 +1,54 @@
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from ridgebayes.inference.diagnostics import import_arviz
+from ridgebayes.inference.pareto_smoothing import pareto_k, pareto_smoothed
+
+
+@pytest.mark.parametrize("shape", [0.2, 0.5, 0.9])
+def test_pareto_k__is_the_shape_of_the_weights_own_tail(shape):
+    rng = np.random.default_rng(4)
+    # Weights U^-k have a tail of shape k; their inverses have none.
+    log_weights = -shape * np.log(rng.random(40_000))
+    smoothed, k = pareto_smoothed(log_weights)
+    assert k == pytest.approx(shape, abs=0.15)  # Monte Carlo of the tail's 600 weights
+    assert pareto_k(-log_weights) < 0
+    # What is below the tail is left as it was, up to a constant.
+    body = log_weights < np.quantile(log_weights, 0.9)
+    apart = smoothed[body] - log_weights[body]
+    assert np.ptp(apart) < 1e-9  # rounding
+    assert np.exp(smoothed).sum() == pytest.approx(1)
+
+
+def by_arviz(log_weights, reff):
+    """Return what the installed line of arviz makes of weights."""
+    arviz = import_arviz()
+    if arviz.__version__.startswith("0."):
+        return arviz.psislw(log_weights.copy(), reff)
+    # The 1.x line takes log-likelihoods: what it weighs by is minus its argument.
+    return import_module("arviz_stats.base").array_stats.psislw(-log_weights, r_eff=reff)
+
+
+@pytest.mark.parametrize("reff", [1.0, 0.3])
+@pytest.mark.parametrize(("spread", "n"), [(0.01, 200), (1.0, 200), (1.0, 5_000), (9.0, 5_000)])
+def test_pareto_smoothed__is_what_arviz_makes_of_the_weights(spread, n, reff):
+    log_weights = spread * np.random.default_rng(7).standard_t(5, n) - 300
+    smoothed, k = pareto_smoothed(log_weights, reff)
+    with np.errstate(over="ignore"):
+        expected, expected_k = by_arviz(log_weights, reff)
+    # Algebra: rounding, in shapes near 0 magnified by 1 / shape.
+    assert k == pytest.approx(float(expected_k), abs=1e-8)
+    np.testing.assert_allclose(smoothed, expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("log_weights", [np.zeros(50), np.r_[np.zeros(40), np.ones(4)]])
+def test_pareto_smoothed__leaves_weights_without_a_tail_as_they_are(log_weights):
+    smoothed, k = pareto_smoothed(log_weights)
+    assert k == np.inf
+    np.testing.assert_allclose(smoothed - smoothed[0], log_weights, atol=1e-12)  # rounding
+
+
+def test_pareto_k__of_weights_that_are_not_numbers_is_not_to_be_trusted():
+    assert not pareto_k(np.array([*range(99), np.nan], dtype=float)) <= 0.7
