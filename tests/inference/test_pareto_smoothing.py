@@ -1,9 +1,6 @@
-from importlib import import_module
-
 import numpy as np
 import pytest
 
-from ridgebayes.inference.diagnostics import import_arviz
 from ridgebayes.inference.pareto_smoothing import pareto_k, pareto_smoothed
 
 
@@ -22,28 +19,7 @@ def test_pareto_k__is_the_shape_of_the_weights_own_tail(shape):
     assert np.exp(smoothed).sum() == pytest.approx(1)
 
 
-def by_arviz(log_weights, reff):
-    """Return what the installed line of arviz makes of weights."""
-    arviz = import_arviz()
-    if arviz.__version__.startswith("0."):
-        return arviz.psislw(log_weights.copy(), reff)
-    # The 1.x line takes log-likelihoods: what it weighs by is minus its argument.
-    return import_module("arviz_stats.base").array_stats.psislw(-log_weights, r_eff=reff)
-
-
-@pytest.mark.parametrize("reff", [1.0, 0.3])
-@pytest.mark.parametrize(("spread", "n"), [(0.01, 200), (1.0, 200), (1.0, 5_000), (9.0, 5_000)])
-def test_pareto_smoothed__is_what_arviz_makes_of_the_weights(spread, n, reff):
-    log_weights = spread * np.random.default_rng(7).standard_t(5, n) - 300
-    smoothed, k = pareto_smoothed(log_weights, reff)
-    with np.errstate(over="ignore"):
-        expected, expected_k = by_arviz(log_weights, reff)
-    # Algebra: rounding, in shapes near 0 magnified by 1 / shape.
-    assert k == pytest.approx(float(expected_k), abs=1e-8)
-    np.testing.assert_allclose(smoothed, expected, atol=1e-8)
-
-
-@pytest.mark.parametrize("log_weights", [np.zeros(50), np.r_[np.zeros(40), np.ones(4)]])
+@pytest.mark.parametrize("log_weights", [np.zeros(50), np.arange(20.0)])
 def test_pareto_smoothed__leaves_weights_without_a_tail_as_they_are(log_weights):
     smoothed, k = pareto_smoothed(log_weights)
     assert k == np.inf

@@ -139,19 +139,9 @@ def rank_r_hat(draws: FloatArray) -> FloatArray:
     draws = draws[:, :: -(-n_step * n_walker // _R_HAT_DRAWS)]
     n_ensemble, n_step, n_walker, n_parameter = draws.shape
     chains = draws.reshape(n_ensemble, n_step * n_walker, n_parameter)
-    return np.array([_r_hat(chains[..., i]) for i in range(n_parameter)])
+    from arviz_stats.base import array_stats  # loads scipy.signal
 
-
-def _r_hat(chains: FloatArray) -> float:
-    """Return the larger R-hat of halves, of their ranks and of those of distances to the median."""
-    half = chains.shape[1] // 2
-    split = np.concatenate([chains[:, :half], chains[:, -half:]])
-    found = []
-    for values in (split, np.abs(split - np.median(split))):
-        z = _rank_normalised(values)
-        within, between = z.var(axis=1, ddof=1).mean(), z.mean(axis=1).var(ddof=1)
-        found.append(math.sqrt(between / within + (half - 1) / half))
-    return max(found)
+    return np.asarray(array_stats.rhat(chains, chain_axis=0, draw_axis=1))
 
 
 def _rank_normalised(x: FloatArray) -> FloatArray:
