@@ -2,7 +2,8 @@
 #   make run        the main job on the embedded sweep, into ridgebayes-out/
 #   make fast       lint, types, and the tests that need no sub-process, CalculiX or long chain
 #   make test       lint, types, the tests, doctests, the notebook and the README's code blocks
-#   make test-long  all tests, those marked `long` too, on every Python of PYTHONS, and fuzzing
+#   make test-long  all tests, those marked `long` too, on every Python of PYTHONS with the extra
+#                   `samplers` (PyMC, NumPyro, Stan), and fuzzing
 #   make docs       the site, into docs/_build/html
 #   make notebooks  runs all notebooks and stores their outputs
 #   make gallery   runs the scripts of docs/gallery and stores their figures
@@ -58,6 +59,7 @@ test-long: setup
 
 .PHONY: test-python
 test-python: setup
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[dev,samplers]'
 	$(PYTEST) -q
 
 # From stored outputs; warnings are errors, and every reference has to resolve.

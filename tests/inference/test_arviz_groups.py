@@ -88,7 +88,7 @@ def test_arviz__summarises_scores_and_draws_a_file(drawn, opened):
 
 
 def test_prior_from_idata_of_pymc_extras__reads_a_file(opened):
-    reason = "pymc is heavy: an extra of nobody's here"
+    reason = "of the extra samplers"
     extras = pytest.importorskip("pymc_extras.utils.prior", reason=reason)
     import pymc
 

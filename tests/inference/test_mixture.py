@@ -164,7 +164,7 @@ def test_code__of_stan_is_balanced(every_transform):
 
 
 def test_code__of_stan_is_translated_by_its_compiler(every_transform, tmp_path):
-    httpstan = pytest.importorskip("httpstan", reason="stanc is heavy: nobody's extra here")
+    httpstan = pytest.importorskip("httpstan", reason="of the extra samplers")
     stanc, program = Path(httpstan.__file__).parent / "stanc", tmp_path / "x.stan"
     command = [stanc, f"--o={tmp_path / 'x.hpp'}", program]
     program.write_text(every_transform.code("stan"))
@@ -202,18 +202,18 @@ def test_code__values_are_those_of_the_transforms(every_transform, program):
     np.testing.assert_allclose(found, JointPrior(TRANSFORMS).at_scores(z), rtol=1e-9, atol=1e-12)
 
 
-@pytest.fixture(scope="module")
-def texture_fit(paper):
-    """Error scales that reach to zero: no normal, not even one of logarithms."""
+@pytest.fixture(scope="module", params=["hybrid", "texture"])
+def fit(request, fits, paper):
+    """A plain one, and one whose error scales reach to zero: no normal, not even of logarithms."""
+    if request.param == "hybrid":
+        return fits["hybrid"]
     return rb.calibrate(paper, rb.Hybrid(), noise="texture", rng=1)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["hybrid", "texture"])
 @pytest.mark.filterwarnings("default")
-def test_code__samples_the_posterior_in_pymc(fits, texture_fit, name):
-    pymc = pytest.importorskip("pymc", reason="pymc is heavy: an extra of nobody's here")
-    fit = fits[name] if name in ("hybrid",) else texture_fit
+def test_code__samples_the_posterior_in_pymc(fit):
+    pymc = pytest.importorskip("pymc", reason="of the extra samplers")
     space = {}
     exec(fit.to_mixture().code("pymc"), space)
     with pymc.Model():
@@ -225,14 +225,12 @@ def test_code__samples_the_posterior_in_pymc(fits, texture_fit, name):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["hybrid", "texture"])
 @pytest.mark.filterwarnings("default")
-def test_code__samples_the_posterior_in_numpyro(fits, texture_fit, name):
-    numpyro = pytest.importorskip("numpyro", reason="numpyro is heavy: an extra of nobody's here")
+def test_code__samples_the_posterior_in_numpyro(fit):
+    numpyro = pytest.importorskip("numpyro", reason="of the extra samplers")
     from jax import random
     from numpyro.infer import MCMC, NUTS
 
-    fit = fits[name] if name in ("hybrid",) else texture_fit
     space = {}
     exec(fit.to_mixture().code("numpyro"), space)
     walk = MCMC(
@@ -248,11 +246,9 @@ def test_code__samples_the_posterior_in_numpyro(fits, texture_fit, name):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["hybrid", "texture"])
 @pytest.mark.filterwarnings("default")
-def test_code__compiles_and_samples_the_posterior_in_stan(fits, texture_fit, name):
-    stan = pytest.importorskip("stan", reason="pystan is heavy: an extra of nobody's here")
-    fit = fits[name] if name in ("hybrid",) else texture_fit
+def test_code__compiles_and_samples_the_posterior_in_stan(fit):
+    stan = pytest.importorskip("stan", reason="of the extra samplers")
     found = stan.build(fit.to_mixture().code("stan"), random_seed=1)
     drawn = found.sample(num_chains=4, num_warmup=1_000, num_samples=10_000)
     names = fit.model.parameter_names
