@@ -64,10 +64,10 @@ def test_checks__show_the_observed_value_and_the_p_value():
         (line,) = one.lines
         assert line.get_xdata()[0] == pytest.approx(found.observed[:, i].mean())  # rounding
         p = found.p_values[found.names[i]]
-        assert one.get_title() == f"{QUANTITIES[found.names[i]]}\n$p$ = {p:.3f}"
+        assert one.get_title() == f"{QUANTITIES[found.names[i]]}\n$p$ = {p:.2f}"
     assert "0.1" in axes[0].get_title()
     ends = [drawn_checks(checks(1, p)).axes[0].get_title() for p in (-1, 2)]
-    assert [title.split("\n")[1] for title in ends] == ["$p$ < 0.001", "$p$ > 0.999"]
+    assert [title.split("\n")[1] for title in ends] == ["$p$ < 0.01", "$p$ > 0.99"]
 
 
 def test_bands__show_median_ends_and_rows(bands, paper):

@@ -176,11 +176,11 @@ def test_left__of_all_stages_is_told_by_what_they_typically_take(clock):
                 tell_count(3, 4)
     finally:
         VERBOSITY.reset(token)
-    # Algebra: 1 of 10 done in 2 s, 2 in 5 s, 3 in 6 s, 9 in 15 s.
+    # Algebra: 1 of 10 done in 2 s, 2 in 5 s, 3 in 6 s, 9 in 15 s; in all no less than in a stage.
     assert out.getvalue().splitlines() == [
         "start: 2.00 s; about 18 s left in all",
         "fit: 1 of 2, about 3.0 s left; about 20 s left in all",
         "fit: 4.00 s; about 14 s left in all",
-        "bands: 3 of 4, about 3.0 s left; about 1.7 s left in all",
+        "bands: 3 of 4, about 3.0 s left; about 3.0 s left in all",
         "bands: 9.00 s",
     ]

@@ -1,7 +1,7 @@
 """What `run`, `compare` and `fit` answer at their end: the verdict, and each form in numbers."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.results import Fit
 from ridgebayes.runtime.text import count
 
+_MOST_NOISES = 3  # error models of one form, on one line
 _MOST_ROWS = 4  # of one form's parameters: a power law has one a texture
 
 
@@ -24,7 +25,7 @@ def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
     if verdict is not None:
         # What imports all that draws: a fit, which has no verdict, need not wait for it.
         words = import_module("ridgebayes.report.first_screen")
-        why = f" Why: {verdict.why}." if verdict.grade == "undecided" else ""
+        why = f" Why: {words.why(verdict)}." if verdict.grade == "undecided" else ""
         grade = f"Grade: {verdict.grade}.{why}"
         parts.append(f"{words.headline(verdict)} {words.lead(verdict)} {grade}")
     ranked = [done.fits[name] for name in forms_by_probability(done)]
@@ -32,9 +33,7 @@ def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
         {
             "form": fit.form.name,
             "probability": _share_text(shares.get(fit.form.name)),
-            "error models": ", ".join(
-                f"{noise} {weight:.2g}" for noise, weight in fit.error_model_weights.items()
-            ),
+            "error models": _heaviest(fit.error_model_weights),
             "sampler": fit.sampler,
         }
         for fit in ranked
@@ -67,8 +66,8 @@ def _rows_text(done: Comparison, out: Path, then: str = "") -> str:
     """Say which rows were fitted."""
     table = done.table
     fitted = count(len(table.calibration), "row")
-    told = f"{out}: {fitted} fitted, {len(table.held_out)} held out. {then}"
-    lines = [told.strip(), *cautions(done)]
+    held_out = f", {n} held out" if (n := len(table.held_out)) else ""
+    lines = [f"{out}: {fitted} fitted{held_out}. {then}".strip(), *cautions(done)]
     if n_left_out := len(table.left_out):
         lines.insert(0, f"{table.where}: {n_left_out} rows are not ok and were not fitted")
     return "\n".join(lines)
@@ -108,10 +107,20 @@ def _rows(fit: Fit, summary: pd.DataFrame) -> list[dict[str, str]]:
     return rows
 
 
+def _heaviest(weights: Mapping[str, float]) -> str:
+    """Return the error models of most weight; all are in run.json."""
+    ranked = sorted(weights.items(), key=lambda item: -item[1])
+    told = [f"{noise} {weight:.2g}" for noise, weight in ranked[:_MOST_NOISES]]
+    more = [f"{len(ranked) - len(told)} more"] if len(ranked) > len(told) else []
+    return ", ".join([*told, *more])
+
+
 def _share_text(share: float | None) -> str:
     if share is None:
         return "no evidence"
-    return "> 0.9999" if 0.9999 < share < 1 else f"{share:.3g}"
+    return (
+        "> 0.9999" if 0.9999 < share < 1 else (f"{share:.3f}" if share >= 0.01 else f"{share:.2g}")
+    )
 
 
 def _problem(done: Comparison) -> str:

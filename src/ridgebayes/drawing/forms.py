@@ -91,8 +91,8 @@ def plot_percent_errors(errors: pd.DataFrame) -> Figure:
     for axes, words in zip(panels[:, 0], ("", "\n(without Classic)"), strict=False):
         axes.set_ylabel(f"load error, %{words}")
     handles = [Line2D([], [], **look_of(form)) for form in forms]
-    handles.append(Line2D([], [], color=QUIET, label="calibrated"))
     if (errors["coefficients"] == "printed").any():
+        handles.append(Line2D([], [], color=QUIET, label="calibrated"))
         handles.append(Line2D([], [], color=QUIET, marker="o", label="printed", **hollow))
     figure.legend(handles=handles, loc="outside lower center", ncols=MOST_LEGEND)
     return figure

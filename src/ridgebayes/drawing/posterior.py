@@ -213,9 +213,9 @@ def plot_posterior_checks(
 
 
 def _p(p_value: float) -> str:
-    if p_value < 0.001:
-        return "$p$ < 0.001"
-    return "$p$ > 0.999" if p_value > 0.999 else f"$p$ = {p_value:.3f}"
+    if p_value < 0.01:
+        return "$p$ < 0.01"
+    return "$p$ > 0.99" if p_value > 0.99 else f"$p$ = {p_value:.2f}"
 
 
 def _powers(draws: FloatArray) -> IntArray:

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, MultipleLocator
 
 from ridgebayes._types import FloatArray
 from ridgebayes.drawing import MOST_TEXTURES
@@ -24,6 +24,10 @@ from ridgebayes.drawing.style import (
     title_of,
 )
 from ridgebayes.errors import InputError
+
+FIRST = 4  # edges after the first transition
+_LOWER = "p_over_E_lower"
+_APART = 0.22  # of the axis, between labels of loads
 
 
 @styled()
@@ -66,7 +70,8 @@ def plot_bands(
         draw_band(axes, by_texture[texture], colour_of(form))
         _observed(axes, rows)
         axes.set_title(texture_title(texture, rows), fontsize=9)
-    _legend(figure, colour_of(form), float(bands["prob"].iloc[0]))
+    has_increments = _LOWER in table and bool(table[_LOWER].notna().any())
+    _legend(figure, colour_of(form), float(bands["prob"].iloc[0]), has_increments)
     total = n_texture or len(by_texture)
     more = f", {len(shown)} of {total} textures" if len(shown) < total else ""
     if not untitled:
@@ -98,29 +103,44 @@ def draw_band(axes: Axes, bands: pd.DataFrame, colour: str) -> None:
     # Q grows with the root of the load: on this axis its steps are equally wide.
     axes.set_xscale("function", functions=(_root, np.square))
     axes.set_xlim(0.0, float(bands["p_over_E"].max()))
-    axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    axes.yaxis.set_major_locator(MaxNLocator(6, integer=True, steps=[2, 4, 10]))
+    axes.xaxis.set_major_locator(FixedLocator(_load_ticks(float(bands["p_over_E"].max()))))
+    # At even counts: there are no others, but off centre.
+    axes.yaxis.set_major_locator(MultipleLocator(2 * (1 + int(bands["q_upper"].max()) // 12)))
+
+
+def _load_ticks(most: float) -> list[float]:
+    """Return even loads up to the highest, no two so near at its end that their labels meet."""
+    even = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(0.0, most)
+    kept: list[float] = []
+    for load in even[(even >= 0) & (even <= most)].tolist():
+        if not kept or _root(load) - _root(kept[-1]) > _APART * _root(most):
+            kept.append(load)
+    return kept
 
 
 def _observed(axes: Axes, rows: pd.DataFrame) -> None:
     for _, curve in rows.groupby(["nu", "solver", "series"], dropna=False, sort=False):
         rise = curve.sort_values("p_over_E")
         load, q = rise["p_over_E"].to_numpy(), rise["Q"].to_numpy()
+        # Below the first row nothing was seen, unless that is the first transition there can be.
+        first = 0.0 if q[0] <= FIRST else load[0]
         axes.step(
-            np.concatenate([[0.0], load]),
+            np.concatenate([[first], load]),
             np.concatenate([[q[0] - 2], q]),
             where="post",
             color=OBSERVED,
             linewidth=1.0,
         )
         axes.plot(load, q, ".", color=OBSERVED, markersize=6)
+        if _LOWER in rise:
+            axes.hlines(q - 1, rise[_LOWER], load, color=OBSERVED, linewidth=3)
 
 
-def _root(p: FloatArray) -> FloatArray:
+def _root(p: FloatArray | float) -> FloatArray:
     return np.sqrt(np.maximum(p, 0.0))
 
 
-def _legend(figure: Figure, colour: str, prob: float) -> None:
+def _legend(figure: Figure, colour: str, prob: float, has_increments: bool) -> None:
     handles = [
         Line2D([], [], color=OBSERVED, marker=".", markersize=7, linewidth=1, label="observed"),
         Patch(color=colour, alpha=0.80, linewidth=0, label=f"curve, {100 * prob:.0f} %"),
@@ -129,7 +149,9 @@ def _legend(figure: Figure, colour: str, prob: float) -> None:
             facecolor="#9A9A9A", alpha=0.5, hatch="////", edgecolor="#FFFFFF", label="extrapolation"
         ),
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    if has_increments:
+        handles.insert(1, Line2D([], [], color=OBSERVED, linewidth=3, label="increment"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
 
 
 @styled()

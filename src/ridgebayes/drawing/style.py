@@ -183,7 +183,7 @@ def symbol(parameter: str) -> str:
         "tau_series": r"$\tau_\mathrm{series}$",
         "length_h": r"$\ell_h$",
         "length_ratio": r"$\ell_{a/\mathrm{pitch}}$",
-        "df": "df",
+        "df": r"$\nu$ of $t$",
     }
     if parameter.startswith("K["):
         return f"$K$ {plain(parameter[2:-1])}"

@@ -17,6 +17,7 @@ from ridgebayes.report.wording import (
     ABSENT,
     decimals,
     form_name,
+    listed,
     noise_name,
     number,
     parameter_name,
@@ -105,8 +106,8 @@ def pairs_table(data: ReportData) -> Table:
     """Return every Bayes factor under the fits' error model."""
     return _pairs(
         data.comparison.own_bayes_factors,
-        "Bayes factors with Monte Carlo errors. Reading after Kass and Raftery (1995): undecided "
-        "where |ln BF| is under 1 or under two standard errors.",
+        f"Bayes factors under one error model, {data.comparison.noise.name}. Reading after Kass "
+        "and Raftery (1995): undecided where |ln BF| is under 1 or under two standard errors.",
     )
 
 
@@ -191,8 +192,9 @@ def error_models_section(data: ReportData) -> list[Block]:
     ]
     return [
         Text(
-            "An error model states which residuals repeat: none (iid), those of a texture, or "
-            "those of a step. Predictions and probabilities of forms are averaged over them. "
+            "An error model states which residuals repeat: none (iid), those of a texture, those "
+            "of a step (one count Q, in all textures) or those of a series. "
+            "Predictions and probabilities of forms are averaged over them. "
             "Parameters are printed under the simplest whose evidence is within 1.1 of the "
             f"highest: {noise_name(comparison.noise.name)}."
         ),
@@ -256,12 +258,14 @@ def prior_section(data: ReportData) -> list[Block]:
             continue  # neither form has that parameter
         at_default = ordered.iloc[(ordered["factor"] - 1).abs().argmin()]
         cells = (ordered["ln_bf"].iloc[0], at_default["ln_bf"], ordered["ln_bf"].iloc[-1])
+        span = f"{ordered['factor'].iloc[0]:g} to {ordered['factor'].iloc[-1]:g}"
         name = "c and c₁" if prior == "c" else parameter_name(str(prior))
-        rows.append([form_name(str(form)), name, *(decimals(x, 1) for x in cells)])
+        rows.append([form_name(str(form)), name, span, *(decimals(x, 1) for x in cells)])
     low, high = factors["factor"].min(), factors["factor"].max()
     words = (
         "A Bayes factor always depends on the width of the priors. Here the scale of each prior is "
-        f"varied by a factor of {number(high / low, 3)}, with all else unchanged."
+        f"varied from {low:g} to {high:g} times its default, that of coefficients from 0.3 on, "
+        "with all else unchanged."
     )
     caption = (
         f"ln Bayes factor of each form against {against}. Above zero the form is ahead. Dotted "
@@ -269,12 +273,13 @@ def prior_section(data: ReportData) -> list[Block]:
     )
     ahead = factors.dropna().loc[lambda x: x["ln_bf"] > 0, "form"].unique()
     alt = (
-        f"{', '.join(map(form_name, ahead))} comes ahead of {against} for some prior scale."
+        f"{listed([form_name(one) for one in ahead])} {'comes' if len(ahead) == 1 else 'come'} "
+        f"ahead of {against} for some prior scale."
         if len(ahead)
         else f"{against} stays ahead of every other form at every prior scale."
     )
-    scales = [f"ln BF at {low:g} × scale", "at default", f"at {high:g} × scale"]
-    found = Table([f"Form, against {against}", "Prior of", *scales], rows, text=(0, 1))
+    header = ["Prior of", "Scale, times default", "ln BF at the least", "at default", "at the most"]
+    found = Table([f"Form, against {against}", *header], rows, text=(0, 1))
     return [
         Text(f"{words} {alt}"),
         *_unscaled(data),
@@ -306,9 +311,10 @@ def prior_table(data: ReportData) -> Table:
     found: dict[tuple[str, str], dict[str, tuple[str, str]]] = {}
     for form, fit in data.comparison.fits.items():
         for posterior in fit.posteriors.values():
+            n_of = Counter(name.partition("[")[0] for name in posterior.model.priors)
             for name, prior in posterior.model.priors.items():
                 kind = name.partition("[")[0]
-                shown = f"{parameter_name(name)} and of the others" if kind != name else None
+                shown = f"{parameter_name(name)} and of the others" if n_of[kind] > 1 else None
                 cells = shown or parameter_name(name), prior.words
                 # Forms may have other priors of one parameter; of many K the first is shown.
                 key = kind, prior.words if shown is None else ""

@@ -1,5 +1,6 @@
 """The first screen: the question, the graded answer in three sentences, and what made it."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -130,13 +131,27 @@ def _how_sure(data: ReportData) -> str:
     if verdict is None:
         return ""
     if verdict.grade == "undecided":
-        return f"{lead(verdict)} Why it is undecided: {verdict.why}."
-    _, _, least = verdict.why.partition(" (")
-    weakest = f" It is least with {change_text(least.removesuffix(')'))}." if least else ""
+        return f"{lead(verdict)} Why it is undecided: {why(verdict)}."
+    _, _, least = why(verdict).partition(" (")
+    weakest = f" It is least with {least.removesuffix(')')}." if least else ""
     return (
         f"{lead(verdict)}{weakest} The form's posterior probability passes 0.95 if its prior "
         f"probability is above {number(verdict.min_prior_probability, 1)}."
     )
+
+
+def why(verdict: Verdict) -> str:
+    """Return what a grade follows from, in a reader's words.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        What a comparison found.
+    """
+    reason, _, weakest = verdict.why.partition(" (")
+    for name in (verdict.form, verdict.over):
+        reason = re.sub(rf"\b{name}\b", form_name(name), reason)
+    return f"{reason} ({change_text(weakest.removesuffix(')'))})" if weakest else reason
 
 
 def lead(verdict: Verdict) -> str:
@@ -180,6 +195,7 @@ def _bands(data: ReportData) -> Picture:
     some = f" {n_shown} of {n} textures; all are under Predictions." if n > 3 else ""
     caption = (
         f"Edges in contact Q against load, {form_name(data.shown)}. Full colour: the form's "
-        f"own curve. Pale: a further simulation. Hatched: extrapolation.{some}"
+        f"own curve. Pale: a further simulation. Hatched: extrapolation. The load axis is a "
+        f"square-root scale.{some}"
     )
     return Picture(name, caption, f"{_consequence(data)} {some}".strip())

@@ -64,8 +64,8 @@ def data_section(data: ReportData) -> list[Block]:
             f"{b:g}",
             number(a / (a + b), 3),
             str(len(part)),
-            f"{part['Q'].min()} to {part['Q'].max()}",
-            f"{number(part['p_over_E'].min(), 3)} to {number(part['p_over_E'].max(), 3)}",
+            _span(str(part["Q"].min()), str(part["Q"].max())),
+            _span(number(part["p_over_E"].min(), 3), number(part["p_over_E"].max(), 3)),
             " and ".join(dict.fromkeys(part["role"])),
             ", ".join(dict.fromkeys(part["solver"].astype(str))),
         ]
@@ -84,6 +84,10 @@ def data_section(data: ReportData) -> list[Block]:
     return blocks
 
 
+def _span(low: str, high: str) -> str:
+    return low if low == high else f"{low} to {high}"
+
+
 def _counted(data: ReportData) -> str:
     table = data.comparison.table
     used = table.calibration
@@ -100,9 +104,9 @@ def _counted(data: ReportData) -> str:
     name = Path(table.where).name
     return (
         f"{name[:1].upper() + name[1:] if '.' not in name else name}: {rows}. "
-        f"Q up to {used.column('Q').max()}, p/E from "
-        f"{number(loads.min(), 3)} to {number(loads.max(), 3)}, a/pitch from "
-        f"{number(min(ratios), 3)} to {number(max(ratios), 3)}. Error model: "
+        f"Q up to {used.column('Q').max()}, p/E "
+        f"{_span(number(loads.min(), 3), number(loads.max(), 3))}, a/pitch "
+        f"{_span(number(min(ratios), 3), number(max(ratios), 3))}. Error model: "
         f"{data.comparison.noise.name}."
     )
 
@@ -153,8 +157,8 @@ def cost_section(data: ReportData) -> list[Block]:
             "elements. "
         )
     words += (
-        "CPU seconds were measured once, on the machine of this run. `ridgebayes cost` measures "
-        "more settings, with repeats."
+        "CPU seconds were measured once, on the machine of this run. The command ridgebayes cost "
+        "measures more settings, with repeats."
     )
     rows = [
         [

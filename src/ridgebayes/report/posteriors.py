@@ -258,7 +258,7 @@ def power_scaling_section(data: ReportData) -> list[Block]:
         f"{form_name(data.shown)}: change of each parameter's distribution when all priors, or the "
         "likelihood, are raised to a power near one, per doubling of that power. Values from "
         f"{THRESHOLD:g} on matter. Where only the prior matters, the rows say little about the "
-        "parameter."
+        "parameter. Where both do, prior and rows may disagree (prior-data conflict)."
     )
     blocks: list[Block] = [
         Text(words),

@@ -39,7 +39,8 @@ def bands_section(data: ReportData) -> list[Block]:
         "one count is drawn a little to either side of it."
     )
     alt = f"Q against load of every texture with the bands of {form_name(data.shown)}."
-    return [Folded("Q against load of all textures", [Picture("bands", caption, alt)])]
+    picture = Picture("bands", caption, alt)
+    return [Folded("Q against load of all textures", [picture], short=True)]
 
 
 def held_out_section(data: ReportData) -> list[Block]:
@@ -132,8 +133,12 @@ def coverage_section(data: ReportData) -> list[Block]:
             f"{int(counted['n_texture'].max())} textures left out in turn, "
             f"{form_name(str(counted['form'].iloc[0]))} fitted to the others. Each transition of "
             "the texture left out is looked up in its simulation band. A 90 % band should contain "
-            "about nine in ten. Fewer mean that bands are too narrow, more that they are too wide. "
-            "Independent rows (iid) are shown beside the error model of this run."
+            "about nine in ten. Fewer mean that bands are too narrow, more that they are too wide."
+            + (
+                " Independent rows (iid) are shown beside the error model of this run."
+                if set(counted["noise"]) != {data.comparison.noise.name}
+                else ""
+            )
         ),
         Picture(
             "coverage",
@@ -183,8 +188,8 @@ def errors_section(data: ReportData) -> list[Block]:
         for form in data.ranked
     ]
     caption = (
-        "100 (p form / p data − 1) at each transition. Above zero the form predicts too high a "
-        "load. Coefficients are posterior means"
+        "100 (p form / p data − 1) at each transition, repeats averaged. Above zero the form "
+        "predicts too high a load. Coefficients are posterior means"
         + ("; dashed, hollow: those of the study." if data.study else ".")
     )
     blocks: list[Block] = [
@@ -220,14 +225,16 @@ def score_section(data: ReportData) -> list[Block]:
     leaders = {}
     if len(loo):
         scores = loo.sort_values("elpd", ascending=False)
-        leaders["row"] = _leaders(scores, "elpd")
+        if len(reliable := scores[scores["n_bad_k"] == 0]):
+            leaders["row"] = _leaders(reliable, "elpd")
         blocks.append(_rows_table(scores))
         if scores["n_bad_k"].sum():
             words = (
                 "A row with a Pareto k above 0.7 influences the posterior too strongly for a "
-                "score without a refit. A form with such rows gets no number here. Its scores on "
-                "textures and steps left out come from refits."
+                "score without a refit. A form with such rows gets no number here."
             )
+            if len(left_out):
+                words += " Its scores on textures and steps left out come from refits."
             blocks.append(Text(words, "note"))
     if len(left_out):
         for leave, part in left_out.groupby("leave", sort=False):
@@ -253,7 +260,7 @@ def _leaders(scores: pd.DataFrame, column: str) -> tuple[str, str]:
 
 
 def _agreement(data: ReportData, leaders: dict[str, tuple[str, str]]) -> str:
-    if data.best is None or len(data.ranked) < 2:
+    if data.best is None or len(data.ranked) < 2 or not leaders:
         return ""
     against = {leave: found for leave, found in leaders.items() if set(found) != {data.best}}
     if not against:
@@ -264,10 +271,15 @@ def _agreement(data: ReportData, leaders: dict[str, tuple[str, str]]) -> str:
         if by_weight != by_score:
             heads += f" by score and {form_name(by_weight)} by weight"
         parts.append(f"{heads} for {_NEW[leave]}")
+    open_ = data.verdict is not None and data.verdict.grade == "undecided"
+    found = (
+        "Bayes factors do not decide. These scores put first"
+        if open_
+        else f"They do not all agree with the Bayes factors, which favour {form_name(data.best)}"
+    )
     return (
-        f"They do not all agree with the Bayes factors, which favour {form_name(data.best)}: "
-        f"{'; '.join(parts)}. The two answer different questions. A Bayes factor compares how "
-        "probable the forms and their priors make all rows. A score measures how well a fitted "
+        f"{found}: {'; '.join(parts)}. The two answer different questions. A Bayes factor compares "
+        "how probable the forms and their priors make all rows. A score measures how well a fitted "
         "form predicts new rows of one kind. For a new design, read the scores of textures. For "
         "the physics of contact, read the Bayes factors."
     )

@@ -89,8 +89,8 @@ def _scale(reference: ReportData) -> str:
     load = 100 * (mean**-2 - 1)
     return (
         f"Half-plane: c = {with_error(mean, sd, 6)}, where theory says 1. The difference is "
-        f"{decimals(abs(mean - 1) / sd, 1)} posterior standard deviations, but only "
-        f"{decimals(load, 2)} % in load."
+        f"{decimals(abs(mean - 1) / sd, 1)} posterior standard deviations, "
+        f"or {decimals(load, 2)} % in load."
     )
 
 

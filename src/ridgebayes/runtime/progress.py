@@ -122,7 +122,7 @@ class Progress:
         elif VERBOSITY.get() >= 0:
             print(f"{name}: {wall:.2f} s{self._left(0.0)}", file=self.out, flush=True)
 
-    def _left(self, share: float) -> str:
+    def _left(self, share: float, least: float = 0.0) -> str:
         """Return words for what is left of all stages, a share of the present one being done."""
         names, seconds = list(self.typical), list(self.typical.values())
         begun = [names.index(one["name"]) + 1 for one in self.stages if one["name"] in names]
@@ -133,7 +133,7 @@ class Progress:
             return ""
         since = self._entered if self.began is None else self.began
         left = (time.perf_counter() - since) * (sum(seconds) / done - 1)
-        return f"; about {duration(left)} left in all"
+        return f"; about {duration(max(left, least))} left in all"
 
     def detail(self, text: str) -> None:
         """Tell how far a stage is: at once on a terminal, else a line now and then."""
@@ -150,7 +150,7 @@ class Progress:
         text = f"{n_done} of {n}" if n is not None else f"{n_done} done"
         if n is not None and 0 < n_done < n:
             left = (time.perf_counter() - self._began) * (n - n_done) / n_done
-            text += f", about {duration(left)} left{self._left(n_done / n)}"
+            text += f", about {duration(left)} left{self._left(n_done / n, left)}"
         if n and self._bar is not None:
             self._bar.update(self._task, completed=len(self.stages) + n_done / n)
         self.detail(f"{self.name}: {text}" if self.name else text)
