@@ -172,6 +172,7 @@ def _books() -> list[Foreign]:
     cells = [list(row) for row in rows.itertuples(index=False)]
     words = ["Ridge width", "Groove width", "Proximal edges", "Line load"]
     units = ["mm", "mm", None, "N/mm"]
+    merged = [["Pressversuch vom 4. Mai", None, None, None], ["Geometrie", None, "Ergebnis", None]]
     title = [["Silicone cylinder on ridges"], [], ["Radius", 8, "mm"], ["E-Modul", 60, "kPa"], []]
     wide = rows.pivot_table(index=["a", "b"], columns="Q", values="line", sort=False)
     table = [
@@ -191,6 +192,12 @@ def _books() -> list[Foreign]:
         Foreign(
             "wide.xlsx",
             workbook(Results=[["a [mm]", "b [mm]", *(f"P(Q={Q}) [N/mm]" for Q in COUNTS)], *table]),
+            BODY,
+            truth,
+        ),
+        Foreign(
+            "merged.xlsx",
+            workbook(Info=other, Messung=[*merged, words, units, *cells]),
             BODY,
             truth,
         ),
@@ -252,6 +259,8 @@ def _broken() -> list[Foreign]:
     cells[11] = cells[11][:3]
     several = "\n".join(map(",".join, cells)) + "\n"
     many = "\n".join([good[0], *(f"{line.rsplit(',', 1)[0]},bad" for line in good[1:])]) + "\n"
+    german = "Steg [mm];Nut [mm];Kanten;Last [kg]\n0,24;0,08;4;0,1\n0,24;0,08;5;0,2\n"
+    german += "0,24;x;6;0,3\n-0,1;0,08;4;0,1\n0,1;0,08;6\n"
     formula = good[0] + "\n" + "\n".join([*good[1:4], "=1+1,0.08,4,0.1", "0.3,,4,0.2"]) + "\n"
     return [
         Foreign(
@@ -263,6 +272,11 @@ def _broken() -> list[Foreign]:
             "same-mistake.csv",
             many.encode(),
             mistakes=("12 cells", "line 2", "line 4", "and 9 more"),
+        ),
+        Foreign(
+            "mistakes-german.csv",
+            german.encode(),
+            mistakes=("3 cells", "'x'", "a comma for decimals", "-0,1", "Q = 5", "'kg' is no unit"),
         ),
         Foreign(
             "formula.csv", formula.encode(), mistakes=("formulas", "not empty", "line 5", "line 6")
@@ -378,10 +392,45 @@ def foreign_files() -> list[Foreign]:
             "# ridge width [mm]|groove width [mm]|proximal edges|line load [N/mm]",
             change=lambda content: content.replace("\n", "\n# mesh 3, fine\n", 3),
         ),
+        _long(
+            "french.csv",
+            "Largeur de la strie|Largeur de la rainure|Nombre d'arêtes|Force linéique",
+            separator=";",
+            mark=",",
+            before="# Essais de juin\n# Cylindre en silicone\n",
+            change=lambda one: one.replace("linéique\n", "linéique\nmm;mm;-;N/mm\n"),
+        ),
+        _long(
+            "spanish.csv",
+            "Ancho de cresta [mm]|Ancho de surco [mm]|Bordes|Carga lineal [N/mm]",
+            separator=";",
+            mark=",",
+        ),
+        _long(
+            "percent-cells.csv",
+            "a/R|b/R|Q|p/E",
+            width=100 / R,
+            load=100 / SCALE,
+            said={},
+            change=_percents,
+        ),
+        _long("same-names.csv", "width [mm]|width [mm]|Q|load [N/mm]"),
+        _long(
+            "columns.dat",
+            "ridge_mm|groove_mm|edges|load_N_per_mm",
+            separator="   ",
+        ),
         *_histories(),
         *_books(),
         *_broken(),
     ]
+
+
+def _percents(content: str) -> str:
+    """Put a percent sign after each number but the counts."""
+    header, *rows = (line.split(",") for line in content.splitlines())
+    told = [[f"{a}%", f"{b}%", Q, f"{p}%"] for a, b, Q, p in rows]
+    return "\n".join(map(",".join, [header, *told])) + "\n"
 
 
 def _grouped(content: str) -> str:

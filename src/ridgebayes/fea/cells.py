@@ -3,12 +3,12 @@
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import BoolArray, IntArray
+from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import split_header
 from ridgebayes.fea.problems import Places, Problems
@@ -123,6 +123,15 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
     if all(name == _UNNAMED.format(i) for i, name in enumerate(headers, start=1)):
         raise InputError(f"{where}: no header; expected a header for each column")
     return tuple(headers)
+
+
+def as_numbers(cells: "pd.Series[Any]") -> FloatArray:
+    """Return the numbers of a column, with points or commas for decimals; none if some are not."""
+    if cells.dtype.kind not in "if":
+        cells = pd.to_numeric(cells.astype(str).str.replace(",", "."), errors="coerce")
+        if cells.isna().any():
+            return np.array([])
+    return cells.to_numpy(float)
 
 
 def _empty(cells: "pd.Series[str]") -> BoolArray:

@@ -25,7 +25,7 @@ from ridgebayes.table.columns import NAMES, RawTable
 from ridgebayes.table.rules import as_text, checked
 from ridgebayes.table.table import ContactTable
 
-SUFFIXES = (".csv", ".tsv", ".txt", ".rpt", ".xlsx", ".parquet")
+SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 _LONGEST = 300  # characters of the mapping in `source`
 _NONE: Mapping[str, str] = MappingProxyType({})
 _PLAIN = Reading()
@@ -53,9 +53,9 @@ def read_columns(
     Parameters
     ----------
     path : pathlib.Path
-        A ``.csv``, ``.tsv`` or ``.txt`` file (commas, semicolons, bars, tabs or blanks between
-        cells), a ``.rpt`` of X-Y data, an ``.xlsx`` workbook, or a ``.parquet`` file. Title lines
-        above the header and a row of units below it are recognised.
+        A ``.csv``, ``.tsv``, ``.txt`` or ``.dat`` file (commas, semicolons, bars, tabs or blanks
+        between cells), a ``.rpt`` of X-Y data, an ``.xlsx`` workbook, or a ``.parquet`` file. Title
+        lines above the header and a row of units below it are recognised.
     mapping : mapping of str to str
         What to which header, in addition to what words of the field say: a column of the contract,
         or ``a``, ``b``, ``pitch``, ``R``, ``D``, ``offset`` (lengths), ``E``, ``p``, ``p_lower``

@@ -39,7 +39,7 @@ _STYLES = (
         for sep in seps
     ),
 )
-_WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*)\s*")
+_WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _WORDS = {".": "point", ",": "comma"}
 # What people write where there is no number.
 _NOTHING = re.compile(
@@ -142,7 +142,7 @@ class DelimitedText(Source):
         new = {
             name: f"{name} [{unit}]"
             for name, unit in units.items()
-            if is_unit(unit) and not split_header(name)[1]
+            if (unit == "%" or is_unit(unit)) and not split_header(name)[1]
         }
         self._units = {new[name]: units[name] for name in new}  # that stand in the cells
         self.headers = tuple(new.get(name, name) for name in self.headers)
@@ -282,14 +282,15 @@ class DelimitedText(Source):
             else np.inf
             for cell in counts
         }
+        rule = FINITE.replace("a point", "a comma") if mark == "," else FINITE
         nothing = [cell for cell in counts if np.isinf(numbers[cell]) and _NOTHING.fullmatch(cell)]
         found = {}
         for name in wanted:
             values = text[name].map(numbers).to_numpy(dtype=float)
             bad = np.isinf(values)
             is_nothing = bad & text[name].isin(nothing).to_numpy(bool)
-            problems.cells(bad & ~is_nothing, name, FINITE)
-            problems.cells(is_nothing, name, f"{FINITE}; --empty where such a cell is empty")
+            problems.cells(bad & ~is_nothing, name, rule)
+            problems.cells(is_nothing, name, f"{rule}; --empty where such a cell is empty")
             found[name] = np.where(bad, np.nan, values)
         if nothing:
             problems.options["empty"] = "\n".join(dict.fromkeys(map(str.strip, nothing)))

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import NUMBER, Cells
+from ridgebayes.fea.cells import NUMBER, Cells, as_numbers
 from ridgebayes.fea.column_units import (
     DIMENSIONS,
     Quantity,
@@ -37,7 +37,7 @@ from ridgebayes.table.rules import as_text
 ABOVE_0 = ("a", "b", "pitch", "R", "D", "E", "thickness", "p", "line", "force")
 _SHOWN = 8  # names that a line lists
 # Columns of increments that are nothing of a texture.
-_COUNTER = re.compile(r"\b(?:inc|increment|inkrement|time|zeit|step|schritt|nr|no|id|index)\b|#")
+_COUNTER = re.compile(r"\b(?:inc|increment|inkrement|time|zeit|step|schritt|nr|no|id|index)\b|^#")
 _MEANS = {
     "R": "which lengths and line loads are over",
     "E": "which loads are over",
@@ -340,12 +340,11 @@ class ColumnInterpreter:
         taken = {use.header for use in self._uses} | set(self._problems.mapping.values())
         free = [n for n in self._left() if n not in taken and not _COUNTER.search(n.lower())]
         free = [n for n in free if not n.startswith("(column")]
-        numbers = {n: self.cells.frame[n] for n in free if self.cells.frame[n].dtype.kind in "if"}
-
+        numbers = {n: cells for n in free if len(cells := as_numbers(self.cells.frame[n]))}
         has_Q = any(use.key == "Q" for use in self._uses)  # so that no other column counts
 
         def fits(name: str) -> int:
-            unit, cells = split_header(name)[1], numbers[name].to_numpy(float)
+            unit, cells = split_header(name)[1], numbers[name]
             is_length = unit_factor(unit, "length") is not None
             is_whole = bool((cells == np.round(cells)).all() and (cells >= 2).all())
             is_count = is_whole and not has_Q

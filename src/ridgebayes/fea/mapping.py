@@ -373,7 +373,8 @@ def _without_load(use: Use, columns: _Columns) -> Use:
             return replace(use, key=f"p_over_E{lower}")
         shown = re.sub(r"\d+", "*", use.header) if use.Q is not None else use.header
         columns.problems.need(
-            f"column {shown!r}: no unit: p/E, pressure, line load or force: name it, as "
+            f"column {shown!r}: {f'{unit!r} is no unit' if unit else 'no unit'}: p/E, pressure, "
+            "line load or force: name it, as "
             f"--map 'p_over_E={shown}', 'p={shown};kPa', 'line={shown};N/mm' or "
             f"'force={shown};N'",
             {use.key: f"{shown};?"},

@@ -68,7 +68,11 @@ class FileError(InputError):
     def joined(self, later: "FileError") -> "FileError":
         """Return both errors as one: of a first reading, and of one with its needs supplied."""
         wrong: dict[str, str] = {}  # by all but values, which depend on the units supplied
-        for text in (*self.wrong, *later.wrong):
+        # With widths and empty cells supplied as a guess, what follows from them is no rule broken.
+        told = [] if "texture" in self.options else later.wrong
+        if "empty" in self.options:
+            told = [text for text in told if "expected not empty" not in text]
+        for text in (*self.wrong, *told):
             wrong.setdefault(re.sub(r" = [^:,]+", "", text), text)
         return FileError(
             later.where,

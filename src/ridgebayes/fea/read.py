@@ -166,11 +166,11 @@ def recognise(path: Path) -> str:
         if any(mark in head for mark in _CALCULIX):
             # Contact stresses alone tell which faces carry; displacements tell more.
             return "calculix" if b"displacements (" in content else "calculix-contact"
-    if suffix in _TABLES:
+    if suffix in (*_TABLES, ".dat"):
         return "table"
     raise InputError(
         f"{path}: its format is not recognised; expected --format {', '.join(FORMATS)}, or a "
-        f"suffix of {', '.join(_TABLES)}, .dat, .rpt, .vtu or .xdmf"
+        f"suffix of {', '.join(_TABLES)}, .dat, .vtu or .xdmf"
     )
 
 

@@ -1,4 +1,4 @@
-"""What headers and title lines say: the field's words, in English and German."""
+"""What headers and title lines say: the field's words, in English, German and French."""
 
 import re
 import unicodedata
@@ -8,7 +8,7 @@ from ridgebayes.fea.cells import NUMBER
 
 # A key, what its words look like, and what they must not hold. The first that fits is taken.
 _COUNTED = r"(?:ridges?|lands?|stege?n?|rippen|edges?|kanten|corners?|contacts?|kontakten?|kontakte"
-_COUNTED += r"|segments?|segmenten?|kontaktsegmente|abschnitte|q)"
+_COUNTED += r"|segments?|segmenten?|kontaktsegmente|abschnitte|d?aretes?|nervures|stries|q)"
 _SHAPE = r"height|hohe|depth|tiefe|corner|ecke|rundung|fillet|flank|wall"
 _PATTERNS = tuple(
     (key, re.compile(yes), re.compile(no or r"(?!)"))
@@ -16,17 +16,25 @@ _PATTERNS = tuple(
         (
             "Q",
             rf"^(?:proximal\w* |contact )?{_COUNTED}$(?<!land)(?<!ridge)(?<!steg)|\bq\b"
-            rf"|^c(?:ou)?nts?$|^anzahl$|^n$|\b(?:number|no|n|num|count|anzahl|zahl)\b.*\b{_COUNTED}\b"
+            rf"|^c(?:ou)?nts?$|^anzahl$|^nombre$|^n$|\b(?:number|no|n|num|count|anzahl|zahl|nombre)\b.*\b{_COUNTED}\b"
             rf"|\b{_COUNTED}\b.*(?:in contact|i[mn] kontakt|touched|touching|beruhrt|reached|count"
             rf"|(?:pro|je|per) (?:seite|side))|\b(?:touched|touching) {_COUNTED}"
             r"|(?:steg|rippen|kanten|kontakt|segment)(?:an)?zahl",
-            r"width|breite|pressure|druck|\blin",
+            r"width|breite|largeur|pressure|druck|\blin",
         ),
-        ("pitch", r"pitch|period|teilung|wavelength|wellenlange", ""),
-        ("a", r"\b(?:ridge|land|rib)\b|^(?:steg|rippe)|\b(?:steg|rippe)", _SHAPE + "|radius|gap"),
-        ("b", r"groove|rille|\bnut|valley|trench|channel|gap width|lucke", _SHAPE + "|radius"),
-        ("D", r"diameter|durchmesser", ""),
-        ("R", r"radius|halbmesser|^r$", r"corner|edge|ridge|eck|kante|fillet|rundung|tip"),
+        ("pitch", r"pitch|period|teilung|wavelength|wellenlange|\bpas\b", ""),
+        (
+            "a",
+            r"\b(?:ridge|land|rib|nervures?|stries?)\b|^(?:steg|rippe)|\b(?:steg|rippe)",
+            _SHAPE + "|radius|gap",
+        ),
+        (
+            "b",
+            r"groove|rille|\bnut|valley|trench|channel|gap width|lucke|rainure|sillon",
+            _SHAPE + "|radius",
+        ),
+        ("D", r"diameter|durchmesser|diametre", ""),
+        ("R", r"radius|halbmesser|rayon|^r$", r"corner|edge|ridge|eck|kante|fillet|rundung|tip"),
         (
             "E",
             r"young|modulus|\be modul|emodul|elastizitatsmodul|^e$",
@@ -35,11 +43,11 @@ _PATTERNS = tuple(
         ("nu", r"poisson|querkontraktion|querdehn|^nu$|^\u03bd$", ""),
         ("offset", r"offset|versatz", ""),
         ("rel_se", r"\brel\w*\b.*(?:\bse\b|error|fehler|uncertainty|unsicherheit)", ""),
-        ("line", r"line load|linienlast|streckenlast|per (?:unit )?length|pro lange", ""),
-        ("p", r"pressure|druck|pressung", r"max|peak|spitze|hertz|ridge"),
+        ("line", r"line load|linienlast|streckenlast|per (?:unit )?length|pro lange|lineique", ""),
+        ("p", r"pressure|druck|pressung|pression", r"max|peak|spitze|hertz|ridge"),
         (
             "load",
-            r"\b(?:load|force)\b|(?:last|kraft|belastung)\b|^[fp]$",
+            r"\b(?:load|force|charge)\b|(?:last|kraft|belastung)\b|^[fp]$",
             r"max|peak|spitze|cell|step|rate|case|nr|time|friction|reib|tangential|quer|shear"
             r"|schub|lateral|horizontal|inc|\bno\b",
         ),
@@ -67,8 +75,8 @@ COUNTS = {
 _TERMS = (
     ("per-side", r"(?:pro|je|per) (?:seite|side|half)|/ ?side"),
     ("segments", r"segment|abschnitt"),
-    ("edges", r"edge|kante|corner|\bq\b"),
-    ("ridges", r"ridge|\bland|steg|rippe"),
+    ("edges", r"edge|kante|corner|arete|\bq\b"),
+    ("ridges", r"ridge|\bland|steg|rippe|nervure|strie"),
 )
 _PAIR = re.compile(r"(\d+(?:[.,]\d+)?)\s*([^\W\d_]+)?")
 _SETTING = re.compile(

@@ -35,6 +35,8 @@ class FirstScreen:
         What to bear in mind.
     problems : tuple of str
         Fits that failed or did not converge; a report with any is marked in red.
+    advice : str
+        What to do about them.
     picture : Picture
         Q against load with bands.
     made_by : str
@@ -46,6 +48,7 @@ class FirstScreen:
     sentences: tuple[str, ...]
     cautions: tuple[str, ...]
     problems: tuple[str, ...]
+    advice: str
     picture: Picture
     made_by: str
 
@@ -76,9 +79,26 @@ def first_screen(
         tuple(words for words in sentences if words),
         data.cautions,
         problems,
+        _advice(data if data.problems or reference is None else reference),
         _bands(data),
         " · ".join(words for words in made_by if words),
     )
+
+
+def _advice(data: ReportData) -> str:
+    """Say what to do about fits that failed or did not converge."""
+    comparison, ways = data.comparison, []
+    if comparison.unconverged:
+        ways.append(
+            "a fit that did not converge needs more time (--time-limit), --accuracy reference or "
+            "narrower priors (--priors)"
+        )
+    if comparison.failures or set(comparison.fits) - set(comparison.probabilities):
+        ways.append(
+            "a form without a fit or an evidence needs other priors (--priors), or is left out "
+            "(--forms)"
+        )
+    return f"What to do: {'; '.join(ways)}." if ways else ""
 
 
 def _name(where: str) -> str:

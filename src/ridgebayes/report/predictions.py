@@ -225,7 +225,7 @@ def score_section(data: ReportData) -> list[Block]:
     leaders = {}
     if len(loo):
         scores = loo.sort_values("elpd", ascending=False)
-        if len(reliable := scores[scores["n_bad_k"] == 0]):
+        if len(reliable := scores[scores["n_bad_k"] == 0]) > 1:
             leaders["row"] = _leaders(reliable, "elpd")
         blocks.append(_rows_table(scores))
         if scores["n_bad_k"].sum():
@@ -294,7 +294,7 @@ def _rows_table(scores: pd.DataFrame) -> Table:
                 "not reliable" if row["n_bad_k"] else with_error(row["elpd"], row["se"], 1),
                 ABSENT if row["n_bad_k"] else decimals(row["p"], 1),
                 str(int(row["n_bad_k"])),
-                decimals(row["stacking_weight"], 3),
+                ABSENT if row["n_bad_k"] else decimals(row["stacking_weight"], 3),
             ]
             for row in scores.to_dict("records")
         ],
