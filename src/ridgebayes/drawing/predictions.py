@@ -110,7 +110,7 @@ def draw_band(axes: Axes, bands: pd.DataFrame, colour: str) -> None:
 
 def _load_ticks(most: float) -> list[float]:
     """Return even loads up to the highest, no two so near at its end that their labels meet."""
-    even = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(0.0, most)
+    even = np.array(MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(0.0, most))
     kept: list[float] = []
     for load in even[(even >= 0) & (even <= most)].tolist():
         if not kept or _root(load) - _root(kept[-1]) > _APART * _root(most):
