@@ -28,7 +28,7 @@ setup: $(VENV)/.installed
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
-	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[dev]'
+	$(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python --editable '.[dev]'
 	touch $@
 
 run: setup
@@ -84,7 +84,7 @@ hard-cases: setup
 	$(BIN)/python -m tests.hard_cases.page
 
 mutation: setup
-	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[dev,mutation]'
+	$(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python --editable '.[dev,mutation]'
 	$(BIN)/python -m tests.mutation.run
 	$(BIN)/python -m tests.mutation.page
 
