@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from ridgebayes.evidence.tables import evidences
-from ridgebayes.inference.chains import Chains
+from ridgebayes.inference.chains import N_KEPT, Chains
 from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.posterior import N_KEPT, Posterior
+from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise

@@ -4,9 +4,10 @@ import io
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
+from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Optional
+from typing import TYPE_CHECKING, Optional, cast
 
 import pandas as pd
 
@@ -24,6 +25,8 @@ from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.presets import Preset
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.noise import Noise
 from ridgebayes.runtime.fork_server import start_server
@@ -34,6 +37,7 @@ from ridgebayes.table.datafiles import reference_fe
 
 if TYPE_CHECKING:
     from ridgebayes.report.figures.gallery import Gallery
+    from ridgebayes.results import Fit
 
 EMBEDDED_FE = "finite-element reference rows"
 
@@ -72,7 +76,8 @@ def run_job(
     request : FitRequest
         What is fitted. Without a table the finite-element reference rows are compared as well, with
         every form. With accuracy quick only error models of normal tails are weighed, no textures
-        are left out, no finite elements compared, and only figures of the answer are drawn.
+        are left out, no finite elements compared, only figures of the answer are drawn, and 512
+        draws of each posterior kept.
     force : bool, optional
         Whether an existing run folder may be replaced.
     resume : bool, optional
@@ -125,9 +130,10 @@ def run_job(
         comparison = inputs.compare(progress, partial, executor)
         if extras:
             comparison = _add_left_out(comparison, inputs, progress, executor)
-        with progress.stage("what accuracy costs"):
-            cost = submit_or_defer(local, short_costs, comparison, progress.stages)
-            comparison = _thinned(replace(comparison, cost=cost()))
+            with progress.stage("what accuracy costs"):
+                cost = submit_or_defer(local, short_costs, comparison, progress.stages)
+                comparison = replace(comparison, cost=cost())
+        comparison = _thinned(comparison)
         galleries = [_write(comparison, partial, progress, local)]
         if second is not None:
             with progress.stage("finite-element comparison"):
@@ -164,8 +170,8 @@ def _typical(inputs: Inputs, reference: Inputs | None, began: float | None) -> d
         "leave-one-out": 0.1,
     }
     extras = {"textures and steps left out": 18.0, "coverage of the bands": 3.0}
-    written = {"what accuracy costs": 0.4, "what the report shows": 6.0, "bands": 1.5}
-    written |= {"files of posteriors": 6.0}
+    extras |= {"what accuracy costs": 0.4}
+    written = {"what the report shows": 6.0, "bands": 1.5, "files of posteriors": 6.0}
     beside = {} if reference is None else {"finite-element comparison": 0.1}
     found = first | {"error models": 6.0} | fits | weighed
     found |= extras if inputs.accuracy.extras else {}
@@ -203,8 +209,19 @@ def _add_left_out(
 
 def _thinned(comparison: Comparison) -> Comparison:
     """Keep the draws that files keep: each task below takes all; summaries are there already."""
-    kept = {name: replace(fit, chains=fit.kept_chains) for name, fit in comparison.fits.items()}
-    return replace(comparison, fits=kept)
+    n = Preset.named(comparison.accuracy).n_kept
+
+    @cache  # several error models may share one posterior
+    def thinned(one: Posterior) -> Posterior:
+        chains = one.chains.thinned(n)
+        same = chains.n_step == one.kept_chains.n_step
+        return replace(one, chains=chains, log_likelihood=one.log_likelihood if same else None)
+
+    fits = {}
+    for name, fit in comparison.fits.items():
+        others = {noise: thinned(one) for noise, one in fit.others.items()}
+        fits[name] = replace(cast("Fit", thinned(fit)), others=others)
+    return replace(comparison, fits=fits)
 
 
 def _write(

@@ -27,6 +27,7 @@ from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, used_evidence
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.presets import Preset
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.noise import NUGGET, Noise
 from ridgebayes.results import Fit
@@ -62,10 +63,11 @@ _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray
 def write_fits(comparison: Comparison, folder: Path, executor: Executor | None = None) -> None:
     """Write the table, each posterior and the summary and evidence of all."""
     comparison.table.write(folder / "table.csv")
+    complete = Preset.named(comparison.accuracy).extras
     tasks: list[tuple[Posterior, Path, bool]] = []
     for name, fit in comparison.fits.items():
         alone = replace(fit, others={}, error_model_weights={})
-        tasks.append((alone, folder / f"posterior-{name}.nc", True))
+        tasks.append((alone, folder / f"posterior-{name}.nc", complete))
         for noise, posterior in fit.others.items():
             if noise == posterior.noise.name:
                 (folder / OTHERS).mkdir(exist_ok=True)

@@ -231,7 +231,10 @@ def _scored(execution: Execution, comparison: Comparison) -> Comparison:
         loo_later = submit_or_defer(executor, loo_table, fits)
         with stage("prior sensitivity"):
             sensitivity = prior_sensitivity(
-                {name: fit.posteriors for name, fit in fits.items()}, evidence, executor=executor
+                {name: fit.posteriors for name, fit in fits.items()},
+                evidence,
+                executor=executor,
+                few=not execution.accuracy.extras,
             )
     with stage("savage-dickey and Bayes factors"):
         nested = None if nested_later is None else nested_later()

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -138,7 +139,7 @@ class Comparison(Predictive, Tabular):
         sums = used.groupby("form", sort=False)["model_probability"].sum()
         return {str(name): float(share) for name, share in sums.items()}
 
-    @property
+    @cached_property
     def verdict(self) -> Verdict | None:
         """Which form the evidence supports, graded; None where only one form has an evidence."""
         n_texture = len(self.table.calibration.textures)

@@ -25,6 +25,7 @@ SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
 NUGGET = "nugget"
 COEFFICIENTS = ("c", "c2")  # priors that hold what is known of mechanics: shrunk less
 _FACTORS = (0.1, 0.18, 0.3, 0.55, 1.0, 1.8, 3.0, 5.5, 10.0)
+_FEW_FACTORS = _FACTORS[::2]
 _OF_NUGGET = (0.1, 1.0, 10.0)
 _LEAST = 0.3  # factor of the coefficients' scales
 _N_LIKELIHOOD = 512  # draws that are weighted by a ratio of likelihoods
@@ -35,11 +36,13 @@ def prior_of(parameter: str) -> str:
     return {"c1": "c"}.get(parameter, parameter.partition("[")[0])
 
 
-def scale_factors(prior: str) -> tuple[float, ...]:
+def scale_factors(prior: str, *, few: bool = False) -> tuple[float, ...]:
     """Return the multiples of a prior's scale that are looked at."""
     if prior == NUGGET:
         return _OF_NUGGET
-    return tuple(f for f in _FACTORS if prior not in COEFFICIENTS or f >= _LEAST)
+    return tuple(
+        f for f in (_FEW_FACTORS if few else _FACTORS) if prior not in COEFFICIENTS or f >= _LEAST
+    )
 
 
 def prior_sensitivity(
@@ -47,6 +50,7 @@ def prior_sensitivity(
     evidence: pd.DataFrame,
     *,
     executor: Executor | None = None,
+    few: bool = False,
 ) -> pd.DataFrame:
     """Return log evidences as each prior's scale is multiplied, error models summed out.
 
@@ -58,6 +62,8 @@ def prior_sensitivity(
         `evidence.csv`, under the default priors.
     executor : concurrent.futures.Executor, optional
         Runs the posteriors; one after the other in this process if not given.
+    few : bool, optional
+        Whether every other factor is left out; the least and the largest are not.
 
     Returns
     -------
@@ -71,7 +77,7 @@ def prior_sensitivity(
     """
     used = used_evidence(evidence).set_index(["form", "noise"])["log_evidence"]
     tasks = [
-        _Scaling(form, noise, posterior)
+        _Scaling(form, noise, posterior, few)
         for form, by_noise in posteriors.items()
         for noise, posterior in by_noise.items()
         if (form, noise) in used.index
@@ -89,7 +95,7 @@ def prior_sensitivity(
         for prior in priors
         for form in posteriors
         if any(one == form for one, _ in found)
-        for factor in scale_factors(prior)
+        for factor in scale_factors(prior, few=few)
     ]
     return pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS)
 
@@ -123,6 +129,7 @@ class _Scaling:
     form: str
     noise: str
     posterior: Posterior
+    few: bool
 
     @property
     def name(self) -> str:
@@ -139,7 +146,7 @@ def _scaled(task: _Scaling) -> dict[tuple[str, float], float]:
     for prior, names in owned.items():
         if not all(model.priors[name].scale_name for name in names):
             continue
-        for factor in scale_factors(prior):
+        for factor in scale_factors(prior, few=task.few):
             stretched = {name: model.priors[name].stretched(factor) for name in names}
             other = model.with_priors(stretched)
             found[prior, factor] = 0.0 if factor == 1 else _change(posterior, other, names)

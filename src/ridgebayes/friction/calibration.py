@@ -22,11 +22,10 @@ from ridgebayes.friction.friction_model import FrictionModel
 from ridgebayes.friction.inputs import friction_inputs
 from ridgebayes.friction.table import FrictionTable, read_friction_table
 from ridgebayes.friction.terms import PARAMETERS, terms
-from ridgebayes.inference.chains import Chains, ProgressCallback, SampleSettings
+from ridgebayes.inference.chains import N_KEPT, Chains, ProgressCallback, SampleSettings
 from ridgebayes.inference.diagnostics import arviz_object, failed_diagnostics, summarise
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.netcdf import read_tree, write_tree
-from ridgebayes.inference.posterior import N_KEPT
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.scene.scene import Scene

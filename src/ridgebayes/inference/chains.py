@@ -11,6 +11,7 @@ from ridgebayes.inference.moves import MOVES
 
 ProgressCallback = Callable[[str], None]  # takes a line of text
 N_WALKER = 64
+N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
 _MANY, _FEW = 512, 32  # many: four times the draws per CPU second of 32
 _CHEAP, _COSTLY = 100, 2_000  # textures of exact rows with independent normal errors
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray
-from ridgebayes.inference.chains import Chains
+from ridgebayes.inference.chains import N_KEPT, Chains
 from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
 from ridgebayes.inference.laplace import Laplace, fit_laplace
 from ridgebayes.inference.log_evidence import LogEvidence
@@ -23,7 +23,6 @@ N_TEXTURE_WALKED = 40  # a power law of more textures is drawn from exactly, wit
 _AT_ONCE = 256  # draws whose covariances of offsets are there whole, of which predictions keep half
 SAMPLERS = ("emcee", "importance", "exact")
 _SMALL_LOG_LIKELIHOOD = 1_000_000  # numbers that go with draws from process to process
-N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ points of; docs/performance.md holds the measured errors.
 from dataclasses import dataclass
 
 from ridgebayes.errors import InputError
-from ridgebayes.inference.chains import SampleSettings
+from ridgebayes.inference.chains import N_KEPT, SampleSettings
 
 _N_POINT = 32  # of offsets that are drawn: more were not measured to make evidences surer
 
@@ -37,7 +37,10 @@ class Preset:
     n_bridge : int or None
         Draws of the evidence's bridge; None for as many as 0.002 takes.
     extras : bool
-        Whether a run also leaves textures out, counts coverage and compares finite-element rows.
+        Whether a run also leaves textures out, counts coverage, compares finite-element rows,
+        measures what accuracy costs and draws every figure.
+    n_kept : int
+        Draws of each posterior that a run keeps, for predictions and files.
     """
 
     name: str
@@ -50,6 +53,7 @@ class Preset:
     n_tau: float = 50.0
     n_bridge: int | None = None
     extras: bool = True
+    n_kept: int = N_KEPT
 
     @classmethod
     def named(cls, name: str) -> "Preset":
@@ -80,7 +84,9 @@ class Preset:
         return SampleSettings(n_tau=self.n_tau)
 
 
-QUICK = Preset("quick", 0.2, 0.1, walks=False, n_draw=512, n_round=3, n_per_round=256, extras=False)
+QUICK = Preset(
+    "quick", 0.2, 0.1, walks=False, n_draw=512, n_round=3, n_per_round=256, extras=False, n_kept=512
+)
 STANDARD = Preset("standard", 0.02, 0.01)
 REFERENCE = Preset("reference", 0.01, 0.003, n_tau=200.0, n_bridge=400_000)
 PRESETS = {one.name: one for one in (QUICK, STANDARD, REFERENCE)}

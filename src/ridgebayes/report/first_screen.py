@@ -212,7 +212,8 @@ def _bands(data: ReportData) -> Picture:
     """Return Q against load, of three textures where there are more."""
     n, n_shown = len(data.comparison.table.textures), len(data.textures)
     name = "bands" if n <= 3 or not n_shown else "bands-first"
-    some = f" {n_shown} of {n} textures; all are under Predictions." if n > 3 else ""
+    others = "all are under Predictions" if data.preset.extras else "bands.csv has all"
+    some = f" {n_shown} of {n} textures; {others}." if n > 3 else ""
     caption = (
         f"Edges in contact Q against load, {form_name(data.shown)}. Full colour: the form's "
         f"own curve. Pale: a further simulation. Hatched: extrapolation. The load axis is a "

@@ -143,8 +143,6 @@ def goal_section(data: ReportData) -> list[Block]:
 def cost_section(data: ReportData) -> list[Block]:
     """Return the target errors, and the cost of a few ways to the answer on the run's machine."""
     costs, wanted = data.comparison.cost, data.preset
-    if not len(costs):
-        return []
     words = (
         f"Accuracy {wanted.name}: the target error is {wanted.moment_error:g} posterior sds for "
         "means, sds and quantiles of the posterior, and "
@@ -153,9 +151,11 @@ def cost_section(data: ReportData) -> list[Block]:
     if not wanted.extras:
         words += (
             "A quick run weighs normal error models by Laplace's approximation and draws from the "
-            "posteriors by importance sampling. It leaves no textures out and compares no finite "
-            "elements. "
+            f"posteriors by importance sampling, of which {wanted.n_kept} draws are kept. It "
+            "leaves no textures out, compares no finite elements, and draws few figures. "
         )
+    if not len(costs):
+        return [Text(words)]
     words += (
         "CPU seconds were measured once, on the machine of this run. The command ridgebayes cost "
         "measures more settings, with repeats."

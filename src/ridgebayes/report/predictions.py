@@ -29,8 +29,8 @@ _NEW = {
 
 def bands_section(data: ReportData) -> list[Block]:
     """Return Q against load with bands, texture by texture."""
-    if len(data.comparison.table.textures) <= 3:
-        return []  # the first screen has them all
+    if len(data.comparison.table.textures) <= 3 or not data.preset.extras:
+        return []  # the first screen has them all, or is all that there is
     caption = (
         f"{form_name(data.shown)}. Full colour: the form's own curve. Pale, and drawn taller: a "
         "further simulation. "

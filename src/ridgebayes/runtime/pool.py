@@ -23,7 +23,6 @@ from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
 
 from ridgebayes.errors import ComputationError, InputError, WorkerLostError
-from ridgebayes.runtime.fork_server import METHOD, one_thread_each, start_server
 from ridgebayes.runtime.progress import HEARD_EVERY_S, Relay, pass_on, tell_count
 from ridgebayes.runtime.text import exit_text
 
@@ -59,6 +58,9 @@ class WorkerPool(futures.Executor):
         self._futures: weakref.WeakSet[futures.Future[Any]] = weakref.WeakSet()
         self._lock = threading.Lock()
         self._stopped = False
+        # What computes alone needs no server.
+        from ridgebayes.runtime.fork_server import start_server
+
         start_server()
 
     def submit(
@@ -307,6 +309,8 @@ def submit_or_defer(
 
 
 def _started() -> tuple[futures.ProcessPoolExecutor, Connection]:
+    from ridgebayes.runtime.fork_server import METHOD, one_thread_each
+
     context = get_context(METHOD)
     here, there = context.Pipe(duplex=False)
     worker = futures.ProcessPoolExecutor(1, context, _begin, (there,))

@@ -141,7 +141,7 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
         ``smooth-cylinder`` of the embedded sweep; ``coverage`` where it was counted;
         ``posterior-checks`` and ``prior-bands`` of the best form; ``corner-<form>`` and
         ``traces-<form>`` of each fit, traces of walks alone. Of a quick comparison only
-        ``evidence``, ``bands``, ``held-out``, ``percent-error`` and the best form's corner.
+        ``evidence``, ``bands-first`` (or ``bands``), ``held-out`` and ``percent-error``.
     """
     comparison, shown, is_study = data.comparison, data.shown, data.study is not None
     found: dict[str, Callable[[], Figure]] = {}
@@ -149,12 +149,7 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
         found["evidence"] = partial(plot_bayes_factors, data.factors, shown, comparison.noise.name)
     if len(data.sensitivity) and data.preset.extras:
         found["prior-sensitivity"] = partial(plot_prior_sensitivity, data.sensitivity, shown)
-    n_texture = len(comparison.table.textures)
-    if n_texture > len(data.textures) > 0:
-        found["bands-first"] = partial(
-            plot_bands, _of(data.bands, data.textures), data.transitions, shown, untitled=True
-        )
-    found["bands"] = partial(plot_bands, data.bands, data.transitions, shown, n_texture=n_texture)
+    found |= _bands(data)
     held_out = data.held_out
     if len(held_out):
         # A texture that the power law has no K for is a draw from its prior: a bar across the page.
@@ -168,13 +163,19 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
         if not is_study:  # the published coefficients are those of another table
             errors = errors[errors["coefficients"] == "calibrated"]
         found["percent-error"] = partial(plot_percent_errors, errors)
-    if not data.preset.extras:
-        return found | {f"corner-{shown}": partial(corner_of, data.fit, published=is_study)}
-    found |= _extras(data)
-    for name in data.ranked:
-        found[f"corner-{name}"] = partial(corner_of, comparison.fits[name], published=is_study)
-        if comparison.fits[name].sampler == WALK:
-            found[f"traces-{name}"] = partial(traces_of, comparison.fits[name])
+    return found | _extras(data) if data.preset.extras else found
+
+
+def _bands(data: ReportData) -> dict[str, Callable[[], Figure]]:
+    """Return how to draw Q against load: of few textures first; of all unless in a hurry."""
+    rows, shown = data.transitions, data.shown
+    n_texture = len(data.comparison.table.textures)
+    found: dict[str, Callable[[], Figure]] = {}
+    if n_texture > len(data.textures) > 0:
+        first = _of(data.bands, data.textures)
+        found["bands-first"] = partial(plot_bands, first, rows, shown, untitled=True)
+    if data.preset.extras or not found:
+        found["bands"] = partial(plot_bands, data.bands, rows, shown, n_texture=n_texture)
     return found
 
 
@@ -201,6 +202,11 @@ def _extras(data: ReportData) -> dict[str, Callable[[], Figure]]:
     if len(data.prior_bands):
         rows = exact_rows(data.fit.model.data)
         found["prior-bands"] = partial(plot_prior_bands, data.prior_bands, rows, data.shown)
+    for name in data.ranked:
+        fit, is_study = data.comparison.fits[name], data.study is not None
+        found[f"corner-{name}"] = partial(corner_of, fit, published=is_study)
+        if fit.sampler == WALK:
+            found[f"traces-{name}"] = partial(traces_of, fit)
     return found
 
 
