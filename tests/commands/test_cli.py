@@ -987,6 +987,7 @@ def test_design__is_what_the_library_finds(command, run, finger):
     )
     page = Path("d/design.html").read_text()
     assert "Recommended texture" in page
+    assert expected.conditions in page
     assert "http" not in page
     assert command(*words, "-o", "e").code == 0
     assert Path("d/designs.csv").read_bytes() == Path("e/designs.csv").read_bytes()

@@ -108,6 +108,7 @@ def _answer(found: Design, out: Path, body: Body) -> Answer:
     told = f"{out}: {n} of {len(found.designs)} textures meet the goal"
     if not found.feasible:
         told += f"; the nearest falls short by {-row['margin']:.3g}"
+    told += f"\n{found.conditions}"
     warnings = []
     if row["extrapolation"]:
         warnings.append(f"the texture lies beyond what was calibrated: {row['extrapolation_of']}")

@@ -17,7 +17,7 @@ from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.scene.units import Body
-from ridgebayes.texture_design.bodies import Bodies, Tolerance
+from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.choice import OBJECTIVES, chosen, mark_extrapolation
 from ridgebayes.texture_design.drawn_check import drawn_check
 from ridgebayes.texture_design.drawn_loads import drawn_loads
@@ -135,7 +135,13 @@ def design(
     tightest = goals[int(best.get("goal", 1)) - 1]
     value = values.at(tightest, *texture)
     sources = Sources(scene, made, loads_of, texture, value)
-    about |= {"tolerance": vars(made), "seed": seed, "ridgebayes_version": __version__}
+    about |= {
+        "loads": _loads_of(goals, scene),
+        "tolerance": vars(made),
+        "averaged": [[fit.form.name, fit.noise.name, weight] for fit, weight in averaged],
+        "seed": seed,
+        "ridgebayes_version": __version__,
+    }
     if objective == "min-load":
         best["load"] = str(value.case.loads[0])
     return Design(
@@ -168,6 +174,13 @@ def _alternatives(
     if not found:
         raise InputError("loads: expected at least one, got none")
     return [(one,) for one in found] if objective == "min-load" else [found]
+
+
+def _loads_of(goals: Sequence[Goal], scene: Scene) -> list[Json]:
+    """Return the loads of goals, each once, with p/E at the scene's medians."""
+    units = median_units(scene)
+    loads = dict.fromkeys(load for goal in goals for case in goal.cases for load in case.loads)
+    return [{"load": str(load), "p_over_E": float(load.p_over_E(units)[0])} for load in loads]
 
 
 def _map(values: GoalValues, goals: Sequence[Goal], textures: Sequence[Texture]) -> pd.DataFrame:

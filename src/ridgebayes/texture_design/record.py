@@ -40,7 +40,7 @@ class Design(Tabular):
     simulate_next : pandas.DataFrame
         Textures by what a simulation would tell of the two leading forms.
     options : dict
-        Bounds, step, tolerance, seed and version.
+        Bounds, step, loads, tolerance, what is averaged over, seed and version.
     """
 
     goals: tuple[Goal, ...]
@@ -80,6 +80,28 @@ class Design(Tabular):
         if len(self.goals) > 1:
             return "margin"
         return "sd of $Q$" if self.goals[0].is_spread else "probability"
+
+    @property
+    def conditions(self) -> str:
+        """What the goals are asked for, in one sentence: loads, tolerance, forms and error models.
+
+        p/E is that of the scene's medians.
+        """
+        loads = [one["p_over_E"] for one in self.options["loads"]]
+        several = f" to {max(loads):.3g} ({len(loads)} loads)" if len(loads) > 1 else ""
+        size, kind = self.options["tolerance"]["size"], "as asked for"
+        if size:
+            over = " R" if self.options["tolerance"]["is_length"] else ""
+            number = f"{size:.2g}" if over else f"{100 * size:.3g} %"
+            worst = self.options["tolerance"]["is_worst"]
+            kind = f"off by {'at most' if worst else 'a standard deviation of'} {number}{over}"
+        forms = list(dict.fromkeys(form for form, _, _ in self.options["averaged"]))
+        n_pair = len(self.options["averaged"])
+        error_models = "their error models" if n_pair > 1 else "one error model"
+        return (
+            f"At p/E {min(loads):.3g}{several}, widths {kind}, averaged over {' and '.join(forms)} "
+            f"and {error_models}."
+        )
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the textures as a table.
