@@ -54,15 +54,15 @@ def design_page(found: Design, png: bytes, body: Body) -> str:
 def _shares(found: Design) -> list[list[str]]:
     """Return a header and rows of text; none where there are none."""
     rows = [
-        [row.of, row.source]
+        [row["of"], row["source"]]
         + [
             f"{100 * max(share, 0.0):.0f} ± {100 * se:.1g} %"
             for share, se in (
-                (row.first_order, row.first_order_se),
-                (row.total_order, row.total_order_se),
+                (row["first_order"], row["first_order_se"]),
+                (row["total_order"], row["total_order_se"]),
             )
         ]
-        for row in found.shares.itertuples()
+        for row in found.to_dict()["shares"]
     ]
     return _headed(["of", "source", "alone", "with all interactions"], rows)
 
@@ -70,12 +70,12 @@ def _shares(found: Design) -> list[list[str]]:
 def _measurements(found: Design) -> list[list[str]]:
     rows = [
         [
-            row.measure,
-            "exactly" if not row.spread_left else f"to {row.spread_left:g} of its spread",
-            f"{100 * row.resolved:.2g} %",
-            f"{row.probability_low:.4g} to {row.probability_high:.4g}",
+            row["measure"],
+            "exactly" if not row["spread_left"] else f"to {row['spread_left']:g} of its spread",
+            f"{100 * row['resolved']:.2g} %",
+            f"{row['probability_low']:.4g} to {row['probability_high']:.4g}",
         ]
-        for row in found.measure.itertuples()
+        for row in found.to_dict()["measure"]
     ]
     return _headed(["if known", "how well", "settles", "probability then (90 %)"], rows)
 
@@ -83,14 +83,14 @@ def _measurements(found: Design) -> list[list[str]]:
 def _simulations(found: Design) -> list[list[str]]:
     rows = [
         [
-            f"{row.a_over_R:.4g}",
-            f"{row.b_over_R:.4g}",
-            str(row.Q),
-            f"{row.p_over_E:.3g}",
-            f"{row.information:.2f}",
-            f"{row.form_a} or {row.form_b}",
+            f"{row['a_over_R']:.4g}",
+            f"{row['b_over_R']:.4g}",
+            str(row["Q"]),
+            f"{row['p_over_E']:.3g}",
+            f"{row['information']:.2f}",
+            f"{row['form_a']} or {row['form_b']}",
         ]
-        for row in found.simulate_next.head(5).itertuples()
+        for row in found.to_dict()["simulate_next"]
     ]
     return _headed(["a/R", "b/R", "Q", "p/E", "information (ln 2 settles)", "tells"], rows)
 
