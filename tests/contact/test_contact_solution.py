@@ -85,8 +85,10 @@ def on_a_grid(profile, W, n):
 
 
 def surface_above(found, x):
-    """Height of the body's surface above the ridges' tops, of every coefficient there is."""
-    intervals, series = found.pressing.intervals, found.pressing.coefficients
+    """Height of the body's surface above the ridges' tops, of a kink's first 500 orders."""
+    intervals, solved = found.pressing.intervals, found.pressing.coefficients
+    series = -np.arange(500) / math.pi * found.pressing.kinks.series(500)
+    series[:, : solved.shape[1]] = solved
     total = 0.5 * x**2 - found.approach
     for i, (centre, w) in enumerate(zip(intervals.centre, intervals.half_width, strict=True)):
         twice = intervals.mirrored and not (intervals.straddles and i == 0)
@@ -528,3 +530,15 @@ def test_pressed__tension_beyond_a_tenth_of_the_roots_tolerance_is_refused(
     series[0, 2] = -(1 + tension) * series[0, 0]
     status = _checked(dataclasses.replace(found, coefficients=series), found.load, rel_tol)
     assert status == (f"tension: {-tension:.1e} of the mean pressure" if is_refused else "ok")
+
+
+@pytest.mark.parametrize(
+    ("offset", "W", "Q"),
+    [(3e-4, 2.557289883236868e-07, 2), (0.0938936392394375, 0.08736109751880411, 8)],
+)
+def test_pressed__a_round_corner_is_found_where_contact_begins_and_ends_at_its_kink(offset, W, Q):
+    """On both corners at nearly no load; with an end 1e-8 of a ridge beyond the flat."""
+    profile = Profile(0.0625, 0.05, corner=0.00625, offset=offset)
+    found = solve_contact(profile, W, start=solve_contact(profile, 0.99 * W))
+    assert (found.status, found.Q) == ("ok", Q)
+    assert worst_penetration(found) < 1e-9 * W + 1e-14  # tolerance

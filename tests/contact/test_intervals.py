@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from ridgebayes.contact.intervals import (
-    Intervals,
-    chebyshev_coefficients,
-    chebyshev_points,
-    solve_pressure,
-)
+from ridgebayes.contact.intervals import Intervals, solve_pressure
+from ridgebayes.contact.kinks import Kinks
 
 FLAT = np.zeros((1, 1))
 S = np.linspace(-1.0, 1.0, 9)
@@ -20,6 +16,15 @@ S = np.linspace(-1.0, 1.0, 9)
 def intervals_of(*ends, mirrored=False):
     left, right = np.array(ends, dtype=float).T
     return Intervals(left, right, mirrored)
+
+
+def kinks_of(intervals, at, r):
+    """Kinks at |x| = at, one an interval, beyond which a parabola of curvature 1/r falls away."""
+    centre, half = intervals.centre, intervals.half_width
+    at = np.array(at)
+    inside = np.stack([intervals.left < -at, intervals.right > at])
+    cosines = np.clip(np.stack([centre + at, at - centre]) / half, -1, 1)
+    return Kinks(half**2 / r, np.where(inside, np.arccos(cosines), 0.0))
 
 
 def two_strips(alpha, beta, W):
@@ -91,8 +96,7 @@ def test_press__two_strips_are_their_closed_form(mirrored, alpha):
     ends = [(alpha, beta)] if mirrored else [(-beta, -alpha), (alpha, beta)]
     found = solve_pressure(intervals_of(*ends, mirrored=mirrored), np.zeros((len(ends), 1)), W, 120)
     approach, strength = two_strips(alpha, beta, W)
-    # Discretisation: exponential, decayed; at the corner of the narrowest groove 1e-6 is left by
-    # the sum that is meant for kinks.
+    # Discretisation: exponential, decayed; less so at the corner of the narrowest groove.
     rtol = 1e-11 if alpha > 0.01 else 1e-6
     np.testing.assert_allclose(found.pressure(S)[-1], strength(S), rtol=rtol)
     assert found.approach == pytest.approx(approach, rel=1e-13)  # rounding
@@ -199,21 +203,22 @@ def test_recession__with_kinks_in_a_mirrored_half_is_that_of_the_whole(straddles
     mirror = [(-right, -left) for left, right in ends[::-1] if left > 0]
     half, whole = intervals_of(*ends, mirrored=True), intervals_of(*mirror, *ends)
     kinks = np.array([0.03, 0.08, 0.14])
+    own = kinks[: len(ends)]
+    twice = np.concatenate([own[: -len(mirror) - 1 : -1], own])
 
     def depth(x):
-        return 100 * sum(np.maximum(np.abs(x) - kink, 0.0) ** 2 for kink in kinks)
+        kink = kinks[np.searchsorted([0.055, 0.11], np.abs(x))]
+        return 100 * np.maximum(np.abs(x) - kink, 0.0) ** 2
 
-    def height(intervals):
-        return chebyshev_coefficients(depth(chebyshev_points(intervals, 2048)))
-
-    found = solve_pressure(half, height(half), 8e-3, 16)
-    expected = solve_pressure(whole, height(whole), 8e-3, 32)
+    level = np.zeros((len(twice), 1))
+    found = solve_pressure(half, level[: len(own)], 8e-3, 16, kinks_of(half, own, 0.005))
+    expected = solve_pressure(whole, level, 8e-3, 32, kinks_of(whole, twice, 0.005))
     x = np.concatenate([np.linspace(-0.16, 0.16, 65), [0.4, -0.7], kinks, -kinks])
     # Discretisation: of 16 coefficients, which neighbours' surfaces take.
     np.testing.assert_allclose(found.recession(x), expected.recession(x), rtol=0, atol=1e-8)
     touched = np.any([(low <= abs(x)) & (abs(x) <= high) for low, high in ends], axis=0)
-    # Discretisation: beyond the 2048th order a kink's series has 1e-8, beyond the 96th 4e-7.
-    np.testing.assert_allclose(found.surface(x)[touched], -depth(x)[touched], rtol=0, atol=4e-8)
+    # Discretisation: of neighbours' orders beyond the 16th.
+    np.testing.assert_allclose(found.surface(x)[touched], -depth(x)[touched], rtol=0, atol=1e-8)
 
 
 def test_press__its_error_falls_exponentially_in_the_coefficients():
@@ -233,28 +238,25 @@ def test_press__its_error_falls_exponentially_in_the_coefficients():
     assert slope < -log_rho
 
 
-def test_press__a_kinks_long_series_gives_its_free_end():
-    """x^2/2 and beyond |x| = c a parabola of curvature 1/r: both ends free has a closed load."""
-    w, c, r, n = 0.05, 0.04, 0.01, 4096
+@pytest.mark.parametrize("beyond", [0.2, 1e-3, 1e-8])
+def test_press__ends_beyond_kinks_are_free_at_a_closed_load(beyond):
+    """x^2/2 and beyond |x| = c a parabola of curvature 1/r."""
+    w, r = 0.05, 0.01
+    c = w * (1 - beyond)
     angle = math.asin(c / w)
     W = 0.5 * w**2 + (w**2 * (0.5 * math.pi - angle) - c * w * math.cos(angle)) / (math.pi * r)
     intervals = intervals_of((-w, w))
-    x = chebyshev_points(intervals, n)
-    height = chebyshev_coefficients(np.maximum(np.abs(x) - c, 0.0) ** 2 / (2 * r))
-    found = solve_pressure(intervals, height, W, 10)
-    # Discretisation: Abel's sums of a series of n^-2; far below a plain sum's n^-1.
-    assert np.abs(found.singular).max() < 1e-9 * found.coefficients[0, 0]
-    assert np.abs(found.outward).max() < 1e-9 * w
+    found = solve_pressure(intervals, FLAT, W, 10, kinks_of(intervals, [c], r))
+    # Rounding: of sums in closed form.
+    assert np.abs(found.singular).max() < 1e-13 * found.coefficients[0, 0]
+    assert np.abs(found.outward).max() < 1e-12 * w
     assert found.load == pytest.approx(W, rel=1e-13)
 
 
 def test_tail__is_what_neighbours_add_not_what_a_kink_has():
     intervals = intervals_of((-0.05, 0.05))
-    x = chebyshev_points(intervals, 512)
-    height = chebyshev_coefficients(np.maximum(np.abs(x) - 0.04, 0.0) ** 2 / 0.02)
-    assert (
-        solve_pressure(intervals, height, 4e-3, 10).tail < 1e-12
-    )  # rounding: it has no neighbours
+    alone = solve_pressure(intervals, FLAT, 4e-3, 10, kinks_of(intervals, [0.04], 0.01))
+    assert alone.tail < 1e-12  # rounding: it has no neighbours
     near = solve_pressure(intervals_of((-0.06, -0.001), (0.001, 0.06)), np.zeros((2, 1)), 4e-3, 6)
     far = solve_pressure(intervals_of((-0.06, -0.03), (0.03, 0.06)), np.zeros((2, 1)), 4e-3, 6)
     assert near.tail > 1e-2 > 1e-3 > far.tail
@@ -275,12 +277,11 @@ def test_press__scales_with_the_length():
         assert scaled.approach == pytest.approx(shifted, rel=1e-11)
 
 
-def test_chebyshev_coefficients__are_those_of_a_polynomial():
-    intervals = intervals_of((-1.0, 3.0), (0.0, 1.0))
-    x = chebyshev_points(intervals, 7)
-    s = (x - intervals.centre[:, None]) / intervals.half_width[:, None]
-    given = np.array([[1.0, -2.0, 0.5, 0.0, 0.0, 0.0, 3.0]] * 2)
-    values = np.stack(
-        [np.polynomial.chebyshev.chebval(r, g) for r, g in zip(s, given, strict=True)]
-    )
-    np.testing.assert_allclose(chebyshev_coefficients(values), given, atol=1e-14)  # rounding
+def test_surface_by_load__is_the_difference_of_two_loads_at_the_same_ends():
+    ends, x = [(-0.01, 0.01), (0.03, 0.05)], np.array([0.0, 0.004, 0.02, 0.045, 0.2])
+    intervals = intervals_of(*ends, mirrored=True)
+    kinks = kinks_of(intervals, [0.005, 0.046], 0.002)
+    low, high = (solve_pressure(intervals, np.zeros((2, 1)), W, 12, kinks) for W in (1e-3, 3e-3))
+    slope = (high.surface(x) - low.surface(x)) / 2e-3
+    # Rounding: surfaces are linear in the load.
+    np.testing.assert_allclose(low.surface_by_load(x), slope, rtol=0, atol=1e-11)

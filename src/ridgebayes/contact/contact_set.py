@@ -16,7 +16,7 @@ from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 _SHRINK = 0.1  # a contact keeps at least this share of its width in one step
 TENSION = 0.1  # times the root of the tolerance, of the mean pressure: free ends err by as much
 BEGUN, _ROUNDING = 1e-6, 1e-9  # of the load
-_AT_WALL = 1e-6  # of a round corner: an end nearer to the wall may step there
+_STEP = 1e-13  # of a contact's width: shorter steps are rounding
 _NOTHING = 1e-11  # of a segment's width: narrower is no contact
 
 
@@ -87,7 +87,7 @@ class ContactSet:
     def _stepped(self, found: PressureSolution, i: int, segment: RigidSegment, side: int) -> float:
         """Return where an end is after its step; equations of docs/derivations/contact.md."""
         sign, limits = 2 * side - 1, (segment.start, segment.stop)
-        end, limit, sharp = self._ends[segment][side], limits[side], segment.corner == 0
+        end, limit = self._ends[segment][side], limits[side]
         room = abs(limit - end)
         width = float(2 * found.intervals.half_width[i])
         mean, strength = abs(found.coefficients[i, 0]), found.singular[side][i]
@@ -105,8 +105,6 @@ class ContactSet:
         if not stuck[side] and abs(step) <= self._near_enough(width, share, layer):
             return end
         step = min(max(step, -most), 2 * width)  # (9)
-        if not sharp and room > _AT_WALL * segment.corner:  # where the profile is vertical
-            step = min(step, 0.5 * room)
         return limit if step >= room else end + sign * step
 
     def _near_enough(self, width: float, share: float, layer: float) -> float:
@@ -116,38 +114,50 @@ class ContactSet:
             near = self._tol * width * max(1.0, BEGUN / share)
         if 0 < layer < width:  # beyond a kink pressure falls to zero within it
             near = min(near, 0.3 * TENSION * math.sqrt(self._tol) * layer)
-        return near
+        return max(near, _STEP * width)
 
     def add_penetrated(self, found: PressureSolution) -> bool:
         """Begin a contact on every segment that the surface penetrates; whether there was any."""
         before = len(self._ends)
         scale = max(self._tol * found.load, 1e-15)
-        for segment in self._segments:
-            if segment in self._ends:
+        others = [segment for segment in self._segments if segment not in self._ends]
+        if not others:
+            return False
+        places = [_places(segment) for segment in others]
+        surface = found.surface(np.concatenate(places))
+        parts = np.split(surface, np.cumsum([len(x) for x in places])[:-1])
+        for segment, x, above in zip(others, places, parts, strict=True):
+            gap, (low, high) = above + segment.height(x), segment.flat
+            i = int(np.argmin(gap))
+            if gap[i] > np.ptp(gap[max(i - 1, 0) : i + 2]):  # none is hidden between places
                 continue
-            low, high = segment.flat
-            x = np.linspace(low, high, 33 if segment.ridge is None else 9)
-            if segment.corner:  # a round corner is touched before the flat is
-                into = np.linspace(0, segment.corner, 33)[:0:-1]
-                x = np.concatenate([low - into, x, high + into[::-1]])
-            x = np.unique(x)
-            gap = found.surface(x) + segment.height(x)
             for _ in range(3):
-                x, gap = _with_vertex(found, segment, x, gap)
+                x, gap = with_vertex(found, segment, x, gap)
             # On a sloping surface a contact too narrow to be one stands for this much.
             start, stop = segment.start, segment.stop
             if gap.min() < -max(scale, 100 * _NOTHING * (stop - start) * max(-start, stop)):
                 inside = x[gap < 0]
-                if segment.ridge is None:
-                    middle, half = 0.5 * float(inside[0] + inside[-1]), 0.5 * float(np.ptp(inside))
-                    half = max(0.5 * half, 0.02 * (high - low))
-                    self._ends[segment] = self._within(segment, middle - half, middle + half)
-                else:
+                if segment.ridge is not None and segment.corner == 0:
                     self._ends[segment] = self._first(segment, found.load)
+                    continue
+                middle, half = 0.5 * float(inside[0] + inside[-1]), 0.5 * float(np.ptp(inside))
+                least = math.sqrt(-segment.corner * float(gap.min()))
+                half = max(0.5 * half, least or 0.02 * (high - low))
+                self._ends[segment] = self._within(segment, middle - half, middle + half)
         return len(self._ends) > before
 
 
-def _with_vertex(
+def _places(segment: RigidSegment) -> FloatArray:
+    """Return where to look for penetration of a segment, in rising order."""
+    low, high = segment.flat
+    x = np.linspace(low, high, 33 if segment.ridge is None else 9)
+    if segment.corner:  # a round corner is touched before the flat is
+        into = np.linspace(0, segment.corner, 33)[:0:-1]
+        x = np.concatenate([low - into, x, high + into[::-1]])
+    return np.unique(x)
+
+
+def with_vertex(
     found: PressureSolution, segment: RigidSegment, x: FloatArray, gap: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return places and gaps with the lowest point of the parabola through the lowest three."""

@@ -10,23 +10,21 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import optimize
 
 from ridgebayes._types import FloatArray
 from ridgebayes.contact.contact_set import BEGUN, TENSION, ContactSet
 from ridgebayes.contact.intervals import (
     Intervals,
     PressureSolution,
-    chebyshev_coefficients,
-    chebyshev_points,
     solve_pressure,
 )
+from ridgebayes.contact.kinks import Kinks
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 from ridgebayes.errors import InputError
 
 _MAX_ITERATIONS = 80
+_N_LOOK, _LOOKS = 17, 5  # places in a groove; each look is at an eighth of the one before
 _MAX_UNKNOWNS, _MOST_COEFFICIENTS = 4_000, 400
-_PER_LAYER, _MOST_ORDERS = 400.0, 65_536
 
 
 def load_factor(nu: float) -> float:
@@ -99,15 +97,7 @@ class ContactSolution:
 
     def penetration(self, groove: int) -> float:
         """Return how deep the surface hangs into the groove right of a ridge, over R."""
-        floor = self.profile.floor_after(groove)
-        # Where no pressure acts the surface is convex: one minimum.
-        lowest = optimize.minimize_scalar(
-            lambda x: float(self.pressing.surface(np.array([x]))[0]),
-            bounds=(floor.start, floor.stop),
-            method="bounded",
-            options={"xatol": 1e-6 * self.profile.b},
-        )
-        return float(-lowest.fun)
+        return float(self._deepest([groove])[0])
 
     @cached_property
     def penetrations(self) -> dict[int, float]:
@@ -116,7 +106,23 @@ class ContactSolution:
         if not numbers:
             return {}
         first = -1 if self.profile.mirrored and min(numbers) >= 0 else min(numbers)
-        return {number: self.penetration(number) for number in range(first, max(numbers))}
+        grooves = list(range(first, max(numbers)))
+        return dict(zip(grooves, self._deepest(grooves).tolist(), strict=True))
+
+    def _deepest(self, grooves: Sequence[int]) -> FloatArray:
+        """Return how deep the surface hangs into each of some grooves, shape (n_groove,)."""
+        floors = [self.profile.floor_after(groove) for groove in grooves]
+        x = np.linspace(
+            [one.start for one in floors], [one.stop for one in floors], _N_LOOK, axis=1
+        )
+        rows, lowest = np.arange(len(x)), np.full(len(x), math.inf)
+        # Where no pressure acts the surface is convex: one minimum.
+        for _ in range(_LOOKS):
+            height = self.pressing.surface(x)
+            lowest = np.minimum(lowest, height.min(axis=1))
+            i = np.clip(np.argmin(height, axis=1), 1, _N_LOOK - 2)
+            x = np.linspace(x[rows, i - 1], x[rows, i + 1], _N_LOOK, axis=1)
+        return -lowest
 
 
 def solve_contact(
@@ -179,7 +185,8 @@ def solve_contact(
             status = f"not computed: {len(intervals.left) * m} unknowns; cap {_MAX_UNKNOWNS}"
             break
         try:
-            found = solve_pressure(intervals, _heights(state.touched, intervals), W, m)
+            height, kinks = _heights(state.touched, intervals)
+            found = solve_pressure(intervals, height, W, m, kinks)
             segments = state.touched
         except np.linalg.LinAlgError:
             status = "not converged: singular equations"
@@ -201,7 +208,8 @@ def solve_contact(
 def no_solution(profile: Profile, status: str) -> ContactSolution:
     """Return a record without a solution, which says why there is none."""
     nothing = Intervals(np.empty(0), np.empty(0), profile.mirrored)
-    empty = PressureSolution(nothing, np.empty((0, 1)), math.nan, np.empty(0), 1)
+    none, last = np.empty((0, 1)), np.empty(0)
+    empty = PressureSolution(nothing, none, math.nan, last, Kinks.none(0), (none, math.nan))
     return ContactSolution(profile, (), empty, status)
 
 
@@ -213,21 +221,23 @@ def coefficients_for(profile: Profile, rel_tol: float) -> int:
     return math.ceil(1.15 * sharp)
 
 
-def _heights(segments: Sequence[RigidSegment], intervals: Intervals) -> FloatArray:
-    """Return the Chebyshev coefficients of each segment's depth on its interval."""
-    if not any(segment.corner for segment in segments):
-        return np.array([[segment.depth] for segment in segments])
-    # Enough for the narrowest layer beyond a kink: at an angle of phi orders of 1/phi see it.
-    angles = [np.pi]
-    for segment, centre, half in zip(segments, intervals.centre, intervals.half_width, strict=True):
-        for kink in segment.flat if segment.corner else ():
-            s = (kink - centre) / half
-            if -1 < s < 1:
-                angles.append(min(math.acos(s), math.pi - math.acos(s)))
-    n = int(min(max(_PER_LAYER / max(min(angles), 1e-9), 128), _MOST_ORDERS))
-    points = chebyshev_points(intervals, n)
-    values = [segment.height(x) for segment, x in zip(segments, points, strict=True)]
-    return chebyshev_coefficients(np.stack(values))
+def _heights(segments: Sequence[RigidSegment], intervals: Intervals) -> tuple[FloatArray, Kinks]:
+    """Return each segment's depth on its interval: a polynomial's coefficients, and kinks."""
+    half, n = intervals.half_width, len(segments)
+    height = np.array([[segment.depth, 0.0, 0.0] for segment in segments])
+    radius = np.array([segment.corner for segment in segments])
+    if not radius.any():
+        return height, Kinks.none(n)
+    bend = np.divide(half**2, radius, out=np.zeros(n), where=radius > 0)
+    flat = np.array([segment.flat for segment in segments]).T
+    beyond = np.maximum([flat[0] - intervals.left, intervals.right - flat[1]], 0.0)
+    share = np.where(radius > 0, beyond / (2 * half), 0.0)  # (1 - c)/2
+    # Where all of an interval lies beyond a kink the rigid surface is one parabola there.
+    whole = share >= 1
+    shift = np.array([[-1.0], [1.0]]) * (2 * share - 1)
+    parabola = np.stack([0.5 * shift**2 + 0.25, shift, np.full_like(shift, 0.25)], axis=-1)
+    height += (bend[:, None] * np.where(whole[..., None], parabola, 0.0)).sum(axis=0)
+    return height, Kinks(bend, np.where(whole, 0.0, 2 * np.arcsin(np.sqrt(np.minimum(share, 1)))))
 
 
 def _checked(found: PressureSolution, W: float, rel_tol: float) -> str:
@@ -249,14 +259,10 @@ def _resolved(found: PressureSolution, rel_tol: float) -> bool:
 
 def smallest_pressure(found: PressureSolution) -> float:
     """Return the smallest q sqrt(1 - s^2) of any interval over its mean: negative is tension."""
-    pressure, m = found.pressure_at_points(), found.coefficients.shape[1]
-    if m > found.n_coupled:  # a kink's series says nothing of the last few of its own waves
-        ends = math.ceil(16 / math.pi * pressure.shape[1] / m)
-        pressure = pressure[:, ends:-ends]
-    else:
-        width = found.intervals.half_width
-        pressure = np.column_stack([pressure, *(end / width for end in found.singular)])
-    mean = found.coefficients[:, 0] / found.intervals.half_width
+    width = found.intervals.half_width
+    ends = (end / width for end in found.singular)
+    pressure = np.column_stack([found.pressure_at_points(), *ends])
+    mean = found.coefficients[:, 0] / width
     # A contact that has only just begun is as small as rounding lets it be.
     counts = found.forces * found.intervals.weight > BEGUN * found.load
     return float((pressure.min(axis=1) / mean)[counts].min(initial=np.inf))

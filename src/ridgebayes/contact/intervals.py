@@ -16,11 +16,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import fft
 
 from ridgebayes._types import FloatArray
-
-_FAR = 96  # coefficients of a kink's series that other segments can tell
+from ridgebayes.contact.kinks import Kinks
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,16 +75,20 @@ class PressureSolution:
     approach : float
         By which the body has come down, relative to its surface at a distance R, over R.
     last : ndarray of float, shape (n,)
-        What the other intervals add to the last coefficient that knows of them.
-    n_coupled : int
-        Coefficients that know of the other intervals; further ones are those of kinks.
+        What the other intervals add to the last coefficient.
+    kinks : Kinks
+        Of the rigid surface. Orders beyond m are theirs alone: -n h_n/pi.
+    by_load : tuple of (ndarray of float, shape (n, m), float)
+        Coefficients and approach over the load, at these intervals: where free ends are found they
+        add nothing to first order.
     """
 
     intervals: Intervals
     coefficients: FloatArray
     approach: float
     last: FloatArray
-    n_coupled: int
+    kinks: Kinks
+    by_load: tuple[FloatArray, float]
 
     @property
     def forces(self) -> FloatArray:
@@ -101,7 +103,9 @@ class PressureSolution:
     @cached_property
     def singular(self) -> tuple[FloatArray, FloatArray]:
         """Strength of the edge singularity, left and right, (n,) each: negative is tension."""
-        return self._at_ends(self.coefficients)
+        far = self.kinks.strengths(np.array([math.pi, 0.0])).T / math.pi
+        left, right = np.array(_at_ends(self._regular)) - far
+        return left, right
 
     @cached_property
     def outward(self) -> tuple[FloatArray, FloatArray]:
@@ -110,16 +114,20 @@ class PressureSolution:
         Newton's step. With B = sum n^2 a_n the singular strength changes by B/(2 w) per length, and
         where it vanishes it does not depend on the other ends: each takes its own step.
         """
-        slopes = self._at_ends(self.coefficients * np.arange(self.coefficients.shape[1]) ** 2)
+        far = np.array(self.kinks.slopes()) / math.pi
+        square = np.arange(self.coefficients.shape[1]) ** 2
+        slopes = np.array(_at_ends(self._regular * square)) - far
         reach = 2 * self.intervals.half_width
         with np.errstate(divide="ignore", invalid="ignore"):
-            left, right = -reach * np.array(self.singular) / np.array(slopes)
+            left, right = -reach * np.array(self.singular) / slopes
         return left, right
 
-    def _at_ends(self, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return sums of T_n at s = -1 and 1."""
-        summed = self._summable(coefficients)
-        return summed @ (-1.0) ** np.arange(summed.shape[1]), summed.sum(axis=1)
+    @cached_property
+    def _regular(self) -> FloatArray:
+        """Coefficients without those of kinks, which have closed sums."""
+        m = self.coefficients.shape[1]
+        value: FloatArray = self.coefficients + np.arange(m) / math.pi * self.kinks.series(m)
+        return value
 
     @property
     def tail(self) -> float:
@@ -129,27 +137,27 @@ class PressureSolution:
     def recession(self, x: ArrayLike) -> FloatArray:
         """Return how far the body's surface recedes at x, of any shape."""
         points = np.asarray(x, dtype=np.float64)
-        cut = max(_FAR, self.n_coupled)
-        series, flat = self.coefficients[:, :cut], points.ravel()
+        flat = points.ravel()
+        found = self._recession(self._regular, flat)
+        if self.kinks.angle.any():
+            found += self._of_kinks(flat)
+        return found.reshape(points.shape)
+
+    def _recession(self, series: FloatArray, flat: FloatArray) -> FloatArray:
+        """Return the recession at x (n_point,) under pressures of given coefficients."""
         step = max(2_000_000 // series.size, 1)
         parts = np.split(flat, range(step, len(flat), step))
         potentials = (_functions(self.intervals, part, series.shape[1]) for part in parts)
-        found = np.concatenate([np.einsum("xin,in->x", each, series) for each in potentials])
-        if self.coefficients.shape[1] > cut:
-            found += self._own_kinks(flat, cut)
-        return found.reshape(points.shape)
+        return np.concatenate([np.einsum("xin,in->x", each, series) for each in potentials])
 
-    def _own_kinks(self, x: FloatArray, cut: int) -> FloatArray:
-        """Return what a kink's series beyond `cut` adds on and beside its own interval."""
-        added, order = np.zeros(len(x)), np.arange(cut, self.coefficients.shape[1])
-        for i, weight in enumerate(self.intervals.weight):
-            for sign in (1.0, -1.0)[: int(weight)]:
-                s = (sign * x - self.intervals.centre[i]) / self.intervals.half_width[i]
-                near = np.flatnonzero(np.abs(s) < 1.5)
-                excess, theta = _outside_and_angle(s[near])
-                series = self.coefficients[i, cut:] * (math.pi / order)
-                for place, log_z, t in zip(near, -np.log1p(excess), theta, strict=True):
-                    added[place] += np.exp(order * log_z) * np.cos(order * t) @ series
+    def _of_kinks(self, x: FloatArray) -> FloatArray:
+        """Return what kinks add to the recession at x (n_point,), by all orders."""
+        centre, half_width = self.intervals.centre, self.intervals.half_width
+        mean = self.kinks.few[:, 0]
+        added = np.zeros(len(x))
+        for sign, has in ((1.0, self.intervals.weight > 0), (-1.0, self.intervals.weight > 1)):
+            s = (sign * x[:, None] - centre) / half_width
+            added -= (self.kinks.harmonic(s) - mean) @ has
         return added
 
     def surface(self, x: ArrayLike) -> FloatArray:
@@ -157,33 +165,30 @@ class PressureSolution:
         points = np.asarray(x, dtype=np.float64)
         return 0.5 * points**2 - self.approach + self.recession(points)
 
+    def surface_by_load(self, x: FloatArray) -> FloatArray:
+        """Return the derivative of `surface` by the load at x (n_point,)."""
+        series, approach = self.by_load
+        return self._recession(series, x) - approach
+
     def pressure(self, s: ArrayLike) -> FloatArray:
         """Return q sqrt(1 - s^2) at local coordinates s (n_point,), shape (n, n_point)."""
         theta = np.arccos(np.asarray(s, dtype=np.float64))
         shapes = np.cos(np.arange(self.coefficients.shape[1])[:, None] * theta)
-        return self._summable(self.coefficients) @ shapes / self.intervals.half_width[:, None]
+        strength = self._regular @ shapes - self.kinks.strengths(theta) / math.pi
+        return strength / self.intervals.half_width[:, None]
 
     def pressure_at_points(self) -> FloatArray:
-        """Return q sqrt(1 - s^2) at as many Chebyshev points as coefficients, at least 64."""
-        summed = self._summable(self.coefficients)
-        n = max(2 * summed.shape[1], 64)
-        padded = np.zeros((len(summed), n))
-        padded[:, : summed.shape[1]] = 0.5 * summed
-        padded[:, 0] *= 2.0
-        found: FloatArray = fft.dct(padded, type=3, axis=1)
-        return found / self.intervals.half_width[:, None]
-
-    def _summable(self, coefficients: FloatArray) -> FloatArray:
-        """Return coefficients whose plain sums are those of a kink's slow series, after Abel."""
-        n = coefficients.shape[1]
-        if n <= self.n_coupled:
-            return coefficients
-        value: FloatArray = coefficients * np.exp(-36.0 * (np.arange(n) / n) ** 8)
-        return value
+        """Return q sqrt(1 - s^2) at twice as many Chebyshev points as coefficients, at least 64."""
+        n = max(2 * self.coefficients.shape[1], 64)
+        return self.pressure(np.cos((np.arange(n) + 0.5) * (math.pi / n)))
 
 
 def solve_pressure(
-    intervals: Intervals, height: FloatArray, load: float, n_coefficients: int
+    intervals: Intervals,
+    height: FloatArray,
+    load: float,
+    n_coefficients: int,
+    kinks: Kinks | None = None,
 ) -> PressureSolution:
     """Solve for the pressures that bring the body's surface onto the rigid one.
 
@@ -193,8 +198,7 @@ def solve_pressure(
         Where they touch.
     height : ndarray of float, shape (n, n_height)
         Chebyshev coefficients, on each interval, of the depth of the rigid surface below the
-        ridges' tops. They may be many more than `n_coefficients`: where the rigid surface has a
-        kink, high orders are its own alone, since the other intervals' surfaces are smooth here.
+        ridges' tops, without what is beyond kinks.
     load : float
         Integral of q over all intervals.
     n_coefficients : int
@@ -224,37 +228,31 @@ def solve_pressure(
     matrix[:-1, -1] = -1.0
     matrix[-1] = 0.0
     matrix[-1, :-1:m] = math.pi * intervals.weight
-    width = max(used.shape[1], height.shape[1])
-    whole = np.zeros((n, width))
-    whole[:, : height.shape[1]] = height
-    low = np.where(used, whole[:, : used.shape[1]], 0.0)
+    kinks = kinks or Kinks.none(n)
     order = np.arange(used.shape[1])
-    own = np.einsum("in,imn->im", low, np.cos(order * np.arccos(s)[..., None]))
+    whole = kinks.series(len(order))
+    whole[:, : height.shape[1]] += height
+    waves = np.cos(order * np.arccos(s)[..., None])
+    own = np.einsum("in,imn->im", np.where(used, whole, 0.0), waves)
     # Relative to the first interval: a small load leaves only small differences of the parabola.
     first, depth = intervals.centre[0], whole[0, 0]
-    right = np.append(-0.5 * (x - first) * (x + first) - (own - depth).ravel(), load)
-    solved = np.linalg.solve(matrix, right)
-    coefficients = -whole * np.arange(width) / math.pi
-    coefficients[:, : used.shape[1]][used] = solved[:-1]
-    ends = np.where(used, np.arange(used.shape[1]), -1).max(axis=1)
+    right = np.zeros((n * m + 1, 2))
+    right[:-1, 0] = -0.5 * (x - first) * (x + first) - (own - depth).ravel()
+    right[-1] = load, 1.0
+    solved, unit = np.linalg.solve(matrix, right).T
+    coefficients, charge = -whole * order / math.pi, np.zeros(used.shape)
+    coefficients[used], charge[used] = solved[:-1], unit[:-1]
+    ends = np.where(used, order, -1).max(axis=1)
     alone = -ends * whole[np.arange(n), ends] / math.pi  # without neighbours
     last = coefficients[np.arange(n), ends] - alone
     approach = float(solved[-1]) + 0.5 * first**2 + depth
-    return PressureSolution(intervals, coefficients, approach, last, used.shape[1])
+    by_load = charge, float(unit[-1])
+    return PressureSolution(intervals, coefficients, approach, last, kinks, by_load)
 
 
-def chebyshev_points(intervals: Intervals, n_point: int) -> FloatArray:
-    """Return x at the Chebyshev points of each interval, shape (n, n_point)."""
-    s = np.cos((np.arange(n_point) + 0.5) * (math.pi / n_point))
-    value: FloatArray = intervals.centre[:, None] + intervals.half_width[:, None] * s
-    return value
-
-
-def chebyshev_coefficients(values: FloatArray) -> FloatArray:
-    """Return Chebyshev coefficients from values at `chebyshev_points`, shape (n, n_point)."""
-    found: FloatArray = fft.dct(values, type=2, axis=-1) / values.shape[-1]
-    found[..., 0] *= 0.5
-    return found
+def _at_ends(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return sums of T_n at s = -1 and 1."""
+    return coefficients @ (-1.0) ** np.arange(coefficients.shape[1]), coefficients.sum(axis=1)
 
 
 def _points(intervals: Intervals, m: int) -> FloatArray:

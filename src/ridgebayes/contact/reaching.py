@@ -5,16 +5,16 @@ that reaches it. No load increment enters.
 """
 
 import math
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import optimize
 
 from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.contact_set import with_vertex
 from ridgebayes.contact.contact_solution import ContactSolution, solve_contact
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
+_MOST_STEPS, _N_CORNER, _N_VERTEX = 60, 17, 4
 _TINY = np.array([1e-10, 1e-9, 1e-8, 1e-7, 1e-6])
 
 
@@ -68,83 +68,61 @@ def reaching_loads(
     status: list[str] = []
     # As small as can be solved for: round corners bear so little on a spot near rounding's size.
     for tiny in _TINY * min(W_max, profile.pitch**2):
-        now = solve_contact(profile, float(tiny), rel_tol=rel_tol)
-        if now.status == "ok":
+        found = solve_contact(profile, float(tiny), rel_tol=rel_tol)
+        if found.status == "ok":
             break
-    first = [segment.ridge for segment in now.segments if segment.ridge is not None]
+    first = [segment.ridge for segment in found.segments if segment.ridge is not None]
     # Where a floor alone is touched the ridges beside it, -1 and 0, are yet to be reached.
     low, high = (min(first), max(first)) if first else (0, -1)
-    start = float(tiny)
     while len(loads) < n_max:
         # To the right, and where the profile is no mirror image also to the left.
         sides = (high + 1,) if profile.mirrored else (high + 1, low - 1)
-        touched = range(low, high + 1)
-        events = [_reach(profile, touched, one, start, W_max, rel_tol) for one in sides]
-        W, ridge, why, solution = min(events, key=lambda event: event[0])
+        W, ridge, found = _reach(found, range(low, high + 1), sides, W_max, rel_tol)
         if not W_max >= W:
             break
         low, high = min(low, ridge), max(high, ridge)
-        loads.append(W if why == "ok" else math.nan)
-        # A contact that begins at this very load is all rounding.
-        W *= 1 + max(0.1 * rel_tol, 1e-9)
-        step = 2 if profile.mirrored else 1
-        counts.append((solution if solution is not None else now).Q + step)
-        status.append(why)
-        start = W
-        if why != "ok":
+        loads.append(W if found.status == "ok" else math.nan)
+        counts.append(found.Q + (2 if profile.mirrored else 1))
+        status.append(found.status)
+        if found.status != "ok":
             break
     return TransitionLoads(np.array(loads), np.array(counts, dtype=np.int64), tuple(status))
 
 
 def _reach(
-    profile: Profile, ridges: range, number: int, start: float, W_max: float, rel_tol: float
-) -> tuple[float, int, str, ContactSolution | None]:
-    """Return the load at which a ridge beyond those given is reached, infinite if above W_max."""
-    segment = profile.ridge(number)
-    last: list[ContactSolution | None] = [None]
+    found: ContactSolution, ridges: range, sides: tuple[int, ...], W_max: float, rel_tol: float
+) -> tuple[float, int, ContactSolution]:
+    """Return the load that reaches a ridge beyond those given, infinite if above W_max, and which.
 
-    @cache  # from another start it might come out on the other side of zero
-    def gap(W: float) -> float:
-        found = solve_contact(profile, W, rel_tol=rel_tol, start=last[0], ridges=ridges)
+    The gap over a ridge falls with the load, and by less the wider the contact is: each of Newton's
+    steps ends below the load that is sought.
+    """
+    profile, W = found.profile, found.W
+    ahead = [profile.ridge(number) for number in sides]
+    for _ in range(_MOST_STEPS):
+        found = solve_contact(profile, W, rel_tol=rel_tol, start=found, ridges=ridges)
         if found.status != "ok":
-            raise _FailedError(found.status)
-        last[0] = found
-        return nearest_gap(found, segment)
-
-    try:
-        below, above = start, start
-        at_below = at_above = gap(start)
-        while at_above > 0:
-            below, at_below = above, at_above
-            if above >= W_max:
-                return math.inf, number, "ok", last[0]
-            above = min(max(1.5 * above, above + 0.1 * profile.pitch**2), W_max)
-            at_above = gap(above)
-        if at_below <= 0:
-            return start, number, "ok", last[0]
-        root = optimize.brentq(gap, below, above, xtol=1e-3 * rel_tol * above, rtol=1e-14)
-        return float(root), number, "ok", last[0]
-    except _FailedError as failed:
-        return start, number, str(failed), last[0]
+            return W, sides[0], found
+        x, gap = np.array([nearest_gap(found, segment) for segment in ahead]).T
+        steps = -gap / found.pressing.surface_by_load(x)
+        nearest = int(np.argmin(steps))
+        W += max(float(steps[nearest]), 0.0)
+        if W_max < W:
+            return math.inf, sides[nearest], found
+        if steps[nearest] <= 1e-3 * rel_tol * W:
+            return W, sides[nearest], found
+    return W, sides[0], replace(found, status="not converged: the load that reaches a ridge")
 
 
-class _FailedError(Exception):
-    """A solution on the way was not sound."""
-
-
-def nearest_gap(found: ContactSolution, segment: RigidSegment) -> float:
-    """Return the smallest gap between the body's surface and a segment that it does not touch."""
+def nearest_gap(found: ContactSolution, segment: RigidSegment) -> tuple[float, float]:
+    """Return where the gap between a body and a segment it does not touch is least, and the gap."""
     low, high = segment.flat
     # Not by the flat's ends: corners of half a ridge leave none.
     inner, towards = (low, -1.0) if abs(segment.start) < abs(segment.stop) else (high, 1.0)
-    if segment.corner == 0.0:
-        return float(found.pressing.surface(np.array([inner]))[0] + segment.depth)
-
-    def gap(into: float) -> float:
-        x = np.array([inner + towards * into])
-        return float((found.pressing.surface(x) + segment.height(x))[0])
-
-    best = optimize.minimize_scalar(
-        gap, bounds=(0.0, segment.corner * (1 - 1e-9)), method="bounded", options={"xatol": 1e-12}
-    )
-    return min(float(best.fun), gap(0.0))
+    x = inner + towards * segment.corner * np.linspace(1.0, 0.0, _N_CORNER if segment.corner else 1)
+    x = np.sort(x)
+    gap = found.pressing.surface(x) + segment.height(x)
+    for _ in range(_N_VERTEX):
+        x, gap = with_vertex(found.pressing, segment, x, gap)
+    i = int(np.argmin(gap))
+    return float(x[i]), float(gap[i])

@@ -303,23 +303,23 @@ class _Shape:
     def _breaks(self, Q: int) -> list[float]:
         """Return 0, where an end reaches its corner or the flat of a round one, and 1."""
         grid = np.linspace(0.0, 1.0, _N_SCAN).tolist()
-        state = [self._state(Q, y) for y in grid]
+        solved = [self._solve(Q, y) for y in grid]
         breaks = [0.0]
-        for low, high, first, last in zip(grid, grid[1:], state, state[1:], strict=False):
-            if first == last:
+        for low, high, first, last in zip(grid, grid[1:], solved, solved[1:], strict=False):
+            if _free_ends(first) == _free_ends(last):
                 continue
             for _ in range(_N_BISECTION):
                 middle = 0.5 * (low + high)
-                low, high = (middle, high) if self._state(Q, middle) == first else (low, middle)
+                between = self._solve(Q, middle, first)
+                if _free_ends(between) == _free_ends(first):
+                    low, first = middle, between
+                else:
+                    high = middle
             breaks.append(0.5 * (low + high))
         bottom, top = self.interval(Q)
         decades = round(math.log10(top / bottom))  # below the first change of the count
         breaks += [i / decades for i in range(1, decades)]
         return sorted([*breaks, 1.0])
-
-    def _state(self, Q: int, y: float) -> tuple[bool, ...]:
-        flats = ((segment.flat, ends) for segment, ends in self._solve(Q, y).covered.items())
-        return tuple(x for flat, (a, b) in flats for x in (a > flat[0], b < flat[1]))
 
     def _fitted(self, Q: int, low: float, high: float) -> FloatArray:
         """Return Chebyshev coefficients of what `_measured` returns, (n_piece, 5 + 4 Q)."""
@@ -329,6 +329,12 @@ class _Shape:
             values.append(_measured(last, Q))
         matrix = chebyshev.chebvander(t, _N_PIECE - 1)
         return np.asarray(np.linalg.solve(matrix, np.array(values)), dtype=np.float64)
+
+
+def _free_ends(found: ContactSolution) -> tuple[bool, ...]:
+    """Return of each end whether it lies on its segment's flat part."""
+    flats = ((segment.flat, ends) for segment, ends in found.covered.items())
+    return tuple(x for flat, (a, b) in flats for x in (a > flat[0], b < flat[1]))
 
 
 def _measured(found: ContactSolution, Q: int) -> FloatArray:

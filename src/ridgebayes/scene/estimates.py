@@ -33,7 +33,6 @@ from ridgebayes.scene.scene import Scene, Texture
 
 _SAFETY = 1.5  # an estimate may be two thirds of the truth and still be on the safe side
 _ROUGH = 1e-5  # tolerance of the solutions behind estimates
-_STEP = 0.03  # of a load, for the slope of a gap
 # Loads of finite elements over those of the half-plane are 1 + 0.3 (w/R)^2 at finite strain, up to
 # a half-width w of 0.26 R (data/fea); and half as much again to be safe.
 _FINITE_BODY = 0.45
@@ -213,11 +212,10 @@ class _Base:
         """Gap at the load of event k, over its slope: one Newton step from here to there."""
         W, ridge = float(self.W[k - 1]), other.ridge(k)
         first = solve_contact(other, W, rel_tol=_ROUGH, ridges=range(k))
-        second = solve_contact(other, W * (1 + _STEP), rel_tol=_ROUGH, start=first, ridges=range(k))
-        if first.status != "ok" or second.status != "ok":
+        if first.status != "ok":
             return math.nan
-        gap, later = nearest_gap(first, ridge), nearest_gap(second, ridge)
-        return -gap / ((later - gap) / _STEP) if later != gap else math.inf
+        x, gap = nearest_gap(first, ridge)
+        return -gap / (W * float(first.pressing.surface_by_load(np.array([x]))[0]))
 
     def cost(self, n_solution: float, n_interval: float, m: float) -> float:
         unknowns = n_interval * m
