@@ -103,6 +103,22 @@ def test_bending__is_the_derivative_of_the_pressures_force():
     assert np.abs(slope - expected).max() < 1e-3 * np.abs(expected).max()
 
 
+def test_bending__of_a_convex_potential_is_the_part_that_stiffens():
+    """Never positive, and what is left out never negative."""
+    one, problem = state(), body().problem
+    one = State(one.u, one.p, np.where(measured(one), one.pressure, 0.0), 0 * one.shear, one.rise)
+    gaps = touched(one)
+    whole = problem.contact_stiffness(one, gaps)
+    convex = problem.contact_stiffness(one, gaps, convex=True)
+    nodes = np.unique(problem._rim)
+    dofs = np.stack([2 * nodes, 2 * nodes + 1], axis=-1).ravel()
+    size = np.abs(whole).max()
+    for matrix, sign in ((convex, -1.0), (whole - convex, 1.0)):
+        values = np.linalg.eigvalsh(sign * matrix[dofs][:, dofs].toarray())
+        assert values.min() > -1e-12 * size  # rounding
+        assert values.max() > 1e-3 * size
+
+
 def test_slip__of_a_level_shift_is_the_shift():
     before, problem = state(), body().problem
     tops = level(problem.faces)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from ridgebayes.contact.cylinder import surface
 from ridgebayes.contact.cylinder.surface import cast, distance, kink, shapes, slopes
 
 UP = np.array([0.0, 1.0])
@@ -99,6 +100,22 @@ def test_cast__of_rays_to_the_centre_has_one_gap():
     # The rigid side's tangent is a quarter turn clockwise from its normal.
     turned = np.column_stack([normal[:, 1], -normal[:, 0]])
     np.testing.assert_array_equal(hits.tangent, turned)
+
+
+@pytest.mark.parametrize("block", [1, 7, 10_000])
+def test_cast__finds_the_same_however_many_rays_share_a_box(monkeypatch, block):
+    """One box around all rays leaves out no edge near any."""
+    rng = np.random.default_rng(3)
+    x = rng.uniform(-0.9, 0.9, 200)
+    out = np.column_stack([x + rng.normal(0.0, 0.3, 200), -np.ones(200)])
+    point, normal, reach = rays(x, -1.02 * np.sqrt(1.0 - x**2), normal=-out)
+    rim = dented()
+    found = cast(rim, point, normal, **reach)
+    monkeypatch.setattr(surface, "_BLOCK", block)
+    again = cast(rim, point, normal, **reach)
+    assert len(found.ray) > 150
+    for name in ("ray", "edge", "s", "gap", "gradient", "hessian"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(found, name))
 
 
 def test_cast__into_the_body_has_a_negative_gap():
@@ -407,3 +424,11 @@ def test_distance__of_a_point_on_the_rim_is_zero():
 def test_distance__past_the_end_of_a_rim_is_not_zero():
     rim = straight((0, 0), (1, 0), (2, 0))
     assert abs(distance(rim, np.array([2.1, 0.0]))[0]) == pytest.approx(0.1, abs=1e-15)  # rounding
+
+
+@pytest.mark.parametrize("lean", [0.05, 1e-9, 0.0, -1e-9, -0.05])
+def test_kink__keeps_its_sign_where_an_edge_turns_past_the_normal(lean):
+    """A rim that folds down over a corner: as it passes the vertical its slope has no limit."""
+    rim = straight((0.0, 0.0), (1.0, 0.0), (1.0 + lean, -1.0))
+    (found,) = kink(rim, np.array([0]), np.array([[1.0, 0.0]]), UP[None])
+    assert found == pytest.approx(-10.0, rel=1e-12)  # the steepest slope; rounding

@@ -147,11 +147,21 @@ class ContactProblem:
         """Return the force upwards: the line load over E R of what is meshed."""
         return float(self.force(state, gaps) @ self.up)
 
-    def contact_stiffness(self, state: State, gaps: Gaps) -> sparse.csr_array:
-        """Return the second derivative of the pressures' work."""
+    def contact_stiffness(
+        self, state: State, gaps: Gaps, *, convex: bool = False
+    ) -> sparse.csr_array:
+        """Return the second derivative of the pressures' work, or its part that is negative.
+
+        The body's potential has it with a minus: that part alone leaves the potential convex.
+        """
         on_hit, on_kink = state.pressure[gaps._segment], state.pressure[gaps._kink_segment]
+        if convex:
+            on_kink = np.where(np.trace(gaps._kinks, axis1=1, axis2=2) < 0, on_kink, 0.0)
         keep, kept = np.flatnonzero(on_hit), np.flatnonzero(on_kink)
         hessian = (gaps._weight * on_hit)[keep, None, None] * gaps._hits.hessian[keep]
+        if convex:
+            value, vector = np.linalg.eigh(hessian)
+            hessian = (vector * np.minimum(value, 0.0)[:, None, :]) @ vector.transpose(0, 2, 1)
         dofs = self._dofs(gaps._hits.edge[keep])
         pair = np.stack([2 * gaps._node[kept], 2 * gaps._node[kept] + 1], axis=-1)
         kinks = on_kink[kept, None, None] * gaps._kinks[kept]

@@ -26,6 +26,7 @@ from ridgebayes.contact.cylinder.solid import Assembled, InvertedError
 # step, its size times rounding that of the linear solve.
 _STIFF = 1e4
 _MOST_STEPS, _UNDAMPED = 30, 10
+_STUCK = 0.3  # of an error, from one step to the next
 _DAMPING = 0.3  # the first, in E: as stiff as an element is
 _GAP_TOL = 1e-11  # over R: the first transition moves by 2e-8 of its load
 _FORCE_TOL = 1e-9  # of the load
@@ -34,7 +35,7 @@ _LOOSE = 1e3  # a damped solution's tolerances over those of others: a part in 1
 _LEAST_VOLUME = 0.05  # of an element after a step, over the undeformed
 _MOST_PIVOTS, _PATIENCE = 30, 5
 _FRICTION_STEPS, _ALL_AT_ONCE = 15, 6
-_SURE = 1e-9  # of the friction, by which a shear has to exceed it
+_SURE = 1e-9  # of the friction, by which a shear has to differ from it
 
 
 class NotConvergedError(Exception):
@@ -104,7 +105,10 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
     active, damping, last = state.pressure > 0, 0.0, math.inf
     # Segments change between sticking and sliding on the way: damping has to wait for them.
     more = _FRICTION_STEPS if problem.friction else 0
-    kind, settled = np.zeros(len(problem.faces)), True
+    # What slid before slides on: most of a body that is moved sideways does.
+    limit = problem.friction * start.pressure * (1 - _SURE)
+    slid = (limit > 0) & (np.abs(start.shear) >= limit)
+    kind, settled, wary = np.where(slid, np.sign(start.shear), 0.0), True, False
     for step in range(_MOST_STEPS + more):
         gaps = problem.gaps(state, start, left_out)
         if step == 0 and not active.any():
@@ -123,10 +127,12 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
             return state, step
         # Where the rim snaps past a corner there is no equilibrium nearby: with damping the
         # steps follow the body down to the next one, and the damping goes as it comes near.
-        if step >= _UNDAMPED + more:
+        stuck = error > _STUCK * last
+        if step >= _UNDAMPED + more and (damping or stuck):
             damping = min(damping * min(max(error / last, 0.3), 2.0), 10.0) or _DAMPING
         last = error
-        moved, active = newton.solve(active, damping)
+        moved, active = newton.solve(active, damping, wary=wary or stuck)
+        wary = newton.convex
         if not (np.isfinite(moved.u).all() and math.isfinite(moved.rise)):
             raise NotConvergedError("the stiffness is singular")
         state = _guarded(problem, state, moved)
@@ -211,7 +217,7 @@ class _Step:
             parts.append((off * length, force_tol))
         return max(float(np.abs(part).max()) / tolerance for part, tolerance in parts)
 
-    def _factorise(self, active: np.ndarray, damping: float) -> None:
+    def _factorise(self, active: np.ndarray, damping: float, *, convex: bool) -> None:
         """Condense the segments in contact into the stiffness, and solve for what never changes."""
         problem, gaps, inner = self.problem, self.gaps, self.inner
         length = problem.faces.length
@@ -223,7 +229,7 @@ class _Step:
         # Rising ridges are the whole rim sinking.
         self._lift = -(self._C @ problem.up)
         self._slip_lift = -(gaps.along @ problem.up)
-        bending = problem.contact_stiffness(self.state, gaps)
+        bending = problem.contact_stiffness(self.state, gaps, convex=convex)
         self._bent = np.asarray(bending @ problem.up)
         K = inner.stiffness - bending
         Ca, scale = self._C[self._reference], self._scale[self._reference]
@@ -264,13 +270,19 @@ class _Step:
         by_rise = by_rise + Ts.T @ (rate * normal * self._lift[slid])
         return stiffness, np.asarray(T.T @ shear + Ts.T @ pressed), np.asarray(by_rise)
 
-    def solve(self, active: np.ndarray, damping: float) -> tuple[State, np.ndarray]:
+    def solve(
+        self, active: np.ndarray, damping: float, *, wary: bool = False
+    ) -> tuple[State, np.ndarray]:
         """Return the state after the step, and which segments are in contact then.
 
         Block principal pivoting: all that are wrong change sides, and one at a time where that
         does not lead on. Far from equilibrium there may be no such set; then the best one serves.
         """
-        self._factorise(active, damping)
+        self._factorise(active, damping, convex=False)
+        # Where the potential curves down a full step leads up. A look costs a tenth of a step.
+        self.convex = wary and bool((self._factor.U.diagonal() < 0).any())
+        if self.convex:
+            self._factorise(active, damping, convex=True)
         problem, state = self.problem, self.state
         active = best = self._reference.copy()
         fewest, patience = len(active) + 1, _PATIENCE

@@ -31,6 +31,10 @@ def _dot(x: FloatArray, y: FloatArray) -> FloatArray:
 
 _BENDS = np.array([4.0, -8.0, 4.0])
 _ROUNDING = 1e-12
+_BLOCK = 16  # rays that share a box
+# Slope of an edge that folds over a sharp corner, in its stiffness: its tangent changes sign as the
+# edge passes the vertical, and a stiffness of the wrong sign leads Newton's steps away.
+_STEEPEST = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,15 +90,14 @@ def cast(
         Of each ray that enters the body within that range, the entry nearest to its point.
     """
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=-1)
-    along = tangent @ rim.reshape(-1, 2).T  # of every node on every ray's tangent
-    along = along.reshape(len(point), -1, 3) - _dot(tangent, point)[:, None, None]
-    # A parabola stays between its control points, the middle one twice as far out as the node.
-    control = 2.0 * along[..., 1] - 0.5 * (along[..., 0] + along[..., 2])
-    low = np.minimum(np.minimum(along[..., 0], along[..., 2]), control)
-    high = np.maximum(np.maximum(along[..., 0], along[..., 2]), control)
+    ray, edge = _near(rim, point, normal, behind, ahead)
+    start = _dot(tangent, point)[ray, None]
+    along = tangent[ray, :1] * rim[edge, :, 0] + tangent[ray, 1:] * rim[edge, :, 1] - start
+    low, high = _hull(along)
     slack = _ROUNDING * (high - low)
-    ray, edge = np.nonzero((low <= slack) & (high >= -slack))
-    s, where = _rising_roots(along[ray, edge])
+    meets = (low <= slack) & (high >= -slack)
+    ray, edge, along = ray[meets], edge[meets], along[meets]
+    s, where = _rising_roots(along)
     ray, edge = ray[where], edge[where]
     at = rim[edge]
     x = np.einsum("nk,nki->ni", shapes(s), at)
@@ -105,6 +108,37 @@ def cast(
     first = order[np.unique(ray[order], return_index=True)[1]]
     ray = ray[first]
     return _with_derivatives(ray, edge[first], s[first], gap[first], rim, tangent, normal)
+
+
+def _hull(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return bounds of parabolas through three values, along the second axis."""
+    # A parabola stays between its control points, the middle one twice as far out as the node.
+    control = 2.0 * values[:, 1] - 0.5 * (values[:, 0] + values[:, 2])
+    low = np.minimum(np.minimum(values[:, 0], values[:, 2]), control)
+    return low, np.maximum(np.maximum(values[:, 0], values[:, 2]), control)
+
+
+def _near(
+    rim: FloatArray, point: FloatArray, normal: FloatArray, behind: FloatArray, ahead: float
+) -> tuple[IntArray, IntArray]:
+    """Pair rays with edges by boxes around both: next to all pairs are far from each other.
+
+    Neighbouring rays share a box, so that few boxes are compared.
+    """
+    low, high = _hull(rim)
+    ends = np.stack([point - behind[:, None] * normal, point + ahead * normal])
+    first = np.arange(0, len(point), _BLOCK)
+    lows = np.minimum.reduceat(ends.min(axis=0), first) - _ROUNDING
+    highs = np.maximum.reduceat(ends.max(axis=0), first) + _ROUNDING
+    apart = (low > highs[:, None]) | (high < lows[:, None])
+    block, edge = np.nonzero(~apart.any(axis=-1))
+    size = np.diff(np.append(first, len(point)))[block]
+    ray = (
+        np.repeat(first[block], size)
+        + np.arange(size.sum())
+        - np.repeat(np.cumsum(size) - size, size)
+    )
+    return ray, np.repeat(edge, size)
 
 
 def _rising_roots(values: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -165,8 +199,13 @@ def kink(rim: FloatArray, edge: IntArray, tangent: FloatArray, normal: FloatArra
     """
     before = np.einsum("k,nki->ni", slopes(np.array(1.0)), rim[edge])
     after = np.einsum("k,nki->ni", slopes(np.array(0.0)), rim[edge + 1])
-    low, high = (_dot(normal, first) / _dot(tangent, first) for first in (before, after))
+    low, high = (_slope(_dot(normal, first), _dot(tangent, first)) for first in (before, after))
     return high - low
+
+
+def _slope(rise: FloatArray, run: FloatArray) -> FloatArray:
+    """Return rise over run, at most `_STEEPEST`: also of an edge that turned past the normal."""
+    return np.asarray(rise / np.maximum(run, np.maximum(np.abs(rise) / _STEEPEST, 1e-300)))
 
 
 def distance(rim: FloatArray, point: FloatArray) -> tuple[float, int, FloatArray]:
