@@ -3,6 +3,9 @@
 ``python data/friction/make_sliding.py [JOB ...]`` computes rows that the file lacks, of all jobs
 or of those with the given numbers: an hour or so on one processor. It can be stopped and started
 again; a path with friction that was broken off begins anew. What did not converge is printed.
+
+Without friction the difference of two rows' potentials is the mean net force between them. It has a
+few per cent of the error of the nodes' forces, which changes its sign as nodes pass corners.
 """
 
 import math
@@ -109,6 +112,20 @@ def moved(problem: ContactProblem, state: State, line: float, to: float) -> Stat
     return state
 
 
+def potential(problem: ContactProblem, state: State, load: float) -> float:
+    """Return stored energy less the load's work, over the load; a neo-Hookean body of nu = 0.5.
+
+    The work is that on the ridges from where their tops are at the disk's lowest point.
+    """
+    solid = problem.solid
+    F = solid.gradients(state.u)
+    J = np.linalg.det(F)
+    square = np.einsum("...ij,...ij->...", F, F)
+    stored = 0.5 * solid.material.mu * ((square + 1.0) * J ** (-2 / 3) - 3.0)
+    risen = 1.0 + problem.faces.faces[0].origin[1] + state.rise
+    return float((solid._weight * stored).sum() / load - risen)
+
+
 def row(problem: ContactProblem, state: State) -> dict[str, float]:
     """Measure a state: lateral force on the body over the load, count, the pressure's centroid."""
     gaps = problem.gaps(state, state, np.zeros(len(problem.faces), dtype=bool))
@@ -121,6 +138,7 @@ def row(problem: ContactProblem, state: State) -> dict[str, float]:
         "Q": len(ridges),
         "lateral_over_W": force[:, 0].sum() / load,
         "centroid_over_W": -(force[:, 1] @ x) / load,
+        "potential_over_WR": potential(problem, state, load),
     }
 
 
@@ -187,9 +205,10 @@ class Job:
         lacking = [o for o in OFFSETS if not np.isclose(done["offset"].astype(float), o).any()]
         for one in rubbed(self) if self.mu else frictionless(self, lacking):
             net = half_plane(self.a, self.b, one["offset"], self.p)
-            values = {**keys, **one, "half_plane_over_W": net}
-            frame = pd.DataFrame([values]).round(8)
-            frame.to_csv(FILE, mode="a", header=not FILE.exists(), index=False)
+            frame = pd.DataFrame([{**keys, **one, "half_plane_over_W": net}])
+            frame = frame.round({name: 8 for name in frame if name != "potential_over_WR"})
+            old = [pd.read_csv(FILE)] if FILE.exists() else []
+            pd.concat([*old, frame]).to_csv(FILE, index=False)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """The sliding study's figure: ``python docs/interlocking/sliding.py`` writes a PNG, prints numbers.
 
 Net lateral force on a body off centre, over the load, from finite elements at finite strain
-(`data/friction/sliding.csv`) and from the half-plane.
+(`data/friction/sliding.csv`) and from the half-plane. Points are sums of the nodes' forces, crosses
+differences of the potential.
 """
 
 from pathlib import Path
@@ -34,6 +35,13 @@ def main() -> None:
         for name in ("lateral_over_W", "centroid_over_W"):
             apart = (one[name] - one["half_plane_over_W"]) / peak
             print(f"  {name}: rms {np.sqrt((apart**2).mean()):.1%}, most {apart.abs().max():.1%}")
+        way = (a + b) * one["offset"].to_numpy()
+        force = -np.diff(one["potential_over_WR"]) / np.diff(way)
+        middle = 0.5 * (one["offset"].to_numpy()[1:] + one["offset"].to_numpy()[:-1])
+        axes[0].plot(middle, force, "x", color=color, ms=4)
+
+        apart = (force - one["half_plane_over_W"].rolling(2).mean().to_numpy()[1:]) / peak
+        print(f"  potential: rms {np.sqrt((apart**2).mean()):.1%}, most {np.abs(apart).max():.1%}")
     axes[0].axhline(0, color="0.7", lw=0.6)
     axes[0].set(xlabel="offset, pitches", ylabel="net force, over W", title="without friction")
     axes[0].legend(frameon=False, fontsize=6)

@@ -1,6 +1,7 @@
 """Equilibrium: the same state by rise, load or corner, in few steps, or a message."""
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -185,6 +186,20 @@ def test_friction__stiffens_and_ends_in_sticking():
     assert loads[0] < loads[1] < loads[2] <= loads[3] * (1 + 1e-9)
     # Everything sticks: the coefficient is no longer in the equations. The solver's tolerance.
     assert loads[4] == pytest.approx(loads[3], rel=1e-7)
+
+
+@pytest.mark.parametrize(("share", "slides"), [(1.0, True), (0.95, False), (-1.0, True)])
+def test_sliding__starts_with_what_slid_where_the_whole_body_did(share, slides):
+    problem = body(friction=0.3).problem
+    still = problem.unloaded()
+    pressure = np.where(np.arange(len(problem.faces)) % 2, 0.1, 0.0)
+    state = replace(still, pressure=pressure, shear=share * 0.3 * pressure)
+    expected = np.sign(share * pressure) if slides else 0 * pressure
+    np.testing.assert_array_equal(newton._sliding(problem, state), expected)
+    # Pressed alone it slides to both sides, as far as it does.
+    both = np.where(np.arange(len(pressure)) < len(pressure) // 2, 1.0, -1.0)
+    assert not newton._sliding(problem, replace(state, shear=state.shear * both)).any()
+    assert not newton._sliding(problem, still).any()
 
 
 @pytest.mark.slow

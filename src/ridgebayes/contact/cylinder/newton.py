@@ -35,6 +35,7 @@ _LOOSE = 1e3  # a damped solution's tolerances over those of others: a part in 1
 _LEAST_VOLUME = 0.05  # of an element after a step, over the undeformed
 _MOST_PIVOTS, _PATIENCE = 30, 5
 _FRICTION_STEPS, _ALL_AT_ONCE = 15, 6
+_WHOLLY = 0.9  # of the friction, in one direction: the body slides
 _SURE = 1e-9  # of the friction, by which a shear has to differ from it
 
 
@@ -105,10 +106,7 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
     active, damping, last = state.pressure > 0, 0.0, math.inf
     # Segments change between sticking and sliding on the way: damping has to wait for them.
     more = _FRICTION_STEPS if problem.friction else 0
-    # What slid before slides on: most of a body that is moved sideways does.
-    limit = problem.friction * start.pressure * (1 - _SURE)
-    slid = (limit > 0) & (np.abs(start.shear) >= limit)
-    kind, settled, wary = np.where(slid, np.sign(start.shear), 0.0), True, False
+    kind, settled, wary = _sliding(problem, start), True, False
     for step in range(_MOST_STEPS + more):
         gaps = problem.gaps(state, start, left_out)
         if step == 0 and not active.any():
@@ -143,6 +141,15 @@ def _nearest(gaps: Gaps) -> np.ndarray:
     """Return the segments that touch first: nothing else holds a loose body."""
     value: np.ndarray = np.isfinite(gaps.gap) & (gaps.gap <= gaps.gap.min() + _GAP_TOL)
     return value
+
+
+def _sliding(problem: ContactProblem, start: State) -> FloatArray:
+    """Return which segments slide at first: those that did, where the body slides as a whole."""
+    length = problem.faces.length
+    limit = problem.friction * start.pressure
+    if abs(start.shear @ length) <= _WHOLLY * (limit @ length):
+        return np.zeros(len(length))
+    return np.where(np.abs(start.shear) >= limit * (1 - _SURE), np.sign(start.shear), 0.0)
 
 
 def _changed(
