@@ -27,6 +27,8 @@ html_theme = "pydata_sphinx_theme"
 html_title = "ridgebayes"
 html_theme_options = {"show_prev_next": False, "secondary_sidebar_items": ["page-toc"]}
 html_show_sourcelink = False
+# Pages without others below them have nothing for the left.
+html_sidebars = {"start": [], "changelog": []}
 
 # Notebooks are shown as they are stored; tests run them.
 nb_execution_mode = "off"

@@ -96,7 +96,7 @@ def option(one: Any) -> tuple[str, str, str]:
     if one.param_type_name == "argument":
         names = f"`{one.name.upper()}`"
     default = (
-        "" if callable(one.default) or one.default in (None, False, ()) else f"`{one.default}`"
+        "" if callable(one.default) or one.default in (None, False, (), "") else f"`{one.default}`"
     )
     return names, one.help or "", "required" if one.required else default
 
