@@ -426,12 +426,14 @@ FILES = {
     ),
     "missing columns": (
         b"A,B,Q\n1,1,4\n",
-        "header: missing columns a_over_R, b_over_R, p_over_E; the columns are 'A', 'B', 'Q'",
+        "header: missing columns a_over_R, b_over_R, p_over_E; the columns are 'A', 'B', 'Q'. "
+        "ridgebayes import makes a table of other columns and units",
     ),
     "semicolons": (
         b"a_over_R;b_over_R;Q;p_over_E\n0,1;0,1;4;0,1\n",
         "header: missing columns a_over_R, b_over_R, Q, p_over_E; "
-        "the columns are 'a_over_R;b_over_R;Q;p_over_E' (columns are separated by commas)",
+        "the columns are 'a_over_R;b_over_R;Q;p_over_E' (columns are separated by commas). "
+        "ridgebayes import makes a table of other columns and units",
     ),
     "column twice": (
         b"a_over_R,b_over_R,Q,p_over_E,Q\n1,1,4,1,4\n",

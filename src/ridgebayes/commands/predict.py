@@ -113,9 +113,8 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path]) -> Answer:
     if len(set(bands["kind_of_band"])) > 1:
         columns = {"band of the": shown["kind_of_band"], **columns}
     beyond, error = bands["extrapolation_of"][bands["extrapolation"]], bands.attrs["error"]
-    known = "under 0.005 (draws)" if math.isnan(error) else f"up to {error:.1g}"
-    told = f"{files[0]}: {count(len(bands), 'row')}, {len(beyond)} of them extrapolation; "
-    told += f"errors of probabilities {known}"
+    known = "0.005, from the number of draws" if math.isnan(error) else f"{error:.1g}"
+    told = f"{files[0]}: {count(len(bands), 'row')}; probabilities are within {known}"
     if len(shown) < len(bands):
         told += f". {len(shown)} of the rows:"
     warnings = []

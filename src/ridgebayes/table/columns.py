@@ -155,6 +155,8 @@ def check_header(names: Sequence[Any], where: str, contract: Sequence[Column] = 
     if missing := [name for name in required if name not in names]:
         columns = "column" if len(missing) == 1 else "columns"
         hint = " (columns are separated by commas)" if ";" in there or "\\t" in there else ""
+        if contract is COLUMNS and len(missing) > 1:
+            hint += ". ridgebayes import makes a table of other columns and units"
         raise InputError(
             f"{where}, header: missing {columns} {', '.join(missing)}; "
             f"the columns are {there}{hint}"
