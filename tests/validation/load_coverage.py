@@ -15,7 +15,6 @@ Run it from the repository's root with OMP_NUM_THREADS=1.
 """
 
 import argparse
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,9 +35,9 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import prior_draws, simulate_log_loads
-from ridgebayes.runtime.pool import executor_for, map_ordered
+from ridgebayes.runtime.pool import executor_for
 from ridgebayes.runtime.randomness import stream
-from tests.validation.simulated import simulated
+from tests.validation.simulated import resumed, simulated
 
 OUT = Path("docs/validation/load_coverage.csv")
 DONE = Path("docs/validation/load_coverage.jsonl")
@@ -151,16 +150,9 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--only", default="", help="part of 'TRUTH, N_ROW'")
     asked = parser.parse_args()
-    lines = DONE.read_text().splitlines() if DONE.exists() else []
-    known = {tuple(one[key] for key in _KEYS) for one in map(json.loads, lines)}
-    wanted = [
-        c for c in cells(asked.tables, asked.only) if (c.truth, c.n_row, c.index) not in known
-    ]
-    with executor_for(asked.workers, None) as executor, DONE.open("a") as file:
-        for one in map_ordered(covered, wanted, executor, name=lambda cell: str(cell)):
-            file.write(json.dumps(one) + "\n")
-            file.flush()
-    table = summarised(pd.DataFrame(map(json.loads, DONE.read_text().splitlines())))
+    with executor_for(asked.workers, None) as executor:
+        wanted = cells(asked.tables, asked.only)
+        table = summarised(resumed(DONE, wanted, _KEYS, covered, executor))
     table.to_csv(OUT, index=False)
     print(table.to_string(index=False))
 

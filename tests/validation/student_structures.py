@@ -13,10 +13,11 @@ Run it from the repository's root with OMP_NUM_THREADS=1.
 """
 
 import argparse
-import json
+import itertools
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 from unittest import mock
 
 import numpy as np
@@ -33,6 +34,7 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from tests.tables_in_the_wild import tables
+from tests.validation.simulated import resumed
 
 OUT = Path("docs/validation/student_structures.csv")
 DONE = Path("build/student_structures.jsonl")
@@ -48,6 +50,19 @@ def observations() -> Observations:
     """Return the rows of the table `outliers`."""
     (table,) = (one.table for one in tables() if one.name == "outliers")
     return Observations.from_table(table)
+
+
+class Task(NamedTuple):
+    """One fit: of a seed, or the reference."""
+
+    structure: str
+    seed: str
+
+
+def done(task: Task) -> dict[str, object]:
+    """Do one fit."""
+    is_long = task.seed == REFERENCE
+    return referred(task.structure) if is_long else fitted(task.structure, int(task.seed))
 
 
 def fitted(structure: str, seed: int) -> dict[str, object]:
@@ -134,18 +149,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--structures", nargs="+", default=list(CPU_S), choices=list(CPU_S))
     asked = parser.parse_args()
-    DONE.parent.mkdir(exist_ok=True)
-    lines = DONE.read_text().splitlines() if DONE.exists() else []
-    known = {(one["structure"], one["seed"]) for one in map(json.loads, lines)}
-    with DONE.open("a") as file:
-        for seed in (*map(str, range(N_SEED)), REFERENCE):
-            for structure in asked.structures:
-                if (structure, seed) not in known:
-                    is_long = seed == REFERENCE
-                    one = referred(structure) if is_long else fitted(structure, int(seed))
-                    file.write(json.dumps(one) + "\n")
-                    file.flush()
-    table = summarised(pd.DataFrame(map(json.loads, DONE.read_text().splitlines())))
+    seeds = (*map(str, range(N_SEED)), REFERENCE)
+    tasks = itertools.starmap(Task, itertools.product(asked.structures, seeds))
+    table = summarised(resumed(DONE, tasks, Task._fields, done))
     table.to_csv(OUT, index=False)
     print(table.to_string(index=False))
 

@@ -16,10 +16,9 @@ Run it from the repository's root with OMP_NUM_THREADS=1.
 
 import argparse
 import itertools
-import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -41,8 +40,9 @@ from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import QUICK, STANDARD
 from ridgebayes.model.observations import Observations
-from ridgebayes.runtime.pool import executor_for, map_ordered
+from ridgebayes.runtime.pool import executor_for
 from ridgebayes.runtime.randomness import stream
+from tests.validation.simulated import resumed
 from tests.validation.verdicts_figure import plot_verdicts
 
 OUT = Path("docs/validation/verdicts.csv")
@@ -185,17 +185,9 @@ def main() -> None:
     if asked.check:
         check(list(cells(asked.tables, asked.only))[::5][: asked.check])
         return
-    lines = DONE.read_text().splitlines() if DONE.exists() else []
-    known = {
-        json.dumps({k: one[k] for k in ("truth", "errors", "n_texture", "index")})
-        for one in map(json.loads, lines)
-    }
-    wanted = [c for c in cells(asked.tables, asked.only) if json.dumps(vars(c)) not in known]
-    with executor_for(asked.workers, None) as executor, DONE.open("a") as file:
-        for one in map_ordered(compared, wanted, executor, name=lambda cell: str(cell)):
-            file.write(json.dumps(one) + "\n")
-            file.flush()
-    table = summarised(pd.DataFrame(map(json.loads, DONE.read_text().splitlines())))
+    with executor_for(asked.workers, None) as executor:
+        wanted, keys = cells(asked.tables, asked.only), [one.name for one in fields(Cell)]
+        table = summarised(resumed(DONE, wanted, keys, compared, executor))
     table.to_csv(OUT, index=False)
     OUT.with_suffix(".png").write_bytes(as_bytes(plot_verdicts(table), "png"))
     sure = table[table["grade"].isin(("decisive", "supports"))]
