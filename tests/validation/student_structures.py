@@ -25,7 +25,7 @@ import pandas as pd
 
 import ridgebayes as rb
 from ridgebayes.evidence.candidates import Weighing, evaluate
-from ridgebayes.evidence.error_models import _efforts
+from ridgebayes.evidence.error_models import _UNSURE, _efforts
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.pareto_smoothing import pareto_k
@@ -78,7 +78,8 @@ def fitted(structure: str, seed: int) -> dict[str, object]:
     task = Weighing(observations(), rb.Hybrid(), noise, {}, seed)
     screened = evaluate(task)
     own = screened.evidence.value
-    task = replace(task, screened=screened, efforts=_efforts(screened, own, own, STANDARD))
+    efforts = _efforts(screened, own, own, STANDARD)
+    task = replace(task, screened=screened, efforts=efforts, se_most=_UNSURE)
     with mock.patch("ridgebayes.inference.importance_sampling.pareto_k", noted):
         found = evaluate(task)
     seconds = time.process_time() - began

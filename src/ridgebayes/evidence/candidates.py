@@ -76,6 +76,7 @@ class Weighing:
     seed: int
     screened: Candidate | None = None
     efforts: tuple[Effort, ...] = ()  # of drawing, one after the other until weights are even
+    se_most: float = math.inf  # and, where offsets are drawn, the evidence is as sure
     twin: Candidate | None = None
     is_tame: bool = False
 
@@ -155,7 +156,7 @@ def _drawn(task: Weighing, model: Model, screened: LogEvidence, laplace: Laplace
     laplace = replace(laplace, other_modes=several_modes(model, laplace))
     for effort in task.efforts:
         posterior, evidence = importance_posterior(model, laplace, seed=task.own_seed, **effort)
-        if evidence.ok:
+        if evidence.ok and (evidence.se <= task.se_most or not model.is_latent):
             break
     if screened.method == "quadrature" or not evidence.ok:
         evidence = screened

@@ -37,7 +37,10 @@ AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apar
 _CLOSE = 6.6
 _HEAVY = 1.6
 _OUT_OF_REACH = 12.0  # of a form that has less than 1e-4 of the best one's evidence, whatever errs
-_MORE = STANDARD.effort | {"n_draw": 2_560, "n_round": 5, "n_per_round": 1_536}
+_MORE = STANDARD.effort | {"n_draw": 2_560, "n_round": 5, "n_per_round": 1_024, "n_point": 128}
+# Standard error of a ln evidence, times the pair's probability, above which a pair whose offsets
+# are drawn takes more draws; of others a walk or quadrature makes sure.
+_UNSURE = 0.025
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,18 +178,25 @@ def weigh_error_models(
     ]
     found |= {one.key: one for one in evaluated(beside)}
     found = {task.key: found[task.key] for task in tasks}
+    screened = {key: one.evidence for key, one in found.items()}
     best = max(filter(math.isfinite, (_best(found, f.name) for f in forms)), default=math.inf)
+    total = float(logsumexp([-math.inf, *(e.value for e in screened.values() if e.ok)]))
+    unsure = max(_UNSURE, accuracy.evidence_error)
     close = [
-        replace(task, screened=one, efforts=_efforts(one, _best(found, one.form), best, accuracy))
+        replace(
+            task,
+            screened=one,
+            efforts=_efforts(one, _best(found, one.form), best, accuracy),
+            se_most=unsure * math.exp(min(total - one.evidence.value, _OUT_OF_REACH)),
+        )
         for task, one in zip(tasks, found.values(), strict=True)
         if not one.left_to and one.evidence.value > _best(found, one.form) - _CLOSE
     ]
-    screened = {key: one.evidence.value for key, one in found.items()}
     found |= {one.key: one for one in evaluated(close)}
     for key, one in found.items():
         if one.left_to:  # what the twin's draws found is common to both
             twin = key[0], one.left_to
-            value = one.evidence.value + found[twin].evidence.value - screened[twin]
+            value = one.evidence.value + found[twin].evidence.value - screened[twin].value
             found[key] = replace(one, evidence=replace(one.evidence, value=value))
     return WeighedErrorModels(found)
 

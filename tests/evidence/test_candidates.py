@@ -1,0 +1,45 @@
+import math
+
+import pytest
+
+import ridgebayes as rb
+from ridgebayes.evidence import candidates
+from ridgebayes.evidence.candidates import Candidate, Weighing, evaluate
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+
+
+@pytest.mark.parametrize(
+    ("noise", "se_most", "n_tried"),
+    [("step:student", 0.1, 1), ("step:student", 0.01, 2), ("step", 0.01, 1)],
+)
+def test_evaluate__draws_again_where_drawn_offsets_leave_an_evidence_unsure(
+    monkeypatch, noise, se_most, n_tried
+):
+    data = Observations.from_table(rb.paper_sweep())
+    laplace = fit_laplace(Model(data, rb.Modified(), Noise()))
+    tried = []
+
+    def drawn(model, laplace, *, seed, n_draw):
+        tried.append(n_draw)
+        return None, LogEvidence("importance", float(n_draw), 0.05)
+
+    monkeypatch.setattr(candidates, "importance_posterior", drawn)
+    monkeypatch.setattr(candidates, "several_modes", lambda model, laplace: ())
+    first = Candidate("modified", noise, LogEvidence("laplace", 0.0, math.nan), laplace)
+    efforts = tuple({"n_draw": n} for n in (128, 256))
+    task = Weighing(
+        data,
+        rb.Modified(),
+        Noise.named(noise),
+        {},
+        0,
+        screened=first,
+        efforts=efforts,
+        se_most=se_most,
+    )
+    assert evaluate(task).evidence.value == tried[-1]
+    assert len(tried) == n_tried
