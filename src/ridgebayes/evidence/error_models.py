@@ -151,7 +151,9 @@ def weigh_error_models(
     -----
     A Student tail with shared offsets is left to its normal twin where it gains less than 1 in ln
     evidence: their predictions then agree. Of what is drawn, a form that the rows rule out takes
-    few draws, and so does an error model that is a small part of its form's average.
+    few draws, and so does an error model that is a small part of its form's average. Where offsets
+    are drawn, more draws are taken if the standard error of the evidence times the pair's
+    probability is above 0.025.
     """
     known = resolve_priors(priors, forms, noises, data)
     pairs = list(itertools.product(forms, noises))
