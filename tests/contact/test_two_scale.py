@@ -80,7 +80,7 @@ def narrowed(nu, ogden):
 
 
 def test_another_material__multiplies_r_and_its_own_reach_ends_it(monkeypatch):
-    monkeypatch.setattr(two_scale, "_stiffening", narrowed)
+    monkeypatch.setattr(two_scale, "stiffening_of", narrowed)
     p, ogden = np.array([0.01, 0.1, 0.39]), ((1.0, 9.0),)
     expected = width_ratio(p, 0.45) * (1 - 0.2 * p)
     np.testing.assert_allclose(width_ratio(p, 0.45, ogden), expected, rtol=1e-14)  # rounding

@@ -1,11 +1,12 @@
 """Scenes at large deformation: which solver a plan chooses, and what it says of its loads."""
 
 import math
+from concurrent.futures import Executor, Future
 
 import numpy as np
 import pytest
 
-from ridgebayes.contact import two_scale
+from ridgebayes.contact import smooth, two_scale
 from ridgebayes.contact.two_scale import CHECKED, REACH, load_of, relative_error, width_ratio
 from ridgebayes.errors import InputError
 from ridgebayes.scene.estimates import plan
@@ -129,7 +130,7 @@ STIFF = ((0.5, 2.0), (0.5, 9.0))
 def narrowed(monkeypatch):
     """Bodies of another material, 0.2 p narrower than neo-Hookean ones; no finite elements."""
     found = np.array([0.0, 0.0, -0.2, 0.0]), 0.4
-    monkeypatch.setattr(two_scale, "_stiffening", lambda nu, ogden: found)
+    monkeypatch.setattr(two_scale, "stiffening_of", lambda nu, ogden, known=None: found)
 
 
 def of_material(ogden=STIFF, **given):
@@ -205,3 +206,30 @@ def test_contact_at_loads__computes_no_high_loads_of_such_bodies():
     low, high = contact_at_loads(scene, [0.02, 0.2])["status"]
     assert low == "ok"
     assert high.startswith("not computed")
+
+
+class OtherProcess(Executor):
+    """Computes at once, and as a process that has found nothing before."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        two_scale._found.clear()
+        done = Future()
+        done.set_result(fn(*args, **kwargs))
+        return done
+
+
+def test_generate__finds_a_bodys_stiffening_once_for_all_workers(monkeypatch):
+    bodies = []
+
+    def stiffening(nu, ogden):
+        bodies.append((nu, ogden))
+        return np.array([0.0, 0.0, -0.2, 0.0]), 0.4
+
+    monkeypatch.setattr(smooth, "stiffening", stiffening)
+    monkeypatch.setattr(two_scale, "_found", {})
+    scene = Scene.of([(A, B), (A, 0.5 * B)], p_over_E=0.02)
+    scene = scene.model_copy(update={"ogden": STIFF})
+    found = generate(scene, solver="two-scale", executor=OtherProcess()).frame
+    assert bodies == [(0.5, STIFF)]
+    alone = generate(scene, solver="two-scale").frame
+    assert found["p_over_E"].tolist() == alone["p_over_E"].tolist()

@@ -13,6 +13,7 @@ r being a smooth cylinder's contact half-width over Hertz's at the load p
 import math
 from functools import cache
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,13 +50,20 @@ def _coefficients() -> FloatArray:
     return np.concatenate([np.zeros(first), found]).reshape(_ORDER_P + 1, first)
 
 
-@cache
-def _stiffening(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
-    """Return `smooth.stiffening`, once a body and process."""
-    # scikit-fem takes its time to load: only where it is used.
-    from ridgebayes.contact.smooth import stiffening
+_Stiffening: TypeAlias = tuple[FloatArray, float]
+_found: dict[tuple[float, Ogden], _Stiffening] = {}
 
-    return stiffening(nu, ogden)
+
+def stiffening_of(nu: float, ogden: Ogden, known: _Stiffening | None = None) -> _Stiffening:
+    """Return `smooth.stiffening`, found once a body and process, or known from another process."""
+    if known is not None:
+        _found[nu, ogden] = known
+    if (nu, ogden) not in _found:
+        # scikit-fem takes its time to load: only where it is used.
+        from ridgebayes.contact.smooth import stiffening
+
+        _found[nu, ogden] = stiffening(nu, ogden)
+    return _found[nu, ogden]
 
 
 def _body(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:
@@ -66,7 +74,7 @@ def _body(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:
         raise InputError(
             f"ogden: expected one poissons_ratio, {LEAST_NU:g} to 0.5, for a material of its own"
         )
-    found, reach = _stiffening(float(nu.flat[0]), ogden)
+    found, reach = stiffening_of(float(nu.flat[0]), ogden)
     return np.append(1.0, found[1:]), reach
 
 
