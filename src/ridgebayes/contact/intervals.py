@@ -289,17 +289,16 @@ def _functions(intervals: Intervals, x: FloatArray, m: int) -> FloatArray:
 
 def _potentials(centre: FloatArray, half_width: FloatArray, x: FloatArray, m: int) -> FloatArray:
     s = (x[:, None] - centre) / half_width
-    excess, theta = _outside_and_angle(s)
-    z = 1.0 / (1.0 + excess)
+    size = np.maximum(np.abs(s), 1.0)
+    beyond = size - 1.0
+    # 1/z without a difference of large numbers
+    z = 1.0 / (size + np.sqrt(beyond * (2.0 + beyond)))
+    order, inside = np.arange(1, m), np.nonzero(size == 1.0)
     found = np.empty((*s.shape, m))
     found[..., 0] = math.pi * (math.log(2.0) - np.log(half_width) + np.log(z))
-    order = np.arange(1, m)
-    found[..., 1:] = z[..., None] ** order * np.cos(order * theta[..., None]) * (math.pi / order)
+    waves = found[..., 1:]
+    waves[:] = np.copysign(z, s)[..., None]
+    np.multiply.accumulate(waves, axis=-1, out=waves)
+    waves[inside] = np.cos(order * np.arccos(s[inside])[:, None])
+    waves *= math.pi / order
     return found
-
-
-def _outside_and_angle(s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return 1/z - 1 and theta: z by its reciprocal is no difference of large numbers."""
-    beyond = np.maximum(np.abs(s) - 1.0, 0.0)
-    excess = beyond + np.sqrt(beyond * (2.0 + beyond))
-    return excess, np.arccos(np.clip(s, -1.0, 1.0))

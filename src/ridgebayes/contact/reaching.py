@@ -77,7 +77,10 @@ def reaching_loads(
     while len(loads) < n_max:
         # To the right, and where the profile is no mirror image also to the left.
         sides = (high + 1,) if profile.mirrored else (high + 1, low - 1)
-        W, ridge, found = _reach(found, range(low, high + 1), sides, W_max, rel_tol)
+        # Of pairs the roots of loads rise nearly evenly: from there on.
+        guess = (2 * math.sqrt(loads[-1]) - math.sqrt(loads[-2])) ** 2 if len(loads) > 1 else 0.0
+        begin = min(guess, W_max) if profile.mirrored and guess else found.W
+        W, ridge, found = _reach(found, begin, range(low, high + 1), sides, W_max, rel_tol)
         if not W_max >= W:
             break
         low, high = min(low, ridge), max(high, ridge)
@@ -90,14 +93,19 @@ def reaching_loads(
 
 
 def _reach(
-    found: ContactSolution, ridges: range, sides: tuple[int, ...], W_max: float, rel_tol: float
+    found: ContactSolution,
+    W: float,
+    ridges: range,
+    sides: tuple[int, ...],
+    W_max: float,
+    rel_tol: float,
 ) -> tuple[float, int, ContactSolution]:
     """Return the load that reaches a ridge beyond those given, infinite if above W_max, and which.
 
     The gap over a ridge falls with the load, and by less the wider the contact is: each of Newton's
-    steps ends below the load that is sought.
+    steps, from wherever it begins, ends below the load that is sought.
     """
-    profile, W = found.profile, found.W
+    profile, least = found.profile, found.W
     ahead = [profile.ridge(number) for number in sides]
     for _ in range(_MOST_STEPS):
         found = solve_contact(profile, W, rel_tol=rel_tol, start=found, ridges=ridges)
@@ -106,10 +114,11 @@ def _reach(
         x, gap = np.array([nearest_gap(found, segment) for segment in ahead]).T
         steps = -gap / found.pressing.surface_by_load(x)
         nearest = int(np.argmin(steps))
-        W += max(float(steps[nearest]), 0.0)
+        step = max(float(steps[nearest]), least - W)
+        W += step
         if W_max < W:
             return math.inf, sides[nearest], found
-        if steps[nearest] <= 1e-3 * rel_tol * W:
+        if abs(step) <= 1e-3 * rel_tol * W:
             return W, sides[nearest], found
     return W, sides[0], replace(found, status="not converged: the load that reaches a ridge")
 
