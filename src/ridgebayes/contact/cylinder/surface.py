@@ -34,7 +34,7 @@ _ROUNDING = 1e-12
 _BLOCK = 16  # rays that share a box
 # Slope of an edge that folds over a sharp corner, in its stiffness: its tangent changes sign as the
 # edge passes the vertical, and a stiffness of the wrong sign leads Newton's steps away.
-_STEEPEST = 10.0
+_STEEPEST = 1e4  # a lower one is not the slope any more, and steps no longer Newton's
 
 
 @dataclass(frozen=True, eq=False)
