@@ -25,7 +25,7 @@ def test_evaluate__draws_again_where_drawn_offsets_leave_an_evidence_unsure(
 
     def drawn(model, laplace, *, seed, n_draw):
         tried.append(n_draw)
-        return None, LogEvidence("importance", float(n_draw), 0.05)
+        return None, LogEvidence("importance", float(n_draw), 6.4 / n_draw)
 
     monkeypatch.setattr(candidates, "importance_posterior", drawn)
     monkeypatch.setattr(candidates, "several_modes", lambda model, laplace: ())
@@ -43,3 +43,20 @@ def test_evaluate__draws_again_where_drawn_offsets_leave_an_evidence_unsure(
     )
     assert evaluate(task).evidence.value == tried[-1]
     assert len(tried) == n_tried
+
+
+def test_evaluate__keeps_what_fewer_draws_found_where_more_fail(monkeypatch):
+    data = Observations.from_table(rb.paper_sweep())
+    laplace = fit_laplace(Model(data, rb.Modified(), Noise()))
+
+    def drawn(model, laplace, *, seed, n_draw):
+        status = "ok" if n_draw == 128 else "importance weights: Pareto k 0.78, above 0.7"
+        return None, LogEvidence("importance", float(n_draw), 0.05, status)
+
+    monkeypatch.setattr(candidates, "importance_posterior", drawn)
+    monkeypatch.setattr(candidates, "several_modes", lambda model, laplace: ())
+    first = Candidate("modified", "step:student", LogEvidence("laplace", 0.0, math.nan), laplace)
+    efforts = tuple({"n_draw": n} for n in (128, 256))
+    given = {"screened": first, "efforts": efforts, "se_most": 0.01}
+    task = Weighing(data, rb.Modified(), Noise.named("step:student"), {}, 0, **given)
+    assert evaluate(task).evidence.value == 128.0

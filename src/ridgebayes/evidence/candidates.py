@@ -154,10 +154,14 @@ def _screened(model: Model, laplace: Laplace) -> LogEvidence:
 
 def _drawn(task: Weighing, model: Model, screened: LogEvidence, laplace: Laplace) -> Candidate:
     laplace = replace(laplace, other_modes=several_modes(model, laplace))
+    tried = []
     for effort in task.efforts:
-        posterior, evidence = importance_posterior(model, laplace, seed=task.own_seed, **effort)
+        tried.append(importance_posterior(model, laplace, seed=task.own_seed, **effort))
+        evidence = tried[-1][1]
         if evidence.ok and (evidence.se <= task.se_most or not model.is_latent):
             break
+    # More draws may meet a weight that fewer did not.
+    posterior, evidence = min(tried, key=lambda one: (not one[1].ok, one[1].se))
     if screened.method == "quadrature" or not evidence.ok:
         evidence = screened
     return Candidate(model.form.name, model.noise.name, evidence, laplace, posterior)
