@@ -7,12 +7,7 @@ import pytest
 from ridgebayes.distributions.bounded import Truncated, Uniform
 from ridgebayes.distributions.distribution import Gamma, HalfNormal, LogNormal, Normal
 from ridgebayes.distributions.empirical import Empirical
-from ridgebayes.distributions.grammar import (
-    as_distribution,
-    from_dict,
-    parse_distribution,
-    to_dict,
-)
+from ridgebayes.distributions.grammar import from_dict, parse_distribution, to_dict
 from ridgebayes.errors import InputError
 
 KNOWN = {
@@ -32,8 +27,6 @@ def test_parse__is_the_distribution_and_comes_back_from_plain_values(text):
     own = parse_distribution(text, "c")
     assert own == KNOWN[text]
     assert from_dict(json.loads(json.dumps(to_dict(own)))) == own
-    assert as_distribution(own, "c") is own
-    assert as_distribution(text, "c") == own
 
 
 def test_parse__empirical_is_of_a_column_beside_the_file(tmp_path):

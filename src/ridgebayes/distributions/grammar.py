@@ -127,11 +127,6 @@ def _number(
     raise InputError(f"{at}: percent: expected only for sd after a mean, or log_sd, got {part!r}")
 
 
-def as_distribution(value: object, where: str) -> Distribution:
-    """Return a distribution, from its text where that is given."""
-    return value if isinstance(value, Distribution) else parse_distribution(value, where)
-
-
 def to_dict(distribution: Distribution) -> Json:
     """Return a distribution as plain values, which `from_dict` reads."""
     values = {f.name: getattr(distribution, f.name) for f in fields(distribution)}
