@@ -158,9 +158,9 @@ def run_contents(folder: Path) -> dict[str, str]:
 
 
 def without_costs(report: Path) -> str:
-    """Return a report's text without the section on what accuracy costs, if it has one."""
-    head, *sections = re.split(r"(?m)^(?=## |<section>)", report.read_text(encoding="utf-8"))
-    return "".join([head, *(one for one in sections if "Accuracy and run time" not in one)])
+    """Return a report's text without the part on what accuracy costs, if it has one."""
+    costs = r"(?s)<details><summary>Accuracy and run time</summary>.*?</details>"
+    return re.sub(costs, "", report.read_text(encoding="utf-8"))
 
 
 @contextmanager
