@@ -160,8 +160,8 @@ def _drawn(task: Weighing, model: Model, screened: LogEvidence, laplace: Laplace
         evidence = tried[-1][1]
         if evidence.ok and (evidence.se <= task.se_most or not model.is_latent):
             break
-    # More draws may meet a weight that fewer did not.
-    posterior, evidence = min(tried, key=lambda one: (not one[1].ok, one[1].se))
+    # The last that can be trusted: what more draws found counts, also where it is less sure.
+    posterior, evidence = next((one for one in reversed(tried) if one[1].ok), tried[-1])
     if screened.method == "quadrature" or not evidence.ok:
         evidence = screened
     return Candidate(model.form.name, model.noise.name, evidence, laplace, posterior)
