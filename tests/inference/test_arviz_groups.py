@@ -71,7 +71,8 @@ def test_arviz__summarises_scores_and_draws_a_file(drawn, opened):
     assert elpd == pytest.approx(own.elpd, abs=0.1)
     exact = az.loo(opened, reff=1.0, pointwise=True)
     p = exact.p if IS_NEW else exact.p_loo
-    assert p == pytest.approx(own.p, abs=1e-6)  # algebra
+    # Algebra; the 0.x line smooths a tail of one more draw.
+    assert p == pytest.approx(own.p, abs=1e-6 if IS_NEW else 1e-4)
     if IS_NEW:
         az.plot_ppc_dist(opened)
         az.plot_ppc_dist(opened, group="prior_predictive")

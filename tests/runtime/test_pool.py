@@ -74,9 +74,6 @@ class OneWayError(Exception):
     def __init__(self, one, two):
         super().__init__(f"{one} of {two}")
 
-    def __reduce__(self):  # said aloud, for distributed teaches pickle to do without
-        return type(self), self.args
-
 
 def _raise_what_does_not_come_back():
     raise OneWayError(1, 2)
@@ -188,6 +185,33 @@ def test_workers__end_when_their_parent_is_killed(tmp_path):
         assert Path(f"/proc/{worker}").exists()
         parent.kill()
     until(lambda: not Path(f"/proc/{worker}").exists())
+
+
+SERVER = """
+import sys
+from ridgebayes.runtime.pool import start_server, workers
+def loaded(name):
+    return name in sys.modules
+if __name__ == "__main__":
+    import ridgebayes.runtime.journal
+    if sys.argv[1:]:
+        start_server(sys.argv[1:])
+    with workers(1) as pool:
+        names = ("colorsys", "ridgebayes.runtime.journal")
+        print([pool.submit(loaded, name).result() for name in names])
+"""
+
+
+@pytest.mark.parametrize(
+    ("preload", "expected"), [(["colorsys"], "[True, False]"), ([], "[False, True]")]
+)
+def test_start_server__imports_what_it_is_told_or_what_is_loaded(tmp_path, preload, expected):
+    script = tmp_path / "parent.py"
+    script.write_text(SERVER)
+    words = [sys.executable, str(script), *preload]
+    assert (
+        subprocess.run(words, check=True, capture_output=True, text=True).stdout == expected + "\n"
+    )
 
 
 class Later(Executor):

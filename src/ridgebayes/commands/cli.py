@@ -43,6 +43,8 @@ _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "export-deck": ("export_deck", options.ExportDeck),
     "report": ("report", options.Report),
 }
+# What workers of a run import at the same time as this process.
+_OF_A_RUN = ("ridgebayes.commands.run", "ridgebayes.report.figures.gallery", "corner")
 # Click's, which newer versions of typer bring along and older ones import.
 _UsageError: Any = typer.BadParameter.__base__
 app = typer.Typer(
@@ -91,6 +93,9 @@ for _name, _what in _COMMANDS.items():
 
 def _done(name: str, module: str, asked: Any, output: Output) -> int:
     """Do a command, tell what it found or what went wrong, and return the exit code."""
+    if module == "run" and asked.scheduler is None and asked.workers != 1:
+        # Workers import at the same time as this process, so their server starts first.
+        import_module("ridgebayes.runtime.pool").start_server(_OF_A_RUN)
     terminal = import_module("ridgebayes.commands.terminal")
     progress = import_module("ridgebayes.runtime.progress")
     answer, code, error = terminal.Answer(), 0, ""

@@ -1,9 +1,12 @@
 """What `run`, `compare` and `fit` are asked for."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from ridgebayes.commands import options
@@ -146,8 +149,17 @@ class Inputs:
         scores: bool = True,
     ) -> Comparison:
         """Compare the forms; chains are kept in a folder as they grow."""
+        # No daemon: an import that is cut off when the interpreter ends crashes it.
+        drawing = Thread(target=import_module, args=("ridgebayes.report.figures.gallery",))
+
+        def stage(name: str) -> AbstractContextManager[Callable[[float], None]]:
+            # From here on this process often waits for workers: time for what figures import.
+            if executor is not None and name.startswith("calibrate") and drawing.ident is None:
+                drawing.start()
+            return progress.stage(name)
+
         execution = Execution(
-            self.accuracy, self.settings, executor, progress.detail, progress.stage, folder, scores
+            self.accuracy, self.settings, executor, progress.detail, stage, folder, scores
         )
         return compare_with(
             execution,

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Optional, cast
 
@@ -29,7 +28,6 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import Preset
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.noise import Noise
-from ridgebayes.runtime.fork_server import start_server
 from ridgebayes.runtime.memory import watched_memory
 from ridgebayes.runtime.pool import executor_for, n_cpu, submit_or_defer
 from ridgebayes.runtime.progress import Progress
@@ -107,9 +105,6 @@ def run_job(
         reference_inputs = request.on(rows, [form_named(name) for name in FORMS])
     typical = _typical(inputs, reference_inputs, began)
     n_worker = n_cpu() if workers is None and scheduler is None else workers
-    if n_worker not in (None, 1) and scheduler is None:
-        import_module("ridgebayes.report.figures.gallery")  # once: workers begin as copies
-        start_server()
     with (
         new_folder(folder, force=force, resume=resume) as partial,
         Progress(len(typical), began=began, typical=typical) as progress,

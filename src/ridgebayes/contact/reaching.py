@@ -129,7 +129,7 @@ def nearest_gap(found: ContactSolution, segment: RigidSegment) -> tuple[float, f
     # Not by the flat's ends: corners of half a ridge leave none.
     inner, towards = (low, -1.0) if abs(segment.start) < abs(segment.stop) else (high, 1.0)
     x = inner + towards * segment.corner * np.linspace(1.0, 0.0, _N_CORNER if segment.corner else 1)
-    x = np.sort(x)
+    x = np.unique(x)  # the least corner is no longer than rounding
     gap = found.pressing.surface(x) + segment.height(x)
     for _ in range(_N_VERTEX):
         x, gap = with_vertex(found.pressing, segment, x, gap)

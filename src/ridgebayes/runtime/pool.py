@@ -7,18 +7,20 @@ which task: here each worker is such an executor of its own, and a thread waits 
 
 import ctypes
 import itertools
+import multiprocessing
 import os
 import pickle
 import queue
 import signal
+import sys
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterable, Iterator, Sized
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from concurrent import futures
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import partial
-from multiprocessing import get_context, parent_process
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
 
@@ -29,6 +31,12 @@ from ridgebayes.runtime.text import exit_text
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 _Task = TypeVar("_Task")
+# A server that has imported everything forks workers in milliseconds; without one (Windows) each
+# worker imports for itself.
+_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+_PACKAGE = __name__.partition(".")[0]
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_starting = threading.Lock()
 _TRIES = 3  # a task that has killed as many workers would kill the next
 # Tasks under way for each worker: one at work, the others at hand when that is done.
 _PER_WORKER = 4
@@ -58,9 +66,6 @@ class WorkerPool(futures.Executor):
         self._futures: weakref.WeakSet[futures.Future[Any]] = weakref.WeakSet()
         self._lock = threading.Lock()
         self._stopped = False
-        # What computes alone needs no server.
-        from ridgebayes.runtime.fork_server import start_server
-
         start_server()
 
     def submit(
@@ -115,6 +120,31 @@ class WorkerPool(futures.Executor):
             f"{_TRIES} worker processes died on this task, the last with {exit_text(code)}; "
             "they may need more memory"
         )
+
+
+def start_server(preload: Sequence[str] = ()) -> None:
+    """Start, once, the process that imports what workers need and forks them.
+
+    It imports while this process goes on with its own work: the earlier, the less is waited for.
+
+    Parameters
+    ----------
+    preload : sequence of str, optional
+        Modules to import; those of this package that are loaded by now if not given.
+    """
+    if _METHOD != "forkserver":
+        return
+    # Ctrl-C reaches the whole group of processes: server and workers start with it held back. The
+    # tracker is started before, because that start ends with the signal let through.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        with _one_thread_each():
+            loaded = [name for name in list(sys.modules) if name.startswith(f"{_PACKAGE}.")]
+            forkserver.set_forkserver_preload(list(preload) or loaded)
+            forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def n_cpu() -> int:
@@ -309,14 +339,28 @@ def submit_or_defer(
 
 
 def _started() -> tuple[futures.ProcessPoolExecutor, Connection]:
-    from ridgebayes.runtime.fork_server import METHOD, one_thread_each
-
-    context = get_context(METHOD)
+    context = multiprocessing.get_context(_METHOD)
     here, there = context.Pipe(duplex=False)
     worker = futures.ProcessPoolExecutor(1, context, _begin, (there,))
-    with one_thread_each():
+    with _one_thread_each():
         worker.submit(int)  # which starts the process
     return worker, here
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Have processes started here load a BLAS of one thread: several would fight for processors."""
+    with _starting:
+        before = {name: os.environ.get(name) for name in _THREADS}
+        os.environ.update(dict.fromkeys(_THREADS, "1"))
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value
 
 
 def _begin(pipe: Connection) -> None:
@@ -327,7 +371,7 @@ def _begin(pipe: Connection) -> None:
 
 
 def _follow() -> None:
-    parent = parent_process()
+    parent = multiprocessing.parent_process()
     assert parent is not None  # only the process that asked has none
     parent.join()
     os._exit(1)

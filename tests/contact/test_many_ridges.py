@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ridgebayes.contact.halfplane import transition_loads
-from ridgebayes.contact.homogenised import beyond, edge_constants
+from ridgebayes.contact.halfplane import beyond, edge_constants, transition_loads
 
 
 @pytest.mark.slow
