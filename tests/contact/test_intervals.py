@@ -7,7 +7,7 @@ import pytest
 from scipy import integrate
 
 from ridgebayes.contact.intervals import Intervals, solve_pressure
-from ridgebayes.contact.kinks import Kinks
+from ridgebayes.contact.rigid_profile import Kinks
 
 FLAT = np.zeros((1, 1))
 S = np.linspace(-1.0, 1.0, 9)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from ridgebayes.contact.kinks import Kinks
+from ridgebayes.contact.rigid_profile import Kinks
 
 # Both ends, one end, nearly the whole interval, and a thin layer.
 KINKS = Kinks(np.array([1.3, 0.7, 2.0]), np.array([[0.4, 0.0, 2.9], [1.2, 0.3, 0.01]]))

@@ -18,8 +18,7 @@ from ridgebayes.contact.intervals import (
     PressureSolution,
     solve_pressure,
 )
-from ridgebayes.contact.kinks import Kinks
-from ridgebayes.contact.rigid_profile import Profile, RigidSegment
+from ridgebayes.contact.rigid_profile import Kinks, Profile, RigidSegment
 from ridgebayes.errors import InputError
 
 _MAX_ITERATIONS = 80

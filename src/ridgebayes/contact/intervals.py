@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ridgebayes._types import FloatArray
-from ridgebayes.contact.kinks import Kinks
+from ridgebayes.contact.rigid_profile import Kinks
 
 
 @dataclass(frozen=True, eq=False)

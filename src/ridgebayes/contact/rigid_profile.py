@@ -1,13 +1,23 @@
-"""The rigid side of a contact: the tops of ridges and the floors of grooves, one segment each."""
+r"""The rigid side of a contact: the tops of ridges and the floors of grooves, one segment each.
+
+Beyond a kink a round corner is a parabola, whose part of the pressure has a closed form. Towards an
+end of an interval the rigid surface falls by h = g/2 (s - c)^2 beyond a kink at s = c, with
+g = w^2/r. Its Chebyshev coefficients h_n fall as n^-3 and those of the pressure, -n h_n/pi, as
+n^-2 only: what a truncated series would get wrong is summed over all orders here.
+"""
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
+
+_EXTRA_NODES = 16  # beyond the highest order: then Gauss's rule is at rounding
+_FAR, _FEW = 0.03, 8  # of z: farther away a few orders are all, and the closed sum would cancel
+_gauss = cache(np.polynomial.legendre.leggauss)
 
 
 @dataclass(frozen=True)
@@ -132,3 +142,98 @@ class Profile:
                     continue
                 found.append(segment)
         return sorted(found, key=lambda segment: segment.start)
+
+
+@dataclass(frozen=True, eq=False)
+class Kinks:
+    """Kinks towards the two ends of n intervals.
+
+    Parameters
+    ----------
+    bend : ndarray of float, shape (n,)
+        g: the square of the half-width over the corner's radius.
+    angle : ndarray of float, shape (2, n)
+        theta of the kinks towards the left and right end, 0 to pi: c = cos(theta) from that end.
+        0 where there is none.
+    """
+
+    bend: FloatArray
+    angle: FloatArray
+
+    @classmethod
+    def none(cls, n: int) -> "Kinks":
+        """Return those of n intervals that have none."""
+        return cls(np.zeros(n), np.zeros((2, n)))
+
+    def series(self, n_order: int) -> FloatArray:
+        """Return h_n, n = 0 ... n_order - 1, shape (n, n_order)."""
+        found = np.zeros((len(self.bend), n_order))
+        order = np.arange(n_order)
+        nodes, weights = _gauss(n_order + _EXTRA_NODES)
+        for angle, sign in zip(self.angle, ((-1.0) ** order, 1.0), strict=True):
+            has = np.flatnonzero(angle)
+            half = 0.5 * angle[has, None]
+            phi = half * (1 + nodes)
+            # cos(phi) - cos(theta), without the difference of two near 1
+            beyond = 2 * np.sin(half + 0.5 * phi) * np.sin(half - 0.5 * phi)
+            values = self.bend[has, None] / np.pi * half * weights * beyond**2
+            waves = np.cos(order * phi[..., None])
+            found[has] += sign * np.einsum("in,inm->im", values, waves)
+        found[:, 0] *= 0.5
+        return found
+
+    @cached_property
+    def few(self) -> FloatArray:
+        """The first h_n, all that matter far away, shape (n, 8)."""
+        return self.series(_FEW)
+
+    def slopes(self) -> tuple[FloatArray, FloatArray]:
+        """Return sums of n^3 h_n T_n at the left and right end, (n,) each."""
+        theta, c = self.angle, np.cos(self.angle)
+        near = self.bend / np.pi * (3 * np.sin(theta) + (2 - c) * theta)
+        far = self.bend / np.pi * ((2 + c) * theta - 3 * np.sin(theta))
+        return near[0] + far[1], far[0] + near[1]
+
+    def strengths(self, at: FloatArray) -> FloatArray:
+        """Return sums of n h_n cos(n at) at angles (n_point,), shape (n, n_point)."""
+        theta, c = self.angle[..., None], np.cos(self.angle)[..., None]
+        at = np.stack([np.pi - at, at])[:, None]
+        cosine, sine = np.cos(at), np.sin(at)
+        # cos(at) - c as a product: where it is 0 the logarithm times it is 0
+        apart = np.sin(0.5 * np.abs(theta - at))
+        together = np.sin(0.5 * (theta + at))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            log = np.where(apart > 0, np.log(together / apart), 0.0)
+        inner = np.sin(theta) + cosine * theta - sine * log
+        value = (cosine - c) * inner + 0.5 * (np.sin(theta) * c - theta)
+        found: FloatArray = (self.bend[:, None] / np.pi * value).sum(axis=0)
+        return found
+
+    def harmonic(self, s: FloatArray) -> FloatArray:
+        """Return sums of h_n z^n cos(n theta) at s (n_point, n), of z and theta as in `intervals`.
+
+        Within an interval that is h.
+        """
+        found = np.zeros(s.shape)
+        size = np.maximum(np.abs(s), 1.0)
+        z = 1 / (size + np.sqrt(size**2 - 1))
+        for angle, sign in zip(self.angle, (-1.0, 1.0), strict=True):
+            has = np.flatnonzero(angle)
+            found[:, has] += _continued(sign * s[:, has], z[:, has], angle[has])
+        found *= self.bend
+        point, i = np.nonzero((z < _FAR) & self.angle.any(axis=0))
+        few = self.few[i]
+        zeta = np.copysign(z, s)[point, i, None]
+        found[point, i] = (few * zeta ** np.arange(_FEW)).sum(axis=1)
+        return found
+
+
+def _continued(s: FloatArray, z: FloatArray, theta: FloatArray) -> FloatArray:
+    """Return `harmonic` of a kink towards the right and a bend of 1."""
+    c, sine, zeta = np.cos(theta), np.sin(theta), np.copysign(z, s)
+    angle = np.arctan2(zeta * sine, 1 - zeta * c)
+    outside = (s - c) ** 2 * angle + 0.25 * sine * (zeta - 1 / zeta)
+    outside += theta * (0.25 + 0.5 * c * c - c * zeta + 0.25 * zeta**2)
+    inside = 0.5 * np.maximum(s - c, 0.0) ** 2
+    value: FloatArray = np.where(np.abs(s) > 1, outside / np.pi, inside)
+    return value

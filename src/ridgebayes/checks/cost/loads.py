@@ -9,7 +9,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.checks.cost.measured import Setting, Way, settings, turned
 from ridgebayes.contact import halfplane
 from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
-from ridgebayes.contact.halfplane import beyond
+from ridgebayes.contact.homogenised import beyond
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.contact.strips import solve_strips
 from ridgebayes.model.forms import Classic, Form, Hybrid, Modified

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from ridgebayes.contact.halfplane import beyond, edge_constants, transition_loads
+from ridgebayes.contact.halfplane import transition_loads
+from ridgebayes.contact.homogenised import beyond, edge_constants
 
 
 @pytest.mark.slow
