@@ -118,9 +118,9 @@ def _heaviest(weights: Mapping[str, float]) -> str:
 def _share_text(share: float | None) -> str:
     if share is None:
         return "no evidence"
-    return (
-        "> 0.9999" if 0.9999 < share < 1 else (f"{share:.3f}" if share >= 0.01 else f"{share:.2g}")
-    )
+    if 0.9999 < share < 1:
+        return "> 0.9999"
+    return f"{share:.3f}" if share >= 0.01 else f"{share:.2g}"
 
 
 def _problem(done: Comparison) -> str:
