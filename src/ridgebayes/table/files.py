@@ -5,6 +5,7 @@ import hashlib
 import io
 import json
 import os
+import re
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -314,7 +315,9 @@ def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, 
     InputError
         If a quote is not closed or stands inside a cell.
     """
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    # Line by line: a copy of the whole text costs more than the few records most callers look at.
+    lines = (line.group() for line in re.finditer(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+", text))
+    reader = csv.reader(lines, delimiter=separator, strict=True)
     before = 0
     try:
         for cells in reader:
