@@ -94,4 +94,4 @@ architecture: setup
 	$(BIN)/python docs/architecture/code_lines.py
 
 clean:
-	rm -rf $(VENV) .venv-* dist docs/_build docs/_generated docs/notebooks docs/examples .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) .venv-* dist docs/_build docs/_generated docs/notebooks docs/examples docs/names .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

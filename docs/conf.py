@@ -48,5 +48,6 @@ nitpick_ignore_regex = [
 ]
 
 generated.write_pages(HERE / "_generated")
+generated.write_names(HERE / "names")
 generated.write_gallery(HERE / "gallery", HERE / "examples")
 generated.copy_notebooks(HERE.parent / "notebooks", HERE / "notebooks")

@@ -101,8 +101,8 @@ def option(one: Any) -> tuple[str, str, str]:
     return names, one.help or "", "required" if one.required else default
 
 
-def names() -> list[str]:
-    """Return a section for each kind of public name: a line for each, then all of each."""
+def kinds_of_names() -> dict[str, list[str]]:
+    """Return the public names by kind."""
     kinds: dict[str, list[str]] = {"Functions": [], "Classes": [], "Errors": []}
     for name in rb.__all__:
         value = getattr(rb, name)
@@ -110,22 +110,37 @@ def names() -> list[str]:
             kinds["Errors" if issubclass(value, Exception) else "Classes"].append(name)
         elif callable(value):
             kinds["Functions"].append(name)
+    return kinds
+
+
+def names() -> list[str]:
+    """Return a table for each kind of public name: a line for each, which leads to its page."""
     lines = []
-    for kind, found in kinds.items():
-        role, directive = (
-            ("func", "autofunction") if kind == "Functions" else ("class", "autoclass")
-        )
+    for kind, found in kinds_of_names().items():
+        role = "func" if kind == "Functions" else "class"
         rows = [
             (f"{{py:{role}}}`~ridgebayes.{name}`", (getattr(rb, name).__doc__ or "").split("\n")[0])
             for name in found
         ]
         lines += [f"## {kind}", "", *table(("name", "does" if role == "func" else "is"), rows), ""]
-        for name in found:
-            lines += ["```{eval-rst}", f".. {directive}:: ridgebayes.{name}"]
-            if role == "class":
-                lines += ["   :members:", "   :inherited-members: BaseModel, Exception, object"]
-            lines += ["```", ""]
     return lines
+
+
+def write_names(folder: Path) -> None:
+    """Write a page for each public name."""
+    shutil.rmtree(folder, ignore_errors=True)
+    for kind, found in kinds_of_names().items():
+        # Apart, as some file systems do not tell Design from design.
+        below = folder / kind.lower()
+        below.mkdir(parents=True)
+        for name in found:
+            lines = [f"# {name}", "", "```{eval-rst}"]
+            if kind == "Functions":
+                lines += [f".. autofunction:: ridgebayes.{name}"]
+            else:
+                lines += [f".. autoclass:: ridgebayes.{name}", "   :members:"]
+                lines += ["   :inherited-members: BaseModel, Exception, object"]
+            (below / f"{name}.md").write_text("\n".join([*lines, "```", ""]), encoding="utf-8")
 
 
 def columns() -> list[str]:

@@ -23,9 +23,12 @@ from ridgebayes.model.prior_files import resolve_priors
 from ridgebayes.runtime.reading import read_toml
 
 ROOT = Path(__file__).parents[1]
-PARTS = {"_generated", "examples", "mutation"}  # folders of docs/ made from elsewhere, or parts
+DOCS = ROOT / "docs"
+PARTS = {"_generated", "examples", "names", "mutation"}  # folders made from elsewhere, or parts
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
-PAGES += [path for path in sorted((ROOT / "docs").rglob("*.md")) if path.parent.name not in PARTS]
+PAGES += [
+    path for path in sorted(DOCS.rglob("*.md")) if PARTS.isdisjoint(path.parts[len(DOCS.parts) :])
+]
 BLOCK = re.compile(
     r"^(<!-- not run: [^\n]+ -->\n)?```(\w*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL
 )

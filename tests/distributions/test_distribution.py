@@ -95,6 +95,10 @@ def test_slope_at__is_the_central_difference_of_value_at(prior, oracle):
     np.testing.assert_allclose(slopes[:, 0], prior.slope_at(u, prior.value_at(u)), rtol=1e-14)
 
 
+def test_slope_at__of_a_normal_is_its_sd_even_where_the_score_overflowed():
+    np.testing.assert_array_equal(Normal(1.0, 0.2).slope_at(np.array([0.0, np.inf]), 1.0), 0.2)
+
+
 @pytest.mark.parametrize(("prior", "oracle"), PRIORS)
 def test_rvs__follows_the_density(prior, oracle):
     draws = prior.rvs(np.random.default_rng(3), 20_000)

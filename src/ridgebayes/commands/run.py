@@ -6,7 +6,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Optional, cast
+from typing import TYPE_CHECKING, Optional
 
 import pandas as pd
 
@@ -35,7 +35,6 @@ from ridgebayes.table.datafiles import reference_fe
 
 if TYPE_CHECKING:
     from ridgebayes.report.figures.gallery import Gallery
-    from ridgebayes.results import Fit
 
 EMBEDDED_FE = "finite-element reference rows"
 
@@ -208,14 +207,12 @@ def _thinned(comparison: Comparison) -> Comparison:
 
     @cache  # several error models may share one posterior
     def thinned(one: Posterior) -> Posterior:
-        chains = one.chains.thinned(n)
-        same = chains.n_step == one.kept_chains.n_step
-        return replace(one, chains=chains, log_likelihood=one.log_likelihood if same else None)
+        return one.thinned(n)
 
     fits = {}
     for name, fit in comparison.fits.items():
         others = {noise: thinned(one) for noise, one in fit.others.items()}
-        fits[name] = replace(cast("Fit", thinned(fit)), others=others)
+        fits[name] = replace(fit.thinned(n), others=others)
     return replace(comparison, fits=fits)
 
 

@@ -106,6 +106,12 @@ class Posterior:
         """The same draws in unconstrained coordinates, shape (n_draw, n_coordinate)."""
         return self.kept_chains.u.reshape(-1, self.model.n_coordinate)
 
+    def thinned(self, n: int) -> Self:
+        """Return the same with at most n draws, whole steps at a time; the summary is of all."""
+        chains = self.chains.thinned(n)
+        same = chains.n_step == self.kept_chains.n_step
+        return replace(self, chains=chains, log_likelihood=self.log_likelihood if same else None)
+
     def with_log_likelihood(self) -> Self:
         """Return the same with the rows' log-likelihood, for scores and files, if it is small."""
         if len(self.draws) * len(self.model.data) > _SMALL_LOG_LIKELIHOOD:
