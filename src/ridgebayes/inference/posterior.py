@@ -107,7 +107,18 @@ class Posterior:
         return self.kept_chains.u.reshape(-1, self.model.n_coordinate)
 
     def thinned(self, n: int) -> Self:
-        """Return the same with at most n draws, whole steps at a time; the summary is of all."""
+        """Return the same with fewer draws; the summary stays that of all.
+
+        Parameters
+        ----------
+        n : int
+            Most draws to keep, whole steps at a time.
+
+        Returns
+        -------
+        Posterior
+            With the rows' log-likelihood only where the draws it belongs to are kept.
+        """
         chains = self.chains.thinned(n)
         same = chains.n_step == self.kept_chains.n_step
         return replace(self, chains=chains, log_likelihood=self.log_likelihood if same else None)
