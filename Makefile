@@ -7,7 +7,8 @@
 #   make docs       the site, into docs/_build/html
 #   make notebooks  runs all notebooks and stores their outputs
 #   make gallery   runs the scripts of docs/gallery and stores their figures
-#   make dist       wheel and sdist, checked, and the main job from the wheel alone on every Python
+#   make dist       wheel and sdist, checked, and the main job from the wheel alone on every Python,
+#                   and among the lowest versions of its dependencies
 #   make hard-cases, make mutation, make architecture: the pages of docs/ that are made by running code
 # Another Python: make test PYTHON=python3.12 VENV=.venv-3.12
 
@@ -79,6 +80,7 @@ dist: setup
 	$(BIN)/uv build --quiet
 	$(BIN)/uvx twine check --strict dist/*
 	set -e; for python in $(PYTHONS); do $(BIN)/python -m tests.wheel $$python dist; done
+	$(BIN)/python -m tests.wheel $(firstword $(PYTHONS)) dist --lowest
 
 hard-cases: setup
 	$(BIN)/python -m tests.hard_cases.page

@@ -1,5 +1,6 @@
 """``python -m tests.wheel PYTHON DIST``: the wheel alone, in an empty environment, does its work.
 
+With ``--lowest`` every dependency comes in the lowest version that pyproject.toml allows.
 Checks its size, the main job, a run on a table, and each optional extra with and without: what
 needs one says so, and works once it is there. (dynesty no command asks for: tests/evidence has it.)
 """
@@ -24,21 +25,23 @@ EXTRAS = {
 
 def main() -> None:
     """Make the environment, and run."""
-    python, dist = sys.argv[1], Path(sys.argv[2]).resolve()
+    python, dist, lowest = sys.argv[1], Path(sys.argv[2]).resolve(), "--lowest" in sys.argv
     (wheel,) = dist.glob("*.whl")
     assert wheel.stat().st_size < LARGEST_WHEEL, f"{wheel.stat().st_size} bytes"
     with tempfile.TemporaryDirectory() as folder:
-        check(python, wheel, Path(folder))
-    print(f"{python}: {wheel.name}, {wheel.stat().st_size // 1000} kB, does its work")
+        check(python, wheel, Path(folder), "lowest-direct" if lowest else "highest")
+    among = " among the lowest versions" if lowest else ""
+    print(f"{python}: {wheel.name}, {wheel.stat().st_size // 1000} kB, does its work{among}")
 
 
-def check(python: str, wheel: Path, folder: Path) -> None:
+def check(python: str, wheel: Path, folder: Path, resolution: str) -> None:
     """Run the wheel in an environment of its own inside a folder."""
     uv = shutil.which("uv", path=Path(sys.executable).parent) or "uv"
     inside = folder / "env" / "bin" / "python"
 
     def install(what: str) -> None:
-        subprocess.run([uv, "pip", "install", "-q", "--python", inside, what], check=True)
+        choice = ["--python", inside, "--resolution", resolution]
+        subprocess.run([uv, "pip", "install", "-q", *choice, what], check=True)
 
     def ridgebayes(line: str) -> subprocess.CompletedProcess[str]:
         words = [inside.parent / "ridgebayes", *line.split()]
