@@ -36,6 +36,7 @@ LOADS = (0.005, 0.015)
 OFFSETS = tuple(((np.arange(12) + 0.5) / 24).tolist())  # pitches: half of one, the rest mirrors it
 CORNER = 0.2  # radius, over the ridge's width
 RUBBED = ((0.022, 0.03), 0.005, 0.3)  # texture, load, friction
+COARSE = (0.012, 0.015)  # ridge width and load whose rows would take five times as long else
 STEPS = 48  # rows a pitch with friction
 
 
@@ -120,9 +121,9 @@ def pressed(problem: ContactProblem, state: State, line: float) -> State:
 
 
 def moved(problem: ContactProblem, state: State, line: float, to: float) -> State:
-    """Move the backing sideways to x = `to` at constant load."""
+    """Move the backing sideways to x = `to` at constant load, half a corner's radius at most."""
     plane = problem.solid.mesh.mid_plane
-    now, step = float(state.u[plane[0], 0]), to - float(state.u[plane[0], 0])
+    now, step = float(state.u[plane[0], 0]), 0.5 * max(one.radius for one in problem.faces.faces)
     while now < to:
         goal = min(now + step, to)
         u = state.u.copy()
@@ -130,8 +131,8 @@ def moved(problem: ContactProblem, state: State, line: float, to: float) -> Stat
         try:
             state, _ = solve(problem, replace(state, u=u), Control("load", line))
         except NotConvergedError:
-            step /= 3
-            if step < 1e-3 * problem.solid.points[:, 0].max() * 1e-2:
+            step = (goal - now) / 3
+            if step < 1e-5:
                 raise
             continue
         now = goal
@@ -239,7 +240,7 @@ class Job:
 
 
 if __name__ == "__main__":
-    wanted = [Job(a, b, p) for p in LOADS for a, b in TEXTURES]
+    wanted = [Job(a, b, p, arc=4 if (a, p) == COARSE else 8) for p in LOADS for a, b in TEXTURES]
     wanted.append(Job(*TEXTURES[0], LOADS[0], arc=12))  # a finer mesh, for the error
     wanted.append(Job(*RUBBED[0], *RUBBED[1:], arc=4))
     which = sys.argv[1:] and [wanted[int(i)] for i in sys.argv[1:]]

@@ -89,24 +89,40 @@ def test_sampler__student_tails_reach_no_further_than_the_body(average):
     assert drawn.Q.max() == 2 + 2 * int(0.95 / 0.2)
 
 
-# Here four of them; 200 were seen to hold.
-@pytest.mark.parametrize("n_scene", [4, pytest.param(24, marks=pytest.mark.long)])
+def random_scene(rng, kind):
+    """Return a scene at small strain or of two scales, and its load: centred or not."""
+    a, b = np.exp(rng.uniform(np.log(0.008), np.log(0.05), 2)).tolist()
+    texture = {"ridge_width": a, "groove_width": b}
+    texture["offset"] = float(rng.choice([0.0, rng.uniform(-0.45, 0.45)]))
+    if kind == "round":
+        texture["corner_radius"] = float(rng.uniform(0.05, 0.3)) * a
+    if kind == "drawn":
+        texture |= {"ridge_width": f"lognormal({a}, 5 %)", "groove_width": f"lognormal({b}, 5 %)"}
+    load = float(rng.uniform(0.5, 8)) * (a + b) ** 2
+    body = {"poissons_ratio": float(rng.uniform(0, 0.5))}
+    return Scene.from_dict({"body": body, "texture": texture, "load": {"p_over_E": load}}), load
+
+
+# Of ten scenes one has widths that are drawn, so many that their contacts are interpolated between
+# textures, and two have round corners.
+@pytest.mark.parametrize("n_scene", [4, pytest.param(200, marks=pytest.mark.long)])
 def test_friction_inputs__contacts_are_those_of_their_scenes(fit, n_scene):
     rng = np.random.default_rng(5)
-    for _ in range(n_scene):
-        a, b = np.exp(rng.uniform(np.log(0.008), np.log(0.05), 2)).tolist()
-        offset = float(rng.choice([0.0, rng.uniform(-0.45, 0.45)]))
-        nu = float(rng.uniform(0, 0.5))
-        scene = Scene(textures=(Texture(a_over_R=a, b_over_R=b, offset=offset),), nu=nu)
-        load = float(rng.uniform(0.5, 8)) * (a + b) ** 2
-        drawn = rb.friction_inputs(fit, scene, [load], n=3, rng=int(rng.integers(1000)))
+    for i in range(n_scene):
+        kind = ("drawn", "round", "round")[i % 10] if i % 10 < 3 else "sharp"
+        scene, load = random_scene(rng, kind)
+        seed = int(rng.integers(1000))
+        drawn = rb.friction_inputs(fit, scene, [load], n=40 if kind == "drawn" else 3, rng=seed)
         one = drawn.isel(draw=0, load=0)
         error, at = drawn.attrs["contact_relative_error"], float(one["p_over_E_mechanics"])
-        solver = "two-scale" if nu >= 0.3 else "half-plane"
-        found = rb.contact_at_loads(scene, [at], solver=solver, rel_tol=1e-8).iloc[0]
+        widths = {name: float(one[name]) for name in ("a_over_R", "b_over_R")}
+        texture = scene.textures[0].model_copy(update=widths)
+        own = Scene(textures=(texture,), nu=scene.nu)
+        solver = "two-scale" if own.nu >= 0.3 else "half-plane"
+        found = rb.contact_at_loads(own, [at], solver=solver, rel_tol=1e-8).iloc[0]
         assert found["Q"] == int(one["Q"])
         length = 2 * found["contact_fraction"] * found["half_width_over_R"]
-        forces = rb.ridge_forces(scene, [at], solver=solver, rel_tol=1e-8)
+        forces = rb.ridge_forces(own, [at], solver=solver, rel_tol=1e-8)
         expected = {
             "contact_length_over_R": length,
             "contact_fraction": found["contact_fraction"],
@@ -115,7 +131,7 @@ def test_friction_inputs__contacts_are_those_of_their_scenes(fit, n_scene):
             "ridge_force_max": 2 * load * forces["share"].max(),
         }
         for name, value in expected.items():
-            assert float(one[name]) == pytest.approx(value, rel=error, nan_ok=True), (scene, name)
+            assert float(one[name]) == pytest.approx(value, rel=error, nan_ok=True), (own, name)
 
 
 def test_friction_inputs__edges_are_those_of_edge_forces_scaled_to_the_load(fit):

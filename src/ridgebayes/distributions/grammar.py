@@ -44,7 +44,7 @@ _LONGEST = 1_000  # characters
 
 def parse_distribution(
     text: object,
-    where: str,
+    where: str = "",
     *,
     number: Callable[[str], float] = float,
     folder: Path = Path(),
@@ -56,7 +56,7 @@ def parse_distribution(
     ----------
     text : object
         What a file holds.
-    where : str
+    where : str, optional
         Place that errors name.
     number : callable, optional
         Reads a number in the parameter's unit, such as ``60 kPa``; raises ValueError.
@@ -76,14 +76,15 @@ def parse_distribution(
     Truncated(base=Normal(mean=1.0, sd=0.1), low=0.9, high=inf)
     """
     call = _CALL.fullmatch(text) if isinstance(text, str) and len(text) <= _LONGEST else None
+    place = f"{where}: " if where else ""
     if call is None or call[1] not in USAGE:
         got = clipped(text) if isinstance(text, str) else repr(text)
-        raise InputError(f"{where}: expected one of {', '.join(USAGE.values())}, got {got}")
-    name, at = call[1], f"{where} = {clipped(str(text))}"
+        raise InputError(f"{place}expected one of {', '.join(USAGE.values())}, got {got}")
+    name, at = call[1], f"{where} = {clipped(str(text))}: " if where else ""
     parts = [part.strip() for part in _COMMA.split(call[2])]
     usage = USAGE[name]
     if len(parts) != usage.count(",") + 1 or not all(parts):
-        raise InputError(f"{at}: expected {usage}")
+        raise InputError(f"{at}expected {usage}")
     arguments: list[Any] = []
     if name == "truncated":
         inner = parts.pop(0)
@@ -98,7 +99,7 @@ def parse_distribution(
             return Empirical.of(sample, f"{parts[1]} of {parts[0]}")
         return Truncated(*arguments) if name == "truncated" else CLOSED[name](*arguments)
     except InputError as error:
-        raise InputError(f"{at}: {error}") from None
+        raise InputError(f"{at}{error}") from None
 
 
 def _number(
@@ -118,13 +119,13 @@ def _number(
             return float(part) if name in _WITHOUT_UNIT else number(part)
         percent = float(part.removesuffix("%"))
     except ValueError:
-        raise InputError(f"{at}: expected a number for {name}, got {clipped(part)}") from None
+        raise InputError(f"{at}expected a number for {name}, got {clipped(part)}") from None
     if name == "log_sd":
         return percent / 100
     if name == "sd" and before:
         value: float = abs(before[0]) * percent / 100
         return value
-    raise InputError(f"{at}: percent: expected only for sd after a mean, or log_sd, got {part!r}")
+    raise InputError(f"{at}percent: expected only for sd after a mean, or log_sd, got {part!r}")
 
 
 def to_dict(distribution: Distribution) -> Json:

@@ -1,6 +1,7 @@
 """Words for messages: one line, cut where it would swamp them, with nothing unseen in them."""
 
 import math
+import re
 import signal
 import unicodedata
 
@@ -28,7 +29,7 @@ def shown_value(value: object) -> str:
     "{'a': 1}"
     """
     try:
-        text = repr(value)
+        text = re.sub(r"\n\s*", " ", repr(value))  # arrays have several lines
     # Thousands of tables in each other, or an integer of thousands of digits.
     except (RecursionError, ValueError):
         return "a value that is too deeply nested or too long"

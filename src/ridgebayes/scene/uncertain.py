@@ -46,7 +46,7 @@ class Source:
         if isinstance(raw, str):
             if "(" not in raw:
                 return None
-            return cls(parse_distribution(raw, "distribution", number=number, folder=folder))
+            return cls(parse_distribution(raw, number=number, folder=folder))
         if isinstance(raw, Distribution) or callable(raw) or hasattr(raw, "ppf"):
             return cls(raw)
         if isinstance(raw, np.ndarray):
@@ -56,7 +56,9 @@ class Source:
                 or raw.dtype.kind not in "iuf"
                 or not np.isfinite(raw).all()
             ):
-                raise InputError(f"expected a row of finite draws, got {raw!r}")
+                raise InputError(
+                    f"expected a row of finite draws, got {raw.dtype.name} of shape {raw.shape}"
+                )
             return cls(np.sort(raw.astype(np.float64)))
         return None
 
@@ -103,7 +105,7 @@ class Source:
         if share > _NO_MASS:
             raise InputError(
                 f"{rule}; this distribution has {share:.2g} of its mass at or below {least:g}, "
-                "expected none: such as a lognormal or a truncated one"
+                "expected none, as a lognormal or a truncated one has"
             )
 
 
