@@ -124,7 +124,7 @@ def moved(problem: ContactProblem, state: State, line: float, to: float) -> Stat
     """Move the backing sideways to x = `to` at constant load, half a corner's radius at most."""
     plane = problem.solid.mesh.mid_plane
     now, step = float(state.u[plane[0], 0]), 0.5 * max(one.radius for one in problem.faces.faces)
-    while now < to:
+    while to - now > 1e-12:
         goal = min(now + step, to)
         u = state.u.copy()
         u[plane, 0] = goal
