@@ -11,6 +11,7 @@ import pandas as pd
 
 from ridgebayes._types import Rng, Tabular, __version__
 from ridgebayes.distributions.distribution import Distribution
+from ridgebayes.distributions.grammar import priors_to_json
 from ridgebayes.errors import InputError
 from ridgebayes.evidence.error_models import (
     AUTO,
@@ -20,12 +21,10 @@ from ridgebayes.evidence.error_models import (
     priors_of,
     weigh_error_models,
 )
-from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import arviz_object
 from ridgebayes.inference.mixture import PosteriorMixture, fit_mixture
-from ridgebayes.inference.netcdf import priors_to_json, read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.sampling import sample_posterior
 from ridgebayes.model.forms import FORMS, Form, as_form
@@ -198,6 +197,8 @@ class Fit(Posterior, Predictive, Tabular):
         leave-one-out scores. Its sum is not the likelihood of all rows: that is
         log_likelihood_joint of sample_stats.
         """
+        from ridgebayes.inference.arviz_groups import all_groups  # loads xarray
+
         return arviz_object(all_groups(self))
 
     def to_mixture(self, n_component: int | None = None) -> PosteriorMixture:
@@ -230,6 +231,8 @@ class Fit(Posterior, Predictive, Tabular):
         path : path
             File to write, whole or not at all; one that is there is replaced.
         """
+        from ridgebayes.inference.netcdf import write_netcdf  # loads xarray
+
         write_netcdf(self, path)
 
     @classmethod
@@ -251,6 +254,8 @@ class Fit(Posterior, Predictive, Tabular):
         InputError
             If the file is missing, damaged, or not written by this package.
         """
+        from ridgebayes.inference.netcdf import read_netcdf  # loads xarray
+
         return cls.of(read_netcdf(path))
 
 

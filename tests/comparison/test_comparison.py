@@ -483,7 +483,7 @@ def test_loo__effective_parameters_are_near_the_number_there_is(comparison, fits
 
 
 def test_loo__without_row_likelihoods_is_an_empty_table(paper, fits, monkeypatch):
-    monkeypatch.setattr("ridgebayes.inference.arviz_groups.LARGEST_LOG_LIKELIHOOD", 0)
+    monkeypatch.setattr("ridgebayes.inference.posterior.LARGEST_LOG_LIKELIHOOD", 0)
     found = compared(paper, fits, [rb.Modified()], prior_sensitivity=no_sensitivity)
     assert list(found.loo) == LOO_COLUMNS
     assert len(found.loo) == 0

@@ -9,16 +9,15 @@ import pytest
 import xarray as xr
 
 from ridgebayes.distributions.distribution import HalfNormal, LogNormal, Normal
+from ridgebayes.distributions.grammar import priors_from_json, priors_to_json
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import bridge_evidence, quadrature_evidence
-from ridgebayes.inference import arviz_groups as labelled
+from ridgebayes.inference import posterior
 from ridgebayes.inference.arviz_groups import groups_of
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.diagnostics import import_arviz
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.netcdf import (
-    priors_from_json,
-    priors_to_json,
     read_netcdf,
     write_netcdf,
 )
@@ -116,7 +115,7 @@ def test_groups_of__labels_each_K_with_its_texture(fits):
 def test_groups_of__leaves_out_a_log_likelihood_that_no_file_should_hold(fits, monkeypatch):
     fit = fits["modified"]
     assert "log_likelihood" in groups_of(fit)
-    monkeypatch.setattr(labelled, "LARGEST_LOG_LIKELIHOOD", len(fit.draws) * 41 - 1)
+    monkeypatch.setattr(posterior, "LARGEST_LOG_LIKELIHOOD", len(fit.draws) * 41 - 1)
     assert "log_likelihood" not in groups_of(fit)
 
 

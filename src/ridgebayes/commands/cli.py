@@ -43,8 +43,15 @@ _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "export-deck": ("export_deck", options.ExportDeck),
     "report": ("report", options.Report),
 }
-# What workers of a run import at the same time as this process.
-_OF_A_RUN = ("ridgebayes.commands.run", "ridgebayes.report.figures.gallery", "corner")
+# What workers of a run import at the same time as this process; of a quick one they do not draw.
+_OF_A_RUN = (
+    "ridgebayes.commands.run",
+    "ridgebayes.inference.netcdf",
+    "h5netcdf",
+    "scipy.stats",
+    "arviz_stats.base",
+)
+_OF_FIGURES = ("ridgebayes.report.figures.gallery", "corner")
 # Click's, which newer versions of typer bring along and older ones import.
 _UsageError: Any = typer.BadParameter.__base__
 app = typer.Typer(
@@ -95,7 +102,8 @@ def _done(name: str, module: str, asked: Any, output: Output) -> int:
     """Do a command, tell what it found or what went wrong, and return the exit code."""
     if module == "run" and asked.scheduler is None and asked.workers != 1:
         # Workers import at the same time as this process, so their server starts first.
-        import_module("ridgebayes.runtime.pool").start_server(_OF_A_RUN)
+        drawn = () if asked.accuracy == "quick" else _OF_FIGURES
+        import_module("ridgebayes.runtime.pool").start_server(_OF_A_RUN + drawn)
     terminal = import_module("ridgebayes.commands.terminal")
     progress = import_module("ridgebayes.runtime.progress")
     answer, code, error = terminal.Answer(), 0, ""

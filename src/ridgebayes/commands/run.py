@@ -128,7 +128,9 @@ def run_job(
                 cost = submit_or_defer(local, short_costs, comparison, progress.stages)
                 comparison = replace(comparison, cost=cost())
         comparison = _thinned(comparison)
-        galleries = [_write(comparison, partial, progress, local)]
+        # The few figures of a quick run are drawn here, and workers need no library for them.
+        drawing = local if extras or local is None else thread
+        galleries = [_write(comparison, partial, progress, local, drawing)]
         if second is not None:
             with progress.stage("finite-element comparison"):
                 reference, gallery = second()
@@ -178,7 +180,7 @@ def _second(
     """Make the second comparison and its files; its stages stand in its own run.json."""
     with Progress(0, io.StringIO()) as progress:
         comparison = _thinned(inputs.compare(progress, folder, executor))
-        begun = _write(comparison, folder, progress, local)
+        begun = _write(comparison, folder, progress, local, local)
     write_run_json(folder, comparison, command="run", seed=seed, options={}, stages=progress.stages)
     return comparison, begun
 
@@ -217,15 +219,23 @@ def _thinned(comparison: Comparison) -> Comparison:
 
 
 def _write(
-    comparison: Comparison, folder: Path, progress: Progress, executor: Executor | None
+    comparison: Comparison,
+    folder: Path,
+    progress: Progress,
+    executor: Executor | None,
+    drawing: Executor | None,
 ) -> Optional["Gallery"]:
     """Write a comparison and its predictions; return its figures, which are begun meanwhile."""
     data, begun = submit_or_defer(executor, _shown, comparison), None
+    early = not Preset.named(comparison.accuracy).extras
+    if early:
+        tables = submit_or_defer(executor, _predictions, comparison)
     with progress.stage("what the report shows"):
-        if executor is not None:  # else it is computed when it is drawn
-            begun = begin_figures(replace(data(), comparison=comparison), executor)
-    # Not beside what the report shows: each holds some 200 MiB of draws and loads.
-    tables = submit_or_defer(executor, _predictions, comparison)
+        if drawing is not None:  # else it is computed when it is drawn
+            begun = begin_figures(replace(data(), comparison=comparison), drawing)
+    if not early:
+        # Not beside what the report shows: each holds some 200 MiB of draws and loads.
+        tables = submit_or_defer(executor, _predictions, comparison)
     with progress.stage("bands"):
         for name, table in tables().items():
             write_csv(table, folder / name)

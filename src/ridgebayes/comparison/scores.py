@@ -5,7 +5,6 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from ridgebayes.inference.arviz_groups import groups_of
 from ridgebayes.inference.diagnostics import leave_one_out, stacking_weights
 from ridgebayes.results import Fit
 
@@ -21,11 +20,10 @@ def loo_table(fits: Mapping[str, Fit]) -> pd.DataFrame:
     """
     scores = {}
     for name, fit in fits.items():
-        groups = groups_of(fit)
-        if "log_likelihood" in groups:
+        rows = fit.rows_log_likelihood()
+        if rows is not None:
             # The kept draws are thinned beyond the autocorrelation time where chains are long.
             reff = float(fit.summary["ess_bulk"].min()) / fit.kept_chains.log_density.size
-            rows = groups["log_likelihood"]["log_load"].to_numpy()
             scores[name] = leave_one_out(rows, min(max(reff, 1e-3), 1.0))
     if not scores:
         return pd.DataFrame(columns=LOO_COLUMNS)

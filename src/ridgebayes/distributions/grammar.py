@@ -11,8 +11,9 @@
 | ``empirical(FILE.csv, COLUMN)`` | a column of a file, relative to the file that names it |
 """
 
+import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -140,3 +141,13 @@ def from_dict(values: Json) -> Distribution:
     given: dict[str, Any] = dict(values)
     kind = _KINDS[given.pop("kind")]
     return kind(**{k: from_dict(v) if isinstance(v, dict) else v for k, v in given.items()})
+
+
+def priors_from_json(text: str) -> dict[str, Distribution]:
+    """Return priors from the JSON text that `priors_to_json` wrote."""
+    return {name: from_dict(values) for name, values in json.loads(text).items()}
+
+
+def priors_to_json(priors: Mapping[str, Distribution]) -> str:
+    """Return priors as JSON text."""
+    return json.dumps({name: to_dict(prior) for name, prior in priors.items()})

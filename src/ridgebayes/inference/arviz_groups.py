@@ -16,7 +16,6 @@ from ridgebayes.model.replicated import prior_draws, simulate_log_loads
 from ridgebayes.model.shared_offsets import SmoothOffsets
 from ridgebayes.runtime.randomness import stream
 
-LARGEST_LOG_LIKELIHOOD = 30_000_000  # numbers; beyond it the group is left out and LOO says so
 N_PREDICTIVE = 500  # draws of the prior, and of what prior and posterior predict
 # Numbers that predictions of all rows may take, and those of the factors of smooth offsets.
 LARGEST_PREDICTIVE, _LARGEST_FACTORS = 4_000_000, 200_000_000
@@ -93,10 +92,8 @@ def groups_of(fit: Posterior) -> dict[str, xr.Dataset]:
     }
     if data.n_series > 1:
         groups["constant_data"]["series_index"] = (("row",), data.series)
-    if log_density.size * len(data) <= LARGEST_LOG_LIKELIHOOD:
-        rows = fit.log_likelihood
-        if rows is None:
-            rows = fit.model.pointwise_log_likelihood(u.reshape(-1, n_coordinate))
+    rows = fit.rows_log_likelihood()
+    if rows is not None:
         rows = rows.reshape(*flat, len(data))
         groups["log_likelihood"] = xr.Dataset({"log_load": ((*_SAMPLE, "row"), rows)})
         if fit.model.offsets is not None:

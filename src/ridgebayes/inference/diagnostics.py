@@ -12,16 +12,18 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 from scipy import fft
 from scipy.special import logsumexp, ndtri
 
 from ridgebayes._types import FloatArray
 from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_smoothed
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SUMMARY_COLUMNS = [
     "parameter",
@@ -50,7 +52,7 @@ def import_arviz() -> ModuleType:
     return arviz
 
 
-def arviz_object(groups: Mapping[str, xr.Dataset]) -> Any:
+def arviz_object(groups: Mapping[str, "xr.Dataset"]) -> Any:
     """Return arviz's own container of named datasets, whichever line is installed.
 
     Parameters
@@ -66,7 +68,9 @@ def arviz_object(groups: Mapping[str, xr.Dataset]) -> Any:
     arviz = import_arviz()
     if arviz.__version__.startswith("0."):  # 1.x has an InferenceData too: a DataTree
         return arviz.InferenceData(**groups)
-    return xr.DataTree.from_dict(dict(groups))
+    from xarray import DataTree  # loads slowly
+
+    return DataTree.from_dict(dict(groups))
 
 
 def summarise(draws: FloatArray, names: tuple[str, ...], *, prob: float = 0.9) -> pd.DataFrame:

@@ -3,18 +3,17 @@
 import io
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from ridgebayes._types import __version__
-from ridgebayes.distributions.distribution import Distribution
-from ridgebayes.distributions.grammar import from_dict, to_dict
+from ridgebayes.distributions.grammar import priors_from_json, priors_to_json
 from ridgebayes.errors import InputError
 from ridgebayes.inference.arviz_groups import all_groups, attributes, groups_of
 from ridgebayes.inference.chains import Chains
@@ -28,6 +27,7 @@ from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import one_line_message
 
+_SMALL = 1_000  # bytes that are not worth packing
 Read = TypeVar("Read")
 
 
@@ -57,17 +57,31 @@ def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool
 
 def write_tree(tree: xr.DataTree, path: str | os.PathLike[str]) -> None:
     """Write groups of draws, packed, whole or not at all."""
-    pack = {"zlib": True, "complevel": 1, "shuffle": True}
-    packed = {
-        name: {v: pack for v, values in group.data_vars.items() if values.dtype.kind in "biuf"}
-        for name, group in tree.children.items()
-    }
-    encoding = {f"/{name}": variables for name, variables in packed.items()}
-    # Bytes: the traceback of a failed write would hold a view, and with it a file in memory that
-    # then cannot be closed.
-    content = bytes(tree.to_netcdf(engine="h5netcdf", encoding=encoding))
+    # By h5netcdf itself: xarray would load dask and what comes with it, if that is installed.
+    import h5netcdf
+
+    content = io.BytesIO()
+    with h5netcdf.File(content, "w") as file:
+        file.attrs.update(tree.attrs)
+        for name, group in tree.children.items():
+            _write_group(file.create_group(name), group.to_dataset())
     with replacing(Path(path)) as partial:
-        partial.write_bytes(content)
+        partial.write_bytes(content.getbuffer())
+
+
+def _write_group(group: Any, values: xr.Dataset) -> None:
+    import h5py
+
+    group.dimensions = dict(values.sizes)
+    group.attrs.update(values.attrs)
+    for name, variable in values.variables.items():
+        cells, how = variable.to_numpy(), {}
+        if cells.dtype.kind in "OSU":
+            how["dtype"] = h5py.string_dtype()
+            cells = cells.astype(object)
+        elif cells.nbytes > _SMALL:
+            how = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+        group.create_variable(name, variable.dims, data=cells, **how).attrs.update(variable.attrs)
 
 
 def read_netcdf(path: str | os.PathLike[str]) -> Posterior:
@@ -184,13 +198,3 @@ def _check_shapes(data: Observations, chains: Chains) -> None:
         raise ValueError("numbers that are not finite")
     if not (widths > 0).all():
         raise ValueError("a width that is not above 0")
-
-
-def priors_from_json(text: str) -> dict[str, Distribution]:
-    """Return priors from the JSON text that `priors_to_json` wrote."""
-    return {name: from_dict(values) for name, values in json.loads(text).items()}
-
-
-def priors_to_json(priors: Mapping[str, Distribution]) -> str:
-    """Return priors as JSON text."""
-    return json.dumps({name: to_dict(prior) for name, prior in priors.items()})

@@ -22,6 +22,7 @@ from ridgebayes.model.shared_offsets import OffsetsInParts
 N_TEXTURE_WALKED = 40  # a power law of more textures is drawn from exactly, without a walk
 _AT_ONCE = 256  # draws whose covariances of offsets are there whole, of which predictions keep half
 SAMPLERS = ("emcee", "importance", "exact")
+LARGEST_LOG_LIKELIHOOD = 30_000_000  # numbers; beyond it there is none, and LOO says so
 _SMALL_LOG_LIKELIHOOD = 1_000_000  # numbers that go with draws from process to process
 
 
@@ -122,6 +123,14 @@ class Posterior:
         chains = self.chains.thinned(n)
         same = chains.n_step == self.kept_chains.n_step
         return replace(self, chains=chains, log_likelihood=self.log_likelihood if same else None)
+
+    def rows_log_likelihood(self) -> FloatArray | None:
+        """Return each row's log-likelihood at the thinned draws; None where there are very many."""
+        if self.kept_chains.log_density.size * len(self.model.data) > LARGEST_LOG_LIKELIHOOD:
+            return None
+        if self.log_likelihood is not None:
+            return self.log_likelihood
+        return self.model.pointwise_log_likelihood(self.coordinates)
 
     def with_log_likelihood(self) -> Self:
         """Return the same with the rows' log-likelihood, for scores and files, if it is small."""

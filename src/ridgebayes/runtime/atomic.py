@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from ridgebayes.errors import InputError, OutputError, RidgebayesError
 
 
@@ -117,6 +115,8 @@ def exclusive_lock(path: Path) -> Iterator[None]:
     ['.t.csv.lock']
     []
     """
+    from filelock import FileLock, Timeout  # loads asyncio and sqlite
+
     lock = FileLock(path.with_name(f".{path.name}.lock"))
     try:
         path.parent.stat()  # filelock would make a folder that is not there

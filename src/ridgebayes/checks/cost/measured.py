@@ -16,8 +16,6 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
-from ridgebayes.scene.scene import Scene
-from ridgebayes.simulate.generation import generate
 
 COST_COLUMNS = (
     "task",
@@ -222,6 +220,10 @@ def _loads(comparison: Comparison, fit: Posterior) -> Iterator[tuple[str, str, f
         return
     a, b = textures[len(textures) // 2]
     rows = frame[(frame["a_over_R"] == a) & (frame["b_over_R"] == b)].sort_values("Q")
+    # Both load pydantic and what reads units, which a quick run has no use for.
+    from ridgebayes.scene.scene import Scene
+    from ridgebayes.simulate.generation import generate
+
     rows = rows.drop_duplicates("Q")
     Q, p = rows["Q"].to_numpy(), rows["p_over_E"].to_numpy()
     nu = float(rows["nu"].to_numpy()[0])

@@ -141,7 +141,7 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
         ``smooth-cylinder`` of the embedded sweep; ``coverage`` where it was counted;
         ``posterior-checks`` and ``prior-bands`` of the best form; ``corner-<form>`` and
         ``traces-<form>`` of each fit, traces of walks alone. Of a quick comparison only
-        ``evidence``, ``bands-first`` (or ``bands``), ``held-out`` and ``percent-error``.
+        ``evidence``, ``bands-first`` (or ``bands``) and ``held-out``.
     """
     comparison, shown, is_study = data.comparison, data.shown, data.study is not None
     found: dict[str, Callable[[], Figure]] = {}
@@ -158,7 +158,7 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
             held_out = held_out[held_out["form"] != AVERAGE]
     if len(held_out):
         found["held-out"] = partial(plot_held_out, held_out)
-    if len(data.percent_errors):
+    if len(data.percent_errors) and data.preset.extras:
         errors = data.percent_errors
         if not is_study:  # the published coefficients are those of another table
             errors = errors[errors["coefficients"] == "calibrated"]
