@@ -428,6 +428,15 @@ def test_estimated__varies_little_where_small_errors_and_heavy_tails_meet_outlie
     assert found.log_density.std() < 0.25  # three passes from equal weights: 0.47
 
 
+def test_estimated__varies_little_where_few_degrees_let_two_factors_go_far():
+    (table,) = (one.table for one in wild.tables() if one.name == "outliers")
+    model = Model(Observations.from_table(table), rb.Hybrid(), Noise("texture+step", "student"))
+    theta = np.tile([1.353, 0.0142, 0.0053, 0.0041, 0.0092, 0.86], (400, 1))
+    found = model.estimated(model.to_unconstrained(theta), np.random.default_rng(1), 32)
+    weight = np.exp(found.log_density - found.log_density.max())
+    assert weight.std() / weight.mean() < 0.65  # 0.41 to 0.50; no wider than normal: 0.8 to 1.7
+
+
 def test_estimated__varies_little_where_offsets_take_up_all_but_tiny_errors():
     model = Model(
         Observations.from_table(rb.paper_sweep()), rb.Hybrid(), Noise("step-smooth", "student")

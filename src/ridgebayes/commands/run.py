@@ -226,15 +226,13 @@ def _write(
     drawing: Executor | None,
 ) -> Optional["Gallery"]:
     """Write a comparison and its predictions; return its figures, which are begun meanwhile."""
+    is_small = not Preset.named(comparison.accuracy).extras
     data, begun = submit_or_defer(executor, _shown, comparison), None
-    early = not Preset.named(comparison.accuracy).extras
-    if early:
-        tables = submit_or_defer(executor, _predictions, comparison)
+    tables = submit_or_defer(executor, _predictions, comparison) if is_small else None
     with progress.stage("what the report shows"):
         if drawing is not None:  # else it is computed when it is drawn
             begun = begin_figures(replace(data(), comparison=comparison), drawing)
-    if not early:
-        # Not beside what the report shows: each holds some 200 MiB of draws and loads.
+    if tables is None:  # not beside what the report shows: each holds 200 MiB of draws and loads
         tables = submit_or_defer(executor, _predictions, comparison)
     with progress.stage("bands"):
         for name, table in tables().items():

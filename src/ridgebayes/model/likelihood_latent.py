@@ -40,7 +40,11 @@ from ridgebayes.model.tails import Tail
 _LOG_2PI = math.log(2 * math.pi)
 _PASSES = 8  # outliers' weights settle; what is left is the estimates' to correct
 _OFF = 3.0  # sds of a row, its variance as if it were normal, beyond which offsets miss it
-_STRETCH = 0.7  # a of sinh(a t) / a: tails that outliers need, for nodes and for points
+_STRETCH = 0.7  # a of sinh(a t) / a: tails that outliers need, for nodes
+# The same for points, and how much wider than the normal approximation they lie per 1 / (1 + df):
+# it is the curvature at the rows' middle, beyond which Student rows let offsets go further. By the
+# variance of the weights at draws of posteriors of texture+step and step-smooth, df about 1.2.
+_STRETCH_POINTS, _WIDER = 0.5, 0.8
 _NARROW = 1e-3  # least share of it
 _STEP, _HALF = 0.25, 24  # the one-dimensional rule: 49 nodes, to 47 sds
 _HUGE = 1e300
@@ -163,8 +167,11 @@ class SampledOffsets:
         root, given, weight, residual = self._approximation(self._residual(log_rates), eta)
         z = rng.standard_normal((len(eta), n_point, self.n_latent))
         # A priori offsets are normal; the more the rows know of one, the longer are its tails.
-        stretch = _STRETCH * np.maximum(1 - given.pivots**-2, _NARROW)[:, None]
-        xi, log_volume = _stretched(z, stretch)
+        known = np.maximum(1 - given.pivots**-2, _NARROW)[:, None]
+        wider = _WIDER / (1 + eta[:, -1:, None]) if self._tail.parameter_names else 0.0
+        width = 1 + known * wider
+        xi, log_volume = _stretched(z, _STRETCH_POINTS * known)
+        xi, log_volume = width * xi, log_volume + np.log(width)
         levels = root.times(given.mean)
         loading = given.half(root.loading(self._design))
         mean = self._design.spread(levels)
