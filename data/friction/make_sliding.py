@@ -121,9 +121,10 @@ def pressed(problem: ContactProblem, state: State, line: float) -> State:
 
 
 def moved(problem: ContactProblem, state: State, line: float, to: float) -> State:
-    """Move the backing sideways to x = `to` at constant load, half a corner's radius at most."""
+    """Move the backing sideways to x = `to` at constant load, in parts of a corner's radius."""
     plane = problem.solid.mesh.mid_plane
-    now, step = float(state.u[plane[0], 0]), 0.5 * max(one.radius for one in problem.faces.faces)
+    radius = max(face.radius for face in problem.faces.faces)
+    now, step = float(state.u[plane[0], 0]), radius / (16 if problem.friction else 2)
     while to - now > 1e-12:
         goal = min(now + step, to)
         u = state.u.copy()

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 HERE = Path(__file__).parent
+KEYS = ["a_over_R", "b_over_R", "p_over_E"]
 ROWS = HERE.parents[1] / "data" / "friction" / "sliding.csv"
 
 
@@ -22,11 +23,11 @@ def main() -> None:
     """Draw the figure; print how far finite elements and half-plane are apart."""
     rows = pd.read_csv(ROWS)
     still, rubbed = rows[rows["mu"] == 0], rows[rows["mu"] > 0]
-    usual = still[still["corner_segments"] == 8]
     plt.rcParams.update({"axes.spines.top": False, "axes.spines.right": False})
     figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
-    for i, ((a, b, p), one) in enumerate(usual.groupby(["a_over_R", "b_over_R", "p_over_E"])):
-        color, one = f"C{i}", one.sort_values("offset")
+    drawn = [one for _, one in still.groupby([*KEYS, "corner_segments"]) if len(one) > 2]
+    for i, one in enumerate(drawn):
+        (a, b, p), color, one = one[KEYS].iloc[0], f"C{i}", one.sort_values("offset")
         label = f"({a:g}, {b:g}), p/E = {p:g}"
         axes[0].plot(one["offset"], one["half_plane_over_W"], color=color, lw=1, label=label)
         axes[0].plot(one["offset"], one["lateral_over_W"], "o", color=color, ms=3)
