@@ -105,26 +105,27 @@ class Body:
 
 
 def pressed(problem: ContactProblem, state: State, line: float) -> State:
-    """Raise the load to a line load, in quarters or what converges."""
-    now, step = 0.0, line / 4
+    """Raise the load to a line load, in eighths or what converges."""
+    now, step = 0.0, line / 8
     while now < line:
         goal = min(now + step, line)
         try:
-            state, _ = solve(problem, state, Control("load", goal))
+            state, n = solve(problem, state, Control("load", goal))
         except NotConvergedError:
-            step /= 3
+            step /= 2
             if step < 1e-3 * line:
                 raise
             continue
         now = goal
+        step *= 1.5 if n < 7 else 1.0
     return state
 
 
 def moved(problem: ContactProblem, state: State, line: float, to: float) -> State:
-    """Move the backing sideways to x = `to` at constant load, in parts of a corner's radius."""
+    """Move the backing sideways to x = `to` at constant load, half a corner's radius at most."""
     plane = problem.solid.mesh.mid_plane
-    radius = max(face.radius for face in problem.faces.faces)
-    now, step = float(state.u[plane[0], 0]), radius / (16 if problem.friction else 2)
+    most = step = 0.5 * max(face.radius for face in problem.faces.faces)
+    now = float(state.u[plane[0], 0])
     while to - now > 1e-12:
         goal = min(now + step, to)
         u = state.u.copy()
@@ -132,11 +133,11 @@ def moved(problem: ContactProblem, state: State, line: float, to: float) -> Stat
         try:
             state, _ = solve(problem, replace(state, u=u), Control("load", line))
         except NotConvergedError:
-            step = (goal - now) / 3
-            if step < 1e-5:
+            step = (goal - now) / 4
+            if step < 1e-6:
                 raise
             continue
-        now = goal
+        now, step = goal, min(2 * step, most)
     return state
 
 
