@@ -203,7 +203,7 @@ def test_reaching_loads__a_floor_delays_ridges_and_a_deep_one_does_not():
 def test_reaching_loads__stop_at_the_most_events_asked_for():
     few = reaching_loads(Profile(A, B), W_max=W_MAX, n_max=2)
     many = reaching_loads(Profile(A, B), W_max=W_MAX)
-    assert np.array_equal(few.W, many.W[:2])
+    np.testing.assert_allclose(few.W, many.W[:2], rtol=1e-8)  # tolerance
     assert len(many.W) > 2
 
 

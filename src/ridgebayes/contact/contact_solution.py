@@ -18,7 +18,7 @@ from ridgebayes.contact.intervals import (
     PressureSolution,
     solve_pressure,
 )
-from ridgebayes.contact.rigid_profile import Kinks, Profile, RigidSegment
+from ridgebayes.contact.rigid_profile import Kinks, Profile, RigidSegment, falls
 from ridgebayes.errors import InputError
 
 _MAX_ITERATIONS = 80
@@ -227,16 +227,10 @@ def _heights(segments: Sequence[RigidSegment], intervals: Intervals) -> tuple[Fl
     radius = np.array([segment.corner for segment in segments])
     if not radius.any():
         return height, Kinks.none(n)
-    bend = np.divide(half**2, radius, out=np.zeros(n), where=radius > 0)
     flat = np.array([segment.flat for segment in segments]).T
-    beyond = np.maximum([flat[0] - intervals.left, intervals.right - flat[1]], 0.0)
-    share = np.where(radius > 0, beyond / (2 * half), 0.0)  # (1 - c)/2
-    # Where all of an interval lies beyond a kink the rigid surface is one parabola there.
-    whole = share >= 1
-    shift = np.array([[-1.0], [1.0]]) * (2 * share - 1)
-    parabola = np.stack([0.5 * shift**2 + 0.25, shift, np.full_like(shift, 0.25)], axis=-1)
-    height += (bend[:, None] * np.where(whole[..., None], parabola, 0.0)).sum(axis=0)
-    return height, Kinks(bend, np.where(whole, 0.0, 2 * np.arcsin(np.sqrt(np.minimum(share, 1)))))
+    beyond = np.stack([flat[0] - intervals.left, intervals.right - flat[1]])
+    added, kinks = falls(beyond, half, radius)
+    return height + added, kinks
 
 
 def _checked(found: PressureSolution, W: float, rel_tol: float) -> str:

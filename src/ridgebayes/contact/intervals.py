@@ -147,8 +147,8 @@ class PressureSolution:
         """Return the recession at x (n_point,) under pressures of given coefficients."""
         step = max(2_000_000 // series.size, 1)
         parts = np.split(flat, range(step, len(flat), step))
-        potentials = (_functions(self.intervals, part, series.shape[1]) for part in parts)
-        return np.concatenate([np.einsum("xin,in->x", each, series) for each in potentials])
+        felt = (potentials(self.intervals, part, series.shape[1]) for part in parts)
+        return np.concatenate([np.einsum("xin,in->x", each, series) for each in felt])
 
     def _of_kinks(self, x: FloatArray) -> FloatArray:
         """Return what kinks add to the recession at x (n_point,), by all orders."""
@@ -222,7 +222,7 @@ def solve_pressure(
     s = _points(intervals, m)
     x = (intervals.centre[:, None] + intervals.half_width[:, None] * s).ravel()
     used = _used(intervals, m)
-    functions = _functions(intervals, x, used.shape[1])
+    functions = potentials(intervals, x, used.shape[1])
     matrix = np.empty((n * m + 1, n * m + 1))
     matrix[:-1, :-1] = functions.reshape(len(x), -1)[:, used.ravel()]
     matrix[:-1, -1] = -1.0
@@ -274,7 +274,7 @@ def _used(intervals: Intervals, m: int) -> np.ndarray:
     return used
 
 
-def _functions(intervals: Intervals, x: FloatArray, m: int) -> FloatArray:
+def potentials(intervals: Intervals, x: FloatArray, m: int) -> FloatArray:
     """Return the potentials of every function at x, mirror images added, shape (n_x, n, m)."""
     found = _potentials(intervals.centre, intervals.half_width, x, m)
     if not intervals.mirrored:

@@ -10,8 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.all_events import Events, all_events
 from ridgebayes.contact.contact_set import with_vertex
 from ridgebayes.contact.contact_solution import ContactSolution, solve_contact
+from ridgebayes.contact.ridge_row import touch_order
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
 _MOST_STEPS, _N_CORNER, _N_VERTEX = 60, 17, 4
@@ -61,35 +63,77 @@ def reaching_loads(
 
     Notes
     -----
-    *Cost.* About ten solves of `solve_contact` for each event, twice as many beside the centre.
+    *Cost.* That of `all_events`; where its conditions do not hold, as over floors that are touched,
+    about ten solves of `solve_contact` for each event, twice as many beside the centre.
     """
+    if profile.corner < rel_tol * profile.a:  # loads change by less than the corner over a
+        profile = replace(profile, corner=0.0)
+    together = all_events(profile, W_max=W_max, n_max=n_max, rel_tol=rel_tol)
+    order = touch_order(profile, len(together.W) + 1)
+    begun = None if together.ok[:1].any() else _smallest(profile, W_max, rel_tol)
+    low, high = _touched_first(profile, together, W_max, begun)
     loads: list[float] = []
     counts: list[int] = []
     status: list[str] = []
-    # As small as can be solved for: round corners bear so little on a spot near rounding's size.
+    found = begun
+    while len(loads) < n_max:
+        n = high - low + 1
+        known = 0 < n < len(order) and together.ok[n - 1]
+        if known and {low, high} <= set(order[:n].tolist()):
+            W, ridge, said = float(together.W[n - 1]), int(order[n]), "ok"
+        else:
+            if found is None:
+                found = _smallest(profile, W_max, rel_tol)
+            if loads and loads[-1] > found.W:
+                only = range(low, high + 1)
+                found = solve_contact(profile, loads[-1], rel_tol=rel_tol, ridges=only)
+            # Of pairs the roots of loads rise nearly evenly: from there on.
+            rise = 2 * math.sqrt(loads[-1]) - math.sqrt(loads[-2]) if len(loads) > 1 else 0.0
+            begin = min(rise**2, W_max) if profile.mirrored and rise else found.W
+            # To the right, and where the profile is no mirror image also to the left.
+            sides = (high + 1,) if profile.mirrored else (high + 1, low - 1)
+            W, ridge, found = _reach(found, begin, range(low, high + 1), sides, W_max, rel_tol)
+            said = found.status
+        if not W_max >= W:
+            break
+        low, high = min(low, ridge), max(high, ridge)
+        loads.append(W if said == "ok" else math.nan)
+        counts.append(_count(profile, low, high))
+        status.append(said)
+        if said != "ok":
+            break
+    return TransitionLoads(np.array(loads), np.array(counts, dtype=np.int64), tuple(status))
+
+
+def _smallest(profile: Profile, W_max: float, rel_tol: float) -> ContactSolution:
+    """Return the contact under a load as small as can be solved for."""
+    # Round corners bear so little on a spot near rounding's size.
     for tiny in _TINY * min(W_max, profile.pitch**2):
         found = solve_contact(profile, float(tiny), rel_tol=rel_tol)
         if found.status == "ok":
             break
-    first = [segment.ridge for segment in found.segments if segment.ridge is not None]
+    return found
+
+
+def _touched_first(
+    profile: Profile, together: Events, W_max: float, begun: ContactSolution | None
+) -> tuple[int, int]:
+    """Return the first and last ridge that are touched from the smallest load on."""
+    if begun is None:
+        nothing = _TINY[0] * min(W_max, profile.pitch**2)
+        both = not profile.mirrored and together.W[0] <= nothing
+        order = touch_order(profile, 2 if both else 1)
+        return int(order.min()), int(order.max())
+    first = [segment.ridge for segment in begun.segments if segment.ridge is not None]
     # Where a floor alone is touched the ridges beside it, -1 and 0, are yet to be reached.
-    low, high = (min(first), max(first)) if first else (0, -1)
-    while len(loads) < n_max:
-        # To the right, and where the profile is no mirror image also to the left.
-        sides = (high + 1,) if profile.mirrored else (high + 1, low - 1)
-        # Of pairs the roots of loads rise nearly evenly: from there on.
-        guess = (2 * math.sqrt(loads[-1]) - math.sqrt(loads[-2])) ** 2 if len(loads) > 1 else 0.0
-        begin = min(guess, W_max) if profile.mirrored and guess else found.W
-        W, ridge, found = _reach(found, begin, range(low, high + 1), sides, W_max, rel_tol)
-        if not W_max >= W:
-            break
-        low, high = min(low, ridge), max(high, ridge)
-        loads.append(W if found.status == "ok" else math.nan)
-        counts.append(found.Q + (2 if profile.mirrored else 1))
-        status.append(found.status)
-        if found.status != "ok":
-            break
-    return TransitionLoads(np.array(loads), np.array(counts, dtype=np.int64), tuple(status))
+    return (min(first), max(first)) if first else (0, -1)
+
+
+def _count(profile: Profile, low: int, high: int) -> int:
+    """Return how many ridges there are from one to another, mirror images included."""
+    if not profile.mirrored:
+        return high - low + 1
+    return 2 * high + (1 if abs(profile.offset) == 0.5 else 2)
 
 
 def _reach(

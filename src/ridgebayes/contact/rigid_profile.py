@@ -15,7 +15,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 
-_EXTRA_NODES = 16  # beyond the highest order: then Gauss's rule is at rounding
+_THIN, _NODES = 0.3, 8  # angle of a thin layer; Gauss's rule on it is at rounding with so many
 _FAR, _FEW = 0.03, 8  # of z: farther away a few orders are all, and the closed sum would cancel
 _gauss = cache(np.polynomial.legendre.leggauss)
 
@@ -168,17 +168,15 @@ class Kinks:
     def series(self, n_order: int) -> FloatArray:
         """Return h_n, n = 0 ... n_order - 1, shape (n, n_order)."""
         found = np.zeros((len(self.bend), n_order))
-        order = np.arange(n_order)
-        nodes, weights = _gauss(n_order + _EXTRA_NODES)
-        for angle, sign in zip(self.angle, ((-1.0) ** order, 1.0), strict=True):
-            has = np.flatnonzero(angle)
-            half = 0.5 * angle[has, None]
-            phi = half * (1 + nodes)
-            # cos(phi) - cos(theta), without the difference of two near 1
-            beyond = 2 * np.sin(half + 0.5 * phi) * np.sin(half - 0.5 * phi)
-            values = self.bend[has, None] / np.pi * half * weights * beyond**2
-            waves = np.cos(order * phi[..., None])
-            found[has] += sign * np.einsum("in,inm->im", values, waves)
+        signs = (-1.0) ** np.arange(n_order)
+        for angle, sign in zip(self.angle, (signs, np.abs(signs)), strict=True):
+            for has, integral in (
+                (angle > _THIN, _closed_integral),
+                ((angle > 0) & (angle <= _THIN), _thin_integral),
+            ):
+                if has.any():
+                    bend = self.bend[has, None] / np.pi
+                    found[has] += sign * bend * integral(angle[has], n_order)
         found[:, 0] *= 0.5
         return found
 
@@ -226,6 +224,57 @@ class Kinks:
         zeta = np.copysign(z, s)[point, i, None]
         found[point, i] = (few * zeta ** np.arange(_FEW)).sum(axis=1)
         return found
+
+
+def _closed_integral(angle: FloatArray, n_order: int) -> FloatArray:
+    """Return Int_0^angle (cos t - cos angle)^2 cos n t dt, shape (n, n_order)."""
+    n, c = np.arange(1, n_order + 2), np.cos(angle)[:, None]
+    sines = np.sin(n * angle[:, None]) / n  # of order 1 on; even in the order
+    both = np.hstack([sines[:, 1::-1], angle[:, None], sines])  # of order -2 on
+    square = 0.25 * (both[:, :-4] + both[:, 4:]) + (0.5 + c**2) * both[:, 2:-2]
+    value: FloatArray = square - c * (both[:, 1:-3] + both[:, 3:-1])
+    return value
+
+
+def _thin_integral(angle: FloatArray, n_order: int) -> FloatArray:
+    """Return the same by Gauss's rule: where the closed form would cancel."""
+    nodes, weights = _gauss(_NODES + math.ceil(0.5 * _THIN * n_order))
+    half = 0.5 * angle[:, None]
+    phi = half * (1 + nodes)
+    # cos(phi) - cos(theta), without the difference of two near 1
+    beyond = 2 * np.sin(half + 0.5 * phi) * np.sin(half - 0.5 * phi)
+    waves = np.cos(np.arange(n_order) * phi[..., None])
+    value: FloatArray = np.einsum("in,inm->im", half * weights * beyond**2, waves)
+    return value
+
+
+def falls(
+    beyond: FloatArray, half_width: FloatArray, radius: FloatArray
+) -> tuple[FloatArray, Kinks]:
+    """Return by how much round corners fall below the flat on n intervals.
+
+    Parameters
+    ----------
+    beyond : ndarray of float, shape (2, n)
+        How far the left and right end lie beyond the flat's end.
+    half_width, radius : ndarray of float, shape (n,)
+        Of the intervals and of the corners; 0 is sharp.
+
+    Returns
+    -------
+    height : ndarray of float, shape (n, 3)
+        Chebyshev coefficients where all of an interval lies on one parabola.
+    kinks : Kinks
+        All others.
+    """
+    bend = np.divide(half_width**2, radius, out=np.zeros(len(radius)), where=radius > 0)
+    share = np.where(radius > 0, np.maximum(beyond, 0.0) / (2 * half_width), 0.0)  # (1 - c)/2
+    # Where all of an interval lies beyond a kink the rigid surface is one parabola there.
+    whole = share >= 1
+    shift = np.array([[-1.0], [1.0]]) * (2 * share - 1)
+    parabola = np.stack([0.5 * shift**2 + 0.25, shift, np.full_like(shift, 0.25)], axis=-1)
+    height: FloatArray = (bend[:, None] * np.where(whole[..., None], parabola, 0.0)).sum(axis=0)
+    return height, Kinks(bend, np.where(whole, 0.0, 2 * np.arcsin(np.sqrt(np.minimum(share, 1)))))
 
 
 def _continued(s: FloatArray, z: FloatArray, theta: FloatArray) -> FloatArray:

@@ -1,0 +1,255 @@
+"""Loads that reach one ridge after another, all at once.
+
+Ridges covered in full are a linear problem, with one factor for all events (`ridge_row`). What
+round corners and free ends change of it is found by iteration, all events abreast
+(docs/derivations/contact.md).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes.contact.contact_set import TENSION
+from ridgebayes.contact.contact_solution import coefficients_for
+from ridgebayes.contact.ridge_contacts import RidgeContacts, chebyshev
+from ridgebayes.contact.ridge_row import RidgeRow
+from ridgebayes.contact.rigid_profile import Profile
+
+_MOST_ROUNDS, _SWEEPS, _EARLY = 40, 3, 6  # ends take some steps a round at first
+_HISTORY = 5  # rounds that the next one is made from
+_KEPT = 0.05  # of a force at least from round to round: no ridge pulls
+_MOST_UNKNOWNS = 4_000
+_DEEP = 0.9  # of a groove: beyond, its floor may be touched
+
+
+@dataclass(frozen=True, eq=False)
+class Events:
+    """Events in rising order: the n-th touches n + 1 ridges, or pairs, and reaches the next.
+
+    Parameters
+    ----------
+    W : ndarray of float, shape (n,)
+        Loads.
+    ok : ndarray of bool, shape (n,)
+        Whether all conditions hold. Elsewhere the load has to be found otherwise.
+    """
+
+    W: FloatArray
+    ok: BoolArray
+
+
+def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) -> Events:
+    """Find the loads that reach further ridges, up to the first beyond a largest load.
+
+    Parameters
+    ----------
+    profile : Profile
+        The rigid side. Loads at which a floor may be touched are not ok.
+    W_max : float
+        Largest load.
+    n_max : int
+        Most events.
+    rel_tol : float
+        Wanted relative error of each load.
+
+    Returns
+    -------
+    Events
+        None where there would be too many unknowns.
+
+    Notes
+    -----
+    *Cost.* Five to fifteen rounds, each two products of a matrix with as many columns as there are
+    events.
+    """
+    m = max(coefficients_for(profile, rel_tol), 3)
+    compliance = -math.log(math.sin(0.5 * math.pi * profile.a / profile.pitch))
+    n = math.sqrt(2 * W_max) / profile.pitch + 0.1 + 0.5 * compliance
+    n = math.ceil(n if profile.mirrored else 2 * n) + 1
+    while True:
+        n = min(n, n_max)
+        if n * m > _MOST_UNKNOWNS:
+            return Events(np.empty(0), np.empty(0, dtype=bool))
+        found = _Rounds(RidgeRow.of(profile, n, m), rel_tol).events()
+        if n == n_max or not found.ok[-1] or found.W[-1] > W_max:
+            return found
+        n += 2 + n // 8
+
+
+class _Rounds:
+    """Events on their way to their loads: those that have arrived leave."""
+
+    def __init__(self, row: RidgeRow, rel_tol: float) -> None:
+        self._row, self._tol, n = row, rel_tol, row.n
+        self._W, self._ok = np.full(n, np.nan), np.zeros(n, dtype=bool)
+        self._live = np.arange(n)
+        self._ends = np.ones((2, n, n))  # of contact, by ridge and event
+        self._nearest = np.full(n, -1.0)  # place over the ridge ahead: t of its corner
+        self._mixing = _Mixing()
+        w, corner = row.half_width, row.profile.corner
+        self._radius, self._flat = corner / w**2, 1 - corner / w
+        self._moments = self._begin()
+
+    def _begin(self) -> FloatArray:
+        """Return moments of sharp ridges covered in full; none of them pulls."""
+        row, live, n = self._row, self._live, self._row.n
+        charge = np.zeros((n, row.m, n))
+        charge[:, 0] = math.pi * row.within
+        self._by_approach = row.covered(charge, live)
+        shape = (row.shape[:n] * row.norms)[..., None] * row.within[:, None]
+        found = -row.covered(shape, live)
+        x = row.places(self._nearest, live + 1)
+        felt = row.potentials(x)
+        found += self._by_approach * self._approach(felt, 0.5 * x**2 + _felt(felt, found))
+        smooth = 0.5 * (np.abs(row.centre[live + 1]) - row.half_width) ** 2
+        least = _KEPT * row.within * smooth / (math.pi * row.weight.sum())
+        found[:, 0] = np.maximum(found[:, 0], least)
+        return found
+
+    def events(self) -> Events:
+        """Return all events, found together."""
+        for turn in range(_MOST_ROUNDS):
+            arrived = self._round(_SWEEPS if turn < _EARLY else 1)
+            if arrived.all():
+                break
+            if arrived.any():
+                self._keep(~arrived)
+        ok = self._ok & (np.diff(self._W, prepend=0.0) > 0)
+        return Events(self._W, ok)
+
+    def _round(self, sweeps: int) -> BoolArray:
+        """Move all events once; those that have arrived are noted."""
+        row, live = self._row, self._live
+        event, ridge = np.nonzero(row.within[:, live].T)
+        field = row.fields(self._moments)
+        self._nearest, fallen = self._over(field, 1)
+        x = row.places(self._nearest, live + 1)
+        felt = row.potentials(x)
+        approach = 0.5 * x**2 + fallen + _felt(felt, self._moments)
+        here, force = field[ridge, :, event] + row.shape[ridge], self._moments[ridge, 0, event]
+        ends = self._ends[:, ridge, event]
+        for _ in range(sweeps):
+            contacts = RidgeContacts(here, force, ends, self._radius, self._flat)
+            ends = ends + contacts.steps
+        self._ends[:, ridge, event] = ends
+        residual = np.zeros_like(self._moments)
+        residual[ridge, 0, event] = math.pi * (contacts.level + row.shift * force - approach[event])
+        apart = self._moments[ridge, 1:, event] - contacts.moments[:, 1:]
+        residual[ridge, 1:, event] = row.energies[1:] * apart
+        change = -row.covered(residual, live)
+        change += self._by_approach * self._approach(felt, _felt(felt, change))
+        near = 0.3 * TENSION * math.sqrt(self._tol) * contacts.share
+        moving = np.abs(contacts.steps).max(axis=0) > near
+        load = row.load(self._moments)
+        arrived: BoolArray = np.abs(row.load(change)) <= 0.1 * self._tol * load
+        arrived &= np.bincount(event, moving, minlength=len(live)) == 0
+        if arrived.any():
+            wrong = np.bincount(event, ~self._holds(contacts), minlength=len(live)) > 0
+            ok = ~wrong & self._free(field, approach)
+            self._W[live[arrived]] = row.load(self._moments + change)[arrived]
+            self._ok[live[arrived]] = ok[arrived]
+        self._moments = self._mixing.mixed(self._moments, change)
+        return arrived
+
+    def _approach(self, felt: FloatArray, height: FloatArray) -> FloatArray:
+        """Return the approach at which a height at the ridge ahead becomes that of its corner."""
+        value: FloatArray = height / (1 - _felt(felt, self._by_approach))
+        return value
+
+    def _over(self, field: FloatArray, ahead: int) -> tuple[FloatArray, FloatArray]:
+        """Return where surfaces are nearest to ridges ahead, and how deep these are there."""
+        row, ridges = self._row, self._live + ahead
+        seen = field[ridges, :, np.arange(len(ridges))] + row.shape[ridges]
+        return _nearest(row.outward(seen, ridges), self._nearest, self._radius, self._flat)
+
+    def _holds(self, contacts: RidgeContacts) -> BoolArray:
+        """Return whether pressures of contacts are resolved, and none is a tension."""
+        tension = max(TENSION * math.sqrt(self._tol), 1e-6)
+        holds: BoolArray = contacts.tail**2 <= self._tol
+        return holds & (contacts.smallest_pressure >= -tension)
+
+    def _free(self, field: FloatArray, approach: FloatArray) -> BoolArray:
+        """Return whether nothing is touched that an event leaves out, (n_live,)."""
+        profile, free = self._row.profile, np.ones(len(self._live), dtype=bool)
+        if not profile.mirrored:
+            t, fallen = self._over(field, 2)
+            x = self._row.places(t, self._live + 2)
+            up = _felt(self._row.potentials(x), self._moments)
+            free &= 0.5 * x**2 + fallen + up >= approach
+        if math.isfinite(profile.depth):
+            free &= self._row.hanging(self._moments, approach) < _DEEP * profile.depth
+        return free
+
+    def _keep(self, still: BoolArray) -> None:
+        """Go on with some of the events, and with the ridges that they touch."""
+        self._live = self._live[still]
+        n = int(self._live[-1]) + 1
+        if n < self._row.n:
+            self._row = self._row.first(n)
+        self._moments = self._moments[:n, :, still]
+        self._by_approach = self._by_approach[:n, :, still]
+        self._ends = self._ends[:, :n, still]
+        self._nearest = self._nearest[still]
+        self._mixing.keep(n, still)
+
+
+def _felt(potentials: FloatArray, moments: FloatArray) -> FloatArray:
+    """Return what each event's moments, (n, m, n_event), make at its own place."""
+    value: FloatArray = np.einsum("knm,nmk->k", potentials, moments)
+    return value
+
+
+def _nearest(
+    seen: FloatArray, t: FloatArray, radius: float, flat: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return where surfaces are nearest to ridges ahead, (n,), and how deep these are there.
+
+    A surface rises away from the centre, so that it is nearest over the corner: from t nearby on.
+    """
+    if radius > 0:
+        slope = np.polynomial.chebyshev.chebder(seen, axis=1)
+        bend = np.polynomial.chebyshev.chebder(slope, axis=1)
+        for _ in range(2):
+            waves = chebyshev(t, seen.shape[1]).T
+            rise = (slope * waves[:, :-1]).sum(axis=1) - np.maximum(-flat - t, 0.0) / radius
+            # That of the corner alone where the surface's own would make less of it.
+            by = np.maximum((bend * waves[:, :-2]).sum(axis=1), 0.0) + 1 / radius
+            t = np.clip(t - rise / by, -1.0, -flat)
+    return t, np.maximum(-flat - t, 0.0) ** 2 / (2 * radius) if radius > 0 else np.zeros_like(t)
+
+
+class _Mixing:
+    """Anderson's: the next round is the combination of the last ones that would change least."""
+
+    def __init__(self) -> None:
+        self._last: tuple[FloatArray, FloatArray] | None = None
+        self._moved: list[FloatArray] = []
+        self._changed: list[FloatArray] = []
+
+    def mixed(self, at: FloatArray, change: FloatArray) -> FloatArray:
+        """Return where to go from here, each event by itself, (n, m, n_event)."""
+        if self._last is not None:
+            self._moved = [*self._moved, at - self._last[0]][-_HISTORY:]
+            self._changed = [*self._changed, change - self._last[1]][-_HISTORY:]
+        self._last = at, change
+        found = at + change
+        if self._moved:
+            changed = np.stack(self._changed)
+            gram = np.einsum("anmk,bnmk->kab", changed, changed)
+            along = np.einsum("anmk,nmk->ka", changed, change)
+            least = 1e-13 * np.trace(gram, axis1=1, axis2=2) + 1e-300
+            gram += least[:, None, None] * np.eye(len(changed))
+            share = np.linalg.solve(gram, along[..., None])[..., 0]
+            found -= np.einsum("anmk,ka->nmk", np.stack(self._moved) + changed, share)
+        found[:, 0] = np.maximum(found[:, 0], _KEPT * at[:, 0])
+        return found
+
+    def keep(self, n: int, still: BoolArray) -> None:
+        """Go on with some events on the first n ridges."""
+        self._moved = [one[:n, :, still] for one in self._moved]
+        self._changed = [one[:n, :, still] for one in self._changed]
+        if self._last is not None:
+            at, change = self._last
+            self._last = at[:n, :, still], change[:n, :, still]

@@ -1,0 +1,157 @@
+r"""Contacts on single ridges, many at once: each under a smooth field and a given force.
+
+On a ridge of half-width w, with t = -1 ... 1 over it, what all other contacts and the body's shape
+raise there is :math:`\sum e_n T_n(t)`. The pressure of the ridge's own contact is felt elsewhere
+through its moments, those of :math:`\sum A_n T_n(t)/(w \sqrt{1 - t^2})`, wherever it ends. Inside
+an interval pressures follow from the surface order by order (`intervals`): nothing is solved.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+from ridgebayes.contact.rigid_profile import Kinks, falls
+
+_SHRINK = 0.1  # a contact keeps at least this share of its width in one step
+
+
+@dataclass(frozen=True, eq=False)
+class RidgeContacts:
+    """Contacts on n ridges.
+
+    Parameters
+    ----------
+    field : ndarray of float, shape (n, m)
+        e_n, over R.
+    force : ndarray of float, shape (n,)
+        Over pi: A_0.
+    ends : ndarray of float, shape (2, n)
+        How far contact goes to the left and right of the middle, in half-widths, at most 1.
+    radius : float
+        Of the corners, over the square of the half-width; 0 is sharp.
+    flat : float
+        Where the flat ends, in half-widths.
+    """
+
+    field: FloatArray
+    force: FloatArray
+    ends: FloatArray
+    radius: float
+    flat: float
+
+    @cached_property
+    def share(self) -> FloatArray:
+        """Half-width of contact over that of the ridge, shape (n,)."""
+        share: FloatArray = 0.5 * self.ends.sum(axis=0)
+        return share
+
+    @cached_property
+    def _places(self) -> tuple[FloatArray, FloatArray]:
+        """Chebyshev polynomials of t, shape (m, n, m), and of s, (m, m), at a contact's points."""
+        m = self.field.shape[1]
+        angle = (np.arange(m) + 0.5) * (np.pi / m)
+        t = 0.5 * (self.ends[1] - self.ends[0])[:, None] + self.share[:, None] * np.cos(angle)
+        return chebyshev(t, m), np.cos(np.arange(m)[:, None] * angle)
+
+    @cached_property
+    def kinks(self) -> Kinks:
+        """Where the flats end, within the contacts."""
+        return self._surfaces[1]
+
+    @cached_property
+    def _surfaces(self) -> tuple[FloatArray, Kinks]:
+        """Coefficients by T_n(s) of field and rigid surface, without kinks, (n, m); and these."""
+        of_t, of_s = self._places
+        m = len(of_s)
+        found = np.einsum("in,nij->ij", self.field, of_t) @ of_s.T * (2.0 / m)
+        found[:, 0] *= 0.5
+        radius = np.full(len(self.force), self.radius)
+        flat = np.full_like(self.ends, self.flat)
+        height, kinks = falls(self.ends - flat, self.share, radius)
+        found[:, :3] += height
+        return found, kinks
+
+    @cached_property
+    def _regular(self) -> FloatArray:
+        """Coefficients of the pressure without those of kinks, (n, m)."""
+        smooth = self._surfaces[0]
+        found = smooth * (-np.arange(smooth.shape[1]) / np.pi)
+        found[:, 0] = self.force
+        return found
+
+    @cached_property
+    def moments(self) -> FloatArray:
+        """A_n, shape (n, m)."""
+        of_t, of_s = self._places
+        m = len(of_s)
+        a = self._regular - np.arange(m) / np.pi * self.kinks.series(m)
+        found: FloatArray = np.einsum("ij,nij->in", a @ of_s, of_t) * (2.0 / m)
+        found[:, 0] = self.force
+        return found
+
+    @cached_property
+    def level(self) -> FloatArray:
+        """Mean height under the contact, lengths in half-widths of a ridge; the same for all."""
+        smooth, kinks = self._surfaces
+        own = np.pi * self.force * (np.log(2.0) - np.log(self.share))
+        level: FloatArray = own + smooth[:, 0] + kinks.series(1)[:, 0]
+        return level
+
+    @cached_property
+    def strengths(self) -> FloatArray:
+        """Strength of the edge singularity at both ends, shape (2, n): negative is tension."""
+        return _at_ends(self._regular) - self.kinks.strengths(np.array([np.pi, 0.0])).T / np.pi
+
+    @cached_property
+    def steps(self) -> FloatArray:
+        """Return how far ends move outward, shape (2, n): Newton's step, kept to a contact's size.
+
+        Equations (5) to (9) of docs/derivations/contact.md.
+        """
+        squares = np.arange(self.field.shape[1]) ** 2
+        slopes = _at_ends(self._regular * squares) - np.array(self.kinks.slopes()) / np.pi
+        strength, width = self.strengths, 2 * self.share
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.nan_to_num(-width * strength / slopes)
+        stuck = self.ends >= 1.0
+        most = (1 - _SHRINK) * width * np.where(stuck.any(axis=0), 1.0, 0.5)
+        step = np.where((strength > 0) & (step <= 0), width, step)
+        step = np.where((strength < 0) & (step >= 0), -most, step)
+        step = np.where(stuck & (strength >= 0), 0.0, np.clip(step, -most, 2 * width))
+        return np.minimum(self.ends + step, 1.0) - self.ends
+
+    @property
+    def tail(self) -> FloatArray:
+        """Last coefficient of what a field adds to the pressure, over the mean pressure, (n,)."""
+        m = self.field.shape[1]
+        tail: FloatArray = (m - 1) / np.pi * np.abs(self._surfaces[0][:, -1] / self.force)
+        return tail
+
+    @property
+    def smallest_pressure(self) -> FloatArray:
+        """Smallest pressure times sqrt(1 - s^2), over its mean, (n,)."""
+        m = 2 * self.field.shape[1]
+        angle = np.linspace(0.0, np.pi, m + 1)
+        waves = np.cos(np.arange(self.field.shape[1])[:, None] * angle)
+        found = self._regular @ waves - self.kinks.strengths(angle) / np.pi
+        smallest: FloatArray = found.min(axis=1) / self.force
+        return smallest
+
+
+def chebyshev(t: FloatArray, m: int) -> FloatArray:
+    """Return T_0 ... T_(m-1) at t (...), shape (m, ...)."""
+    found = np.empty((m, *t.shape))
+    found[0] = 1.0
+    found[1] = t
+    for n in range(2, m):
+        np.multiply(2 * t, found[n - 1], out=found[n])
+        found[n] -= found[n - 2]
+    return found
+
+
+def _at_ends(coefficients: FloatArray) -> FloatArray:
+    """Return sums of T_n at s = -1 and 1, shape (2, n)."""
+    signs = (-1.0) ** np.arange(coefficients.shape[1])
+    return np.stack([coefficients @ signs, coefficients.sum(axis=1)])

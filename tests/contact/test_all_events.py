@@ -1,0 +1,131 @@
+"""Events found together, against those found one by one, and single ridges in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ridgebayes.contact import reaching
+from ridgebayes.contact.all_events import Events, all_events
+from ridgebayes.contact.reaching import reaching_loads
+from ridgebayes.contact.ridge_contacts import RidgeContacts
+from ridgebayes.contact.ridge_row import RidgeRow, touch_order
+from ridgebayes.contact.rigid_profile import Profile
+
+TOL = 1e-8
+
+
+def one_by_one(monkeypatch, profile, W_max):
+    """Loads by `solve_contact`: collocation, and each event by itself."""
+    none = Events(np.empty(0), np.empty(0, dtype=bool))
+    with monkeypatch.context() as only:
+        only.setattr(reaching, "all_events", lambda *_, **__: none)
+        return reaching_loads(profile, W_max=W_max, rel_tol=TOL)
+
+
+def scenes(n, seed):
+    """Ridges of all shapes; round and sharp; bodies anywhere."""
+    rng = np.random.default_rng(seed)
+    for i in range(n):
+        a = math.exp(rng.uniform(math.log(0.02), math.log(0.05)))
+        b = a / math.exp(rng.uniform(math.log(0.2), math.log(5)))
+        corner = (rng.uniform(0.01, 0.5) * a, 0.02 * a, 0.0)[i % 3]
+        offset = (0.0, 0.5, rng.uniform(-0.5, 0.5))[(i // 3) % 3]
+        yield Profile(a, b, corner=corner, offset=offset)
+
+
+def agree(together, single):
+    assert set(single.status) <= {"ok"}
+    assert together.status == single.status
+    assert np.array_equal(together.Q, single.Q)
+    np.testing.assert_allclose(together.W, single.W, rtol=2 * TOL)  # tolerance, of each
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("profile", list(scenes(9, 3)), ids=str)
+def test_all_events__are_those_found_one_by_one(profile, monkeypatch):
+    W_max = 30 * profile.pitch**2
+    found = all_events(profile, W_max=W_max, n_max=100, rel_tol=TOL)
+    assert found.ok.all()
+    agree(reaching_loads(profile, W_max=W_max), one_by_one(monkeypatch, profile, W_max))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("offset", [0.0, 0.2])
+def test_reaching_loads__over_floors_are_those_found_one_by_one(offset, monkeypatch):
+    """Together as far as no floor is touched, and one by one from there."""
+    profile, W_max = Profile(0.03, 0.05, depth=3e-3, corner=2e-3, offset=offset), 0.05
+    together = all_events(profile, W_max=W_max, n_max=100, rel_tol=TOL)
+    assert together.ok[0]
+    assert not together.ok.all()
+    agree(reaching_loads(profile, W_max=W_max), one_by_one(monkeypatch, profile, W_max))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_all_events__of_narrow_ridges_are_all_found(seed):
+    """Contacts that have just begun, on one side, and their tiny forces."""
+    rng = np.random.default_rng(seed)
+    profile = Profile(0.02, 0.02, corner=2e-3, offset=rng.uniform(-0.5, 0.5))
+    found = all_events(profile, W_max=0.02, n_max=100, rel_tol=1e-6)
+    assert found.ok.all()
+    assert (np.diff(found.W) > 0).all()
+    assert found.W[-1] > 0.02 > found.W[-4]
+
+
+def test_all_events__are_none_where_unknowns_are_too_many():
+    found = all_events(Profile(1e-5, 1e-5, corner=1e-6), W_max=0.01, n_max=10_000, rel_tol=TOL)
+    assert (found.W.shape, found.ok.shape) == ((0,), (0,))
+
+
+@pytest.mark.parametrize(
+    ("offset", "order"),
+    [(0.0, [0, 1, 2, 3]), (0.5, [0, 1, 2, 3]), (0.2, [0, -1, 1, -2]), (-0.2, [-1, 0, -2, 1])],
+)
+def test_touch_order__is_by_the_distance_from_the_centre(offset, order):
+    profile = Profile(0.02, 0.03, offset=offset)
+    assert touch_order(profile, 4).tolist() == order
+    apart = [min(abs(one.start), abs(one.stop)) for one in map(profile.ridge, order[1:])]
+    assert apart == sorted(apart)
+
+
+@pytest.mark.parametrize("corner", [0.3, 0.05])
+@pytest.mark.parametrize("w", [0.96, 0.999])
+def test_ridge_contacts__of_a_round_ridge_below_the_centre_have_a_closed_load(w, corner):
+    """docs/derivations/contact.md, "Kinks"; lengths in half-widths of the ridge."""
+    phi = math.asin((1 - corner) / w)
+    load = w**2 / 2 + (w**2 * (math.pi / 2 - phi) - (1 - corner) * w * math.cos(phi)) / (
+        math.pi * corner
+    )
+    field = np.zeros((1, 6))
+    field[0, :3] = 0.25, 0.0, 0.25  # the parabola x^2/2
+    ends = np.ones((2, 1))
+    for _ in range(30):
+        force = np.array([load / math.pi])
+        contacts = RidgeContacts(field, force, ends, corner, 1 - corner)
+        ends = ends + contacts.steps
+    # Rounding times the condition of a thin layer.
+    np.testing.assert_allclose(ends, w, rtol=1e-9)
+
+
+def test_ridge_row__of_the_first_ridges_is_that_of_all():
+    row = RidgeRow.of(Profile(0.02, 0.03, offset=0.2), 6, 5)
+    part, few = row.first(3), np.arange(3)
+    rng = np.random.default_rng(1)
+    moments = rng.normal(size=(3, 5, 3)) * part.within[:, None]
+    whole = np.zeros((6, 5, 3))
+    whole[:3] = moments
+    np.testing.assert_allclose(part.fields(moments), row.fields(whole)[:5], rtol=1e-12)
+    np.testing.assert_allclose(part.covered(moments, few), row.covered(whole, few)[:3], rtol=1e-10)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.5, 0.2])
+def test_ridge_row__factor_solves_what_fields_make(offset):
+    """Ridges covered in full: their own energies, and the potentials of others."""
+    row = RidgeRow.of(Profile(0.02, 0.015, offset=offset), 4, 6)
+    rng = np.random.default_rng(2)
+    moments = rng.normal(size=(4, 6, 4)) * row.within[:, None]
+    if row.over_ridge:
+        moments[0, 1::2] = 0.0
+    felt = (row.fields(moments) * row.norms[:, None])[:4] + row.energies[:, None] * moments
+    found = row.covered(felt * row.within[:, None], np.arange(4))
+    np.testing.assert_allclose(found, moments, rtol=0, atol=1e-12)  # rounding
