@@ -1,7 +1,7 @@
 """Time loads of round ridges: ``OMP_NUM_THREADS=1 python benchmarks/round_corners.py [N]``.
 
-Random textures with a/R from 0.005 to 0.05, a/b from 0.2 to 5, corners of a/50 to a/5, to p/E = 0.3,
-found together and one by one (some minutes with N = 10; 0 leaves that out), in CPU seconds.
+Random textures with a/R from 0.005 to 0.05, a/b from 0.2 to 5, corners of a/50 to a/5, to p/E =
+0.3, found together and the first N also one by one (some minutes with 10), in CPU seconds.
 """
 
 import sys
@@ -51,7 +51,7 @@ def main() -> None:
             seconds.append(spent)
             ok &= set(found.status) <= {"ok"}
             if i < n_single:
-                with mock.patch.object(reaching, "all_events", lambda *_, **__: NONE):
+                with mock.patch.object(reaching, "all_events", return_value=NONE):
                     slow, single = timed(profile)
                 ratios.append(slow / spent)
                 apart.append(float(np.abs(found.W / single.W - 1).max(initial=0.0)))
