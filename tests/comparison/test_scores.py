@@ -8,7 +8,7 @@ from ridgebayes.inference.diagnostics import Loo, stacking_weights
 
 
 class FakeFit:
-    """What the table asks of a fit, but for its rows' likelihoods."""
+    """What the table asks of a fit; itself in place of its rows' likelihoods."""
 
     def __init__(self, loo):
         self.loo = loo
@@ -16,7 +16,7 @@ class FakeFit:
         self.summary = {"ess_bulk": np.array([1.0])}
         self.kept_chains = type("C", (), {"log_density": np.zeros(2)})
 
-    def to_numpy(self):
+    def rows_log_likelihood(self):
         return self
 
 
@@ -28,7 +28,6 @@ def fit_of(seed, n_bad):
 
 @pytest.fixture
 def table_of(monkeypatch):
-    monkeypatch.setattr(scores, "groups_of", lambda fit: {"log_likelihood": {"log_load": fit}})
     monkeypatch.setattr(scores, "leave_one_out", lambda fit, reff: fit.loo)
     return scores.loo_table
 

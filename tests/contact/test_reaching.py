@@ -8,7 +8,7 @@ from scipy import optimize
 
 from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.halfplane import transition_loads
-from ridgebayes.contact.reaching import nearest_gap, reaching_loads
+from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 
 A, B = 0.012, 0.03
@@ -41,7 +41,7 @@ def test_nearest_gap__vanishes_at_the_galerkin_loads_by_plain_root_finding(k):
     def gap(load):
         found = solve_contact(profile, load, ridges=range(-k, k))
         assert found.status == "ok"
-        return nearest_gap(found, profile.ridge(k))[1]
+        return found.nearest_gap(profile.ridge(k))[1]
 
     root = optimize.brentq(gap, 0.9 * W[k - 1], 1.1 * W[k - 1], xtol=1e-14, rtol=1e-13)
     assert root == pytest.approx(W[k - 1], rel=1e-7)  # tolerance
@@ -220,7 +220,7 @@ def test_nearest_gap__is_the_smallest_of_a_fine_sample(corner):
         land = profile.ridge(number)
         x = np.linspace(land.start, land.stop, 4001)
         gap = found.pressing.surface(x) + land.height(x)
-        at, least = nearest_gap(found, land)
+        at, least = found.nearest_gap(land)
         assert least <= gap.min() + 1e-15
         assert at == pytest.approx(x[np.argmin(gap)], abs=2 * (x[1] - x[0]))
         # Discretisation: of the sample, second order.

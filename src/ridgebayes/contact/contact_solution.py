@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.contact.contact_set import BEGUN, TENSION, ContactSet
+from ridgebayes.contact.contact_set import BEGUN, TENSION, ContactSet, with_vertex
 from ridgebayes.contact.intervals import (
     Intervals,
     PressureSolution,
@@ -22,6 +22,7 @@ from ridgebayes.contact.rigid_profile import Kinks, Profile, RigidSegment, falls
 from ridgebayes.errors import InputError
 
 _MAX_ITERATIONS = 80
+_N_CORNER, _N_VERTEX = 17, 4
 _N_LOOK, _LOOKS = 17, 5  # places in a groove; each look is at an eighth of the one before
 _MAX_UNKNOWNS, _MOST_COEFFICIENTS = 4_000, 400
 
@@ -93,6 +94,20 @@ class ContactSolution:
         it would rest, so that some distance has to be named.
         """
         return self.pressing.approach
+
+    def nearest_gap(self, segment: RigidSegment) -> tuple[float, float]:
+        """Return where the gap to a segment that is not touched is least, and the gap, over R."""
+        low, high = segment.flat
+        # Not by the flat's ends: corners of half a ridge leave none.
+        inner, towards = (low, -1.0) if abs(segment.start) < abs(segment.stop) else (high, 1.0)
+        n_place = _N_CORNER if segment.corner else 1
+        x = inner + towards * segment.corner * np.linspace(1.0, 0.0, n_place)
+        x = np.unique(x)  # the least corner is no longer than rounding
+        gap = self.pressing.surface(x) + segment.height(x)
+        for _ in range(_N_VERTEX):
+            x, gap = with_vertex(self.pressing, segment, x, gap)
+        i = int(np.argmin(gap))
+        return float(x[i]), float(gap[i])
 
     def penetration(self, groove: int) -> float:
         """Return how deep the surface hangs into the groove right of a ridge, over R."""

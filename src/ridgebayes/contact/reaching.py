@@ -11,12 +11,11 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.all_events import Events, all_events
-from ridgebayes.contact.contact_set import with_vertex
 from ridgebayes.contact.contact_solution import ContactSolution, solve_contact
 from ridgebayes.contact.ridge_row import touch_order
-from ridgebayes.contact.rigid_profile import Profile, RigidSegment
+from ridgebayes.contact.rigid_profile import Profile
 
-_MOST_STEPS, _N_CORNER, _N_VERTEX = 60, 17, 4
+_MOST_STEPS = 60
 _TINY = np.array([1e-10, 1e-9, 1e-8, 1e-7, 1e-6])
 
 
@@ -155,7 +154,7 @@ def _reach(
         found = solve_contact(profile, W, rel_tol=rel_tol, start=found, ridges=ridges)
         if found.status != "ok":
             return W, sides[0], found
-        x, gap = np.array([nearest_gap(found, segment) for segment in ahead]).T
+        x, gap = np.array([found.nearest_gap(segment) for segment in ahead]).T
         steps = -gap / found.pressing.surface_by_load(x)
         nearest = int(np.argmin(steps))
         step = max(float(steps[nearest]), least - W)
@@ -165,17 +164,3 @@ def _reach(
         if abs(step) <= 1e-3 * rel_tol * W:
             return W, sides[nearest], found
     return W, sides[0], replace(found, status="not converged: the load that reaches a ridge")
-
-
-def nearest_gap(found: ContactSolution, segment: RigidSegment) -> tuple[float, float]:
-    """Return where the gap between a body and a segment it does not touch is least, and the gap."""
-    low, high = segment.flat
-    # Not by the flat's ends: corners of half a ridge leave none.
-    inner, towards = (low, -1.0) if abs(segment.start) < abs(segment.stop) else (high, 1.0)
-    x = inner + towards * segment.corner * np.linspace(1.0, 0.0, _N_CORNER if segment.corner else 1)
-    x = np.unique(x)  # the least corner is no longer than rounding
-    gap = found.pressing.surface(x) + segment.height(x)
-    for _ in range(_N_VERTEX):
-        x, gap = with_vertex(found.pressing, segment, x, gap)
-    i = int(np.argmin(gap))
-    return float(x[i]), float(gap[i])

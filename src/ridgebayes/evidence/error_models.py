@@ -164,6 +164,8 @@ def weigh_error_models(
     def evaluated(tasks: Sequence[Weighing]) -> list[Candidate]:
         if tasks and progress is not None:
             progress(f"{len(tasks)} evidences")
+        # Error models of many parameters take longest: begun last they would keep one worker busy.
+        tasks = sorted(tasks, key=lambda task: len(task.noise.parameter_names), reverse=True)
         return list(map_ordered(evaluate, tasks, executor, name=lambda task: task.name))
 
     names = {noise.name for noise in noises}

@@ -82,13 +82,11 @@ def prior_sensitivity(
         for noise, posterior in by_noise.items()
         if (form, noise) in used.index
     ]
-    found = dict(
-        zip(
-            [(task.form, task.noise) for task in tasks],
-            map_ordered(_scaled, tasks, executor, name=lambda task: task.name),
-            strict=True,
-        )
-    )
+    # Posteriors of many parameters take longest: begun last they would keep one worker busy.
+    longest = sorted(tasks, key=lambda task: task.posterior.model.n_parameter, reverse=True)
+    changed = map_ordered(_scaled, longest, executor, name=lambda task: task.name)
+    by_task = dict(zip(longest, changed, strict=True))
+    found = {(task.form, task.noise): by_task[task] for task in tasks}
     priors = dict.fromkeys(prior for changes in found.values() for prior, _ in changes)
     rows = [
         (prior, factor, form, _summed(used, found, form, prior, factor))

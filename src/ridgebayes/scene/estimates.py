@@ -16,7 +16,6 @@ import numpy as np
 from ridgebayes._types import NEO_HOOKEAN, FloatArray
 from ridgebayes.contact import halfplane, hertz, two_scale
 from ridgebayes.contact.contact_solution import ContactSolution, load_factor, solve_contact
-from ridgebayes.contact.reaching import nearest_gap
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import percent
@@ -214,7 +213,7 @@ class _Base:
         first = solve_contact(other, W, rel_tol=_ROUGH, ridges=range(k))
         if first.status != "ok":
             return math.nan
-        x, gap = nearest_gap(first, ridge)
+        x, gap = first.nearest_gap(ridge)
         return -gap / (W * float(first.pressing.surface_by_load(np.array([x]))[0]))
 
     def cost(self, n_solution: float, n_interval: float, m: float) -> float:
