@@ -29,6 +29,7 @@ def test_half_width__ends_where_hertzs_pressure_does():
     assert half_width(x, pressure) == pytest.approx(0.4321, rel=1e-10)  # rounding
 
 
+@pytest.mark.long
 def test_half_widths__of_mooney_and_rivlins_body_are_the_neo_hookean_ones():
     # In plane strain both invariants are the same: only Newton's tolerance is left.
     np.testing.assert_allclose(widths(MOONEY), widths(NEO_HOOKEAN), rtol=1e-4)
@@ -44,6 +45,7 @@ def test_half_widths__narrow_as_the_body_stiffens():
     assert half > 0.07
 
 
+@pytest.mark.long
 def test_stiffening__ends_where_there_is_no_equilibrium(monkeypatch):
     monkeypatch.setattr(smooth, "_LOADS", {0.11: (0.06, 0.07, 0.08, 0.09, 0.1), 0.52: (0.2,)})
     monkeypatch.setattr(smooth, "_EDGES", 10.0)

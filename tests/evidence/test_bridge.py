@@ -75,6 +75,7 @@ def test_bridge_evidence__of_draws_that_do_not_move_has_no_value_on_any_machine(
     assert found.status == "the draws of half of the ensembles do not move in every direction"
 
 
+@pytest.mark.long
 def test_bridge_evidence__over_seeds_errs_as_its_standard_error_says(fits, laplaces):
     model, laplace = fits["hybrid"].model, laplaces["hybrid"]
     exact = quadrature_evidence(model.log_density, laplace).value

@@ -244,6 +244,7 @@ def stopped_sweep(folder):
     "tracebacks or outlive the command.",
     expected="Exit 130, one line that names --resume, no traceback, no process left, no final "
     "folder. The resumed chain has the bytes of an undisturbed one (exact).",
+    long=True,
 )
 def interrupted(folder):
     here = place(folder, "weighing")
@@ -366,6 +367,7 @@ def disk_full(folder):
     why="A table that is cut off in the middle is a valid CSV file with fewer rows.",
     expected="Exit 1 and one message. The old file is unchanged, and there is no part of a new "
     "one.",
+    long=True,
 )
 def disk_full_at_the_end(folder):
     run = put(sound_run(), folder / "run")
@@ -394,6 +396,7 @@ def disk_full_at_the_end(folder):
     "A folder without write permission",
     why="If this is found only when the first file is written, minutes of work are lost.",
     expected="Exit 2 before any work, with one message that names the folder. Nothing is written.",
+    long=True,
 )
 def read_only_folder(folder):
     run = put(sound_run(), folder / "run")
@@ -516,6 +519,7 @@ def chain_file() -> bytes:
     "the random stream gives another chain, without any sign.",
     expected="Each of 30 truncations and 150 flips is refused in one line, or the chain is the "
     "same to the last bit. A resumed run says to remove the file, exit 2.",
+    long=True,
 )
 def damaged_chain(folder):
     content, rng = chain_file(), np.random.default_rng(3)
