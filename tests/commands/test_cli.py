@@ -718,7 +718,6 @@ def test_predict__is_the_table_of_the_library(command, run):
         nu=0.4,
         forms=["classic"],
         prob=0.5,
-        compressed=True,
         kinds=["simulation"],
     )
     # Bit for bit: floats are written in full.

@@ -255,9 +255,7 @@ def _panel_bands(comparison: Comparison, forms: list[str], seen: pd.DataFrame) -
         own = seen[(seen["a_over_R"] == a) & (seen["b_over_R"] == b)]
         top = float((own if len(own) else seen)["p_over_E"].max())
         loads.append((np.linspace(0.0, np.sqrt(_BEYOND * top), _N_LOAD) ** 2)[1:])
-    return bands_table(
-        comparison, textures=textures, forms=forms, loads=np.array(loads), compressed=True
-    )
+    return bands_table(comparison, textures=textures, forms=forms, loads=np.array(loads))
 
 
 def _least_squares(comparison: Comparison) -> dict[str, LeastSquares]:

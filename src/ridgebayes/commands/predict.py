@@ -46,7 +46,6 @@ def command(asked: options.Predict) -> Answer:
         nu=nu,
         forms=[asked.form],
         prob=asked.prob,
-        compressed=True,
         kinds=kinds,
     )
     write_frame(bands, asked.out)

@@ -226,17 +226,15 @@ def _write(
     drawing: Executor | None,
 ) -> Optional["Gallery"]:
     """Write a comparison and its predictions; return its figures, which are begun meanwhile."""
-    is_small = not Preset.named(comparison.accuracy).extras
     data, begun = submit_or_defer(executor, _shown, comparison), None
-    tables = submit_or_defer(executor, _predictions, comparison) if is_small else None
+    loads = submit_or_defer(executor, loads_table, comparison)
+    with progress.stage("bands"):
+        bands = bands_table(comparison, executor=executor)
+        write_csv(bands, folder / "bands.csv")
+        write_csv(loads(), folder / "loads.csv")
     with progress.stage("what the report shows"):
         if drawing is not None:  # else it is computed when it is drawn
             begun = begin_figures(replace(data(), comparison=comparison), drawing)
-    if tables is None:  # not beside what the report shows: each holds 200 MiB of draws and loads
-        tables = submit_or_defer(executor, _predictions, comparison)
-    with progress.stage("bands"):
-        for name, table in tables().items():
-            write_csv(table, folder / name)
     with progress.stage("files of posteriors"):
         write_comparison(comparison, folder, executor)
     return begun
@@ -245,9 +243,3 @@ def _write(
 def _shown(comparison: Comparison) -> ReportData:
     """Return what the report shows without the fits, which the caller has."""
     return replace(report_data(comparison), comparison=replace(comparison, fits={}))
-
-
-def _predictions(comparison: Comparison) -> dict[str, pd.DataFrame]:
-    """Return both tables in one task: what rows tell of shared offsets is worked out once."""
-    bands = bands_table(comparison, compressed=True)
-    return {"bands.csv": bands, "loads.csv": loads_table(comparison)}

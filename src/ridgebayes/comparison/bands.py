@@ -1,8 +1,10 @@
 """Bands on Q and on loads as tables: what `bands.csv` and `loads.csv` hold."""
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from functools import cache, partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,10 +17,10 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.predict import KINDS, NEGLIGIBLE, predict_load, predict_q
 from ridgebayes.predict.q_distribution import QDistribution, mix_q
+from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.table.table import ContactTable
 
 AVERAGE = "average"
-_Distribution = TypeVar("_Distribution", QDistribution, LoadDistribution)
 _KEPT = 100_000  # bands of each posterior up to which all are kept; of more, some are made twice
 
 
@@ -36,10 +38,12 @@ def bands_table(
     nu: float | None = None,
     forms: Sequence[str] | None = None,
     prob: float = 0.9,
-    compressed: bool = False,
     kinds: Sequence[str] = KINDS,
+    executor: Executor | None = None,
 ) -> pd.DataFrame:
     """Return bands on Q for each form and their average, texture by texture and load by load.
+
+    Weighted nodes stand for posteriors, see `predict_q`.
 
     Parameters
     ----------
@@ -55,10 +59,10 @@ def bands_table(
         Names of fitted forms or ``average``; all and ``average`` if not given.
     prob : float, optional
         Probability inside the band.
-    compressed : bool, optional
-        Whether weighted nodes stand for posteriors, see `predict_q`.
     kinds : sequence of str, optional
         ``curve``, ``simulation`` or both, see `predict_q`.
+    executor : concurrent.futures.Executor, optional
+        Runs the posteriors; one after the other in this process if not given.
 
     Returns
     -------
@@ -87,23 +91,24 @@ def bands_table(
     own = _nu_of_textures(comparison) if nu is None else {}
     poisson = np.array([[own.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
     p = np.atleast_2d(default_loads(comparison) if loads is None else loads).astype(float)
+    mixtures = _mixtures(comparison, wanted)
+    where = {"a_over_R": a, "b_over_R": b, "p_over_E": p, "nu": poisson, "compressed": True}
+    known: dict[int, dict[str, QDistribution]] = {}
+    if np.broadcast(a, p).size <= _KEPT:
+        # A form's own mixture and the average share posteriors.
+        every = itertools.chain.from_iterable(mixtures.values())
+        posteriors = list({id(one): one for one, _ in every}.values())
+        predicted = partial(_bands_of, kinds=kinds, where=where)
+        found = map_ordered(predicted, posteriors, executor, name=lambda one: one.form.name)
+        known = {id(one): bands for one, bands in zip(posteriors, found, strict=True)}
     blocks, errors = [], []
     for kind in kinds:
-        predicted: Callable[[Posterior], QDistribution] = partial(
-            _predicted,
-            predict_q,
-            a_over_R=a,
-            b_over_R=b,
-            p_over_E=p,
-            nu=poisson,
-            kind=kind,
-            compressed=compressed,
-        )
-        # A form's own mixture and the average share posteriors.
-        if np.broadcast(a, p).size <= _KEPT:
-            predicted = cache(predicted)
-        for name, parts in _mixtures(comparison, wanted).items():
-            q = mix_q((predicted(one) for one, _ in parts), [weight for _, weight in parts])
+        for name, parts in mixtures.items():
+            each = (
+                known[id(one)][kind] if known else _bands_of(one, [kind], where)[kind]
+                for one, _ in parts
+            )
+            q = mix_q(each, [weight for _, weight in parts])
             blocks.append(_of_form(name, parts, q.to_dataframe(prob)))
             errors.append(q.error)
     bands = _trimmed(pd.concat(blocks, ignore_index=True))
@@ -135,9 +140,7 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
     a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
     for kind in KINDS:
         known = frame["rel_se"].to_numpy() * (kind == "simulation")
-        predicted: Callable[[Posterior], LoadDistribution] = cache(
-            partial(_predicted, predict_load, a_over_R=a, b_over_R=b, Q=q, nu=nu, kind=kind)
-        )
+        predicted = cache(partial(_loads_of, a_over_R=a, b_over_R=b, Q=q, nu=nu, kind=kind))
         for name, parts in _mixtures(comparison, [*comparison.fits, AVERAGE]).items():
             shares = [weight for _, weight in parts]
             load = mix_loads([predicted(one).widened(known) for one, _ in parts], shares)
@@ -160,11 +163,18 @@ def _nu_of_textures(comparison: Comparison) -> dict[Texture, float]:
     return {(a, b): nu for a, b, nu in zip(*columns, strict=True)}
 
 
-def _predicted(
-    predict: Callable[..., _Distribution], posterior: Posterior, **where: Any
-) -> _Distribution:
+def _bands_of(
+    posterior: Posterior, kinds: Sequence[str], where: dict[str, Any]
+) -> dict[str, QDistribution]:
     """Predict, and let go of what was worked out for it: of all fits that would be gigabytes."""
-    found = predict(posterior, **where)
+    found = {kind: predict_q(posterior, kind=kind, **where) for kind in kinds}
+    posterior.forget_offsets()
+    return found
+
+
+def _loads_of(posterior: Posterior, **where: Any) -> LoadDistribution:
+    """Do so of loads."""
+    found = predict_load(posterior, **where)
     posterior.forget_offsets()
     return found
 
