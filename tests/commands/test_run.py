@@ -231,8 +231,8 @@ def test_run__says_how_it_was_made(runs, table):
         "textures and steps left out",
         "coverage of the bands",
         "what accuracy costs",
-        "what the report shows",
         "bands",
+        "what the report shows",
         "files of posteriors",
         "figures and report",
     ]

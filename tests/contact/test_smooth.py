@@ -35,6 +35,7 @@ def test_half_widths__of_mooney_and_rivlins_body_are_the_neo_hookean_ones():
     np.testing.assert_allclose(widths(MOONEY), widths(NEO_HOOKEAN), rtol=1e-4)
 
 
+@pytest.mark.long
 def test_half_widths__narrow_as_the_body_stiffens():
     some = [widths(((1 - share, 2.0), (share, 12.0))) for share in (0.02, 0.5)]
     soft = widths(NEO_HOOKEAN)

@@ -167,7 +167,7 @@ def _typical(inputs: Inputs, reference: Inputs | None, began: float | None) -> d
     }
     extras = {"textures and steps left out": 18.0, "coverage of the bands": 3.0}
     extras |= {"what accuracy costs": 0.4}
-    written = {"what the report shows": 6.0, "bands": 1.5, "files of posteriors": 6.0}
+    written = {"bands": 4.0, "what the report shows": 1.0, "files of posteriors": 5.0}
     beside = {} if reference is None else {"finite-element comparison": 0.1}
     found = first | {"error models": 6.0} | fits | weighed
     found |= extras if inputs.accuracy.extras else {}

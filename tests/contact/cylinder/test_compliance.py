@@ -26,6 +26,7 @@ def test_transitions__are_those_of_another_finite_element_code(rim, a, b):
     np.testing.assert_allclose(loads, frame["p_over_E"], rtol=2.5e-3)
 
 
+@pytest.mark.long
 def test_transitions__come_nearer_to_the_half_plane_with_finer_edges():
     """A texture so small that the body is a half-plane to it."""
     a, b, nu = 0.008, 0.0025, 0.3
@@ -37,6 +38,7 @@ def test_transitions__come_nearer_to_the_half_plane_with_finer_edges():
     assert errors[1] < 1e-3 < errors[0] < 0.02  # discretisation, first order at sharp corners
 
 
+@pytest.mark.long
 def test_transitions__depend_on_nu_by_the_reduced_load(rim):
     other = rim_compliance(0.2, reach=0.3, edge=1e-3)
     reduced = [

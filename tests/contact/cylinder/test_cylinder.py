@@ -87,6 +87,7 @@ def test_smooth__is_pressed_to_a_quarter_of_the_modulus():
     assert rises[0] < rises[1] < rises[2] < 0.5
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("finite", [True, False])
 def test_work__of_the_load_is_the_stored_energy(finite):
@@ -171,6 +172,7 @@ def test_transitions__are_those_of_calculix():
     np.testing.assert_allclose(found, frame["p_over_E"], rtol=2e-3)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_transitions__converge_with_the_mesh():
     """Where a quarter of a corner has edges enough; sharp ones have no order to be seen."""
