@@ -121,13 +121,12 @@ def run_job(
             second = submit_or_defer(
                 beside, _second, reference_inputs, below, request.seed, executor, local
             )
-        comparison = inputs.compare(progress, partial, executor)
+        comparison = _thinned(inputs.compare(progress, partial, executor))
         if extras:
             comparison = _add_left_out(comparison, inputs, progress, executor)
             with progress.stage("what accuracy costs"):
                 cost = submit_or_defer(local, short_costs, comparison, progress.stages)
                 comparison = replace(comparison, cost=cost())
-        comparison = _thinned(comparison)
         # The few figures of a quick run are drawn here, and workers need no library for them.
         drawing = local if extras or local is None else thread
         galleries = [_write(comparison, partial, progress, local, drawing)]
@@ -204,7 +203,7 @@ def _add_left_out(
 
 
 def _thinned(comparison: Comparison) -> Comparison:
-    """Keep the draws that files keep: each task below takes all; summaries are there already."""
+    """Keep the draws that files keep: they go to every task, and summaries are there already."""
     n = Preset.named(comparison.accuracy).n_kept
 
     @cache  # several error models may share one posterior

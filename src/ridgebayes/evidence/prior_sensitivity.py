@@ -13,6 +13,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import power_law_evidence, quadrature_evidence
 from ridgebayes.evidence.tables import used_evidence
+from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_k
 from ridgebayes.inference.posterior import Posterior
@@ -77,7 +78,7 @@ def prior_sensitivity(
     """
     used = used_evidence(evidence).set_index(["form", "noise"])["log_evidence"]
     tasks = [
-        _Scaling(form, noise, posterior, few)
+        _Scaling(form, noise, posterior.thinned(N_KEPT), few)  # what `draws` are of
         for form, by_noise in posteriors.items()
         for noise, posterior in by_noise.items()
         if (form, noise) in used.index
