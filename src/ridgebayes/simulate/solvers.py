@@ -231,8 +231,7 @@ def optional_effects(texture: Texture) -> list[str]:
 # Edges a ridge of the mesh, and the relative error of its loads: docs/validation/cylinder.md. Where
 # the fine one's rim cannot pass a corner a coarser one can: what slides is less than its edge.
 _ELEMENTS_SE = {48: 5e-4, 24: 1e-3, 10: 4e-3}
-# What goes on past a sharp corner is its last mesh with round ones, of so much of a ridge: their
-# loads are some 0.1 % off those of sharp ones.
+# Past a sharp corner the last mesh goes on with round ones, whose loads are some 0.1 % off.
 _ROUNDED, _ROUNDED_SE = 0.05, 2e-3
 
 
@@ -294,8 +293,7 @@ def _many(task: TextureTask, solve: _Solver) -> _Rows:
 
 def _events(profile: Profile, task: TextureTask) -> _Rows:
     """Return the transitions of any profile up to the load: a table holds those from Q = 4 on."""
-    # Few sweeps have round corners or a body off centre: their solver loads where one does.
-    from ridgebayes.contact.reaching import reaching_loads
+    from ridgebayes.contact.reaching import reaching_loads  # few sweeps ask for it
 
     factor, W_max = load_factor(task.scene.nu), load_factor(task.scene.nu) * task.p_max
     found = reaching_loads(profile, W_max=W_max, n_max=_MAX_TRANSITIONS, rel_tol=task.rel_tol)
