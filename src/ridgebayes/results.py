@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from ridgebayes import drawing
 from ridgebayes._types import Rng, Tabular, __version__
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.distributions.grammar import priors_to_json
@@ -21,10 +22,12 @@ from ridgebayes.evidence.error_models import (
     priors_of,
     weigh_error_models,
 )
+from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import arviz_object
 from ridgebayes.inference.mixture import PosteriorMixture, fit_mixture
+from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.sampling import sample_posterior
 from ridgebayes.model.forms import FORMS, Form, as_form
@@ -160,8 +163,6 @@ class Fit(Posterior, Predictive, Tabular):
         InputError
             If all rows are counts.
         """
-        from ridgebayes.drawing import records  # loads matplotlib
-
         data = self.model.data
         shown = np.flatnonzero(~data.is_count)[:_MOST_SHOWN]
         if not len(shown):
@@ -173,7 +174,7 @@ class Fit(Posterior, Predictive, Tabular):
         a, b = data.a_over_R[texture], data.b_over_R[texture]
         predicted = self.predict_load(a, b, data.Q[shown]).widened(data.rel_se[shown])
         frame = predicted.to_dataframe().assign(p_over_E_observed=observed)
-        return records.draw_errors(frame, self.form.name, ax)
+        return drawing.records.draw_errors(frame, self.form.name, ax)
 
     def to_arviz(self) -> Any:
         """Return the thinned draws in arviz's container.
@@ -197,8 +198,6 @@ class Fit(Posterior, Predictive, Tabular):
         leave-one-out scores. Its sum is not the likelihood of all rows: that is
         log_likelihood_joint of sample_stats.
         """
-        from ridgebayes.inference.arviz_groups import all_groups  # loads xarray
-
         return arviz_object(all_groups(self))
 
     def to_mixture(self, n_component: int | None = None) -> PosteriorMixture:
@@ -231,8 +230,6 @@ class Fit(Posterior, Predictive, Tabular):
         path : path
             File to write, whole or not at all; one that is there is replaced.
         """
-        from ridgebayes.inference.netcdf import write_netcdf  # loads xarray
-
         write_netcdf(self, path)
 
     @classmethod
@@ -254,8 +251,6 @@ class Fit(Posterior, Predictive, Tabular):
         InputError
             If the file is missing, damaged, or not written by this package.
         """
-        from ridgebayes.inference.netcdf import read_netcdf  # loads xarray
-
         return cls.of(read_netcdf(path))
 
 

@@ -46,12 +46,15 @@ _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
 # What workers of a run import at the same time as this process; of a quick one they do not draw.
 _OF_A_RUN = (
     "ridgebayes.commands.run",
-    "ridgebayes.inference.netcdf",
     "h5netcdf",
     "scipy.stats",
+    "xarray",
     "arviz_stats.base",
 )
-_OF_FIGURES = ("ridgebayes.report.figures.gallery", "corner")
+_OF_FIGURES = (
+    *(f"ridgebayes.drawing.{name}" for name in ("coverage", "forms", "posterior", "predictions")),
+    "corner",
+)
 # Click's, which newer versions of typer bring along and older ones import.
 _UsageError: Any = typer.BadParameter.__base__
 app = typer.Typer(

@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from ridgebayes import drawing
 from ridgebayes.checks.coverage import coverage
 from ridgebayes.commands import options
 from ridgebayes.commands.parsing import parse_names
@@ -13,8 +14,6 @@ from ridgebayes.commands.request import FitRequest
 from ridgebayes.commands.run_files import versions
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.commands.terminal import Answer, files_in
-from ridgebayes.drawing.coverage import plot_coverage
-from ridgebayes.drawing.style import save
 from ridgebayes.errors import InputError
 from ridgebayes.model.noise import Noise
 from ridgebayes.runtime.pool import executor_for
@@ -48,7 +47,7 @@ def command(asked: options.Coverage) -> Answer:
             )
         write_csv(found, partial / "coverage.csv")
         with progress.stage("figure"):
-            save(plot_coverage(found), partial / "coverage")
+            drawing.style.save(drawing.coverage.plot_coverage(found), partial / "coverage")
         content = {
             "command": "coverage",
             "versions": versions(),

@@ -10,6 +10,7 @@ from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.errors import InputError
+from ridgebayes.report.design_page import design_page, drawn_design
 from ridgebayes.runtime.text import percent
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.units import Body
@@ -75,9 +76,6 @@ def _bounds(text: str, option: str, body: Body) -> tuple[float, float]:
 
 
 def _write(found: Design, folder: Path, body: Body) -> None:
-    # Here, not above: they load matplotlib.
-    from ridgebayes.report.design_page import design_page, drawn_design
-
     write_csv(found.designs, folder / "designs.csv")
     write_text(found.to_json(), folder / _ABOUT)
     figure = {kind: drawn_design(found, kind) for kind in ("png", "svg")}

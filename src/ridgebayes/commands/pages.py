@@ -2,35 +2,25 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Optional
+from typing import Any
 
-from ridgebayes.checks.report_data import ReportData, report_data
+from ridgebayes.checks.report_data import report_data
 from ridgebayes.commands.run_files import REFERENCE
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.evidence.error_models import AUTO
 from ridgebayes.inference.presets import STANDARD
-
-if TYPE_CHECKING:
-    from ridgebayes.report.figures.gallery import Gallery
-
+from ridgebayes.report import write_reports
+from ridgebayes.report.figures.gallery import Gallery
 
 _DEFAULTS = (("noise", AUTO), ("accuracy", STANDARD.name))
-
-
-def begin_figures(data: ReportData, executor: Executor) -> "Gallery":
-    """Have workers begin to draw what `write_pages` will ask for."""
-    from ridgebayes.report.figures.gallery import Gallery  # imports matplotlib
-
-    return Gallery(data, executor)
 
 
 def write_pages(
     comparison: Comparison,
     folder: Path,
     reference: Comparison | None,
-    begun: Sequence[Optional["Gallery"]] = (),
+    begun: Sequence[Gallery | None] = (),
     *,
     command: str = "",
 ) -> None:
@@ -45,14 +35,10 @@ def write_pages(
     reference : Comparison or None
         Second comparison, whose own pages go into a folder of their own if that is there.
     begun : sequence of Gallery or None, optional
-        What `begin_figures` returned for each; None where nothing is begun.
+        Of each, what workers draw already; None where nothing is begun.
     command : str, optional
         What was typed, see `command_line`.
     """
-    # They import matplotlib, which a run does while it waits for workers.
-    from ridgebayes.report import write_reports
-    from ridgebayes.report.figures.gallery import Gallery
-
     first, second = (*begun, None, None)[:2]
     gallery = first or Gallery(report_data(comparison))
     if reference is not None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from ridgebayes import drawing
 from ridgebayes.checks.plan_check import check_plans, sobol_scenes
 from ridgebayes.commands import options
 from ridgebayes.commands.parsing import medians_taken, refuse_existing, refuse_suffix
@@ -174,15 +175,12 @@ def plan_check_job(
     pandas.DataFrame
         As `ridgebayes.checks.plan_check.check_plans` returns it.
     """
-    # Here, not above: it loads matplotlib, which a plan alone does without.
-    from ridgebayes.commands.plan_figures import draw_check
-
     scenes = sobol_scenes(n, rng=seed)
     with new_folder(folder, force=force, about=CHECK_CSV) as partial, Progress(1) as progress:
         with progress.stage("scenes"):
             found = check_plans(scenes, progress=progress.detail)
         write_csv(found, partial / CHECK_CSV)
-        draw_check(found, partial)
+        drawing.style.save(drawing.scenes.plot_plan_check(found), partial / "plan-check")
         _write_report(found, partial / "report.md")
     return found
 

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 
 from ridgebayes._types import FloatArray
@@ -15,7 +14,7 @@ from ridgebayes.contact.cylinder.newton import NotConvergedError
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.contact.two_scale import half_plane_load, load_of
-from ridgebayes.drawing.scenes import plot_counts, plot_effects, plot_plan_check
+from ridgebayes.drawing.scenes import plot_counts, plot_effects
 from ridgebayes.drawing.style import save
 from ridgebayes.errors import ComputationError, RidgebayesError
 from ridgebayes.report.figures.bodies import plot_deformed, plot_pressed
@@ -54,11 +53,6 @@ def draw_plan(scene: Scene, one: Plan, folder: Path) -> list[str]:
         else:
             save(figure, folder / label)
     return failed
-
-
-def draw_check(found: pd.DataFrame, folder: Path) -> None:
-    """Draw estimates against true changes."""
-    save(plot_plan_check(found), folder / "plan-check")
 
 
 def _counts(profile: Profile, sharp: Profile, scene: Scene, one: Plan) -> Figure:

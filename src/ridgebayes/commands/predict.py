@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ridgebayes import drawing
 from ridgebayes._types import FloatArray
 from ridgebayes.commands import options
 from ridgebayes.commands.parsing import parse_loads, parse_texture, refuse_existing, refuse_suffix
@@ -84,14 +85,10 @@ def _where(asked: options.Predict) -> tuple[Sequence[Texture], FloatArray, float
 
 
 def _draw(bands: pd.DataFrame, run: Comparison, form: str, path: Path) -> None:
-    # Here, not above: they load matplotlib, which bands alone do without.
-    from ridgebayes.drawing.predictions import plot_bands
-    from ridgebayes.drawing.style import as_bytes
-
     rows = run.table.frame
-    figure = plot_bands(bands, rows[rows["status"] == "ok"], form)
+    figure = drawing.predictions.plot_bands(bands, rows[rows["status"] == "ok"], form)
     with replacing(path) as partial:
-        partial.write_bytes(as_bytes(figure, path.suffix.lower().removeprefix(".")))
+        partial.write_bytes(drawing.style.as_bytes(figure, path.suffix.lower().removeprefix(".")))
 
 
 def _answer(bands: pd.DataFrame, files: Sequence[Path]) -> Answer:

@@ -150,7 +150,7 @@ class Inputs:
     ) -> Comparison:
         """Compare the forms; chains are kept in a folder as they grow."""
         # No daemon: an import that is cut off when the interpreter ends crashes it.
-        drawing = Thread(target=import_module, args=("ridgebayes.report.figures.gallery",))
+        drawing = Thread(target=import_module, args=("ridgebayes.drawing.predictions",))
 
         def stage(name: str) -> AbstractContextManager[Callable[[float], None]]:
             # From here on this process often waits for workers: time for what figures import.

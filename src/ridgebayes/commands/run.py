@@ -6,7 +6,6 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Optional
 
 import pandas as pd
 
@@ -16,7 +15,7 @@ from ridgebayes.checks.cross_validation import left_out_scores
 from ridgebayes.checks.report_data import ReportData, report_data
 from ridgebayes.commands import BEGAN, options
 from ridgebayes.commands.answers import comparison_answer
-from ridgebayes.commands.pages import begin_figures, command_line, write_pages
+from ridgebayes.commands.pages import command_line, write_pages
 from ridgebayes.commands.parsing import parse_names
 from ridgebayes.commands.request import FitRequest, Inputs
 from ridgebayes.commands.run_files import REFERENCE, write_comparison, write_run_json
@@ -28,13 +27,11 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import Preset
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.noise import Noise
+from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.runtime.memory import watched_memory
 from ridgebayes.runtime.pool import executor_for, n_cpu, submit_or_defer
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.table.datafiles import reference_fe
-
-if TYPE_CHECKING:
-    from ridgebayes.report.figures.gallery import Gallery
 
 EMBEDDED_FE = "finite-element reference rows"
 
@@ -175,7 +172,7 @@ def _typical(inputs: Inputs, reference: Inputs | None, began: float | None) -> d
 
 def _second(
     inputs: Inputs, folder: Path, seed: int, executor: Executor | None, local: Executor | None
-) -> tuple[Comparison, Optional["Gallery"]]:
+) -> tuple[Comparison, Gallery | None]:
     """Make the second comparison and its files; its stages stand in its own run.json."""
     with Progress(0, io.StringIO()) as progress:
         comparison = _thinned(inputs.compare(progress, folder, executor))
@@ -223,7 +220,7 @@ def _write(
     progress: Progress,
     executor: Executor | None,
     drawing: Executor | None,
-) -> Optional["Gallery"]:
+) -> Gallery | None:
     """Write a comparison and its predictions; return its figures, which are begun meanwhile."""
     data, begun = submit_or_defer(executor, _shown, comparison), None
     loads = submit_or_defer(executor, loads_table, comparison)
@@ -233,7 +230,7 @@ def _write(
         write_csv(loads(), folder / "loads.csv")
     with progress.stage("what the report shows"):
         if drawing is not None:  # else it is computed when it is drawn
-            begun = begin_figures(replace(data(), comparison=comparison), drawing)
+            begun = Gallery(replace(data(), comparison=comparison), drawing)
     with progress.stage("files of posteriors"):
         write_comparison(comparison, folder, executor)
     return begun

@@ -25,6 +25,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.evidence.error_models import error_model_weights
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, used_evidence
+from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import Preset
 from ridgebayes.model.forms import FORMS
@@ -79,8 +80,6 @@ def write_fits(comparison: Comparison, folder: Path, executor: Executor | None =
 
 def _write_posterior(task: tuple[Posterior, Path, bool]) -> None:
     posterior, path, complete = task
-    from ridgebayes.inference.netcdf import write_netcdf  # loads xarray
-
     write_netcdf(posterior, path, complete=complete)
 
 
@@ -286,8 +285,6 @@ def _read_fit(
 
 
 def _read_posterior(path: Path, form: str, noise: str) -> Posterior:
-    from ridgebayes.inference.netcdf import read_netcdf  # loads xarray
-
     found = read_netcdf(path)
     if found.form.name != form:
         raise InputError(f"{path}: holds form {found.form.name!r}; expected {form!r}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from ridgebayes import drawing
 from ridgebayes._types import Tabular
 from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.comparison.verdict import Verdict, verdict_of
@@ -118,9 +119,7 @@ class Comparison(Predictive, Tabular):
         matplotlib.axes.Axes
             The axes drawn on.
         """
-        from ridgebayes.drawing import records  # loads matplotlib
-
-        return records.draw_forms(self.to_dataframe(), ax)
+        return drawing.records.draw_forms(self.to_dataframe(), ax)
 
     @property
     def own_evidence(self) -> pd.DataFrame:

@@ -6,6 +6,8 @@ import matplotlib, and never pyplot's state: figures can be drawn on any thread 
 display. Equal input gives equal bytes. Only `records`, behind the ``.plot()`` of records, asks
 pyplot for axes where it is given none.
 
+Modules load on first use, and matplotlib with them: ``from ridgebayes import drawing`` loads none.
+
 Examples
 --------
 >>> import numpy as np
@@ -16,4 +18,36 @@ Examples
 b'PNG'
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 MOST_TEXTURES = 12  # that one figure has panels for; here, where it loads nothing
+_MODULES = (
+    "costs",
+    "coverage",
+    "designs",
+    "forms",
+    "posterior",
+    "predictions",
+    "records",
+    "scenes",
+    "style",
+)
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULES:
+        raise AttributeError(f"module 'ridgebayes.drawing' has no attribute {name!r}")
+    return import_module(f"ridgebayes.drawing.{name}")
+
+
+if TYPE_CHECKING:  # "as": for type checkers that ask what is offered
+    from ridgebayes.drawing import costs as costs
+    from ridgebayes.drawing import coverage as coverage
+    from ridgebayes.drawing import designs as designs
+    from ridgebayes.drawing import forms as forms
+    from ridgebayes.drawing import posterior as posterior
+    from ridgebayes.drawing import predictions as predictions
+    from ridgebayes.drawing import records as records
+    from ridgebayes.drawing import scenes as scenes
+    from ridgebayes.drawing import style as style

@@ -10,7 +10,6 @@ from matplotlib.ticker import MaxNLocator
 
 from ridgebayes.drawing.style import (
     COLOURS,
-    MINUS,
     MOST_LEGEND,
     OBSERVED,
     QUIET,
@@ -27,6 +26,7 @@ from ridgebayes.drawing.style import (
     texture_title,
     title_of,
 )
+from ridgebayes.runtime.text import MINUS
 
 _SUMMED = "summed out"  # not of the printed error model, but of all
 _METHODS = {

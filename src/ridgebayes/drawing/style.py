@@ -29,7 +29,6 @@ _FORMS = {
     "average": ("Average of forms", "#444444", "X"),
 }
 TITLES, COLOURS, MARKERS = ({name: look[i] for name, look in _FORMS.items()} for i in range(3))
-MINUS = "\N{MINUS SIGN}"
 OBSERVED = "#000000"
 QUIET = "#8A8A8A"
 WIDTH = 7.4  # inches: what A4 holds, so that a tick label of 9 pt is printed as such

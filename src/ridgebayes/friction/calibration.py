@@ -24,6 +24,7 @@ from ridgebayes.friction.table import FrictionTable, read_friction_table
 from ridgebayes.friction.terms import PARAMETERS, terms
 from ridgebayes.inference.chains import N_KEPT, Chains, ProgressCallback, SampleSettings
 from ridgebayes.inference.diagnostics import arviz_object, failed_diagnostics, summarise
+from ridgebayes.inference.emcee_sampling import sample
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.netcdf import read_tree, write_tree
 from ridgebayes.results import Fit
@@ -286,9 +287,6 @@ def sampled(
     progress: ProgressCallback | None = None,
 ) -> tuple[Chains, pd.DataFrame, LogEvidence]:
     """Return chains of a density, the parameters' summary and the evidence."""
-    # emcee takes a while to load, and only sampling needs it.
-    from ridgebayes.inference.emcee_sampling import sample
-
     names = density.model.unknown
     chains = sample(
         density.log_density,

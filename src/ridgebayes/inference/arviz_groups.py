@@ -3,9 +3,9 @@
 import os
 from datetime import UTC, datetime
 from importlib.metadata import version
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from ridgebayes._types import FloatArray, __version__
 from ridgebayes.errors import ComputationError, InputError
@@ -16,15 +16,18 @@ from ridgebayes.model.replicated import prior_draws, simulate_log_loads
 from ridgebayes.model.shared_offsets import SmoothOffsets
 from ridgebayes.runtime.randomness import stream
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 N_PREDICTIVE = 500  # draws of the prior, and of what prior and posterior predict
 # Numbers that predictions of all rows may take, and those of the factors of smooth offsets.
 LARGEST_PREDICTIVE, _LARGEST_FACTORS = 4_000_000, 200_000_000
 
 _SAMPLE = ("chain", "draw")
-_Variables = dict[str, tuple[tuple[str, ...], FloatArray]]
+_Variables = dict[str, tuple[tuple[str, ...], np.ndarray]]
 
 
-def all_groups(fit: Posterior) -> dict[str, xr.Dataset]:
+def all_groups(fit: Posterior) -> dict[str, "xr.Dataset"]:
     """Return a fit as the datasets that arviz knows.
 
     Parameters
@@ -40,13 +43,12 @@ def all_groups(fit: Posterior) -> dict[str, xr.Dataset]:
         of log loads of the rows, with shared offsets drawn anew. They are left out where hardly
         any prior draw has a load. Each has the attributes of arviz.
     """
-    groups = groups_of(fit)
-    groups |= {"log_prior": _log_prior(fit), **_predictive(fit)}
+    groups = _variables(fit) | {"log_prior": _log_prior(fit), **_predictive(fit)}
     told = attributes(fit)
     return {name: _labelled(fit, group).assign_attrs(told) for name, group in groups.items()}
 
 
-def groups_of(fit: Posterior) -> dict[str, xr.Dataset]:
+def groups_of(fit: Posterior) -> dict[str, "xr.Dataset"]:
     """Return the thinned posterior as datasets named as arviz names them.
 
     Parameters
@@ -61,46 +63,46 @@ def groups_of(fit: Posterior) -> dict[str, xr.Dataset]:
         constant_data and, unless there are very many rows, log_likelihood. A chain is an
         ensemble; its draws run step by step, walkers side by side.
     """
+    return {name: _labelled(fit, group) for name, group in _variables(fit).items()}
+
+
+def _variables(fit: Posterior) -> dict[str, _Variables]:
     chains, data = fit.kept_chains, fit.model.data
     n_ensemble, n_step, n_walker, n_coordinate = chains.u.shape
     flat = (n_ensemble, n_step * n_walker)
     u, log_density = chains.u.reshape(*flat, n_coordinate), chains.log_density.reshape(flat)
     theta = fit.model.to_theta(u)
-    groups = {
-        "posterior": xr.Dataset(_parameters(fit.model, theta)),
-        "sample_stats": xr.Dataset(
-            {
-                "lp": (_SAMPLE, log_density),
-                # Kept beside the parameters so that a fit read back is the same to the last bit.
-                "u": ((*_SAMPLE, "coordinate"), u),
-                "acceptance_rate": (("chain",), chains.acceptance),
-                "tau": (("quantity",), chains.tau),
-            }
-        ),
-        "observed_data": xr.Dataset({"log_load": (("row",), data.log_load)}),
-        "constant_data": xr.Dataset(
-            {
-                "Q": (("row",), data.Q),
-                "texture_index": (("row",), data.texture),
-                "rel_se": (("row",), data.rel_se),
-                "log_lower": (("row",), data.log_lower),
-                "is_count": (("row",), data.is_count.astype(np.int8)),
-                "a_over_R": (("texture",), data.a_over_R),
-                "b_over_R": (("texture",), data.b_over_R),
-            }
-        ),
+    groups: dict[str, _Variables] = {
+        "posterior": _parameters(fit.model, theta),
+        "sample_stats": {
+            "lp": (_SAMPLE, log_density),
+            # Kept beside the parameters so that a fit read back is the same to the last bit.
+            "u": ((*_SAMPLE, "coordinate"), u),
+            "acceptance_rate": (("chain",), chains.acceptance),
+            "tau": (("quantity",), chains.tau),
+        },
+        "observed_data": {"log_load": (("row",), data.log_load)},
+        "constant_data": {
+            "Q": (("row",), data.Q),
+            "texture_index": (("row",), data.texture),
+            "rel_se": (("row",), data.rel_se),
+            "log_lower": (("row",), data.log_lower),
+            "is_count": (("row",), data.is_count.astype(np.int8)),
+            "a_over_R": (("texture",), data.a_over_R),
+            "b_over_R": (("texture",), data.b_over_R),
+        },
     }
     if data.n_series > 1:
         groups["constant_data"]["series_index"] = (("row",), data.series)
     rows = fit.rows_log_likelihood()
     if rows is not None:
         rows = rows.reshape(*flat, len(data))
-        groups["log_likelihood"] = xr.Dataset({"log_load": ((*_SAMPLE, "row"), rows)})
+        groups["log_likelihood"] = {"log_load": ((*_SAMPLE, "row"), rows)}
         if fit.model.offsets is not None:
             # Rows are scored given the others: their sum is not the likelihood, which this is.
             joint = _joint(fit.model, u, log_density)
             groups["sample_stats"]["log_likelihood_joint"] = (_SAMPLE, joint)
-    return {name: _labelled(fit, group) for name, group in groups.items()}
+    return groups
 
 
 def _joint(model: Model, u: FloatArray, log_density: FloatArray) -> FloatArray:
@@ -121,7 +123,7 @@ def _parameters(model: Model, theta: FloatArray) -> _Variables:
     return {"K": ((*_SAMPLE, "texture"), theta[..., :k]), **noise}
 
 
-def _log_prior(fit: Posterior) -> xr.Dataset:
+def _log_prior(fit: Posterior) -> _Variables:
     """Return the log prior density of each parameter at the draws."""
     model = fit.model
     found: dict[str, FloatArray] = {}
@@ -130,10 +132,10 @@ def _log_prior(fit: Posterior) -> xr.Dataset:
         is_K = isinstance(model.form, PowerLaw) and i < model.n_coefficient
         key, value = "K" if is_K else name, prior.log_pdf(theta[..., i])
         found[key] = found[key] + value if key in found else value
-    return xr.Dataset({name: (_SAMPLE, value) for name, value in found.items()})
+    return {name: (_SAMPLE, value) for name, value in found.items()}
 
 
-def _predictive(fit: Posterior) -> dict[str, xr.Dataset]:
+def _predictive(fit: Posterior) -> dict[str, _Variables]:
     """Return prior, prior_predictive and posterior_predictive, as far as they take little."""
     model, rng = fit.model, stream(fit.seed, "predictive")
     n_level = model.offsets.n_level if isinstance(model.offsets, SmoothOffsets) else 0
@@ -143,19 +145,22 @@ def _predictive(fit: Posterior) -> dict[str, xr.Dataset]:
         prior = prior_draws(model, rng, N_PREDICTIVE)[None]
     except ComputationError:
         return {}
-    groups = {"prior": xr.Dataset(_parameters(model, prior))}
+    groups = {"prior": _parameters(model, prior)}
     if N_PREDICTIVE * len(model.data) <= LARGEST_PREDICTIVE:
         n_chain, n_walk = len(fit.chains.u), len(fit.draws) // len(fit.chains.u)
         draw = np.linspace(0, n_walk - 1, min(N_PREDICTIVE // n_chain, n_walk)).astype(np.int64)
         posterior = fit.draws.reshape(n_chain, n_walk, -1)[:, draw]
         for name, theta in (("prior", prior), ("posterior", posterior)):
             loads = simulate_log_loads(model, theta, rng)[0]
-            groups[f"{name}_predictive"] = xr.Dataset({"log_load": ((*_SAMPLE, "row"), loads)})
-        groups["posterior_predictive"] = groups["posterior_predictive"].assign_coords(draw=draw)
+            groups[f"{name}_predictive"] = {"log_load": ((*_SAMPLE, "row"), loads)}
+        groups["posterior_predictive"]["draw"] = (("draw",), draw)
     return groups
 
 
-def _labelled(fit: Posterior, group: xr.Dataset) -> xr.Dataset:
+def _labelled(fit: Posterior, variables: _Variables) -> "xr.Dataset":
+    import xarray as xr  # loads slowly
+
+    group = xr.Dataset(variables)
     labels = {"texture": list(fit.model.data.labels), "row": np.arange(len(fit.model.data))}
     labels |= {name: np.arange(group.sizes[name]) for name in _SAMPLE if name in group.dims}
     return group.assign_coords(

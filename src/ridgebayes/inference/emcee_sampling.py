@@ -1,6 +1,6 @@
 """Sampling with emcee: independent ensembles, whitened coordinates, the rule that stops them.
 
-This is the only module that imports emcee; it is loaded when something is sampled.
+This is the only module that imports emcee, when something is sampled.
 """
 
 import math
@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-import emcee
 import numpy as np
 
 from ridgebayes._types import FloatArray
@@ -22,55 +21,47 @@ from ridgebayes.inference.moves import MOVES, Independence, Weighted, adapted
 from ridgebayes.runtime.randomness import stream
 
 
-class Ensemble(emcee.EnsembleSampler):  # type: ignore[misc]  # emcee has no types
-    """An ensemble that moves by an independence proposal and by differential evolution.
+def _ensemble(
+    log_density: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    n_walker: int,
+    n_coordinate: int,
+    proposal: Independence,
+    moves: str,
+) -> Any:
+    """Return emcee's ensemble, moving by the three kinds in the shares of `MOVES[moves]`.
 
-    emcee takes the densities of a vectorised function one walker at a time, in Python; here they
-    stay an array.
-
-    Parameters
-    ----------
-    log_density : callable
-        (n, n_coordinate) to (n,), the log density, not NaN; and to (n, m), what is to be kept of
-        each step as its blobs.
-    n_walker, n_coordinate : int
-        Walkers and dimensions.
-    proposal : Independence
-        Fitted proposal.
-    moves : str, optional
-        One of `ridgebayes.inference.moves.MOVES`, which holds the shares of the three kinds.
+    What `log_density` returns beside the densities is kept of each step as its blobs.
     """
+    import emcee  # loads scipy.stats
 
-    def __init__(
-        self,
-        log_density: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
-        n_walker: int,
-        n_coordinate: int,
-        proposal: Independence,
-        moves: str = "mixture",
-    ) -> None:
-        kinds = (emcee.moves.MHMove(proposal), emcee.moves.DEMove(), emcee.moves.StretchMove())
-        shares = [one for one in zip(kinds, MOVES[moves], strict=True) if one[1] > 0]
-        super().__init__(n_walker, n_coordinate, log_density, vectorize=True, moves=shares)
-        self.log_prob_fn = log_density  # emcee's own wrapper prints a traceback on Ctrl-C
-
-    def compute_log_prob(self, coords: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the log densities at `coords`, shape (n,), and their blobs."""
-        if not np.isfinite(coords).all():
+    def compute_log_prob(z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what emcee's own does, which takes densities one walker at a time, in Python."""
+        if not np.isfinite(z).all():
             raise ValueError("a walker's coordinate is not finite")
-        log_density, kept = self.log_prob_fn(coords)
-        if np.isnan(log_density).any():
+        value, kept = log_density(z)
+        if np.isnan(value).any():
             raise ValueError("the log density is NaN")
-        return log_density, kept
+        return value, kept
+
+    kinds = (emcee.moves.MHMove(proposal), emcee.moves.DEMove(), emcee.moves.StretchMove())
+    shares = [one for one in zip(kinds, MOVES[moves], strict=True) if one[1] > 0]
+    ensemble = emcee.EnsembleSampler(
+        n_walker, n_coordinate, log_density, vectorize=True, moves=shares
+    )
+    ensemble.compute_log_prob = compute_log_prob
+    ensemble.log_prob_fn = log_density  # emcee's own wrapper prints a traceback on Ctrl-C
+    return ensemble
 
 
-def state_at(
+def _state_at(
     z: FloatArray,
     random_state: Any,
     log_density: FloatArray | None = None,
     kept: FloatArray | None = None,
-) -> emcee.State:
+) -> Any:
     """Return walkers at `z`, (n_walker, n_coordinate), with the state of a `RandomState`."""
+    import emcee
+
     # emcee takes the state of a RandomState; such an object it would silently ignore.
     return emcee.State(z, log_prob=log_density, blobs=kept, random_state=random_state)
 
@@ -135,7 +126,7 @@ def sample(
     if walk is None:
         walk = _burnt_in(in_z, n_walker, n_coordinate, laplace.n_curved, seed, settings)
     samplers = [
-        Ensemble(in_z, n_walker, n_coordinate, Independence(*proposal), settings.moves)
+        _ensemble(in_z, n_walker, n_coordinate, Independence(*proposal), settings.moves)
         for proposal in zip(walk.weights, walk.centres, walk.factors, walk.rest, strict=True)
     ]
     while True:
@@ -175,8 +166,8 @@ def _burnt_in(
         n = max(1_000, 3 * n_walker // 2)  # walkers start from different ones of them
         proposal, draws = adapted(lambda z: in_z(z)[0], n_curved, rest, rng, n_round=4, n=n)
         z = _start(draws, rng, n_walker)
-        start = state_at(z, np.random.RandomState(rng.integers(2**32)).get_state())
-        sampler = Ensemble(in_z, n_walker, n_coordinate, proposal, settings.moves)
+        start = _state_at(z, np.random.RandomState(rng.integers(2**32)).get_state())
+        sampler = _ensemble(in_z, n_walker, n_coordinate, proposal, settings.moves)
         states.append(sampler.run_mcmc(start, settings.n_burn))
         proposals.append(proposal)
     return Walk(
@@ -194,7 +185,7 @@ def _burnt_in(
     )
 
 
-def _walked_on(walk: Walk, samplers: Sequence[Ensemble], n_step: int, tau: FloatArray) -> Walk:
+def _walked_on(walk: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray) -> Walk:
     """Let every ensemble take `n_step` more steps from where it is."""
     ends = []
     for i, sampler in enumerate(samplers):
@@ -203,7 +194,7 @@ def _walked_on(walk: Walk, samplers: Sequence[Ensemble], n_step: int, tau: Float
         if walk.n_step:
             last = np.column_stack([walk.u[i, -1], walk.log_density[i, -1]])
             known = walk.last_log_density[i], last
-        here = state_at(walk.coordinates[i], walk.random_states[i], *known)
+        here = _state_at(walk.coordinates[i], walk.random_states[i], *known)
         ends.append(sampler.run_mcmc(here, n_step))
     kept = np.stack([sampler.get_blobs() for sampler in samplers])
     accepted = np.array([sampler.backend.accepted.sum() for sampler in samplers])

@@ -6,11 +6,10 @@ import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
 from ridgebayes._types import __version__
 from ridgebayes.distributions.grammar import priors_from_json, priors_to_json
@@ -27,12 +26,17 @@ from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import one_line_message
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 _SMALL = 1_000  # bytes that are not worth packing
 Read = TypeVar("Read")
 
 
 def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool = True) -> None:
     """Write a fit, whole or not at all; unless complete, without what is only for arviz."""
+    import xarray as xr  # loads slowly
+
     groups = all_groups(fit) if complete else groups_of(fit)
     tree = xr.DataTree.from_dict(dict(groups))
     tree.attrs = {
@@ -55,7 +59,7 @@ def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool
     write_tree(tree, path)
 
 
-def write_tree(tree: xr.DataTree, path: str | os.PathLike[str]) -> None:
+def write_tree(tree: "xr.DataTree", path: str | os.PathLike[str]) -> None:
     """Write groups of draws, packed, whole or not at all."""
     # By h5netcdf itself: xarray would load dask and what comes with it, if that is installed.
     import h5netcdf
@@ -69,7 +73,7 @@ def write_tree(tree: xr.DataTree, path: str | os.PathLike[str]) -> None:
         partial.write_bytes(content.getbuffer())
 
 
-def _write_group(group: Any, values: xr.Dataset) -> None:
+def _write_group(group: Any, values: "xr.Dataset") -> None:
     import h5py
 
     group.dimensions = dict(values.sizes)
@@ -89,7 +93,7 @@ def read_netcdf(path: str | os.PathLike[str]) -> Posterior:
     return read_tree(path, _fit_of)
 
 
-def read_tree(path: str | os.PathLike[str], fit_of: Callable[[xr.DataTree], Read]) -> Read:
+def read_tree(path: str | os.PathLike[str], fit_of: Callable[["xr.DataTree"], Read]) -> Read:
     """Read what `write_tree` wrote, and return what `fit_of` makes of it.
 
     Raises
@@ -99,6 +103,7 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[[xr.DataTree], Read
         it leads out of it, or would take more memory than a posterior does.
     """
     import h5py
+    import xarray as xr
 
     if not Path(path).is_file():
         raise InputError(f"{path}: no such file; expected a posterior written by ridgebayes")
@@ -125,7 +130,7 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[[xr.DataTree], Read
         ) from None
 
 
-def _fit_of(tree: xr.DataTree) -> Posterior:
+def _fit_of(tree: "xr.DataTree") -> Posterior:
     """Return the fit in a file; an error of any kind if there is none."""
     constant, observed = tree["constant_data"], tree["observed_data"]
     data = Observations(

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings, walkers_for
 from ridgebayes.inference.checkpoint import Checkpoint
+from ridgebayes.inference.emcee_sampling import sample
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
 from ridgebayes.inference.posterior import Posterior, drawn_exactly, posterior_of
@@ -67,9 +68,6 @@ def sample_posterior(
     if settings.n_walker is None:
         n_walker = walkers_for(len(model.data.textures), model.is_iid_gaussian)
         settings = replace(settings, n_walker=n_walker)
-    # emcee takes a while to load, and only sampling needs it.
-    from ridgebayes.inference.emcee_sampling import sample
-
     chains = sample(
         model.log_density,
         laplace,

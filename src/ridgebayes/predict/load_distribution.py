@@ -3,12 +3,12 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from itertools import compress
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ridgebayes import drawing
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import common_shape, numbers
@@ -281,14 +281,12 @@ class LoadDistribution(Predicted):
         place, highest = self._place.ravel()[which], self._highest.ravel()[which]
         return self.of(self._draws, place, flags, highest, self._flat_places(which))
 
-    def _drawn(self, records: ModuleType, ax: "Axes | None") -> "Axes":
+    def _drawn(self, ax: "Axes | None") -> "Axes":
         if not self.shape or "Q" not in self._places:
             one = self._some(self._numbers.ravel()[:1])
             p = np.linspace(float(one.quantile(1e-3)[0]), float(one.quantile(0.999)[0]), 200)
-            drawn: Axes = records.draw_distribution(p, one.cdf(p), ax)
-        else:
-            drawn = records.draw_loads(self.to_dataframe(), ax)
-        return drawn
+            return drawing.records.draw_distribution(p, one.cdf(p), ax)
+        return drawing.records.draw_loads(self.to_dataframe(), ax)
 
     @cached_property
     def _median(self) -> FloatArray:

@@ -3,7 +3,6 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from math import prod
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,7 +50,7 @@ class Predicted(Tabular):
         """Return the distributions of these numbers, in the order of the flat array."""
 
     @abstractmethod
-    def _drawn(self, records: ModuleType, ax: "Axes | None") -> "Axes":
+    def _drawn(self, ax: "Axes | None") -> "Axes":
         """Draw by a function of `drawing.records`."""
 
     def quantile(self, prob: ArrayLike) -> np.ndarray:
@@ -167,9 +166,7 @@ class Predicted(Tabular):
         matplotlib.axes.Axes
             The axes drawn on.
         """
-        from ridgebayes.drawing import records  # loads matplotlib
-
-        return self._drawn(records, ax)
+        return self._drawn(ax)
 
     def _first_rows(self, n: int) -> pd.DataFrame:
         return self._some(self._numbers.ravel()[:n]).to_dataframe()

@@ -3,12 +3,12 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ridgebayes import drawing
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import common_shape, numbers
@@ -243,13 +243,11 @@ class QDistribution(Predicted):
         of_some = (survival, flags.ravel()[which], self.q_calibrated_max, self.kind)
         return QDistribution(*of_some, self.error, places)
 
-    def _drawn(self, records: ModuleType, ax: "Axes | None") -> "Axes":
+    def _drawn(self, ax: "Axes | None") -> "Axes":
         if not self.shape or "p_over_E" not in self.places:
             one = self._some(self._numbers.ravel()[:1])
-            drawn: Axes = records.draw_probabilities(one.q, np.asarray(one.pmf)[0], ax)
-        else:
-            drawn = records.draw_bands(self.to_dataframe(), ax)
-        return drawn
+            return drawing.records.draw_probabilities(one.q, np.asarray(one.pmf)[0], ax)
+        return drawing.records.draw_bands(self.to_dataframe(), ax)
 
 
 def mix_q(parts: Iterable[QDistribution], weights: Sequence[float]) -> QDistribution:

@@ -2,8 +2,7 @@
 
 import base64
 
-from ridgebayes.drawing.designs import plot_designs
-from ridgebayes.drawing.style import as_bytes
+from ridgebayes import drawing
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.record import Design
 
@@ -11,8 +10,8 @@ from ridgebayes.texture_design.record import Design
 def drawn_design(found: Design, kind: str) -> bytes:
     """Return the map of a design as a file, ``png`` or ``svg``."""
     best = (found.best["a_over_R"], found.best["b_over_R"])
-    figure = plot_designs(found.designs, best, found.shown, is_met=found.feasible)
-    return as_bytes(figure, kind)
+    figure = drawing.designs.plot_designs(found.designs, best, found.shown, is_met=found.feasible)
+    return drawing.style.as_bytes(figure, kind)
 
 
 def design_page(found: Design, png: bytes, body: Body) -> str:

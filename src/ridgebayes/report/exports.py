@@ -16,9 +16,8 @@ import csv
 import io
 from urllib.parse import quote
 
-from ridgebayes.drawing.style import MINUS
 from ridgebayes.report.blocks import Table
-from ridgebayes.runtime.text import visible
+from ridgebayes.runtime.text import MINUS, visible
 
 _LATEX = str.maketrans(
     {

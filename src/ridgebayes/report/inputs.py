@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ridgebayes import drawing
 from ridgebayes.checks.report_data import ReportData
-from ridgebayes.drawing.style import rows_by_texture
 from ridgebayes.report.blocks import Block, Table, Text
 from ridgebayes.report.wording import form_name, number
 from ridgebayes.runtime.text import count
@@ -56,7 +56,7 @@ def data_section(data: ReportData) -> list[Block]:
         listed = "; ".join(f"{count(n, 'row')}: {status}" for status, n in statuses.items())
         blocks.append(Text(f"Left out because their status is not ok: {listed}.", "warning"))
     frame = table.frame
-    textures = rows_by_texture(frame[frame["status"] == "ok"])
+    textures = drawing.style.rows_by_texture(frame[frame["status"] == "ok"])
     rows = [
         [
             str(part["texture"].iloc[0]),

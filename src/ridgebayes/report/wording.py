@@ -5,7 +5,7 @@ import math
 import re
 from collections.abc import Sequence
 
-from ridgebayes.drawing.style import TITLES
+from ridgebayes import drawing
 
 ABSENT = "–"
 _STRUCTURES = {
@@ -36,7 +36,7 @@ def form_name(name: str) -> str:
     >>> form_name("power-law")
     'Power law'
     """
-    return TITLES.get(name, name)
+    return drawing.style.TITLES.get(name, name)
 
 
 def parameter_name(name: str) -> str:
@@ -97,7 +97,7 @@ def reading_text(reading: str) -> str:
     'strong for Power law (Kass & Raftery)'
     """
     words = f"{reading.partition(';')[0]} "
-    for name, title in TITLES.items():
+    for name, title in drawing.style.TITLES.items():
         words = words.replace(f" for {name} ", f" for {title} ")
     return words.strip()
 

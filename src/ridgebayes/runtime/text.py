@@ -5,6 +5,7 @@ import re
 import signal
 import unicodedata
 
+MINUS = "\N{MINUS SIGN}"
 _LONGEST_VALUE = 200  # characters of a value of a file
 _UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # controls, such as those of writing right to left
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from ridgebayes import drawing
 from ridgebayes._types import Tabular
 from ridgebayes.contact import two_scale
 from ridgebayes.contact.rigid_profile import Profile
@@ -103,10 +104,8 @@ class Plan(Tabular):
         matplotlib.axes.Axes
             The axes drawn on.
         """
-        from ridgebayes.drawing import records  # loads matplotlib
-
         relative = None if self.relative == DEFAULT_RELATIVE else self.relative
-        return records.draw_plan(self.to_dataframe(), relative, ax)
+        return drawing.records.draw_plan(self.to_dataframe(), relative, ax)
 
     @property
     def simulated(self) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from ridgebayes import drawing
 from ridgebayes._types import Tabular
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import count
@@ -143,22 +144,17 @@ class ContactTable(Tabular):
         matplotlib.axes.Axes
             The axes drawn on.
         """
-        from ridgebayes.drawing import (
-            MOST_TEXTURES,
-            records,  # loads matplotlib
-        )
-
         ok = self._frame[self._ok]
         if ok.empty:
             raise InputError(f"{self.where}: expected a row with status ok to draw, got none")
         varying = [name for name in CURVE[2:] if len(ok[name].unique()) > 1]
         by_curve, curves = ok.groupby(list(CURVE), sort=False, dropna=False), {}
-        for _, rows in islice(by_curve, MOST_TEXTURES):
+        for _, rows in islice(by_curve, drawing.MOST_TEXTURES):
             rise = rows.sort_values("p_over_E")
             told = [f"{name} {rise[name].iloc[0]}" for name in varying]
             label = ", ".join([str(rise["texture"].iloc[0]), *told])
             curves[label] = (rise["p_over_E"].to_numpy(), rise["Q"].to_numpy())
-        return records.draw_curves(curves, by_curve.ngroups, ax)
+        return drawing.records.draw_curves(curves, by_curve.ngroups, ax)
 
     def column(self, name: str) -> np.ndarray:
         """Return one column without a copy, which is cheaper than `frame`.

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from ridgebayes import drawing
 from ridgebayes._types import Json, Tabular
 from ridgebayes.texture_design.goals import Goal
 
@@ -159,11 +160,9 @@ class Design(Tabular):
         matplotlib.axes.Axes
             The axes drawn on. The bold line bounds what is feasible; grey is extrapolation.
         """
-        from ridgebayes.drawing import designs, records  # loads matplotlib
-
         best = (self.best["a_over_R"], self.best["b_over_R"])
-        axes = records.axes_or_new(ax)
-        designs.draw_designs(axes, self.designs, best, self.shown, is_met=self.feasible)
+        axes = drawing.records.axes_or_new(ax)
+        drawing.designs.draw_designs(axes, self.designs, best, self.shown, is_met=self.feasible)
         return axes
 
 

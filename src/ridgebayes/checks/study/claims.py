@@ -23,6 +23,7 @@ from ridgebayes.contact.hertz import half_width
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.model.forms import Classic, Form, Hybrid, Modified
 from ridgebayes.runtime.reading import read_toml
+from ridgebayes.runtime.text import MINUS
 from ridgebayes.table.table import ContactTable
 
 FORMS = (Classic(), Modified(), Hybrid())  # that have printed coefficients
@@ -258,7 +259,7 @@ def _ranges(form: Form, comparison: Comparison, texture: Texture, counts: IntArr
 
 
 def _signed(x: float) -> str:
-    return f"{x:+.1f}".replace("-", "\N{MINUS SIGN}")
+    return f"{x:+.1f}".replace("-", MINUS)
 
 
 def load_error(

@@ -5,28 +5,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
+from ridgebayes import drawing
 from ridgebayes._types import FloatArray
 from ridgebayes.checks.predictive_checks import QUANTITIES, PredictiveChecks
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.checks.study import Study
 from ridgebayes.comparison.bands import AVERAGE
 from ridgebayes.contact.scaling import Texture
-from ridgebayes.drawing.coverage import plot_coverage
-from ridgebayes.drawing.forms import (
-    plot_bayes_factors,
-    plot_percent_errors,
-    plot_prior_sensitivity,
-    plot_slopes,
-    plot_smooth_cylinder,
-)
-from ridgebayes.drawing.posterior import plot_corner, plot_posterior_checks, plot_traces
-from ridgebayes.drawing.predictions import plot_bands, plot_held_out, plot_prior_bands
-from ridgebayes.drawing.style import as_bytes
 from ridgebayes.errors import InputError
 from ridgebayes.model.observations import Observations
 from ridgebayes.results import Fit
@@ -34,12 +24,15 @@ from ridgebayes.runtime.atomic import cannot_write, replacing
 from ridgebayes.runtime.pool import submit_or_defer
 from ridgebayes.runtime.progress import tell_count
 
+if TYPE_CHECKING:  # heavy
+    from matplotlib.figure import Figure
+
 KINDS = ("png", "svg")
 WALK = "emcee"  # the sampler whose draws leave a trace
 MOST_PARAMETERS = 6  # a corner plot of more cannot be read, and traces fill pages
 
 
-class Gallery(Mapping[str, Figure]):
+class Gallery(Mapping[str, "Figure"]):
     """Every figure of a report by name, drawn once: by workers, or when it is first asked for.
 
     Parameters
@@ -61,7 +54,7 @@ class Gallery(Mapping[str, Figure]):
             for name, recipe in self._recipes.items():
                 self._coming[name] = submit_or_defer(executor, _files, recipe)
 
-    def __getitem__(self, name: str) -> Figure:
+    def __getitem__(self, name: str) -> "Figure":
         if name not in self._figures:
             self._figures[name] = self._recipes[name]()
         return self._figures[name]
@@ -81,7 +74,7 @@ class Gallery(Mapping[str, Figure]):
             drawn = self._coming.pop(name)()
             self._files |= {(name, kind): file for kind, file in zip(KINDS, drawn, strict=True)}
         if (name, kind) not in self._files:
-            self._files[name, kind] = as_bytes(self[name], kind)
+            self._files[name, kind] = drawing.style.as_bytes(self[name], kind)
         return self._files[name, kind]
 
     def save(self, folder: str | os.PathLike[str]) -> tuple[str, ...]:
@@ -119,12 +112,12 @@ class Gallery(Mapping[str, Figure]):
         return tuple(f"{name}.{kind}" for name in self for kind in KINDS)
 
 
-def _files(recipe: Callable[[], Figure]) -> list[bytes]:
+def _files(recipe: Callable[[], "Figure"]) -> list[bytes]:
     figure = recipe()
-    return [as_bytes(figure, kind) for kind in KINDS]
+    return [drawing.style.as_bytes(figure, kind) for kind in KINDS]
 
 
-def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
+def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     """Return how to draw each figure that applies.
 
     Parameters
@@ -146,9 +139,13 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
     comparison, shown, is_study = data.comparison, data.shown, data.study is not None
     found: dict[str, Callable[[], Figure]] = {}
     if len(data.factors):
-        found["evidence"] = partial(plot_bayes_factors, data.factors, shown, comparison.noise.name)
+        found["evidence"] = partial(
+            drawing.forms.plot_bayes_factors, data.factors, shown, comparison.noise.name
+        )
     if len(data.sensitivity) and data.preset.extras:
-        found["prior-sensitivity"] = partial(plot_prior_sensitivity, data.sensitivity, shown)
+        found["prior-sensitivity"] = partial(
+            drawing.forms.plot_prior_sensitivity, data.sensitivity, shown
+        )
     found |= _bands(data)
     held_out = data.held_out
     if len(held_out):
@@ -157,25 +154,29 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], Figure]]:
         if len(comparison.fits) == 1:
             held_out = held_out[held_out["form"] != AVERAGE]
     if len(held_out):
-        found["held-out"] = partial(plot_held_out, held_out)
+        found["held-out"] = partial(drawing.predictions.plot_held_out, held_out)
     if len(data.percent_errors) and data.preset.extras:
         errors = data.percent_errors
         if not is_study:  # the published coefficients are those of another table
             errors = errors[errors["coefficients"] == "calibrated"]
-        found["percent-error"] = partial(plot_percent_errors, errors)
+        found["percent-error"] = partial(drawing.forms.plot_percent_errors, errors)
     return found | _extras(data) if data.preset.extras else found
 
 
-def _bands(data: ReportData) -> dict[str, Callable[[], Figure]]:
+def _bands(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     """Return how to draw Q against load: of few textures first; of all unless in a hurry."""
     rows, shown = data.transitions, data.shown
     n_texture = len(data.comparison.table.textures)
     found: dict[str, Callable[[], Figure]] = {}
     if n_texture > len(data.textures) > 0:
         first = _of(data.bands, data.textures)
-        found["bands-first"] = partial(plot_bands, first, rows, shown, untitled=True)
+        found["bands-first"] = partial(
+            drawing.predictions.plot_bands, first, rows, shown, untitled=True
+        )
     if data.preset.extras or not found:
-        found["bands"] = partial(plot_bands, data.bands, rows, shown, n_texture=n_texture)
+        found["bands"] = partial(
+            drawing.predictions.plot_bands, data.bands, rows, shown, n_texture=n_texture
+        )
     return found
 
 
@@ -185,23 +186,27 @@ def _of(bands: pd.DataFrame, textures: Sequence[Texture]) -> pd.DataFrame:
     return bands[pairs.isin(list(textures))]
 
 
-def _extras(data: ReportData) -> dict[str, Callable[[], Figure]]:
+def _extras(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     """Return how to draw what a quick run leaves out."""
     found: dict[str, Callable[[], Figure]] = {}
     coverage = data.comparison.coverage
     if len(data.slopes):
         closed = data.slopes[data.slopes["form"] != "classic"]
-        found["slopes"] = partial(plot_slopes, closed)
+        found["slopes"] = partial(drawing.forms.plot_slopes, closed)
     if data.study is not None:
-        found["smooth-cylinder"] = partial(plot_smooth_cylinder, _curves(data.study))
+        found["smooth-cylinder"] = partial(drawing.forms.plot_smooth_cylinder, _curves(data.study))
     if len(coverage):
-        found["coverage"] = partial(plot_coverage, coverage)
+        found["coverage"] = partial(drawing.coverage.plot_coverage, coverage)
     if data.checks is not None:
         quantities = quantities_of(data.checks)
-        found["posterior-checks"] = partial(plot_posterior_checks, data.shown, quantities)
+        found["posterior-checks"] = partial(
+            drawing.posterior.plot_posterior_checks, data.shown, quantities
+        )
     if len(data.prior_bands):
         rows = exact_rows(data.fit.model.data)
-        found["prior-bands"] = partial(plot_prior_bands, data.prior_bands, rows, data.shown)
+        found["prior-bands"] = partial(
+            drawing.predictions.plot_prior_bands, data.prior_bands, rows, data.shown
+        )
     for name in data.ranked:
         fit, is_study = data.comparison.fits[name], data.study is not None
         found[f"corner-{name}"] = partial(corner_of, fit, published=is_study)
@@ -231,7 +236,7 @@ def exact_rows(rows: Observations) -> pd.DataFrame:
     return pd.DataFrame(columns)[rows.is_exact]
 
 
-def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS, published: bool = False) -> Figure:
+def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS, published: bool = False) -> "Figure":
     """Draw all marginals of a fit; its thinned draws, so that one read from a file looks the same.
 
     Parameters
@@ -251,16 +256,20 @@ def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS, published: bool = False)
     printed = dict(zip(names, (published and fit.form.printed) or (), strict=False))
     draws = fit.draws[:, shown]
     chosen = [names[i] for i in shown]
-    return plot_corner(fit.form.name, chosen, draws, printed, n_parameter=len(names))
+    return drawing.posterior.plot_corner(
+        fit.form.name, chosen, draws, printed, n_parameter=len(names)
+    )
 
 
-def traces_of(fit: Fit) -> Figure:
+def traces_of(fit: Fit) -> "Figure":
     """Draw the thinned steps of each ensemble of a fit."""
     shown, n_ensemble = shown_parameters(fit), len(fit.chains.u)
     n_walker = fit.chains.u.shape[2]
     n_parameter = fit.model.n_parameter
     theta = fit.draws.reshape(n_ensemble, -1, n_walker, n_parameter)[..., shown]
-    return plot_traces(fit.form.name, fit.summary.iloc[shown], theta, n_parameter=n_parameter)
+    return drawing.posterior.plot_traces(
+        fit.form.name, fit.summary.iloc[shown], theta, n_parameter=n_parameter
+    )
 
 
 def shown_parameters(fit: Fit, most: int = MOST_PARAMETERS) -> list[int]:
