@@ -13,8 +13,6 @@ import ridgebayes as rb
 from ridgebayes.comparison.compare import DEFAULT_FORMS
 from ridgebayes.evidence import power_law_evidence, quadrature_evidence
 from ridgebayes.evidence.error_models import (
-    AUTO,
-    error_models_for,
     printed_error_model,
     weigh_error_models,
 )
@@ -23,6 +21,7 @@ from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.model import Model
+from ridgebayes.model.noise import AUTO, error_models_for
 from ridgebayes.model.observations import Observations
 
 ROOT = Path(__file__).parents[1]
@@ -75,7 +74,7 @@ def test_files_named__exist():
 # The default run's evidences, with error models summed out, by fewer draws than its own.
 def test_table__is_that_of_the_default_run(paper):
     data = Observations.from_table(paper)
-    noises = error_models_for(AUTO, data)
+    noises = error_models_for(AUTO, data.n_series)
     weighed = weigh_error_models(data, DEFAULT_FORMS, noises, accuracy=QUICK)
     printed = printed_error_model(weighed.evidence)
     assert printed.name == "step-smooth"

@@ -15,11 +15,8 @@ from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.distributions.grammar import priors_to_json
 from ridgebayes.errors import InputError
 from ridgebayes.evidence.error_models import (
-    AUTO,
     error_model_weights,
-    error_models_for,
     printed_error_model,
-    priors_of,
     weigh_error_models,
 )
 from ridgebayes.inference.arviz_groups import all_groups
@@ -32,9 +29,9 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.sampling import sample_posterior
 from ridgebayes.model.forms import FORMS, Form, as_form
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
+from ridgebayes.model.noise import AUTO, Noise, error_models_for
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.model.prior_files import OF_ERRORS, Priors, resolve_priors
+from ridgebayes.model.prior_files import OF_ERRORS, Priors, priors_of, resolve_priors
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.predict import Predictive
 from ridgebayes.runtime.randomness import seed_of
@@ -320,7 +317,7 @@ def calibrate(
     table, form = read_table(table), as_form(form)
     refuse_circular(table, form)
     data, seed, given = Observations.from_table(table), seed_of(rng), dict(priors or {})
-    noises = error_models_for(noise, data)
+    noises = error_models_for(noise, data.n_series)
     of_noise = {name for each in noises for name in each.parameter_names}
     split: Priors = {
         form.name: {name: one for name, one in given.items() if name not in of_noise},

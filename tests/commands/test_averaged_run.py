@@ -63,7 +63,7 @@ def led_by(name, monkeypatch, others):
     if noise.tail != "normal":
         return name
     weighed = [Noise.named(one) for one in dict.fromkeys([name, *others])]
-    monkeypatch.setattr(f"{COMPARE}.error_models_for", lambda noise, data: weighed)
+    monkeypatch.setattr(f"{COMPARE}.error_models_for", lambda noise, n_series: weighed)
     monkeypatch.setattr(f"{COMPARE}.weigh_error_models", ahead(name))
     return "auto"
 

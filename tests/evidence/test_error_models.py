@@ -12,18 +12,16 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
 from ridgebayes.evidence.error_models import (
     AS_GOOD,
-    AUTO,
     error_model_weights,
-    error_models_for,
     mean_evidence,
     printed_error_model,
-    priors_of,
     weigh_error_models,
 )
 from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.presets import QUICK, STANDARD
-from ridgebayes.model.noise import Noise
+from ridgebayes.model.noise import AUTO, Noise, error_models_for
 from ridgebayes.model.observations import Observations
+from ridgebayes.model.prior_files import priors_of, resolve_priors
 
 TAU = 0.06  # of planted offsets; a row's own error is 0.01
 
@@ -70,7 +68,7 @@ def weighed():
     def weigh(structure):
         if structure not in found:
             data = observations(structure)
-            noises = error_models_for(AUTO, data)
+            noises = error_models_for(AUTO, data.n_series)
             found[structure] = weigh_error_models(data, [rb.Modified()], noises, seed=3)
         return found[structure]
 
@@ -171,7 +169,7 @@ def test_student__without_its_twin_is_not_left():
 def test_exact_draws__are_averaged_over_like_any_others(monkeypatch):
     monkeypatch.setattr("ridgebayes.inference.posterior.N_TEXTURE_WALKED", 3)
     noises = [Noise(), Noise("step")]
-    monkeypatch.setattr("ridgebayes.results.error_models_for", lambda noise, data: noises)
+    monkeypatch.setattr("ridgebayes.results.error_models_for", lambda noise, n_series: noises)
     found = weigh_error_models(observations("iid"), [rb.PowerLaw()], noises, seed=3)
     drawn = found.posteriors("power-law")
     assert {name: one.sampler for name, one in drawn.items()} == {
@@ -232,7 +230,7 @@ def test_printed__of_rows_without_misfit_says_why_there_is_none():
 
 
 def test_candidates__of_a_table_of_two_series_are_twenty():
-    one, two = (error_models_for(AUTO, observations("iid", n_series=n)) for n in (1, 2))
+    one, two = (error_models_for(AUTO, n) for n in (1, 2))
     assert (len(one), len(two)) == (10, 20)
     assert {noise.name for noise in two} - {noise.name for noise in one} == {
         "series",
@@ -243,8 +241,8 @@ def test_candidates__of_a_table_of_two_series_are_twenty():
             for tail in ("", ":student")
         ),
     }
-    assert error_models_for("texture", observations("iid")) == [Noise("texture")]
-    assert error_models_for(Noise("step"), observations("iid")) == [Noise("step")]
+    assert error_models_for("texture", 1) == [Noise("texture")]
+    assert error_models_for(Noise("step"), 1) == [Noise("step")]
 
 
 def test_priors_of__are_the_forms_own_and_what_its_error_model_has():
@@ -288,8 +286,8 @@ def test_priors__move_the_evidences_of_those_that_have_them():
 )
 def test_priors__of_what_nothing_has_are_refused(priors, message):
     with pytest.raises(InputError, match=message):
-        weigh_error_models(
-            observations("iid"), [rb.Modified(), rb.Hybrid()], [Noise("texture")], priors=priors
+        resolve_priors(
+            priors, [rb.Modified(), rb.Hybrid()], [Noise("texture")], observations("iid")
         )
 
 

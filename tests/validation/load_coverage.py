@@ -25,14 +25,12 @@ from scipy.stats import qmc
 
 import ridgebayes as rb
 from ridgebayes.evidence.error_models import (
-    AUTO,
     error_model_weights,
-    error_models_for,
     printed_error_model,
     weigh_error_models,
 )
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
+from ridgebayes.model.noise import AUTO, Noise, error_models_for
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import prior_draws, simulate_log_loads
 from ridgebayes.runtime.pool import executor_for
@@ -104,7 +102,9 @@ def covered(cell: Cell) -> dict[str, object]:
     """Return how many new loads a fit's bands hold, at fitted and at new textures."""
     data, fresh = drawn(cell)
     form = rb.Hybrid()
-    weighed = weigh_error_models(data, [form], error_models_for(AUTO, data), seed=cell.index)
+    weighed = weigh_error_models(
+        data, [form], error_models_for(AUTO, data.n_series), seed=cell.index
+    )
     posteriors = weighed.posteriors(form.name)
     weights = error_model_weights(weighed.evidence, form.name, posteriors)
     printed = posteriors[max(weights, key=lambda name: weights[name])]

@@ -30,15 +30,14 @@ from ridgebayes.comparison.verdict import GRADES, Verdict, verdict_of
 from ridgebayes.drawing.style import as_bytes
 from ridgebayes.errors import RidgebayesError
 from ridgebayes.evidence.error_models import (
-    AUTO,
     error_model_weights,
-    error_models_for,
     printed_error_model,
     weigh_error_models,
 )
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import QUICK, STANDARD
+from ridgebayes.model.noise import AUTO, error_models_for
 from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.pool import executor_for
 from ridgebayes.runtime.randomness import stream
@@ -128,7 +127,7 @@ def compared(cell: Cell) -> dict[str, object]:
 def verdict_on(table: rb.ContactTable, seed: int) -> Verdict:
     """Return what a comparison says of the default forms, with draws of a quick run."""
     data = Observations.from_table(table)
-    noises = error_models_for(AUTO, data)
+    noises = error_models_for(AUTO, data.n_series)
     weighed = weigh_error_models(data, DEFAULT_FORMS, noises, seed=seed, accuracy=QUICK)
     drawn: dict[str, dict[str, Posterior]] = {}
     for form in (one.name for one in DEFAULT_FORMS):

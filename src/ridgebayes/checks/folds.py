@@ -17,7 +17,6 @@ from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
-from ridgebayes.evidence.error_models import priors_of
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import Laplace, fit_laplace
@@ -30,7 +29,7 @@ from ridgebayes.model.likelihood_latent import SampledOffsets
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.prior_files import ResolvedPriors
+from ridgebayes.model.prior_files import ResolvedPriors, priors_of
 from ridgebayes.predict.load_distribution import LoadDistribution
 from ridgebayes.predict.predict import predict_load
 from ridgebayes.results import Fit

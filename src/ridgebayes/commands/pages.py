@@ -8,8 +8,8 @@ from typing import Any
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.commands.run_files import REFERENCE
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.evidence.error_models import AUTO
 from ridgebayes.inference.presets import STANDARD
+from ridgebayes.model.noise import AUTO
 from ridgebayes.report import write_reports
 from ridgebayes.report.figures.gallery import Gallery
 

@@ -13,11 +13,10 @@ from ridgebayes.commands import options
 from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.error_models import AUTO, error_models_for
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import Form, form_named
-from ridgebayes.model.noise import Noise
+from ridgebayes.model.noise import AUTO, Noise, error_models_for
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import ResolvedPriors, resolve_priors
 from ridgebayes.runtime.progress import Progress
@@ -120,7 +119,7 @@ class FitRequest:
         priors = {}
         if self.priors:
             content, where = read_toml(self.priors), str(self.priors)
-            noises, folder = error_models_for(noise, data), self.priors.parent
+            noises, folder = error_models_for(noise, data.n_series), self.priors.parent
             priors = resolve_priors(content, forms, noises, data, where=where, folder=folder)
         accuracy, settings = Preset.named(self.accuracy), self.settings
         if self.time_limit is not None:

@@ -2,9 +2,9 @@
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,12 +18,9 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence, laplace_evidence
 from ridgebayes.evidence.candidates import Candidate
 from ridgebayes.evidence.error_models import (
-    AUTO,
     WeighedErrorModels,
     error_model_weights,
-    error_models_for,
     printed_error_model,
-    priors_of,
     weigh_error_models,
 )
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
@@ -36,22 +33,17 @@ from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.inference.sampling import sample_posterior
 from ridgebayes.model.forms import Classic, Form, Hybrid, Modified, PowerLaw, as_form
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
+from ridgebayes.model.noise import AUTO, Noise, error_models_for
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.model.prior_files import Priors, resolve_priors
+from ridgebayes.model.prior_files import Priors, priors_of, resolve_priors
 from ridgebayes.results import Fit, chain_checkpoint
 from ridgebayes.runtime.pool import map_ordered, submit_or_defer
+from ridgebayes.runtime.progress import untimed
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.table.table import ContactTable, read_table
 
 DEFAULT_FORMS: tuple[Form, ...] = (Classic(), PowerLaw(), Modified(), Hybrid())
 StageTimer = Callable[[str], AbstractContextManager[Callable[[float], None]]]
-
-
-@contextmanager
-def untimed(name: str) -> Iterator[Callable[[float], None]]:
-    """Do nothing around a stage; commands pass a stopwatch instead."""
-    yield lambda seconds: None
 
 
 @dataclass(frozen=True)
@@ -168,12 +160,13 @@ def compare_with(
         )
     for form in known:
         refuse_circular(table, form)
-    data, seed, stage = Observations.from_table(table), seed_of(rng), execution.stage
-    noises = error_models_for(noise, data)
+    data = Observations.from_table(table)
+    noises = error_models_for(noise, data.n_series)
     if not execution.accuracy.extras and len(noises) > 1:  # a quick run
         noises = [each for each in noises if each.tail == "normal"]
     known_priors = resolve_priors(priors, known, noises, data)
-    with stage("error models"):
+    seed = seed_of(rng)
+    with execution.stage("error models"):
         weighed = weigh_error_models(
             data,
             known,
@@ -202,31 +195,24 @@ def compare_with(
     drawn, found, failures = _fit_forms(execution, tasks, weighed)
     evidence = evidence_table(found)
     fits = {name: _averaged(fit, weighed, evidence) for name, fit in drawn.items()}
-    return _scored(
-        execution,
-        Comparison(
-            table,
-            printed,
-            fits,
-            evidence,
-            bayes_factor_table(evidence, list(fits), printed, None),
-            pd.DataFrame(columns=LOO_COLUMNS),
-            pd.DataFrame(columns=SENSITIVITY_COLUMNS),
-            failures,
-            accuracy=execution.accuracy.name,
-        ),
+    factors, loo, sensitivity = _scored(execution, fits, evidence, printed)
+    accuracy = execution.accuracy.name
+    return Comparison(
+        table, printed, fits, evidence, factors, loo, sensitivity, failures, accuracy=accuracy
     )
 
 
-def _scored(execution: Execution, comparison: Comparison) -> Comparison:
-    """Add Bayes factors, and where they are asked for leave-one-out scores and sensitivity."""
-    fits, evidence, stage = comparison.fits, comparison.evidence, execution.stage
-    executor = execution.executor
+def _scored(
+    execution: Execution, fits: dict[str, Fit], evidence: pd.DataFrame, printed: Noise
+) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    """Return Bayes factors, and where they are asked for leave-one-out scores and sensitivity."""
+    executor, stage = execution.executor, execution.stage
     nested_later = None  # begun beside the scores, where there are workers
     if {"modified", "hybrid"} <= set(fits):
         nested_prior = fits["modified"].model.priors["c"]
         nested_later = submit_or_defer(executor, savage_dickey, fits["hybrid"], nested_prior)
-    loo, sensitivity = comparison.loo, comparison.prior_sensitivity
+    loo = pd.DataFrame(columns=LOO_COLUMNS)
+    sensitivity = pd.DataFrame(columns=SENSITIVITY_COLUMNS)
     if execution.scores:
         loo_later = submit_or_defer(executor, loo_table, fits)
         with stage("prior sensitivity"):
@@ -238,14 +224,14 @@ def _scored(execution: Execution, comparison: Comparison) -> Comparison:
             )
     with stage("savage-dickey and Bayes factors"):
         nested = None if nested_later is None else nested_later()
-        factors = bayes_factor_table(evidence, list(fits), comparison.noise, nested)
+        factors = bayes_factor_table(evidence, list(fits), printed, nested)
         summed = summed_bayes_factors(evidence)
         if len(summed):
             factors = pd.concat([factors, summed], ignore_index=True)
     if execution.scores:
         with stage("leave-one-out"):
             loo = loo_later()
-    return replace(comparison, bayes_factors=factors, loo=loo, prior_sensitivity=sensitivity)
+    return factors, loo, sensitivity
 
 
 def chain_file(form: str) -> str:

@@ -16,7 +16,6 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence.candidates import GAIN, Candidate, Effort, Weighing, evaluate
 from ridgebayes.evidence.tables import evidence_table, used_evidence
@@ -24,12 +23,11 @@ from ridgebayes.inference.chains import ProgressCallback
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import QUICK, STANDARD, Preset
 from ridgebayes.model.forms import Form
-from ridgebayes.model.noise import Noise, as_noise
+from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.prior_files import OF_ERRORS, Priors, ResolvedPriors, resolve_priors
+from ridgebayes.model.prior_files import ResolvedPriors, priors_of
 from ridgebayes.runtime.pool import map_ordered
 
-AUTO = "auto"
 LEAST_WEIGHT = 0.01  # of a pair of form and error model that predictions are averaged over
 AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apart by simplicity
 # In ln evidence. Laplace's approximation is low by up to two; e^-6.6 is a tenth of the weight that
@@ -106,7 +104,7 @@ def weigh_error_models(
     forms: Sequence[Form],
     noises: Sequence[Noise],
     *,
-    priors: Priors | None = None,
+    priors: ResolvedPriors | None = None,
     seed: int = 0,
     executor: Executor | None = None,
     progress: ProgressCallback | None = None,
@@ -122,8 +120,8 @@ def weigh_error_models(
         Contact forms.
     noises : sequence of Noise
         Error models; of one alone there is nothing to average over, and nothing is drawn.
-    priors : mapping of str to mapping of str to Distribution or str, optional
-        Replacements for default priors: by form name, or ``noise``, and parameter name.
+    priors : mapping of str to mapping of str to Distribution, optional
+        Replacements for default priors, as `model.prior_files.resolve_priors` returns them.
     seed : int, optional
         Each pair draws from a stream of its own.
     executor : concurrent.futures.Executor, optional
@@ -142,8 +140,6 @@ def weigh_error_models(
 
     Raises
     ------
-    InputError
-        If a prior is given that no form or error model has.
     ComputationError
         If workers die, so that an evidence cannot be found; it is named.
 
@@ -155,10 +151,9 @@ def weigh_error_models(
     are drawn, more draws are taken if the standard error of the evidence times the pair's
     probability is above 0.025.
     """
-    known = resolve_priors(priors, forms, noises, data)
-    pairs = list(itertools.product(forms, noises))
     tasks = [
-        Weighing(data, form, noise, priors_of(known, form, noise), seed) for form, noise in pairs
+        Weighing(data, form, noise, priors_of(priors, form, noise), seed)
+        for form, noise in itertools.product(forms, noises)
     ]
 
     def evaluated(tasks: Sequence[Weighing]) -> list[Candidate]:
@@ -203,21 +198,6 @@ def weigh_error_models(
             value = one.evidence.value + found[twin].evidence.value - screened[twin].value
             found[key] = replace(one, evidence=replace(one.evidence, value=value))
     return WeighedErrorModels(found)
-
-
-def error_models_for(noise: str | Noise, data: Observations) -> list[Noise]:
-    """Return the error models to weigh: all that suit the rows for ``auto``, else the named."""
-    if noise != AUTO:
-        return [as_noise(noise)]
-    return list(Noise.candidates(data.n_series))
-
-
-def priors_of(priors: ResolvedPriors | None, form: Form, noise: Noise) -> dict[str, Distribution]:
-    """Return the replaced priors that a form under an error model has."""
-    given = priors or {}
-    shared = given.get(OF_ERRORS, {})
-    own = {name: prior for name, prior in shared.items() if name in noise.parameter_names}
-    return {**given.get(form.name, {}), **own}
 
 
 def _best(found: Mapping[tuple[str, str], Candidate], form: str) -> float:

@@ -17,6 +17,7 @@ from ridgebayes.model.tails import TAILS, Tail
 # digits than double precision has to factorise the covariance, a larger one for less smoothness.
 NUGGET = 1e-8
 LARGEST_NUGGET = 1e-4  # one hundredth of the offset's standard deviation: no longer smooth
+AUTO = "auto"  # in place of an error model: all are weighed
 SERIES = "series"
 SMOOTH = "step-smooth"
 
@@ -155,6 +156,13 @@ _WITH_SERIES = {f"{name}+{SERIES}": f"{name}+{SERIES}" for name in Noise.structu
 _CANONICAL = {name: name for name in (*Noise.structures, SERIES)} | _WITH_SERIES
 _CANONICAL[f"iid+{SERIES}"] = SERIES
 _STRUCTURE = f"one of {', '.join(Noise.structures)}, each also with +{SERIES}"
+
+
+def error_models_for(noise: str | Noise, n_series: int) -> list[Noise]:
+    """Return the error models to weigh: all that suit the rows for ``auto``, else the named."""
+    if noise != AUTO:
+        return [as_noise(noise)]
+    return list(Noise.candidates(n_series))
 
 
 def as_noise(noise: str | Noise) -> Noise:

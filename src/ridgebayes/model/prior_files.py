@@ -89,6 +89,14 @@ def resolve_priors(
     return found
 
 
+def priors_of(priors: ResolvedPriors | None, form: Form, noise: Noise) -> dict[str, Distribution]:
+    """Return the replaced priors that a form under an error model has."""
+    given = priors or {}
+    shared = given.get(OF_ERRORS, {})
+    own = {name: prior for name, prior in shared.items() if name in noise.parameter_names}
+    return {**given.get(form.name, {}), **own}
+
+
 def _resolved(
     value: object, default: Distribution | None, where: str, folder: Path
 ) -> Distribution:

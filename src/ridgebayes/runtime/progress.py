@@ -156,6 +156,12 @@ class Progress:
         self.detail(f"{self.name}: {text}" if self.name else text)
 
 
+@contextmanager
+def untimed(name: str) -> Iterator[Callable[[float], None]]:
+    """Do nothing around a stage: what a library call has in place of `Progress.stage`."""
+    yield lambda seconds: None
+
+
 class Relay:
     """Stands for the progress of a command in its worker: sends how far a task is, now and then.
 
