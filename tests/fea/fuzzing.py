@@ -48,7 +48,6 @@ from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body
 
 SLOWEST = 5.0  # seconds that any file of this size may take
-_UNITS = pint.UnitRegistry()
 _SCRAPS = (
     *("1e400", "-1e400", "1e-400", "nan", "inf", "NaN", "true", "FALSE", "0x10", "1_0", "١", "-"),
     *("=1+1", "+1", "1,234", "1.234,5", "1 000", "0,5", "'", '"', '""', "\t", ";", ",", "\n", "\r"),
@@ -73,6 +72,11 @@ class Target:
 
 
 TARGETS: dict[str, Target] = {}
+
+
+@functools.cache  # reading its definitions takes as long as collecting a hundred tests
+def _units() -> pint.UnitRegistry:
+    return pint.UnitRegistry()
 
 
 def register(target: Target) -> None:
@@ -265,7 +269,7 @@ def _value(row: dict[str, str], words: str, messages: str) -> float:
         match = re.fullmatch(rf"{re.escape(words)}(?:\s*\[([^\]]*)\])?", header)
         if match is not None:
             unit = match.group(1) or "1"
-            one = 1.0 if unit in ("1", "-") else _UNITS(unit).to_base_units().magnitude
+            one = 1.0 if unit in ("1", "-") else _units()(unit).to_base_units().magnitude
             return number(cell, messages) * float(one)
     return float("nan")
 
@@ -1183,7 +1187,7 @@ def _doubt_map_used(content: bytes, found: Imported) -> str:
     def numbers(key: str) -> np.ndarray:
         if key in values:
             word, _, unit = str(values[key]).strip().partition(" ")
-            one = _UNITS(unit).to_base_units().magnitude if unit else 1.0
+            one = _units()(unit).to_base_units().magnitude if unit else 1.0
             return np.full(len(rows), float(word) * one)
         text, unit = " ".join(mapping[key].split()), None
         if text not in (names := rows[0]) and ";" in text:
@@ -1191,7 +1195,7 @@ def _doubt_map_used(content: bytes, found: Imported) -> str:
         (header,) = [one for one in names if text in (one, one.split(" [")[0])]
         found = re.search(r"\[(.*)\]", header)
         unit = unit if unit is not None else found[1] if found else ""
-        one = 1.0 if unit in ("", "1", "-") else _UNITS(unit).to_base_units().magnitude
+        one = 1.0 if unit in ("", "1", "-") else _units()(unit).to_base_units().magnitude
         return np.array([float(row[header]) for row in rows]) * one
 
     have = mapping.keys() | values.keys()
