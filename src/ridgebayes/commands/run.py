@@ -28,7 +28,7 @@ from ridgebayes.inference.presets import Preset
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.noise import Noise
 from ridgebayes.report.figures.gallery import Gallery
-from ridgebayes.runtime.memory import watched_memory
+from ridgebayes.runtime.memory import return_freed, watched_memory
 from ridgebayes.runtime.pool import executor_for, n_cpu, submit_or_defer
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.table.datafiles import reference_fe
@@ -118,7 +118,7 @@ def run_job(
             second = submit_or_defer(
                 beside, _second, reference_inputs, below, request.seed, executor, local
             )
-        comparison = _thinned(inputs.compare(progress, partial, executor))
+        comparison = _compared(inputs, progress, partial, executor)
         if extras:
             comparison = _add_left_out(comparison, inputs, progress, executor)
             with progress.stage("what accuracy costs"):
@@ -175,7 +175,7 @@ def _second(
 ) -> tuple[Comparison, Gallery | None]:
     """Make the second comparison and its files; its stages stand in its own run.json."""
     with Progress(0, io.StringIO()) as progress:
-        comparison = _thinned(inputs.compare(progress, folder, executor))
+        comparison = _compared(inputs, progress, folder, executor)
         begun = _write(comparison, folder, progress, local, local)
     write_run_json(folder, comparison, command="run", seed=seed, options={}, stages=progress.stages)
     return comparison, begun
@@ -197,6 +197,14 @@ def _add_left_out(
             noises = dict.fromkeys([noise, Noise()])  # and what independent rows promise
             shares = coverage(table, best, list(noises), rng=seed, executor=executor, priors=priors)
     return replace(comparison, left_out=scores, coverage=shares)
+
+
+def _compared(
+    inputs: Inputs, progress: Progress, folder: Path, executor: Executor | None
+) -> Comparison:
+    comparison = _thinned(inputs.compare(progress, folder, executor))
+    return_freed()  # of whole chains
+    return comparison
 
 
 def _thinned(comparison: Comparison) -> Comparison:

@@ -5,7 +5,6 @@ one `ProcessPoolExecutor` of many workers a death breaks all that was submitted,
 which task: here each worker is such an executor of its own, and a thread waits for it.
 """
 
-import ctypes
 import itertools
 import multiprocessing
 import os
@@ -25,6 +24,7 @@ from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
 
 from ridgebayes.errors import ComputationError, InputError, WorkerLostError
+from ridgebayes.runtime.memory import return_freed, share_one_arena
 from ridgebayes.runtime.progress import HEARD_EVERY_S, Relay, pass_on, tell_count
 from ridgebayes.runtime.text import exit_text
 
@@ -132,6 +132,7 @@ def start_server(preload: Sequence[str] = ()) -> None:
     preload : sequence of str, optional
         Modules to import; those of this package that are loaded by now if not given.
     """
+    share_one_arena()  # threads that wait for workers begin after this
     if _METHOD != "forkserver":
         return
     # Ctrl-C reaches the whole group of processes: server and workers start with it held back. The
@@ -366,6 +367,7 @@ def _one_thread_each() -> Iterator[None]:
 def _begin(pipe: Connection) -> None:
     """Leave Ctrl-C to the parent, and end when it does, however that ended: in a fresh worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    share_one_arena()
     Relay(pipe)
     threading.Thread(target=_follow, daemon=True).start()
 
@@ -385,9 +387,7 @@ def _call(message: bytes) -> Any:
         found = function(*args, **kwargs)
         del args, kwargs
         if time.perf_counter() > began + _LONG_S:
-            # glibc would keep what the largest task took; other libraries have no such function.
-            with suppress(OSError, AttributeError, TypeError):
-                ctypes.CDLL(None).malloc_trim(0)
+            return_freed()
         return found
     except Exception as error:
         try:
