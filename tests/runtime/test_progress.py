@@ -159,28 +159,3 @@ def test_terminal__the_bar_stops_when_the_work_raises(monkeypatch):
         fail()
     assert not bars[0].live.is_started
     assert progress._bar is None
-
-
-def test_left__of_all_stages_is_told_by_what_they_typically_take(clock):
-    out = io.StringIO()
-    typical = {"start": 1.0, "fit": 2.0, "not needed": 3.0, "bands": 4.0}
-    token = VERBOSITY.set(1)
-    try:
-        with Progress(4, out, began=98.0, typical=typical) as progress:
-            with progress.stage("fit"):
-                clock.wall += 3.0
-                tell_count(1, 2)
-                clock.wall += 1.0
-            with progress.stage("bands"):
-                clock.wall += 9.0
-                tell_count(3, 4)
-    finally:
-        VERBOSITY.reset(token)
-    # Algebra: 1 of 10 done in 2 s, 2 in 5 s, 3 in 6 s, 9 in 15 s; in all no less than in a stage.
-    assert out.getvalue().splitlines() == [
-        "start: 2.00 s; about 18 s left in all",
-        "fit: 1 of 2, about 3.0 s left; about 20 s left in all",
-        "fit: 4.00 s; about 14 s left in all",
-        "bands: 3 of 4, about 3.0 s left; about 3.0 s left in all",
-        "bands: 9.00 s",
-    ]

@@ -12,6 +12,8 @@ from ridgebayes.contact.scaling import Texture
 from ridgebayes.model.forms import PowerLaw
 
 PAPER_TEXTURES: tuple[Texture, ...] = ((0.032, 0.01), (0.012, 0.03), (0.012, 0.09))
+_SHOWN = len(PAPER_TEXTURES)
+_PROB = 0.9
 
 
 def held_out_loads(comparison: Comparison) -> pd.DataFrame:
@@ -48,32 +50,31 @@ def _has_k(comparison: Comparison, loads: pd.DataFrame) -> "pd.Series[bool]":
     return pd.Series([pair in known for pair in pairs], index=loads.index)
 
 
-def shown_textures(comparison: Comparison, n_most: int = 3) -> tuple[Texture, ...]:
+def shown_textures(comparison: Comparison) -> tuple[Texture, ...]:
     """Return the textures whose percent errors are worth a panel.
 
     Parameters
     ----------
     comparison : Comparison
         With its table.
-    n_most : int, optional
-        How many at most.
 
     Returns
     -------
     tuple of (float, float)
-        All if there are no more; those of the study's Figs 5 and 6 if the table has them; else
-        those of the narrowest and the widest grooves for their ridges, and one held out or between.
+        All if there are at most three; those of the study's Figs 5 and 6 if the table has them;
+        else those of the narrowest and the widest grooves for their ridges, and one held out or
+        between.
     """
     ok = predicted_rows(comparison.table)
     present = list(dict.fromkeys(zip(ok["a_over_R"], ok["b_over_R"], strict=True)))
-    if len(present) <= n_most:
+    if len(present) <= _SHOWN:
         return tuple(present)
     if set(PAPER_TEXTURES) <= set(present):
         return PAPER_TEXTURES
     ordered = sorted(present, key=lambda texture: texture[1] / texture[0])
     held_out = [t for t in comparison.table.held_out.textures if t in present]
     middle = ordered[len(ordered) // 2]
-    return tuple(dict.fromkeys([ordered[0], ordered[-1], *held_out, middle]))[:n_most]
+    return tuple(dict.fromkeys([ordered[0], ordered[-1], *held_out, middle]))[:_SHOWN]
 
 
 def percent_errors(
@@ -124,15 +125,13 @@ def has_slopes(comparison: Comparison) -> bool:
     return power_law is not None and len(power_law.model.data.textures) > 1
 
 
-def slopes_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
+def slopes_table(comparison: Comparison) -> pd.DataFrame:
     """Return K = dQ'/ds of each calibrated texture by each closed form.
 
     Parameters
     ----------
     comparison : Comparison
         Fits.
-    prob : float, optional
-        Probability inside the equal-tailed interval.
 
     Returns
     -------
@@ -147,7 +146,7 @@ def slopes_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
         theta = fit.draws[:, : fit.model.n_coefficient]
         for a, b in fit.model.data.textures:
             slope = fit.form.slope(a, b, theta)
-            lower, upper = np.quantile(slope, [0.5 - prob / 2, 0.5 + prob / 2])
-            rows.append((name, a, b, a + b, float(slope.mean()), lower, upper, prob))
+            lower, upper = np.quantile(slope, [0.5 - _PROB / 2, 0.5 + _PROB / 2])
+            rows.append((name, a, b, a + b, float(slope.mean()), lower, upper, _PROB))
     columns = ["form", "a_over_R", "b_over_R", "pitch", "K", "K_lower", "K_upper", "prob"]
     return pd.DataFrame(rows, columns=columns)

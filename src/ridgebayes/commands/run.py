@@ -99,11 +99,12 @@ def run_job(
     if request.table is None and extras:
         rows = replace(reference_fe(), where=EMBEDDED_FE)
         reference_inputs = request.on(rows, [form_named(name) for name in FORMS])
-    typical = _typical(inputs, reference_inputs, began)
+    # Eight of every run, three that a quick one leaves out, and where there are: start and rows.
+    n_stage = 8 + len(inputs.forms) + 3 * extras + bool(began) + bool(reference_inputs)
     n_worker = n_cpu() if workers is None and scheduler is None else workers
     with (
         new_folder(folder, force=force, resume=resume) as partial,
-        Progress(len(typical), began=began, typical=typical) as progress,
+        Progress(n_stage, began=began) as progress,
         watched_memory() as memory,
         ThreadPoolExecutor(1) as thread,
         executor_for(n_worker, scheduler) as executor,
@@ -150,24 +151,6 @@ def run_job(
         prefixed = {f"{REFERENCE}: {name}": why for name, why in unfinished.items()}
         return replace(comparison, failures=comparison.failures | prefixed)
     return comparison
-
-
-def _typical(inputs: Inputs, reference: Inputs | None, began: float | None) -> dict[str, float]:
-    """Return the stages of a run, and seconds that they take on the embedded sweep."""
-    first = {} if began is None else {"start": 3.0}
-    fits = {f"calibrate {form.name}": 2.0 for form in inputs.forms}
-    weighed = {
-        "prior sensitivity": 3.0,
-        "savage-dickey and Bayes factors": 0.1,
-        "leave-one-out": 0.1,
-    }
-    extras = {"textures and steps left out": 18.0, "coverage of the bands": 3.0}
-    extras |= {"what accuracy costs": 0.4}
-    written = {"bands": 4.0, "what the report shows": 1.0, "files of posteriors": 5.0}
-    beside = {} if reference is None else {"finite-element comparison": 0.1}
-    found = first | {"error models": 6.0} | fits | weighed
-    found |= extras if inputs.accuracy.extras else {}
-    return found | written | beside | {"figures and report": 0.3}
 
 
 def _second(

@@ -19,26 +19,17 @@ b'PNG'
 """
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 MOST_TEXTURES = 12  # that one figure has panels for; here, where it loads nothing
-_MODULES = (
-    "costs",
-    "coverage",
-    "designs",
-    "forms",
-    "posterior",
-    "predictions",
-    "records",
-    "scenes",
-    "style",
-)
 
 
 def __getattr__(name: str) -> object:
-    if name not in _MODULES:
+    home = f"ridgebayes.drawing.{name}"
+    if find_spec(home) is None:
         raise AttributeError(f"module 'ridgebayes.drawing' has no attribute {name!r}")
-    return import_module(f"ridgebayes.drawing.{name}")
+    return import_module(home)
 
 
 if TYPE_CHECKING:  # "as": for type checkers that ask what is offered

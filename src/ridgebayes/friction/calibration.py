@@ -23,7 +23,12 @@ from ridgebayes.friction.inputs import friction_inputs
 from ridgebayes.friction.table import FrictionTable, read_friction_table
 from ridgebayes.friction.terms import PARAMETERS, terms
 from ridgebayes.inference.chains import N_KEPT, Chains, ProgressCallback, SampleSettings
-from ridgebayes.inference.diagnostics import arviz_object, failed_diagnostics, summarise
+from ridgebayes.inference.diagnostics import (
+    arviz_object,
+    failed_diagnostics,
+    summarise,
+    values_text,
+)
 from ridgebayes.inference.emcee_sampling import sample
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.netcdf import read_tree, write_tree
@@ -92,10 +97,7 @@ class FrictionFit(Tabular):
 
     def __repr__(self) -> str:
         state = "converged" if self.converged else f"NOT converged: {self.convergence_failures[0]}"
-        values = ", ".join(
-            f"{row.parameter} = {row.mean:.4g} ± {row.sd:.2g}" for row in self.summary.itertuples()
-        )
-        return f"FrictionFit({values}; {state})"
+        return f"FrictionFit({values_text(self.summary)}; {state})"
 
     def predict(self, inputs: xr.Dataset, *, prob: float = 0.9, rng: Rng = 0) -> FrictionBands:
         """Predict a further measurement on a new subject, session and rig.

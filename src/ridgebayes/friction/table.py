@@ -3,7 +3,6 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +11,7 @@ from ridgebayes._types import BoolArray, Tabular
 from ridgebayes.runtime.text import count
 from ridgebayes.table.columns import CALIBRATION, HELD_OUT, Column, Findings, RawTable
 from ridgebayes.table.files import frame_digest, raw_cells, write_frame
-from ridgebayes.table.rules import own_column, read_number, read_text, validated
+from ridgebayes.table.rules import read_cells, validated
 
 _WIDTH = "must be finite and > 0; of a smooth surface a_over_R and b_over_R are both empty"
 _LABEL = "any text on one line"
@@ -145,16 +144,7 @@ def read_friction_table(
 
 def _checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
     """Return the canonical frame, and every cell that breaks a rule."""
-    cells = raw.frame.reset_index(drop=True)
-    found = Findings(len(cells))
-    typed: dict[str, Any] = {}
-    empty: dict[str, BoolArray] = {}
-    for column in COLUMNS:
-        read = read_number if column.holds == "number" else read_text
-        typed[column.name], empty[column.name] = read(cells, column, found)
-    for name in cells.columns:
-        if name not in _RULES:
-            typed[name] = own_column(cells[name], name, found)
+    typed, empty, found = read_cells(raw.frame, COLUMNS)
     for name in ("p_over_E", "mu"):
         found.add(empty[name], name, "must not be empty or NaN")
         found.add(~(typed[name] > 0), name, _RULES[name])

@@ -40,6 +40,7 @@ SUMMARY_COLUMNS = [
 R_HAT_MAX = 1.01
 ESS_MIN = 400.0
 _R_HAT_DRAWS = 25_600  # of each ensemble: disagreement shows in them as in a million
+_WINDOW = 5.0  # tau: Sokal's constant
 _FEW_LAGS = 64  # lags that cost less one by one than all of them by Fourier transform
 BAD_SHARE = 0.2  # of the rows that may have such weights before their sum is not quoted
 
@@ -277,17 +278,21 @@ def stacking_weights(pointwise: FloatArray) -> FloatArray:
     return weights
 
 
-def autocorrelation_time(x: FloatArray, window: float = 5.0) -> FloatArray:
+def values_text(summary: pd.DataFrame) -> str:
+    """Return mean and standard deviation of each parameter in one line."""
+    rows = summary.itertuples()
+    return ", ".join(f"{row.parameter} = {row.mean:.4g} ± {row.sd:.2g}" for row in rows)
+
+
+def autocorrelation_time(x: FloatArray) -> FloatArray:
     """Return the integrated autocorrelation time in steps.
 
-    tau = 1 + 2 sum_{t=1}^{M} rho(t), with M the smallest window of at least `window` tau.
+    tau = 1 + 2 sum_{t=1}^{M} rho(t), with M the smallest window of at least five tau.
 
     Parameters
     ----------
     x : ndarray of float, shape (n_step, n_walker, ...), any unit
         Values along the steps.
-    window : float, optional
-        Sokal's window constant.
 
     Returns
     -------
@@ -306,26 +311,26 @@ def autocorrelation_time(x: FloatArray, window: float = 5.0) -> FloatArray:
     """
     n_step = len(x)
     columns = (x - x.mean(axis=0)).reshape(*x.shape[:2], -1)
-    tau = [_sokal(np.ascontiguousarray(columns[..., i]), window) for i in range(columns.shape[-1])]
+    tau = [_sokal(np.ascontiguousarray(columns[..., i])) for i in range(columns.shape[-1])]
     value: FloatArray = np.maximum(np.array(tau).reshape(x.shape[2:]), 1 / n_step)
     return value
 
 
-def _sokal(x: FloatArray, window: float) -> float:
+def _sokal(x: FloatArray) -> float:
     """Return tau of centred values (n_step, n_walker): lag by lag while lags are few."""
     n_step, square = len(x), float(np.vdot(x, x))
     if square == 0:
         return np.nan
     tau = 1.0
     for lag in range(1, min(_FEW_LAGS, n_step)):
-        if lag - 1 >= window * tau:
+        if lag - 1 >= _WINDOW * tau:
             return tau
         tau += 2 * float(np.vdot(x[lag:], x[:-lag])) / square
     length = fft.next_fast_len(2 * n_step, real=True)
     power = np.abs(fft.rfft(x, length, axis=0)) ** 2
     rho = fft.irfft(power, length, axis=0)[:n_step].sum(axis=1) / square
     taus = 2 * np.cumsum(rho) - 1
-    wide_enough = np.arange(n_step) >= window * taus
+    wide_enough = np.arange(n_step) >= _WINDOW * taus
     return float(taus[np.argmax(wide_enough) if wide_enough.any() else -1])
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.inference.chains import N_KEPT, Chains
-from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
+from ridgebayes.inference.diagnostics import failed_diagnostics, summarise, values_text
 from ridgebayes.inference.laplace import Laplace, fit_laplace
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.power_law_exact import is_conjugate
@@ -72,9 +72,7 @@ class Posterior:
 
     def __repr__(self) -> str:
         state = "converged" if self.converged else f"NOT converged: {self.convergence_failures[0]}"
-        values = ", ".join(
-            f"{row.parameter} = {row.mean:.4g} ± {row.sd:.2g}" for row in self.summary.itertuples()
-        )
+        values = values_text(self.summary)
         return f"{type(self).__name__}({self.form.name}, {self.noise.name}: {values}; {state})"
 
     @property

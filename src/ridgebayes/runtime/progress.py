@@ -3,7 +3,7 @@
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar, Token
 from dataclasses import dataclass, field
@@ -34,9 +34,6 @@ class Progress:
         What is counted where there are no stages.
     began : float, optional
         `time.perf_counter` at which the program began: what it did until now is the first stage.
-    typical : mapping of str to float, optional
-        Seconds that each stage takes elsewhere, in their order: what is left of the whole is told
-        by how much longer those before it took here.
 
     Examples
     --------
@@ -51,18 +48,16 @@ class Progress:
     out: TextIO = field(default_factory=lambda: sys.stderr)
     name: str = ""
     began: float | None = None
-    typical: Mapping[str, float] = field(default_factory=dict)
     stages: list[dict[str, Any]] = field(default_factory=list)
     _bar: Any = None
     _task: Any = None
-    _entered: float = 0.0
     _began: float = 0.0
     _told: float = 0.0
     _token: "Token[Progress | Relay | None] | None" = None
 
     def __enter__(self) -> "Progress":
         self._token = _CURRENT.set(self)
-        self._entered = self._began = self._told = time.perf_counter()
+        self._began = self._told = time.perf_counter()
         if self.out.isatty() and VERBOSITY.get() >= 0:
             # Loaded for a terminal only: most runs in scripts never show a bar.
             from rich.console import Console
@@ -120,20 +115,7 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._task, completed=len(self.stages))
         elif VERBOSITY.get() >= 0:
-            print(f"{name}: {wall:.2f} s{self._left(0.0)}", file=self.out, flush=True)
-
-    def _left(self, share: float, least: float = 0.0) -> str:
-        """Return words for what is left of all stages, a share of the present one being done."""
-        names, seconds = list(self.typical), list(self.typical.values())
-        begun = [names.index(one["name"]) + 1 for one in self.stages if one["name"] in names]
-        begun += [names.index(self.name)] if self.name in names else []
-        at = max(begun, default=0)  # those before it that were not needed are done as well
-        done = sum(seconds[:at]) + share * sum(seconds[at : at + 1])
-        if not 0 < done < sum(seconds):
-            return ""
-        since = self._entered if self.began is None else self.began
-        left = (time.perf_counter() - since) * (sum(seconds) / done - 1)
-        return f"; about {duration(max(left, least))} left in all"
+            print(f"{name}: {wall:.2f} s", file=self.out, flush=True)
 
     def detail(self, text: str) -> None:
         """Tell how far a stage is: at once on a terminal, else a line now and then."""
@@ -150,7 +132,7 @@ class Progress:
         text = f"{n_done} of {n}" if n is not None else f"{n_done} done"
         if n is not None and 0 < n_done < n:
             left = (time.perf_counter() - self._began) * (n - n_done) / n_done
-            text += f", about {duration(left)} left{self._left(n_done / n, left)}"
+            text += f", about {duration(left)} left"
         if n and self._bar is not None:
             self._bar.update(self._task, completed=len(self.stages) + n_done / n)
         self.detail(f"{self.name}: {text}" if self.name else text)

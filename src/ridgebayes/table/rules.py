@@ -70,16 +70,7 @@ def checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
     -----
     *Cost*: array operations only, as long as number columns hold numbers.
     """
-    cells = raw.frame.reset_index(drop=True)
-    found = Findings(len(cells))
-    typed: dict[str, Any] = {}
-    empty: dict[str, BoolArray] = {}
-    for column in contract.COLUMNS:
-        read = read_number if column.holds == "number" else read_text
-        typed[column.name], empty[column.name] = read(cells, column, found)
-    for name in cells.columns:
-        if name not in contract.NAMES:
-            typed[name] = own_column(cells[name], name, found)
+    typed, empty, found = read_cells(raw.frame, contract.COLUMNS)
     _check_cells(typed, empty, found)
     textures = row_codes(typed["a_over_R"], typed["b_over_R"])
     check_labels(typed, textures, found)
@@ -125,6 +116,23 @@ def _check_one_line(words: "pd.Series[Any]", name: str, found: Findings) -> None
     codes, distinct = pd.factorize(words)
     control = pd.Series(distinct).str.contains(_CONTROL, regex=True).to_numpy(dtype=bool)
     found.add(control[codes], name, "must be text on one line")
+
+
+def read_cells(
+    frame: pd.DataFrame, columns: Sequence[Column]
+) -> tuple[dict[str, Any], dict[str, BoolArray], Findings]:
+    """Return columns by name, which cells of the contract's are empty, and which cannot be read."""
+    cells = frame.reset_index(drop=True)
+    found = Findings(len(cells))
+    typed: dict[str, Any] = {}
+    empty: dict[str, BoolArray] = {}
+    for column in columns:
+        read = read_number if column.holds == "number" else read_text
+        typed[column.name], empty[column.name] = read(cells, column, found)
+    for name in cells.columns:
+        if name not in empty:
+            typed[name] = own_column(cells[name], name, found)
+    return typed, empty, found
 
 
 def _check_cells(typed: dict[str, Any], empty: dict[str, BoolArray], found: Findings) -> None:
