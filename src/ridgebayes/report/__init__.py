@@ -16,7 +16,6 @@ import base64
 import os
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.comparison.comparison import Comparison
@@ -28,10 +27,8 @@ from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
 from ridgebayes.report.sections import contents
 from ridgebayes.runtime.atomic import replacing
+from ridgebayes.runtime.templates import environment_of
 from ridgebayes.runtime.text import visible
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
 
 __all__ = ["checklist_of", "render_report", "write_report", "write_reports"]
 
@@ -182,14 +179,14 @@ def _rendered(
             "tex": data_uri(to_latex(table), "application/x-tex"),
         }
 
-    filled = {
+    filled: dict[str, object] = {
         "first": first_screen(gallery.data, None if reference is None else reference.data, command),
         "sections": contents(gallery, reference),
         "image": image,
         "files": files,
         "downloads": downloads,
     }
-    return [_environment(s).get_template(_TEMPLATES[s]).render(filled) for s in suffixes]
+    return [_page(suffix, filled) for suffix in suffixes]
 
 
 def _write(path: Path, content: str) -> None:
@@ -197,22 +194,12 @@ def _write(path: Path, content: str) -> None:
         partial.write_text(content, encoding="utf-8", newline="\n")
 
 
-def _environment(suffix: str) -> "Environment":
-    # Only a report needs it.
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("ridgebayes.report"),
-        autoescape=suffix == ".html",
-        # Markdown is escaped here, HTML after this by autoescape.
-        finalize=_markdown if suffix == ".md" else _tied,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+def _page(suffix: str, filled: dict[str, object]) -> str:
+    # Markdown is escaped here, HTML after this by autoescape.
+    finalize = _markdown if suffix == ".md" else _tied
+    environment = environment_of("ridgebayes.report", _TEMPLATES[suffix], finalize)
     environment.filters["badge"] = _badge
-    return environment
+    return environment.get_template(_TEMPLATES[suffix]).render(filled)
 
 
 def _tied(value: object) -> object:

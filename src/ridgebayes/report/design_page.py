@@ -3,6 +3,7 @@
 import base64
 
 from ridgebayes import drawing
+from ridgebayes.runtime.templates import rendered
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.record import Design
 
@@ -26,28 +27,19 @@ def design_page(found: Design, png: bytes, body: Body) -> str:
     body : Body
         With a radius, widths are shown in micrometres as well.
     """
-    # Only a page needs it.
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("ridgebayes.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    filled = {
-        "goals": [goal.text for goal in found.goals],
-        "found": found,
-        "image": "data:image/png;base64," + base64.b64encode(png).decode("ascii"),
-        "micrometres": None if body.radius is None else 1e6 * float(body.radius),
-        "tables": [
+    return rendered(
+        "ridgebayes.report",
+        "design.html.jinja",
+        goals=[goal.text for goal in found.goals],
+        found=found,
+        image="data:image/png;base64," + base64.b64encode(png).decode("ascii"),
+        micrometres=None if body.radius is None else 1e6 * float(body.radius),
+        tables=[
             ("Shares in the variance of Q and of failure (Sobol's indices)", _shares(found)),
             ("What to measure next", _measurements(found)),
             ("What to simulate next", _simulations(found)),
         ],
-    }
-    return environment.get_template("design.html.jinja").render(filled)
+    )
 
 
 def _shares(found: Design) -> list[list[str]]:
