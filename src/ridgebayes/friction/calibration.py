@@ -22,6 +22,7 @@ from ridgebayes.friction.friction_model import FrictionModel
 from ridgebayes.friction.inputs import friction_inputs
 from ridgebayes.friction.table import FrictionTable, read_friction_table
 from ridgebayes.friction.terms import PARAMETERS, terms
+from ridgebayes.inference.arviz_groups import SAMPLE, sample_stats
 from ridgebayes.inference.chains import N_KEPT, Chains, ProgressCallback, SampleSettings
 from ridgebayes.inference.diagnostics import (
     arviz_object,
@@ -31,14 +32,13 @@ from ridgebayes.inference.diagnostics import (
 )
 from ridgebayes.inference.emcee_sampling import sample
 from ridgebayes.inference.log_evidence import LogEvidence
-from ridgebayes.inference.netcdf import read_tree, write_tree
+from ridgebayes.inference.netcdf import chains_of, read_tree, write_tree
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.scene.scene import Scene
 
 _N_INPUT = 512  # draws of each texture's contact
 _NEGLIGIBLE = 1e-3  # relative deviation of the contact below which a component is left out
-_SAMPLE = ("chain", "draw")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -143,22 +143,14 @@ class FrictionFit(Tabular):
         return arviz_object(self._groups())
 
     def _groups(self) -> dict[str, xr.Dataset]:
-        n_ensemble, n_step, n_walker, k = self.chains.u.shape
-        u = self.chains.u.reshape(n_ensemble, n_step * n_walker, k)
-        theta = self.model.theta(u)
+        stats = sample_stats(self.chains)
+        theta = self.model.theta(stats["u"][1])
         columns = {name: ("row", self.rows[name].to_numpy()) for name in self.rows}
         return {
             "posterior": xr.Dataset(
-                {name: (_SAMPLE, theta[..., PARAMETERS.index(name)]) for name in self.model.unknown}
+                {name: (SAMPLE, theta[..., PARAMETERS.index(name)]) for name in self.model.unknown}
             ),
-            "sample_stats": xr.Dataset(
-                {
-                    "lp": (_SAMPLE, self.chains.log_density.reshape(n_ensemble, -1)),
-                    "u": ((*_SAMPLE, "coordinate"), u),
-                    "acceptance_rate": (("chain",), self.chains.acceptance),
-                    "tau": (("quantity",), self.chains.tau),
-                }
-            ),
+            "sample_stats": xr.Dataset(stats),
             "observed_data": xr.Dataset({"mu": columns.pop("mu")}),
             "constant_data": xr.Dataset(columns),
         }
@@ -373,16 +365,7 @@ def _fit_of(tree: xr.DataTree) -> FrictionFit:
     model = FrictionModel(
         **{k: from_dict(v) if isinstance(v, dict) else float(v) for k, v in given.items()}
     )
-    stats, n_walker = tree["sample_stats"], int(about["n_walker"])
-    u = stats["u"].to_numpy()
-    shape = (u.shape[0], u.shape[1] // n_walker, n_walker)
-    chains = Chains(
-        u.reshape(*shape, len(model.unknown)),
-        stats["lp"].to_numpy().reshape(shape),
-        stats["acceptance_rate"].to_numpy(),
-        stats["tau"].to_numpy(),
-        tuple(json.loads(about["stopping_rule_missing"])),
-    )
+    chains = chains_of(tree, len(model.unknown))
     observed, constant = tree["observed_data"], tree["constant_data"]
     names = json.loads(about["columns"])
     columns = {k: (observed if k == "mu" else constant)[k].to_numpy() for k in names}

@@ -9,6 +9,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, __version__
 from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.model import Model
@@ -23,8 +24,8 @@ N_PREDICTIVE = 500  # draws of the prior, and of what prior and posterior predic
 # Numbers that predictions of all rows may take, and those of the factors of smooth offsets.
 LARGEST_PREDICTIVE, _LARGEST_FACTORS = 4_000_000, 200_000_000
 
-_SAMPLE = ("chain", "draw")
-_Variables = dict[str, tuple[tuple[str, ...], np.ndarray]]
+SAMPLE = ("chain", "draw")
+Variables = dict[str, tuple[tuple[str, ...], np.ndarray]]
 
 
 def all_groups(fit: Posterior) -> dict[str, "xr.Dataset"]:
@@ -66,21 +67,14 @@ def groups_of(fit: Posterior) -> dict[str, "xr.Dataset"]:
     return {name: _labelled(fit, group) for name, group in _variables(fit).items()}
 
 
-def _variables(fit: Posterior) -> dict[str, _Variables]:
+def _variables(fit: Posterior) -> dict[str, Variables]:
     chains, data = fit.kept_chains, fit.model.data
-    n_ensemble, n_step, n_walker, n_coordinate = chains.u.shape
-    flat = (n_ensemble, n_step * n_walker)
-    u, log_density = chains.u.reshape(*flat, n_coordinate), chains.log_density.reshape(flat)
+    stats = sample_stats(chains)
+    u, log_density = stats["u"][1], stats["lp"][1]
     theta = fit.model.to_theta(u)
-    groups: dict[str, _Variables] = {
+    groups: dict[str, Variables] = {
         "posterior": _parameters(fit.model, theta),
-        "sample_stats": {
-            "lp": (_SAMPLE, log_density),
-            # Kept beside the parameters so that a fit read back is the same to the last bit.
-            "u": ((*_SAMPLE, "coordinate"), u),
-            "acceptance_rate": (("chain",), chains.acceptance),
-            "tau": (("quantity",), chains.tau),
-        },
+        "sample_stats": stats,
         "observed_data": {"log_load": (("row",), data.log_load)},
         "constant_data": {
             "Q": (("row",), data.Q),
@@ -96,13 +90,26 @@ def _variables(fit: Posterior) -> dict[str, _Variables]:
         groups["constant_data"]["series_index"] = (("row",), data.series)
     rows = fit.rows_log_likelihood()
     if rows is not None:
-        rows = rows.reshape(*flat, len(data))
-        groups["log_likelihood"] = {"log_load": ((*_SAMPLE, "row"), rows)}
+        rows = rows.reshape(*log_density.shape, len(data))
+        groups["log_likelihood"] = {"log_load": ((*SAMPLE, "row"), rows)}
         if fit.model.offsets is not None:
             # Rows are scored given the others: their sum is not the likelihood, which this is.
             joint = _joint(fit.model, u, log_density)
-            groups["sample_stats"]["log_likelihood_joint"] = (_SAMPLE, joint)
+            groups["sample_stats"]["log_likelihood_joint"] = (SAMPLE, joint)
     return groups
+
+
+def sample_stats(chains: Chains) -> Variables:
+    """Return the group sample_stats of chains, as variables."""
+    n_ensemble, n_step, n_walker, n_coordinate = chains.u.shape
+    flat = (n_ensemble, n_step * n_walker)
+    return {
+        "lp": (SAMPLE, chains.log_density.reshape(flat)),
+        # Kept beside the parameters so that a fit read back is the same to the last bit.
+        "u": ((*SAMPLE, "coordinate"), chains.u.reshape(*flat, n_coordinate)),
+        "acceptance_rate": (("chain",), chains.acceptance),
+        "tau": (("quantity",), chains.tau),
+    }
 
 
 def _joint(model: Model, u: FloatArray, log_density: FloatArray) -> FloatArray:
@@ -113,17 +120,17 @@ def _joint(model: Model, u: FloatArray, log_density: FloatArray) -> FloatArray:
     return model.log_likelihood(theta.reshape(-1, model.n_parameter)).reshape(log_density.shape)
 
 
-def _parameters(model: Model, theta: FloatArray) -> _Variables:
+def _parameters(model: Model, theta: FloatArray) -> Variables:
     """Return draws of shape (chain, draw, n_parameter) by name."""
     names = model.parameter_names
     if not isinstance(model.form, PowerLaw):
-        return {name: (_SAMPLE, theta[..., i]) for i, name in enumerate(names)}
+        return {name: (SAMPLE, theta[..., i]) for i, name in enumerate(names)}
     k = model.n_coefficient
-    noise = {name: (_SAMPLE, theta[..., i]) for i, name in enumerate(names) if i >= k}
-    return {"K": ((*_SAMPLE, "texture"), theta[..., :k]), **noise}
+    noise = {name: (SAMPLE, theta[..., i]) for i, name in enumerate(names) if i >= k}
+    return {"K": ((*SAMPLE, "texture"), theta[..., :k]), **noise}
 
 
-def _log_prior(fit: Posterior) -> _Variables:
+def _log_prior(fit: Posterior) -> Variables:
     """Return the log prior density of each parameter at the draws."""
     model = fit.model
     found: dict[str, FloatArray] = {}
@@ -132,10 +139,10 @@ def _log_prior(fit: Posterior) -> _Variables:
         is_K = isinstance(model.form, PowerLaw) and i < model.n_coefficient
         key, value = "K" if is_K else name, prior.log_pdf(theta[..., i])
         found[key] = found[key] + value if key in found else value
-    return {name: (_SAMPLE, value) for name, value in found.items()}
+    return {name: (SAMPLE, value) for name, value in found.items()}
 
 
-def _predictive(fit: Posterior) -> dict[str, _Variables]:
+def _predictive(fit: Posterior) -> dict[str, Variables]:
     """Return prior, prior_predictive and posterior_predictive, as far as they take little."""
     model, rng = fit.model, stream(fit.seed, "predictive")
     n_level = model.offsets.n_level if isinstance(model.offsets, SmoothOffsets) else 0
@@ -152,17 +159,17 @@ def _predictive(fit: Posterior) -> dict[str, _Variables]:
         posterior = fit.draws.reshape(n_chain, n_walk, -1)[:, draw]
         for name, theta in (("prior", prior), ("posterior", posterior)):
             loads = simulate_log_loads(model, theta, rng)[0]
-            groups[f"{name}_predictive"] = {"log_load": ((*_SAMPLE, "row"), loads)}
+            groups[f"{name}_predictive"] = {"log_load": ((*SAMPLE, "row"), loads)}
         groups["posterior_predictive"]["draw"] = (("draw",), draw)
     return groups
 
 
-def _labelled(fit: Posterior, variables: _Variables) -> "xr.Dataset":
+def _labelled(fit: Posterior, variables: Variables) -> "xr.Dataset":
     import xarray as xr  # loads slowly
 
     group = xr.Dataset(variables)
     labels = {"texture": list(fit.model.data.labels), "row": np.arange(len(fit.model.data))}
-    labels |= {name: np.arange(group.sizes[name]) for name in _SAMPLE if name in group.dims}
+    labels |= {name: np.arange(group.sizes[name]) for name in SAMPLE if name in group.dims}
     return group.assign_coords(
         {name: v for name, v in labels.items() if name in group.dims and name not in group.coords}
     )

@@ -160,16 +160,7 @@ def _fit_of(tree: "xr.DataTree") -> Posterior:
         replace(noise, nugget=float(tree.attrs.get("nugget", NUGGET))),
         priors_from_json(tree.attrs["priors"]),
     )
-    stats, n_walker = tree["sample_stats"], int(tree.attrs["n_walker"])
-    u = stats["u"].to_numpy()
-    shape = (u.shape[0], u.shape[1] // n_walker, n_walker)
-    chains = Chains(
-        u.reshape(*shape, -1),
-        stats["lp"].to_numpy().reshape(shape),
-        stats["acceptance_rate"].to_numpy(),
-        stats["tau"].to_numpy(),
-        tuple(json.loads(tree.attrs["stopping_rule_missing"])),
-    )
+    chains = chains_of(tree)
     summary = pd.DataFrame(json.loads(tree.attrs["summary"]))
     convergence_failures = tuple(json.loads(tree.attrs["missing"]))
     _check_shapes(data, chains)
@@ -185,6 +176,20 @@ def _fit_of(tree: "xr.DataTree") -> Posterior:
         raise ValueError(f"sampler {sampler!r}")
     seed = int(tree.attrs["seed"])
     return Posterior(model, chains, summary, convergence_failures, seed, sampler=sampler)
+
+
+def chains_of(tree: "xr.DataTree", n_coordinate: int = -1) -> Chains:
+    """Return the chains in a file, of so many coordinates; an error of any kind if it has none."""
+    stats, n_walker = tree["sample_stats"], int(tree.attrs["n_walker"])
+    u = stats["u"].to_numpy()
+    shape = (u.shape[0], u.shape[1] // n_walker, n_walker)
+    return Chains(
+        u.reshape(*shape, n_coordinate),
+        stats["lp"].to_numpy().reshape(shape),
+        stats["acceptance_rate"].to_numpy(),
+        stats["tau"].to_numpy(),
+        tuple(json.loads(tree.attrs["stopping_rule_missing"])),
+    )
 
 
 def _check_shapes(data: Observations, chains: Chains) -> None:
