@@ -1,18 +1,22 @@
 """Events found together, against those found one by one, and single ridges in closed form."""
 
 import math
+import sys
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from ridgebayes.contact import reaching
 from ridgebayes.contact.all_events import Events, all_events
+from ridgebayes.contact.contact_solution import bearing_half_width, solve_contact
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.ridge_contacts import RidgeContacts
 from ridgebayes.contact.ridge_row import RidgeRow, touch_order
 from ridgebayes.contact.rigid_profile import Profile
 
 TOL = 1e-8
+module = sys.modules[all_events.__module__]
 
 
 def one_by_one(monkeypatch, profile, W_max):
@@ -72,9 +76,72 @@ def test_all_events__of_narrow_ridges_are_all_found(seed):
     assert found.W[-1] > 0.02 > found.W[-4]
 
 
-def test_all_events__are_none_where_unknowns_are_too_many():
-    found = all_events(Profile(1e-5, 1e-5, corner=1e-6), W_max=0.01, n_max=10_000, rel_tol=TOL)
+def test_all_events__are_none_where_one_ridge_has_too_many_unknowns():
+    found = all_events(Profile(0.03, 1e-9), W_max=0.01, n_max=100, rel_tol=TOL)
     assert (found.W.shape, found.ok.shape) == ((0,), (0,))
+
+
+def test_all_events__are_none_where_the_matrix_is_not_definite(monkeypatch):
+    """What rounding costs is found one by one instead."""
+    profile, W_max = Profile(0.03, 0.02, corner=2e-3), 5e-3
+    together = reaching_loads(profile, W_max=W_max)
+    broken = Mock(side_effect=np.linalg.LinAlgError)
+    monkeypatch.setattr(RidgeRow, "of", broken)
+    assert all_events(profile, W_max=W_max, n_max=100, rel_tol=TOL).W.shape == (0,)
+    agree(together, reaching_loads(profile, W_max=W_max))
+    assert broken.called
+
+
+def test_reaching_loads__end_with_the_reason_at_the_most_unknowns(monkeypatch):
+    profile = Profile(0.03, 0.02, corner=2e-3)
+    whole = reaching_loads(profile, W_max=0.02)
+    monkeypatch.setattr(module, "MOST_UNKNOWNS", 24)
+    found = reaching_loads(profile, W_max=0.02)
+    n = len(found.W) - 1
+    assert 0 < n < len(whole.W)
+    assert np.array_equal(found.Q, whole.Q[: n + 1])
+    np.testing.assert_allclose(found.W[:n], whole.W[:n], rtol=2 * TOL)  # tolerance, of each
+    assert set(found.status[:n]) == {"ok"}
+    assert "not computed: some" in found.status[-1]
+    assert "b/R = 0.02; cap" in found.status[-1]
+
+
+def test_all_events__are_the_same_in_groups(monkeypatch):
+    profile = Profile(0.02, 0.015, corner=3e-3, offset=0.2)
+    whole = all_events(profile, W_max=0.02, n_max=100, rel_tol=TOL)
+    monkeypatch.setattr(module, "_GROUP", 60)
+    parts = all_events(profile, W_max=0.02, n_max=100, rel_tol=TOL)
+    assert parts.ok.all()
+    np.testing.assert_allclose(parts.W, whole.W, rtol=TOL)  # tolerance
+
+
+def test_all_events__go_on_where_contact_covers_more_than_was_expected(monkeypatch):
+    profile, given = Profile(0.03, 1e-4, corner=5e-3), []
+
+    def narrow(profile, W):
+        given.append(W)
+        return bearing_half_width(profile, 1e-3 * W)
+
+    whole = all_events(profile, W_max=0.02, n_max=100, rel_tol=TOL)
+    monkeypatch.setattr(module, "bearing_half_width", narrow)
+    found = all_events(profile, W_max=0.02, n_max=100, rel_tol=TOL)
+    assert given[-1] > given[0]
+    assert found.ok.all()
+    np.testing.assert_allclose(found.W, whole.W, rtol=2 * TOL)  # tolerance, of each
+
+
+@pytest.mark.parametrize("corner", [0.0, 1e-3, 5e-3, 0.015])
+@pytest.mark.parametrize("W", [1e-4, 1e-2, 0.2])
+def test_bearing_half_width__holds_what_is_in_contact(corner, W):
+    for b in (1e-4, 1e-3, 0.03):
+        profile = Profile(0.03, b, corner=corner, offset=0.3)
+        half_width = bearing_half_width(profile, W)
+        assert 0.5 * profile.a - corner <= half_width <= 0.5 * profile.a
+        found = solve_contact(profile, W, rel_tol=1e-4)
+        assert found.status == "ok"
+        for segment, (left, right) in found.covered.items():
+            middle = 0.5 * (segment.start + segment.stop)
+            assert max(middle - left, right - middle) <= half_width * (1 + 1e-12)  # rounding
 
 
 @pytest.mark.parametrize(
@@ -108,7 +175,7 @@ def test_ridge_contacts__of_a_round_ridge_below_the_centre_have_a_closed_load(w,
 
 
 def test_ridge_row__of_the_first_ridges_is_that_of_all():
-    row = RidgeRow.of(Profile(0.02, 0.03, offset=0.2), 6, 5)
+    row = RidgeRow.of(Profile(0.02, 0.03, offset=0.2), 6, 5, 0.01)
     part, few = row.first(3), np.arange(3)
     rng = np.random.default_rng(1)
     moments = rng.normal(size=(3, 5, 3)) * part.within[:, None]
@@ -121,7 +188,7 @@ def test_ridge_row__of_the_first_ridges_is_that_of_all():
 @pytest.mark.parametrize("offset", [0.0, 0.5, 0.2])
 def test_ridge_row__factor_solves_what_fields_make(offset):
     """Ridges covered in full: their own energies, and the potentials of others."""
-    row = RidgeRow.of(Profile(0.02, 0.015, offset=offset), 4, 6)
+    row = RidgeRow.of(Profile(0.02, 0.015, offset=offset), 4, 6, 0.01)
     rng = np.random.default_rng(2)
     moments = rng.normal(size=(4, 6, 4)) * row.within[:, None]
     if row.over_ridge:

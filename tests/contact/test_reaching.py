@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy import optimize
 
+from ridgebayes.contact import reaching
+from ridgebayes.contact.all_events import Events
 from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.reaching import reaching_loads
@@ -186,6 +188,38 @@ def test_reaching_loads__small_corners_tend_to_sharp_ones():
     # Order: between the corner and its root; two effects of opposite sign nearly cancel at 1e-4.
     assert misses[0] < 0.02
     assert misses[2] < 0.5 * misses[1] < 0.25 * misses[0]
+
+
+def test_reaching_loads__of_narrow_grooves_between_round_ridges_are_all_found():
+    """Corners keep contacts apart where grooves have no width: loads have a limit."""
+    found = [
+        reaching_loads(Profile(0.03, b, corner=2e-3), W_max=0.044, rel_tol=1e-6)
+        for b in (1e-4, 1e-6, 1e-12)
+    ]
+    for one in found:
+        assert one.status == ("ok",) * 9
+    apart = [np.abs(one.W / found[-1].W - 1).max() for one in found[:2]]
+    # Order: first in b/a, some of which is the pitch's.
+    assert apart[1] < 3e-6 + 1.5e-2 * apart[0] < 3e-4
+
+
+def test_reaching_loads__go_on_one_by_one_from_a_load_far_above(monkeypatch):
+    """Found together up to some event, then alone; ends beside a groove would take turns."""
+    profile = Profile(0.03, 1e-4, corner=2e-3)
+    whole = reaching_loads(profile, W_max=0.05, rel_tol=1e-6)
+    some = Events(whole.W, np.arange(len(whole.W)) < 8)
+    monkeypatch.setattr(reaching, "all_events", lambda *_, **__: some)
+    found = reaching_loads(profile, W_max=0.05, rel_tol=1e-6)
+    assert found.status == ("ok",) * 10
+    np.testing.assert_allclose(found.W, whole.W, rtol=2e-6)  # tolerance, of each
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.2])
+def test_reaching_loads__of_grooves_too_narrow_say_so(offset):
+    found = reaching_loads(Profile(0.03, 1e-9, offset=offset), W_max=1e-3)
+    assert np.isnan(found.W).tolist() == [True]
+    assert found.status[0].startswith("not computed: some ")
+    assert found.status[0].endswith(" unknowns with a/R = 0.03, b/R = 1e-09; cap 4000")
 
 
 def test_reaching_loads__a_floor_delays_ridges_and_a_deep_one_does_not():

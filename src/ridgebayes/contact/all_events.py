@@ -10,17 +10,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.contact.contact_set import TENSION
-from ridgebayes.contact.contact_solution import coefficients_for
+from ridgebayes.contact.contact_solution import (
+    MOST_UNKNOWNS,
+    bearing_half_width,
+    coefficients_for,
+)
 from ridgebayes.contact.ridge_contacts import RidgeContacts, chebyshev
 from ridgebayes.contact.ridge_row import RidgeRow
 from ridgebayes.contact.rigid_profile import Profile
 
-_MOST_ROUNDS, _SWEEPS, _EARLY = 40, 3, 6  # ends take some steps a round at first
+_MOST_ROUNDS = 40
+_SWEEPS, _STEADY = 2, 1e-3  # more steps a round while these are over this share of a contact
+_GROUP = 600  # unknowns of the first group of events; the others touch more ridges
 _HISTORY = 5  # rounds that the next one is made from
 _KEPT = 0.05  # of a force at least from round to round: no ridge pulls
-_MOST_UNKNOWNS = 4_000
 _DEEP = 0.9  # of a groove: beyond, its floor may be touched
 
 
@@ -57,69 +62,85 @@ def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) ->
     Returns
     -------
     Events
-        None where there would be too many unknowns.
+        As many as the most unknowns allow; none where rounding leaves no definite matrix.
 
     Notes
     -----
     *Cost.* Five to fifteen rounds, each two products of a matrix with as many columns as there are
     events.
     """
-    m = max(coefficients_for(profile, rel_tol), 3)
+    none = found = Events(np.empty(0), np.empty(0, dtype=bool))
     compliance = -math.log(math.sin(0.5 * math.pi * profile.a / profile.pitch))
     n = math.sqrt(2 * W_max) / profile.pitch + 0.1 + 0.5 * compliance
     n = math.ceil(n if profile.mirrored else 2 * n) + 1
+    bearing = W_max
     while True:
-        n = min(n, n_max)
-        if n * m > _MOST_UNKNOWNS:
-            return Events(np.empty(0), np.empty(0, dtype=bool))
-        found = _Rounds(RidgeRow.of(profile, n, m), rel_tol).events()
-        if n == n_max or not found.ok[-1] or found.W[-1] > W_max:
+        half_width = bearing_half_width(profile, bearing)
+        m = max(coefficients_for(profile, rel_tol, half_width), 3)
+        most = min(n_max, MOST_UNKNOWNS // m)
+        if most < max(len(found.W), 1):
             return found
-        n += 2 + n // 8
+        n = min(n, most)
+        try:
+            row = RidgeRow.of(profile, n, m, half_width)
+        except np.linalg.LinAlgError:
+            return none
+        parts = np.array_split(np.arange(n), min(math.ceil(n * m / _GROUP), n))
+        groups = [_Rounds(row.first(int(one[-1]) + 1), rel_tol, one) for one in parts]
+        found = _joined([one.events() for one in groups])
+        if any(one.cut_off for one in groups):
+            bearing *= 4
+        elif n == most or not found.ok[-1] or found.W[-1] > W_max:
+            return found
+        else:
+            n += 2 + n // 8
 
 
 class _Rounds:
     """Events on their way to their loads: those that have arrived leave."""
 
-    def __init__(self, row: RidgeRow, rel_tol: float) -> None:
-        self._row, self._tol, n = row, rel_tol, row.n
+    def __init__(self, row: RidgeRow, rel_tol: float, events: IntArray) -> None:
+        self._row, self._tol, n = row, rel_tol, len(events)
         self._W, self._ok = np.full(n, np.nan), np.zeros(n, dtype=bool)
-        self._live = np.arange(n)
-        self._ends = np.ones((2, n, n))  # of contact, by ridge and event
+        self._first, self._live = int(events[0]), events
+        self._ends = np.ones((2, row.n, n))  # of contact, by ridge and event
+        self._moving = np.ones((row.n, n), dtype=bool)
         self._nearest = np.full(n, -1.0)  # place over the ridge ahead: t of its corner
         self._mixing = _Mixing()
-        w, corner = row.half_width, row.profile.corner
-        self._radius, self._flat = corner / w**2, 1 - corner / w
+        w, corner, half = row.half_width, row.profile.corner, 0.5 * row.profile.a
+        self._radius, self._flat = corner / w**2, (half - corner) / w
+        # Whether contact would go further than it may here, and further on a ridge it could.
+        self.cut_off, self._cut = False, w < half
         self._moments = self._begin()
 
     def _begin(self) -> FloatArray:
         """Return moments of sharp ridges covered in full; none of them pulls."""
         row, live, n = self._row, self._live, self._row.n
-        charge = np.zeros((n, row.m, n))
-        charge[:, 0] = math.pi * row.within
+        within = row.within[:, live]
+        charge = np.zeros((n, row.m, len(live)))
+        charge[:, 0] = math.pi * within
         self._by_approach = row.covered(charge, live)
-        shape = (row.shape[:n] * row.norms)[..., None] * row.within[:, None]
+        shape = (row.shape[:n] * row.norms)[..., None] * within[:, None]
         found = -row.covered(shape, live)
         x = row.places(self._nearest, live + 1)
         felt = row.potentials(x)
         found += self._by_approach * self._approach(felt, 0.5 * x**2 + _felt(felt, found))
         smooth = 0.5 * (np.abs(row.centre[live + 1]) - row.half_width) ** 2
-        least = _KEPT * row.within * smooth / (math.pi * row.weight.sum())
+        least = _KEPT * within * smooth / (math.pi * row.weight.sum())
         found[:, 0] = np.maximum(found[:, 0], least)
         return found
 
     def events(self) -> Events:
         """Return all events, found together."""
-        for turn in range(_MOST_ROUNDS):
-            arrived = self._round(_SWEEPS if turn < _EARLY else 1)
+        for _ in range(_MOST_ROUNDS):
+            arrived = self._round()
             if arrived.all():
                 break
             if arrived.any():
                 self._keep(~arrived)
-        ok = self._ok & (np.diff(self._W, prepend=0.0) > 0)
-        return Events(self._W, ok)
+        return Events(self._W, self._ok)
 
-    def _round(self, sweeps: int) -> BoolArray:
+    def _round(self) -> BoolArray:
         """Move all events once; those that have arrived are noted."""
         row, live = self._row, self._live
         event, ridge = np.nonzero(row.within[:, live].T)
@@ -129,27 +150,25 @@ class _Rounds:
         felt = row.potentials(x)
         approach = 0.5 * x**2 + fallen + _felt(felt, self._moments)
         here, force = field[ridge, :, event] + row.shape[ridge], self._moments[ridge, 0, event]
-        ends = self._ends[:, ridge, event]
-        for _ in range(sweeps):
-            contacts = RidgeContacts(here, force, ends, self._radius, self._flat)
-            ends = ends + contacts.steps
-        self._ends[:, ridge, event] = ends
+        contacts = self._contacts(here, force, ridge, event)
         residual = np.zeros_like(self._moments)
         residual[ridge, 0, event] = math.pi * (contacts.level + row.shift * force - approach[event])
         apart = self._moments[ridge, 1:, event] - contacts.moments[:, 1:]
         residual[ridge, 1:, event] = row.energies[1:] * apart
         change = -row.covered(residual, live)
         change += self._by_approach * self._approach(felt, _felt(felt, change))
-        near = 0.3 * TENSION * math.sqrt(self._tol) * contacts.share
-        moving = np.abs(contacts.steps).max(axis=0) > near
+        beyond = contacts.ends - self._flat  # beyond a kink pressure falls to zero within it
+        scale = np.where(beyond > 0, np.minimum(beyond, contacts.share), contacts.share)
+        moving = (np.abs(contacts.steps) > 0.3 * TENSION * math.sqrt(self._tol) * scale).any(axis=0)
         load = row.load(self._moments)
         arrived: BoolArray = np.abs(row.load(change)) <= 0.1 * self._tol * load
+        # A load may stand still by chance: its shares have to as well.
+        arrived &= row.load(np.abs(change)) <= self._tol * load
         arrived &= np.bincount(event, moving, minlength=len(live)) == 0
         if arrived.any():
-            wrong = np.bincount(event, ~self._holds(contacts), minlength=len(live)) > 0
-            ok = ~wrong & self._free(field, approach)
-            self._W[live[arrived]] = row.load(self._moments + change)[arrived]
-            self._ok[live[arrived]] = ok[arrived]
+            self._W[live[arrived] - self._first] = row.load(self._moments + change)[arrived]
+            found = self._holds(contacts, event, arrived) & self._free(field, approach)
+            self._ok[live[arrived] - self._first] = found[arrived]
         self._moments = self._mixing.mixed(self._moments, change)
         return arrived
 
@@ -164,11 +183,41 @@ class _Rounds:
         seen = field[ridges, :, np.arange(len(ridges))] + row.shape[ridges]
         return _nearest(row.outward(seen, ridges), self._nearest, self._radius, self._flat)
 
-    def _holds(self, contacts: RidgeContacts) -> BoolArray:
-        """Return whether pressures of contacts are resolved, and none is a tension."""
-        tension = max(TENSION * math.sqrt(self._tol), 1e-6)
-        holds: BoolArray = contacts.tail**2 <= self._tol
-        return holds & (contacts.smallest_pressure >= -tension)
+    def _contacts(
+        self, field: FloatArray, force: FloatArray, ridge: IntArray, event: IntArray
+    ) -> RidgeContacts:
+        """Return contacts, and move their ends."""
+        ends = self._ends[:, ridge, event]
+        some = np.flatnonzero(self._moving[ridge, event])
+        for _ in range(_SWEEPS):
+            if not len(some):
+                break
+            here = RidgeContacts(field[some], force[some], ends[:, some], self._radius, self._flat)
+            ends[:, some] += here.steps
+            some = some[_far(here)]
+        contacts = RidgeContacts(field, force, ends, self._radius, self._flat)
+        self._ends[:, ridge, event] = ends + contacts.steps
+        self._moving[ridge, event] = _far(contacts)
+        return contacts
+
+    def _holds(self, contacts: RidgeContacts, event: IntArray, arrived: BoolArray) -> BoolArray:
+        """Return of events that have arrived whether pressures are resolved, and none a tension."""
+        some = arrived[event]
+        ends = contacts.ends[:, some]
+        here = RidgeContacts(
+            contacts.field[some], contacts.force[some], ends, self._radius, self._flat
+        )
+        holds = (here.tail**2 <= self._tol) & (
+            here.smallest_pressure >= -max(TENSION * math.sqrt(self._tol), 1e-6)
+        )
+        count, event = len(arrived), event[some]
+        found: BoolArray = np.bincount(event, ~holds, minlength=count) == 0
+        if self._cut:
+            inside = np.bincount(event, (ends >= 1.0).any(axis=0), minlength=count) == 0
+            inside &= self._nearest > -1.0
+            self.cut_off |= bool((arrived & ~inside).any())
+            found &= inside
+        return found
 
     def _free(self, field: FloatArray, approach: FloatArray) -> BoolArray:
         """Return whether nothing is touched that an event leaves out, (n_live,)."""
@@ -191,8 +240,23 @@ class _Rounds:
         self._moments = self._moments[:n, :, still]
         self._by_approach = self._by_approach[:n, :, still]
         self._ends = self._ends[:, :n, still]
+        self._moving = self._moving[:n, still]
         self._nearest = self._nearest[still]
         self._mixing.keep(n, still)
+
+
+def _joined(parts: list[Events]) -> Events:
+    """Return events of all groups; not ok where loads do not rise."""
+    W = np.concatenate([one.W for one in parts])
+    ok = np.concatenate([one.ok for one in parts])
+    ok &= np.diff(W, prepend=0.0) > 0
+    return Events(W, ok)
+
+
+def _far(contacts: RidgeContacts) -> BoolArray:
+    """Return of contacts whether ends are so far from where they belong that a step errs."""
+    far: BoolArray = np.abs(contacts.steps).max(axis=0) > _STEADY * contacts.share
+    return far
 
 
 def _felt(potentials: FloatArray, moments: FloatArray) -> FloatArray:

@@ -26,6 +26,7 @@ class ContactSet:
     def __init__(self, profile: Profile, segments: Sequence[RigidSegment], rel_tol: float) -> None:
         self._profile, self._segments, self._tol = profile, list(segments), rel_tol
         self._ends: dict[RigidSegment, tuple[float, float]] = {}
+        self._made: dict[tuple[RigidSegment, int], float] = {}  # last step of each end, outward
 
     @property
     def touched(self) -> list[RigidSegment]:
@@ -35,14 +36,21 @@ class ContactSet:
         ends = np.array([self._ends[segment] for segment in self.touched]).reshape(-1, 2)
         return Intervals(ends[:, 0].copy(), ends[:, 1].copy(), self._profile.mirrored)
 
-    def begin(self, W: float, start: Mapping[RigidSegment, tuple[float, float]]) -> None:
-        """Begin with the ends of a solution nearby, or with what Hertz's contact covers."""
+    def begin(
+        self, W: float, start: Mapping[RigidSegment, tuple[float, float]], spared: float
+    ) -> None:
+        """Begin with the ends of a solution nearby, or with what Hertz's contact covers.
+
+        That is without a width `spared` at both sides of each ridge, which round corners leave.
+        """
         hertz = math.sqrt(2 * W)
         tops = [one for one in self._segments if one.ridge is not None]
         self._ends = {one: start[one] for one in self._segments if one in start}
         if not self._ends:
-            under = [one for one in tops if min(one.stop, hertz) > max(one.start, -hertz)]
-            self._ends = {one: self._within(one, -hertz, hertz) for one in under}
+            for one in tops:
+                low, high = max(one.start + spared, -hertz), min(one.stop - spared, hertz)
+                if low < high:
+                    self._ends[one] = self._within(one, low, high)
         if not self._ends:
             # The nearest corners: as wide as a body's slope there takes the load.
             tops = tops or self._segments
@@ -105,6 +113,10 @@ class ContactSet:
         if not stuck[side] and abs(step) <= self._near_enough(width, share, layer):
             return end
         step = min(max(step, -most), 2 * width)  # (9)
+        last = self._made.get((segment, side), 0.0)
+        if step * last < 0:  # (9a)
+            step = min(max(step, -0.5 * abs(last)), 0.5 * abs(last))
+        self._made[segment, side] = min(step, room)
         return limit if step >= room else end + sign * step
 
     def _near_enough(self, width: float, share: float, layer: float) -> float:

@@ -24,7 +24,7 @@ from ridgebayes.errors import InputError
 _MAX_ITERATIONS = 80
 _N_CORNER, _N_VERTEX = 17, 4
 _N_LOOK, _LOOKS = 17, 5  # places in a groove; each look is at an eighth of the one before
-_MAX_UNKNOWNS, _MOST_COEFFICIENTS = 4_000, 400
+MOST_UNKNOWNS, _MOST_COEFFICIENTS = 4_000, 400
 
 
 def load_factor(nu: float) -> float:
@@ -180,24 +180,23 @@ def solve_contact(
         raise InputError(f"W = {W!r}; expected finite and > 0")
     if profile.corner < rel_tol * profile.a:  # loads change by less than the corner over a
         profile = replace(profile, corner=0.0)
-    m = n_coefficients or coefficients_for(profile, rel_tol)
+    half_width = bearing_half_width(profile, W)
+    m = n_coefficients or coefficients_for(profile, rel_tol, half_width)
     hertz = math.sqrt(2 * W)
-    if ridges is None and (first := hertz / profile.pitch) * m > 2 * _MAX_UNKNOWNS:
+    if ridges is None and (first := hertz / profile.pitch) * m > 2 * MOST_UNKNOWNS:
         # What Hertz's contact covers alone is too much: not even listed, there may be millions.
-        why = f"not computed: some {first * m:.2g} unknowns; cap {_MAX_UNKNOWNS}"
-        return no_solution(profile, why)
+        return too_many(profile, first * m)
     within = profile.segments(1.3 * hertz + 3 * profile.pitch)
     if ridges is not None:
         within = [one for one in within if one.ridge is None or one.ridge in ridges]
     state = ContactSet(profile, within, rel_tol)
-    state.begin(W, {} if start is None else start.covered)
+    state.begin(W, {} if start is None else start.covered, 0.5 * profile.a - half_width)
     found, segments = None, []
     status = "not converged: contact ends still move"
     for _ in range(_MAX_ITERATIONS):
         intervals = state.intervals()
-        if len(intervals.left) * m > _MAX_UNKNOWNS:
-            status = f"not computed: {len(intervals.left) * m} unknowns; cap {_MAX_UNKNOWNS}"
-            break
+        if len(intervals.left) * m > MOST_UNKNOWNS:
+            return too_many(profile, len(intervals.left) * m)
         try:
             height, kinks = _heights(state.touched, intervals)
             found = solve_pressure(intervals, height, W, m, kinks)
@@ -227,9 +226,34 @@ def no_solution(profile: Profile, status: str) -> ContactSolution:
     return ContactSolution(profile, (), empty, status)
 
 
-def coefficients_for(profile: Profile, rel_tol: float) -> int:
-    """Return how many coefficients an interval takes: more where grooves are narrow."""
-    excess = 2 * profile.b / profile.a
+def too_many(profile: Profile, unknowns: float) -> ContactSolution:
+    """Return the record of a contact that is not computed, which names what it has too much of."""
+    of = f"a/R = {profile.a:.3g}, b/R = {profile.b:.3g}"
+    why = f"not computed: some {unknowns:.4g} unknowns with {of}; cap {MOST_UNKNOWNS}"
+    return no_solution(profile, why)
+
+
+def bearing_half_width(profile: Profile, W: float) -> float:
+    """Return what contact on a ridge is expected to stay within: its own, or less by its corners.
+
+    Equation (19) of docs/derivations/contact.md, by a fifth more than Hertz's largest pressure.
+    """
+    corner, pitch = profile.corner, profile.pitch
+    flat = corner + 0.5 * profile.b  # from a groove's middle
+    wanted = 1.2 * 0.5 * math.pi * math.sqrt(2 * W) * corner / flat
+    tau = wanted + 1.0
+    for _ in range(6):  # Newton's steps, all from above
+        tau -= (tau - math.tanh(tau) - wanted) / math.tanh(tau) ** 2
+    free = pitch / math.pi * math.asin(math.sin(math.pi * flat / pitch) / math.cosh(tau))
+    return min(0.5 * profile.a, 0.5 * pitch - free)
+
+
+def coefficients_for(profile: Profile, rel_tol: float, half_width: float) -> int:
+    """Return how many coefficients contact within a half-width of each ridge takes.
+
+    More where what is left of a groove is narrow.
+    """
+    excess = (profile.b + (profile.a - 2 * half_width)) / half_width
     log_rho = math.log1p(excess + math.sqrt(excess * (2 + excess)))
     sharp = math.log(0.1 / rel_tol) / (2 * log_rho) + 4
     return math.ceil(1.15 * sharp)

@@ -11,7 +11,13 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.all_events import Events, all_events
-from ridgebayes.contact.contact_solution import ContactSolution, solve_contact
+from ridgebayes.contact.contact_solution import (
+    ContactSolution,
+    bearing_half_width,
+    coefficients_for,
+    solve_contact,
+    too_many,
+)
 from ridgebayes.contact.ridge_row import touch_order
 from ridgebayes.contact.rigid_profile import Profile
 
@@ -81,14 +87,14 @@ def reaching_loads(
         if known and {low, high} <= set(order[:n].tolist()):
             W, ridge, said = float(together.W[n - 1]), int(order[n]), "ok"
         else:
-            if found is None:
+            if n == len(order) > 1 and together.ok[-1]:  # ended by the most unknowns
+                half_width = bearing_half_width(profile, W_max)
+                found = too_many(profile, n * coefficients_for(profile, rel_tol, half_width))
+            elif found is None:
                 found = _smallest(profile, W_max, rel_tol)
-            if loads and loads[-1] > found.W:
-                only = range(low, high + 1)
-                found = solve_contact(profile, loads[-1], rel_tol=rel_tol, ridges=only)
             # Of pairs the roots of loads rise nearly evenly: from there on.
             rise = 2 * math.sqrt(loads[-1]) - math.sqrt(loads[-2]) if len(loads) > 1 else 0.0
-            begin = min(rise**2, W_max) if profile.mirrored and rise else found.W
+            begin = min(rise**2, W_max) if profile.mirrored and rise else max([found.W, *loads])
             # To the right, and where the profile is no mirror image also to the left.
             sides = (high + 1,) if profile.mirrored else (high + 1, low - 1)
             W, ridge, found = _reach(found, begin, range(low, high + 1), sides, W_max, rel_tol)
@@ -148,6 +154,8 @@ def _reach(
     The gap over a ridge falls with the load, and by less the wider the contact is: each of Newton's
     steps, from wherever it begins, ends below the load that is sought.
     """
+    if found.status != "ok":
+        return W, sides[0], found
     profile, least = found.profile, found.W
     ahead = [profile.ridge(number) for number in sides]
     for _ in range(_MOST_STEPS):

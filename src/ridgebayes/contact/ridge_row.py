@@ -36,6 +36,8 @@ class RidgeRow:
         The rigid side.
     numbers : ndarray of int, shape (n + 2,)
         Of ridges.
+    half_width : float
+        Of what contact may cover of a ridge.
     unit : float
         Of length.
     felt : ndarray of float, shape (n + 2, m, n m)
@@ -46,13 +48,14 @@ class RidgeRow:
 
     profile: Profile
     numbers: IntArray
+    half_width: float
     unit: float
     felt: FloatArray
     factor: FloatArray
 
     @classmethod
-    def of(cls, profile: Profile, n: int, m: int) -> "RidgeRow":
-        """Return that of n ridges, m moments each.
+    def of(cls, profile: Profile, n: int, m: int, half_width: float) -> "RidgeRow":
+        """Return that of n ridges, m moments each, of which contact may cover a half-width.
 
         Raises
         ------
@@ -62,7 +65,7 @@ class RidgeRow:
         numbers = touch_order(profile, n + _AHEAD)
         reach = max(abs(profile.ridge(k).start) for k in numbers.tolist())
         felt, none = np.empty((n + _AHEAD, m, n * m)), np.empty((0, 0))
-        row = cls(profile, numbers, reach + profile.a, felt, none)
+        row = cls(profile, numbers, half_width, reach + profile.a, felt, none)
         row.felt[:] = row._blocks().transpose(0, 2, 1, 3).reshape(row.felt.shape)
         rows, columns = row._scales
         matrix = row.felt[:n].reshape(n * m, n * m) / (rows[:, None] * columns)
@@ -89,11 +92,6 @@ class RidgeRow:
         """Moments of a ridge."""
         return int(self.felt.shape[1])
 
-    @property
-    def half_width(self) -> float:
-        """Of a ridge."""
-        return 0.5 * self.profile.a
-
     @cached_property
     def over_ridge(self) -> bool:
         """Whether the first ridge is its own mirror image."""
@@ -103,7 +101,7 @@ class RidgeRow:
     def centre(self) -> FloatArray:
         """Middles of ridges, (n + 2,)."""
         starts = [self.profile.ridge(k).start for k in self.numbers.tolist()]
-        return np.array(starts) + self.half_width
+        return np.array(starts) + 0.5 * self.profile.a
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -150,7 +148,8 @@ class RidgeRow:
         """Return projections on each ridge of each other's potentials, (n + 2, n, m, m)."""
         numbers, m, n = self.numbers, self.m, self.n
         span = 2 * int(np.abs(numbers).max()) + 1
-        right = cross_blocks(2 * self.profile.b / self.profile.a, span, m)
+        free = self.profile.b + (self.profile.a - 2 * self.half_width)
+        right = cross_blocks(free / self.half_width, span, m)
         right[:, 0, 0] += math.pi * self.shift
         by_distance = np.concatenate([right[::-1].transpose(0, 2, 1), np.zeros((1, m, m)), right])
         found: FloatArray = by_distance[numbers[:, None] - numbers[:n] + span]
