@@ -72,6 +72,8 @@ class Solid:
         # (element, point, node, direction)
         self._grad = np.stack([basis.basis[i][0].grad for i in range(9)]).transpose(2, 3, 0, 1)
         self._grad = np.ascontiguousarray(self._grad)
+        # The same as one matrix for each element: node, and point with direction.
+        self._flat = self._grad.transpose(0, 2, 1, 3).reshape(len(self.nodes), 9, -1)
         self._weight = np.asarray(basis.dx)
         at = np.asarray(basis.global_coordinates())  # (2, element, point)
         centre = np.average(at, axis=2, weights=np.broadcast_to(self._weight, at.shape))
@@ -96,7 +98,8 @@ class Solid:
 
     def gradients(self, u: FloatArray) -> FloatArray:
         """Return F = 1 + grad u at the quadrature points, shape (n_element, n_point, 2, 2)."""
-        value: FloatArray = np.eye(2) + np.einsum("eni,egnj->egij", u[self.nodes], self._grad)
+        flat = u[self.nodes].transpose(0, 2, 1) @ self._flat
+        value: FloatArray = np.eye(2) + flat.reshape(self.n_element, 2, -1, 2).transpose(0, 2, 1, 3)
         return value
 
     def pressures(self, p: FloatArray) -> FloatArray:
@@ -115,11 +118,13 @@ class Solid:
 
     def volume_residual(self, u: FloatArray, p: FloatArray) -> FloatArray:
         """Return the residual of J - 1 - p/K = 0, shape (n_element, 3)."""
-        F = self.gradients(u)
+        return self._volume(self.gradients(u), self.pressures(p))
+
+    def _volume(self, F: FloatArray, pressure: FloatArray) -> FloatArray:
         trace = F[..., 0, 0] + F[..., 1, 1]
         change = jacobian(F) - 1.0 if self.material.finite else trace - 2.0
-        change = change - self.material.compressibility * self.pressures(p)
-        value: FloatArray = np.einsum("eg,eg,egp->ep", self._weight, change, self._linear)
+        change = self._weight * (change - self.material.compressibility * pressure)
+        value: FloatArray = (change[:, None] @ self._linear)[:, 0]
         return value
 
     def assemble(self, u: FloatArray, p: FloatArray) -> Assembled:
@@ -148,29 +153,27 @@ class Solid:
             raise InvertedError("an element is turned inside out")
         stress = material.stress(F, pressure)
         tangent = material.stiffness(F, pressure) * self._weight[..., None, None, None, None]
-        tangent = tangent.transpose(0, 1, 2, 4, 3, 5)  # (e, g, i, k, j, l)
         n_point = self._weight.shape[1]
-        grad = self._grad.reshape(n, n_point, 9, 2)
-        # K[n i, m k] = sum over g, j, l of grad[n j] A[i k j l] grad[m l]
-        half = np.einsum("egikjl,egml->egikjm", tangent, grad, optimize=True)
-        left = grad.transpose(0, 2, 1, 3).reshape(n, 9, 2 * n_point)
-        right = half.transpose(0, 1, 4, 2, 5, 3).reshape(n, 2 * n_point, 36)
-        K = (left @ right).reshape(n, 9, 2, 9, 2).reshape(n, 18, 18)
+        # K[n i, m k] = sum over g, j, l of grad[n j] A[i j k l] grad[m l]
+        by_j = tangent.transpose(0, 1, 3, 2, 4, 5).reshape(n, n_point, 8, 2)
+        half = by_j @ self._grad.transpose(0, 1, 3, 2)
+        K = self._flat @ half.reshape(n, 2 * n_point, 36)
+        K = K.reshape(n, 9, 2, 2, 9).transpose(0, 1, 2, 4, 3).reshape(n, 18, 18)
         cof = cofactor(F) if material.finite else np.broadcast_to(np.eye(2), F.shape)
-        pull = np.einsum("egij,egnj->egni", cof, grad).reshape(n, n_point, 18)
+        pull = (self._grad @ cof.transpose(0, 1, 3, 2)).reshape(n, n_point, 18)
         weighted = (self._linear * self._weight[..., None]).transpose(0, 2, 1)
         coupling = weighted @ pull  # (e, 3, 18)
         inverse = np.linalg.inv(max(material.compressibility, _SOFTENING) * self._mass)
-        volume = self.volume_residual(u, p)
+        volume = self._volume(F, pressure)
         transposed = coupling.transpose(0, 2, 1) @ inverse
-        K = K + transposed @ coupling
-        condensed = np.einsum("edq,eq->ed", transposed, volume).reshape(n, 9, 2)
+        K += transposed @ coupling
+        condensed = (transposed @ volume[:, :, None]).reshape(n, 9, 2)
         force, condensed = self._nodal_force(stress), self._scattered(condensed)
         return Assembled(force, volume, condensed, self._summed(K), coupling, inverse)
 
     def _nodal_force(self, stress: FloatArray) -> FloatArray:
-        weight, grad = self._weight, self._grad
-        return self._scattered(np.einsum("eg,egij,egnj->eni", weight, stress, grad, optimize=True))
+        weighted = (self._weight[..., None, None] * stress).transpose(0, 1, 3, 2)
+        return self._scattered(self._flat @ weighted.reshape(self.n_element, -1, 2))
 
     def _scattered(self, forces: FloatArray) -> FloatArray:
         flat = np.bincount(self.dofs.ravel(), forces.reshape(-1), 2 * self.n_node)
