@@ -90,9 +90,11 @@ def test_rise__is_the_whole_body_sinking():
     np.testing.assert_allclose(risen[where], sunk[where], atol=1e-13)  # rounding
 
 
-def test_bending__is_the_derivative_of_the_pressures_force():
+@pytest.mark.parametrize(("pressed", "rubbed"), [(1, 0), (0, 1), (1, 1)])
+def test_contact_stiffness__is_the_derivative_of_the_force(pressed, rubbed):
     one, way, problem = state(), direction(), body().problem
-    one = State(one.u, one.p, np.where(measured(one), one.pressure, 0.0), 0 * one.shear, one.rise)
+    on = measured(one)
+    one = State(one.u, one.p, pressed * on * one.pressure, rubbed * on * one.shear, one.rise)
     up, down = (
         problem.force(other, touched(other))
         for other in (moved(one, sign * STEP * way) for sign in (1, -1))
@@ -104,12 +106,14 @@ def test_bending__is_the_derivative_of_the_pressures_force():
 
 
 def test_bending__of_a_convex_potential_is_the_part_that_stiffens():
-    """Never positive, and what is left out never negative."""
+    """Without its share that is positive: never positive, and what is left out never negative."""
     one, problem = state(), body().problem
     one = State(one.u, one.p, np.where(measured(one), one.pressure, 0.0), 0 * one.shear, one.rise)
     gaps = touched(one)
     whole = problem.contact_stiffness(one, gaps)
-    convex = problem.contact_stiffness(one, gaps, convex=True)
+    convex = problem.contact_stiffness(one, gaps, share=0.0)
+    half = problem.contact_stiffness(one, gaps, share=0.5)
+    assert abs(half - 0.5 * (whole + convex)).max() < 1e-12 * abs(whole).max()  # rounding
     nodes = np.unique(problem._rim)
     dofs = np.stack([2 * nodes, 2 * nodes + 1], axis=-1).ravel()
     size = np.abs(whole).max()

@@ -214,9 +214,8 @@ def test_transitions__after_too_many_failures_are_given_up(monkeypatch):
         return solve(problem, start, control)
 
     monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder.solve", fails)
-    monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder._MOST_FAILURES", 3)
     one = Cylinder(WIDE, p_max=5e-3, nu=0.3, edges=COARSE)
-    Q, p_over_E, status = transition_curve(one, 5e-3)
+    Q, p_over_E, status = transition_curve(one, 5e-3, most_failures=3)
     assert (Q.tolist(), np.isnan(p_over_E).tolist()) == ([4], [True])
     assert re.fullmatch(r"not converged: at p/E = [\d.e-]+: no equilibrium", status[0])
     assert len(tried) == 2 + 3

@@ -91,6 +91,45 @@ def test_solution__is_in_equilibrium_and_presses_only_where_it_touches():
     assert -inner[up].sum() == pytest.approx(load(one, state), rel=1e-8)
 
 
+@pytest.mark.slow
+def test_solve__follows_the_rim_past_round_corners_to_the_state_of_short_steps():
+    """In one step nodes of the rim snap past corners, and the potential curves down on the way."""
+    problem = Cylinder(Profile(0.06, 0.03, corner=0.006), p_max=0.05, edges=4).problem
+    first = solve(problem, problem.unloaded(), Control("rise", 0.005))[0]
+    state = first
+    for rise in (0.02, 0.04, 0.06):
+        state = solve(problem, state, Control("rise", rise))[0]
+    same(solve(problem, first, Control("rise", 0.06))[0], state)
+
+
+@pytest.mark.parametrize(("friction", "shares"), [(0.0, [1.0, 0.9, 0.0]), (0.3, [1.0])])
+def test_step__is_made_convex_where_there_is_a_potential(monkeypatch, friction, shares):
+    class Factor:
+        U = np.diag([1.0, -1.0])
+
+        def solve(self, right):
+            return np.zeros_like(right)
+
+    asked, problem = [], body(friction=friction).problem
+    state = problem.unloaded()
+    none = np.zeros(len(problem.faces), dtype=bool)
+    inner = problem.solid.assemble(state.u, state.p)
+    kinds = np.zeros(len(problem.faces))
+    step = newton._Step(
+        problem, Control("rise", 0.01), state, problem.gaps(state, state, none), inner, kinds
+    )
+    stiffness = problem.contact_stiffness
+
+    def noted(*given, share):
+        asked.append(share)
+        return stiffness(*given, share=share)
+
+    monkeypatch.setattr(newton, "splu", lambda *_, **__: Factor())
+    monkeypatch.setattr(problem, "contact_stiffness", noted)
+    step.solve(none)
+    assert asked == shares
+
+
 def errors(monkeypatch, run):
     found = []
     measure = newton._Step.error
@@ -119,7 +158,7 @@ def test_newton__converges_quadratically(monkeypatch, kind, finite):
 
 
 def test_no_equilibrium__is_said():
-    with pytest.raises(NotConvergedError, match=r"inside out|equilibrium in 30|singular"):
+    with pytest.raises(NotConvergedError, match=r"inside out|equilibrium in 30|singular|valley"):
         solve(body().problem, pressed(), Control("rise", 0.9))
 
 

@@ -148,20 +148,25 @@ class ContactProblem:
         return float(self.force(state, gaps) @ self.up)
 
     def contact_stiffness(
-        self, state: State, gaps: Gaps, *, convex: bool = False
+        self, state: State, gaps: Gaps, *, share: float = 1.0
     ) -> sparse.csr_array:
-        """Return the second derivative of the pressures' work, or its part that is negative.
+        """Return the derivative of the rigid side's force by the nodes.
 
-        The body's potential has it with a minus: that part alone leaves the potential convex.
+        That of pressures is the second derivative of their work, which the body's potential has
+        with a minus. A share below 1, of the part of it that is positive, makes that more convex.
         """
         on_hit, on_kink = state.pressure[gaps._segment], state.pressure[gaps._kink_segment]
-        if convex:
-            on_kink = np.where(np.trace(gaps._kinks, axis1=1, axis2=2) < 0, on_kink, 0.0)
-        keep, kept = np.flatnonzero(on_hit), np.flatnonzero(on_kink)
+        if share < 1.0:
+            on_kink = on_kink * np.where(np.trace(gaps._kinks, axis1=1, axis2=2) > 0, share, 1.0)
+        rubbed = state.shear[gaps._segment]
+        keep, kept = np.flatnonzero((on_hit != 0) | (rubbed != 0)), np.flatnonzero(on_kink)
         hessian = (gaps._weight * on_hit)[keep, None, None] * gaps._hits.hessian[keep]
-        if convex:
+        if share < 1.0:
             value, vector = np.linalg.eigh(hessian)
-            hessian = (vector * np.minimum(value, 0.0)[:, None, :]) @ vector.transpose(0, 2, 1)
+            value *= np.where(value > 0, share, 1.0)
+            hessian = (vector * value[:, None, :]) @ vector.transpose(0, 2, 1)
+        if rubbed.any():
+            hessian += (gaps._weight * rubbed)[keep, None, None] * gaps._hits.along[keep]
         dofs = self._dofs(gaps._hits.edge[keep])
         pair = np.stack([2 * gaps._node[kept], 2 * gaps._node[kept] + 1], axis=-1)
         kinks = on_kink[kept, None, None] * gaps._kinks[kept]

@@ -35,8 +35,11 @@ from ridgebayes.errors import InputError
 CORNER = 0.4
 SEGMENT = 1.25  # edges: other segments; shorter ones would ask more than edges can give
 _ARC = 8  # segments of a round corner
-_FIRST_STEP, _STEP, _LEAST_STEP = 0.1, 0.25, 1e-3  # of the corner's distance
-_MOST_FAILURES = 8  # solves that fail on the way to a transition: each costs as much as five
+_FIRST_STEP, _LEAST_STEP = 0.1, 1e-3  # of the corner's distance
+_LONGEST, _RUBBED = 0.5, 0.25  # first steps of later ones; with friction the path makes the load
+_FEW, _MANY = 6, 10  # Newton steps, after which that of the distance doubles, or halves if long:
+_LONG = 0.25  # where the rim snaps past sharp corners short steps take as many
+MOST_FAILURES = 8  # solves that fail on the way to a transition: each costs as much as five
 _MOST_ELEMENTS = 40_000
 _LOOSER = 0.3  # growth of edges away from ridges
 
@@ -172,8 +175,17 @@ class Cylinder:
             step = min(step * (2.0 if n < 7 else 1.0), p_over_E - now, key=abs)
         return state
 
-    def transitions(self, p_max: float) -> Iterator[Transition]:
+    def transitions(
+        self, p_max: float, *, most_failures: int = MOST_FAILURES
+    ) -> Iterator[Transition]:
         """Yield the transitions up to a load, in order.
+
+        Parameters
+        ----------
+        p_max : float, scalar, dimensionless
+            Largest load over E.
+        most_failures : int, optional
+            After so many solves without an equilibrium on the way to one it is given up.
 
         Raises
         ------
@@ -183,13 +195,13 @@ class Cylinder:
         profile = self.profile
         if profile is None:
             return
-        state = self.unloaded()
+        state, step = self.unloaded(), _FIRST_STEP
         low = high = 0
         if not profile.mirrored:
             low = high = min((0, -1), key=lambda k: abs(proximal_corner(profile, k, 0).centre[0]))
         corners = self._ahead(profile, low, high)
-        while found := self._next(state, corners, p_max):
-            state, corner = found
+        while found := self._next(state, corners, p_max, step, most_failures):
+            state, corner, step = found
             low, high = min(low, corner.ridge), max(high, corner.ridge)
             count = self.first_count + (2 * high if self.mirrored else high - low)
             load = self.p_over_E(state)
@@ -207,23 +219,25 @@ class Cylinder:
         return [proximal_corner(profile, one, self._height) for one in numbers]
 
     def _next(
-        self, state: State, corners: list[Corner], p_max: float
-    ) -> tuple[State, Corner] | None:
-        """Return the state that touches one of some corners first; None beyond the load."""
-        step = _STEP if state.rise else _FIRST_STEP
+        self, state: State, corners: list[Corner], p_max: float, step: float, most_failures: int
+    ) -> tuple[State, Corner, float] | None:
+        """Return the state that touches one of some corners first; None beyond the load.
+
+        In steps of the corner's distance of which the first is given, the next returned.
+        """
         apart = [self.problem.corner_distance(state, one)[0] for one in corners]
         which = int(np.argmin(apart))
         whole, now = apart[which], 1.0
         failures = 0
         while True:
-            goal = max(now - step, 0.0)
+            goal = now - step if now - step > _LEAST_STEP else 0.0
             control = Control("corner", goal * whole, corners[which])
             try:
                 found, n = solve(self.problem, state, control)
             except NotConvergedError as failed:
                 step /= 3
                 failures += 1
-                if step < _LEAST_STEP or failures == _MOST_FAILURES:
+                if step < _LEAST_STEP or failures == most_failures:
                     why = f"at p/E = {self.p_over_E(state):.5g}: {failed}"
                     raise NotConvergedError(why) from None
                 continue
@@ -233,18 +247,22 @@ class Cylinder:
                 # Another corner came first: from the state before, towards that one.
                 which = sooner
                 whole, now = self.problem.corner_distance(state, corners[which])[0], 1.0
-                step = _STEP
                 continue
             state, now = found, goal
             if self.p_over_E(state) > p_max:
                 return None
+            step *= 2.0 if n < _FEW else 0.5 if n > _MANY and step >= _LONG else 1.0
             if now == 0.0:
-                return state, corners[which]
-            step *= 2.0 if n < 7 else 1.0
+                longest = _RUBBED if self.problem.friction else _LONGEST
+                return state, corners[which], min(step, longest)
 
 
 def transition_curve(
-    body: Cylinder, p_max: float, *, seen: Callable[[Transition], None] | None = None
+    body: Cylinder,
+    p_max: float,
+    *,
+    seen: Callable[[Transition], None] | None = None,
+    most_failures: int = MOST_FAILURES,
 ) -> tuple[IntArray, FloatArray, tuple[str, ...]]:
     """Return all transitions up to a load as a curve.
 
@@ -256,6 +274,8 @@ def transition_curve(
         Largest load over E.
     seen : callable, optional
         Is given each transition when it is found.
+    most_failures : int, optional
+        As of `Cylinder.transitions`.
 
     Returns
     -------
@@ -269,7 +289,7 @@ def transition_curve(
     """
     counts, loads, status = [], [], []
     try:
-        for one in body.transitions(p_max):
+        for one in body.transitions(p_max, most_failures=most_failures):
             counts.append(one.Q)
             loads.append(one.p_over_E)
             status.append("ok")

@@ -19,19 +19,21 @@ from scipy.sparse.linalg import splu
 from ridgebayes._types import FloatArray
 from ridgebayes.contact.cylinder.contact_problem import ContactProblem, Gaps, State
 from ridgebayes.contact.cylinder.faces import Corner, Faces
+from ridgebayes.contact.cylinder.line_search import best_part
 from ridgebayes.contact.cylinder.material import jacobian
 from ridgebayes.contact.cylinder.solid import Assembled, InvertedError
 
 # Stiffness of condensed multipliers, in E per length of a segment: its inverse is the error of a
 # step, its size times rounding that of the linear solve.
 _STIFF = 1e4
-_MOST_STEPS, _UNDAMPED = 30, 10
-_STUCK = 0.3  # of an error, from one step to the next
-_DAMPING = 0.3  # the first, in E: as stiff as an element is
+_MOST_STEPS = 30
+# Of what contact takes from the stiffness: at 0.9 most states of bodies between two places on a
+# corner are stable, and soft directions keep most of their length, as at 0 they do not.
+_SHARES = (1.0, 0.9, 0.0)
 _GAP_TOL = 1e-11  # over R: the first transition moves by 2e-8 of its load
 _FORCE_TOL = 1e-9  # of the load
 _VOLUME_TOL = 1e-11  # over R^2, of an element
-_LOOSE = 1e3  # a damped solution's tolerances over those of others: a part in 10^6 of the load
+_NEAR = 1e3  # tolerances: nearer to equilibrium, a part in 10^6 of the load, steps need no search
 _LEAST_VOLUME = 0.05  # of an element after a step, over the undeformed
 _MOST_PIVOTS, _PATIENCE = 30, 5
 _FRICTION_STEPS, _ALL_AT_ONCE = 15, 6
@@ -103,10 +105,10 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
     """
     left_out = control.left_out(problem.faces)
     state = replace(start, pressure=np.where(left_out, 0.0, start.pressure))
-    active, damping, last = state.pressure > 0, 0.0, math.inf
-    # Segments change between sticking and sliding on the way: damping has to wait for them.
+    active = state.pressure > 0
+    # Segments change between sticking and sliding on the way.
     more = _FRICTION_STEPS if problem.friction else 0
-    kind, settled, wary = _sliding(problem, start), True, False
+    kind, settled = _sliding(problem, start), True
     for step in range(_MOST_STEPS + more):
         gaps = problem.gaps(state, start, left_out)
         if step == 0 and not active.any():
@@ -120,21 +122,45 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
             kind = _changed(problem, state, gaps, kind, one_by_one=step >= _ALL_AT_ONCE)
             settled = np.array_equal(kind, before)
         newton = _Step(problem, control, state, gaps, inner, kind)
-        error = newton.error() if settled else max(newton.error(), _LOOSE)
-        if error < (_LOOSE if damping else 1.0):
+        error = newton.error()
+        if error < 1.0 and settled:
             return state, step
-        # Where the rim snaps past a corner there is no equilibrium nearby: with damping the
-        # steps follow the body down to the next one, and the damping goes as it comes near.
-        stuck = error > _STUCK * last
-        if step >= _UNDAMPED + more and (damping or stuck):
-            damping = min(damping * min(max(error / last, 0.3), 2.0), 10.0) or _DAMPING
-        last = error
-        moved, active = newton.solve(active, damping, wary=wary or stuck)
-        wary = newton.convex
+        moved, active = newton.solve(active)
         if not (np.isfinite(moved.u).all() and math.isfinite(moved.rise)):
             raise NotConvergedError("the stiffness is singular")
+        # The first step changes the control, by work of its own.
+        if step and error > _NEAR:
+            moved = _searched(problem, start, left_out, state, moved)
         state = _guarded(problem, state, moved)
     raise NotConvergedError(f"no equilibrium in {_MOST_STEPS + more} Newton steps")
+
+
+def _searched(
+    problem: ContactProblem, start: State, left_out: np.ndarray, state: State, moved: State
+) -> State:
+    """Return the state a part of the way to another, or beyond it.
+
+    The potential is that of the other's pressures and shear: under them the step leads down. A
+    small part of the way takes as little of their change, which is as far too long as the step.
+    """
+    du, free = (moved.u - state.u).ravel()[problem.free], problem.free
+
+    def along(part: float) -> State:
+        u = state.u + part * (moved.u - state.u)
+        return replace(moved, u=u, rise=state.rise + part * (moved.rise - state.rise))
+
+    def slope(part: float) -> float:
+        there = along(part)
+        if not _least_volume(problem, there) > _LEAST_VOLUME:
+            return math.inf
+        outside = problem.force(there, problem.gaps(there, start, left_out))
+        inside = problem.solid.force(there.u, there.p).ravel()
+        return float(du @ (inside - outside)[free])
+
+    part = best_part(slope)
+    if not part:
+        raise NotConvergedError("a step leads into no valley of the potential")
+    return moved if part == 1.0 else along(part) if part > 1 else _between(state, moved, part)
 
 
 def _nearest(gaps: Gaps) -> np.ndarray:
@@ -178,15 +204,23 @@ def _guarded(problem: ContactProblem, state: State, moved: State) -> State:
     """Take a step, or the part of it that turns no element inside out."""
     part, found = 1.0, moved
     for _ in range(6):
-        solid = problem.solid
-        if not solid.material.finite or jacobian(solid.gradients(found.u)).min() > _LEAST_VOLUME:
+        if _least_volume(problem, found) > _LEAST_VOLUME:
             return found
         part *= 0.5
-        names = [one.name for one in fields(State)]
-        found = State(
-            *((1 - part) * getattr(state, one) + part * getattr(moved, one) for one in names)
-        )
+        found = _between(state, moved, part)
     raise NotConvergedError("an element is turned inside out")
+
+
+def _between(one: State, other: State, part: float) -> State:
+    """Return the state a part of the way from one to another."""
+    names = (each.name for each in fields(State))
+    return State(*((1 - part) * getattr(one, n) + part * getattr(other, n) for n in names))
+
+
+def _least_volume(problem: ContactProblem, state: State) -> float:
+    """Return the least volume over the undeformed one; 1 of small strain, which has none."""
+    solid = problem.solid
+    return float(jacobian(solid.gradients(state.u)).min()) if solid.material.finite else 1.0
 
 
 @dataclass(eq=False)
@@ -224,7 +258,7 @@ class _Step:
             parts.append((off * length, force_tol))
         return max(float(np.abs(part).max()) / tolerance for part, tolerance in parts)
 
-    def _factorise(self, active: np.ndarray, damping: float, *, convex: bool) -> None:
+    def _factorise(self, active: np.ndarray, *, share: float) -> None:
         """Condense the segments in contact into the stiffness, and solve for what never changes."""
         problem, gaps, inner = self.problem, self.gaps, self.inner
         length = problem.faces.length
@@ -236,8 +270,8 @@ class _Step:
         # Rising ridges are the whole rim sinking.
         self._lift = -(self._C @ problem.up)
         self._slip_lift = -(gaps.along @ problem.up)
-        bending = problem.contact_stiffness(self.state, gaps, convex=convex)
-        self._bent = np.asarray(bending @ problem.up)
+        bending = problem.contact_stiffness(self.state, gaps, share=share)
+        self._bent, self._carried = bending @ problem.up, bending.T @ problem.up
         K = inner.stiffness - bending
         Ca, scale = self._C[self._reference], self._scale[self._reference]
         K = K + Ca.T @ sparse.diags_array(scale) @ Ca
@@ -246,8 +280,6 @@ class _Step:
         if problem.friction:
             stiffness, force, rubbed = self._rubbing()
             K, rest, by_rise = K + stiffness, rest + force, by_rise + rubbed
-        if damping:
-            K = K + damping * sparse.eye_array(K.shape[0])
         try:
             self._factor = splu(
                 sparse.csc_array(K)[problem.free][:, problem.free],
@@ -277,19 +309,17 @@ class _Step:
         by_rise = by_rise + Ts.T @ (rate * normal * self._lift[slid])
         return stiffness, np.asarray(T.T @ shear + Ts.T @ pressed), np.asarray(by_rise)
 
-    def solve(
-        self, active: np.ndarray, damping: float, *, wary: bool = False
-    ) -> tuple[State, np.ndarray]:
+    def solve(self, active: np.ndarray) -> tuple[State, np.ndarray]:
         """Return the state after the step, and which segments are in contact then.
 
         Block principal pivoting: all that are wrong change sides, and one at a time where that
         does not lead on. Far from equilibrium there may be no such set; then the best one serves.
         """
-        self._factorise(active, damping, convex=False)
-        # Where the potential curves down a full step leads up. A look costs a tenth of a step.
-        self.convex = wary and bool((self._factor.U.diagonal() < 0).any())
-        if self.convex:
-            self._factorise(active, damping, convex=True)
+        # Where the potential curves down a full step leads up. With friction there is none.
+        for share in _SHARES:
+            self._factorise(active, share=share)
+            if self.problem.friction or not (self._factor.U.diagonal() < 0).any():
+                break
         problem, state = self.problem, self.state
         active = best = self._reference.copy()
         fewest, patience = len(active) + 1, _PATIENCE
@@ -354,8 +384,8 @@ class _Step:
         C, scale, lift = self._C[on], self._scale[on], self._lift[on]
         pressure = state.pressure[on] - scale * (self._gap[on] + C @ first)
         rubbing = problem.up @ (self.gaps.along.T @ state.shear)
-        now = -lift @ pressure + self._bent @ first + rubbing
-        slope = lift @ (scale * (C @ second + lift)) + self._bent @ (second - problem.up)
+        now = -lift @ pressure + self._carried @ first + rubbing
+        slope = lift @ (scale * (C @ second + lift)) + self._carried @ (second - problem.up)
         return float((control.target - now) / slope)
 
     def _solved(self, right: FloatArray) -> FloatArray:

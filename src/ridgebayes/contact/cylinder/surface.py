@@ -55,6 +55,8 @@ class Hits:
         Derivative of the gap by the edge's node positions.
     hessian : ndarray of float, shape (n, 6, 6)
         Second derivative.
+    along : ndarray of float, shape (n, 6, 6)
+        Derivative of what a force along the rigid side does to the node positions.
     tangent : ndarray of float, shape (n, 2)
         Of the rigid side.
     """
@@ -65,6 +67,7 @@ class Hits:
     gap: FloatArray
     gradient: FloatArray
     hessian: FloatArray
+    along: FloatArray
     tangent: FloatArray
 
 
@@ -177,7 +180,9 @@ def _with_derivatives(
     cross = moved[:, :, None] * slid[:, None, :]
     bend = _dot(m, second)[:, None, None]
     hessian = cross + cross.transpose(0, 2, 1) + bend * slid[:, :, None] * slid[:, None, :]
-    return Hits(ray, edge, s, gap, gradient, hessian, tangent)
+    shifted = (dN[:, :, None] * tangent[:, None, :]).reshape(-1, 6)
+    along = shifted[:, :, None] * slid[:, None, :]
+    return Hits(ray, edge, s, gap, gradient, hessian, along, tangent)
 
 
 def kink(rim: FloatArray, edge: IntArray, tangent: FloatArray, normal: FloatArray) -> FloatArray:

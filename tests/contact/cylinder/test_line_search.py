@@ -1,0 +1,49 @@
+"""Parts of steps: along slopes whose zeros are known."""
+
+import math
+
+import pytest
+
+from ridgebayes.contact.cylinder.line_search import best_part
+
+
+def test_best_part__of_a_parabola_is_the_whole_step():
+    assert best_part(lambda part: part - 1.0) == 1.0
+
+
+@pytest.mark.parametrize("zero", [1e-3, 0.02, 0.3, 0.8, 2.0, 7.0, 40.0])
+@pytest.mark.parametrize("bend", [0.0, 0.5, -0.5])
+def test_best_part__leaves_at_most_half_of_the_slope(zero, bend):
+    def slope(part):
+        x = part / zero
+        return (x - 1.0) * (1.0 + bend * math.tanh(x))
+
+    assert abs(slope(best_part(slope))) <= 0.5 * abs(slope(0.0))
+
+
+def test_best_part__stays_where_there_is_a_potential():
+    """As where a longer step turns an element inside out."""
+    asked = []
+
+    def slope(part):
+        asked.append(part)
+        return math.inf if part > 0.05 else part - 0.03
+
+    assert 0.0 < best_part(slope) <= 0.05
+    assert len(asked) < 9
+
+
+@pytest.mark.parametrize(
+    "slope", [lambda part: -1.0 - part, lambda part: math.copysign(1.0, part - 0.3)]
+)
+def test_best_part__is_none_where_the_slope_jumps_or_never_ends(slope):
+    asked = []
+    assert best_part(lambda part: asked.append(part) or slope(part)) == 0.0
+    assert len(asked) < 10
+
+
+@pytest.mark.parametrize("first", [0.0, 1.0, math.nan])
+def test_best_part__of_a_step_that_does_not_lead_down_is_all_of_it(first):
+    asked = []
+    assert best_part(lambda part: asked.append(part) or first) == 1.0
+    assert asked == [0.0]
