@@ -313,10 +313,11 @@ def test_finite_elements_and_two_scales_agree_where_the_body_is_large_beside_its
 @pytest.fixture
 def stopping(monkeypatch):
     """Let the fine mesh stop after Q = 6, and coarser ones after a count."""
-    until = {24: 6, 10: 10}
+    until = {24: 6, 10: 10, "failures": []}
 
-    def transition_curve(body, p_max, *, seen):
+    def transition_curve(body, p_max, *, seen, most_failures):
         edges = 10 if body.profile.corner else 24
+        until["failures"].append(most_failures)
         Q = np.arange(4, until[edges] + 3, 2)
         for count in Q[:-1]:
             seen(Transition(count // 2 - 1, int(count), 1e-6 * (100 + edges) * count**2, None))
@@ -341,6 +342,8 @@ def test_a_coarser_mesh_takes_over_where_the_fine_one_stops(stopping):
     assert [one.profile.corner for _, one, _ in bodies] == [0.0, 0.05 * 0.06]
     assert frame["edges"].tolist() == [24, 24, 10, 10]
     assert [[one.Q for one in reached] for _, _, reached in bodies] == [[4, 6], [8, 10]]
+    # What holds on to a sharp corner is given up sooner, where another mesh goes on.
+    assert stopping["failures"] == [2, cylinder.MOST_FAILURES]
 
 
 def test_where_every_mesh_stops_the_row_says_so(stopping):
