@@ -36,8 +36,9 @@ CORNER = 0.4
 SEGMENT = 1.25  # edges: other segments; shorter ones would ask more than edges can give
 _ARC = 8  # segments of a round corner
 _FIRST_STEP, _LEAST_STEP = 0.1, 1e-3  # of the corner's distance
-_LONGEST, _RUBBED = 0.5, 0.25  # first steps of later ones; with friction the path makes the load
-_FEW, _MANY = 6, 10  # Newton steps, after which that of the distance doubles, or halves if long:
+_LONGEST, _LONGEST_RUBBED = 0.5, 0.25  # first of later ones; with friction loads depend on them
+# Newton steps, of which fewer let that of the distance double, and more halve it if it is long:
+_FEW, _FEW_RUBBED, _MANY = 8, 6, 10
 _LONG = 0.25  # where the rim snaps past sharp corners short steps take as many
 MOST_FAILURES = 8  # solves that fail on the way to a transition: each costs as much as five
 _MOST_ELEMENTS = 40_000
@@ -225,6 +226,8 @@ class Cylinder:
 
         In steps of the corner's distance of which the first is given, the next returned.
         """
+        rubbed = self.problem.friction > 0
+        few, longest = (_FEW_RUBBED, _LONGEST_RUBBED) if rubbed else (_FEW, _LONGEST)
         apart = [self.problem.corner_distance(state, one)[0] for one in corners]
         which = int(np.argmin(apart))
         whole, now = apart[which], 1.0
@@ -251,9 +254,8 @@ class Cylinder:
             state, now = found, goal
             if self.p_over_E(state) > p_max:
                 return None
-            step *= 2.0 if n < _FEW else 0.5 if n > _MANY and step >= _LONG else 1.0
+            step *= 2.0 if n < few else 0.5 if n > _MANY and step >= _LONG else 1.0
             if now == 0.0:
-                longest = _RUBBED if self.problem.friction else _LONGEST
                 return state, corners[which], min(step, longest)
 
 
