@@ -97,10 +97,16 @@ def test_command_lines__are_known(path):
             }
 
 
-RUN = [path for path in PAGES if any(words[0] == "ridgebayes" for words in commands(path))]
+# The page of all commands takes long; each of them has tests of its own in tests/commands.
+LONG = DOCS / "commands.md"
+RUN = [
+    pytest.param(path, id=path.stem, marks=[pytest.mark.long] if path == LONG else [])
+    for path in PAGES
+    if any(words[0] == "ridgebayes" for words in commands(path))
+]
 
 
-@pytest.mark.parametrize("path", RUN, ids=[path.stem for path in RUN])
+@pytest.mark.parametrize("path", RUN)
 def test_commands__run(path, folder):
     for words in commands(path):
         if words[0] == "ridgebayes":

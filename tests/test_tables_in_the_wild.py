@@ -27,8 +27,11 @@ def test_tables__are_of_what_their_notes_say():
     assert set(named("two-sources").table.column("series")) == {""}
 
 
+# Every fourth table, one of each kind or nearly so, and all of them among the long tests.
 @pytest.mark.slow
-@pytest.mark.parametrize("i", range(N_TABLE))
+@pytest.mark.parametrize(
+    "i", [pytest.param(i, marks=[pytest.mark.long] if i % 4 else []) for i in range(N_TABLE)]
+)
 def test_calibrate__finds_what_made_the_table(i):
     one = tables()[i]
     fit = rb.calibrate(one.table, rb.Hybrid(), noise="iid", rng=1, settings=SHORT)

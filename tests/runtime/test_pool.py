@@ -4,6 +4,7 @@ import contextvars
 import io
 import multiprocessing
 import os
+import platform
 import re
 import signal
 import subprocess
@@ -420,3 +421,43 @@ def test_relay__drops_what_nobody_hears():
 
     contextvars.copy_context().run(run)
     assert here.recv() == "x" * 100
+
+
+_ARENAS = """
+import ctypes, sys, tempfile, threading
+from ridgebayes.runtime.pool import ONE_ARENA, ask_malloc
+
+if sys.argv[1] == "one":
+    ask_malloc(*ONE_ARENA)
+barrier = threading.Barrier(4)
+
+def work():
+    barrier.wait()
+    kept.append([bytes(1000) for _ in range(1000)])
+    barrier.wait()
+
+kept = []
+threads = [threading.Thread(target=work) for _ in range(4)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+libc = ctypes.CDLL(None)
+libc.fopen.restype = ctypes.c_void_p
+libc.malloc_info.argtypes = [ctypes.c_int, ctypes.c_void_p]
+libc.fclose.argtypes = [ctypes.c_void_p]
+with tempfile.NamedTemporaryFile() as file:
+    stream = libc.fopen(file.name.encode(), b"w")
+    libc.malloc_info(0, stream)
+    libc.fclose(stream)
+    print(file.read().count(b"<heap nr="))
+"""
+
+
+@pytest.mark.process
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries have no arenas")
+@pytest.mark.parametrize("how", ["one", "each"])
+def test_ask_malloc__for_one_arena_leaves_one_however_many_threads_allocate(how):
+    asked = [sys.executable, "-c", _ARENAS, how]
+    n = int(subprocess.run(asked, capture_output=True, text=True, check=True).stdout)
+    assert (n == 1) == (how == "one")  # and without it each thread has its own

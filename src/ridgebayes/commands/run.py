@@ -28,8 +28,8 @@ from ridgebayes.inference.presets import Preset
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.noise import Noise
 from ridgebayes.report.figures.gallery import Gallery
-from ridgebayes.runtime.memory import return_freed, watched_memory
-from ridgebayes.runtime.pool import executor_for, n_cpu, submit_or_defer
+from ridgebayes.runtime.memory import watched_memory
+from ridgebayes.runtime.pool import RETURN_FREED, ask_malloc, executor_for, n_cpu, submit_or_defer
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.table.datafiles import reference_fe
 
@@ -186,7 +186,7 @@ def _compared(
     inputs: Inputs, progress: Progress, folder: Path, executor: Executor | None
 ) -> Comparison:
     comparison = _thinned(inputs.compare(progress, folder, executor))
-    return_freed()  # of whole chains
+    ask_malloc(*RETURN_FREED)  # whole chains are free now
     return comparison
 
 

@@ -1,6 +1,5 @@
-"""How much memory a job and its workers take together, at their peak; memory given back."""
+"""How much memory a job and its workers take together, at their peak."""
 
-import ctypes
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -9,7 +8,6 @@ from os import getpid
 from pathlib import Path
 
 _PROC = Path("/proc")
-_ARENA_MAX = -8  # M_ARENA_MAX of malloc.h
 _EVERY = 1.0  # seconds between two looks, each of some 10 ms
 
 
@@ -30,25 +28,6 @@ class PeakMemory:
         if (_PROC / "self/task" / str(threading.get_native_id()) / "children").exists():
             total = sum(map(_proportional_set_size, _family(getpid())))
             self.in_bytes = max(self.in_bytes or 0, total) or None
-
-
-def share_one_arena() -> None:
-    """Have all threads of this process allocate from one place, as long as they are few.
-
-    glibc gives each thread an arena of its own, which keeps what that thread has freed: results of
-    workers are unpickled by a thread each. Other C libraries need no such word.
-    """
-    with suppress(OSError, AttributeError, TypeError):
-        ctypes.CDLL(None).mallopt(_ARENA_MAX, 1)
-
-
-def return_freed() -> None:
-    """Return freed memory to the system: glibc keeps what the largest step took.
-
-    Other C libraries have no such function, and nothing is done there.
-    """
-    with suppress(OSError, AttributeError, TypeError):
-        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _family(process: int) -> list[int]:

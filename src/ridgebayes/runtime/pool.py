@@ -5,6 +5,7 @@ one `ProcessPoolExecutor` of many workers a death breaks all that was submitted,
 which task: here each worker is such an executor of its own, and a thread waits for it.
 """
 
+import ctypes
 import itertools
 import multiprocessing
 import os
@@ -24,7 +25,6 @@ from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
 
 from ridgebayes.errors import ComputationError, InputError, WorkerLostError
-from ridgebayes.runtime.memory import return_freed, share_one_arena
 from ridgebayes.runtime.progress import HEARD_EVERY_S, Relay, pass_on, tell_count
 from ridgebayes.runtime.text import exit_text
 
@@ -40,6 +40,9 @@ _starting = threading.Lock()
 _TRIES = 3  # a task that has killed as many workers would kill the next
 # Tasks under way for each worker: one at work, the others at hand when that is done.
 _PER_WORKER = 4
+# All threads allocate from one place (-8 is M_ARENA_MAX): each unpickles results of workers, and
+# would keep what it frees. What the largest step took goes back to the system.
+ONE_ARENA, RETURN_FREED = ("mallopt", -8, 1), ("malloc_trim", 0)
 _LONG_S = 0.1  # of a task that may have taken much memory
 _UNKNOWN = 1_000  # tasks under way on an executor that does not say how many workers it has
 
@@ -122,6 +125,12 @@ class WorkerPool(futures.Executor):
         )
 
 
+def ask_malloc(function: str, *given: int) -> None:
+    """Ask something of glibc's malloc; other C libraries have no such functions."""
+    with suppress(OSError, AttributeError, TypeError):
+        getattr(ctypes.CDLL(None), function)(*given)
+
+
 def start_server(preload: Sequence[str] = ()) -> None:
     """Start, once, the process that imports what workers need and forks them.
 
@@ -132,7 +141,7 @@ def start_server(preload: Sequence[str] = ()) -> None:
     preload : sequence of str, optional
         Modules to import; those of this package that are loaded by now if not given.
     """
-    share_one_arena()  # threads that wait for workers begin after this
+    ask_malloc(*ONE_ARENA)  # before there are threads that wait for workers
     if _METHOD != "forkserver":
         return
     # Ctrl-C reaches the whole group of processes: server and workers start with it held back. The
@@ -199,12 +208,6 @@ def executor_for(
     InputError
         If both are given, there would be no process, distributed is not installed, or no
         scheduler answers.
-
-    Examples
-    --------
-    >>> with executor_for(1) as executor:
-    ...     print(executor)
-    None
     """
     if scheduler is not None:
         if n_worker is not None:
@@ -367,7 +370,7 @@ def _one_thread_each() -> Iterator[None]:
 def _begin(pipe: Connection) -> None:
     """Leave Ctrl-C to the parent, and end when it does, however that ended: in a fresh worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    share_one_arena()
+    ask_malloc(*ONE_ARENA)
     Relay(pipe)
     threading.Thread(target=_follow, daemon=True).start()
 
@@ -387,7 +390,7 @@ def _call(message: bytes) -> Any:
         found = function(*args, **kwargs)
         del args, kwargs
         if time.perf_counter() > began + _LONG_S:
-            return_freed()
+            ask_malloc(*RETURN_FREED)
         return found
     except Exception as error:
         try:
