@@ -348,7 +348,9 @@ class NodeAverage:
         weight = self._draws.weight
         assert weight is not None
         share = weight.mean(axis=1)
-        return float(np.sqrt(share @ (mean - share @ mean) ** 2))
+        # Not by BLAS, whose threads would change the order of the sum and so its last digits.
+        centre = (share * mean).sum()
+        return float(np.sqrt((share * (mean - centre) ** 2).sum()))
 
 
 def _kernel(knots: FloatArray, width: float) -> FloatArray:
