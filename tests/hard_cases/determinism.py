@@ -161,6 +161,7 @@ def run_shared_out(folder):
     "on the order of its parts.",
     expected="Draws and evidences of each form are the same to the last bit, and so are the loads "
     "of each texture.",
+    long=True,
 )
 def other_order():
     table = generate(SCENE)

@@ -282,6 +282,7 @@ def interrupted(folder):
     why="`| head -1` closes the pipe. Python notices when it flushes at exit, prints 'Exception "
     "ignored' and ends with code 120.",
     expected="Exit 1 without a traceback. The files that the command writes are complete.",
+    long=True,
 )
 def closed_output(folder):
     here = put(sound_run(), folder / "run")

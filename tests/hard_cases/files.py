@@ -577,6 +577,7 @@ def zip_bombs(folder):
     "file. Runs of one value take no space.",
     expected="Refused with the reason, in a message of under 5,000 characters, with 256 MB of "
     "free memory. Both as a table and by import.",
+    long=True,
 )
 def wide_and_long(folder):
     import pyarrow

@@ -446,6 +446,7 @@ def a_million():
     "computed row by row makes MCMC take minutes.",
     expected="Log-likelihood by math.fsum over the rows, to a relative 1e-12. A call uses less "
     "than 1 MB.",
+    long=True,
 )
 def a_million_rows():
     import tracemalloc

@@ -155,6 +155,7 @@ def test_printed_and_least_squares_stand_beside_the_posterior(page):
         assert re.search(words, page.text)
 
 
+@pytest.mark.long
 def test_same_comparison_same_bytes(comparison, reference, markdown, odd, odd_page):
     again = render_report(replace(comparison), ".md", reference=replace(reference))
     assert again == markdown

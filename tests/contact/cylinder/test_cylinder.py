@@ -252,7 +252,7 @@ def test_friction__of_zero_is_none():
     assert loads(without).tolist() == loads(zero).tolist()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_friction__delays_transitions_below_half():
     rough, smooth = reached(WIDE, 5e-3, friction=0.1), reached(WIDE, 5e-3)
     assert len(rough) == len(smooth) == 1

@@ -142,6 +142,7 @@ def test_no_text_is_clipped_or_lies_on_other_text_with_five_forms(reference):
         assert (name, *clipped_and_overlapping(figure)) == (name, [], [])
 
 
+@pytest.mark.long
 def test_no_text_is_clipped_with_hostile_labels(odd, bare):
     for name, figure in (*Gallery(report_data(odd)).items(), *bare.items()):
         assert (name, *clipped_and_overlapping(figure)) == (name, [], [])
