@@ -69,8 +69,9 @@ def write_tree(tree: "xr.DataTree", path: str | os.PathLike[str]) -> None:
         file.attrs.update(tree.attrs)
         for name, group in tree.children.items():
             _write_group(file.create_group(name), group.to_dataset())
-    with replacing(Path(path)) as partial:
-        partial.write_bytes(content.getbuffer())
+    # A view left open when writing fails would keep Python 3.13 from closing what it is of.
+    with replacing(Path(path)) as partial, content.getbuffer() as whole:
+        partial.write_bytes(whole)
 
 
 def _write_group(group: Any, values: "xr.Dataset") -> None:
