@@ -163,8 +163,8 @@ def test_ridge_contacts__of_a_round_ridge_below_the_centre_have_a_closed_load(w,
     load = w**2 / 2 + (w**2 * (math.pi / 2 - phi) - (1 - corner) * w * math.cos(phi)) / (
         math.pi * corner
     )
-    field = np.zeros((1, 6))
-    field[0, :3] = 0.25, 0.0, 0.25  # the parabola x^2/2
+    field = np.zeros((6, 1))
+    field[:3, 0] = 0.25, 0.0, 0.25  # the parabola x^2/2
     ends = np.ones((2, 1))
     for _ in range(30):
         force = np.array([load / math.pi])
@@ -181,7 +181,9 @@ def test_ridge_row__of_the_first_ridges_is_that_of_all():
     moments = rng.normal(size=(3, 5, 3)) * part.within[:, None]
     whole = np.zeros((6, 5, 3))
     whole[:3] = moments
-    np.testing.assert_allclose(part.fields(moments), row.fields(whole)[:5], rtol=1e-12)
+    fields = row.fields(whole)[:5]
+    rounding = 1e-15 * np.abs(fields).max()  # of one transform of all ridges
+    np.testing.assert_allclose(part.fields(moments), fields, rtol=1e-12, atol=rounding)
     np.testing.assert_allclose(part.covered(moments, few), row.covered(whole, few)[:3], rtol=1e-10)
 
 
@@ -196,3 +198,28 @@ def test_ridge_row__factor_solves_what_fields_make(offset):
     felt = (row.fields(moments) * row.norms[:, None])[:4] + row.energies[:, None] * moments
     found = row.covered(felt * row.within[:, None], np.arange(4))
     np.testing.assert_allclose(found, moments, rtol=0, atol=1e-12)  # rounding
+
+
+@pytest.mark.parametrize("corner", [0.0, 2e-3])
+@pytest.mark.parametrize("offset", [0.0, 0.5, 0.2, -0.3])
+def test_ridge_row__fields_are_the_potentials_of_all_other_ridges(offset, corner):
+    """At Chebyshev points of each ridge, less what the ridge's own moments make there."""
+    n, m, points = 5, 12, 40
+    row = RidgeRow.of(Profile(0.02, 0.03, corner=corner, offset=offset), n, m, 0.009)
+    moments = np.random.default_rng(2).normal(size=(n, m)) * 0.5 ** np.arange(m)
+    if row.over_ridge:
+        moments[0, 1::2] = 0.0  # it is its own mirror image
+    found = row.fields(moments[..., None])[..., 0]
+    angle = (np.arange(points) + 0.5) * math.pi / points
+    waves = np.cos(np.arange(m)[:, None] * angle)
+    own = np.append(math.pi * math.log(2), math.pi / np.arange(1, m))
+    own[0] += row.shift
+    for i, centre in enumerate(row.centre):
+        x = centre + row.half_width * np.cos(angle)
+        potential = np.einsum("xnm,nm->x", row.potentials(x), moments)
+        if i < n:
+            potential -= (own * moments[i]) @ waves
+        expected = waves @ potential * (2 / points)
+        expected[0] *= 0.5
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(found[i], expected, rtol=0, atol=1e-13 * scale)  # rounding

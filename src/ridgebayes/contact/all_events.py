@@ -5,6 +5,7 @@ round corners and free ends change of it is found by iteration, all events abrea
 (docs/derivations/contact.md).
 """
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -23,7 +24,7 @@ from ridgebayes.contact.rigid_profile import Profile
 
 _MOST_ROUNDS = 40
 _SWEEPS, _STEADY = 2, 1e-3  # more steps a round while these are over this share of a contact
-_GROUP = 600  # unknowns of the first group of events; the others touch more ridges
+_GROUP = 1000  # unknowns of the first group of events; the others touch more ridges
 _HISTORY = 5  # rounds that the next one is made from
 _KEPT = 0.05  # of a force at least from round to round: no ridge pulls
 _DEEP = 0.9  # of a groove: beyond, its floor may be touched
@@ -66,8 +67,8 @@ def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) ->
 
     Notes
     -----
-    *Cost.* Five to fifteen rounds, each two products of a matrix with as many columns as there are
-    events.
+    *Cost.* Five to fifteen rounds, each one convolution over the row and the contacts of all
+    ridges and events.
     """
     none = found = Events(np.empty(0), np.empty(0, dtype=bool))
     compliance = -math.log(math.sin(0.5 * math.pi * profile.a / profile.pitch))
@@ -149,11 +150,12 @@ class _Rounds:
         x = row.places(self._nearest, live + 1)
         felt = row.potentials(x)
         approach = 0.5 * x**2 + fallen + _felt(felt, self._moments)
-        here, force = field[ridge, :, event] + row.shape[ridge], self._moments[ridge, 0, event]
+        here = field.transpose(1, 0, 2)[:, ridge, event] + row.shape.T[:, ridge]
+        force = self._moments[ridge, 0, event]
         contacts = self._contacts(here, force, ridge, event)
         residual = np.zeros_like(self._moments)
         residual[ridge, 0, event] = math.pi * (contacts.level + row.shift * force - approach[event])
-        apart = self._moments[ridge, 1:, event] - contacts.moments[:, 1:]
+        apart = self._moments[ridge, 1:, event] - contacts.moments[1:].T
         residual[ridge, 1:, event] = row.energies[1:] * apart
         change = -row.covered(residual, live)
         change += self._by_approach * self._approach(felt, _felt(felt, change))
@@ -192,7 +194,9 @@ class _Rounds:
         for _ in range(_SWEEPS):
             if not len(some):
                 break
-            here = RidgeContacts(field[some], force[some], ends[:, some], self._radius, self._flat)
+            here = RidgeContacts(
+                field[:, some], force[some], ends[:, some], self._radius, self._flat
+            )
             ends[:, some] += here.steps
             some = some[_far(here)]
         contacts = RidgeContacts(field, force, ends, self._radius, self._flat)
@@ -205,7 +209,7 @@ class _Rounds:
         some = arrived[event]
         ends = contacts.ends[:, some]
         here = RidgeContacts(
-            contacts.field[some], contacts.force[some], ends, self._radius, self._flat
+            contacts.field[:, some], contacts.force[some], ends, self._radius, self._flat
         )
         holds = (here.tail**2 <= self._tol) & (
             here.smallest_pressure >= -max(TENSION * math.sqrt(self._tol), 1e-6)
@@ -265,6 +269,13 @@ def _felt(potentials: FloatArray, moments: FloatArray) -> FloatArray:
     return value
 
 
+@functools.cache
+def _derivative(m: int) -> FloatArray:
+    """Return the matrix from m Chebyshev coefficients to those of the derivative, (m, m - 1)."""
+    matrix = np.polynomial.chebyshev.chebder(np.eye(m), axis=1)
+    return np.asarray(matrix, dtype=np.float64)
+
+
 def _nearest(
     seen: FloatArray, t: FloatArray, radius: float, flat: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -273,10 +284,11 @@ def _nearest(
     A surface rises away from the centre, so that it is nearest over the corner: from t nearby on.
     """
     if radius > 0:
-        slope = np.polynomial.chebyshev.chebder(seen, axis=1)
-        bend = np.polynomial.chebyshev.chebder(slope, axis=1)
+        m = seen.shape[1]
+        slope: FloatArray = seen @ _derivative(m)
+        bend: FloatArray = slope @ _derivative(m - 1)
         for _ in range(2):
-            waves = chebyshev(t, seen.shape[1]).T
+            waves: FloatArray = chebyshev(t, m).T
             rise = (slope * waves[:, :-1]).sum(axis=1) - np.maximum(-flat - t, 0.0) / radius
             # That of the corner alone where the surface's own would make less of it.
             by = np.maximum((bend * waves[:, :-2]).sum(axis=1), 0.0) + 1 / radius

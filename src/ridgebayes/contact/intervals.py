@@ -103,8 +103,7 @@ class PressureSolution:
     @cached_property
     def singular(self) -> tuple[FloatArray, FloatArray]:
         """Strength of the edge singularity, left and right, (n,) each: negative is tension."""
-        far = self.kinks.strengths(np.array([math.pi, 0.0])).T / math.pi
-        left, right = np.array(_at_ends(self._regular)) - far
+        left, right = np.array(_at_ends(self._regular)) - self.kinks.at_ends() / math.pi
         return left, right
 
     @cached_property
@@ -114,7 +113,7 @@ class PressureSolution:
         Newton's step. With B = sum n^2 a_n the singular strength changes by B/(2 w) per length, and
         where it vanishes it does not depend on the other ends: each takes its own step.
         """
-        far = np.array(self.kinks.slopes()) / math.pi
+        far = self.kinks.slopes() / math.pi
         square = np.arange(self.coefficients.shape[1]) ** 2
         slopes = np.array(_at_ends(self._regular * square)) - far
         reach = 2 * self.intervals.half_width

@@ -23,7 +23,7 @@ class RidgeContacts:
 
     Parameters
     ----------
-    field : ndarray of float, shape (n, m)
+    field : ndarray of float, shape (m, n)
         e_n, over R.
     force : ndarray of float, shape (n,)
         Over pi: A_0.
@@ -49,10 +49,10 @@ class RidgeContacts:
 
     @cached_property
     def _places(self) -> tuple[FloatArray, FloatArray]:
-        """Chebyshev polynomials of t, shape (m, n, m), and of s, (m, m), at a contact's points."""
-        m = self.field.shape[1]
+        """Chebyshev polynomials of t, shape (m, m, n), and of s, (m, m), at a contact's points."""
+        m = len(self.field)
         angle = (np.arange(m) + 0.5) * (np.pi / m)
-        t = 0.5 * (self.ends[1] - self.ends[0])[:, None] + self.share[:, None] * np.cos(angle)
+        t = 0.5 * (self.ends[1] - self.ends[0]) + self.share * np.cos(angle)[:, None]
         return chebyshev(t, m), np.cos(np.arange(m)[:, None] * angle)
 
     @cached_property
@@ -62,47 +62,45 @@ class RidgeContacts:
 
     @cached_property
     def _surfaces(self) -> tuple[FloatArray, Kinks]:
-        """Coefficients by T_n(s) of field and rigid surface, without kinks, (n, m); and these."""
+        """Coefficients by T_n(s) of field and rigid surface, without kinks, (m, n); and these."""
         of_t, of_s = self._places
         m = len(of_s)
-        found = np.einsum("in,nij->ij", self.field, of_t) @ of_s.T * (2.0 / m)
-        found[:, 0] *= 0.5
+        found = of_s @ np.einsum("nk,njk->jk", self.field, of_t) * (2.0 / m)
+        found[0] *= 0.5
         radius = np.full(len(self.force), self.radius)
-        flat = np.full_like(self.ends, self.flat)
-        height, kinks = falls(self.ends - flat, self.share, radius)
-        found[:, :3] += height
+        height, kinks = falls(self.ends - self.flat, self.share, radius)
+        found[:3] += height.T
         return found, kinks
 
     @cached_property
     def _regular(self) -> FloatArray:
-        """Coefficients of the pressure without those of kinks, (n, m)."""
+        """Coefficients of the pressure without those of kinks, (m, n)."""
         smooth = self._surfaces[0]
-        found = smooth * (-np.arange(smooth.shape[1]) / np.pi)
-        found[:, 0] = self.force
+        found = smooth * (-np.arange(len(smooth)) / np.pi)[:, None]
+        found[0] = self.force
         return found
 
     @cached_property
+    def _series(self) -> FloatArray:
+        """Coefficients by T_n(s) of the rigid surface beyond kinks, (m, n)."""
+        return self.kinks.series(len(self.field)).T
+
+    @cached_property
     def moments(self) -> FloatArray:
-        """A_n, shape (n, m)."""
+        """A_n, shape (m, n)."""
         of_t, of_s = self._places
         m = len(of_s)
-        a = self._regular - np.arange(m) / np.pi * self.kinks.series(m)
-        found: FloatArray = np.einsum("ij,nij->in", a @ of_s, of_t) * (2.0 / m)
-        found[:, 0] = self.force
+        a = self._regular - (np.arange(m) / np.pi)[:, None] * self._series
+        found: FloatArray = np.einsum("jk,njk->nk", of_s.T @ a, of_t) * (2.0 / m)
+        found[0] = self.force
         return found
 
     @cached_property
     def level(self) -> FloatArray:
         """Mean height under the contact, lengths in half-widths of a ridge; the same for all."""
-        smooth, kinks = self._surfaces
         own = np.pi * self.force * (np.log(2.0) - np.log(self.share))
-        level: FloatArray = own + smooth[:, 0] + kinks.series(1)[:, 0]
+        level: FloatArray = own + self._surfaces[0][0] + self._series[0]
         return level
-
-    @cached_property
-    def strengths(self) -> FloatArray:
-        """Strength of the edge singularity at both ends, shape (2, n): negative is tension."""
-        return _at_ends(self._regular) - self.kinks.strengths(np.array([np.pi, 0.0])).T / np.pi
 
     @cached_property
     def steps(self) -> FloatArray:
@@ -110,11 +108,13 @@ class RidgeContacts:
 
         Equations (5) to (9) of docs/derivations/contact.md.
         """
-        squares = np.arange(self.field.shape[1]) ** 2
-        slopes = _at_ends(self._regular * squares) - np.array(self.kinks.slopes()) / np.pi
-        strength, width = self.strengths, 2 * self.share
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.nan_to_num(-width * strength / slopes)
+        order = np.arange(len(self.field))
+        at_ends = np.stack([(-1.0) ** order, np.ones(len(order))])
+        # Strengths of the edge singularity: negative is tension.
+        strength = at_ends @ self._regular - self.kinks.at_ends() / np.pi
+        slopes = (at_ends * order**2) @ self._regular - self.kinks.slopes() / np.pi
+        width = 2 * self.share
+        step = np.divide(-width * strength, slopes, out=np.zeros_like(slopes), where=slopes != 0.0)
         stuck = self.ends >= 1.0
         most = (1 - _SHRINK) * width * np.where(stuck.any(axis=0), 1.0, 0.5)
         step = np.where((strength > 0) & (step <= 0), width, step)
@@ -125,17 +125,17 @@ class RidgeContacts:
     @property
     def tail(self) -> FloatArray:
         """Last coefficient of what a field adds to the pressure, over the mean pressure, (n,)."""
-        m = self.field.shape[1]
-        tail: FloatArray = (m - 1) / np.pi * np.abs(self._surfaces[0][:, -1] / self.force)
+        m = len(self.field)
+        tail: FloatArray = (m - 1) / np.pi * np.abs(self._surfaces[0][-1] / self.force)
         return tail
 
     @property
     def smallest_pressure(self) -> FloatArray:
         """Smallest pressure times sqrt(1 - s^2), over its mean, (n,)."""
-        m = 2 * self.field.shape[1]
-        angle = np.linspace(0.0, np.pi, m + 1)
-        waves = np.cos(np.arange(self.field.shape[1])[:, None] * angle)
-        found = self._regular @ waves - self.kinks.strengths(angle) / np.pi
+        m = len(self.field)
+        angle = np.linspace(0.0, np.pi, 2 * m + 1)
+        waves = np.cos(np.arange(m) * angle[:, None])
+        found = (waves @ self._regular).T - self.kinks.strengths(angle) / np.pi
         smallest: FloatArray = found.min(axis=1) / self.force
         return smallest
 
@@ -149,9 +149,3 @@ def chebyshev(t: FloatArray, m: int) -> FloatArray:
         np.multiply(2 * t, found[n - 1], out=found[n])
         found[n] -= found[n - 2]
     return found
-
-
-def _at_ends(coefficients: FloatArray) -> FloatArray:
-    """Return sums of T_n at s = -1 and 1, shape (2, n)."""
-    signs = (-1.0) ** np.arange(coefficients.shape[1])
-    return np.stack([coefficients @ signs, coefficients.sum(axis=1)])

@@ -11,13 +11,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
 from scipy.linalg import lapack
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.contact.intervals import Intervals, potentials
-from ridgebayes.contact.logkernel import cross_blocks, self_energies
+from ridgebayes.contact.logkernel import cross_blocks, log_ellipse, self_energies
 from ridgebayes.contact.rigid_profile import Profile
 
+# Neighbours feel the m-th moments by rho^-2m: below e^-6 rounds of `all_events` take them along.
+_FELT = 3.0
 _AHEAD = 2  # ridges that no event touches: the next ones on either side
 _LOOKS = np.linspace(0.02, 0.98, 9)  # of a groove's width
 
@@ -40,17 +44,19 @@ class RidgeRow:
         Of what contact may cover of a ridge.
     unit : float
         Of length.
-    felt : ndarray of float, shape (n + 2, m, n m)
-        Projections on each ridge of the potentials of the moments of all others.
-    factor : ndarray of float, shape (n m, n m)
-        Cholesky's, of ridges that are covered in full, scaled.
+    by_distance : ndarray of float, shape (2 n_distance + 1, m, m)
+        Projections on a ridge of the potentials of another's moments, from n_distance pitches to
+        its left to as many to its right.
+    factor : ndarray of float, shape (n m_far, n m_far)
+        Cholesky's, of the first moments of ridges that are covered in full, scaled: the others
+        hardly act on neighbours.
     """
 
     profile: Profile
     numbers: IntArray
     half_width: float
     unit: float
-    felt: FloatArray
+    by_distance: FloatArray
     factor: FloatArray
 
     @classmethod
@@ -64,12 +70,18 @@ class RidgeRow:
         """
         numbers = touch_order(profile, n + _AHEAD)
         reach = max(abs(profile.ridge(k).start) for k in numbers.tolist())
-        felt, none = np.empty((n + _AHEAD, m, n * m)), np.empty((0, 0))
-        row = cls(profile, numbers, half_width, reach + profile.a, felt, none)
-        row.felt[:] = row._blocks().transpose(0, 2, 1, 3).reshape(row.felt.shape)
-        rows, columns = row._scales
-        matrix = row.felt[:n].reshape(n * m, n * m) / (rows[:, None] * columns)
-        matrix[np.arange(n * m), np.arange(n * m)] += 1.0
+        free, none = profile.b + (profile.a - 2 * half_width), np.empty((0, 0))
+        right = cross_blocks(free / half_width, 2 * int(np.abs(numbers).max()) + 1, m)
+        left = right[::-1].transpose(0, 2, 1)
+        by_distance = np.concatenate([left, np.zeros((1, m, m)), right])
+        row = cls(profile, numbers, half_width, reach + profile.a, by_distance, none)
+        by_distance[:, 0, 0] += math.pi * row.shift
+        by_distance[len(right)] = 0.0
+        m_far = min(math.ceil(_FELT / log_ellipse(free / half_width)) + 1, m)
+        m_far = m_far if profile.corner else m  # sharp ridges are solved for at once
+        rows, columns = row._scales(m_far)
+        matrix = row._matrix(m_far) / (rows[:, None] * columns)
+        matrix[np.arange(n * m_far), np.arange(n * m_far)] += 1.0
         factor, info = lapack.dpotrf(matrix.T, lower=0, clean=0, overwrite_a=1)
         if info != 0:
             raise np.linalg.LinAlgError(f"ridges' matrix is not positive definite (pivot {info})")
@@ -77,10 +89,9 @@ class RidgeRow:
 
     def first(self, n: int) -> "RidgeRow":
         """Return that of the first n ridges alone."""
-        size = n * self.m
-        felt = self.felt[: n + _AHEAD, :, :size]
+        size = n * (len(self.factor) // self.n)
         factor = np.asfortranarray(self.factor[:size, :size])
-        return replace(self, numbers=self.numbers[: n + _AHEAD], felt=felt, factor=factor)
+        return replace(self, numbers=self.numbers[: n + _AHEAD], factor=factor)
 
     @property
     def n(self) -> int:
@@ -90,7 +101,7 @@ class RidgeRow:
     @property
     def m(self) -> int:
         """Moments of a ridge."""
-        return int(self.felt.shape[1])
+        return int(self.by_distance.shape[1])
 
     @cached_property
     def over_ridge(self) -> bool:
@@ -144,48 +155,80 @@ class RidgeRow:
         """Which ridges an event touches, (n, n_event)."""
         return np.arange(self.n)[:, None] <= np.arange(self.n)
 
-    def _blocks(self) -> FloatArray:
-        """Return projections on each ridge of each other's potentials, (n + 2, n, m, m)."""
-        numbers, m, n = self.numbers, self.m, self.n
-        span = 2 * int(np.abs(numbers).max()) + 1
-        free = self.profile.b + (self.profile.a - 2 * self.half_width)
-        right = cross_blocks(free / self.half_width, span, m)
-        right[:, 0, 0] += math.pi * self.shift
-        by_distance = np.concatenate([right[::-1].transpose(0, 2, 1), np.zeros((1, m, m)), right])
-        found: FloatArray = by_distance[numbers[:, None] - numbers[:n] + span]
-        if self.profile.mirrored:
-            apart = numbers[:, None] + numbers[:n] + (0 if self.over_ridge else 1)
-            image = right[np.maximum(apart, 1) - 1] * (-1.0) ** np.arange(m)
-            if self.over_ridge:  # the first ridge has none, and nothing of odd order
-                image[:, 0] = 0.0
-                found[:, 0, :, 1::2] = 0.0
-                found[0, :, 1::2] = image[0, :, 1::2] = 0.0
-            found += image
-        return found
-
     @cached_property
-    def _scales(self) -> tuple[FloatArray, FloatArray]:
-        """What rows and columns of the factor's matrix are divided by, (n m,) each."""
-        root = np.repeat(np.sqrt(self.weight), self.m)
-        scale = np.sqrt(np.tile(self.energies, self.n))
+    def _images(self) -> IntArray:
+        """Numbers of the ridges' mirror images, (n,); none unless the profile is mirrored."""
+        if not self.profile.mirrored:
+            return np.empty(0, dtype=np.int64)
+        return -self.numbers[: self.n] - (0 if self.over_ridge else 1)
+
+    def _matrix(self, m: int) -> FloatArray:
+        """Return projections on each ridge of the first moments of each other, (n m, n m)."""
+        numbers, n, middle = self.numbers[: self.n], self.n, len(self.by_distance) // 2
+        found = self.by_distance[numbers[:, None] - numbers + middle, :m, :m]
+        if self.profile.mirrored:
+            signs = (-1.0) ** np.arange(m)
+            found += self.by_distance[numbers[:, None] - self._images + middle, :m, :m] * signs
+            if self.over_ridge:  # the first ridge is its own image, and has nothing of odd order
+                found[:, 0] = self.by_distance[numbers + middle, :m, :m]
+                found[:, 0, :, 1::2] = found[0, :, 1::2] = 0.0
+        value: FloatArray = found.transpose(0, 2, 1, 3).reshape(n * m, n * m)
+        return value
+
+    def _scales(self, m: int) -> tuple[FloatArray, FloatArray]:
+        """Return what rows and columns of the factor's matrix are divided by, (n m,) each."""
+        root = np.repeat(np.sqrt(self.weight), m)
+        scale = np.sqrt(np.tile(self.energies[:m], self.n))
         return scale / root, scale * root
 
     def covered(self, potentials: FloatArray, events: IntArray) -> FloatArray:
-        """Return moments of ridges covered in full that make given potentials' projections."""
-        (rows, columns), size = self._scales, self.n * self.m
-        within = np.repeat(self.within[:, events], self.m, axis=0)
-        found = np.asfortranarray(potentials.reshape(size, -1) / rows[:, None])
-        found, _ = lapack.dtrtrs(self.factor, found, lower=0, trans=1, overwrite_b=1)
-        found[~within] = 0.0
+        """Return moments of ridges covered in full that make given potentials' projections.
+
+        As if moments beyond the factor's were not felt elsewhere.
+        """
+        n, m_far = self.n, len(self.factor) // self.n
+        rows, columns = self._scales(m_far)
+        within = self.within[:, events]
+        value: FloatArray = potentials * (within[:, None] / self.energies[:, None])
+        found = potentials[:, :m_far].reshape(n * m_far, -1) / rows[:, None]
+        found, _ = lapack.dtrtrs(self.factor, np.asfortranarray(found), lower=0, trans=1)
+        found[~np.repeat(within, m_far, axis=0)] = 0.0
         found, _ = lapack.dtrtrs(self.factor, found, lower=0, trans=0, overwrite_b=1)
-        value: FloatArray = (found / columns[:, None]).reshape(potentials.shape)
+        value[:, :m_far] = (found / columns[:, None]).reshape(n, m_far, -1)
         return value
 
+    @cached_property
+    def _spectrum(self) -> tuple[NDArray[np.complex128], int]:
+        """Fourier's transform of `by_distance` on a circle of ridges, and how many it has."""
+        numbers, middle = self.numbers, len(self.by_distance) // 2
+        sources = np.concatenate([numbers, self._images])
+        apart = np.arange(numbers.min() - sources.max(), numbers.max() - sources.min() + 1)
+        size = int(fft.next_fast_len(len(apart), real=True))
+        line = np.zeros((size, self.m, self.m))
+        line[apart % size] = self.by_distance[apart + middle] / self.norms[:, None]
+        return fft.rfft(line, axis=0), size
+
     def fields(self, moments: FloatArray) -> FloatArray:
-        """Return coefficients of the potentials felt on each ridge, (n + 2, m, n_event)."""
-        size = self.n * self.m
-        found: FloatArray = self.felt.reshape(-1, size) @ moments.reshape(size, -1)
-        return found.reshape(len(self.numbers), self.m, -1) / self.norms[:, None]
+        """Return coefficients of the potentials felt on each ridge, (n + 2, m, n_event).
+
+        Ridges stand evenly: all sums over them are one convolution.
+        """
+        spectrum, size = self._spectrum
+        numbers, of_first = self.numbers, moments
+        if self.over_ridge:
+            of_first = moments.copy()
+            of_first[0, 1::2] = 0.0
+        line = np.zeros((size, *moments.shape[1:]))
+        line[numbers[: self.n] % size] = of_first
+        if self.profile.mirrored:
+            own = int(self.over_ridge)
+            signs = (-1.0) ** np.arange(self.m)[:, None]
+            line[self._images[own:] % size] = of_first[own:] * signs
+        felt = fft.irfft(spectrum @ fft.rfft(line, axis=0), size, axis=0)
+        value: FloatArray = felt[numbers % size]
+        if self.over_ridge:
+            value[0, 1::2] = 0.0
+        return value
 
     def places(self, t: FloatArray, ridges: IntArray) -> FloatArray:
         """Return x at t on some ridges, which rises away from the centre, (n_ridge,)."""

@@ -167,30 +167,44 @@ class Kinks:
 
     def series(self, n_order: int) -> FloatArray:
         """Return h_n, n = 0 ... n_order - 1, shape (n, n_order)."""
-        found = np.zeros((len(self.bend), n_order))
-        signs = (-1.0) ** np.arange(n_order)
-        for angle, sign in zip(self.angle, (signs, np.abs(signs)), strict=True):
-            for has, integral in (
-                (angle > _THIN, _closed_integral),
-                ((angle > 0) & (angle <= _THIN), _thin_integral),
-            ):
-                if has.any():
-                    bend = self.bend[has, None] / np.pi
-                    found[has] += sign * bend * integral(angle[has], n_order)
-        found[:, 0] *= 0.5
-        return found
+        angle = self.angle.ravel()
+        found = np.zeros((len(angle), n_order))
+        for has, integral in (
+            (np.flatnonzero(angle > _THIN), _closed_integral),
+            (np.flatnonzero((angle > 0) & (angle <= _THIN)), _thin_integral),
+        ):
+            if len(has):
+                found[has] = integral(angle[has], n_order)
+        left, right = found.reshape(2, -1, n_order)
+        left[:, 1::2] *= -1.0
+        value: FloatArray = (left + right) * (self.bend[:, None] / np.pi)
+        value[:, 0] *= 0.5
+        return value
 
     @cached_property
     def few(self) -> FloatArray:
         """The first h_n, all that matter far away, shape (n, 8)."""
         return self.series(_FEW)
 
-    def slopes(self) -> tuple[FloatArray, FloatArray]:
-        """Return sums of n^3 h_n T_n at the left and right end, (n,) each."""
-        theta, c = self.angle, np.cos(self.angle)
-        near = self.bend / np.pi * (3 * np.sin(theta) + (2 - c) * theta)
-        far = self.bend / np.pi * ((2 + c) * theta - 3 * np.sin(theta))
-        return near[0] + far[1], far[0] + near[1]
+    @cached_property
+    def _sines(self) -> tuple[FloatArray, FloatArray]:
+        """Sine and cosine of the angles."""
+        return np.sin(self.angle), np.cos(self.angle)
+
+    def slopes(self) -> FloatArray:
+        """Return sums of n^3 h_n T_n at the left and right end, shape (2, n)."""
+        theta, (sine, c) = self.angle, self._sines
+        near, far = 3 * sine + (2 - c) * theta, (2 + c) * theta - 3 * sine
+        value: FloatArray = self.bend / np.pi * (near + far[::-1])
+        return value
+
+    def at_ends(self) -> FloatArray:
+        """Return sums of n h_n T_n at the left and right end, shape (2, n)."""
+        theta, (sine, c) = self.angle, self._sines
+        near = (1 - c) * (sine + theta) + 0.5 * (sine * c - theta)
+        far = (1 + c) * (theta - sine) + 0.5 * (sine * c - theta)
+        value: FloatArray = self.bend / np.pi * (near + far[::-1])
+        return value
 
     def strengths(self, at: FloatArray) -> FloatArray:
         """Return sums of n h_n cos(n at) at angles (n_point,), shape (n, n_point)."""
@@ -228,12 +242,18 @@ class Kinks:
 
 def _closed_integral(angle: FloatArray, n_order: int) -> FloatArray:
     """Return Int_0^angle (cos t - cos angle)^2 cos n t dt, shape (n, n_order)."""
-    n, c = np.arange(1, n_order + 2), np.cos(angle)[:, None]
-    sines = np.sin(n * angle[:, None]) / n  # of order 1 on; even in the order
-    both = np.hstack([sines[:, 1::-1], angle[:, None], sines])  # of order -2 on
-    square = 0.25 * (both[:, :-4] + both[:, 4:]) + (0.5 + c**2) * both[:, 2:-2]
-    value: FloatArray = square - c * (both[:, 1:-3] + both[:, 3:-1])
-    return value
+    c = np.cos(angle)
+    sines = np.empty((n_order + 4, len(angle)))  # sin(n angle)/n of order -2 on: even in the order
+    sines[2], sines[3] = angle, np.sin(angle)
+    sines[4] = 2 * c * sines[3]
+    for n in range(5, n_order + 4):
+        np.multiply(2 * c, sines[n - 1], out=sines[n])
+        sines[n] -= sines[n - 2]
+    sines[4:] /= np.arange(2, n_order + 2)[:, None]
+    sines[0], sines[1] = sines[4], sines[3]
+    square = 0.25 * (sines[:-4] + sines[4:]) + (0.5 + c**2) * sines[2:-2]
+    value: FloatArray = square - c * (sines[1:-3] + sines[3:-1])
+    return value.T
 
 
 def _thin_integral(angle: FloatArray, n_order: int) -> FloatArray:
@@ -271,9 +291,11 @@ def falls(
     share = np.where(radius > 0, np.maximum(beyond, 0.0) / (2 * half_width), 0.0)  # (1 - c)/2
     # Where all of an interval lies beyond a kink the rigid surface is one parabola there.
     whole = share >= 1
-    shift = np.array([[-1.0], [1.0]]) * (2 * share - 1)
-    parabola = np.stack([0.5 * shift**2 + 0.25, shift, np.full_like(shift, 0.25)], axis=-1)
-    height: FloatArray = (bend[:, None] * np.where(whole[..., None], parabola, 0.0)).sum(axis=0)
+    height = np.zeros((len(radius), 3))
+    if whole.any():
+        shift = np.array([[-1.0], [1.0]]) * (2 * share - 1)
+        parabola = np.stack([0.5 * shift**2 + 0.25, shift, np.full_like(shift, 0.25)], axis=-1)
+        height += (bend[:, None] * np.where(whole[..., None], parabola, 0.0)).sum(axis=0)
     return height, Kinks(bend, np.where(whole, 0.0, 2 * np.arcsin(np.sqrt(np.minimum(share, 1)))))
 
 
