@@ -1,6 +1,7 @@
 """Expensive things that many tests look at and none changes: tables, fits, approximations."""
 
 import functools
+import gc
 import itertools
 import re
 import sys
@@ -19,6 +20,8 @@ from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
 from ridgebayes.table.datafiles import CALCULIX_FE, data_path
+from tests.once import made_once as made_once
+from tests.once import making
 
 # No clock in a test; and a test that fails today has to fail tomorrow.
 hypothesis.settings.register_profile("steady", deadline=None, derandomize=True, database=None)
@@ -52,6 +55,16 @@ PROCESS_MODULES = {
     "tests/runtime/test_randomness.py",
     "tests/test_package.py",
 }
+
+
+def pytest_sessionstart():
+    """Collect no garbage while tests are collected: thousands are made, and all stay."""
+    gc.disable()
+
+
+def pytest_collection_finish():
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items):
@@ -147,8 +160,9 @@ class Lazy(Mapping):
         return len(FORMS)
 
 
-def fits_of(table):
-    return Lazy(lambda name: rb.calibrate(table, form_named(name), rng=1, noise="iid"))
+def fits_of(table, folders):
+    calibrate = making(folders, rb.calibrate)
+    return Lazy(lambda name: calibrate(table, form_named(name), rng=1, noise="iid"))
 
 
 def laplaces_of(table):
@@ -157,15 +171,15 @@ def laplaces_of(table):
 
 
 @pytest.fixture(scope="session")
-def fits(paper):
+def fits(paper, tmp_path_factory):
     """A calibrated fit of each printed form on the paper sweep, by name."""
-    return fits_of(paper)
+    return fits_of(paper, tmp_path_factory)
 
 
 @pytest.fixture(scope="session")
-def fe_fits(fe_table):
+def fe_fits(fe_table, tmp_path_factory):
     """A calibrated fit of each form on the finite-element rows, by name."""
-    return fits_of(fe_table)
+    return fits_of(fe_table, tmp_path_factory)
 
 
 @pytest.fixture(scope="session")
@@ -211,14 +225,19 @@ def command(monkeypatch, capsys, tmp_path):
 
 
 @pytest.fixture(scope="session")
-def comparison(paper):
-    return rb.compare(paper, rng=0, noise="iid")
+def compare(tmp_path_factory):
+    return making(tmp_path_factory, rb.compare)
 
 
 @pytest.fixture(scope="session")
-def reference(fe_table):
+def comparison(compare, paper):
+    return compare(paper, rng=0, noise="iid")
+
+
+@pytest.fixture(scope="session")
+def reference(compare, fe_table):
     forms = [rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid(), rb.HalfPlane()]
-    return rb.compare(fe_table, forms, rng=0, noise="iid")
+    return compare(fe_table, forms, rng=0, noise="iid")
 
 
 @pytest.fixture(scope="session")
@@ -243,8 +262,8 @@ def odd_table():
 
 
 @pytest.fixture(scope="session")
-def odd(odd_table):
-    return rb.compare(odd_table, [rb.Modified(), rb.PowerLaw()], rng=3, noise="iid")
+def odd(compare, odd_table):
+    return compare(odd_table, [rb.Modified(), rb.PowerLaw()], rng=3, noise="iid")
 
 
 @pytest.fixture(scope="session")

@@ -20,6 +20,7 @@ from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.prior_files import resolve_priors
+from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.runtime.reading import read_toml
 
 ROOT = Path(__file__).parents[1]
@@ -68,8 +69,11 @@ def test_blocks__are_in_languages_that_are_checked_here():
         assert fences == 2 * len(BLOCK.findall(text)), path
 
 
+@pytest.mark.usefixtures("made_once")
 @pages_with("python")
-def test_python_blocks__print_what_their_comments_say(path, folder):
+def test_python_blocks__print_what_their_comments_say(path, folder, monkeypatch):
+    # Figures take most of a report, and have their own tests.
+    monkeypatch.setattr(Gallery, "file", lambda self, name, kind: b"")
     said, expected, namespace = [], [], {}
     namespace["print"] = lambda *words: said.append(" ".join(map(str, words)))
     for code in blocks_of(path, "python"):

@@ -8,6 +8,7 @@ from tests.hard_cases.table import every_case
 CASES = every_case()
 
 
+@pytest.mark.usefixtures("made_once")
 @pytest.mark.parametrize(
     "case",
     [

@@ -4,6 +4,25 @@ from dataclasses import replace
 
 import pytest
 
+from ridgebayes.checks.report_data import report_data
+from ridgebayes.report.figures.gallery import Gallery
+
+
+@pytest.fixture(scope="session")
+def gallery(comparison):
+    """Figures of the embedded sweep: each is drawn once, for the pages and for its own tests."""
+    return Gallery(report_data(comparison))
+
+
+@pytest.fixture(scope="session")
+def second_gallery(reference):
+    return Gallery(report_data(reference))
+
+
+@pytest.fixture(scope="session")
+def odd_gallery(odd):
+    return Gallery(report_data(odd))
+
 
 @pytest.fixture(scope="session")
 def failed(comparison):

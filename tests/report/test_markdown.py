@@ -18,21 +18,18 @@ FOLDS = re.compile(r"<details><summary>[^<]+</summary>|</details>")
 PARSER = MarkdownIt("commonmark").enable(["table", "strikethrough"])
 
 
-def rendered(comparison, reference=None):
+def rendered(*galleries):
     """Return the galleries of a comparison, and the tokens of its report in a run folder."""
-    galleries = [
-        None if one is None else Gallery(report_data(one)) for one in (comparison, reference)
-    ]
     (text,) = _rendered(*galleries, [".md"], in_folder=True)
     return galleries, PARSER.parse(text)
 
 
 @pytest.fixture(scope="module")
-def reports(comparison, reference, odd, failed):
+def reports(gallery, second_gallery, odd_gallery, failed):
     return {
-        "embedded": rendered(comparison, reference),
-        "user": rendered(odd),
-        "failed": rendered(failed),
+        "embedded": rendered(gallery, second_gallery),
+        "user": rendered(odd_gallery, None),
+        "failed": rendered(Gallery(report_data(failed)), None),
     }
 
 

@@ -15,7 +15,7 @@ from ridgebayes.checks.report_data import report_data
 from ridgebayes.checks.study import study_of
 from ridgebayes.comparison.ranking import Predicting
 from ridgebayes.errors import InputError
-from ridgebayes.report import render_report, write_report
+from ridgebayes.report import _rendered, render_report, write_report
 from ridgebayes.report.evidence import error_models_section
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
@@ -52,8 +52,8 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="session")
-def full(comparison, reference):
-    return render_report(comparison, ".html", reference=reference)
+def full(gallery, second_gallery):
+    return _rendered(gallery, second_gallery, [".html"])[0]
 
 
 @pytest.fixture(scope="session")
@@ -62,14 +62,14 @@ def page(full):
 
 
 @pytest.fixture(scope="session")
-def markdown(comparison, reference):
-    return render_report(comparison, ".md", reference=reference)
+def markdown(gallery, second_gallery):
+    return _rendered(gallery, second_gallery, [".md"])[0]
 
 
 @pytest.fixture(scope="session")
-def odd_page(odd):
+def odd_page(odd_gallery):
     """A small report with its figures."""
-    return render_report(odd)
+    return _rendered(odd_gallery, None, [".html"])[0]
 
 
 @pytest.fixture
@@ -173,16 +173,15 @@ def test_a_comparison_read_back_gives_the_same_report(odd, tmp_path):
         assert render_report(back, suffix) == render_report(odd, suffix)
 
 
-def test_figures_of_a_comparison_read_back_are_the_same(odd, tmp_path):
+def test_figures_of_a_comparison_read_back_are_the_same(odd, odd_gallery, tmp_path):
     fits = {}
     for name, fit in odd.fits.items():
         fit.to_netcdf(tmp_path / f"{name}.nc")
         fits[name] = Fit.from_netcdf(tmp_path / f"{name}.nc")
     back = Gallery(report_data(replace(odd, fits=fits)))
-    own = Gallery(report_data(odd))
-    assert list(back) == list(own)
-    for name in own:
-        assert (name, back.file(name, "svg")) == (name, own.file(name, "svg"))
+    assert list(back) == list(odd_gallery)
+    for name in odd_gallery:
+        assert (name, back.file(name, "svg")) == (name, odd_gallery.file(name, "svg"))
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -240,8 +239,8 @@ def test_a_failed_form_is_named_with_its_reason(failed):
     assert "Classic – – – – FAILED" in page.text
 
 
-def test_problems_of_the_reference_reach_the_banner(comparison, single):
-    found = first_screen(report_data(comparison), report_data(single)).problems
+def test_problems_of_the_reference_reach_the_banner(gallery, single):
+    found = first_screen(gallery.data, report_data(single)).problems
     assert found
     assert all(words.startswith("finite-element rows: ") for words in found)
 
@@ -381,9 +380,9 @@ def test_package_exports_write_report():
 
 @pytest.mark.parametrize(("without", "more"), [((3.4, 15.0), "offset"), ((8.0, 2.0), "form")])
 def test_error_models_section__says_what_a_smooth_offset_means_and_which_of_the_two_predicts(
-    comparison, without, more
+    gallery, without, more
 ):
-    data = report_data(comparison)
+    data = gallery.data
     verdict = replace(data.verdict, error_model_weights={"step-smooth": 0.9, "iid": 0.1})
     models = pd.DataFrame({"noise": ["step-smooth", "iid"], "log_mean_evidence": [1.0, 0.0]})
     models["probability"] = [0.9, 0.1]

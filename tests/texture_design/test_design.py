@@ -26,8 +26,8 @@ COARSE = {"a": (0.01, 0.045), "b": (0.01, 0.04), "step": 0.005}
 
 
 @pytest.fixture(scope="module")
-def fit(paper):
-    return rb.calibrate(paper, rb.Hybrid(), rng=1, noise="iid")
+def fit(fits):
+    return fits["hybrid"]
 
 
 @pytest.fixture(scope="module")

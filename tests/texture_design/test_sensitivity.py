@@ -19,8 +19,8 @@ SD_MODULUS, SD_LOAD = 0.2, 0.1
 
 
 @pytest.fixture(scope="module")
-def fit(paper):
-    return rb.calibrate(paper, rb.Modified(), rng=1, noise="iid")
+def fit(fits):
+    return fits["modified"]
 
 
 @pytest.fixture(scope="module")
@@ -191,8 +191,8 @@ def test_sources__that_a_scene_correlates_are_one_group(fit):
     assert "body.youngs_modulus, load.max" in set(found.measure["measure"])
 
 
-def test_next_simulation__of_two_forms_that_differ_is_where_they_differ(paper, fit):
-    hybrid = rb.calibrate(paper, rb.Hybrid(), rng=1, noise="iid")
+def test_next_simulation__of_two_forms_that_differ_is_where_they_differ(fits, fit):
+    hybrid = fits["hybrid"]
     textures = [(0.012, 0.03), (0.022, 0.02), (0.04, 0.01)]
     forms = [hybrid.averaged, fit.averaged]
     found = next_simulation(forms, textures, 1)

@@ -1,5 +1,6 @@
 """Figures: what they show is there, nothing is clipped, no text lies on other text."""
 
+import functools
 import itertools
 from dataclasses import replace
 
@@ -60,8 +61,8 @@ def drawn_texts(figure):
         ]
 
 
-def clipped_and_overlapping(figure):
-    texts = drawn_texts(figure)
+def clipped_and_overlapping(figure, texts=None):
+    texts = drawn_texts(figure) if texts is None else texts
     width, height = figure.bbox.width, figure.bbox.height
     clipped = [
         text.get_text()
@@ -79,8 +80,14 @@ def clipped_and_overlapping(figure):
 
 
 @pytest.fixture(scope="session")
-def full(comparison):
-    return Gallery(report_data(comparison))
+def full(gallery):
+    return gallery
+
+
+@pytest.fixture(scope="session")
+def texts(full):
+    """The texts of a figure that is laid out once."""
+    return functools.cache(lambda name: drawn_texts(full[name]))
 
 
 @pytest.fixture(scope="session")
@@ -122,17 +129,16 @@ def test_gallery_has_every_figure_of_a_full_comparison(full):
 @pytest.mark.parametrize(
     "name", [*NAMES, *(f"corner-{form}" for form in FORMS), "traces-modified", "traces-hybrid"]
 )
-def test_no_text_is_clipped_or_lies_on_other_text(full, name):
-    assert clipped_and_overlapping(full[name]) == ([], [])
+def test_no_text_is_clipped_or_lies_on_other_text(full, texts, name):
+    assert clipped_and_overlapping(full[name], texts(name)) == ([], [])
 
 
 @pytest.mark.parametrize(
     "name", [*NAMES, *(f"corner-{form}" for form in FORMS), "traces-modified", "traces-hybrid"]
 )
-def test_text_is_9_pt_or_more_where_a4_is_as_wide_as_the_figure(full, name):
-    figure = full[name]
-    scale = min(1.0, 190 / 25.4 / figure.get_figwidth())  # a page less its margins
-    small = {text.get_text() for text, _ in drawn_texts(figure) if scale * text.get_size() < 9}
+def test_text_is_9_pt_or_more_where_a4_is_as_wide_as_the_figure(full, texts, name):
+    scale = min(1.0, 190 / 25.4 / full[name].get_figwidth())  # a page less its margins
+    small = {text.get_text() for text, _ in texts(name) if scale * text.get_size() < 9}
     assert small == set()
 
 
@@ -167,9 +173,11 @@ def test_one_form_has_no_comparison_figures(bare):
     assert {"bands", "held-out", "corner-modified", "traces-modified"} <= set(bare)
 
 
-def test_the_smooth_cylinder_is_drawn_for_the_embedded_sweep_alone(full, bare, odd, reference):
+def test_the_smooth_cylinder_is_drawn_for_the_embedded_sweep_alone(
+    full, bare, odd_gallery, second_gallery
+):
     assert "smooth-cylinder" in full
-    for gallery in (bare, Gallery(report_data(odd)), Gallery(report_data(reference))):
+    for gallery in (bare, odd_gallery, second_gallery):
         assert "smooth-cylinder" not in gallery
 
 
