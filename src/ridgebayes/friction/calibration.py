@@ -32,7 +32,7 @@ from ridgebayes.inference.diagnostics import (
 )
 from ridgebayes.inference.emcee_sampling import sample
 from ridgebayes.inference.log_evidence import LogEvidence
-from ridgebayes.inference.netcdf import chains_of, read_tree, write_tree
+from ridgebayes.inference.netcdf import Stored, chains_of, read_tree, write_tree
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.scene.scene import Scene
@@ -358,17 +358,17 @@ def _to_json(model: FrictionModel) -> Json:
     return {k: to_dict(v) if isinstance(v, Distribution) else float(v) for k, v in given.items()}
 
 
-def _fit_of(tree: xr.DataTree) -> FrictionFit:
+def _fit_of(stored: Stored) -> FrictionFit:
     """Return the fit in a file; an error of any kind if there is none."""
-    about: Json = {str(name): value for name, value in tree.attrs.items()}
+    about = stored.attrs
     given = json.loads(about["friction_model"])
     model = FrictionModel(
         **{k: from_dict(v) if isinstance(v, dict) else float(v) for k, v in given.items()}
     )
-    chains = chains_of(tree, len(model.unknown))
-    observed, constant = tree["observed_data"], tree["constant_data"]
+    chains = chains_of(stored, len(model.unknown))
+    observed, constant = stored.groups["observed_data"], stored.groups["constant_data"]
     names = json.loads(about["columns"])
-    columns = {k: (observed if k == "mu" else constant)[k].to_numpy() for k in names}
+    columns = {k: (observed if k == "mu" else constant)[k] for k in names}
     return FrictionFit(
         model,
         chains,

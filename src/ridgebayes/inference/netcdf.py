@@ -4,12 +4,13 @@ import io
 import json
 import os
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ridgebayes._types import __version__
 from ridgebayes.distributions.grammar import priors_from_json, priors_to_json
@@ -30,7 +31,24 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _SMALL = 1_000  # bytes that are not worth packing
+_READ = ("constant_data", "observed_data", "sample_stats")
 Read = TypeVar("Read")
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """What a fit is read from.
+
+    Parameters
+    ----------
+    attrs : dict of str to object
+        Attributes of the file.
+    groups : dict of str to dict of str to ndarray
+        Arrays by name, group by group.
+    """
+
+    attrs: dict[str, Any]
+    groups: dict[str, dict[str, NDArray[Any]]]
 
 
 def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool = True) -> None:
@@ -94,8 +112,8 @@ def read_netcdf(path: str | os.PathLike[str]) -> Posterior:
     return read_tree(path, _fit_of)
 
 
-def read_tree(path: str | os.PathLike[str], fit_of: Callable[["xr.DataTree"], Read]) -> Read:
-    """Read what `write_tree` wrote, and return what `fit_of` makes of it.
+def read_tree(path: str | os.PathLike[str], fit_of: Callable[[Stored], Read]) -> Read:
+    """Read what a fit needs of a file of `write_tree`, and return what `fit_of` makes of it.
 
     Raises
     ------
@@ -103,8 +121,8 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[["xr.DataTree"], Re
         If the file is missing, not NetCDF, damaged, or not written by this package; if anything in
         it leads out of it, or would take more memory than a posterior does.
     """
+    # By h5py itself: xarray takes ten times as long, and would read what is only for arviz.
     import h5py
-    import xarray as xr
 
     if not Path(path).is_file():
         raise InputError(f"{path}: no such file; expected a posterior written by ridgebayes")
@@ -112,8 +130,13 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[["xr.DataTree"], Re
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
             check_tree(file, str(path))
-        with xr.open_datatree(io.BytesIO(content), engine="h5netcdf", decode_cf=False) as tree:
-            tree.load()
+            groups = {
+                name: {key: _cells(one) for key, one in file[name].items()}
+                for name in _READ
+                if name in file
+            }
+            # A NetCDF file holds a number as an array of one.
+            attrs = {k: v.item() if np.shape(v) == (1,) else v for k, v in file.attrs.items()}
     except InputError:
         raise
     # Damage turns up as errors of many kinds, in this and in what is made of the file below.
@@ -121,49 +144,54 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[["xr.DataTree"], Re
         raise InputError(
             f"{path}: not a readable NetCDF file ({one_line_message(error)})"
         ) from None
-    if "ridgebayes_version" not in tree.attrs:
+    if "ridgebayes_version" not in attrs:
         raise InputError(f"{path}: expected written by ridgebayes, got no ridgebayes_version")
     try:
-        return fit_of(tree)
+        return fit_of(Stored(attrs, groups))
     except Exception as error:
         raise InputError(
             f"{path}: damaged, not what ridgebayes writes ({one_line_message(error)}); run again"
         ) from None
 
 
-def _fit_of(tree: "xr.DataTree") -> Posterior:
+def _cells(one: Any) -> NDArray[Any]:
+    """Return the values of a dataset; text as str."""
+    return np.asarray(one.asstr()[()] if one.dtype.kind in "OS" else one[()])
+
+
+def _fit_of(stored: Stored) -> Posterior:
     """Return the fit in a file; an error of any kind if there is none."""
-    constant, observed = tree["constant_data"], tree["observed_data"]
+    constant, observed = stored.groups["constant_data"], stored.groups["observed_data"]
     data = Observations(
         textures=tuple(
             zip(
-                constant["a_over_R"].to_numpy().tolist(),
-                constant["b_over_R"].to_numpy().tolist(),
+                constant["a_over_R"].tolist(),
+                constant["b_over_R"].tolist(),
                 strict=True,
             )
         ),
-        texture=constant["texture_index"].to_numpy().astype(np.int64),
-        Q=constant["Q"].to_numpy().astype(np.int64),
-        log_load=observed["log_load"].to_numpy(),
-        rel_se=constant["rel_se"].to_numpy(),
-        log_lower=constant["log_lower"].to_numpy(),
-        is_count=constant["is_count"].to_numpy().astype(bool),
-        labels=tuple(str(label) for label in constant["texture"].to_numpy()),
+        texture=constant["texture_index"].astype(np.int64),
+        Q=constant["Q"].astype(np.int64),
+        log_load=observed["log_load"],
+        rel_se=constant["rel_se"],
+        log_lower=constant["log_lower"],
+        is_count=constant["is_count"].astype(bool),
+        labels=tuple(str(label) for label in constant["texture"]),
     )
-    if "series" in tree.attrs:
-        series = constant["series_index"].to_numpy().astype(np.int64)
-        labels = tuple(map(str, json.loads(tree.attrs["series"])))
+    if "series" in stored.attrs:
+        series = constant["series_index"].astype(np.int64)
+        labels = tuple(map(str, json.loads(stored.attrs["series"])))
         data = replace(data, series=series, series_labels=labels)
-    noise = Noise.named(tree.attrs["noise"])
+    noise = Noise.named(stored.attrs["noise"])
     model = Model(
         data,
-        form_named(tree.attrs["form"]),
-        replace(noise, nugget=float(tree.attrs.get("nugget", NUGGET))),
-        priors_from_json(tree.attrs["priors"]),
+        form_named(stored.attrs["form"]),
+        replace(noise, nugget=float(stored.attrs.get("nugget", NUGGET))),
+        priors_from_json(stored.attrs["priors"]),
     )
-    chains = chains_of(tree)
-    summary = pd.DataFrame(json.loads(tree.attrs["summary"]))
-    convergence_failures = tuple(json.loads(tree.attrs["missing"]))
+    chains = chains_of(stored)
+    summary = pd.DataFrame(json.loads(stored.attrs["summary"]))
+    convergence_failures = tuple(json.loads(stored.attrs["missing"]))
     _check_shapes(data, chains)
     if list(summary) != SUMMARY_COLUMNS or tuple(summary["parameter"]) != model.parameter_names:
         raise ValueError("summary of other parameters")
@@ -172,24 +200,24 @@ def _fit_of(tree: "xr.DataTree") -> Posterior:
         isinstance(one, str) for one in (*convergence_failures, *chains.convergence_failures)
     ):
         raise ValueError("missing is not text")
-    sampler = tree.attrs.get("sampler", "emcee")
+    sampler = stored.attrs.get("sampler", "emcee")
     if sampler not in SAMPLERS:
         raise ValueError(f"sampler {sampler!r}")
-    seed = int(tree.attrs["seed"])
+    seed = int(stored.attrs["seed"])
     return Posterior(model, chains, summary, convergence_failures, seed, sampler=sampler)
 
 
-def chains_of(tree: "xr.DataTree", n_coordinate: int = -1) -> Chains:
+def chains_of(stored: Stored, n_coordinate: int = -1) -> Chains:
     """Return the chains in a file, of so many coordinates; an error of any kind if it has none."""
-    stats, n_walker = tree["sample_stats"], int(tree.attrs["n_walker"])
-    u = stats["u"].to_numpy()
+    stats, n_walker = stored.groups["sample_stats"], int(stored.attrs["n_walker"])
+    u = stats["u"]
     shape = (u.shape[0], u.shape[1] // n_walker, n_walker)
     return Chains(
         u.reshape(*shape, n_coordinate),
-        stats["lp"].to_numpy().reshape(shape),
-        stats["acceptance_rate"].to_numpy(),
-        stats["tau"].to_numpy(),
-        tuple(json.loads(tree.attrs["stopping_rule_missing"])),
+        stats["lp"].reshape(shape),
+        stats["acceptance_rate"],
+        stats["tau"],
+        tuple(json.loads(stored.attrs["stopping_rule_missing"])),
     )
 
 
