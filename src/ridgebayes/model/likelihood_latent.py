@@ -33,12 +33,15 @@ from ridgebayes.model.conditional_offsets import (
     given_rows,
     products_given,
 )
+from ridgebayes.model.interval_sites import interval_sites
 from ridgebayes.model.rows import Rows
 from ridgebayes.model.shared_offsets import Offsets, OffsetsGiven, SmoothOffsets
 from ridgebayes.model.tails import Tail
 
 _LOG_2PI = math.log(2 * math.pi)
-_PASSES = 8  # outliers' weights settle; what is left is the estimates' to correct
+# Outliers' weights, and the normals that stand for intervals, settle; what is left is the
+# estimates' to correct.
+_PASSES, _PASSES_NORMAL = 8, 3
 _OFF = 3.0  # sds of a row, its variance as if it were normal, beyond which offsets miss it
 _STRETCH = 0.7  # a of sinh(a t) / a: tails that outliers need, for nodes
 # The same for points, and how much wider than the normal approximation they lie per 1 / (1 + df):
@@ -46,6 +49,7 @@ _STRETCH = 0.7  # a of sinh(a t) / a: tails that outliers need, for nodes
 # variance of the weights at draws of posteriors of texture+step and step-smooth, df about 1.2.
 _STRETCH_POINTS, _WIDER = 0.5, 0.8
 _NARROW = 1e-3  # least share of it
+_LEAST = 1e-12  # share of an offset's precision that other rows give, at least
 _STEP, _HALF = 0.25, 24  # the one-dimensional rule: 49 nodes, to 47 sds
 _HUGE = 1e300
 # Numbers at a time where draws x points x rows are needed: caches hold them.
@@ -249,34 +253,44 @@ class SampledOffsets:
         return self._rows.log_likelihood(log_rates, eta[..., 0], self._tail, df, offset, after)
 
     def _approximation(
-        self, residual: FloatArray, eta: FloatArray, n_pass: int = _PASSES
+        self, residual: FloatArray, eta: FloatArray, n_pass: int | None = None
     ) -> _Approximation:
+        vague, is_student = ~self._rows.exact, bool(self._tail.parameter_names)
+        if n_pass is None:
+            n_pass = _PASSES if is_student else _PASSES_NORMAL * int(vague.any())
         root = self._offsets.root(eta)
-        if not self._tail.parameter_names:
-            weight = 1 / self._rows.normal_variance(eta, self._tail)
-            given = given_rows(self._design, root, weight, residual)
-            return _Approximation(root, given, weight, residual)
-        _, extra = self._rows.centre
-        own, df = eta[..., :1] ** 2 + self._rows.rel_se**2, eta[..., -1:]
         loading = root.loading(self._design)
-        # A t is a normal of unknown variance: this is its mean given what the residual may be. Rows
-        # that offsets miss begin as if they lay as far off as a priori: outliers never pull at
-        # their neighbours then. The others begin with their own variance, which is soon settled.
-        variance = np.broadcast_to(own, residual.shape)
-        for n_left in reversed(range(n_pass + 1)):
-            weight = 1 / (variance + extra)
-            given = given_rows(self._design, root, weight, residual)
-            left = residual - self._design.spread(root.times(given.mean))
-            if n_left == n_pass:
-                square = residual * residual + (loading**2).sum(axis=-2)
-                is_off = left * left > _OFF**2 * (own + extra)
-                variance = np.where(is_off, (df * own + square) / (df + 1), variance)
-            elif n_left:
+        middle, extra = self._rows.centre
+        low, high = (
+            (residual + end - middle)[..., vague] for end in (self._rows.lower, self._rows.upper)
+        )
+        own = np.broadcast_to(eta[..., :1] ** 2 + self._rows.rel_se**2, residual.shape)
+        df = eta[..., -1:]
+        variance, site, precision = own, residual.copy(), 1 / (own + extra)
+        given = given_rows(self._design, root, precision, site)
+        for i in range(n_pass):
+            mean, spread = self._design.spread(root.times(given.mean)), given.variance(loading)
+            square, share = (site - mean) ** 2, np.minimum(spread * precision, 1.0)
+            rest = (spread / np.maximum(1 - share, _LEAST))[..., vague]
+            cavity = mean[..., vague] + rest * (precision * (mean - site))[..., vague]
+            sites = interval_sites(low, high, cavity, rest, variance[..., vague])
+            if is_student and not i:
+                # A t is a normal of unknown variance: this is its mean given what the residual may
+                # be. Rows that offsets miss begin as if they lay as far off as a priori: outliers
+                # never pull at their neighbours then. The others begin with their own variance,
+                # which is soon settled.
+                missed = residual * residual + (loading**2).sum(axis=-2)
+                is_off = square > _OFF**2 * (own + extra)
+                variance = np.where(is_off, (df * own + missed) / (df + 1), variance)
+            elif is_student:
+                square[..., vague], share[..., vague] = sites.error_square, sites.error_share
                 # What the offset adds is this share of the row's own variance: with the share kept
                 # the mean is solved for, where putting it in takes a pass for each factor df + 1.
-                share = np.minimum(given.variance(loading) * weight, 1.0)
-                variance = (df * own + left * left + share * extra) / (df + 1 - share)
-        return _Approximation(root, given, weight, residual)
+                variance = (df * own + square) / (df + 1 - share)
+            precision = 1 / variance
+            site[..., vague], precision[..., vague] = sites.mean, sites.precision
+            given = given_rows(self._design, root, precision, site)
+        return _Approximation(root, given, precision, site)
 
     def _residual(self, log_rates: FloatArray) -> FloatArray:
         return self._rows.centre[0] + 2 * log_rates[..., self._rows.texture]
