@@ -35,7 +35,7 @@ def moments(low, high, mean, variance, own):
 
 @pytest.mark.parametrize("case", CASES)
 def test_interval_sites__leave_the_offset_and_the_error_the_moments_of_the_row(case):
-    low, high, mean, variance, own = case
+    _low, _high, mean, variance, own = case
     site = interval_sites(*(np.array(x) for x in case))
     f_mean, f_variance, e_mean, e_variance = moments(*case)
     precision = 1 / variance + site.precision
@@ -47,12 +47,15 @@ def test_interval_sites__leave_the_offset_and_the_error_the_moments_of_the_row(c
     assert site.error_share * own == pytest.approx(e_variance, **exact)
 
 
-@pytest.mark.parametrize("low, high", [(-1e9, 1e9), (40.0, 41.0), (-1e-12, 1e-12), (50.0, np.inf)])
+@pytest.mark.parametrize(
+    ("low", "high"), [(-1e9, 1e9), (40.0, 41.0), (-1e-12, 1e-12), (50.0, np.inf)]
+)
 def test_interval_sites__are_finite_far_out_and_of_no_width(low, high):
     ends = np.array(low), np.array(high)
     site = interval_sites(*ends, np.array(0.0), np.array(0.1), np.array(0.01))
     assert all(np.isfinite(x).all() for x in site)
-    assert site.precision > 0 and 0 <= site.error_share <= 1
+    assert site.precision > 0
+    assert 0 <= site.error_share <= 1
 
 
 def test_interval_sites__of_no_width_are_exact_rows():
