@@ -313,11 +313,12 @@ def test_finite_elements_and_two_scales_agree_where_the_body_is_large_beside_its
 @pytest.fixture
 def stopping(monkeypatch):
     """Let the fine mesh stop after Q = 6, and coarser ones after a count."""
-    until = {24: 6, 10: 10, "failures": []}
+    until = {24: 6, 10: 10, "failures": [], "after": []}
 
-    def transition_curve(body, p_max, *, seen, most_failures):
+    def transition_curve(body, p_max, *, seen, most_failures, after):
         edges = 10 if body.profile.corner else 24
         until["failures"].append(most_failures)
+        until["after"].append(after and after.Q)
         Q = np.arange(4, until[edges] + 3, 2)
         for count in Q[:-1]:
             seen(Transition(count // 2 - 1, int(count), 1e-6 * (100 + edges) * count**2, None))
@@ -344,6 +345,13 @@ def test_a_coarser_mesh_takes_over_where_the_fine_one_stops(stopping):
     assert [[one.Q for one in reached] for _, _, reached in bodies] == [[4, 6], [8, 10]]
     # What holds on to a sharp corner is given up sooner, where another mesh goes on.
     assert stopping["failures"] == [2, cylinder.MOST_FAILURES]
+    assert stopping["after"] == [None, 6]
+
+
+def test_a_coarser_mesh_begins_anew_where_friction_makes_loads_depend_on_the_way(stopping):
+    scene = Scene.of([(0.06, 0.02)], p_over_E=0.02).model_copy(update={"friction": 0.1})
+    generate(scene, solver="cylinder-fe")
+    assert stopping["after"] == [None, None]
 
 
 def test_where_every_mesh_stops_the_row_says_so(stopping):

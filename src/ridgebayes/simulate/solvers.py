@@ -312,21 +312,20 @@ def _elements(
     from ridgebayes.contact.cylinder.cylinder import MOST_FAILURES, Cylinder, transition_curve
 
     last, scene, p_max = 3, task.scene, task.p_max  # a table holds transitions from Q = 4 on
+    known: Transition | None = None
     for edges in task.meshes:
         final = edges == task.meshes[-1]
         rounds = final and edges != task.meshes[0] and not profile.corner
+        here = replace(profile, corner=_ROUNDED * profile.a) if rounds else profile
         body = Cylinder(
-            replace(profile, corner=_ROUNDED * profile.a) if rounds else profile,
-            p_max=p_max,
-            nu=scene.nu,
-            friction=scene.friction,
-            edges=edges,
-            ogden=scene.ogden,
+            here, p_max=p_max, nu=scene.nu, friction=scene.friction, edges=edges, ogden=scene.ogden
         )
         reached: list[Transition] = []
-        # What fails twice at a sharp corner passes it no more: docs/validation/cylinder.md.
+        # What takes all steps at a sharp corner passes it no more: docs/validation/cylinder.md.
         tries = MOST_FAILURES if final or profile.corner else 2
-        found = transition_curve(body, p_max, seen=reached.append, most_failures=tries)
+        found = transition_curve(body, p_max, seen=reached.append, most_failures=tries, after=known)
+        # With friction loads depend on the way, and every transition is a stop.
+        known = reached[-1] if reached and not scene.friction else known
         (Q, p_over_E), status = found[:2], np.array(found[2], dtype=np.str_)
         done = bool(np.all(status == "ok"))
         keep = (last < Q) & (final | ~np.isnan(p_over_E))

@@ -3,13 +3,15 @@
 import functools
 import math
 import re
+from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from ridgebayes.contact import hertz
-from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
-from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
+from ridgebayes.contact.cylinder.cylinder import Cylinder, Transition, transition_curve
+from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, OutOfStepsError, solve
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
@@ -219,6 +221,37 @@ def test_transitions__after_too_many_failures_are_given_up(monkeypatch):
     assert (Q.tolist(), np.isnan(p_over_E).tolist()) == ([4], [True])
     assert re.fullmatch(r"not converged: at p/E = [\d.e-]+: no equilibrium", status[0])
     assert len(tried) == 2 + 3
+
+
+def test_transitions__solves_that_take_all_steps_count_twice(monkeypatch):
+    fails = Mock(side_effect=OutOfStepsError("no equilibrium"))
+    monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder.solve", fails)
+    one = Cylinder(WIDE, p_max=5e-3, nu=0.3, edges=COARSE)
+    with pytest.raises(NotConvergedError):
+        next(one.transitions(5e-3, most_failures=6))
+    assert fails.call_count == 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("offset", [0.0, 0.3])
+def test_transitions__after_one_that_is_known_are_those_with_all_stops(offset):
+    p_max = 0.01 if offset else 0.02
+    one = Cylinder(replace(WIDE, offset=offset), p_max=p_max, nu=0.3, edges=COARSE)
+    first, *others = one.transitions(p_max)
+    later = list(one.transitions(p_max, after=first))
+    assert [(each.ridge, each.Q) for each in later] == [(each.ridge, each.Q) for each in others]
+    loads = [each.p_over_E for each in others]
+    # Ten times the tolerance of forces.
+    np.testing.assert_allclose([each.p_over_E for each in later], loads, rtol=1e-8)
+    assert later
+
+
+def test_curve__after_a_known_one_says_which_count_was_not_reached(monkeypatch):
+    fails = Mock(side_effect=NotConvergedError("no equilibrium"))
+    monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder.solve", fails)
+    one = Cylinder(WIDE, p_max=5e-3, nu=0.3, edges=COARSE)
+    Q, p_over_E, _ = transition_curve(one, 5e-3, after=Transition(2, 6, 1e-3, one.unloaded()))
+    assert (Q.tolist(), np.isnan(p_over_E).tolist()) == ([8], [True])
 
 
 @pytest.mark.slow

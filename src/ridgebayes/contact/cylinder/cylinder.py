@@ -25,7 +25,7 @@ from ridgebayes.contact.cylinder.faces import (
 )
 from ridgebayes.contact.cylinder.material import Material
 from ridgebayes.contact.cylinder.mesh import disk_mesh
-from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
+from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, OutOfStepsError, solve
 from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
@@ -40,7 +40,9 @@ _LONGEST, _LONGEST_RUBBED = 0.5, 0.25  # first of later ones; with friction load
 # Newton steps, of which fewer let that of the distance double, and more halve it if it is long:
 _FEW, _FEW_RUBBED, _MANY = 8, 6, 10
 _LONG = 0.25  # where the rim snaps past sharp corners short steps take as many
-MOST_FAILURES = 8  # solves that fail on the way to a transition: each costs as much as five
+# Solves that fail on the way to a transition; one without an equilibrium in all steps counts twice:
+# it costs as much as five that find one.
+MOST_FAILURES = 16
 _MOST_ELEMENTS = 40_000
 _LOOSER = 0.3  # growth of edges away from ridges
 
@@ -177,7 +179,11 @@ class Cylinder:
         return state
 
     def transitions(
-        self, p_max: float, *, most_failures: int = MOST_FAILURES
+        self,
+        p_max: float,
+        *,
+        most_failures: int = MOST_FAILURES,
+        after: Transition | None = None,
     ) -> Iterator[Transition]:
         """Yield the transitions up to a load, in order.
 
@@ -186,7 +192,10 @@ class Cylinder:
         p_max : float, scalar, dimensionless
             Largest load over E.
         most_failures : int, optional
-            After so many solves without an equilibrium on the way to one it is given up.
+            After so many solves without an equilibrium on the way to one it is given up; one that
+            has taken all of Newton's steps counts twice.
+        after : Transition, optional
+            Of another mesh: only later ones are wanted, and the way there has no stop at others.
 
         Raises
         ------
@@ -200,6 +209,10 @@ class Cylinder:
         low = high = 0
         if not profile.mirrored:
             low = high = min((0, -1), key=lambda k: abs(proximal_corner(profile, k, 0).centre[0]))
+        if after is not None:
+            others = after.ridge if self.mirrored else after.Q - self.first_count
+            low = after.ridge - (others if after.ridge >= 0 else 0)
+            high = low + others
         corners = self._ahead(profile, low, high)
         while found := self._next(state, corners, p_max, step, most_failures):
             state, corner, step = found
@@ -239,8 +252,8 @@ class Cylinder:
                 found, n = solve(self.problem, state, control)
             except NotConvergedError as failed:
                 step /= 3
-                failures += 1
-                if step < _LEAST_STEP or failures == most_failures:
+                failures += 2 if isinstance(failed, OutOfStepsError) else 1
+                if step < _LEAST_STEP or failures >= most_failures:
                     why = f"at p/E = {self.p_over_E(state):.5g}: {failed}"
                     raise NotConvergedError(why) from None
                 continue
@@ -265,6 +278,7 @@ def transition_curve(
     *,
     seen: Callable[[Transition], None] | None = None,
     most_failures: int = MOST_FAILURES,
+    after: Transition | None = None,
 ) -> tuple[IntArray, FloatArray, tuple[str, ...]]:
     """Return all transitions up to a load as a curve.
 
@@ -276,7 +290,7 @@ def transition_curve(
         Largest load over E.
     seen : callable, optional
         Is given each transition when it is found.
-    most_failures : int, optional
+    most_failures, after : optional
         As of `Cylinder.transitions`.
 
     Returns
@@ -291,7 +305,7 @@ def transition_curve(
     """
     counts, loads, status = [], [], []
     try:
-        for one in body.transitions(p_max, most_failures=most_failures):
+        for one in body.transitions(p_max, most_failures=most_failures, after=after):
             counts.append(one.Q)
             loads.append(one.p_over_E)
             status.append("ok")
@@ -299,7 +313,8 @@ def transition_curve(
                 seen(one)
     except NotConvergedError as failed:
         step = 2 if body.mirrored else 1
-        counts.append((counts[-1] if counts else body.first_count) + step)
+        before = after.Q if after is not None else body.first_count
+        counts.append((counts[-1] if counts else before) + step)
         loads.append(math.nan)
         status.append(f"not converged: {failed}")
     return np.array(counts, dtype=np.int64), np.array(loads), tuple(status)

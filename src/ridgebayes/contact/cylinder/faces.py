@@ -17,7 +17,7 @@ _GAUSS = 3  # points between kinks, where the gap is smooth
 _GROWTH = 0.25  # of segments, with distance from the nearest corner
 _WALL = 0.5  # a wall without a floor ends this many groove widths down
 _BEHIND = 0.02  # how far the body may be inside the rigid side on the way, over R
-_NEAR = 0.05  # nodes further from a face than this, over R, are no kinks of its gap
+_NEAR = 10.0  # of a face's longest segment: nodes further away are no kinks of gaps that close
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,8 @@ class Faces:
         up = np.array([0.0, rise])
         for number, face in enumerate(self.faces):
             place, apart = face.of(nodes - up)
-            kinks = place[np.abs(apart) < _NEAR]
+            near = _NEAR * face.measure * float(np.diff(face.breaks).max())
+            kinks = place[np.abs(apart) < near]
             kinks = kinks[(kinks > face.breaks[0]) & (kinks < face.breaks[-1])]
             breaks = np.unique(np.concatenate([face.breaks, kinks]))
             low, width = breaks[:-1, None], np.diff(breaks)[:, None]

@@ -45,6 +45,10 @@ class NotConvergedError(Exception):
     """No equilibrium was found; its message says why."""
 
 
+class OutOfStepsError(NotConvergedError):
+    """None was found in all of Newton's steps: the dearest way to fail."""
+
+
 @dataclass(frozen=True)
 class Control:
     """The equation that the rise of the ridges solves.
@@ -132,7 +136,7 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
         if step and error > _NEAR:
             moved = _searched(problem, start, left_out, state, moved)
         state = _guarded(problem, state, moved)
-    raise NotConvergedError(f"no equilibrium in {_MOST_STEPS + more} Newton steps")
+    raise OutOfStepsError(f"no equilibrium in {_MOST_STEPS + more} Newton steps")
 
 
 def _searched(
@@ -165,8 +169,7 @@ def _searched(
 
 def _nearest(gaps: Gaps) -> np.ndarray:
     """Return the segments that touch first: nothing else holds a loose body."""
-    value: np.ndarray = np.isfinite(gaps.gap) & (gaps.gap <= gaps.gap.min() + _GAP_TOL)
-    return value
+    return np.asarray(np.isfinite(gaps.gap) & (gaps.gap <= gaps.gap.min() + _GAP_TOL))
 
 
 def _sliding(problem: ContactProblem, start: State) -> FloatArray:
@@ -191,8 +194,7 @@ def _changed(
     slides = (kind == 0) & (excess > 0)
     stops = (kind != 0) & (along > _GAP_TOL)
     on = state.pressure > 0
-    fresh = np.where(slides, np.sign(state.shear), np.where(stops, 0.0, kind))
-    fresh = np.where(on, fresh, 0.0)
+    fresh = np.where(slides, np.sign(state.shear), np.where(stops, 0.0, kind)) * on
     wrong = np.flatnonzero((fresh != kind) & on)
     if one_by_one and len(wrong):
         by = np.where(slides, excess / np.maximum(limit, 1e-300), along / problem.faces.length)
@@ -289,8 +291,7 @@ class _Step:
         except RuntimeError:  # as SuperLU has it where a pivot is exactly zero
             raise NotConvergedError("the stiffness is singular") from None
         self._columns: dict[int, FloatArray] = {}
-        self._still = self._solved(rest)
-        self._risen = self._solved(-by_rise)
+        self._still, self._risen = self._solved(np.stack([rest, -by_rise]))
 
     def _rubbing(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
         """Return friction's stiffness, its force on the nodes, and that by the rise."""
@@ -346,8 +347,7 @@ class _Step:
             stuck, slid = state.shear - self._scale * slip, self.kind * problem.friction * pressure
             shear = np.where(best & self._reference, np.where(self.kind == 0, stuck, slid), 0.0)
         p = state.p + self.inner.pressure_step(du, problem.solid.dofs)
-        u = state.u + du.reshape(-1, 2)
-        return State(u, p, pressure, shear, state.rise + rise), best
+        return State(state.u + du.reshape(-1, 2), p, pressure, shear, state.rise + rise), best
 
     def _of(self, active: np.ndarray) -> tuple[FloatArray, float, FloatArray, FloatArray]:
         """Return the step with the given segments in contact: du, rise, pressures and gaps."""
@@ -355,8 +355,9 @@ class _Step:
         on = np.flatnonzero(active)
         C, scale, lift = self._C[on], self._scale[on], self._lift[on]
         old = self.state.pressure[on]
-        first = self._still + self._solved(C.T @ (old - scale * self._gap[on]))
-        second = self._risen - self._solved(C.T @ (scale * lift))
+        sides = np.stack([old - scale * self._gap[on], scale * lift])
+        pressed, lifted = self._solved(sides @ C)
+        first, second = self._still + pressed, self._risen - lifted
         if len(changed):
             sign = np.where(active[changed], 1.0, -1.0) / self._scale[changed]
             Z = np.column_stack([self._column(int(j)) for j in changed])
@@ -389,8 +390,8 @@ class _Step:
         return float((control.target - now) / slope)
 
     def _solved(self, right: FloatArray) -> FloatArray:
-        found = np.zeros(len(right))
-        found[self.problem.free] = self._factor.solve(right[self.problem.free])
+        found = np.zeros_like(right)
+        found[..., self.problem.free] = self._factor.solve(right[..., self.problem.free].T).T
         return found
 
     def _column(self, j: int) -> FloatArray:
