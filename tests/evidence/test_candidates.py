@@ -60,3 +60,17 @@ def test_evaluate__keeps_what_fewer_draws_found_where_more_fail(monkeypatch):
     given = {"screened": first, "efforts": efforts, "se_most": 0.01}
     task = Weighing(data, rb.Modified(), Noise.named("step:student"), {}, 0, **given)
     assert evaluate(task).evidence.value == 128.0
+
+
+@pytest.mark.parametrize(("se", "method"), [(0.2, "importance"), (0.6, "laplace")])
+def test_evaluate__prefers_uneven_draws_to_laplace_while_they_agree(monkeypatch, se, method):
+    data = Observations.from_table(rb.paper_sweep())
+    laplace = fit_laplace(Model(data, rb.Modified(), Noise()))
+    heavy = LogEvidence("importance", 3.0, se, "importance weights: Pareto k 0.86, above 0.7")
+    monkeypatch.setattr(candidates, "importance_posterior", lambda *a, **k: (None, heavy))
+    monkeypatch.setattr(candidates, "several_modes", lambda model, laplace: ())
+    first = Candidate("modified", "step:student", LogEvidence("laplace", 0.0, math.nan), laplace)
+    given = {"screened": first, "efforts": ({},)}
+    task = Weighing(data, rb.Modified(), Noise.named("step:student"), {}, 0, **given)
+    assert evaluate(task).evidence.method == method
+    assert evaluate(task).evidence.ok

@@ -150,16 +150,16 @@ def test_sample__says_that_tau_has_not_settled(affine):
 
 
 def test_sample__says_from_what_to_what_tau_changed(affine):
-    settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=150, n_tau=1, tau_change=1e-9)
+    settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=150, n_tau=25, tau_change=1e-9)
     chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
     pattern = r"(x|y|z|log posterior): tau still changes \((\d\.\d+) to (\d\.\d+)\)"
     found = [re.fullmatch(pattern, text) for text in chains.convergence_failures]
     assert [match[1] for match in found] == [*NAMES, "log posterior"]
     # Printed digits: four of each.
     assert [float(match[3]) for match in found] == pytest.approx(chains.tau.tolist(), rel=1e-3)
-    loose = replace(settings, tau_change=1.0)
-    chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=loose)
-    assert chains.convergence_failures == ()
+    for enough in (replace(settings, tau_change=1.0), replace(settings, n_tau=10)):
+        chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=enough)
+        assert chains.convergence_failures == ()
 
 
 def test_sample__goes_on_until_the_rule_is_met(affine):

@@ -76,11 +76,30 @@ def test_move__a_wrong_one_fails_the_same_check():
 
 
 def proposal():
-    """Three components in a plane, and two coordinates that are offsets'."""
+    """Three components in a plane; a coordinate that is normal, and one of two halves."""
     factors = np.array([np.eye(2), [[0.5, 0.0], [0.3, 0.2]], [[2.0, 0.0], [-1.0, 0.7]]])
     centres = np.array([[0.0, 0.0], [3.0, -1.0], [-2.0, 2.0]])
-    rest = np.array([[0.3, -0.2], [1.2, 0.8]])
+    rest = np.array([[0.3, -0.2], [1.2, 0.8], [1.2, 0.5]])
     return Independence(np.array([0.5, 0.2, 0.3]), centres, factors, rest)
+
+
+class TwoHalves:
+    """A normal whose halves have different widths, by SciPy's halves of normals."""
+
+    def __init__(self, mode, below, above):
+        self.share = below / (below + above)
+        self.low = stats.halfnorm(0, _SCALE * below)
+        self.high = stats.halfnorm(0, _SCALE * above)
+        self.mode = mode
+
+    def logpdf(self, x):
+        off = x - self.mode
+        both = self.share * self.low.pdf(-off) + (1 - self.share) * self.high.pdf(off)
+        return np.log(both)
+
+    def cdf(self, x):
+        off = x - self.mode
+        return self.share * self.low.sf(-off) + (1 - self.share) * self.high.cdf(off)
 
 
 def test_independence__standard_is_a_students_t_beside_standard_normals():
@@ -97,8 +116,8 @@ def test_independence__density_is_that_of_the_mixture():
         weight * stats.multivariate_t(centre, _SCALE**2 * factor @ factor.T, df=_DF).pdf(z[:, :2])
         for weight, centre, factor in zip(move.weights, move.centres, move.factors, strict=True)
     ]
-    normals = stats.norm(move.rest[0], _SCALE * move.rest[1]).logpdf(z[:, 2:])
-    expected = np.log(sum(parts)) + normals.sum(axis=1)
+    last = [TwoHalves(*one).logpdf(x) for one, x in zip(move.rest.T, z[:, 2:].T, strict=True)]
+    expected = np.log(sum(parts)) + sum(last)
     np.testing.assert_allclose(move.log_pdf(z), expected, rtol=1e-11)  # algebra
 
 
@@ -116,8 +135,7 @@ def test_independence__candidates_are_draws_of_that_density():
         # Monte Carlo: Kolmogorov-Smirnov, p above 1e-4 (3.9 standard errors) at a fixed seed.
         assert stats.kstest(z[:, :2] @ direction, cdf).pvalue > 1e-4
     for i in (0, 1):
-        oracle = stats.norm(move.rest[0, i], _SCALE * move.rest[1, i])
-        assert stats.kstest(z[:, 2 + i], oracle.cdf).pvalue > 1e-4
+        assert stats.kstest(z[:, 2 + i], TwoHalves(*move.rest[:, i]).cdf).pvalue > 1e-4
     # The mean of another density over this one: 1, whatever dependence the marginals do not show.
     other = stats.multivariate_normal([0.5, 0.2, 0.3, -0.2], np.diag([1.5, 1.0, 1.0, 0.5]))
     ratio = np.exp(other.logpdf(z) - move.log_pdf(z))
@@ -199,7 +217,18 @@ def test_fitted__of_one_component_has_mean_and_covariance_of_the_draws():
     found, own = move.factors[0] @ move.factors[0].T, np.cov(points.T)
     expected = (499 * own + 0.2 * 20 * (own + 1e-4 * np.eye(3))) / 520
     np.testing.assert_allclose(found, expected, rtol=1e-9)  # algebra
-    assert move.rest.shape == (2, 0)
+    assert move.rest.shape == (3, 0)
+
+
+def test_fitted__last_coordinates_have_halves_of_the_draws_widths_where_they_are_skewed():
+    rng, n = np.random.default_rng(9), 20_000
+    off = rng.standard_normal(n)
+    skewed = np.where(rng.random(n) < 0.2, 0.7 - 0.25 * abs(off), 0.7 + abs(off))
+    move = Independence.fitted(np.stack([rng.standard_normal(n), off, skewed]).T, 1, rng)
+    mean, variance = off.mean(), off.var()
+    assert move.rest[:, 0] == pytest.approx([mean, *2 * [math.sqrt(variance + 0.01)]], rel=1e-12)
+    # A step of two per cent of the draws in the mode, and its share in the widths.
+    assert move.rest[:, 1] == pytest.approx([0.7, math.hypot(0.25, 0.1), 1.005], abs=0.05)
 
 
 @pytest.mark.slow

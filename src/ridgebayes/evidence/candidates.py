@@ -28,6 +28,8 @@ from ridgebayes.runtime.randomness import stream
 GAIN = 1.0  # under which a Student tail with shared offsets is left to its normal twin
 _NO_GAIN = 0.5  # the same of an estimate along two parameters alone
 
+_ROUGH = 0.5  # standard error up to which draws tell an evidence better than Laplace's method
+
 Effort = Mapping[str, int]
 
 
@@ -162,6 +164,10 @@ def _drawn(task: Weighing, model: Model, screened: LogEvidence, laplace: Laplace
             break
     # The last that can be trusted: what more draws found counts, also where it is less sure.
     posterior, evidence = next((one for one in reversed(tried) if one[1].ok), tried[-1])
-    if screened.method == "quadrature" or not evidence.ok:
+    if screened.method == "quadrature":
         evidence = screened
+    elif not evidence.ok:
+        # Weights too uneven to vouch for draws still give an evidence nearer than Laplace's, which
+        # may be off by ten where rows bound coefficients on one side only.
+        evidence = replace(evidence, status="ok") if evidence.se <= _ROUGH else screened
     return Candidate(model.form.name, model.noise.name, evidence, laplace, posterior)

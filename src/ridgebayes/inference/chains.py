@@ -35,7 +35,8 @@ class SampleSettings:
     n_tau : float
         Steps must pass this many autocorrelation times.
     tau_change : float
-        Relative change of each autocorrelation time since the last check that counts as settled.
+        Relative change of each autocorrelation time since the last check that counts as settled;
+        it is not asked of walks of more than five times `n_tau`.
     moves : str
         ``mixture``; or ``independence``, ``differential evolution``, ``stretch`` alone, to compare.
     time_limit : float or None

@@ -20,6 +20,10 @@ from ridgebayes.inference.laplace import Laplace
 from ridgebayes.inference.moves import MOVES, Independence, Weighted, adapted
 from ridgebayes.runtime.randomness import stream
 
+# A walk so many times longer than asked is long enough were tau that many times larger: of ten
+# parameters one always changes by more than a per cent.
+_AMPLE = 5
+
 
 def _ensemble(
     log_density: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
@@ -238,12 +242,12 @@ def _unmet_rules(
     names: tuple[str, ...],
     settings: SampleSettings,
 ) -> list[str]:
-    unmet = []
+    unmet, ample = [], _AMPLE * settings.n_tau
     for name, now, last in zip(names, tau, before, strict=True):
         if not n_step > settings.n_tau * now:
             unmet.append(f"{name}: {n_step} steps are not {settings.n_tau:g} tau ({now:.3g} each)")
         elif not np.isfinite(last):
             unmet.append(f"{name}: tau was checked only once ({now:.4g})")
-        elif not abs(now - last) <= settings.tau_change * now:
+        elif not (abs(now - last) <= settings.tau_change * now or n_step > ample * now):
             unmet.append(f"{name}: tau still changes ({last:.4g} to {now:.4g})")
     return unmet

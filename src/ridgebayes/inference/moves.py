@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import gammaln, logsumexp
+from scipy.special import gammaln, logsumexp, ndtr, ndtri
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
@@ -31,6 +31,7 @@ MOVES = {  # independence, differential evolution, stretch
 }
 _DF = 8.0  # small enough for the proposal's tails to cover the posterior's
 _SCALE = 1.05
+_SKEW = 0.4  # from which a coordinate's halves differ
 _PRIOR_WEIGHT = 20.0  # draws' worth of the common covariance in that of each component
 _BATCH = 512  # points whose densities are asked for at a time: memory is bounded, caches are used
 
@@ -40,7 +41,8 @@ class Independence:
     """A proposal for `emcee.moves.MHMove`, in whitened coordinates.
 
     The first coordinates come from a mixture of Student t, the last from independent normals: many
-    coefficients are nearly that already, given the error model.
+    coefficients are nearly that already, given the error model. Those that rows bound on one side
+    are not: their normals have two halves of different widths.
 
     Parameters
     ----------
@@ -50,8 +52,8 @@ class Independence:
         Their centres.
     factors : ndarray of float, shape (n_component, k, k)
         Lower Cholesky factors of their shapes.
-    rest : ndarray of float, shape (2, m)
-        Mean and standard deviation of each coordinate after the k-th.
+    rest : ndarray of float, shape (3, m)
+        Mode of each coordinate after the k-th, and its standard deviations below and above.
 
     Examples
     --------
@@ -69,7 +71,7 @@ class Independence:
     @classmethod
     def standard(cls, k: int, m: int = 0) -> "Independence":
         """Return one component at the origin, of unit shape, and m standard normals."""
-        rest = np.stack([np.zeros(m), np.ones(m)])
+        rest = np.stack([np.zeros(m), np.ones(m), np.ones(m)])
         return cls(np.ones(1), np.zeros((1, k)), np.eye(k)[None], rest)
 
     @classmethod
@@ -78,10 +80,8 @@ class Independence:
     ) -> "Independence":
         """Return the mixture fitted to draws (n, k + m) by expectation maximisation."""
         weights, centres, factors = _mixture(points[:, :k], n_component, rng)
-        rest = points[:, k:]
-        # Never narrower than a tenth: a handful of different draws says little of a spread.
-        spread = np.sqrt(rest.var(axis=0) + 0.01)
-        return cls(weights, centres, factors, np.stack([rest.mean(axis=0), spread]))
+        rest = [_halves(one) for one in points[:, k:].T]
+        return cls(weights, centres, factors, np.array(rest).reshape(-1, 3).T)
 
     def __call__(
         self, z: FloatArray, random: np.random.RandomState
@@ -93,14 +93,21 @@ class Independence:
 
     def rvs(self, random: np.random.RandomState | np.random.Generator, n: int) -> FloatArray:
         """Return draws of the proposal, shape (n, k + m)."""
-        k, (mean, sd) = self.centres.shape[1], self.rest
+        k, (mode, below, above) = self.centres.shape[1], self.rest
         ladder = np.cumsum(self.weights)
         component = np.searchsorted(ladder, random.uniform(0.0, ladder[-1], n), side="right")
         component = np.minimum(component, len(ladder) - 1)
         steps = random.standard_normal((n, k)) * np.sqrt(_DF / random.chisquare(_DF, size=(n, 1)))
         first = self.centres[component]
         first = first + _SCALE * np.einsum("nij,nj->ni", self.factors[component], steps)
-        last = mean + _SCALE * sd * random.standard_normal((n, len(mean)))
+        last = random.standard_normal((n, len(mode)))
+        two = below != above
+        # The same probability below as the normal's, which has as much on either side.
+        share, p = (below / (below + above))[two], ndtr(last[:, two])
+        last[:, two] = np.where(
+            p < share, ndtri(0.5 * p / share), ndtri(1 - 0.5 * (1 - p) / (1 - share))
+        )
+        last = mode + _SCALE * np.where(last < 0, below, above) * last
         return np.concatenate([first, last], axis=1)
 
     def log_pdf(self, z: FloatArray) -> FloatArray:
@@ -110,9 +117,12 @@ class Independence:
         components = peaks[:, None] - 0.5 * (_DF + k) * np.log1p(squares / _DF)
         value = _log_sum_exp(components)
         if z.shape[1] > k:
-            mean, sd = self.rest[0], _SCALE * self.rest[1]
-            last = (z[:, k:] - mean) / sd
-            value -= 0.5 * (last * last).sum(axis=1) + np.log(sd * math.sqrt(2 * math.pi)).sum()
+            mode, below, above = self.rest
+            off = z[:, k:] - mode
+            last = off / (_SCALE * np.where(off < 0, below, above))
+            mean_sd = 0.5 * _SCALE * (below + above)
+            value -= 0.5 * (last * last).sum(axis=1)
+            value -= np.log(mean_sd * math.sqrt(2 * math.pi)).sum()
         return value
 
     @cached_property
@@ -122,6 +132,27 @@ class Independence:
         peak = gammaln(0.5 * (_DF + k)) - gammaln(0.5 * _DF) - 0.5 * k * math.log(_DF * math.pi)
         inverse = np.linalg.inv(shapes).astype(np.float64)
         return inverse, np.log(self.weights) - _log_volumes(shapes) + peak
+
+
+def _halves(x: FloatArray) -> tuple[float, float, float]:
+    """Return mode and sds below and above of a normal of two halves, equal if draws allow it.
+
+    By maximum likelihood, the mode among quantiles of the draws: John (1982),
+    doi:10.1080/03610928208828279.
+    """
+    mean, variance = x.mean(), x.var()
+    # Never narrower than a tenth: a handful of different draws says little of a spread.
+    sd = math.sqrt(variance + 0.01)
+    if abs(((x - mean) ** 3).mean()) < _SKEW * sd**3:
+        return mean, sd, sd
+    modes = np.quantile(x, np.linspace(0.02, 0.98, 49))
+    off = x - modes[:, None]
+    below, above = (
+        np.cbrt((half**2).mean(axis=1)) for half in (np.minimum(off, 0), np.maximum(off, 0))
+    )
+    i = int((below + above).argmin())
+    sds = (math.sqrt(one[i] ** 2 * (below[i] + above[i]) + 0.01) for one in (below, above))
+    return (float(modes[i]), *sds)
 
 
 def _mixture(
