@@ -151,8 +151,8 @@ def _halves(x: FloatArray) -> tuple[float, float, float]:
         np.cbrt((half**2).mean(axis=1)) for half in (np.minimum(off, 0), np.maximum(off, 0))
     )
     i = int((below + above).argmin())
-    sds = (math.sqrt(one[i] ** 2 * (below[i] + above[i]) + 0.01) for one in (below, above))
-    return (float(modes[i]), *sds)
+    below, above = (np.sqrt(one[i] ** 2 * (below[i] + above[i]) + 0.01) for one in (below, above))
+    return float(modes[i]), float(below), float(above)
 
 
 def _mixture(
