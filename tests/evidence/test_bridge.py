@@ -50,15 +50,15 @@ def skewed_draws(seed, shape=(4, 100, 16, 2)):
 def test_bridge_evidence__of_exact_draws_errs_as_its_standard_error_says(repeats, affine):
     # Repeated draws add steps and no information: the standard error must not fall for them.
     z = []
-    for seed in range(60):
+    for seed in range(30):
         chains = independent(skewed, skewed_draws(seed).repeat(repeats, axis=1))
         found = bridge_evidence(
             skewed, chains, affine(np.zeros(2), np.eye(2)), rng=np.random.default_rng(1000 + seed)
         )
         z.append((found.value - 2.5) / found.se)
-    # Monte Carlo: the rms of 60 normal values is 1 +- 0.09, their mean 0 +- 0.13; four of each.
-    assert 0.64 < np.sqrt(np.mean(np.square(z))) < 1.36
-    assert abs(np.mean(z)) < 0.52
+    # Monte Carlo: the rms of 30 normal values is 1 +- 0.13, their mean 0 +- 0.18; four of each.
+    assert 0.48 < np.sqrt(np.mean(np.square(z))) < 1.52
+    assert abs(np.mean(z)) < 0.73
 
 
 @pytest.mark.parametrize("still", [0.0, 0.1, 1 / 3, 1e3])
@@ -229,7 +229,7 @@ def test_bridge_evidence__of_a_normal_posterior_errs_as_its_standard_error_says(
     assert 0.91 < np.sqrt(np.mean(np.square(z))) < 1.09
 
 
-@pytest.mark.parametrize("n_row", [3, 5, 8])
+@pytest.mark.parametrize("n_row", [3, pytest.param(5, marks=pytest.mark.long), 8])
 def test_bridge_evidence__of_few_rows_errs_as_its_standard_error_says(n_row, paper):
     # One row of each texture: sigma may be next to zero, where K follows its row.
     data = Observations.from_table(paper)

@@ -46,7 +46,7 @@ def quadrature(model):
     return found.value
 
 
-def nested(model, seed=1, n_live=150, **options):
+def nested(model, seed=1, n_live=100, **options):
     return nested_evidence(model, rng=np.random.default_rng(seed), n_live=n_live, **options)
 
 
@@ -78,7 +78,7 @@ def test_nested_evidence__of_sampled_offsets_is_the_quadrature_of_narrow_bracket
     model = sharing(brackets, structure)
     assert model.is_latent
     exact = quadrature(sharing(middles, structure))
-    found = nested(model, n_live=100)
+    found = nested(model)
     # Monte Carlo; the bracket's curvature, (width / 0.05)^2 / 24 a row, is 2e-3 in all.
     assert found.value == pytest.approx(exact + len(Q) * np.log(WIDTH), abs=3 * found.se)
 
@@ -87,7 +87,7 @@ def test_nested_evidence__of_sampled_offsets_is_the_quadrature_of_narrow_bracket
 def test_nested_evidence__of_student_errors_with_offsets_is_that_in_whitened_coordinates(observed):
     model = sharing(narrow(observed, "texture")[1], "texture", "student")
     assert model.is_latent
-    found, importance = nested(model, n_live=100), importance_posterior(model, seed=1)[1]
+    found, importance = nested(model), importance_posterior(model, seed=1)[1]
     assert importance.ok
     se = np.hypot(found.se, importance.se)
     assert found.value == pytest.approx(importance.value, abs=3 * se)  # Monte Carlo
@@ -128,7 +128,7 @@ def test_nested_evidence__of_counts_with_offsets_is_the_mean_likelihood_of_prior
     at = np.array([4, 4, 8, 8])
     load = 2 * np.log((at / 2 - 1) * 0.042 / 1.38) + [1.9, -0.5, 0.3, 0.2]
     rows = observed(np.array([0, 1, 0, 1]), at, load, rel_se=0.05, is_count=True)
-    found = nested(sharing(rows, "step"), n_live=100)
+    found = nested(sharing(rows, "step"), n_live=60)
 
     rng, n = np.random.default_rng(2), 200_000
     c = 1.382 * np.exp(0.1 * rng.standard_normal(n))

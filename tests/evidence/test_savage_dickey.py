@@ -6,14 +6,12 @@ from ridgebayes.distributions.distribution import LogNormal, Normal
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence, savage_dickey
 from ridgebayes.evidence.savage_dickey import _sigma_grid, _zero
-from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.results import calibrate
 
 
 def test_savage_dickey__of_the_sweep_is_the_reference_value(fits):
@@ -41,17 +39,16 @@ def test_savage_dickey__is_the_difference_of_evidences_on_other_rows(
 
 
 def test_savage_dickey__allows_a_prior_of_c2_that_is_not_centred_on_zero(paper):
-    fit = calibrate(paper, Hybrid(), priors={"c2": Normal(0.015, 0.02)}, rng=1, noise="iid")
-    found = savage_dickey(fit)
-    hybrid = quadrature_evidence(fit.model.log_density, fit_laplace(fit.model)).value
+    model = Model(Observations.from_table(paper), Hybrid(), priors={"c2": Normal(0.015, 0.02)})
+    found = savage_dickey(importance_posterior(model, seed=1)[0])
+    hybrid = quadrature_evidence(model.log_density, fit_laplace(model)).value
     # Reference: Modified's log evidence of the 41 rows, printed to 1e-4.
     assert found.value == pytest.approx(hybrid - 78.8628, abs=4 * found.se + 2e-3)
 
 
 def test_savage_dickey__refuses_another_prior_of_c1(paper):
-    settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
-    priors = {"c1": LogNormal(1.5, 0.1)}
-    fit = calibrate(paper, Hybrid(), priors=priors, rng=1, settings=settings, noise="iid")
+    model = Model(Observations.from_table(paper), Hybrid(), priors={"c1": LogNormal(1.5, 0.1)})
+    fit, _ = importance_posterior(model, seed=1, n_draw=128, n_round=2, n_per_round=200)
     found = savage_dickey(fit)
     assert not found.ok
     assert found.status == (

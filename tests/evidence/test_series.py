@@ -10,7 +10,7 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 
-EFFORT = {"n_draw": 1_024, "n_round": 3, "n_per_round": 1_000}
+EFFORT = {"n_draw": 512, "n_round": 3, "n_per_round": 500}
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,9 @@ def models(observed, structure, *, outliers=0, n=16):
     return [Model(data, rb.Modified(), Noise(structure, tail)) for tail in ("student", "normal")]
 
 
-@pytest.mark.parametrize("structure", ["texture", "texture+step", "step-smooth"])
+@pytest.mark.parametrize(
+    "structure", ["texture", pytest.param("texture+step", marks=pytest.mark.long), "step-smooth"]
+)
 @pytest.mark.parametrize("outliers", [0, 3])
 def test_gain__is_the_difference_of_two_evidences(observed, structure, outliers):
     model, twin = models(observed, structure, outliers=outliers)
