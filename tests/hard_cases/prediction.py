@@ -284,17 +284,17 @@ def a_posterior_too_narrow():
     why="Nodes represent a posterior by a fitted shape. For a skewed posterior the weights become "
     "uneven, and a quoted error that is too small misleads.",
     expected="Nodes are refused and draws used instead, or the difference is within the quoted "
-    "error plus four Monte Carlo standard errors of 131,072 importance draws.",
+    "error plus four Monte Carlo standard errors of 65,536 importance draws.",
 )
 def nodes_of_a_skewed_posterior():
     frame = rb.paper_sweep().frame
     few = rb.read_table(frame[(frame["a_over_R"] == 0.022) & (frame["b_over_R"] == 0.02)].head(3))
     fit = rb.calibrate(few, rb.Hybrid(), rng=1, noise="iid")
     skew = float(stats.skew(fit.draws[:, 2]))
-    loads = np.geomspace(5e-4, 0.02, 40)
+    loads = np.geomspace(5e-4, 0.02, 20)
     q = predict_q(fit, 0.032, 0.01, loads, compressed=True)
     model = Model(Observations.from_table(few), rb.Hybrid())
-    reference, _ = importance_posterior(model, seed=5, n_draw=131_072)
+    reference, _ = importance_posterior(model, seed=5, n_draw=65_536)
     theta = reference.model.to_theta(reference.chains.u.reshape(-1, 3))
     worst = 0.0
     for n in (4, 6, 8):

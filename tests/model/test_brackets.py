@@ -167,7 +167,7 @@ def test_brackets_beside_exact_rows_are_each_taken_for_what_they_are():
 def test_brackets_with_offsets_per_step_agree_with_the_exact_loads():
     def fitted(table):
         model = Model(Observations.from_table(table), rb.Hybrid(), Noise("step"))
-        fit, _ = importance_posterior(model, seed=1, n_draw=1_280, n_round=4, n_per_round=500)
+        fit, _ = importance_posterior(model, seed=1, n_draw=512, n_round=3, n_per_round=300)
         assert fit.converged
         return model.is_latent, fit.summary.set_index("parameter").loc[["c1", "c2"]]
 
@@ -190,10 +190,10 @@ def counted(rng):
 
 @pytest.mark.slow
 def test_counts_alone_recover_the_coefficients():
-    found = [posterior(counted(np.random.default_rng(seed))) for seed in range(6)]
+    found = [posterior(counted(np.random.default_rng(seed))) for seed in range(4)]
     apart = np.array([(each.mean - TRUTH) / each.sd for each in found])
-    # Monte Carlo: eighteen standardised errors, rms 1 with a spread of 0.2 (c1 and c2 go together).
-    assert 0.5 < np.sqrt((apart**2).mean()) < 1.5
+    # Monte Carlo: twelve standardised errors, rms 1 with a spread of 0.25 (c1 and c2 go together).
+    assert 0.4 < np.sqrt((apart**2).mean()) < 1.6
     assert np.abs(apart).max() < 3.5
-    assert np.abs(apart.mean(axis=0)).max() < 3 / np.sqrt(6)
+    assert np.abs(apart.mean(axis=0)).max() < 3 / np.sqrt(4)
     assert average(found, "sd")[0] < 0.02 * TRUTH[0]
