@@ -23,7 +23,7 @@ def test_quadrature_evidence__of_the_sweep_is_the_reference_value(fits, laplaces
 
 @pytest.mark.parametrize(
     "name",
-    ["modified", *(pytest.param(name, marks=pytest.mark.long) for name in ("classic", "half-plane"))],
+    ["modified", *(pytest.param(one, marks=pytest.mark.long) for one in ("classic", "half-plane"))],
 )
 def test_quadrature_evidence__is_scipys_double_integral(fe_models, fe_laplaces, name):
     # In theta itself, not in unconstrained or whitened coordinates.
