@@ -4,6 +4,7 @@ import functools
 import os
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,7 +34,11 @@ def scene():
 @pytest.fixture(scope="module")
 def run(scene, tmp_path_factory):
     folder = tmp_path_factory.mktemp("calculix")
-    (folder / "run.inp").write_text(deck_text(pressed_disk(scene, edges=5), "calculix"))
+    deck = pressed_disk(scene, edges=5)
+    # Without friction a state does not depend on the way: six of the levels below the transition
+    # are left out.
+    deck = replace(deck, displacements=deck.displacements[6:])
+    (folder / "run.inp").write_text(deck_text(deck, "calculix"))
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     done = subprocess.run(
         [SOLVER, "-i", "run"], cwd=folder, env=environment, capture_output=True, check=False

@@ -11,13 +11,13 @@ from ridgebayes.inference.moves import _DF, _SCALE, Independence, Weighted, adap
 N_STEP, N_WALKER = 1_500, 64
 
 
-def worst_z(move, log_density, exact, start, seed=1):
+def worst_z(move, log_density, exact, start, seed=1, n_step=N_STEP):
     """Largest |estimate - exact| of E[x] and E[x^2], in Monte Carlo standard errors."""
     n_dim = start.shape[1]
     sampler = emcee.EnsembleSampler(len(start), n_dim, log_density, moves=move, vectorize=True)
     state = emcee.State(start)
     state.random_state = np.random.RandomState(seed).get_state()
-    sampler.run_mcmc(state, N_STEP + 200)
+    sampler.run_mcmc(state, n_step + 200)
     x = sampler.get_chain(discard=200)
     worst = 0.0
     for power, moments in zip((1, 2), exact, strict=True):

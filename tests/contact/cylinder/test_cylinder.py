@@ -233,7 +233,7 @@ def test_transitions__solves_that_take_all_steps_count_twice(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("offset", [0.0, 0.3])
+@pytest.mark.parametrize("offset", [0.0, pytest.param(0.3, marks=pytest.mark.long)])
 def test_transitions__after_one_that_is_known_are_those_with_all_stops(offset):
     p_max = 0.01 if offset else 0.02
     one = Cylinder(replace(WIDE, offset=offset), p_max=p_max, nu=0.3, edges=COARSE)
@@ -271,7 +271,7 @@ def test_at_load__forgets_its_way_without_friction():
 
 @pytest.mark.slow
 def test_at_load__says_where_it_failed():
-    one = flat()
+    one = flat(edges=4)
     with pytest.raises(NotConvergedError, match=r"at p/E = 0\.\d+: "):
         one.at_load(50.0, one.at_load(0.005, one.unloaded()))
 
