@@ -209,11 +209,11 @@ def test_next_simulation__of_two_forms_that_differ_is_where_they_differ(fits, fi
 @pytest.mark.slow
 @pytest.mark.parametrize(("apart", "expected"), [(0.0, 0.0), (2.0, None), (50.0, np.log(2))])
 def test_information__of_two_normals_is_their_divergence_from_the_mixture(apart, expected):
-    forms = [(np.full(4_000, centre), np.ones(4_000)) for centre in (0.0, apart)]
+    forms = [(np.full(2_000, centre), np.ones(2_000)) for centre in (0.0, apart)]
     found = _information(forms, np.random.default_rng(1))
     if expected is None:
         y = np.linspace(-9, 9 + apart, 20_001)
         one, other = stats.norm.pdf(y), stats.norm.pdf(y - apart)
         expected = integrate.trapezoid(one * np.log(2 * one / (one + other)), y)
-    # Monte Carlo: 8,000 terms of sd under 0.5.
-    assert found == pytest.approx(expected, abs=0.02)
+    # Monte Carlo: 4,000 terms of sd under 0.5; some four standard errors.
+    assert found == pytest.approx(expected, abs=0.03)

@@ -45,12 +45,13 @@ def lattice(sizes: Mapping[str, Any], fits: Sequence[Posterior]) -> tuple[list[T
         if not widths:
             raise InputError(f"{name}: no multiple of the step {step:g} is within {low:g}:{high:g}")
         columns.append(widths)
-    textures = [(a, b) for a in columns[0] for b in columns[1]]
-    if len(textures) > _MOST_TEXTURES:
+    number = len(columns[0]) * len(columns[1])  # counted before they fill the memory
+    if number > _MOST_TEXTURES:
         raise InputError(
-            f"step: expected at most {_MOST_TEXTURES:,} textures, got {len(textures):,}; "
+            f"step: expected at most {_MOST_TEXTURES:,} textures, got {number:,}; "
             "a larger step, or closer bounds"
         )
+    textures = [(a, b) for a in columns[0] for b in columns[1]]
     return textures, {"a": list(bounds["a"]), "b": list(bounds["b"]), "step": float(step)}
 
 
