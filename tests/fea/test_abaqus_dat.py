@@ -39,8 +39,18 @@ def loads(*args, **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("full", [False, True])
-@pytest.mark.parametrize(("R", "E"), [(1.0, 1.0), (8.0, 0.06), (40.0, 2e5)])
+@pytest.mark.parametrize(
+    ("full", "R", "E"),
+    [
+        (True, 1.0, 1.0),
+        (False, 8.0, 0.06),
+        (True, 40.0, 2e5),
+        *(
+            pytest.param(*case, marks=pytest.mark.long)
+            for case in ((False, 1.0, 1.0), (True, 8.0, 0.06), (False, 40.0, 2e5))
+        ),
+    ],
+)
 def test_read_abaqus_dat__finds_the_loads(tmp_path, full, R, E):
     run = WRITER.pressed(full=full, R=R, E=E)
     text = WRITER.dat_text(run["force"], run["nodes"], run["position"])

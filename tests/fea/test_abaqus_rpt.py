@@ -36,9 +36,24 @@ def loads(*args, **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("full", [False, True])
-@pytest.mark.parametrize("coordinates", ["deformed", "undeformed"])
-@pytest.mark.parametrize(("R", "E"), [(1.0, 1.0), (8.0, 6e4)])
+@pytest.mark.parametrize(
+    ("full", "coordinates", "R", "E"),
+    [
+        (False, "deformed", 1.0, 1.0),
+        (True, "undeformed", 8.0, 6e4),
+        *(
+            pytest.param(*case, marks=pytest.mark.long)
+            for case in (
+                (False, "deformed", 8.0, 6e4),
+                (False, "undeformed", 1.0, 1.0),
+                (False, "undeformed", 8.0, 6e4),
+                (True, "deformed", 1.0, 1.0),
+                (True, "deformed", 8.0, 6e4),
+                (True, "undeformed", 1.0, 1.0),
+            )
+        ),
+    ],
+)
 def test_read_abaqus_rpt__finds_the_loads_from_either_coordinates(
     tmp_path, full, coordinates, R, E
 ):

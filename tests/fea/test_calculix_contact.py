@@ -80,8 +80,10 @@ def read(tmp_path, text=None, *, run=RUN, sta=None, deck=None, **body):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("full", [False, True])
-@pytest.mark.parametrize("n_node", [241, 1201])
+@pytest.mark.parametrize(
+    ("n_node", "full"),
+    [(241, False), (241, True), (1201, False), pytest.param(1201, True, marks=pytest.mark.long)],
+)
 def test_read_calculix_contact__brackets_hold_the_loads_or_come_a_face_later(
     tmp_path, full, n_node
 ):
