@@ -618,7 +618,7 @@ def wide_and_long(folder):
 def deep(folder):
     brackets, digits = "[" * 100_000, "1" * 100_000
     seen = []
-    for text in (f"x = {brackets}", f"x = {digits}", "[" + "a." * 50_000 + "a]"):
+    for text in (f"x = {brackets}", f"x = {digits}", "[" + "a." * 20_000 + "a]"):
         path = folder / "deep.toml"
         path.write_text(text, encoding="utf-8")
         if not text.startswith("["):
