@@ -28,41 +28,24 @@ import numpy as np
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.model.conditional_offsets import (
     Design,
-    OffsetPosterior,
-    Root,
-    given_rows,
     products_given,
 )
-from ridgebayes.model.interval_sites import interval_sites
+from ridgebayes.model.normal_rows import NormalRows
 from ridgebayes.model.rows import Rows
 from ridgebayes.model.shared_offsets import Offsets, OffsetsGiven, SmoothOffsets
 from ridgebayes.model.tails import Tail
 
 _LOG_2PI = math.log(2 * math.pi)
-# Outliers' weights, and the normals that stand for intervals, settle; what is left is the
-# estimates' to correct.
-_PASSES, _PASSES_NORMAL = 8, 3
-_OFF = 3.0  # sds of a row, its variance as if it were normal, beyond which offsets miss it
 _STRETCH = 0.7  # a of sinh(a t) / a: tails that outliers need, for nodes
 # The same for points, and how much wider than the normal approximation they lie per 1 / (1 + df):
 # it is the curvature at the rows' middle, beyond which Student rows let offsets go further. By the
 # variance of the weights at draws of posteriors of texture+step and step-smooth, df about 1.2.
 _STRETCH_POINTS, _WIDER = 0.5, 0.8
 _NARROW = 1e-3  # least share of it
-_LEAST = 1e-12  # share of an offset's precision that other rows give, at least
 _STEP, _HALF = 0.25, 24  # the one-dimensional rule: 49 nodes, to 47 sds
 _HUGE = 1e300
 # Numbers at a time where draws x points x rows are needed: caches hold them.
 _CHUNK = 200_000
-
-
-class _Approximation(NamedTuple):
-    """L, the scores given the rows taken as normal, and as which normals."""
-
-    root: Root
-    given: OffsetPosterior
-    weight: FloatArray
-    residual: FloatArray
 
 
 class Estimate(NamedTuple):
@@ -98,11 +81,12 @@ class SampledOffsets:
 
     def __init__(self, rows: Rows, offsets: Offsets, tail: Tail) -> None:
         self._rows, self._offsets, self._tail = rows, offsets, tail
-        self._design = Design(offsets.codes, offsets.n_level)
-        self._design_next = Design(offsets.codes_next, offsets.n_level)
-        self._one_code = bool(np.array_equal(offsets.codes, offsets.codes_next))
+        self._design, self._normal = (
+            Design(offsets.codes, offsets.n_level),
+            NormalRows(rows, offsets, tail),
+        )
         independent = self._design.diagonal and not isinstance(offsets, SmoothOffsets)
-        self.is_product = independent and self._one_code
+        self.is_product = independent and not len(self._normal.counts)
         self.n_latent = offsets.n_level
         # Numbers that `marginal` holds at a time for each draw.
         self.n_held = (2 * _HALF + 1) * len(rows.upper) if self.is_product else 1
@@ -138,7 +122,7 @@ class SampledOffsets:
         self, log_rates: FloatArray, eta: FloatArray, shift: FloatArray | float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return nodes xi of each level, log densities, log weights, all (..., level, node)."""
-        _, given, *_ = self._approximation(self._residual(log_rates), eta)
+        _, given, *_ = self._normal.given(self._residual(log_rates), eta)
         t: FloatArray = _STEP * (np.arange(-_HALF, _HALF + 1.0)[:, None] + shift)
         xi, log_volume = _stretched(t, _STRETCH)
         scores = given.mean[..., None, :] + xi / given.root[..., None, :]
@@ -168,7 +152,7 @@ class SampledOffsets:
         self, log_rates: FloatArray, eta: FloatArray, rng: np.random.Generator, n_point: int
     ) -> Estimate:
         """Estimate by points about the normal approximation."""
-        root, given, weight, residual = self._approximation(self._residual(log_rates), eta)
+        root, given, weight, site = self._normal.given(self._residual(log_rates), eta)
         z = rng.standard_normal((len(eta), n_point, self.n_latent))
         # A priori offsets are normal; the more the rows know of one, the longer are its tails.
         known = np.maximum(1 - given.pivots**-2, _NARROW)[:, None]
@@ -176,17 +160,13 @@ class SampledOffsets:
         width = 1 + known * wider
         xi, log_volume = _stretched(z, _STRETCH_POINTS * known)
         xi, log_volume = width * xi, log_volume + np.log(width)
-        levels = root.times(given.mean)
-        loading = given.half(root.loading(self._design))
-        mean = self._design.spread(levels)
-        after = offset = mean[:, None] + xi @ loading
-        if not self._one_code:
-            loading = given.half(root.loading(self._design_next))
-            after = self._design_next.spread(levels)[:, None] + xi @ loading
-        rows = self._rows_at(log_rates[:, None], eta[:, None], offset, after)
-        left, off = residual - mean, residual[:, None] - offset
+        mean = self._normal.design.spread(root.times(given.mean))
+        offset = mean[:, None] + xi @ given.half(root.loading(self._normal.design))
+        rows = self._rows_at(log_rates[:, None], eta[:, None], offset)
+        left, off = site - mean, site[:, None] - offset
         closed = (weight * left * left).sum(axis=-1) + (given.mean**2).sum(axis=-1) + given.log_det
-        log_joint = (rows + 0.5 * weight[:, None] * off * off).sum(axis=-1) - 0.5 * closed[:, None]
+        log_joint = rows.sum(axis=-1) + 0.5 * (weight[:, None] * off * off).sum(axis=-1)
+        log_joint -= 0.5 * closed[:, None]
         log_joint -= 0.5 * (xi * xi + _LOG_2PI).sum(axis=-1)
         log_weight = log_joint + (log_volume + 0.5 * (z * z + _LOG_2PI)).sum(axis=-1)
         top, share = _shares(log_weight)
@@ -200,8 +180,9 @@ class SampledOffsets:
         The last column is the rows' residuals: they tell which rows are outliers.
         """
         residual = np.broadcast_to(columns[:, -1], (*eta.shape[:-1], len(columns)))
-        root, _, weight, _ = self._approximation(residual, eta, 1)
+        root, _, weight, _ = self._normal.given(residual, eta, 1)
         # Of other rows the expected information serves, which does not hang on what they are.
+        weight = self._normal.by_row(weight)
         weight = np.minimum(weight, 1 / self._rows.normal_variance(eta, self._tail))
         return products_given(self._design, root, weight, columns)
 
@@ -212,7 +193,7 @@ class SampledOffsets:
         return self._joint(log_rates, eta, latent)
 
     def _joint(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
-        root, given, *_ = self._approximation(self._residual(log_rates), eta)
+        root, given, *_ = self._normal.given(self._residual(log_rates), eta)
         scores = given.at(latent)
         rows = self._rows_given(log_rates, eta, root.times(scores)).sum(axis=-1)
         prior = -0.5 * ((scores**2).sum(axis=-1) + self.n_latent * _LOG_2PI)
@@ -237,60 +218,19 @@ class SampledOffsets:
         return np.concatenate([function(*(x[p] for x in (log_rates, *others))) for p in parts])
 
     def _pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
-        root, given, *_ = self._approximation(self._residual(log_rates), eta)
+        root, given, *_ = self._normal.given(self._residual(log_rates), eta)
         return self._rows_given(log_rates, eta, root.times(given.at(latent)))
 
     def _scores(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
-        return self._approximation(self._residual(log_rates), eta).given.at(latent)
+        return self._normal.given(self._residual(log_rates), eta).given.at(latent)
 
     def _rows_given(self, log_rates: FloatArray, eta: FloatArray, b: FloatArray) -> FloatArray:
-        return self._rows_at(log_rates, eta, self._design.spread(b), self._design_next.spread(b))
+        return self._rows_at(log_rates, eta, self._normal.design.spread(b))
 
-    def _rows_at(
-        self, log_rates: FloatArray, eta: FloatArray, offset: FloatArray, after: FloatArray
-    ) -> FloatArray:
+    def _rows_at(self, log_rates: FloatArray, eta: FloatArray, offset: FloatArray) -> FloatArray:
         df = eta[..., -1] if self._tail.parameter_names else None
-        return self._rows.log_likelihood(log_rates, eta[..., 0], self._tail, df, offset, after)
-
-    def _approximation(
-        self, residual: FloatArray, eta: FloatArray, n_pass: int | None = None
-    ) -> _Approximation:
-        vague, is_student = ~self._rows.exact, bool(self._tail.parameter_names)
-        if n_pass is None:
-            n_pass = _PASSES if is_student else _PASSES_NORMAL * int(vague.any())
-        root = self._offsets.root(eta)
-        loading = root.loading(self._design)
-        middle, extra = self._rows.centre
-        low, high = (
-            (residual + end - middle)[..., vague] for end in (self._rows.lower, self._rows.upper)
-        )
-        own = np.broadcast_to(eta[..., :1] ** 2 + self._rows.rel_se**2, residual.shape)
-        df = eta[..., -1:]
-        variance, site, precision = own, residual.copy(), 1 / (own + extra)
-        given = given_rows(self._design, root, precision, site)
-        for i in range(n_pass):
-            mean, spread = self._design.spread(root.times(given.mean)), given.variance(loading)
-            square, share = (site - mean) ** 2, np.minimum(spread * precision, 1.0)
-            rest = (spread / np.maximum(1 - share, _LEAST))[..., vague]
-            cavity = mean[..., vague] + rest * (precision * (mean - site))[..., vague]
-            sites = interval_sites(low, high, cavity, rest, variance[..., vague])
-            if is_student and not i:
-                # A t is a normal of unknown variance: this is its mean given what the residual may
-                # be. Rows that offsets miss begin as if they lay as far off as a priori: outliers
-                # never pull at their neighbours then. The others begin with their own variance,
-                # which is soon settled.
-                missed = residual * residual + (loading**2).sum(axis=-2)
-                is_off = square > _OFF**2 * (own + extra)
-                variance = np.where(is_off, (df * own + missed) / (df + 1), variance)
-            elif is_student:
-                square[..., vague], share[..., vague] = sites.error_square, sites.error_share
-                # What the offset adds is this share of the row's own variance: with the share kept
-                # the mean is solved for, where putting it in takes a pass for each factor df + 1.
-                variance = (df * own + square) / (df + 1 - share)
-            precision = 1 / variance
-            site[..., vague], precision[..., vague] = sites.mean, sites.precision
-            given = given_rows(self._design, root, precision, site)
-        return _Approximation(root, given, precision, site)
+        ends = self._normal.at_ends(offset)
+        return self._rows.log_likelihood(log_rates, eta[..., 0], self._tail, df, *ends)
 
     def _residual(self, log_rates: FloatArray) -> FloatArray:
         return self._rows.centre[0] + 2 * log_rates[..., self._rows.texture]

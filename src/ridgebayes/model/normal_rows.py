@@ -1,0 +1,186 @@
+"""Normals that stand for rows with shared offsets: what is near enough to integrate about.
+
+Exact rows with normal errors are normal in their offsets as they are. A Student row is taken with
+the mean variance of its error given its residual, a bracket or a count by expectation propagation.
+A count has two offsets, at the load of Q and at that of Q + 2, and a normal of each.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.model.conditional_offsets import Design, OffsetPosterior, Root, given_rows
+from ridgebayes.model.interval_sites import IntervalSites, count_sites, interval_sites
+from ridgebayes.model.rows import Rows
+from ridgebayes.model.shared_offsets import Offsets
+from ridgebayes.model.tails import Tail
+
+# Outliers' weights, and the normals that stand for intervals, settle; what is left is the
+# estimates' to correct.
+_PASSES, _PASSES_NORMAL = 8, 3
+_OFF = 3.0  # sds of a row, its variance as if it were normal, beyond which offsets miss it
+_LEAST = 1e-12  # share of an offset's precision that other rows give, at least
+
+
+class OffsetsOfNormals(NamedTuple):
+    """The scores given rows taken as normal, and as which normals.
+
+    Parameters
+    ----------
+    root : DiagonalRoot or FullRoot
+        L.
+    given : OffsetPosterior
+        The scores.
+    weight, mean : ndarray of float, shape (..., n_normal)
+        One over the variance, and mean, of each normal: of every row, then of the counts' ends.
+    """
+
+    root: Root
+    given: OffsetPosterior
+    weight: FloatArray
+    mean: FloatArray
+
+
+class _Normals(NamedTuple):
+    """Normals of a pass, and mean, half loading and variance of their offsets."""
+
+    mean: FloatArray
+    weight: FloatArray
+    at: FloatArray
+    half: FloatArray
+    spread: FloatArray
+
+
+class NormalRows:
+    """Rows taken as normal.
+
+    Parameters
+    ----------
+    rows : Rows
+        Rows.
+    offsets : Offsets
+        What they share.
+    tail : Tail
+        Distribution of their own errors.
+    """
+
+    def __init__(self, rows: Rows, offsets: Offsets, tail: Tail) -> None:
+        self._rows, self._offsets, self._tail = rows, offsets, tail
+        # Counts whose load and that of Q + 2 have different offsets.
+        self.counts = np.flatnonzero((offsets.codes != offsets.codes_next).any(axis=0))
+        codes = np.concatenate([offsets.codes, offsets.codes_next[:, self.counts]], axis=1)
+        self.design = Design(codes, offsets.n_level)
+        self._brackets = np.setdiff1d(np.flatnonzero(~rows.exact), self.counts)
+        self._n_row = len(rows.upper)
+
+    def at_ends(self, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return each row's offset at its upper and at its lower end, from those of normals."""
+        upper = offset[..., : self._n_row]
+        if not len(self.counts):
+            return upper, upper
+        lower = upper.copy()
+        lower[..., self.counts] = offset[..., self._n_row :]
+        return upper, lower
+
+    def by_row(self, weight: FloatArray) -> FloatArray:
+        """Return what normals' weights, (..., n_normal), say of an offset common to both ends."""
+        value = weight[..., : self._n_row]
+        if len(self.counts):
+            value = value.copy()
+            value[..., self.counts] += weight[..., self._n_row :]
+        return value
+
+    def given(
+        self, residual: FloatArray, eta: FloatArray, n_pass: int | None = None
+    ) -> OffsetsOfNormals:
+        """Return the scores given rows.
+
+        Parameters
+        ----------
+        residual : ndarray of float, shape (..., n_row)
+            The rows' middles, less what the form says.
+        eta : ndarray of float, shape (..., n_noise)
+            The error model's parameters.
+        n_pass : int, optional
+            Passes over all rows; as many as settle if not given.
+        """
+        is_student = bool(self._tail.parameter_names)
+        if n_pass is None:
+            n_pass = _PASSES if is_student else _PASSES_NORMAL * int(not self._rows.exact.all())
+        root, n = self._offsets.root(eta), self._n_row
+        loading, extra = root.loading(self.design), self._rows.centre[1]
+        own = np.broadcast_to(eta[..., :1] ** 2 + self._rows.rel_se**2, residual.shape)
+        variance, df = own, eta[..., -1:]
+        mean = np.concatenate([residual, residual[..., self.counts]], axis=-1)
+        # A count is at first a normal of its middle, and says nothing at its other end.
+        weight = np.zeros(mean.shape)
+        weight[..., :n] = 1 / (own + extra)
+        given = given_rows(self.design, root, weight, mean)
+        for i in range(n_pass):
+            at, half = self.design.spread(root.times(given.mean)), given.half(loading)
+            spread = (half**2).sum(axis=-2)
+            square, share = ((mean - at) ** 2)[..., :n], np.minimum((spread * weight)[..., :n], 1.0)
+            sites = self._sites(residual, variance, _Normals(mean, weight, at, half, spread))
+            if is_student and not i:
+                # Rows that offsets miss begin as if they lay as far off as a priori: outliers
+                # never pull at their neighbours then. The others begin with their own variance,
+                # which is soon settled.
+                missed = residual * residual + (loading[..., :n] ** 2).sum(axis=-2)
+                is_off = square > _OFF**2 * (own + extra)
+                variance = np.where(is_off, (df * own + missed) / (df + 1), variance)
+            elif is_student:
+                for rows, _, site in sites:
+                    square[..., rows], share[..., rows] = site.error_square, site.error_share
+                # A t is a normal of unknown variance: this is its mean given what the residual may
+                # be. The offset adds a share of the row's own variance: with the share kept the
+                # mean is solved for, where putting it in takes a pass for each factor df + 1.
+                variance = (df * own + square) / (df + 1 - share)
+            weight[..., :n] = 1 / variance
+            for _, places, site in sites:
+                for place, one, precision in zip(places, site.mean, site.precision, strict=True):
+                    mean[..., place], weight[..., place] = one, precision
+            given = given_rows(self.design, root, weight, mean)
+        return OffsetsOfNormals(root, given, weight, mean)
+
+    def _sites(
+        self, residual: FloatArray, variance: FloatArray, now: _Normals
+    ) -> list[tuple[IntArray, list[IntArray], IntervalSites]]:
+        """Return brackets and counts, with the places of their normals and these themselves."""
+        sites = []
+        for rows, find in ((self._brackets, self._of_brackets), (self.counts, self._of_counts)):
+            if len(rows):
+                low, high = (
+                    (residual + end - self._rows.centre[0])[..., rows]
+                    for end in (self._rows.lower, self._rows.upper)
+                )
+                places, site = find(low, high, variance[..., rows], now)
+                sites.append((rows, places, site))
+        return sites
+
+    def _of_brackets(
+        self, low: FloatArray, high: FloatArray, own: FloatArray, now: _Normals
+    ) -> tuple[list[IntArray], IntervalSites]:
+        rows = self._brackets
+        mean, at, weight, spread = (
+            x[..., rows] for x in (now.mean, now.at, now.weight, now.spread)
+        )
+        rest = spread / np.maximum(1 - spread * weight, _LEAST)  # what all others say
+        site = interval_sites(low, high, at + rest * weight * (at - mean), rest, own)
+        return [rows], site._replace(mean=site.mean[None], precision=site.precision[None])
+
+    def _of_counts(
+        self, low: FloatArray, high: FloatArray, own: FloatArray, now: _Normals
+    ) -> tuple[list[IntArray], IntervalSites]:
+        places = [self.counts, self._n_row + np.arange(len(self.counts))]
+        mean, at, weight, (v, w) = (
+            np.stack([x[..., place] for place in places])
+            for x in (now.mean, now.at, now.weight, now.spread)
+        )
+        c = (now.half[..., places[0]] * now.half[..., places[1]]).sum(axis=-2)
+        p, q = weight
+        det = np.maximum((1 - v * p) * (1 - w * q) - c * c * p * q, _LEAST)
+        rest = np.stack([(1 - w * q) * v + c * c * q, (1 - v * p) * w + c * c * p, c]) / det
+        pull = weight * (at - mean)
+        cavity = at + rest[:2] * pull + rest[2] * pull[::-1]
+        return places, count_sites(low, high, cavity, rest, own)
