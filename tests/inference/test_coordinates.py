@@ -91,7 +91,7 @@ def test_linearised__is_the_difference_of_log_loads_and_the_residual_of_middles(
     np.testing.assert_allclose(columns[:, -1], middle - log_loads(model, at), atol=1e-13)  # algebra
 
 
-@pytest.mark.parametrize("bracket", [0.0, 0.3])
+@pytest.mark.parametrize("bracket", [0.0, 1e-6])
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_products__are_those_with_the_dense_covariance(structure, bracket, make):
     model = make(Hybrid(), Noise(structure), bracket)
@@ -108,6 +108,20 @@ def test_products__are_those_with_the_dense_covariance(structure, bracket, make)
         np.testing.assert_allclose(
             found[forward], found[forward].T, rtol=1e-9, atol=1e-9
         )  # rounding
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_products__of_wide_brackets_are_between_those_of_no_and_of_uniform_errors(structure, make):
+    model = make(Hybrid(), Noise(structure), 0.3)
+    columns = model.linearised(np.array([0.2, -0.3]))
+    u_noise = noises(model, 5)
+    found = model.products(u_noise, columns)[:, :2, :2]
+    dense = np.stack(
+        [columns.T @ np.linalg.solve(covariance(model, u, 0.3), columns) for u in u_noise]
+    )
+    assert np.all(np.linalg.eigvalsh(found) > 0)
+    gain = np.linalg.eigvalsh(dense[:, :2, :2] - found)
+    assert np.all(gain > -1e-9 * np.abs(dense).max())  # rounding
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)

@@ -181,7 +181,8 @@ class SampledOffsets:
         """
         residual = np.broadcast_to(columns[:, -1], (*eta.shape[:-1], len(columns)))
         root, _, weight, _ = self._normal.given(residual, eta, 1)
-        # Of other rows the expected information serves, which does not hang on what they are.
+        # Outliers and wide intervals tell less than is expected of them a priori. Of other rows the
+        # expected information serves, which does not hang on what they are.
         weight = self._normal.by_row(weight)
         weight = np.minimum(weight, 1 / self._rows.normal_variance(eta, self._tail))
         return products_given(self._design, root, weight, columns)
