@@ -75,7 +75,13 @@ def weighed():
     return weigh
 
 
-@pytest.mark.parametrize("structure", ["iid", "texture", "step", "step-smooth", "iid:student"])
+@pytest.mark.parametrize(
+    "structure",
+    [
+        *("iid", "texture", "step", "step-smooth"),
+        pytest.param("iid:student", marks=pytest.mark.long),
+    ],
+)
 def test_planted__structure_has_the_highest_or_second_highest_weight(weighed, structure):
     means = mean_evidence(weighed(structure).evidence)
     assert len(means) == 10

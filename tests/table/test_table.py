@@ -657,7 +657,7 @@ def tables(draw) -> pd.DataFrame:
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 @given(frame=tables())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_write_then_read__is_identity(suffix: str, frame: pd.DataFrame, tmp_path_factory) -> None:
     path = tmp_path_factory.mktemp("t") / f"t.{suffix}"
     table = read_table(frame)
@@ -672,7 +672,7 @@ def test_write_then_read__is_identity(suffix: str, frame: pd.DataFrame, tmp_path
 
 @pytest.mark.slow
 @given(frame=tables(), order=st.randoms(use_true_random=False))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_order_of_columns__does_not_matter(frame: pd.DataFrame, order) -> None:
     names = list(frame.columns)
     order.shuffle(names)
