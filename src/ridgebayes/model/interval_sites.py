@@ -95,7 +95,7 @@ def count_sites(
     Notes
     -----
     The expectation of a difference of two probabilities is that of each, whatever f and f' have in
-    common. Where the means leave no interval, the nearer of ends is taken for both.
+    common. Where the means turn the ends round, the lower is put just below the upper.
     """
     v, w, c = covariance
     s, t = np.sqrt(v + own), np.sqrt(w + own)

@@ -26,10 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.model.conditional_offsets import (
-    Design,
-    products_given,
-)
+from ridgebayes.model.conditional_offsets import Design, products_given
 from ridgebayes.model.normal_rows import NormalRows
 from ridgebayes.model.rows import Rows
 from ridgebayes.model.shared_offsets import Offsets, OffsetsGiven, SmoothOffsets
@@ -81,10 +78,8 @@ class SampledOffsets:
 
     def __init__(self, rows: Rows, offsets: Offsets, tail: Tail) -> None:
         self._rows, self._offsets, self._tail = rows, offsets, tail
-        self._design, self._normal = (
-            Design(offsets.codes, offsets.n_level),
-            NormalRows(rows, offsets, tail),
-        )
+        self._design = Design(offsets.codes, offsets.n_level)
+        self._normal = NormalRows(rows, offsets, tail)
         independent = self._design.diagonal and not isinstance(offsets, SmoothOffsets)
         self.is_product = independent and not len(self._normal.counts)
         self.n_latent = offsets.n_level
