@@ -16,17 +16,15 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import scipy.sparse as sparse
 
 from ridgebayes import edge_forces
 from ridgebayes.contact import hertz
-from ridgebayes.contact.cylinder.contact_problem import ContactProblem, Gaps, State
+from ridgebayes.contact.cylinder.contact_problem import ContactProblem, State
 from ridgebayes.contact.cylinder.faces import Faces, Resolution, first_height, ridge_faces
 from ridgebayes.contact.cylinder.material import Material
 from ridgebayes.contact.cylinder.mesh import disk_mesh
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
 from ridgebayes.contact.cylinder.solid import Solid
-from ridgebayes.contact.cylinder.surface import shapes, slopes
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.scene.scene import Scene, Texture
 
@@ -38,30 +36,6 @@ CORNER = 0.2  # radius, over the ridge's width
 RUBBED = ((0.022, 0.03), 0.005, 0.3)  # texture, load, friction
 COARSE = (0.012, 0.015)  # ridge width and load whose rows would take five times as long else
 STEPS = 48  # rows a pitch with friction
-
-
-class Rubbed(ContactProblem):
-    """With friction the stiffness is not symmetric: it has a shear's part, and is not made convex.
-
-    A convex one ends Newton's quadratic convergence: 1/48 pitch took 23 to 29 steps, not 6 to 8.
-    """
-
-    def contact_stiffness(
-        self, state: State, gaps: Gaps, *, convex: bool = False
-    ) -> sparse.csr_array:
-        """Add what shear does as places on the body move along the ridges."""
-        del convex
-        pressed = super().contact_stiffness(state, gaps)
-        hits, pull = gaps._hits, gaps._weight * state.shear[gaps._segment]
-        on = np.flatnonzero(pull)
-        edge, tangent, slope = hits.edge[on], hits.tangent[on], slopes(hits.s[on])
-        speed = np.einsum("ni,nk,nki->n", tangent, slope, self.rim(state)[edge])
-        turned = slope[:, :, None] * tangent[:, None, :]
-        slid = -shapes(hits.s[on])[:, :, None] * tangent[:, None, :] / speed[:, None, None]
-        values = pull[on, None, None] * turned.reshape(-1, 6, 1) * slid.reshape(-1, 1, 6)
-        dofs = self._dofs(edge)
-        places = np.repeat(dofs, 6, axis=1).ravel(), np.tile(dofs, (1, 6)).ravel()
-        return pressed + sparse.csr_array((values.ravel(), places), shape=pressed.shape)
 
 
 @dataclass(frozen=True)
@@ -100,8 +74,7 @@ class Body:
         faces = ridge_faces(profile, range(-n, n + 1), first_height(profile), resolution)
         held = np.zeros((self.solid.n_node, 2), dtype=bool)
         held[self.solid.mesh.mid_plane] = True
-        kind = Rubbed if mu else ContactProblem
-        return kind(self.solid, Faces(faces), held, friction=mu)
+        return ContactProblem(self.solid, Faces(faces), held, friction=mu)
 
 
 def pressed(problem: ContactProblem, state: State, line: float) -> State:

@@ -1,6 +1,7 @@
 """Joint draws: their counts against `predict`, their contacts against `contact_at_loads`."""
 
 import json
+import tracemalloc
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,6 +10,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.contact import two_scale
+from ridgebayes.contact.axes import Spread
 from ridgebayes.errors import InputError
 from ridgebayes.friction.files import write_inputs
 from ridgebayes.friction.inputs import SMALL_STRAIN, InputDraws
@@ -18,7 +20,7 @@ from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.predict.joint_draws import PredictiveSampler
+from ridgebayes.predict.joint_draws import MOST_TEXTURES, PredictiveSampler, textures_of
 from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.predict.q_distribution import mix_q
 from ridgebayes.results import Fit
@@ -78,15 +80,21 @@ def test_friction_inputs__counts_are_those_of_predict(average, texture):
     assert np.all(np.diff(drawn["Q"].values, axis=1) >= 0)
 
 
+def sampler_of(fit, textures):
+    seen = Spread(MOST_TEXTURES)
+    seen.add(textures)
+    return PredictiveSampler(fit, seen)
+
+
 @pytest.mark.slow
 def test_sampler__of_many_textures_draws_what_predict_says_of_each(average):
     rng, n = np.random.default_rng(4), 60
     a, b = (width * np.exp(0.1 * rng.standard_normal(n)) for width in (A, B))
     nu = np.where(np.arange(n) % 2, 0.5, 0.3)
     p = (rng.uniform(0.95, 1.3, n) * (a + b) / 1.382) ** 2
-    index = np.repeat(np.arange(n), 400)
+    index, textures = np.repeat(np.arange(n), 400), textures_of(a, b)
     for fit, _ in average.averaged:
-        drawn = PredictiveSampler(fit, a, b).draw(index, p[index, None], nu[index], rng)
+        drawn = sampler_of(fit, textures).draw(textures[index], p[index, None], nu[index], rng)
         pmf = predict_q(fit, a, b, p, nu=nu).pmf.mean(axis=0)
         counts = (2 + 2 * np.arange(len(pmf)) == drawn.Q).mean(axis=0)
         assert_frequencies(counts, pmf, len(index))
@@ -97,10 +105,9 @@ def test_sampler__student_tails_reach_no_further_than_the_body(average):
     heavy = replace(fit, others={})
     heavy.draws[:, -1] = 0.2  # degrees of freedom: nearly anything may happen
     assert fit.noise.tail == "student"
-    index = np.zeros(2_000, dtype=int)
-    sampler = PredictiveSampler(heavy, np.array([0.1]), np.array([0.1]))
-    drawn = sampler.draw(
-        index, np.full((2_000, 1), 0.01), np.full(2_000, 0.5), np.random.default_rng(1)
+    textures = textures_of(*np.full((2, 2_000), 0.1))
+    drawn = sampler_of(heavy, textures).draw(
+        textures, np.full((2_000, 1), 0.01), np.full(2_000, 0.5), np.random.default_rng(1)
     )
     assert drawn.Q.max() == 2 + 2 * int(0.95 / 0.2)
 
@@ -209,6 +216,49 @@ def test_friction_inputs__the_same_seed_gives_the_same_draws(fit):
     one, same, other = (rb.friction_inputs(fit, scene, 3, n=60, rng=s) for s in (1, 1, 2))
     assert one.identical(same)
     assert not one["draw_index"].equals(other["draw_index"])
+
+
+def test_input_draws__keep_nothing_of_a_draw(fit):
+    scene = Scene.from_dict(
+        {
+            "body": {"poissons_ratio": "uniform(0.3, 0.5)"},
+            "texture": {"ridge_width": A, "groove_width": f"normal({B}, 3 %)", "offset": 0.1},
+            "load": {"p_over_E": "lognormal(0.002, 10 %)"},
+        }
+    )
+    tracemalloc.start()
+    try:
+        peaks = []
+        for n in (2_000, 40_000):
+            tracemalloc.reset_peak()
+            InputDraws(fit, scene, 2, n=n, rng=1)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+    finally:
+        tracemalloc.stop()
+    # Each number of each draw would be 300 kB more.
+    assert peaks[1] < peaks[0] + 1e5
+
+
+def test_input_draws__need_callables_that_draw_with_their_generator(fit):
+    own = iter(np.linspace(0.9, 1.1, 4000) * B)
+    texture = {"ridge_width": A, "groove_width": lambda _: next(own)}
+    scene = Scene.from_dict({"texture": texture, "load": {"p_over_E": 0.002}})
+    draws = InputDraws(fit, scene, 1, n=40, rng=1)
+    with pytest.raises(InputError, match="a callable that draws with the generator it is given"):
+        list(draws.blocks())
+
+
+def test_write_inputs__parquet_has_groups_of_many_blocks(fit, tmp_path, monkeypatch):
+    from pyarrow import parquet
+
+    monkeypatch.setattr("ridgebayes.friction.inputs._BLOCK", 5)
+    monkeypatch.setattr("ridgebayes.friction.files._GROUP", 18)
+    draws = InputDraws(fit, Scene.of([(A, B)]), 2, n=23, rng=1)
+    write_inputs(draws.blocks(), tmp_path / "x.parquet")
+    file = parquet.ParquetFile(tmp_path / "x.parquet")
+    sizes = [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)]
+    assert sizes == [20, 20, 6]
+    assert file.read()["draw"].to_pylist() == np.repeat(np.arange(23), 2).tolist()
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".csv", ".parquet"])

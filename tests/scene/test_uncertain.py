@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from ridgebayes.errors import InputError
-from ridgebayes.scene.draws import draw_scene
+from ridgebayes.scene.draws import draw_scene, scene_blocks
 from ridgebayes.scene.scene import Scene
 from ridgebayes.simulate.generation import generate
 
@@ -125,6 +125,33 @@ def test_from_dict__refuses_a_callable_of_no_number():
         texture = {"ridge_width": lambda rng, given=given: given, "groove_width": 0.015}
         with pytest.raises(InputError, match="expected a callable that returns a number, got"):
             Scene.from_dict({"texture": texture})
+
+
+def test_scene_blocks__are_the_draws_of_the_whole():
+    rng = np.random.default_rng(1)
+    texture = {
+        "ridge_width": 0.03,
+        "groove_width": 0.015,
+        "groove_depth": lambda rng: 0.01 * (1 + rng.random()),
+        "corner_radius": rng.uniform(0.001, 0.002, 9),
+        "offset": "uniform",
+    }
+    body = {"poissons_ratio": "uniform(0.3, 0.5)"}
+    load = {"p_over_E": "lognormal(0.01, 10 %)"}
+    widths = ["texture.ridge_width", "texture.groove_width"]
+    joint = [
+        {"of": widths, "draws": rng.uniform(0.02, 0.03, (7, 2))},
+        {"of": ["body.poissons_ratio", "load.p_over_E"], "correlation": [[1, 0.5], [0.5, 1]]},
+    ]
+    scene = Scene.from_dict({"body": body, "texture": texture, "load": load, "joint": joint})
+    whole, blocks = draw_scene(scene, 25, 3), list(scene_blocks(scene, 25, 3, 7))
+    assert [len(one.nu) for one in blocks] == [7, 7, 7, 4]
+    for name, column in whole.profile.items():
+        assert np.concatenate([one.profile[name] for one in blocks]).tolist() == column.tolist()
+    for name in ("nu", "p_over_E"):
+        parts = np.concatenate([getattr(one, name) for one in blocks])
+        # Rounding: products of correlated scores of other lengths.
+        np.testing.assert_allclose(parts, getattr(whole, name), rtol=1e-14)
 
 
 def test_draw_scene__a_uniform_offset_is_anywhere():

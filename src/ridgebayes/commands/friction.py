@@ -43,11 +43,11 @@ def command(asked: options.Friction) -> Answer:
         rng=asked.seed,
         edges=asked.edges or asked.model,
     )
-    means: list[pd.DataFrame] = []
+    sums: list[pd.DataFrame] = []
     kept: list[FrictionInputs] | None = [] if asked.model else None
     with Progress(1) as progress, progress.stage("draws"):
-        write_inputs(_told(draws, means, kept, asked.edges, progress), asked.out)
-    table = (sum(means[1:], means[0]) / draws.n).reset_index()
+        write_inputs(_told(draws, sums, kept, asked.edges, progress), asked.out)
+    table = (sums[0] / draws.n).reset_index()
     outside = float(table["extrapolation"].mean())
     told = (
         f"{asked.out}: {draws.n} draws at {len(table)} loads; contacts within "
@@ -85,12 +85,13 @@ def _told(
     edges: bool,
     progress: Progress,
 ) -> Iterator[xr.Dataset]:
-    """Yield blocks of draws; keep what they add up to at each load, and what friction needs."""
+    """Yield blocks of draws; keep their sum, alone in `sums`, and what friction needs."""
     done = 0
     for block in draws.blocks():
         if kept is not None and done < _N_MODEL:
             kept.append(FrictionInputs.of(block, edges=True))
         yield block if edges else block.drop_dims("edge", errors="ignore")
-        sums.append(block[[*_SHOWN, "extrapolation"]].sum("draw").to_dataframe())
+        own = block[[*_SHOWN, "extrapolation"]].sum("draw").to_dataframe()
+        sums[:] = [sums[0] + own if sums else own]
         done += block.sizes["draw"]
         progress.count(done, draws.n)

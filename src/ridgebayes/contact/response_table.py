@@ -16,6 +16,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.axes import Axis, Spread
 from ridgebayes.contact.contact_solution import ContactSolution, solve_contact
 from ridgebayes.contact.edges import edge_forces
 from ridgebayes.contact.reaching import reaching_loads
@@ -29,62 +30,10 @@ _INSIDE, _BEGUN = 1e-5, 5e-6
 CLOSEST = 1e-4  # of an interval, by which loads stay away from its ends
 _CLOSEST_BETWEEN = 0.01  # where ends are interpolated between offsets
 _FROM = 1e-4  # of the load of the first change of the count: where the table begins
-_MOST_DISTINCT, _MOST_NODES = 32, 400
-_LAST_OFFSET, _FIRST_LOOK = 0.499, 1_000
+MOST_DISTINCT, _MOST_NODES = 32, 400
+_LAST_OFFSET = 0.499
 _N_SMOOTH, _N_OFFSET = 9, 17  # nodes along an axis
 _FIXED = 5  # quantities before those of edges: see `ContactValues`
-
-
-@dataclass(frozen=True)
-class Axis:
-    """Nodes between two values, and weights of them for values between.
-
-    Parameters
-    ----------
-    low, high : float
-        Ends.
-    n : int
-        Nodes; 1 where the ends are one.
-    is_smooth : bool, optional
-        Whether weights are those of the polynomial through all nodes, or of a line between two.
-
-    Examples
-    --------
-    >>> axis = Axis(1.0, 3.0, 3)
-    >>> (axis.weights(np.array([1.0, 1.5, 3.0])) @ axis.nodes**2).round(12).tolist()
-    [1.0, 2.25, 9.0]
-    """
-
-    low: float
-    high: float
-    n: int
-    is_smooth: bool = True
-
-    @classmethod
-    def over(cls, column: FloatArray, n: int, *, is_smooth: bool = True) -> "Axis":
-        """Return the axis over a column's range."""
-        low, high = float(column.min()), float(column.max())
-        return cls(low, high, n if high > low else 1, is_smooth)
-
-    @property
-    def nodes(self) -> FloatArray:
-        """Nodes in rising order, shape (n,)."""
-        if self.n == 1:
-            return np.array([self.low])
-        unit = chebyshev.chebpts1(self.n) if self.is_smooth else np.linspace(-1, 1, self.n)
-        return 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * unit
-
-    def weights(self, x: FloatArray) -> FloatArray:
-        """Return the weight of each node at values, shape (.., n)."""
-        if self.n == 1:
-            return np.ones((len(x), 1))
-        if not self.is_smooth:
-            place = np.interp(x, self.nodes, np.arange(self.n))
-            value: FloatArray = np.maximum(1 - np.abs(place[:, None] - np.arange(self.n)), 0.0)
-            return value
-        at_nodes = np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(self.n), self.n - 1))
-        t = (2 * x - self.low - self.high) / (self.high - self.low)
-        return np.asarray(chebyshev.chebvander(t, self.n - 1) @ at_nodes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +71,8 @@ class ResponseTable:
 
     Parameters
     ----------
-    profiles : ndarray of float, shape (n, 5)
-        a, b, depth, corner and offset of each, as of `Profile`.
+    seen : Spread
+        Of `shapes_of` all of them, that keeps `MOST_DISTINCT`.
 
     Raises
     ------
@@ -138,26 +87,15 @@ class ResponseTable:
     are interpolated from 9 ratios of groove to ridge, or 17 offsets, or both.
     """
 
-    def __init__(self, profiles: FloatArray) -> None:
-        a, b, depth, corner, offset = profiles.T
-        self._profiles = profiles
-        self.unit = np.where(corner > 0, 1.0, a + b)
-        with np.errstate(divide="ignore"):
-            columns = [np.log(b / a), np.abs(offset), np.log(depth / self.unit**2)]
-            columns += [np.log(corner / self.unit), np.log((a + b) / self.unit)]
-        self._at, self._margin = np.stack(columns, axis=1).round(12), CLOSEST
+    def __init__(self, seen: Spread) -> None:
+        self._seen, self._margin, distinct = seen, CLOSEST, seen.distinct
         self._axes: list[Axis] = []
-        # Of a million bodies a look at some mostly says enough.
-        distinct = np.unique(self._at[:_FIRST_LOOK], axis=0)
-        if len(distinct) <= _MOST_DISTINCT:
-            distinct, place = np.unique(self._at, axis=0, return_inverse=True)
-            self._place = place.ravel()
-        if len(distinct) > _MOST_DISTINCT:
+        if distinct is None:
+            low, high = seen.low, seen.high
+            self._axes = [Axis.over(*ends, _N_SMOOTH) for ends in zip(low, high, strict=True)]
             # Which end is free changes with the offset: no polynomial would do.
-            self._axes = [Axis.over(column, _N_SMOOTH) for column in self._at.T]
-            offset_axis = Axis.over(
-                np.minimum(self._at[:, 1], _LAST_OFFSET), _N_OFFSET, is_smooth=False
-            )
+            near, far = (min(float(end[1]), _LAST_OFFSET) for end in (low, high))
+            offset_axis = Axis.over(near, far, _N_OFFSET, is_smooth=False)
             self._axes[1] = offset_axis
             if math.prod(axis.n for axis in self._axes) > _MOST_NODES:
                 raise InputError(
@@ -170,24 +108,23 @@ class ResponseTable:
             distinct = np.stack([one.ravel() for one in mesh], axis=1)
         self._shapes = [_Shape(_profile(row)) for row in distinct]
 
-    def _weights(self, index: IntArray) -> FloatArray:
+    def _weights(self, shapes: FloatArray) -> FloatArray:
         """Return the weight of each shape, (n, n_shape)."""
         if not self._axes:
-            value: FloatArray = (self._place[index][:, None] == np.arange(len(self._shapes))) * 1.0
-            return value
-        weights = np.ones((len(index), 1))
-        for axis, column in zip(self._axes, self._at[index].T, strict=True):
+            return np.asarray(np.eye(len(self._shapes))[self._seen.place(shapes)])
+        weights = np.ones((len(shapes), 1))
+        for axis, column in zip(self._axes, shapes.T, strict=True):
             weights = weights[:, :, None] * axis.weights(column)[:, None, :]
-            weights = weights.reshape(len(index), -1)
+            weights = weights.reshape(len(shapes), -1)
         return weights
 
-    def at(self, index: IntArray, Q: int, W: FloatArray) -> ContactValues:
+    def at(self, profiles: FloatArray, Q: int, W: FloatArray) -> ContactValues:
         """Return the contacts of some bodies that all have the count Q, at loads near W.
 
         Parameters
         ----------
-        index : ndarray of int, shape (n,)
-            Which of the bodies.
+        profiles : ndarray of float, shape (n, 5)
+            a, b, depth, corner and offset of each, as of `Profile`.
         Q : int
             Even count.
         W : ndarray of float, shape (n,)
@@ -200,7 +137,7 @@ class ResponseTable:
         ComputationError
             If a contact cannot be solved.
         """
-        weights, unit = self._weights(index), self.unit[index]
+        weights, unit = self._weights(shapes_of(profiles)), _units(profiles)
         used = np.flatnonzero((weights != 0).any(axis=0))
         weights, shapes = weights[:, used], [self._shapes[i] for i in used]
         ends = np.array([np.log(one.interval(Q)) for one in shapes])
@@ -212,25 +149,39 @@ class ResponseTable:
         breaks = [one.pieces(Q)[0] for one in shapes]
         alike = len({len(one) for one in breaks}) == 1
         own = weights @ np.array(breaks) if alike else None
-        values = np.zeros((len(index), _FIXED + 4 * Q))
+        values = np.zeros((len(profiles), _FIXED + 4 * Q))
         for i, one in enumerate(shapes):
             values += weights[:, i, None] * one.values(Q, np.clip(kept, 0.0, 1.0), own)
         x, K = np.split(values[:, _FIXED:], 2, axis=1)
-        mirrored = (self._profiles[index, 4] < 0)[:, None]
+        mirrored = (profiles[:, 4] < 0)[:, None]
         x, K = np.where(mirrored, -x[:, ::-1], x), np.where(mirrored, K[:, ::-1], K)
         length, extent, penetration, share, largest = values[:, :_FIXED].T
         lengths = (length * unit, extent * unit, penetration * unit**2)
         edges = (x * unit[:, None], K * unit[:, None] ** 1.5)
         return ContactValues(near, *lengths, share, largest, *edges)
 
-    def solved(self, i: int, Q: int, W: float) -> ContactValues:
-        """Return the contact of one body solved on its own, as `at` returns it."""
-        a, b, depth, corner, offset = self._profiles[i].tolist()
-        found = solve_contact(Profile(a, b, depth, corner, offset), W, rel_tol=_TOL)
-        values = _measured(found, Q)
-        length, extent, penetration, share, largest = values[:_FIXED, None]
-        x, K = np.split(values[None, _FIXED:], 2, axis=1)
-        return ContactValues(np.array([W]), length, extent, penetration, share, largest, x, K)
+
+def solved(profile: FloatArray, Q: int, W: float) -> ContactValues:
+    """Return the contact of one body solved on its own, as `ResponseTable.at` returns it."""
+    found = solve_contact(Profile(*profile.tolist()), W, rel_tol=_TOL)
+    values = _measured(found, Q)
+    length, extent, penetration, share, largest = values[:_FIXED, None]
+    x, K = np.split(values[None, _FIXED:], 2, axis=1)
+    return ContactValues(np.array([W]), length, extent, penetration, share, largest, x, K)
+
+
+def shapes_of(profiles: FloatArray) -> FloatArray:
+    """Return what contacts of profiles (n, 5), as of `ResponseTable.at`, depend on, (n, 5)."""
+    a, b, depth, corner, offset = profiles.T
+    unit = _units(profiles)
+    with np.errstate(divide="ignore"):
+        columns = [np.log(b / a), np.abs(offset), np.log(depth / unit**2)]
+        columns += [np.log(corner / unit), np.log((a + b) / unit)]
+    return np.stack(columns, axis=1).round(12)
+
+
+def _units(profiles: FloatArray) -> FloatArray:
+    return np.where(profiles[:, 3] > 0, 1.0, profiles[:, 0] + profiles[:, 1])
 
 
 def _profile(at: FloatArray) -> Profile:

@@ -13,6 +13,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.friction.inputs import joined
 from ridgebayes.runtime.atomic import replacing
 
+_GROUP = 100_000  # rows
 SUFFIXES = (".nc", ".parquet", ".csv")
 LARGEST_NETCDF = 2**30  # bytes of variables: a file of HDF5 is made in memory, three times that
 
@@ -77,13 +78,20 @@ def _write_parquet(parts: Iterable[xr.Dataset], path: Path) -> None:
         ) from None
     writer: Any = None
     with ExitStack() as open_files:
+        held: list[Any] = []
         for one in parts:
             table = pa.Table.from_pandas(_frame(one), preserve_index=False)
             if writer is None:
                 about = {name: str(value) for name, value in one.attrs.items()}
                 schema = table.schema.with_metadata((table.schema.metadata or {}) | about)
                 writer = open_files.enter_context(parquet.ParquetWriter(path, schema))
-            writer.write_table(table.cast(writer.schema))
+            held.append(table.cast(writer.schema))
+            # What the file tells of each of its groups stays in memory until the end.
+            if sum(each.num_rows for each in held) >= _GROUP:
+                writer.write_table(pa.concat_tables(held))
+                held = []
+        if held:
+            writer.write_table(pa.concat_tables(held))
 
 
 def _frame(one: xr.Dataset) -> pd.DataFrame:

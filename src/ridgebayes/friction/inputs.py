@@ -4,6 +4,7 @@ import json
 import math
 import os
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -12,14 +13,21 @@ from numpy.typing import ArrayLike
 from ridgebayes._types import FloatArray, IntArray, Rng, __version__
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact import two_scale
+from ridgebayes.contact.axes import Spread
 from ridgebayes.contact.contact_solution import load_factor
-from ridgebayes.contact.response_table import ContactValues, ResponseTable
+from ridgebayes.contact.response_table import (
+    MOST_DISTINCT,
+    ContactValues,
+    ResponseTable,
+    shapes_of,
+    solved,
+)
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.predict.extrapolation import names_of
-from ridgebayes.predict.joint_draws import PredictiveSampler
+from ridgebayes.predict.joint_draws import MOST_TEXTURES, PredictiveSampler, textures_of
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of, stream
-from ridgebayes.scene.draws import draw_scene
+from ridgebayes.scene.draws import SceneDraws, scene_blocks
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.table.columns import LARGEST_LOAD
 
@@ -160,15 +168,15 @@ class InputDraws:
         self._seed, self.n, self._edges = seed_of(rng), int(n), edges
         scene = as_scene(scene)
         self._ogden = scene.ogden
-        self._bodies = draw_scene(scene, self.n, self._seed)
         self._loads, self._is_share = _steps(loads)
-        profile = self._bodies.profile
-        names = ("a", "b", "depth", "corner", "offset")
-        self._table = ResponseTable(np.stack([profile[name] for name in names], axis=1))
+        self._bodies = partial(scene_blocks, scene, self.n, self._seed, _BLOCK)
+        self._shapes, textures = Spread(MOST_DISTINCT), Spread(MOST_TEXTURES)
+        for bodies in self._bodies():  # drawn once more when they are used: never all are kept
+            self._shapes.add(shapes_of(_profiles(bodies)))
+            textures.add(textures_of(bodies.profile["a"], bodies.profile["b"]))
+        self._table = ResponseTable(self._shapes)
         self._parts = source.averaged
-        self._samplers = [
-            PredictiveSampler(fit, profile["a"], profile["b"]) for fit, _ in self._parts
-        ]
+        self._samplers = [PredictiveSampler(fit, textures) for fit, _ in self._parts]
         self.contact_relative_error = math.nan
         self._attrs = {
             "scene": json.dumps(scene.model_dump(mode="json")),
@@ -184,12 +192,16 @@ class InputDraws:
 
     def blocks(self) -> Iterator[xr.Dataset]:
         """Yield the draws, 1,000 at a time."""
-        for first in range(0, self.n, _BLOCK):
-            yield self._block(np.arange(first, min(first + _BLOCK, self.n)))
+        first = 0
+        for bodies in self._bodies():
+            self._shapes.check(shapes_of(_profiles(bodies)))
+            yield self._block(np.arange(first, first + len(bodies.nu)), bodies)
+            first += len(bodies.nu)
 
-    def _block(self, index: IntArray) -> xr.Dataset:
-        bodies, rng = self._bodies, stream(self._seed, "friction", f"from {index[0]}")
-        p, nu = self._p(index), bodies.nu[index]
+    def _block(self, index: IntArray, bodies: SceneDraws) -> xr.Dataset:
+        rng = stream(self._seed, "friction", f"from {index[0]}")
+        p, nu = self._p(bodies), bodies.nu
+        textures = textures_of(bodies.profile["a"], bodies.profile["b"])
         weight = np.array([share for _, share in self._parts])
         part = rng.choice(len(weight), size=len(index), p=weight / weight.sum())
         Q, flags = np.empty(p.shape, dtype=np.int64), np.empty(p.shape, dtype=np.uint8)
@@ -197,9 +209,9 @@ class InputDraws:
         for j, sampler in enumerate(self._samplers):
             here = np.flatnonzero(part == j)
             if len(here):
-                drawn = sampler.draw(index[here], p[here], nu[here], rng)
+                drawn = sampler.draw(textures[here], p[here], nu[here], rng)
                 Q[here], flags[here], draw_index[here] = drawn.Q, drawn.flags, drawn.draw_index
-        values = self._contacts(index, Q, p, nu, rng)
+        values = self._contacts(_profiles(bodies), Q, p, nu, rng)
         beyond = names_of(flags)
         is_large = nu[:, None] >= two_scale.LEAST_NU
         strained = p > np.where(is_large, two_scale.checked(self._ogden), SMALL_STRAIN)
@@ -213,20 +225,24 @@ class InputDraws:
             "p_over_E": p,
             "extrapolation": beyond != "",
             "extrapolation_of": beyond.astype(str),
-            "a_over_R": bodies.profile["a"][index],
-            "b_over_R": bodies.profile["b"][index],
-            "offset": bodies.profile["offset"][index],
+            "a_over_R": bodies.profile["a"],
+            "b_over_R": bodies.profile["b"],
+            "offset": bodies.profile["offset"],
             "nu": nu,
         }
-        values |= {name: column[index] for name, column in bodies.physical.items()}
-        return self._dataset(index, values)
+        return self._dataset(index, values | bodies.physical)
 
-    def _p(self, index: IntArray) -> FloatArray:
-        largest = self._bodies.p_over_E[index] if self._is_share else np.ones(len(index))
+    def _p(self, bodies: SceneDraws) -> FloatArray:
+        largest = bodies.p_over_E if self._is_share else np.ones(len(bodies.nu))
         return largest[:, None] * self._loads
 
     def _contacts(
-        self, index: IntArray, Q: IntArray, p: FloatArray, nu: FloatArray, rng: np.random.Generator
+        self,
+        profiles: FloatArray,
+        Q: IntArray,
+        p: FloatArray,
+        nu: FloatArray,
+        rng: np.random.Generator,
     ) -> dict[str, np.ndarray]:
         """Return the variables that the mechanics gives, at the counts drawn."""
         names = ["p_over_E_mechanics", "contact_length_over_R", "contact_fraction"]
@@ -244,9 +260,9 @@ class InputDraws:
         W = factor * np.where(is_large, half_plane, p)
         for count in np.unique(Q).tolist():
             i, j = here = np.nonzero(count == Q)
-            found = self._table.at(index[i], count, W[here])
+            found = self._table.at(profiles[i], count, W[here])
             if math.isnan(self.contact_relative_error):
-                self.contact_relative_error = self._measure(index, Q, W, rng)
+                self.contact_relative_error = self._measure(profiles, Q, W, rng)
             at, line = found.W / factor[here], 2 * p[here]
             large = two_scale.load_of(at, nu[i], self._ogden)
             own = np.where(is_large[here] & np.isfinite(large), large, at)
@@ -265,14 +281,14 @@ class InputDraws:
         return out
 
     def _measure(
-        self, index: IntArray, Q: IntArray, W: FloatArray, rng: np.random.Generator
+        self, profiles: FloatArray, Q: IntArray, W: FloatArray, rng: np.random.Generator
     ) -> float:
         """Return three times the largest error of the table where some contacts are solved."""
         worst = _LEAST_ERROR / 3
         for i, j in zip(*(rng.integers(size, size=_N_CHECKED) for size in Q.shape), strict=True):
-            found = self._table.at(index[[i]], int(Q[i, j]), W[i, [j]])
+            found = self._table.at(profiles[[i]], int(Q[i, j]), W[i, [j]])
             try:
-                exact = self._table.solved(int(index[i]), int(Q[i, j]), float(found.W[0]))
+                exact = solved(profiles[i], int(Q[i, j]), float(found.W[0]))
             except ComputationError:  # another count than the table's
                 return math.inf
             worst = max(worst, _apart(found, exact))
@@ -290,6 +306,11 @@ class InputDraws:
         return xr.Dataset(
             variables, coords, self._attrs | {"contact_relative_error": self.contact_relative_error}
         )
+
+
+def _profiles(bodies: SceneDraws) -> FloatArray:
+    names = ("a", "b", "depth", "corner", "offset")
+    return np.stack([bodies.profile[name] for name in names], axis=1)
 
 
 def _steps(loads: int | ArrayLike) -> tuple[FloatArray, bool]:

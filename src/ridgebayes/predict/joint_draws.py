@@ -7,16 +7,16 @@ import numpy as np
 from scipy import special
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.contact.response_table import Axis
+from ridgebayes.contact.axes import Axis, Spread
 from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.predict.extrapolation import CalibratedRange, Flags
 from ridgebayes.predict.predict import N_LOAD_DRAWS
-from ridgebayes.predict.predictive_cdf import PosteriorLoads, distinct
+from ridgebayes.predict.predictive_cdf import PosteriorLoads
 
-_MOST_TEXTURES, _N_RATIO = 16, 9
+MOST_TEXTURES, _N_RATIO = 16, 9
 _LARGEST_Q = 2_000
 _Q_BLOCK = 16
 
@@ -40,6 +40,11 @@ class PredictiveDraws:
     flags: Flags
 
 
+def textures_of(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return widths over R, and the share of ridges, of n textures, shape (n, 3)."""
+    return np.stack([a, b, a / (a + b)], axis=1)
+
+
 class PredictiveSampler:
     """Draws Q from one posterior for bodies whose textures may all differ.
 
@@ -47,8 +52,8 @@ class PredictiveSampler:
     ----------
     fit : Posterior
         Posterior.
-    a, b : ndarray of float, shape (n,)
-        Ridge and groove width over R of all bodies.
+    seen : Spread
+        Of `textures_of` all bodies, that keeps `MOST_TEXTURES`.
 
     Raises
     ------
@@ -62,19 +67,19 @@ class PredictiveSampler:
     interpolated by a polynomial through 9 of them. Offsets are those of the nearest of these.
     """
 
-    def __init__(self, fit: Posterior, a: FloatArray, b: FloatArray) -> None:
+    def __init__(self, fit: Posterior, seen: Spread) -> None:
         n = N_LOAD_DRAWS if fit.model.offsets is not None else len(fit.draws)
         n //= 1 if fit.noise.tail == "normal" else 2
         self._fit, self._loads = fit, PosteriorLoads.of(fit, n, "simulation")
         self._stride = -(-len(fit.draws) // n)
         if fit.model.offsets is not None:
             self._stride = fit.offsets_given(self._stride)[0]
-        self._range, self._a, self._b = CalibratedRange.of(fit), a, b
-        first, self._place = distinct(a, b)
+        self._range, self._seen = CalibratedRange.of(fit), seen
         self._axis: Axis | None = None
-        self._textures = [(float(a[i]), float(b[i])) for i in first[: _MOST_TEXTURES + 1]]
-        if len(first) > _MOST_TEXTURES:
-            self._axis = Axis.over(a / (a + b), _N_RATIO)
+        if seen.distinct is not None:
+            self._textures = [(a, b) for a, b, _ in seen.distinct.tolist()]
+        else:
+            self._axis = Axis.over(seen.low[2], seen.high[2], _N_RATIO)
             self._textures = [(x, 1 - x) for x in self._axis.nodes.tolist()]
             self._check_scale_law()
         self._known: dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
@@ -92,14 +97,14 @@ class PredictiveSampler:
             )
 
     def draw(
-        self, index: IntArray, p: FloatArray, nu: FloatArray, rng: np.random.Generator
+        self, textures: FloatArray, p: FloatArray, nu: FloatArray, rng: np.random.Generator
     ) -> PredictiveDraws:
         """Draw counts.
 
         Parameters
         ----------
-        index : ndarray of int, shape (m,)
-            Which of the bodies.
+        textures : ndarray of float, shape (m, 3)
+            What `textures_of` returns of them.
         p : ndarray of float, shape (m, L)
             Loads p/E.
         nu : ndarray of float, shape (m,)
@@ -107,17 +112,23 @@ class PredictiveSampler:
         rng : numpy.random.Generator
             Source of randomness.
         """
-        which = rng.integers(len(self._loads.theta), size=len(index))
-        u = rng.random(len(index))
+        which = rng.integers(len(self._loads.theta), size=len(p))
+        u = rng.random(len(p))
         score = special.ndtri(u)
         if self._loads.df is not None:
             score = special.stdtrit(self._loads.df[which], u)
+        a, b, ratio = textures.T
+        # Which texture, or for the scatter of the offsets the nearest of those between.
+        near = (
+            self._seen.place(textures)
+            if self._axis is None
+            else np.abs(ratio[:, None] - self._axis.nodes).argmin(axis=1)
+        )
         with np.errstate(divide="ignore"):
             y = np.log(reduced_load(p, nu[:, None]))
         if self._axis is not None:
-            y = y - 2 * np.log(self._a[index] + self._b[index])[:, None]
-        a, b = self._a[index], self._b[index]
-        last = np.full(len(index), np.inf)
+            y = y - 2 * np.log(a + b)[:, None]
+        last = np.full(len(p), np.inf)
         if self._loads.df is not None:
             # Tails leave some to any count. As `predict`: up to contact over the whole width.
             last = 2 + 2 * np.floor(np.maximum(1 - b / 2, 0) / (a + b))
@@ -125,7 +136,7 @@ class PredictiveSampler:
         while alive.any():
             if 2 * _Q_BLOCK * block > _LARGEST_Q:
                 raise InputError(f"loads: expected counts up to {_LARGEST_Q}, got more")
-            for location, scale in self._log_loads(index, which, block):
+            for location, scale in self._log_loads(ratio, near, which, block):
                 # One score a draw: a load cannot reach a further ridge before a nearer one.
                 alive &= (y >= (location + scale * score)[:, None]) & (last[:, None] > Q)
                 Q += 2 * alive
@@ -135,7 +146,7 @@ class PredictiveSampler:
         return PredictiveDraws(Q, which * self._stride, flags)
 
     def _log_loads(
-        self, index: IntArray, which: IntArray, block: int
+        self, ratio: FloatArray, near: IntArray, which: IntArray, block: int
     ) -> Sequence[tuple[FloatArray, FloatArray]]:
         """Return location and scale of each body's log load of the counts of a block, at nu 0.5."""
         if block not in self._known:
@@ -143,10 +154,7 @@ class PredictiveSampler:
             self._known[block] = [self._at(texture, counts) for texture in self._textures]
         own, location, scale = (np.stack(each) for each in zip(*self._known[block], strict=True))
         if self._axis is None:
-            near = self._place[index]
             return list(zip(location[near, which].T, scale[near, which].T, strict=True))
-        ratio = self._a[index] / (self._a[index] + self._b[index])
-        near = np.abs(ratio[:, None] - self._axis.nodes).argmin(axis=1)
         found = location[near, which]
         if not isinstance(self._fit.form, PowerLaw):
             with np.errstate(invalid="ignore"):

@@ -4,12 +4,16 @@ A stream is named by labels ("hybrid", "ensemble 2"), so adding a form or an ens
 leaves the numbers of all others as they were. There is no global random state.
 """
 
+import functools
 import zlib
+from collections.abc import Callable
 
 import numpy as np
 
 from ridgebayes._types import Rng
 from ridgebayes.errors import InputError
+
+Streams = Callable[..., np.random.Generator]  # of labels
 
 
 def seed_of(rng: Rng) -> int:
@@ -72,3 +76,15 @@ def stream(seed: int, *labels: str) -> np.random.Generator:
     """
     # crc32, unlike hash(), is the same in every process and Python version.
     return np.random.default_rng([seed, *(zlib.crc32(label.encode()) for label in labels)])
+
+
+def streams(seed: int) -> Streams:
+    """Return `stream` of one seed, whose numbers go on where the last of the same labels ended.
+
+    Examples
+    --------
+    >>> parts, whole = streams(1), stream(1, "hybrid").random(3)
+    >>> bool(parts("hybrid").random() == whole[0] and parts("hybrid").random() == whole[1])
+    True
+    """
+    return functools.cache(functools.partial(stream, seed))

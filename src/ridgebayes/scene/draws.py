@@ -1,6 +1,6 @@
 """Draws of a scene's values: all alike where it is certain of them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.runtime.randomness import stream
+from ridgebayes.runtime.randomness import Streams, streams
 from ridgebayes.scene.scene import Scene
 from ridgebayes.table.columns import LARGEST_LOAD, LARGEST_WIDTH, LEAST_WIDTH
 
@@ -60,6 +60,25 @@ def draw_scene(
     InputError
         If there are several textures, or a draw breaks a rule of a scene.
     """
+    return _next(scene, n, streams(seed), given)
+
+
+def scene_blocks(scene: Scene, n: int, seed: int, size: int) -> Iterator[SceneDraws]:
+    """Yield the n draws of `draw_scene`, some at a time; joint rows of scipy.stats may be others.
+
+    Raises
+    ------
+    InputError
+        As `draw_scene`.
+    """
+    random = streams(seed)
+    for first in range(0, n, size):
+        yield _next(scene, min(size, n - first), random, None)
+
+
+def _next(
+    scene: Scene, n: int, random: Streams, given: Mapping[str, FloatArray] | None
+) -> SceneDraws:
     if len(scene.textures) != 1:
         raise InputError(f"scene: expected one texture, got {len(scene.textures)}")
     texture = scene.textures[0]
@@ -73,10 +92,10 @@ def draw_scene(
         "p_over_E": scene.highest_load(texture),
     }
     if scene.uncertain is not None:
-        drawn = scene.uncertain.draw(n, seed) if given is None else given
+        drawn = scene.uncertain.draw(n, random) if given is None else given
         values |= scene.uncertain.derive(drawn)
     if isinstance(values["offset"], str):
-        values["offset"] = stream(seed, "scene", "offset").uniform(-0.5, 0.5, n)
+        values["offset"] = random("scene", "offset").uniform(-0.5, 0.5, n)
     found = {name: np.array(np.broadcast_to(value, n), float) for name, value in values.items()}
     _check(found)
     profile = {name: found.pop(name) for name in ("a", "b", "depth", "corner", "offset")}

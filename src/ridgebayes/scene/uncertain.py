@@ -14,7 +14,7 @@ from ridgebayes._types import FloatArray, Json
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.distributions.grammar import parse_distribution
 from ridgebayes.errors import InputError
-from ridgebayes.runtime.randomness import stream
+from ridgebayes.runtime.randomness import Streams, stream, streams
 from ridgebayes.scene.units import Dimension, to_si
 
 _NO_MASS = 1e-12  # a probability that draws never meet
@@ -206,22 +206,24 @@ class Uncertain:
         texts |= {name: "joint draws" for one in found if one.draws is not None for name in one.of}
         return cls(sources, texts, partial(_derived, certain, has_units), found)
 
-    def draw(self, n: int, seed: int) -> dict[str, FloatArray]:
-        """Return n draws of the values that are not certain, by place."""
-        drawn = self.at_scores(self.scores(n, seed), seed)
+    def draw(self, n: int, random: Streams) -> dict[str, FloatArray]:
+        """Return the next n draws of the values that are not certain, by place."""
+        drawn = self.at_scores(self.scores(n, random), random)
         for one in self.joint:
             if one.draws is not None:
-                rows = one.rows(n, stream(seed, "scene", *one.of))
+                rows = one.rows(n, random("scene", *one.of))
                 drawn |= dict(zip(one.of, rows.T, strict=True))
         return drawn
 
-    def scores(self, n: int, seed: int) -> dict[str, FloatArray]:
-        """Return n independent standard normal scores, by place."""
-        return {name: stream(seed, "scene", name).standard_normal(n) for name in self.sources}
+    def scores(self, n: int, random: Streams) -> dict[str, FloatArray]:
+        """Return the next n independent standard normal scores, by place."""
+        return {name: random("scene", name).standard_normal(n) for name in self.sources}
 
-    def at_scores(self, score: Mapping[str, FloatArray], seed: int = 0) -> dict[str, FloatArray]:
+    def at_scores(
+        self, score: Mapping[str, FloatArray], random: Streams | None = None
+    ) -> dict[str, FloatArray]:
         """Return values at independent standard normal scores, by place; callables draw theirs."""
-        score = dict(score)
+        score, random = dict(score), random or streams(0)
         for one in self.joint:
             if one.correlation is not None:
                 # The root of a matrix that may be singular: of values that go together exactly.
@@ -230,7 +232,7 @@ class Uncertain:
                 mixed = root @ np.stack([score[name] for name in one.of])
                 score |= dict(zip(one.of, mixed, strict=True))
         return {
-            name: source.draw(score[name], stream(seed, "scene", name, "callable"))
+            name: source.draw(score[name], random("scene", name, "callable"))
             for name, source in self.sources.items()
         }
 

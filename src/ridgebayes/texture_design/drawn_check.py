@@ -5,9 +5,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ridgebayes._types import Json
+from ridgebayes.contact.axes import Spread
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.inference.posterior import Posterior
-from ridgebayes.predict.joint_draws import PredictiveSampler
+from ridgebayes.predict.joint_draws import MOST_TEXTURES, PredictiveSampler, textures_of
 from ridgebayes.runtime.randomness import stream
 from ridgebayes.texture_design.bodies import Bodies
 from ridgebayes.texture_design.goal_values import Value
@@ -42,6 +43,8 @@ def drawn_check(
     """
     bodies = draw_bodies(n, seed)
     a, b = (np.broadcast_to(one, n) for one in bodies.widths(*texture, value.corner))
+    textures, seen = textures_of(a, b), Spread(MOST_TEXTURES)
+    seen.add(textures)
     loads = value.case.loads
     p = np.stack([load.p_over_E(bodies.units) for load in loads], axis=1)
     rng = stream(seed, "check")
@@ -51,8 +54,8 @@ def drawn_check(
     for j, (fit, _) in enumerate(averaged):
         here = np.flatnonzero(part == j)
         if len(here):
-            sampler = PredictiveSampler(fit, a, b)
-            Q[here] = sampler.draw(here, p[here], bodies.nu[here], rng).Q
+            sampler = PredictiveSampler(fit, seen)
+            Q[here] = sampler.draw(textures[here], p[here], bodies.nu[here], rng).Q
     if goal.is_spread:
         sd = float(Q[:, 0].std())
         fourth = float(((Q[:, 0] - Q[:, 0].mean()) ** 4).mean())

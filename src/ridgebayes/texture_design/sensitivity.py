@@ -16,7 +16,7 @@ from scipy import stats
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
-from ridgebayes.runtime.randomness import stream
+from ridgebayes.runtime.randomness import stream, streams
 from ridgebayes.scene.scene import Scene
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
@@ -61,7 +61,7 @@ class Sources:
         """Return n draws of each source."""
         found: dict[str, FloatArray] = {}
         if self.scene.uncertain is not None:
-            found |= self.scene.uncertain.draw(n, seed)
+            found |= self.scene.uncertain.draw(n, streams(seed))
         if self.tolerance.size and not self.tolerance.is_worst:
             found["tolerance"] = stream(seed, "tolerance").standard_normal((2, n))
         for name in (FORM, NOISE, COEFFICIENTS):
@@ -78,7 +78,8 @@ class Sources:
         draws, known = self.draw(n, seed), self.draw(_N_OUTER, seed + 1)
         uncertain = self.scene.uncertain if left and members != ["tolerance"] else None
         if uncertain is not None:
-            score, known = uncertain.scores(n, seed), uncertain.scores(_N_OUTER, seed + 1)
+            score = uncertain.scores(n, streams(seed))
+            known = uncertain.scores(_N_OUTER, streams(seed + 1))
         else:
             score = draws
         measured = {
@@ -87,7 +88,7 @@ class Sources:
             for one in members
         }
         if uncertain is not None:
-            measured = uncertain.at_scores(score | measured, seed)
+            measured = uncertain.at_scores(score | measured, streams(seed))
         return {**draws, **measured}
 
     def may_be_measured_in_part(self, members: Sequence[str]) -> bool:

@@ -1,0 +1,112 @@
+"""What many rows of numbers have in common, seen block by block; nodes between two values."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.errors import InputError
+
+
+class Spread:
+    """Which rows there are: each of them if they are few, and the range of each column.
+
+    Parameters
+    ----------
+    most : int
+        Distinct rows that are kept.
+
+    Examples
+    --------
+    >>> seen = Spread(2)
+    >>> seen.add(np.array([[1.0, 5.0], [1.0, 5.0]]))
+    >>> seen.add(np.array([[0.0, 7.0]]))
+    >>> seen.place(np.array([[1.0, 5.0]])).tolist()
+    [1]
+    >>> seen.add(np.array([[0.0, 8.0]]))
+    >>> seen.distinct is None, seen.low.tolist(), seen.high.tolist()
+    (True, [0.0, 5.0], [1.0, 8.0])
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self.distinct: FloatArray | None = None
+        self.low, self.high = np.array(np.inf), np.array(-np.inf)
+
+    def add(self, rows: FloatArray) -> None:
+        """Look at some more rows, shape (n, n_column)."""
+        few = self.low.ndim == 0 or self.distinct is not None
+        self.low = np.minimum(self.low, rows.min(axis=0))
+        self.high = np.maximum(self.high, rows.max(axis=0))
+        if few:
+            known = rows[:0] if self.distinct is None else self.distinct
+            distinct = np.unique(np.concatenate([known, rows]), axis=0)
+            self.distinct = distinct if len(distinct) <= self._most else None
+
+    def place(self, rows: FloatArray) -> IntArray:
+        """Return which of the distinct rows each is, shape (n,)."""
+        distinct = np.empty((0, rows.shape[1])) if self.distinct is None else self.distinct
+        return np.asarray((rows[:, None] == distinct).all(axis=-1).argmax(axis=1))
+
+    def check(self, rows: FloatArray) -> None:
+        """Refuse rows that lie beyond those that were seen."""
+        within = (rows >= self.low) & (rows <= self.high)
+        if self.distinct is not None:
+            within = (rows[:, None] == self.distinct).all(axis=-1).any(axis=1)
+        if not within.all():
+            raise InputError(
+                "scene: expected a callable that draws with the generator it is given, got one "
+                "whose draws were others the second time"
+            )
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Nodes between two values, and weights of them for values between.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends.
+    n : int
+        Nodes; 1 where the ends are one.
+    is_smooth : bool, optional
+        Whether weights are those of the polynomial through all nodes, or of a line between two.
+
+    Examples
+    --------
+    >>> axis = Axis(1.0, 3.0, 3)
+    >>> (axis.weights(np.array([1.0, 1.5, 3.0])) @ axis.nodes**2).round(12).tolist()
+    [1.0, 2.25, 9.0]
+    """
+
+    low: float
+    high: float
+    n: int
+    is_smooth: bool = True
+
+    @classmethod
+    def over(cls, low: float, high: float, n: int, *, is_smooth: bool = True) -> "Axis":
+        """Return the axis over a range, of one node if that is a single value."""
+        return cls(float(low), float(high), n if high > low else 1, is_smooth)
+
+    @property
+    def nodes(self) -> FloatArray:
+        """Nodes in rising order, shape (n,)."""
+        if self.n == 1:
+            return np.array([self.low])
+        unit = chebyshev.chebpts1(self.n) if self.is_smooth else np.linspace(-1, 1, self.n)
+        return 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * unit
+
+    def weights(self, x: FloatArray) -> FloatArray:
+        """Return the weight of each node at values, shape (.., n)."""
+        if self.n == 1:
+            return np.ones((len(x), 1))
+        if not self.is_smooth:
+            place = np.interp(x, self.nodes, np.arange(self.n))
+            value: FloatArray = np.maximum(1 - np.abs(place[:, None] - np.arange(self.n)), 0.0)
+            return value
+        at_nodes = np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(self.n), self.n - 1))
+        t = (2 * x - self.low - self.high) / (self.high - self.low)
+        return np.asarray(chebyshev.chebvander(t, self.n - 1) @ at_nodes)
