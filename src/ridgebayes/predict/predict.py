@@ -32,6 +32,7 @@ _STORED = 2**19  # draws times places up to which a load distribution keeps them
 _HELD = 2**22  # numbers that rows tell of offsets, of all draws, up to which they are held at once
 _LARGEST_Q = 20_000
 _BLOCK = 8  # counts worked out at a time
+_MANY = 4 + 2 * _BLOCK * 16  # the first count before which it is asked whether counts end at all
 
 
 class Predictive(ABC):
@@ -300,12 +301,18 @@ def _survival(
     average = DrawAverage(draws, kind) if draws.weight is None else NodeAverage(draws, kind)
     columns = [np.ones(len(p))]
     last = _LARGEST_Q if draws.df is None else _widest(texture)
-    for first in range(4, last + 2, 2 * _BLOCK):
-        block = np.arange(first, first + 2 * _BLOCK, 2)
-        found = np.empty((len(p), _BLOCK))
+
+    def reaching(counts: IntArray) -> FloatArray:
+        found = np.empty((len(p), len(counts)))
         for poisson in np.unique(nu):
             here = nu == poisson
-            found[here] = average.at(texture, block, p[here], float(poisson))
+            found[here] = average.at(texture, counts, p[here], float(poisson))
+        return found
+
+    for first in range(4, last + 2, 2 * _BLOCK):
+        if first == _MANY and draws.df is None and reaching(np.array([last])).max() >= NEGLIGIBLE:
+            break
+        found = reaching(np.arange(first, first + 2 * _BLOCK, 2))
         for column in found.T:
             # One noise draw cannot reach a further ridge before a nearer one.
             columns.append(np.minimum(column, columns[-1]))
