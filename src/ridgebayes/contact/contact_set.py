@@ -165,7 +165,9 @@ def _places(segment: RigidSegment) -> FloatArray:
     x = np.linspace(low, high, 33 if segment.ridge is None else 9)
     if segment.corner:  # a round corner is touched before the flat is
         into = np.linspace(0, segment.corner, 33)[:0:-1]
-        x = np.concatenate([low - into, x, high + into[::-1]])
+        # And one place just inside each kink: a parabola finds no vertex beside a far one.
+        near = np.array([low + into[-1], high - into[-1]])
+        x = np.concatenate([low - into, x, near[(low < near) & (near < high)], high + into[::-1]])
     return np.unique(x)
 
 

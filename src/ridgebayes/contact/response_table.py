@@ -32,6 +32,8 @@ _CLOSEST_BETWEEN = 0.01  # where ends are interpolated between offsets
 _FROM = 1e-4  # of the load of the first change of the count: where the table begins
 MOST_DISTINCT, _MOST_NODES = 32, 400
 _LAST_OFFSET = 0.499
+# Columns of `shapes_of`.
+_OVER_RIDGE, _OVER_RADIUS = [0, 1, 2, 3, 4], [5, 1, 2, 6, 4]
 _N_SMOOTH, _N_OFFSET = 9, 17  # nodes along an axis
 _FIXED = 5  # quantities before those of edges: see `ContactValues`
 
@@ -89,31 +91,31 @@ class ResponseTable:
 
     def __init__(self, seen: Spread) -> None:
         self._seen, self._margin, distinct = seen, CLOSEST, seen.distinct
+        self._columns = _OVER_RIDGE
         self._axes: list[Axis] = []
         if distinct is None:
-            low, high = seen.low, seen.high
-            self._axes = [Axis.over(*ends, _N_SMOOTH) for ends in zip(low, high, strict=True)]
-            # Which end is free changes with the offset: no polynomial would do.
-            near, far = (min(float(end[1]), _LAST_OFFSET) for end in (low, high))
-            offset_axis = Axis.over(near, far, _N_OFFSET, is_smooth=False)
-            self._axes[1] = offset_axis
+            found = [(columns, _axes(seen, columns)) for columns in (_OVER_RIDGE, _OVER_RADIUS)]
+            self._columns, self._axes = min(found, key=lambda one: math.prod(x.n for x in one[1]))
             if math.prod(axis.n for axis in self._axes) > _MOST_NODES:
                 raise InputError(
                     "scene: too many values vary at once; expected certain widths and radius where "
                     "corners are round or floors are touched"
                 )
-            if offset_axis.n > 1:
+            if self._axes[1].n > 1:
                 self._margin = _CLOSEST_BETWEEN
             mesh = np.meshgrid(*(axis.nodes for axis in self._axes), indexing="ij")
-            distinct = np.stack([one.ravel() for one in mesh], axis=1)
-        self._shapes = [_Shape(_profile(row)) for row in distinct]
+            rows = np.stack([one.ravel() for one in mesh], axis=1)
+        else:
+            rows = distinct[:, self._columns]
+        over_ridge = self._columns == _OVER_RIDGE
+        self._shapes = [_Shape(_profile(row, over_ridge=over_ridge)) for row in rows]
 
     def _weights(self, shapes: FloatArray) -> FloatArray:
         """Return the weight of each shape, (n, n_shape)."""
         if not self._axes:
             return np.asarray(np.eye(len(self._shapes))[self._seen.place(shapes)])
         weights = np.ones((len(shapes), 1))
-        for axis, column in zip(self._axes, shapes.T, strict=True):
+        for axis, column in zip(self._axes, shapes[:, self._columns].T, strict=True):
             weights = weights[:, :, None] * axis.weights(column)[:, None, :]
             weights = weights.reshape(len(shapes), -1)
         return weights
@@ -171,12 +173,20 @@ def solved(profile: FloatArray, Q: int, W: float) -> ContactValues:
 
 
 def shapes_of(profiles: FloatArray) -> FloatArray:
-    """Return what contacts of profiles (n, 5), as of `ResponseTable.at`, depend on, (n, 5)."""
+    """Return what contacts of profiles (n, 5), as of `ResponseTable.at`, depend on, (n, 7).
+
+    Logs of groove, depth, corner and ridge, and the offset. With sharp corners only the groove over
+    the ridge, and the depth over the pitch's square, matter. With round ones a groove is taken with
+    both its corners: contacts do not change where it closes. Groove and corner are there twice,
+    over the ridge and over R: with some lengths certain, fewer of the one or the other vary.
+    """
     a, b, depth, corner, offset = profiles.T
-    unit = _units(profiles)
+    unit, groove, is_sharp = _units(profiles), b + 2 * corner, corner == 0
     with np.errstate(divide="ignore"):
-        columns = [np.log(b / a), np.abs(offset), np.log(depth / unit**2)]
-        columns += [np.log(corner / unit), np.log((a + b) / unit)]
+        over_ridge = np.log(groove / a), np.log(corner / a)
+        over_radius = (np.where(is_sharp, over_ridge[0], np.log(groove)), np.log(corner))
+        columns = [over_ridge[0], np.abs(offset), np.log(depth / unit**2), over_ridge[1]]
+    columns += [np.where(is_sharp, 0.0, np.log(a)), *over_radius]
     return np.stack(columns, axis=1).round(12)
 
 
@@ -184,12 +194,32 @@ def _units(profiles: FloatArray) -> FloatArray:
     return np.where(profiles[:, 3] > 0, 1.0, profiles[:, 0] + profiles[:, 1])
 
 
-def _profile(at: FloatArray) -> Profile:
-    log_ratio, offset, log_depth, log_corner, log_pitch = at.tolist()
-    pitch, ratio = math.exp(log_pitch), math.exp(log_ratio)
-    a = pitch / (1 + ratio)
-    depth, corner = math.exp(log_depth), math.exp(log_corner)
-    return Profile(a, pitch - a, depth, min(corner, 0.5 * a), offset)
+def _axes(seen: Spread, columns: list[int]) -> list[Axis]:
+    """Return axes over some columns of `shapes_of`, the second of them that of the offset."""
+    ranges = list(zip(seen.low[columns], seen.high[columns], strict=True))
+    axes = [Axis.over(*ends, _N_SMOOTH) for ends in ranges]
+    # Which end is free changes with the offset: no polynomial would do.
+    near, far = (min(end, _LAST_OFFSET) for end in ranges[1])
+    axes[1] = Axis.over(near, far, _N_OFFSET, is_smooth=False)
+    return axes
+
+
+def _profile(at: FloatArray, *, over_ridge: bool) -> Profile:
+    """Return the profile of a shape; of a sharp one that with a pitch of 1."""
+    groove, offset, depth, corner, ridge = at.tolist()
+    if corner == -math.inf:
+        a = 1 / (1 + math.exp(groove))
+        return Profile(a, 1 - a, math.exp(depth), 0.0, offset)
+    a = math.exp(ridge)
+    scale = a if over_ridge else 1.0
+    radius = min(scale * math.exp(corner), 0.5 * a)
+    b = scale * math.exp(groove) - 2 * radius
+    if not b > 0:
+        raise InputError(
+            "scene: too many values vary at once; expected a certain corner_radius where grooves "
+            "may close"
+        )
+    return Profile(a, b, math.exp(depth), radius, offset)
 
 
 class _Shape:
