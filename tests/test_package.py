@@ -144,14 +144,22 @@ def test_errors__can_be_told_apart_and_caught_together():
         ("distributed", ["runtime/cluster"]),
     ],
 )
-def test_each_heavy_library_has_one_home(library, homes):
-    importers = {
-        path.relative_to(PACKAGE).as_posix()
-        for path in PACKAGE.rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if library in _roots(node)
-    }
+def test_each_heavy_library_has_one_home(imports, library, homes):
+    importers = {name for name, roots in imports.items() if library in roots}
     assert importers == {f"{home}.py" for home in homes}
+
+
+@pytest.fixture(scope="module")
+def imports():
+    """The libraries that each module of the package imports anywhere."""
+    return {
+        path.relative_to(PACKAGE).as_posix(): {
+            root
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            for root in _roots(node)
+        }
+        for path in PACKAGE.rglob("*.py")
+    }
 
 
 def _roots(node: ast.AST) -> set[str]:
