@@ -622,12 +622,10 @@ def test_seed__same_numbers_again_and_others_for_another(paper):
         return found.evidence.set_index(["form", "method"])["log_evidence"], found
 
     one, first = numbers(3, [rb.Modified(), rb.Classic()])
-    again, _ = numbers(3, [rb.Modified(), rb.Classic()])
     alone, single = numbers(3, [rb.Modified()])
     other, _ = numbers(4, [rb.Modified()])
-    assert one.to_dict() == again.to_dict()
     # A form draws from a stream of its own name, whatever it is compared with.
-    assert one["modified", "bridge"] == alone["modified", "bridge"]
+    assert one.loc["modified"].to_dict() == alone.loc["modified"].to_dict()
     assert first.fits["modified"].draws.tolist() == single.fits["modified"].draws.tolist()
     assert other["modified", "bridge"] != alone["modified", "bridge"]
     assert other["modified", "quadrature"] == alone["modified", "quadrature"]
