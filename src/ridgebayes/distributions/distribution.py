@@ -288,10 +288,12 @@ class HalfNormal(Distribution):
     def value_at(self, u: FloatArray | float) -> FloatArray:
         u = np.asarray(u, dtype=float)
         # The smaller of P(X <= x) = erf(x / sd sqrt 2) and its complement, so that none cancels.
-        tail, low = special.ndtr(-np.abs(u)), u < 0
+        z, low = np.asarray(special.ndtr(-np.abs(u))), u < 0
         if low.all():
-            return np.asarray(self.sd * (math.sqrt(2) * special.erfinv(tail)))
-        z: FloatArray = math.sqrt(2) * np.where(low, special.erfinv(tail), special.erfcinv(tail))
+            return np.asarray(self.sd * (math.sqrt(2) * special.erfinv(z)))
+        special.erfinv(z, out=z, where=low)
+        special.erfcinv(z, out=z, where=~low)
+        z *= math.sqrt(2)
         if np.any(far := u > 35):  # where even the tail underflows, its logarithm does not
             log_half_tail = special.log_ndtr(-np.where(far, u, 0)) - math.log(2)
             z = np.where(far, -special.ndtri_exp(log_half_tail), z)
