@@ -23,6 +23,7 @@ from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from tests.hard_cases.case import hard_case, refused
 from tests.hard_cases.likelihood import (
+    FEW,
     LOG_2PI,
     by_quadrature,
     made,
@@ -31,8 +32,6 @@ from tests.hard_cases.likelihood import (
     summed_over_grid,
 )
 from tests.validation.thermodynamic import thermodynamic_evidence
-
-FEW = rb.SampleSettings(n_walker=64)
 
 
 @dataclass(frozen=True)
@@ -122,7 +121,7 @@ def sigma_on_its_bound():
     log_c = math.log(1.4) + np.linspace(-0.1, 0.1, 1000)
     truth, _ = summed_over_grid(frame, log_c, np.linspace(-22, -1, 1000))
     bridge, quadrature, laplace = evidences(
-        rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, noise="iid")
+        rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, settings=FEW, noise="iid")
     )
     assert abs(quadrature.value - truth) < 1e-5
     assert abs(bridge.value - truth) < 5 * bridge.se < 0.01

@@ -13,9 +13,9 @@ from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.inference.emcee_sampling import sample
 from ridgebayes.inference.laplace import Laplace, fit_laplace
 from tests.hard_cases.case import hard_case, refused
-from tests.hard_cases.likelihood import THREE, made, model_of
+from tests.hard_cases.likelihood import FEW, THREE, made, model_of
 
-FEW = rb.SampleSettings(n_walker=64)
+SETTLED = rb.SampleSettings(n_walker=64)  # tau to 1 %, as by default
 ROWS = functools.partial(made, rb.Modified(), [1.4], error=0.03)
 
 
@@ -97,7 +97,7 @@ class Given:
         return u @ np.linalg.inv(self.factor).T, np.zeros(u.shape[:-1])
 
 
-def walked(log_density, factor, settings=FEW):
+def walked(log_density, factor, settings=SETTLED):
     """Return the chains of a density of two coordinates."""
     names = tuple("xy"[: len(factor)])
     laplace: Laplace = Given(factor)
@@ -223,7 +223,7 @@ def strongly_correlated():
     chains = walked(
         lambda u: -0.5 * np.einsum("...i,ij,...j->...", u, inverse, u),
         np.linalg.cholesky([[1, 0.999], [0.999, 1]]),
-        FEW,
+        SETTLED,
     )
     assert not chains.convergence_failures
     x, y = chains.u.reshape(-1, 2).T
