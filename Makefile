@@ -21,8 +21,10 @@ PYTEST   = $(BIN)/python -m pytest -n auto --dist worksteal
 # One BLAS thread: the matrices are small, and threads only fight over the cores.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
+# Tests start many processes: none of them has to compile the package anew.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup run lint types fast test test-long docs notebooks gallery dist hard-cases mutation architecture clean
+.PHONY: setup run lint types fast pytest test test-long docs notebooks gallery dist hard-cases mutation architecture clean
 
 setup: $(VENV)/.installed
 
@@ -47,7 +49,10 @@ types: setup
 fast: lint types
 	$(PYTEST) -q -m "not slow and not process and not ccx and not long"
 
-test: lint types docs
+# With --jobs=2 types are checked beside docs and the first tests, so that no core waits for them.
+test: lint types pytest
+
+pytest: docs
 	$(PYTEST) -m "not long"
 
 # One environment for each Python; one that is not there is an error, not a silent skip.
