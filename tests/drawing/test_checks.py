@@ -87,7 +87,7 @@ def test_bands__show_median_ends_and_rows(bands, paper):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["png", "svg"])
+@pytest.mark.parametrize("kind", [pytest.param("png", marks=pytest.mark.long), "svg"])
 def test_equal_records_give_equal_bytes(bands, kind):
     first, again = (as_bytes(drawn_checks(checks(2)), kind) for _ in range(2))
     assert first == again

@@ -31,7 +31,7 @@ def table(forms, noises, probs=PROBS, *, widest=1.0):
     [
         (["hybrid"], ["iid"], 1.0),
         (["hybrid", "classic"], NOISES[:3], 0.1),
-        (list(FORMS), NOISES, 1.0),
+        pytest.param(list(FORMS), NOISES, 1.0, marks=pytest.mark.long),
         (list(FORMS), NOISES, 300.0),
     ],
 )

@@ -40,7 +40,13 @@ def test_increments__are_drawn_and_named():
     assert "increment" not in [text.get_text() for text in without.legends[0].get_texts()]
 
 
-@pytest.mark.parametrize("most", np.geomspace(3e-4, 3.0, 23).tolist())
+@pytest.mark.parametrize(
+    "most",
+    [
+        pytest.param(most, marks=[pytest.mark.long] * (i % 2))
+        for i, most in enumerate(np.geomspace(3e-4, 3.0, 23).tolist())
+    ],
+)
 def test_labels__of_loads_do_not_meet_and_counts_are_even(most, faults):
     tables = [(_bands(most), _rows([4], [most / 2])) for _ in range(3)]
     bands, rows = (

@@ -143,7 +143,7 @@ def test_plot_plan_check__dots_are_the_table():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["png", "svg"])
+@pytest.mark.parametrize("kind", [pytest.param("png", marks=pytest.mark.long), "svg"])
 def test_figures__of_the_same_input_are_the_same_bytes_whatever_the_user_has_set(kind):
     table, drawn = effects(), curves("offset")
 

@@ -213,7 +213,7 @@ def test_plot_pressed__shows_a_mirrored_body_on_both_sides():
     assert len(ends) == found("plain").Q
 
 
-@pytest.mark.parametrize("kind", ["png", "svg"])
+@pytest.mark.parametrize("kind", [pytest.param("png", marks=pytest.mark.long), "svg"])
 def test_figures__of_the_same_input_are_the_same_bytes_whatever_the_user_has_set(kind):
     def drawings():
         figures = (plot_deformed(*pressed("sharp")), plot_pressed(found("floored")))
