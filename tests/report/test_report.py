@@ -180,7 +180,8 @@ def test_figures_of_a_comparison_read_back_are_the_same(odd, odd_gallery, tmp_pa
         fits[name] = Fit.from_netcdf(tmp_path / f"{name}.nc")
     back = Gallery(report_data(replace(odd, fits=fits)))
     assert list(back) == list(odd_gallery)
-    for name in odd_gallery:
+    # Of bands, of rows, of replicated rows and of draws.
+    for name in ("bands", "held-out", "posterior-checks", "corner-power-law"):
         assert (name, back.file(name, "svg")) == (name, odd_gallery.file(name, "svg"))
 
 
@@ -340,14 +341,14 @@ def test_coverage_is_shown_with_its_figure(comparison):
     assert any("Share of left-out transitions inside" in image["alt"] for image in page.all("img"))
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("suffix", [".html", ".md"])
-def test_write_report_leaves_one_whole_file(odd, odd_page, tmp_path, suffix):
+def test_write_report_leaves_one_whole_file(odd, tmp_path, suffix):
     target = tmp_path / f"report{suffix}"
     target.write_text("old", encoding="utf-8")
     write_report(odd, target)
     assert [path.name for path in tmp_path.iterdir()] == [target.name]
-    expected = odd_page if suffix == ".html" else render_report(odd, suffix)
-    assert target.read_text(encoding="utf-8") == expected
+    assert target.read_text(encoding="utf-8") == render_report(odd, suffix)
 
 
 def test_another_suffix_is_bad_input(odd, tmp_path):

@@ -271,7 +271,7 @@ def test_at_load__forgets_its_way_without_friction():
 
 @pytest.mark.slow
 def test_at_load__says_where_it_failed():
-    one = flat(edges=4)
+    one = flat(edges=2)
     with pytest.raises(NotConvergedError, match=r"at p/E = 0\.\d+: "):
         one.at_load(50.0, one.at_load(0.005, one.unloaded()))
 
