@@ -13,7 +13,7 @@ from ridgebayes.contact.response_table import (
     solved,
 )
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError, InputError
 
 A, B = 0.022, 0.02
 
@@ -70,6 +70,18 @@ def test_response_table__of_many_textures_is_the_contact_of_each():
     spread = np.exp(0.1 * rng.standard_normal((2, n)))
     bodies = profiles(n, a=A * spread[0], b=B * spread[1])
     assert max(worst(bodies, Q) for Q in (2, 6)) < 3e-4
+
+
+@pytest.mark.slow
+def test_response_table__of_narrow_grooves_between_sharp_ridges_is_the_contact_of_each():
+    # Beside an event a contact that has just begun cannot be solved there.
+    bodies = profiles(50, b=np.linspace(0.008, 0.8, 50) * A)
+    assert worst(bodies, 6) < 3e-4
+
+
+def test_solved__names_the_values_of_a_contact_that_cannot_be():
+    with pytest.raises(ComputationError, match=r"groove_width 0.909, .* got Q = 2 for 6, ok"):
+        solved(profiles()[0], 6, 1e-5)
 
 
 @pytest.mark.slow

@@ -32,6 +32,7 @@ _CLOSEST_BETWEEN = 0.01  # where ends are interpolated between offsets
 _FROM = 1e-4  # of the load of the first change of the count: where the table begins
 MOST_DISTINCT, _MOST_NODES = 32, 400
 _LAST_OFFSET = 0.499
+_TRIES = 5  # each four times as far from an interval's end
 # Columns of `shapes_of`.
 _OVER_RIDGE, _OVER_RADIUS = [0, 1, 2, 3, 4], [5, 1, 2, 6, 4]
 _N_SMOOTH, _N_OFFSET = 9, 17  # nodes along an axis
@@ -275,23 +276,33 @@ class _Shape:
             found[here] = chebyshev.chebval(2 * root[here] - 1, part).T
         return found
 
-    def _solve(self, Q: int, y: float, start: ContactSolution | None = None) -> ContactSolution:
+    def _solve(
+        self, Q: int, y: float, start: ContactSolution | None = None
+    ) -> tuple[float, ContactSolution]:
+        """Return the contact at a place y, and the place: farther inside if it has to be."""
         low, high = self.interval(Q)
-        inside = min(max(_INSIDE, _BEGUN / math.log(high / low)), 0.25)
-        W = low * (high / low) ** min(max(y, inside), 1 - inside)
-        return solve_contact(self._profile, W, rel_tol=_TOL, start=start)
+        inside, place = min(max(_INSIDE, _BEGUN / math.log(high / low)), 0.25), y
+        for _ in range(_TRIES):
+            W = low * (high / low) ** min(max(place, inside), 1 - inside)
+            found = solve_contact(self._profile, W, rel_tol=_TOL, start=start)
+            inside *= 4
+            further = min(max(y, inside), 1 - inside)
+            if (found.status == "ok" and found.Q == Q) or further == y or inside >= 0.25:
+                break
+            place = further
+        return place, found
 
     def _breaks(self, Q: int) -> list[float]:
         """Return 0, where an end reaches its corner or the flat of a round one, and 1."""
         grid = np.linspace(0.0, 1.0, _N_SCAN).tolist()
-        solved = [self._solve(Q, y) for y in grid]
+        solved = [self._solve(Q, y)[1] for y in grid]
         breaks = [0.0]
         for low, high, first, last in zip(grid, grid[1:], solved, solved[1:], strict=False):
             if _free_ends(first) == _free_ends(last):
                 continue
             for _ in range(_N_BISECTION):
                 middle = 0.5 * (low + high)
-                between = self._solve(Q, middle, first)
+                _, between = self._solve(Q, middle, first)
                 if _free_ends(between) == _free_ends(first):
                     low, first = middle, between
                 else:
@@ -305,9 +316,12 @@ class _Shape:
     def _fitted(self, Q: int, low: float, high: float) -> FloatArray:
         """Return Chebyshev coefficients of what `_measured` returns, (n_piece, 5 + 4 Q)."""
         t, values, last = chebyshev.chebpts2(_N_PIECE), [], None
-        for root in (0.5 * (t + 1)).tolist():
-            last = self._solve(Q, low + root**2 * (high - low), last)
+        for i, root in enumerate((0.5 * (t + 1)).tolist()):
+            y = low + root**2 * (high - low)
+            place, last = self._solve(Q, y, last)
             values.append(_measured(last, Q))
+            if place != y:
+                t[i] = 2 * math.sqrt((place - low) / (high - low)) - 1
         matrix = chebyshev.chebvander(t, _N_PIECE - 1)
         return np.asarray(np.linalg.solve(matrix, np.array(values)), dtype=np.float64)
 
@@ -321,7 +335,13 @@ def _free_ends(found: ContactSolution) -> tuple[bool, ...]:
 def _measured(found: ContactSolution, Q: int) -> FloatArray:
     """Return what `ContactValues` has from its length on, as one array, shape (5 + 4 Q,)."""
     if found.status != "ok" or found.Q != Q:
-        raise ComputationError(f"contact of Q = {Q}: {found.status}, Q = {found.Q}")
+        one = found.profile
+        raise ComputationError(
+            f"scene: groove_width {one.b / one.a:.3g}, corner_radius {one.corner / one.a:.3g} of "
+            f"ridge_width, offset {one.offset:.3g}: expected a contact that can be solved, got "
+            f"Q = {found.Q} for {Q}, {found.status}; a truncated distribution keeps to values "
+            "whose contact can be"
+        )
     first, last = found.ends
     on_ridges = np.array([segment.ridge is not None for segment in found.segments])
     share = (found.pressing.forces / found.pressing.load)[on_ridges]
