@@ -66,7 +66,8 @@ def test_calibrate__same_seed_same_draws_other_seed_others(paper):
 def test_calibrate__does_not_mind_repeated_rows_beyond_the_root_of_their_number(fits, paper):
     frame = paper.calibration.frame
     copies = [frame.assign(series=f"copy {i}") for i in range(4)]
-    many = calibrate(ContactTable.from_frame(pd.concat(copies)), Modified(), rng=1, noise="iid")
+    table, few = ContactTable.from_frame(pd.concat(copies)), SampleSettings(n_walker=64)
+    many = calibrate(table, Modified(), rng=1, settings=few, noise="iid")
     ratio = fits["modified"].summary["sd"][0] / many.summary["sd"][0]
     # Four times the rows, half the spread; the prior of sigma and n - 1 change it by 3 %.
     assert ratio == pytest.approx(2, rel=0.05)
