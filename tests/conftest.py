@@ -25,7 +25,15 @@ from tests.once import making
 
 # No clock in a test; and a test that fails today has to fail tomorrow.
 hypothesis.settings.register_profile("steady", deadline=None, derandomize=True, database=None)
-hypothesis.settings.load_profile("steady")
+hypothesis.settings.register_profile(
+    "short", hypothesis.settings.get_profile("steady"), max_examples=50
+)
+
+
+def pytest_configure(config):
+    """Try half the examples where long tests are left out: the same ones are tried each time."""
+    is_short = "not long" in config.option.markexpr
+    hypothesis.settings.load_profile("short" if is_short else "steady")
 
 
 # Tests that carry the mark `long` are left to `make test-long`: rare faults, repeats of a claim at
