@@ -12,11 +12,11 @@ from scipy.special import logsumexp
 import ridgebayes as rb
 from ridgebayes.comparison.compare import DEFAULT_FORMS
 from ridgebayes.evidence import power_law_evidence, quadrature_evidence
+from ridgebayes.evidence.changed_prior import scale_factors
 from ridgebayes.evidence.error_models import (
     printed_error_model,
     weigh_error_models,
 )
-from ridgebayes.evidence.prior_sensitivity import scale_factors
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.forms import FORMS, form_named

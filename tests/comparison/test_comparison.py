@@ -17,8 +17,9 @@ from ridgebayes.comparison.ranking import factors_by_method
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence, quadrature_evidence
+from ridgebayes.evidence.changed_prior import scale_factors
 from ridgebayes.evidence.error_models import WeighedErrorModels, weigh_error_models
-from ridgebayes.evidence.prior_sensitivity import prior_sensitivity, scale_factors
+from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
 from ridgebayes.inference.arviz_groups import groups_of
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import N_KEPT
@@ -447,12 +448,13 @@ def test_prior_sensitivity__of_weighted_draws_is_that_of_quadrature(
 def test_prior_sensitivity__a_posterior_without_mode_is_nan_and_not_an_error(
     comparison, fits, monkeypatch
 ):
-    def no_mode(model, near=None):
+    def no_mode(*_, **__):
         raise ComputationError("no interior mode")
 
-    monkeypatch.setattr("ridgebayes.evidence.prior_sensitivity.fit_laplace", no_mode)
+    monkeypatch.setattr("ridgebayes.evidence.changed_prior.fit_laplace", no_mode)
+    monkeypatch.setattr("ridgebayes.evidence.changed_prior.adapted", no_mode)
     # As if no draws reached the other prior.
-    monkeypatch.setattr("ridgebayes.evidence.prior_sensitivity.pareto_k", lambda log_weight: 1.0)
+    monkeypatch.setattr("ridgebayes.evidence.changed_prior.pareto_k", lambda log_weight: 1.0)
     frame = prior_sensitivity({"modified": {"iid": fits["modified"]}}, comparison.evidence)
     assert frame["prior"].drop_duplicates().tolist() == ["c", "sigma"]
     assert frame.loc[frame["factor"] != 1, "log_evidence"].isna().all()

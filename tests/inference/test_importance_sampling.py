@@ -61,7 +61,7 @@ def test_importance_posterior__same_seed_same_bytes_other_seed_others(model):
 
 
 def test_importance_posterior__tells_where_weights_are_heavy(model, monkeypatch):
-    def far_too_narrow(log_density, k, n_rest, rng, *, n_round, n):
+    def far_too_narrow(log_density, k, n_rest, rng, **_):
         unit = Independence.standard(k, n_rest)
         return Independence(unit.weights, unit.centres, 0.1 * unit.factors, unit.rest), None
 

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
+from ridgebayes.evidence.changed_prior import NUGGET
 from ridgebayes.evidence.error_models import LEAST_WEIGHT, mean_evidence
-from ridgebayes.evidence.prior_sensitivity import NUGGET
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.model.noise import Noise
 

@@ -146,10 +146,10 @@ def weigh_error_models(
     Notes
     -----
     A Student tail with shared offsets is left to its normal twin where it gains less than 1 in ln
-    evidence: their predictions then agree. Of what is drawn, a form that the rows rule out takes
-    few draws, and so does an error model that is a small part of its form's average. Where offsets
-    are drawn, more draws are taken if the standard error of the evidence times the pair's
-    probability is above 0.025.
+    evidence: their predictions then agree. A form that the rows rule out takes few draws, under
+    its best error models alone; an error model that is a small part of its form's average takes
+    few, too. Where offsets are drawn, more draws are taken if the standard error of the evidence
+    times the pair's probability is above 0.025.
     """
     tasks = [
         Weighing(data, form, noise, priors_of(priors, form, noise), seed)
@@ -189,7 +189,7 @@ def weigh_error_models(
             se_most=unsure * math.exp(min(total - one.evidence.value, _OUT_OF_REACH)),
         )
         for task, one in zip(tasks, found.values(), strict=True)
-        if not one.left_to and one.evidence.value > _best(found, one.form) - _CLOSE
+        if not one.left_to and _counts(one, _best(found, one.form), best)
     ]
     found |= {one.key: one for one in evaluated(close)}
     for key, one in found.items():
@@ -210,6 +210,12 @@ def _is_tame(found: Mapping[tuple[str, str], Candidate], task: Weighing) -> bool
     pair = [found.get((task.form.name, name)) for name in ("iid:student", "iid")]
     student, normal = (math.nan if one is None else one.evidence.value for one in pair)
     return student - normal < GAIN
+
+
+def _counts(one: Candidate, own: float, best: float) -> bool:
+    """Return whether a pair is drawn: near the best of its form, nearer if that is ruled out."""
+    within = _HEAVY if own < best - _OUT_OF_REACH else _CLOSE
+    return one.evidence.value > own - within
 
 
 def _efforts(one: Candidate, own: float, best: float, accuracy: Preset) -> tuple[Effort, ...]:

@@ -25,6 +25,9 @@ from ridgebayes.model.model import Model
 from ridgebayes.runtime.randomness import stream
 
 N_REPEAT = 4  # independent proposals
+# Share of draws that count, at which a proposal is good enough where densities are estimates: more
+# rounds take more time than draws of their own would.
+_ENOUGH = 0.5
 
 
 def importance_posterior(
@@ -82,7 +85,8 @@ def importance_posterior(
     Where offsets have no closed-form integral, proposals are of the parameters alone. Each draw's
     density is an unbiased estimate from points of its own, and one offset is kept of them in
     proportion to its weight: the draws of both are those of the exact posterior.
-    *Cost.* About 20,000 densities for each of the four.
+    *Cost.* About 20,000 densities for each of the four; fewer where they are estimates and the
+    approximation is good.
 
     References
     ----------
@@ -104,7 +108,15 @@ def importance_posterior(
         if fitted is None:
             few = laplace.whitened(_estimates(model, rng, max(n_point // 4, 1), []))
             k = laplace.n_curved
-            fitted, _ = adapted(few, k, model.n_parameter - k, rng, n_round=n_round, n=n_per_round)
+            fitted, _ = adapted(
+                few,
+                k,
+                model.n_parameter - k,
+                rng,
+                n_round=n_round,
+                n=n_per_round,
+                enough=_ENOUGH if model.is_latent else 1.0,
+            )
         estimates: list[tuple[FloatArray, Estimate]] = []
         many = laplace.whitened(_estimates(model, rng, n_point, estimates))
         found = weighted(many, fitted, rng, n_draw)

@@ -50,11 +50,15 @@ def searched(
 
 def scale(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
     """Return factors of at most 1 by which steps have to shrink where a function bends sharply."""
-    factors = 0.5 ** np.arange(9)
-    steps = WIDTH * factors[:, None, None] * np.eye(len(x))
-    bends = np.abs(function(x + steps) + function(x - steps) - 2 * function(x))
-    value: FloatArray = factors[np.argmax(bends < 1, axis=0)]
-    return value
+    factors, is_sharp, here = np.ones(len(x)), np.ones(len(x), dtype=bool), function(x)
+    for factor in 0.5 ** np.arange(9):
+        steps = WIDTH * factor * np.eye(len(x))
+        bends = np.abs(function(x + steps) + function(x - steps) - 2 * here)
+        factors[is_sharp & (bends < 1)] = factor
+        is_sharp &= ~(bends < 1)
+        if not is_sharp.any():
+            break
+    return factors
 
 
 def hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:

@@ -20,6 +20,7 @@ from scipy.special import gammaln, logsumexp, ndtr, ndtri
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
+from ridgebayes.inference.pareto_smoothing import pareto_k
 
 # In the mixture nearly all steps are the fitted proposal's; differential evolution carries the
 # walkers where the fit is wrong. The others are there to be measured against it.
@@ -33,6 +34,7 @@ _DF = 8.0  # small enough for the proposal's tails to cover the posterior's
 _SCALE = 1.05
 _SKEW = 0.4  # from which a coordinate's halves differ
 _PRIOR_WEIGHT = 20.0  # draws' worth of the common covariance in that of each component
+_LIGHT = 0.5  # Pareto shape below which weights have a variance
 _BATCH = 512  # points whose densities are asked for at a time: memory is bounded, caches are used
 
 
@@ -225,6 +227,16 @@ class Weighted:
         """Weights over their mean, shape (n,)."""
         return np.exp(self.log_weight - self.log_mean)
 
+    @property
+    def effective(self) -> float:
+        """Share of the draws that count: 1 where weights are all equal."""
+        return float(1 / np.square(self.relative).mean())
+
+    @property
+    def k(self) -> float:
+        """Pareto shape of the weights' tail."""
+        return pareto_k(self.log_weight)
+
     def resampled(self, rng: np.random.Generator, n: int, *, largest: float = np.inf) -> IntArray:
         """Return n indices drawn by weight, evenly spaced along the ladder of weights, shuffled.
 
@@ -274,6 +286,8 @@ def adapted(
     *,
     n_round: int = 6,
     n: int = 2_000,
+    start: Weighted | None = None,
+    enough: float = 1.0,
 ) -> tuple[Independence, Weighted]:
     """Return a proposal fitted to a density, and the last round's weighted draws.
 
@@ -286,11 +300,18 @@ def adapted(
     rng : numpy.random.Generator
         Source of randomness.
     n_round, n : int, optional
-        Rounds, and draws of each.
+        Rounds, at least one, and draws of each.
+    start : Weighted, optional
+        Draws that the first round is fitted to; of a standard proposal if not given.
+    enough : float, optional
+        Share of the draws that count, at which no further round is made if no tail of weights is
+        heavy.
     """
     proposal = Independence.standard(k, n_rest)
-    draws = weighted(log_density, proposal, rng, n)
-    for _ in range(n_round):
+    draws = start or weighted(log_density, proposal, rng, n)
+    for i in range(n_round):
+        if (i or start is None) and draws.effective > enough and draws.k < _LIGHT:
+            break
         # Early weights are cut, so that no single draw is all that the next round is fitted to.
         chosen = draws.resampled(rng, n, largest=math.sqrt(n))
         proposal = Independence.fitted(draws.z[chosen], k, rng)

@@ -175,7 +175,7 @@ class SampledOffsets:
         The last column is the rows' residuals: they tell which rows are outliers.
         """
         residual = np.broadcast_to(columns[:, -1], (*eta.shape[:-1], len(columns)))
-        root, _, weight, _ = self._normal.given(residual, eta, 1)
+        root, weight = self._normal.weights(residual, eta)
         # Outliers and wide intervals tell less than is expected of them a priori. Of other rows the
         # expected information serves, which does not hang on what they are.
         weight = self._normal.by_row(weight)

@@ -18,7 +18,7 @@ from ridgebayes.model.tails import Tail
 
 # Outliers' weights, and the normals that stand for intervals, settle; what is left is the
 # estimates' to correct.
-_PASSES, _PASSES_NORMAL = 8, 3
+_PASSES, _PASSES_NORMAL = 8, 2
 _OFF = 3.0  # sds of a row, its variance as if it were normal, beyond which offsets miss it
 _LEAST = 1e-12  # share of an offset's precision that other rows give, at least
 
@@ -43,10 +43,19 @@ class OffsetsOfNormals(NamedTuple):
 
 
 class _Normals(NamedTuple):
-    """Normals of a pass, and mean, half loading and variance of their offsets."""
+    """L, the normals' loadings, the rows' own variance, and the normals of a pass."""
 
+    root: Root
+    loading: FloatArray
+    own: FloatArray
     mean: FloatArray
     weight: FloatArray
+    variance: FloatArray  # of the rows' own errors, given what residuals say of a Student one
+
+
+class _Scores(NamedTuple):
+    """Mean, half loading and variance of the normals' offsets given all of them."""
+
     at: FloatArray
     half: FloatArray
     spread: FloatArray
@@ -72,7 +81,7 @@ class NormalRows:
         codes = np.concatenate([offsets.codes, offsets.codes_next[:, self.counts]], axis=1)
         self.design = Design(codes, offsets.n_level)
         self._brackets = np.setdiff1d(np.flatnonzero(~rows.exact), self.counts)
-        self._n_row = len(rows.upper)
+        self._n_row, self._is_student = len(rows.upper), bool(tail.parameter_names)
 
     def at_ends(self, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return each row's offset at its upper and at its lower end, from those of normals."""
@@ -91,9 +100,7 @@ class NormalRows:
             value[..., self.counts] += weight[..., self._n_row :]
         return value
 
-    def given(
-        self, residual: FloatArray, eta: FloatArray, n_pass: int | None = None
-    ) -> OffsetsOfNormals:
+    def given(self, residual: FloatArray, eta: FloatArray) -> OffsetsOfNormals:
         """Return the scores given rows.
 
         Parameters
@@ -102,49 +109,71 @@ class NormalRows:
             The rows' middles, less what the form says.
         eta : ndarray of float, shape (..., n_noise)
             The error model's parameters.
-        n_pass : int, optional
-            Passes over all rows; as many as settle if not given.
         """
-        is_student = bool(self._tail.parameter_names)
-        if n_pass is None:
-            n_pass = _PASSES if is_student else _PASSES_NORMAL * int(not self._rows.exact.all())
-        root, n = self._offsets.root(eta), self._n_row
-        loading, extra = root.loading(self.design), self._rows.centre[1]
-        own = np.broadcast_to(eta[..., :1] ** 2 + self._rows.rel_se**2, residual.shape)
-        variance, df = own, eta[..., -1:]
-        mean = np.concatenate([residual, residual[..., self.counts]], axis=-1)
-        # A count is at first a normal of its middle, and says nothing at its other end.
-        weight = np.zeros(mean.shape)
-        weight[..., :n] = 1 / (own + extra)
-        given = given_rows(self.design, root, weight, mean)
+        n_pass = _PASSES if self._is_student else _PASSES_NORMAL * int(not self._rows.exact.all())
+        now = self._begun(residual, eta)
+        given = given_rows(self.design, now.root, now.weight, now.mean)
         for i in range(n_pass):
-            at, half = self.design.spread(root.times(given.mean)), given.half(loading)
-            spread = (half**2).sum(axis=-2)
-            square, share = ((mean - at) ** 2)[..., :n], np.minimum((spread * weight)[..., :n], 1.0)
-            sites = self._sites(residual, variance, _Normals(mean, weight, at, half, spread))
-            if is_student and not i:
-                # Rows that offsets miss begin as if they lay as far off as a priori: outliers
-                # never pull at their neighbours then. The others begin with their own variance,
-                # which is soon settled.
-                missed = residual * residual + (loading[..., :n] ** 2).sum(axis=-2)
-                is_off = square > _OFF**2 * (own + extra)
-                variance = np.where(is_off, (df * own + missed) / (df + 1), variance)
-            elif is_student:
-                for rows, _, site in sites:
-                    square[..., rows], share[..., rows] = site.error_square, site.error_share
-                # A t is a normal of unknown variance: this is its mean given what the residual may
-                # be. The offset adds a share of the row's own variance: with the share kept the
-                # mean is solved for, where putting it in takes a pass for each factor df + 1.
-                variance = (df * own + square) / (df + 1 - share)
-            weight[..., :n] = 1 / variance
-            for _, places, site in sites:
-                for place, one, precision in zip(places, site.mean, site.precision, strict=True):
-                    mean[..., place], weight[..., place] = one, precision
-            given = given_rows(self.design, root, weight, mean)
-        return OffsetsOfNormals(root, given, weight, mean)
+            now = self._renewed(residual, eta, now, given, is_first=not i)
+            given = given_rows(self.design, now.root, now.weight, now.mean)
+        return OffsetsOfNormals(now.root, given, now.weight, now.mean)
+
+    def weights(self, residual: FloatArray, eta: FloatArray) -> tuple[Root, FloatArray]:
+        """Return L, and the normals' weights after one pass: for what need not be settled."""
+        now = self._begun(residual, eta)
+        given = given_rows(self.design, now.root, now.weight, now.mean)
+        now = self._renewed(residual, eta, now, given, is_first=True)
+        return now.root, now.weight
+
+    def _begun(self, residual: FloatArray, eta: FloatArray) -> _Normals:
+        # A count is at first a normal of its middle, and says nothing at its other end.
+        root, n = self._offsets.root(eta), self._n_row
+        own = np.broadcast_to(eta[..., :1] ** 2 + self._rows.rel_se**2, residual.shape)
+        mean = np.concatenate([residual, residual[..., self.counts]], axis=-1)
+        weight = np.zeros(mean.shape)
+        weight[..., :n] = 1 / (own + self._rows.centre[1])
+        return _Normals(root, root.loading(self.design), own, mean, weight, own)
+
+    def _renewed(
+        self,
+        residual: FloatArray,
+        eta: FloatArray,
+        now: _Normals,
+        given: OffsetPosterior,
+        *,
+        is_first: bool,
+    ) -> _Normals:
+        """Return the normals that the scores given the normals so far call for."""
+        n, df, own = self._n_row, eta[..., -1:], now.own
+        at, half = self.design.spread(now.root.times(given.mean)), given.half(now.loading)
+        spread = (half**2).sum(axis=-2)
+        square = ((now.mean - at) ** 2)[..., :n]
+        share = np.minimum((spread * now.weight)[..., :n], 1.0)
+        variance = now.variance
+        sites = self._sites(residual, variance, now, _Scores(at, half, spread))
+        if self._is_student and is_first:
+            # Rows that offsets miss begin as if they lay as far off as a priori: outliers never
+            # pull at their neighbours then. The others begin with their own variance, which is
+            # soon settled.
+            missed = residual * residual + (now.loading[..., :n] ** 2).sum(axis=-2)
+            is_off = square > _OFF**2 * (own + self._rows.centre[1])
+            variance = np.where(is_off, (df * own + missed) / (df + 1), variance)
+        elif self._is_student:
+            for rows, _, site in sites:
+                square[..., rows], share[..., rows] = site.error_square, site.error_share
+            # A t is a normal of unknown variance: this is its mean given what the residual may be.
+            # The offset adds a share of the row's own variance: with the share kept the mean is
+            # solved for, where putting it in takes a pass for each factor df + 1.
+            variance = (df * own + square) / (df + 1 - share)
+        mean, weight = now.mean.copy(), now.weight.copy()
+        weight[..., :n] = 1 / variance
+        for _, places, site in sites:
+            for place, one, precision in zip(places, site.mean, site.precision, strict=True):
+                mean[..., place], weight[..., place] = one, precision
+        return now._replace(variance=variance, mean=mean, weight=weight)
 
     def _sites(
-        self, residual: FloatArray, variance: FloatArray, now: _Normals
+        self, residual: FloatArray, variance: FloatArray, now: _Normals, scores: _Scores
     ) -> list[tuple[IntArray, list[IntArray], IntervalSites]]:
         """Return brackets and counts, with the places of their normals and these themselves."""
         sites = []
@@ -154,30 +183,40 @@ class NormalRows:
                     (residual + end - self._rows.centre[0])[..., rows]
                     for end in (self._rows.lower, self._rows.upper)
                 )
-                places, site = find(low, high, variance[..., rows], now)
+                places, site = find(low, high, variance[..., rows], now, scores)
                 sites.append((rows, places, site))
         return sites
 
     def _of_brackets(
-        self, low: FloatArray, high: FloatArray, own: FloatArray, now: _Normals
+        self,
+        low: FloatArray,
+        high: FloatArray,
+        own: FloatArray,
+        now: _Normals,
+        scores: _Scores,
     ) -> tuple[list[IntArray], IntervalSites]:
         rows = self._brackets
         mean, at, weight, spread = (
-            x[..., rows] for x in (now.mean, now.at, now.weight, now.spread)
+            x[..., rows] for x in (now.mean, scores.at, now.weight, scores.spread)
         )
         rest = spread / np.maximum(1 - spread * weight, _LEAST)  # what all others say
         site = interval_sites(low, high, at + rest * weight * (at - mean), rest, own)
         return [rows], site._replace(mean=site.mean[None], precision=site.precision[None])
 
     def _of_counts(
-        self, low: FloatArray, high: FloatArray, own: FloatArray, now: _Normals
+        self,
+        low: FloatArray,
+        high: FloatArray,
+        own: FloatArray,
+        now: _Normals,
+        scores: _Scores,
     ) -> tuple[list[IntArray], IntervalSites]:
         places = [self.counts, self._n_row + np.arange(len(self.counts))]
         mean, at, weight, (v, w) = (
             np.stack([x[..., place] for place in places])
-            for x in (now.mean, now.at, now.weight, now.spread)
+            for x in (now.mean, scores.at, now.weight, scores.spread)
         )
-        c = (now.half[..., places[0]] * now.half[..., places[1]]).sum(axis=-2)
+        c = (scores.half[..., places[0]] * scores.half[..., places[1]]).sum(axis=-2)
         p, q = weight
         det = np.maximum((1 - v * p) * (1 - w * q) - c * c * p * q, _LEAST)
         rest = np.stack([(1 - w * q) * v + c * c * q, (1 - v * p) * w + c * c * p, c]) / det

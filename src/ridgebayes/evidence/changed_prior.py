@@ -1,0 +1,191 @@
+"""The change of an evidence where a prior has another scale, or a smooth offset another nugget."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from scipy.special import logsumexp
+
+from ridgebayes._types import FloatArray
+from ridgebayes.errors import ComputationError
+from ridgebayes.evidence import power_law_evidence, quadrature_evidence
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.moves import Weighted, adapted
+from ridgebayes.inference.pareto_smoothing import pareto_k
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.power_law_exact import is_conjugate
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import SMOOTH
+from ridgebayes.runtime.randomness import stream
+
+NUGGET = "nugget"
+COEFFICIENTS = ("c", "c2")  # priors that hold what is known of mechanics: shrunk less
+_FACTORS = (0.1, 0.18, 0.3, 0.55, 1.0, 1.8, 3.0, 5.5, 10.0)
+_FEW_FACTORS = _FACTORS[::2]
+_OF_NUGGET = (0.1, 1.0, 10.0)
+_LEAST = 0.3  # factor of the coefficients' scales
+_N_LIKELIHOOD = 512  # draws that are weighted by a ratio of likelihoods
+_REACHED = 0.01  # share of a posterior's draws that count: of fewer a new mode is searched for
+_N_DRAW, _N_POINT, _ENOUGH = 256, 32, 0.5  # of importance sampling anew
+_SURE, _N_TRY = 0.1, 3  # standard error of ln evidence to stop at, and how often it is tried
+
+
+def prior_of(parameter: str) -> str:
+    """Return the name under which a parameter's prior is scaled: c and c1 alike, all K together."""
+    return {"c1": "c"}.get(parameter, parameter.partition("[")[0])
+
+
+def scale_factors(prior: str, *, few: bool = False) -> tuple[float, ...]:
+    """Return the multiples of a prior's scale that are looked at."""
+    if prior == NUGGET:
+        return _OF_NUGGET
+    return tuple(
+        f for f in (_FEW_FACTORS if few else _FACTORS) if prior not in COEFFICIENTS or f >= _LEAST
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """A posterior whose priors are scaled; holds all that a process of its own needs."""
+
+    form: str
+    noise: str
+    posterior: Posterior
+    few: bool
+
+    @property
+    def key(self) -> tuple[str, str]:
+        return self.form, self.noise
+
+    @property
+    def name(self) -> str:
+        return f"prior sensitivity of {self.form}, {self.noise}"
+
+    @property
+    def n_parameter(self) -> int:
+        return self.posterior.model.n_parameter
+
+    @property
+    def priors(self) -> dict[str, list[str]]:
+        """Names of the parameters of each prior that has a scale."""
+        owned: dict[str, list[str]] = {}
+        for name in self.posterior.model.parameter_names:
+            owned.setdefault(prior_of(name), []).append(name)
+        of = self.posterior.model.priors
+        return {prior: own for prior, own in owned.items() if all(of[n].scale_name for n in own)}
+
+    def model(self, prior: str, factor: float) -> Model:
+        """Return the posterior's model under another scale."""
+        model = self.posterior.model
+        if prior == NUGGET:
+            noise = replace(model.noise, nugget=factor * model.noise.nugget)
+            return Model(model.data, model.form, noise, model.priors)
+        names = self.priors[prior]
+        return model.with_priors({name: model.priors[name].stretched(factor) for name in names})
+
+
+@dataclass(frozen=True, eq=False)
+class Changed:
+    """A change that a posterior's own draws do not tell, and the ln evidence without it."""
+
+    scaling: Scaling
+    prior: str
+    factor: float
+    log_evidence: float
+
+    @property
+    def name(self) -> str:
+        return f"{self.scaling.name}, {self.prior} times {self.factor:g}"
+
+    @property
+    def n_parameter(self) -> int:
+        return self.scaling.n_parameter
+
+
+class Change(NamedTuple):
+    """A change of ln evidence by weighted draws: the weights' Pareto shape, and their largest."""
+
+    value: float
+    k: float
+    most: float
+
+
+def weighted_draws(task: Scaling) -> dict[tuple[str, float], Change]:
+    """Return changes of ln evidence by prior and factor, as a posterior's draws tell them."""
+    posterior, found = task.posterior, {}
+    for prior in task.priors:
+        for factor in scale_factors(prior, few=task.few):
+            ratio = _log_ratio(task.model(prior, factor), posterior.model, posterior.draws)
+            found[prior, factor] = _change(ratio)
+    if SMOOTH in posterior.noise.factors:
+        every = slice(None, None, max(len(posterior.coordinates) // _N_LIKELIHOOD, 1))
+        u, before = posterior.coordinates[every], posterior.kept_chains.log_density.ravel()[every]
+        for factor in scale_factors(NUGGET):
+            after = before if factor == 1 else task.model(NUGGET, factor).log_density(u)
+            found[NUGGET, factor] = _change(after - before)
+    return found
+
+
+def found_anew(task: Changed) -> float:
+    """Return a change by an integral, or by importance sampling from where draws lead."""
+    posterior, other = task.scaling.posterior, task.scaling.model(task.prior, task.factor)
+    if other.is_iid_gaussian:
+        change = _integrated(other) - _integrated(posterior.model)
+        if math.isfinite(change):
+            return change
+    try:
+        return _sampled(task, other) - task.log_evidence
+    except ComputationError:
+        return math.nan
+
+
+def _sampled(task: Changed, other: Model) -> float:
+    """Return ln evidence by importance sampling, from the draws that count or from the new mode."""
+    posterior, model = task.scaling.posterior, task.scaling.posterior.model
+    rng = stream(posterior.seed, task.name)
+    ratio = _log_ratio(other, model, posterior.draws)
+    laplace, draws = posterior.laplace, None
+    z = laplace.whiten(posterior.coordinates[:, : model.n_parameter])[0]
+    reached = Weighted(z, ratio, ratio)
+    is_near = reached.effective > _REACHED
+    if is_near:  # in coordinates of the posterior as it was
+        draws = reached
+    else:
+        laplace = fit_laplace(other, near=model.to_theta(laplace.mode))
+
+    def log_density(u: FloatArray) -> FloatArray:
+        if task.prior == NUGGET or not is_near:
+            return other.estimated(u, rng, _N_POINT).log_density
+        ratio = _log_ratio(other, model, model.to_theta(u))
+        return ratio + model.estimated(u, rng, _N_POINT).log_density
+
+    in_z, k = laplace.whitened(log_density), laplace.n_curved
+    for _ in range(_N_TRY):
+        _, draws = adapted(
+            in_z, k, model.n_parameter - k, rng, n_round=2, n=_N_DRAW, start=draws, enough=_ENOUGH
+        )
+        log_evidence = draws.log_mean
+        if (1 / draws.effective - 1) / _N_DRAW < _SURE**2:
+            break
+    return log_evidence
+
+
+def _change(log_weight: FloatArray) -> Change:
+    if not log_weight.any():
+        return Change(0.0, -math.inf, 0.0)
+    value = float(logsumexp(log_weight)) - math.log(len(log_weight))
+    return Change(value, pareto_k(log_weight), float(log_weight.max()))
+
+
+def _log_ratio(other: Model, model: Model, theta: FloatArray) -> FloatArray:
+    return other.log_prior(theta) - model.log_prior(theta)
+
+
+def _integrated(model: Model) -> float:
+    if is_conjugate(model):
+        return power_law_evidence(model).value
+    try:
+        laplace = fit_laplace(model)
+    except ComputationError:
+        return math.nan
+    return quadrature_evidence(model.log_density, laplace, tol=1e-3, points_max=1_000_000).value
