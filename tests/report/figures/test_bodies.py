@@ -44,7 +44,13 @@ def drawn(axes, kind):
     return [one for one in axes.collections if type(one) is kind]
 
 
-@pytest.mark.parametrize("name", PROFILES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if name in {"offset", "flat"} else [pytest.mark.long])
+        for name in PROFILES
+    ],
+)
 def test_plot_deformed__has_no_text_that_is_clipped_or_lies_on_other_text(name, faults):
     figure = plot_deformed(*pressed(name), fields=("von Mises", "pressure"))
     assert len(figure.axes) == 5
