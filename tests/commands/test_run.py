@@ -101,7 +101,7 @@ def _two_prior_scales():
     """Two prior scales say as much here as nine, in a fifth of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "ridgebayes.evidence.prior_sensitivity.scale_factors",
+            "ridgebayes.evidence.changed_prior.scale_factors",
             lambda prior, few=False: (1.0, 1.8),
         )
         yield
