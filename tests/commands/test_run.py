@@ -96,17 +96,6 @@ class Counted(Progress):
         return super().__enter__()
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _two_prior_scales():
-    """Two prior scales say as much here as nine, in a fifth of the time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "ridgebayes.evidence.changed_prior.scale_factors",
-            lambda prior, few=False: (1.0, 1.8),
-        )
-        yield
-
-
 @pytest.fixture(scope="module")
 def table(tmp_path_factory, paper):
     """Three textures of the paper and the held-out one, as a user's file."""
