@@ -285,6 +285,8 @@ class _Shape:
         for _ in range(_TRIES):
             W = low * (high / low) ** min(max(place, inside), 1 - inside)
             found = solve_contact(self._profile, W, rel_tol=_TOL, start=start)
+            if start is not None and found.status != "ok":  # it may lead round in circles
+                found = solve_contact(self._profile, W, rel_tol=_TOL)
             inside *= 4
             further = min(max(y, inside), 1 - inside)
             if (found.status == "ok" and found.Q == Q) or further == y or inside >= 0.25:
