@@ -89,7 +89,7 @@ def test_heavy_weights__are_sampled_anew(observed):
     other = model.with_priors({"tau_texture": narrow})
     truth = by_quadrature(other) - by_quadrature(model)
     assert truth < -10
-    assert abs(told[0.1] - truth) < 5 * 0.1  # Monte Carlo: standard error at most 0.1
+    assert abs(told[0.1] - truth) < 5 * 0.1  # Monte Carlo: standard error of 0.1
 
 
 def test_heavy_weights__of_outliers_with_a_smooth_offset_are_sampled_anew(observed):

@@ -104,6 +104,9 @@ def _heights(
     for s in steps:
         for _ in range(_N_NEWTON):
             rows = model.linearised(mode + vectors @ np.array([s, t]))
+            if not np.isfinite(rows).all():  # no rate is positive there
+                change = math.nan
+                break
             slope = rows[:, :2] @ vectors[:, 1]
             change = float(slope @ (rows[:, 2] - residual) / (slope @ slope))
             t -= change
@@ -111,7 +114,7 @@ def _heights(
                 break
         else:
             change = math.nan
-        if not math.isfinite(change):  # no rate is positive there
+        if not math.isfinite(change):
             break
         found.append((s, t))
     return np.array(found).reshape(-1, 2)
