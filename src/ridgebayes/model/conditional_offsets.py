@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import lapack
+from scipy.linalg import blas
 
 from ridgebayes._types import FloatArray, IntArray
 
@@ -355,10 +355,10 @@ def solve_lower(factor: FloatArray, right: FloatArray, *, transposed: bool = Fal
     many = np.broadcast_to(right, (*batch, n, m)).reshape(n_batch, n, m)
     if n <= _SMALL < n_batch:
         return _substituted(left, many, transposed).reshape(*batch, n, m)
-    out = np.empty((n_batch, n, m))
-    for i, each in enumerate(many):
-        # LAPACK takes columns first: a lower factor in rows is an upper one, transposed.
-        out[i], _ = lapack.dtrtrs(left[i].T, each, lower=0, trans=int(not transposed))
+    out = many.copy(order="C")
+    for each, x in zip(left, out, strict=True):
+        # BLAS takes columns first: rows of both are the transposed equation, solved in place.
+        blas.dtrsm(1.0, each.T, x.T, side=1, trans_a=int(transposed), overwrite_b=1)
     return out.reshape(*batch, n, m)
 
 
