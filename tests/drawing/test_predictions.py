@@ -57,3 +57,18 @@ def test_labels__of_loads_do_not_meet_and_counts_are_even(most, faults):
     assert faults(figure) == ([], [])
     assert all(count % 2 == 0 for count in figure.axes[0].get_yticks())
     assert sum(0 <= load <= most for load in figure.axes[0].get_xticks()) >= 2
+
+
+def _named(bands, rows):
+    figure = plot_bands(bands, rows, "hybrid")
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_legend__names_what_there_is_and_no_more():
+    bands, rows = _bands(0.02), _rows([4, 6], [0.01, 0.015])
+    assert _named(bands, rows) == ["observed", "curve, 90 %", "simulation, 90 %"]
+    beyond = bands.assign(extrapolation=bands["p_over_E"] > 0.01)
+    alone = beyond[beyond["kind_of_band"] == "simulation"]
+    assert _named(alone, rows.iloc[:0]) == ["simulation, 90 %", "extrapolation"]
+    elsewhere = rows.assign(a_over_R=0.03)
+    assert _named(bands, elsewhere) == ["curve, 90 %", "simulation, 90 %"]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -70,8 +71,9 @@ def plot_bands(
         draw_band(axes, by_texture[texture], colour_of(form))
         _observed(axes, rows)
         axes.set_title(texture_title(texture, rows), fontsize=9)
-    has_increments = _LOWER in table and bool(table[_LOWER].notna().any())
-    _legend(figure, colour_of(form), float(bands["prob"].iloc[0]), has_increments)
+    drawn = pd.concat([by_texture[texture] for texture in shown])
+    seen = pd.concat([observed.get(texture, table.iloc[:0]) for texture in shown])
+    _legend(figure, colour_of(form), drawn, seen)
     total = n_texture or len(by_texture)
     more = f", {len(shown)} of {total} textures" if len(shown) < total else ""
     if not untitled:
@@ -140,17 +142,25 @@ def _root(p: FloatArray | float) -> FloatArray:
     return np.sqrt(np.maximum(p, 0.0))
 
 
-def _legend(figure: Figure, colour: str, prob: float, has_increments: bool) -> None:
-    handles = [
-        Line2D([], [], color=OBSERVED, marker=".", markersize=7, linewidth=1, label="observed"),
-        Patch(color=colour, alpha=0.80, linewidth=0, label=f"curve, {100 * prob:.0f} %"),
-        Patch(color=colour, alpha=0.30, linewidth=0, label=f"simulation, {100 * prob:.0f} %"),
-        Patch(
-            facecolor="#9A9A9A", alpha=0.5, hatch="////", edgecolor="#FFFFFF", label="extrapolation"
-        ),
-    ]
-    if has_increments:
-        handles.insert(1, Line2D([], [], color=OBSERVED, linewidth=3, label="increment"))
+def _legend(figure: Figure, colour: str, bands: pd.DataFrame, observed: pd.DataFrame) -> None:
+    """Name what there is: a prediction of one load has no curve, most have no observations."""
+    handles: list[Artist] = []
+    if len(observed):
+        handles.append(
+            Line2D([], [], color=OBSERVED, marker=".", markersize=7, linewidth=1, label="observed")
+        )
+    if _LOWER in observed and observed[_LOWER].notna().any():
+        handles.append(Line2D([], [], color=OBSERVED, linewidth=3, label="increment"))
+    percent = f"{100 * float(bands['prob'].iloc[0]):.0f} %"
+    for kind, alpha in (("curve", 0.80), ("simulation", 0.30)):
+        if (bands["kind_of_band"] == kind).any():
+            patch = Patch(color=colour, alpha=alpha, linewidth=0, label=f"{kind}, {percent}")
+            handles.append(patch)
+    if bands["extrapolation"].any():
+        grey, white = "#9A9A9A", "#FFFFFF"
+        handles.append(
+            Patch(facecolor=grey, edgecolor=white, hatch="////", alpha=0.5, label="extrapolation")
+        )
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
 
 
