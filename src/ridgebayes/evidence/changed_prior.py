@@ -7,7 +7,7 @@ from typing import NamedTuple
 from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
-from ridgebayes.errors import ComputationError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import power_law_evidence, quadrature_evidence
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.moves import Weighted, adapted
@@ -139,7 +139,7 @@ def found_anew(task: Changed) -> float:
             return change
     try:
         return _sampled(task, other) - task.log_evidence
-    except ComputationError:
+    except (ComputationError, InputError):  # no mode, or no draw of positive density
         return math.nan
 
 
