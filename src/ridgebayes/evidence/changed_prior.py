@@ -25,7 +25,7 @@ _FEW_FACTORS = _FACTORS[::2]
 _OF_NUGGET = (0.1, 1.0, 10.0)
 _LEAST = 0.3  # factor of the coefficients' scales
 _N_LIKELIHOOD = 512  # draws that are weighted by a ratio of likelihoods
-_REACHED = 0.01  # share of a posterior's draws that count: of fewer a new mode is searched for
+_REACHED = 0.1  # share of a posterior's draws that count: of fewer a new mode is searched for
 _N_DRAW, _N_POINT, _ENOUGH = 256, 32, 0.5  # of importance sampling anew
 _N_TRY = 6  # rounds of it
 
@@ -107,11 +107,10 @@ class Changed:
 
 
 class Change(NamedTuple):
-    """A change of ln evidence by weighted draws: the weights' Pareto shape, and their largest."""
+    """A change of ln evidence by weighted draws, and the Pareto shape of the weights."""
 
     value: float
     k: float
-    most: float
 
 
 def weighted_draws(task: Scaling) -> dict[tuple[str, float], Change]:
@@ -166,7 +165,7 @@ def _sampled(task: Changed, other: Model) -> float:
     in_z, k = laplace.whitened(log_density), laplace.n_curved
     for _ in range(_N_TRY):
         _, draws = adapted(
-            in_z, k, model.n_parameter - k, rng, n_round=1, n=_N_DRAW, start=draws, enough=_ENOUGH
+            in_z, k, model.n_parameter - k, rng, n_round=2, n=_N_DRAW, start=draws, enough=_ENOUGH
         )
         log_evidence = draws.log_mean
         if (1 / draws.effective - 1) / _N_DRAW < task.se**2:
@@ -176,9 +175,9 @@ def _sampled(task: Changed, other: Model) -> float:
 
 def _change(log_weight: FloatArray) -> Change:
     if not log_weight.any():
-        return Change(0.0, -math.inf, 0.0)
+        return Change(0.0, -math.inf)
     value = float(logsumexp(log_weight)) - math.log(len(log_weight))
-    return Change(value, pareto_k(log_weight), float(log_weight.max()))
+    return Change(value, pareto_k(log_weight))
 
 
 def _log_ratio(other: Model, model: Model, theta: FloatArray) -> FloatArray:

@@ -10,7 +10,6 @@ import pandas as pd
 from scipy.special import logsumexp
 
 from ridgebayes.evidence.changed_prior import (
-    Change,
     Changed,
     Scaling,
     found_anew,
@@ -26,8 +25,6 @@ from ridgebayes.runtime.pool import map_ordered
 SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
 _SURE, _LEAST_SURE = 0.1, 0.4  # standard errors of ln evidence: of a form's, of a pair's at most
 _LOW = 1.0  # in ln evidence: by which draws that do not reach a prior may be low
-# In ln evidence: a twentieth of a form's, and 1e-5 of all, are not looked at more closely.
-_NEGLIGIBLE, _OUT_OF_REACH = 3.0, 12.0
 
 _Task = TypeVar("_Task", Scaling, Changed)
 _Found = TypeVar("_Found")
@@ -60,9 +57,8 @@ def prior_sensitivity(
         form, log_evidence. One prior is changed at a time: a posterior's draws are weighted by new
         over old prior (for the nugget: likelihood). Where too few of them count (Pareto k above
         0.7) independent normal rows are integrated anew, and others sampled by importance from
-        where these draws lead; not where the pair would have less than 5 % of its form's evidence,
-        or 1e-5 of all. An error model without draws keeps its evidence; a Student tail without any
-        changes as its normal twin does.
+        where these draws lead. An error model without draws keeps its evidence; a Student tail
+        without any changes as its normal twin does.
     """
     used = used_evidence(evidence).set_index(["form", "noise"])["log_evidence"]
     tasks = [
@@ -77,11 +73,10 @@ def prior_sensitivity(
         for task, one in zip(tasks, looks, strict=True)
     }
     again = [
-        Changed(task, *change, float(used[task.key]), se)
+        Changed(task, *change, float(used[task.key]), _sure_enough(used, found, task.key, change))
         for task, one in zip(tasks, looks, strict=True)
         for change, look in one.items()
         if not look.k <= K_MAX
-        and (se := _sure_enough(used, found, task.key, change, look)) <= _LEAST_SURE
     ]
     for one, value in zip(again, _in_parallel(found_anew, again, executor), strict=True):
         found[one.scaling.key][one.prior, one.factor] = value
@@ -114,21 +109,17 @@ def _sure_enough(
     found: Mapping[tuple[str, str], Mapping[tuple[str, float], float]],
     key: tuple[str, str],
     change: tuple[str, float],
-    look: Change,
 ) -> float:
-    """Return the standard error that a pair's share in its form bears; inf if it cannot count."""
-    highest = {
-        form: max(
-            value + _changes(found, form, str(noise)).get(change, 0.0)
-            for noise, value in used.loc[form].items()
-        )
-        for form in {form for form, _ in found}
-    }
-    most = used[key] + look.most
-    if most < highest[key[0]] - _NEGLIGIBLE or most < max(highest.values()) - _OUT_OF_REACH:
-        return math.inf
-    share = math.exp(min(used[key] + min(look.value + _LOW, look.most) - highest[key[0]], 0.0))
-    return min(_SURE / share, _LEAST_SURE)
+    """Return the standard error that a pair bears: the larger, the less of its form it is."""
+    form, noise = key
+    highest = max(
+        value + _changes(found, form, str(other)).get(change, 0.0)
+        for other, value in used.loc[form].items()
+    )
+    # Draws that do not reach a prior tell too little: no pair counts for less than this says.
+    own = used[form, noise] + found[key][change] + _LOW
+    share = math.exp(min(own - highest, 0.0))
+    return _SURE / max(share, _SURE / _LEAST_SURE)
 
 
 def _summed(
