@@ -148,11 +148,11 @@ def _sampled(task: Changed, other: Model) -> float:
     rng = stream(posterior.seed, task.name)
     ratio = _log_ratio(other, model, posterior.draws)
     laplace, draws = posterior.laplace, None
-    z = laplace.whiten(posterior.coordinates[:, : model.n_parameter])[0]
-    reached = Weighted(z, ratio, ratio)
+    reached = Weighted(posterior.draws, ratio, ratio)
     is_near = reached.effective > _REACHED
     if is_near:  # in coordinates of the posterior as it was
-        draws = reached
+        z = laplace.whiten(posterior.coordinates[:, : model.n_parameter])[0]
+        draws = replace(reached, z=z)
     else:
         laplace = fit_laplace(other, near=model.to_theta(laplace.mode))
 

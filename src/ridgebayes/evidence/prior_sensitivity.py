@@ -9,12 +9,7 @@ from typing import TypeVar
 import pandas as pd
 from scipy.special import logsumexp
 
-from ridgebayes.evidence.changed_prior import (
-    Changed,
-    Scaling,
-    found_anew,
-    weighted_draws,
-)
+from ridgebayes.evidence.changed_prior import Changed, Scaling, found_anew, weighted_draws
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.inference.pareto_smoothing import K_MAX

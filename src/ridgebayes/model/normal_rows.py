@@ -150,7 +150,7 @@ class NormalRows:
         square = ((now.mean - at) ** 2)[..., :n]
         share = np.minimum((spread * now.weight)[..., :n], 1.0)
         variance = now.variance
-        sites = self._sites(residual, variance, now, _Scores(at, half, spread))
+        sites = self._sites(residual, now, _Scores(at, half, spread))
         if self._is_student and is_first:
             # Rows that offsets miss begin as if they lay as far off as a priori: outliers never
             # pull at their neighbours then. The others begin with their own variance, which is
@@ -173,7 +173,7 @@ class NormalRows:
         return now._replace(variance=variance, mean=mean, weight=weight)
 
     def _sites(
-        self, residual: FloatArray, variance: FloatArray, now: _Normals, scores: _Scores
+        self, residual: FloatArray, now: _Normals, scores: _Scores
     ) -> list[tuple[IntArray, list[IntArray], IntervalSites]]:
         """Return brackets and counts, with the places of their normals and these themselves."""
         sites = []
@@ -183,33 +183,24 @@ class NormalRows:
                     (residual + end - self._rows.centre[0])[..., rows]
                     for end in (self._rows.lower, self._rows.upper)
                 )
-                places, site = find(low, high, variance[..., rows], now, scores)
+                places, site = find(low, high, now, scores)
                 sites.append((rows, places, site))
         return sites
 
     def _of_brackets(
-        self,
-        low: FloatArray,
-        high: FloatArray,
-        own: FloatArray,
-        now: _Normals,
-        scores: _Scores,
+        self, low: FloatArray, high: FloatArray, now: _Normals, scores: _Scores
     ) -> tuple[list[IntArray], IntervalSites]:
         rows = self._brackets
         mean, at, weight, spread = (
             x[..., rows] for x in (now.mean, scores.at, now.weight, scores.spread)
         )
         rest = spread / np.maximum(1 - spread * weight, _LEAST)  # what all others say
+        own = now.variance[..., rows]
         site = interval_sites(low, high, at + rest * weight * (at - mean), rest, own)
         return [rows], site._replace(mean=site.mean[None], precision=site.precision[None])
 
     def _of_counts(
-        self,
-        low: FloatArray,
-        high: FloatArray,
-        own: FloatArray,
-        now: _Normals,
-        scores: _Scores,
+        self, low: FloatArray, high: FloatArray, now: _Normals, scores: _Scores
     ) -> tuple[list[IntArray], IntervalSites]:
         places = [self.counts, self._n_row + np.arange(len(self.counts))]
         mean, at, weight, (v, w) = (
@@ -222,4 +213,5 @@ class NormalRows:
         rest = np.stack([(1 - w * q) * v + c * c * q, (1 - v * p) * w + c * c * p, c]) / det
         pull = weight * (at - mean)
         cavity = at + rest[:2] * pull + rest[2] * pull[::-1]
+        own = now.variance[..., self.counts]
         return places, count_sites(low, high, cavity, rest, own)
