@@ -6,7 +6,7 @@
 #                   `samplers` (PyMC, NumPyro, Stan), and fuzzing
 #   make docs       the site, into docs/_build/html
 #   make notebooks  runs all notebooks and stores their outputs
-#   make gallery   runs the scripts of docs/gallery and stores their figures
+#   make gallery    runs the scripts of docs/gallery and stores their figures
 #   make dist       wheel and sdist, checked, and the main job from the wheel alone on every Python,
 #                   and among the lowest versions of its dependencies
 #   make hard-cases, make mutation, make architecture: the pages of docs/ that are made by running code
@@ -78,7 +78,8 @@ notebooks: setup
 	rm -f notebooks/report.html
 
 gallery: setup
-	$(BIN)/python docs/make_gallery.py
+	$(BIN)/python -m sphinx -b dummy -D plot_gallery=True docs docs/_build/gallery
+	rm docs/examples/*.md5
 
 dist: setup
 	rm -rf dist
@@ -101,4 +102,4 @@ architecture: setup
 	$(BIN)/python docs/architecture/code_lines.py
 
 clean:
-	rm -rf $(VENV) .venv-* dist docs/_build docs/_generated docs/notebooks docs/examples docs/names .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) .venv-* dist docs/_build docs/_generated docs/notebooks docs/examples/*.* docs/names .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

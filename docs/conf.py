@@ -18,17 +18,34 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.viewcode",
     "numpydoc",
+    "sphinx_gallery.gen_gallery",
     "sphinx_design",
     "sphinx_copybutton",
 ]
 # `mutation/head.md` is a part of mutation.md.
-exclude_patterns = ["_build", "_generated", "mutation"]
+exclude_patterns = ["_build", "_generated", "gallery", "mutation"]
 html_theme = "pydata_sphinx_theme"
 html_title = "ridgebayes"
 html_theme_options = {"show_prev_next": False, "secondary_sidebar_items": ["page-toc"]}
 html_show_sourcelink = False
 # Pages without others below them have nothing for the left.
 html_sidebars = {"start": [], "changelog": []}
+
+# Scripts of the gallery are not run here: `make gallery` stores their figures, each script shows
+# its own, and tests hold the figures against the scripts.
+sphinx_gallery_conf = {
+    "examples_dirs": "gallery",
+    "gallery_dirs": "examples",
+    "plot_gallery": False,
+    "filename_pattern": ".",
+    "within_subsection_order": "FileNameSortKey",
+    "notebook_extensions": {},
+    "write_computation_times": False,
+    "show_signature": False,
+    "thumbnail_size": (600, 340),
+}
+html_static_path = ["_static"]
+html_css_files = ["gallery.css"]
 
 # Notebooks are shown as they are stored; tests run them.
 nb_execution_mode = "off"
@@ -49,5 +66,4 @@ nitpick_ignore_regex = [
 
 generated.write_pages(HERE / "_generated")
 generated.write_names(HERE / "names")
-generated.write_gallery(HERE / "gallery", HERE / "examples")
 generated.copy_notebooks(HERE.parent / "notebooks", HERE / "notebooks")

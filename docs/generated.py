@@ -1,6 +1,5 @@
 """Pages of the site that follow from the code: options of commands, public names, contracts."""
 
-import ast
 import inspect
 import shutil
 from collections.abc import Iterable
@@ -54,24 +53,6 @@ def copy_notebooks(source: Path, folder: Path) -> None:
     folder.mkdir()
     for path in sorted(source.glob("*.ipynb")):
         shutil.copy2(path, folder / path.name)
-
-
-def write_gallery(scripts: Path, folder: Path) -> None:
-    """Write a page for each script of the gallery: its question, stored figure and code."""
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir()
-    cards = ["::::{grid} 1 2 2 3", ":gutter: 3", ""]
-    for path in sorted(scripts.glob("*.py")):
-        code = path.read_text(encoding="utf-8")
-        title, _, words = (ast.get_docstring(ast.parse(code)) or "").partition("\n\n")
-        body = code.split('"""', 2)[2].strip()
-        picture = f"../gallery/{path.stem}.png"
-        lines = [f"# {title}", "", words, "", f"![{title}]({picture})", ""]
-        lines += ["```python", body, "```", ""]
-        (folder / f"{path.stem}.md").write_text("\n".join(lines), encoding="utf-8")
-        cards += [f":::{{grid-item-card}} {title}", f":link: examples/{path.stem}"]
-        cards += [":link-type: doc", f":img-bottom: gallery/{path.stem}.png", ":::"]
-    (folder.parent / "_generated" / "gallery.md").write_text("\n".join([*cards, "::::", ""]))
 
 
 def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:

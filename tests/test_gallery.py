@@ -1,21 +1,34 @@
-"""Every script of the gallery asks a question, and draws the figure that is stored beside it."""
+"""Every script of the gallery asks a question, and draws the figure that is stored for it."""
 
 import ast
 import re
+import runpy
+from pathlib import Path
 
+import matplotlib as mpl
 import matplotlib.image
 import numpy as np
 import pytest
-from docs.make_gallery import SCRIPTS, draw
+from matplotlib import pyplot as plt
 
+DOCS = Path(__file__).parents[1] / "docs"
+SCRIPTS = sorted((DOCS / "gallery").glob("*.py"))
+STORED = {path.stem: f"images/sphx_glr_{path.stem}_001.png" for path in SCRIPTS}
 IN_MAKE_TEST = "who_carries_the_load"
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
-def test_script__asks_a_question_and_its_figure_is_stored(path):
-    title = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))).partition("\n\n")[0]
+def test_script__asks_a_question_and_shows_its_stored_figure(path):
+    words = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
+    title, line = words.splitlines()[:2]
     assert re.fullmatch(r"[A-Z].+\?", title)
-    assert path.with_suffix(".png").stat().st_size > 5_000
+    assert line == "=" * len(title)
+    assert f".. image:: {STORED[path.stem]}\n   :alt: {title}" in words
+
+
+def test_stored_figures__are_those_of_the_scripts():
+    found = (DOCS / "examples" / "images").glob("*.png")
+    assert {f"images/{path.name}" for path in found} == set(STORED.values())
 
 
 def grey(path):
@@ -33,8 +46,15 @@ def grey(path):
     ],
 )
 def test_script__draws_what_is_stored(path, tmp_path):
-    draw(path, tmp_path / "now.png")
-    now, stored = grey(tmp_path / "now.png"), grey(path.with_suffix(".png"))
+    plt.close("all")
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.use("Agg")
+        runpy.run_path(str(path))
+        (number,) = plt.get_fignums()
+        plt.figure(number).savefig(tmp_path / "now.png")
+        plt.close("all")
+    now, stored = grey(tmp_path / "now.png"), grey(DOCS / "examples" / STORED[path.stem])
     assert now.shape == stored.shape
     # Other libraries draw other letters and other numbers, by little.
     assert np.abs(now - stored).mean() < 0.02

@@ -1,9 +1,13 @@
 """What does the error model change?
+=================================
 
 Bands on each load of a texture that was not fitted. With independent rows (iid) all bands are
 equally wide, and that of Q = 4 just misses. The error of a form repeats from texture to texture at
 the same count. An error model that knows it (texture+step) learns it from the other textures: its
 bands are a quarter as wide, and hold.
+
+.. image:: images/sphx_glr_bands_by_error_model_001.png
+   :alt: What does the error model change?
 """
 
 import matplotlib.pyplot as plt

@@ -1,7 +1,11 @@
 """What does each form get wrong?
+==============================
 
 Loads of three forms, fitted to the same rows, over those of the half-plane equation. A form's
 error is no noise: it depends on Q and on the texture, and would be the same again.
+
+.. image:: images/sphx_glr_errors_of_the_forms_001.png
+   :alt: What does each form get wrong?
 """
 
 import matplotlib.pyplot as plt

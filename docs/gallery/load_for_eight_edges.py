@@ -1,7 +1,11 @@
 """At which load are eight edges reached, and how sure is that?
+============================================================
 
 The loads of a test rig scatter. Here those of four textures are made with 8 % of noise. The fit
 finds that scatter in the rows, and the answer is a probability for each load.
+
+.. image:: images/sphx_glr_load_for_eight_edges_001.png
+   :alt: At which load are eight edges reached, and how sure is that?
 """
 
 import matplotlib.pyplot as plt

@@ -1,7 +1,11 @@
 """What if the finger does not land on the middle of a groove?
+===========================================================
 
 The forms are for a body above the middle of a groove. One that lands anywhere touches ridges one
 by one instead of in pairs. The black line is the mean over all places.
+
+.. image:: images/sphx_glr_off_centre_001.png
+   :alt: What if the finger does not land on the middle of a groove?
 """
 
 import matplotlib.pyplot as plt

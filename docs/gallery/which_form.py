@@ -1,8 +1,12 @@
 """Which form do the loads support, and how firmly?
+================================================
 
 ln BF compares how well two forms predicted the rows before they saw them. It depends on what is
 said of the errors: each point takes one error model as true. Those below −10 in the right panel
 are refuted by the rows, and do not count.
+
+.. image:: images/sphx_glr_which_form_001.png
+   :alt: Which form do the loads support, and how firmly?
 """
 
 import matplotlib.pyplot as plt

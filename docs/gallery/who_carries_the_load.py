@@ -1,7 +1,11 @@
 """Which ridges carry the load?
+============================
 
 Shares of the load of ridges on one side, counted from the middle. A ridge that is just reached
 carries nothing yet: the count rises before the new pair matters.
+
+.. image:: images/sphx_glr_who_carries_the_load_001.png
+   :alt: Which ridges carry the load?
 """
 
 import matplotlib.pyplot as plt
