@@ -2,15 +2,40 @@
 
 
 class RidgebayesError(Exception):
-    """Base of every error this package raises on purpose."""
+    """Base of every error this package raises on purpose.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> try:
+    ...     rb.read_table("absent.csv")
+    ... except rb.RidgebayesError as error:
+    ...     print(type(error).__name__, error)
+    InputError absent.csv: no such file
+    """
 
 
 class InputError(RidgebayesError, ValueError):
-    """What came in breaks a rule; the message names place, value and rule. Commands exit 2."""
+    """What came in breaks a rule; the message names place, value and rule. Commands exit 2.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> rb.Scene.of([(0.022, -0.02)])
+    Traceback (most recent call last):
+    ridgebayes.errors.InputError: Texture: b_over_R = -0.02: input should be greater than 0
+    """
 
 
 class ComputationError(RidgebayesError, RuntimeError):
-    """The input was fine, the computation failed or did not converge. Commands exit 1."""
+    """The input was fine, the computation failed or did not converge. Commands exit 1.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> issubclass(rb.ComputationError, RuntimeError), issubclass(rb.ComputationError, ValueError)
+    (True, False)
+    """
 
 
 class OutputError(RidgebayesError, OSError):

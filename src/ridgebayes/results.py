@@ -74,6 +74,13 @@ class Fit(Posterior, Predictive, Tabular):
         Posterior probability of each error model that predictions are averaged over.
     others : dict of str to Posterior, optional
         Posteriors under those of them that are not printed.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
+    >>> fit.converged, fit.summary["parameter"].tolist()
+    (True, ['c1', 'c2', 'sigma'])
     """
 
     error_model_weights: Mapping[str, float] = field(default_factory=dict)

@@ -63,6 +63,13 @@ class Comparison(Predictive, Tabular):
     cost : pandas.DataFrame
         What a few ways to the best form cost, see `checks.cost.measured`; empty where that was
         not measured.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> found = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+    >>> found.best, found.to_dataframe()["model_probability"].round(2).tolist()
+    ('hybrid', [0.99, 0.01])
     """
 
     table: ContactTable

@@ -109,6 +109,15 @@ class FrictionBands(Tabular):
         quantities of the contact's draws, which overlap where they depend on each other.
     mu : ndarray of float, shape (4096, n_load), dimensionless
         Draws.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
+    >>> drawn = rb.friction_inputs(fit, rb.Scene.of([(0.022, 0.02)]), [0.003, 0.009], n=100, rng=1)
+    >>> found = rb.FrictionModel(kappa=0).predict(drawn, rng=1)
+    >>> (found.bands["mu_lower"] < found.bands["mu_upper"]).tolist()
+    [True, True]
     """
 
     bands: pd.DataFrame

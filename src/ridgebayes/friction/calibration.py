@@ -64,6 +64,16 @@ class FrictionFit(Tabular):
         Seed of the run.
     table_digest : str
         Of the friction table.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> import ridgebayes as rb
+    >>> rows = {"a_over_R": None, "b_over_R": None, "p_over_E": [0.004, 0.008], "mu": [1.3, 0.9]}
+    >>> known = rb.FrictionModel(kappa=0, area_factor=0.8, beta=0.24, tau_session=0, tau_rig=0)
+    >>> fit = rb.calibrate_friction(pd.DataFrame(rows), None, known, rng=1)
+    >>> fit.converged, fit.summary["parameter"].tolist()
+    (True, ['tau0', 'tau_subject', 'sigma'])
     """
 
     model: FrictionModel

@@ -54,6 +54,14 @@ class FrictionTable(Tabular):
     Notes
     -----
     Rows without a label have one unnamed subject (session, rig) in common.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> import ridgebayes as rb
+    >>> rows = {"a_over_R": None, "b_over_R": None, "p_over_E": [0.004, 0.008], "mu": [1.3, 0.9]}
+    >>> rb.read_friction_table(pd.DataFrame(rows))
+    FrictionTable(friction table: 2 rows, 1 subject)
     """
 
     _frame: pd.DataFrame

@@ -49,6 +49,14 @@ class LoadDistribution(Predicted):
     calibrated; `extrapolation_of` says which.
     *Cost.* Distributions of `predict_load` make their draws when they are asked, a block of places
     at a time: a million places take some 100 MB.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
+    >>> load = fit.predict_load(0.015, 0.045, Q=[6, 8])
+    >>> load.median().round(4).tolist()  # p/E
+    [0.0072, 0.0163]
     """
 
     _margin = 1e-12

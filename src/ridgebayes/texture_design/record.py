@@ -42,6 +42,15 @@ class Design(Tabular):
         Textures by what a simulation would tell of the two leading forms.
     options : dict
         Bounds, step, loads, tolerance, what is averaged over, seed and version.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
+    >>> scene = rb.Scene.of([(0.022, 0.02)], p_over_E=0.01)
+    >>> found = rb.design(fit, scene, "P(Q >= 8) >= 0.95", sizes={"step": 0.004})
+    >>> found.feasible, found.recommended["a_over_R"], found.recommended["b_over_R"]
+    (True, 0.012, 0.028)
     """
 
     goals: tuple[Goal, ...]

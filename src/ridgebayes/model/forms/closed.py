@@ -43,7 +43,14 @@ class OneCoefficient(Form):
 
 @dataclass(frozen=True)
 class Classic(OneCoefficient):
-    """Classic Hertzian, eqs (3) and (4): smooth Hertz contact length in ridge units."""
+    """Classic Hertzian, eqs (3) and (4): smooth Hertz contact length in ridge units.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> rb.Classic().load([4, 6], a_over_R=0.022, b_over_R=0.02).round(5).tolist()  # p/E
+    [0.00142, 0.00463]
+    """
 
     name: ClassVar[str] = "classic"
     printed: ClassVar[tuple[float, ...] | None] = (1.382,)
@@ -61,7 +68,14 @@ class Classic(OneCoefficient):
 
 @dataclass(frozen=True)
 class Modified(OneCoefficient):
-    """Modified Hertzian, eq (6): the contact length starts at the first groove."""
+    """Modified Hertzian, eq (6): the contact length starts at the first groove.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> rb.Modified().load([4, 6], a_over_R=0.022, b_over_R=0.02).round(5).tolist()  # p/E
+    [0.00093, 0.00371]
+    """
 
     name: ClassVar[str] = "modified"
     printed: ClassVar[tuple[float, ...] | None] = (1.38,)
@@ -77,7 +91,14 @@ class Modified(OneCoefficient):
 
 @dataclass(frozen=True)
 class Hybrid(Form):
-    """Hybrid, eq (7): the Modified form and a term in the ridge width."""
+    """Hybrid, eq (7): the Modified form and a term in the ridge width.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> rb.Hybrid().load([4, 6], a_over_R=0.022, b_over_R=0.02).round(5).tolist()  # p/E
+    [0.00093, 0.00371]
+    """
 
     name: ClassVar[str] = "hybrid"
     printed: ClassVar[tuple[float, ...] | None] = (1.348, 0.01583)

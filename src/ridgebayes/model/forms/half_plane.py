@@ -24,6 +24,12 @@ class HalfPlane(OneCoefficient):
     tends to smooth Hertz. Counts beyond `n_transition_max` pairs are refused: each needs its own
     ridge in the solver. So are grooves too narrow for the solver to reach its tolerance, from
     about b = a/100,000 on.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> rb.HalfPlane().load([4, 6], a_over_R=0.022, b_over_R=0.02).round(5).tolist()  # p/E
+    [0.00099, 0.00376]
     """
 
     name: ClassVar[str] = "half-plane"

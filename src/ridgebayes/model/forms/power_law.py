@@ -23,6 +23,15 @@ class PowerLaw(Form):
         (a/R, b/R) of the textures that have a K, in the order of `theta`.
     labels : tuple of str
         Names of the textures; made from the widths if not given.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> form = rb.PowerLaw(textures=((0.022, 0.02),), labels=("grip",))
+    >>> form.parameter_names
+    ('K[grip]',)
+    >>> form.load([4, 6], 0.022, 0.02, theta=[66.0]).round(5).tolist()  # p/E
+    [0.00092, 0.00367]
     """
 
     textures: tuple[Texture, ...] = ()
