@@ -10,6 +10,8 @@ mean ``M^-1 L' Z' W r``. Everything else follows: the scores integrated out,
 in which no large numbers cancel. M has the size of the offsets, not of the rows.
 """
 
+import functools
+import itertools
 import math
 from contextlib import suppress
 from dataclasses import dataclass
@@ -59,6 +61,19 @@ class Design:
         """Z' with its zeros, shape (n_level, n_row)."""
         value: FloatArray = self._gather.toarray()
         return value
+
+    def squares(self, half: FloatArray) -> FloatArray:
+        """Return the diagonal of Z H' H Z', shape (..., n_row), of H (..., m, n_level)."""
+        if self.diagonal:
+            return self.spread((half * half).sum(axis=-2))
+        every = np.arange(self.codes.shape[1])
+        return self.products(half, every, every)
+
+    def products(self, half: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
+        """Return elements of Z H' H Z', shape (..., n), by the rows of n pairs."""
+        square = np.swapaxes(half, -1, -2) @ half  # of the size of the offsets, not of the rows
+        pairs = itertools.product(self.codes[:, first], self.codes[:, second])
+        return functools.reduce(np.add, (square[..., i, j] for i, j in pairs))
 
     def spread(self, b: FloatArray) -> FloatArray:
         """Return Z b: each row's offset, from (..., n_level) to (..., n_row)."""
@@ -153,6 +168,11 @@ class DiagonalRoot:
             return self._scale**2 * gram
         return self._scale[..., :, None] * gram * self._scale[..., None, :]
 
+    @property
+    def transposed(self) -> FloatArray:
+        """L', shape (..., n_level, n_level)."""
+        return self._scale[..., None] * np.eye(self._scale.shape[-1])
+
     def loading(self, design: Design) -> FloatArray:
         """Return (Z L)', shape (..., n_level, n_row)."""
         return self._scale[..., None] * design.transposed
@@ -168,7 +188,7 @@ class FullRoot:
     """
 
     def __init__(self, factor: FloatArray) -> None:
-        self._factor, self._upper = factor, np.swapaxes(factor, -1, -2)
+        self._factor, self.transposed = factor, np.swapaxes(factor, -1, -2)
 
     def times(self, scores: FloatArray) -> FloatArray:
         """Return L s, shape (..., n_level)."""
@@ -176,18 +196,18 @@ class FullRoot:
 
     def transposed_times(self, x: FloatArray) -> FloatArray:
         """Return L' x, shape (..., n_level)."""
-        return (self._upper @ x[..., None])[..., 0]
+        return (self.transposed @ x[..., None])[..., 0]
 
     def sandwich(self, gram: FloatArray) -> FloatArray:
         """Return L' G L, shape (..., n_level, n_level); G of shape (..., n_level) is diagonal."""
         if gram.ndim < self._factor.ndim:
-            return self._upper @ (gram[..., None] * self._factor)
-        return self._upper @ (gram @ self._factor)
+            return self.transposed @ (gram[..., None] * self._factor)
+        return self.transposed @ (gram @ self._factor)
 
     def loading(self, design: Design) -> FloatArray:
         """Return (Z L)', shape (..., n_level, n_row)."""
-        others = (self._upper[..., level] for level in design.codes[1:])
-        return sum(others, start=self._upper[..., design.codes[0]])
+        others = (self.transposed[..., level] for level in design.codes[1:])
+        return sum(others, start=self.transposed[..., design.codes[0]])
 
     def inverted(self) -> "FullRoot | InverseFactor":
         """Return what `solve` may be asked of again and again, and takes less memory."""

@@ -17,8 +17,9 @@ from ridgebayes.model.shared_offsets import Offsets
 from ridgebayes.model.tails import Tail
 
 # Outliers' weights, and the normals that stand for intervals, settle; what is left is the
-# estimates' to correct.
-_PASSES, _PASSES_NORMAL = 8, 2
+# estimates' to correct. Of eight tables with outliers, brackets or counts, the variance of
+# estimates is that of twelve passes from the fifth on.
+_PASSES, _PASSES_NORMAL = 5, 2
 _OFF = 3.0  # sds of a row, its variance as if it were normal, beyond which offsets miss it
 _LEAST = 1e-12  # share of an offset's precision that other rows give, at least
 
@@ -43,10 +44,9 @@ class OffsetsOfNormals(NamedTuple):
 
 
 class _Normals(NamedTuple):
-    """L, the normals' loadings, the rows' own variance, and the normals of a pass."""
+    """L, the rows' own variance, and the normals of a pass."""
 
     root: Root
-    loading: FloatArray
     own: FloatArray
     mean: FloatArray
     weight: FloatArray
@@ -54,7 +54,7 @@ class _Normals(NamedTuple):
 
 
 class _Scores(NamedTuple):
-    """Mean, half loading and variance of the normals' offsets given all of them."""
+    """Mean and variance of the normals' offsets given all of them, and R^-1 L'."""
 
     at: FloatArray
     half: FloatArray
@@ -132,7 +132,7 @@ class NormalRows:
         mean = np.concatenate([residual, residual[..., self.counts]], axis=-1)
         weight = np.zeros(mean.shape)
         weight[..., :n] = 1 / (own + self._rows.centre[1])
-        return _Normals(root, root.loading(self.design), own, mean, weight, own)
+        return _Normals(root, own, mean, weight, own)
 
     def _renewed(
         self,
@@ -145,8 +145,8 @@ class NormalRows:
     ) -> _Normals:
         """Return the normals that the scores given the normals so far call for."""
         n, df, own = self._n_row, eta[..., -1:], now.own
-        at, half = self.design.spread(now.root.times(given.mean)), given.half(now.loading)
-        spread = (half**2).sum(axis=-2)
+        at, half = self.design.spread(now.root.times(given.mean)), given.half(now.root.transposed)
+        spread = self.design.squares(half)
         square = ((now.mean - at) ** 2)[..., :n]
         share = np.minimum((spread * now.weight)[..., :n], 1.0)
         variance = now.variance
@@ -155,7 +155,7 @@ class NormalRows:
             # Rows that offsets miss begin as if they lay as far off as a priori: outliers never
             # pull at their neighbours then. The others begin with their own variance, which is
             # soon settled.
-            missed = residual * residual + (now.loading[..., :n] ** 2).sum(axis=-2)
+            missed = residual * residual + self.design.squares(now.root.transposed)[..., :n]
             is_off = square > _OFF**2 * (own + self._rows.centre[1])
             variance = np.where(is_off, (df * own + missed) / (df + 1), variance)
         elif self._is_student:
@@ -207,7 +207,7 @@ class NormalRows:
             np.stack([x[..., place] for place in places])
             for x in (now.mean, scores.at, now.weight, scores.spread)
         )
-        c = (scores.half[..., places[0]] * scores.half[..., places[1]]).sum(axis=-2)
+        c = self.design.products(scores.half, *places)
         p, q = weight
         det = np.maximum((1 - v * p) * (1 - w * q) - c * c * p * q, _LEAST)
         rest = np.stack([(1 - w * q) * v + c * c * q, (1 - v * p) * w + c * c * p, c]) / det
