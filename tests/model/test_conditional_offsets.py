@@ -85,6 +85,19 @@ def test_given_rows__has_mean_precision_and_variances_of_dense_algebra(case):
     np.testing.assert_allclose(given.inverted().variance(loading), expected, rtol=1e-10)
 
 
+def test_given_rows__covariances_of_rows_offsets_are_those_of_dense_algebra(case):
+    design, root, Z, L, given = case
+    loading = Z @ L
+    M = np.eye(N_LEVEL) + t(loading) @ (WEIGHT[..., None] * loading)
+    expected = loading @ np.linalg.inv(M) @ t(loading)
+    half, first, second = given.half(root.transposed), np.arange(6), np.arange(6, N_ROW)
+    variances = np.diagonal(expected, axis1=-2, axis2=-1)
+    # Rounding: the condition of M is some 1e3.
+    np.testing.assert_allclose(design.squares(half), variances, rtol=1e-10)
+    pairs = design.products(half, first, second)
+    np.testing.assert_allclose(pairs, expected[..., first, second], rtol=1e-9, atol=1e-13)
+
+
 def test_given_rows__integrates_the_scores_out_as_the_module_says(case):
     _, _, Z, L, given = case
     for place in np.ndindex(BATCH):
