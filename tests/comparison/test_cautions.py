@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+import pytest
 
 import ridgebayes as rb
 from ridgebayes.comparison.cautions import cautions
@@ -13,14 +14,25 @@ def _compared(frame, noise="step"):
     return rb.compare(table, rb.Modified(), noise=noise, accuracy=QUICK)
 
 
-def test_cautions__loads_in_other_units_contradict_the_prior(paper):
+def test_cautions__loads_that_contradict_the_prior(paper):
     frame = paper.calibration.frame
     assert cautions(_compared(frame)) == ()
-    wrong = _compared(frame.assign(p_over_E=30 * frame["p_over_E"]))
+    wrong = _compared(frame.assign(p_over_E=4 * frame["p_over_E"]))
     (told,) = cautions(wrong)
     assert told.startswith("The loads contradict a prior: c of modified is 0.")
     # The prior is log-normal about 1.382 with a log-sd of 0.1: times exp(-0.2326) and exp(0.2326).
     assert "expected 1.1 to 1.74 (98 %). Check that widths are over R and loads are p/E" in told
+
+
+@pytest.mark.parametrize(("factor", "shown"), [(1e-3, "0.00085"), (30, "26")])
+def test_cautions__loads_in_other_units(paper, factor, shown):
+    frame = paper.calibration.frame
+    (told,) = cautions(_compared(frame.assign(p_over_E=factor * frame["p_over_E"])))
+    # The printed loads are 0.85 times those of eqs (3, 4) of the study, by the median of 41 rows.
+    assert told == (
+        f"The loads are {shown} times those that make a smooth body touch as far (Hertz, median of "
+        "the rows). Check that widths are over R and loads are p/E."
+    )
 
 
 def test_cautions__rows_that_are_taken_as_independent(paper):

@@ -1,9 +1,13 @@
 """What a reader of a comparison has to be told beside the answer."""
 
+import numpy as np
+
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import forms_by_probability
+from ridgebayes.contact.hertz import transition_load
 from ridgebayes.results import Fit
 from ridgebayes.runtime.text import count
+from ridgebayes.table.table import ContactTable
 
 _OF_NOISE = {
     "rows are not independent": (
@@ -13,6 +17,10 @@ _OF_NOISE = {
     )
 }
 _CONFLICT = 4.0  # prior sds from a prior's centre at which loads contradict it
+# A groove ten times as wide as its ridge lowers the load of Q = 4 to 0.4 of a smooth body's; a unit
+# that is not the one expected changes loads by ten or a thousand.
+_OTHER_UNITS = 5.0
+_CHECK = "Check that widths are over R and loads are p/E"
 _98_PERCENT = 2.326  # prior sds on either side
 
 
@@ -33,9 +41,26 @@ def cautions(comparison: Comparison) -> tuple[str, ...]:
     caution = comparison.noise.caution
     if caution and comparison.evidence["noise"].nunique() == 1:
         found.append(_OF_NOISE.get(caution, caution))
-    for name in forms_by_probability(comparison)[:1]:
-        found += _contradicted(comparison.fits[name])
+    times = _times_smooth(comparison.table)
+    if not 1 / _OTHER_UNITS <= times <= _OTHER_UNITS:
+        found.append(
+            f"The loads are {times:.2g} times those that make a smooth body touch as far (Hertz, "
+            f"median of the rows). {_CHECK}."
+        )
+    else:
+        for name in forms_by_probability(comparison)[:1]:
+            found += _contradicted(comparison.fits[name])
     return tuple(found)
+
+
+def _times_smooth(table: ContactTable) -> float:
+    """Return the median ratio of a table's loads to Hertz' for a smooth body; 1 without loads."""
+    rows = table.calibration.frame
+    rows = rows[(rows["kind"] == "transition") & (rows["Q"] >= 4)]  # two ridges touch at no load
+    if not len(rows):
+        return 1.0
+    Q, a, b, nu = (rows[name].to_numpy() for name in ("Q", "a_over_R", "b_over_R", "nu"))
+    return float(np.median(rows["p_over_E"] / transition_load(Q, a, b, nu=nu)))
 
 
 def _contradicted(fit: Fit) -> list[str]:
@@ -48,6 +73,6 @@ def _contradicted(fit: Fit) -> list[str]:
     low, high = (float(priors[worst].value_at(score)) for score in (-_98_PERCENT, _98_PERCENT))
     return [
         f"The loads contradict a prior: {worst} of {fit.form.name} is "
-        f"{means[worst]:.3g}, expected {low:.3g} to {high:.3g} (98 %). Check that widths are over "
-        "R and loads are p/E, or give other priors."
+        f"{means[worst]:.3g}, expected {low:.3g} to {high:.3g} (98 %). "
+        f"{_CHECK}, or give other priors."
     ]
