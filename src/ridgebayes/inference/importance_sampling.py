@@ -127,18 +127,17 @@ def importance_posterior(
         joined = [np.concatenate([at, one.latent], axis=1) for at, one in estimates]
         u.append(np.concatenate(joined)[chosen])
         log_density.append(np.concatenate([one.log_joint for _, one in estimates])[chosen])
-    if proposal is not None:  # of one proposal all weights are of one tail
-        log_weights = [np.concatenate(log_weights)]
-    shapes = [pareto_k(each) for each in log_weights]
+    # One shape of all weights, as all draws are used: the worst of four would be the least sure.
+    heavy = _heavy(pareto_k(np.concatenate(log_weights)))
     draws = np.stack(u).reshape(N_REPEAT, -1, 128, model.n_coordinate)
     chains = Chains(
         draws,
         np.stack(log_density).reshape(draws.shape[:-1]),
         np.array([1 / (1 + n_draw * variance) for variance in variances]),
         np.ones(model.n_coordinate + 1),
-        _heavy(shapes) + modes,
+        heavy + modes,
     )
-    evidence = _evidence(np.array(log_means), np.array(variances), shapes)
+    evidence = _evidence(np.array(log_means), np.array(variances), heavy)
     if modes:
         evidence = replace(evidence, status=modes[0])
     posterior = posterior_of(
@@ -163,18 +162,16 @@ def _estimates(
     return log_density
 
 
-def _heavy(shapes: list[float]) -> tuple[str, ...]:
-    worst = max(shapes)
-    if worst <= K_MAX:
+def _heavy(shape: float) -> tuple[str, ...]:
+    if shape <= K_MAX:
         return ()
-    return (f"importance weights: Pareto k {worst:.2f}, above {K_MAX}",)
+    return (f"importance weights: Pareto k {shape:.2f}, above {K_MAX}",)
 
 
-def _evidence(log_means: FloatArray, variances: FloatArray, shapes: list[float]) -> LogEvidence:
+def _evidence(log_means: FloatArray, variances: FloatArray, heavy: tuple[str, ...]) -> LogEvidence:
     top = log_means.max()
     value = top + math.log(np.exp(log_means - top).mean())
     # The larger of what the weights and what the scatter of the four say.
     within = math.sqrt(variances.mean() / N_REPEAT)
     between = float(log_means.std(ddof=1)) / math.sqrt(N_REPEAT)
-    status = "; ".join(_heavy(shapes)) or "ok"
-    return LogEvidence("importance", value, max(within, between), status)
+    return LogEvidence("importance", value, max(within, between), "; ".join(heavy) or "ok")
