@@ -38,7 +38,7 @@ _OUT_OF_REACH = 12.0  # of a form that has less than 1e-4 of the best one's evid
 _MORE = STANDARD.effort | {"n_draw": 2_560, "n_round": 5, "n_per_round": 1_024, "n_point": 128}
 # Standard error of a ln evidence, times the pair's probability, above which a pair whose offsets
 # are drawn takes more draws; of others a walk or quadrature makes sure.
-_UNSURE = 0.025
+_UNSURE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
