@@ -45,7 +45,7 @@ sphinx_gallery_conf = {
     "thumbnail_size": (600, 340),
 }
 html_static_path = ["_static"]
-html_css_files = ["gallery.css"]
+html_css_files = ["site.css"]
 
 # Notebooks are shown as they are stored; tests run them.
 nb_execution_mode = "off"
@@ -54,6 +54,7 @@ myst_heading_anchors = 3
 
 autodoc_typehints = "none"  # the docstrings have types, with shapes and units
 autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True  # a default is shown by its name
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False
 nitpick_ignore_regex = [

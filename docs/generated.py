@@ -21,11 +21,12 @@ from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
 from ridgebayes.fea.column_units import DIMENSIONS
 from ridgebayes.fea.mapping import CONSTANTS, CORNERS, HOLDS, KEYS, PER_Q
+from ridgebayes.friction.table import COLUMNS as FRICTION_COLUMNS
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
 from ridgebayes.model.default_priors import NOISE_PRIORS, REASONS, coefficient_priors
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.scene.units import EXAMPLES
-from ridgebayes.table.columns import COLUMNS
+from ridgebayes.table.columns import COLUMNS, Column
 
 
 def write_pages(folder: Path) -> None:
@@ -34,7 +35,8 @@ def write_pages(folder: Path) -> None:
     pages = {
         "commands.md": commands(),
         "api.md": names(),
-        "columns.md": columns(),
+        "columns.md": columns(COLUMNS),
+        "friction-columns.md": columns(FRICTION_COLUMNS),
         "run-columns.md": run_columns(),
         "map-keys.md": map_keys(),
         "default-priors.md": default_priors(),
@@ -124,10 +126,10 @@ def write_names(folder: Path) -> None:
             (below / f"{name}.md").write_text("\n".join([*lines, "```", ""]), encoding="utf-8")
 
 
-def columns() -> list[str]:
+def columns(contract: Iterable[Column]) -> list[str]:
     """Return the contract of a table."""
     rows = []
-    for one in COLUMNS:
+    for one in contract:
         default = "required" if one.default is None else f"`{one.default}`"
         if one.default in ("",) or one.default != one.default:
             default = ""

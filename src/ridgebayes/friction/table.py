@@ -15,16 +15,18 @@ from ridgebayes.table.rules import read_cells, validated
 
 _WIDTH = "must be finite and > 0; of a smooth surface a_over_R and b_over_R are both empty"
 _LABEL = "any text on one line"
+_POSITIVE = "must be finite and > 0"
+_ROLE = "must be 'calibration' or 'held-out'"
 COLUMNS = (
-    Column("a_over_R", "number", _WIDTH),
-    Column("b_over_R", "number", _WIDTH),
-    Column("p_over_E", "number", "must be finite and > 0"),
-    Column("mu", "number", "must be finite and > 0"),
-    Column("mu_se", "number", "must be finite and >= 0", 0.0),
-    Column("subject", "text", _LABEL, ""),
-    Column("session", "text", _LABEL, ""),
-    Column("rig", "text", _LABEL, ""),
-    Column("role", "text", "must be 'calibration' or 'held-out'", CALIBRATION),
+    Column("a_over_R", "number", _WIDTH, means="ridge width over the radius"),
+    Column("b_over_R", "number", _WIDTH, means="groove width over the radius"),
+    Column("p_over_E", "number", _POSITIVE, means="load per projected area over Young's modulus"),
+    Column("mu", "number", _POSITIVE, means="coefficient of friction"),
+    Column("mu_se", "number", "must be finite and >= 0", 0.0, means="its standard error"),
+    Column("subject", "text", _LABEL, "", means="person or specimen; rows without one share one"),
+    Column("session", "text", _LABEL, "", means="day or session of that subject"),
+    Column("rig", "text", _LABEL, "", means="apparatus"),
+    Column("role", "text", _ROLE, CALIBRATION, means="held-out: predicted, never fitted"),
 )
 _RULES = {column.name: column.rule for column in COLUMNS}
 

@@ -3,6 +3,7 @@
 An error model is a structure and a tail. What is left of finite-element loads after a form is
 fitted is not noise that differs from row to row: it repeats within a texture and from texture to
 texture at the same step. A structure says what is shared, a tail how far single rows may stray.
+Definitions and reasons: docs/derivations/error-models.md.
 """
 
 from dataclasses import dataclass, field
