@@ -3,13 +3,14 @@
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import RunDeck
-from ridgebayes.fea.lines import Line, NodeTable, read_lines, unused
+from ridgebayes.fea.lines import Line, read_lines, unused
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
@@ -17,7 +18,14 @@ _HEAD = re.compile(
     r"\s*(total force|forces|displacements|relative contact displacement|contact stress)"
     r" \(([^)]*)\) for (?:set (\S+)|all \S+ ?\S*) and time +(\S+)\s*$"
 )
+_STRESS = "contact stress"
 _FACES = "slave element+face"
+_COLUMNS = {
+    "total force": "fx, fy, fz",
+    "forces": "node, fx, fy, fz",
+    "displacements": "node, vx, vy, vz",
+    _STRESS: "element, face, press, tang1, tang2",
+}
 # CalculiX makes a plane element one layer of a solid, whose first two faces are its sides.
 _SIDES = 2
 _DIGITS = 5e-7  # of a displacement: seven are printed
@@ -39,33 +47,33 @@ class Level:
         Where it begins.
     time : float
         Total time.
-    tables : dict of str to NodeTable
-        By kind of block.
-    faces : set of (int, int), or None
-        Element and side, counted from 1 as in the deck, of each slave face with pressure at one of
-        its points; None if contact stress was not printed.
+    rows : dict of str to dict
+        Values by kind of block, and by node; a total force has one row, pressed faces have theirs
+        by element and side, counted from 1 as in the deck.
     again : bool
         Whether the time had been printed before.
     """
 
     line: int
     time: float
-    tables: dict[str, NodeTable] = field(default_factory=dict)
-    faces: set[tuple[int, int]] | None = None
+    rows: dict[str, dict[Any, list[float]]] = field(default_factory=dict)
     again: bool = False
 
     @property
     def moved(self) -> dict[int, list[float]] | None:
         """Displacements of the surface's nodes; None if they were not printed."""
-        return self.tables["displacements"].rows if "displacements" in self.tables else None
+        return self.rows.get("displacements")
+
+    @property
+    def faces(self) -> set[tuple[int, int]] | None:
+        """Slave faces with pressure at one of their points; None without contact stress."""
+        return set(self.rows[_STRESS]) if _STRESS in self.rows else None
 
     @property
     def force(self) -> float | None:
         """Vertical force on the driven set: the total, or else the sum over its nodes."""
-        table = self.tables.get("total force") or self.tables.get("forces")
-        if table is None or not (table.total or table.rows):
-            return None
-        return table.total[1] if table.total else sum(y for _, y, _ in table.rows.values())
+        forces = self.rows.get("total force", self.rows.get("forces"))
+        return sum(y for _, y, _ in forces.values()) if forces else None
 
 
 def read_calculix(
@@ -192,81 +200,64 @@ def read_levels(
     InputError
         If a line cannot be understood, with its number.
     """
-    reader = _Dat(surface.upper(), reaction.upper(), contact=contact)
-    before, lines = Line(path, 0, ""), read_lines(path)
-    for line, after in zip(lines, [*lines[1:], before], strict=False):
-        text = line.text.strip()
-        if text and text[0].isalpha():
-            match = _HEAD.match(line.text)
+    wanted = {"displacements": surface, "total force": reaction, "forces": reaction}
+    wanted |= {_STRESS: ""} if contact else {}
+    found: dict[float, Level] = {}
+    others: set[str] = set()
+    level, block = None, ""
+    lines = read_lines(path)
+    texts = ["", *(line.text.strip() for line in lines), ""]
+    for line, before, text, after in zip(lines, texts, texts[1:], texts[2:], strict=False):
+        if text and not text[0].isalpha():
+            if level is not None:
+                _row(line, block, level.rows[block])
+        elif match := _HEAD.match(line.text):
+            level, block, columns = None, match[1], match[2]
+            name = (match[3] or "").upper()
+            if wanted.get(block, "-").upper() != name:
+                others.add(f"{block} of {name or 'all'}")
+                continue
+            if block == _STRESS and not columns.startswith(_FACES):
+                raise line.error(
+                    f"contact stress by ({columns}); expected of faces, TYPE=SURFACE TO SURFACE"
+                )
+            time = line.finite(match[4])
+            level = found.setdefault(time, Level(line.number, time))
+            if block in level.rows:
+                level = found[time] = Level(line.number, time, again=True)
+            level.rows[block] = {}
+        elif text:
             # CalculiX prints headings between blank lines: another line of letters among rows is
             # damage, and rows after it would be lost.
-            if reader.block and match is None and (before.text.strip() or after.text.strip()):
+            if level is not None and (before or after):
                 raise line.error(
-                    f"{text[:60]!r} among rows of {reader.block}; expected rows, a blank line, "
-                    "a heading"
+                    f"{text[:60]!r} among rows of {block}; expected rows, a blank line, a heading"
                 )
-            reader.block = "" if match is None else reader.head(line, *match.groups())
-        elif text and reader.block:
-            reader.row(line)
-        before = line
-    levels = [reader.found[time] for time in sorted(reader.found)]
-    messages = unused(reader.others)
+            level = None
+    levels = [found[time] for time in sorted(found)]
+    messages = unused(others)
     if n := sum(one.again for one in levels):
         messages.append(f"{n} levels of a time printed again: the later one counts")
     return levels, messages
 
 
-class _Dat:
-    """Blocks of a ``.dat``: a heading, and the rows below it."""
-
-    def __init__(self, surface: str, reaction: str, *, contact: bool) -> None:
-        self.wanted = {"displacements": surface, "total force": reaction, "forces": reaction}
-        self.wanted |= {"contact stress": ""} if contact else {}
-        self.found: dict[float, Level] = {}
-        self.others: set[str] = set()
-        self.block = ""
-        self._faces: set[tuple[int, int]] = set()
-
-    def head(self, line: Line, block: str, columns: str, name: str | None, time: str) -> str:
-        """Begin a block; return its name, and nothing for one that is not used."""
-        name = (name or "").upper()
-        if self.wanted.get(block) != name:
-            self.others.add(f"{block} of {name or 'all'}")
-            return ""
-        if block == "contact stress" and not columns.startswith(_FACES):
-            raise line.error(
-                f"contact stress by ({columns}); expected of faces, TYPE=SURFACE TO SURFACE"
-            )
-        at = line.finite(time)
-        level = self.found.setdefault(at, Level(line.number, at))
-        if block in level.tables:
-            level = self.found[at] = Level(line.number, at, again=True)
-        self._table = level.tables[block] = NodeTable(line, name)
-        if block == "contact stress":
-            level.faces = self._faces = set()
-        return block
-
-    def row(self, line: Line) -> None:
-        """Take a row of the block."""
-        if self.block == "contact stress":
-            self._face(line)
-        elif self.block == "total force":
-            if self._table.total:
-                raise line.unexpected("one total force a level")
-            self._table.total = line.values("fx, fy, fz")
-        else:
-            of_moved = self.block == "displacements"
-            values = line.values("node, vx, vy, vz" if of_moved else "node, fx, fy, fz")
-            self._table.rows[line.node(line.words[0], self._table.rows)] = values[1:]
-
-    def _face(self, line: Line) -> None:
-        element, face, pressure, *_ = line.values("element, face, press, tang1, tang2")
+def _row(line: Line, block: str, rows: dict[Any, list[float]]) -> None:
+    """Take a row of a block."""
+    if block == "total force" and rows:
+        raise line.unexpected("one total force a level")
+    values = line.values(_COLUMNS[block])
+    if block == "total force":
+        rows[0] = values
+    elif block != _STRESS:
+        rows[line.node(line.words[0], rows)] = values[1:]
+    else:
+        element, face, pressure, *_ = values
         side = int(face) - _SIDES
         is_whole = element == int(element) and face == int(face)
         if not is_whole or (pressure > 0 and side < 1):
             raise line.error(f"face {face:g} of {element:g}; expected a side of a plane element")
         if pressure > 0:
-            self._faces.add((int(element), side))
+            rows[int(element), side] = values
 
 
 @dataclass(frozen=True, eq=False)
