@@ -1,12 +1,11 @@
 """Lines of text files: numbers and nodes in them."""
 
-import re
 from pathlib import Path
 
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.lines import Line, NodeTable, handled, read_lines
+from ridgebayes.fea.lines import Line, NodeTable, Printed, on, read_lines
 
 
 @pytest.mark.parametrize(
@@ -47,12 +46,25 @@ def test_node_table__has_zeros_where_a_node_has_no_row(tmp_path):
     assert table.of([], "U1", "U2").shape == (0, 2)
 
 
-def test_handled__gives_a_line_to_the_first_pattern(tmp_path):
-    seen = []
-    handlers = [
-        (re.compile(name), lambda line, match: seen.append((line.number, match[0])))
-        for name in ("ab", "a")
-    ]
-    assert handled(Line(tmp_path, 4, "abc"), handlers)
-    assert not handled(Line(tmp_path, 5, "xab"), handlers)
-    assert seen == [(4, "ab")]
+class Letters(Printed):
+    def __init__(self):
+        super().__init__()
+        self.seen = []
+
+    @on("ab")
+    def two(self, line, match):
+        self.seen.append((line.number, match[0].strip()))
+
+    @on("a")
+    def one(self, line, match):
+        self.table = NodeTable(line, "RIM")
+
+    def row(self, line, table):
+        self.seen.append((line.number, table.nodes))
+
+
+def test_printed__gives_a_line_to_the_first_pattern_or_else_to_the_table(tmp_path):
+    reader = Letters()
+    for number, text in enumerate(("xab", "  abc", "a", "xab"), start=4):
+        reader.take(Line(tmp_path, number, text))
+    assert reader.seen == [(5, "ab"), (7, "RIM")]

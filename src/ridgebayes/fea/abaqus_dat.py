@@ -13,27 +13,18 @@ from ridgebayes.fea.lines import (
     Frame,
     Line,
     NodeTable,
-    handled,
+    Printed,
     is_label,
+    on,
     read_lines,
     unused,
 )
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
-_SUMMARY = re.compile(r"\s*INCREMENT\s+(\d{1,9})\s+SUMMARY\s*$")
-_STEP = re.compile(r"\s*S T E P\s+(\d{1,9})\s")
-_PAGE = re.compile(r".*\bSTEP\s+(\d{1,9})\s+INCREMENT\s+\d+\b")
-_PAGE_REST = re.compile(r"\s*1\s*$|.*TIME COMPLETED IN THIS STEP")
-_PERTURBATION = re.compile(".*LINEAR PERTURBATION STEP")
 _ALL = "ALL NODES"
-_TABLE = re.compile(
-    r"\s*THE FOLLOWING TABLE IS PRINTED FOR (?:(ALL NODES)|NODES BELONGING TO NODE SET ?(\S*))\s*$"
-)
-_HEADER = re.compile(r"\s*NODE\s+FOOT-\s+(\S.*)$")
 _ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
-_EXTREMES = ("MAXIMUM", "MINIMUM")
-_TRAILERS = (*_EXTREMES, "AT", "TOTAL")
+_TRAILERS = ("MAXIMUM", "MINIMUM", "TOTAL")
 
 
 def read_abaqus_dat(
@@ -89,8 +80,8 @@ def read_abaqus_dat(
         else:
             moved.append(rim.of(run.nodes, "U1", "U2"))
             unit = max(unit, rim.unit)
-            if driven.total and driven.nodes == reaction.upper():
-                force.append(driven.total[driven.columns.index("RF2")])
+            if "TOTAL" in driven.trailers and driven.nodes == reaction.upper():
+                force.append(driven.trailers["TOTAL"][driven.columns.index("RF2")])
             else:
                 force.append(math.fsum(driven.of(run.driven, "RF2")[:, 0]))
     if not force:
@@ -134,12 +125,9 @@ def _short(table: NodeTable, asked: dict[str, set[int]]) -> str:
     missing = len(nodes) - len(table.rows)
     if missing and not table.whole:
         return f"a table of {table.nodes} with {len(table.rows)} of {len(nodes)} nodes, and no end"
-    for name, printed in table.extremes.items():
-        found = list(table.rows.values())
-        if missing or not found:
-            found.append([0.0] * len(table.columns))
-        pick = max if name == "MAXIMUM" else min
-        for column, value in enumerate(printed):
+    found = [*table.rows.values(), *[[0.0] * len(table.columns)] * bool(missing or not nodes)]
+    for name, pick in (("MAXIMUM", max), ("MINIMUM", min)):
+        for column, value in enumerate(table.trailers.get(name, ())):
             if pick(row[column] for row in found) != value:
                 raise table.line.error(
                     f"{table.columns[column]} of {table.nodes}: "
@@ -167,54 +155,51 @@ def _increments(path: Path) -> tuple[list[Frame], list[str]]:
     return list(found.values()), messages
 
 
-class _Dat:
-    """What has been read of a file: increments, and the table that lines belong to."""
+class _Dat(Printed):
+    """Increments of a run."""
 
     def __init__(self) -> None:
-        self.found: dict[tuple[int, int], Frame] = {}
-        self.others: set[str] = set()
-        self.repeated = 0
-        self.table: NodeTable | None = None
-        self._step, self._ignored = 0, ""
-        self._increment: Frame | None = None
+        super().__init__()
+        self.repeated, self._step, self._ignored = 0, 0, ""
         self._is_name = False  # whether the next line is the long name of a set
-        self._kinds = (
-            (_SUMMARY, self._summary),
-            (_STEP, self._new_step),
-            (_PAGE, self._page),
-            (_PAGE_REST, lambda line, match: None),
-            (_PERTURBATION, lambda line, match: setattr(self, "_ignored", "a perturbation step")),
-            (_TABLE, self._title),
-            (_HEADER, self._header),
-        )
 
     def take(self, line: Line) -> None:
         """Read a line that is not blank."""
         if self._is_name:
             self._is_name, self.table = False, NodeTable(line, line.words[0].upper())
-            return
-        if not handled(line, self._kinds) and self.table is not None and self.table.columns:
-            _row(line, self.table)
+        else:
+            super().take(line)
 
+    @on(r"INCREMENT\s+(\d{1,9})\s+SUMMARY\s*$")
     def _summary(self, line: Line, match: re.Match[str]) -> None:
         key = (self._step, int(match[1]))
         self.repeated += key in self.found
         self.found.pop(key, None)
-        self._increment = Frame(line.number, ignored=self._ignored)
-        self.found[key], self.table = self._increment, None
+        self.frame = self.found[key] = Frame(line.number, ignored=self._ignored)
+        self.table = None
 
+    @on(r"S T E P\s+(\d{1,9})\s")
     def _new_step(self, line: Line, match: re.Match[str]) -> None:
         self._step, self._ignored = int(match[1]), ""
-        self._increment = self.table = None
+        self.frame = self.table = None
 
+    @on(r".*\bSTEP\s+(\d{1,9})\s+INCREMENT\s+\d+\b|1\s*$|.*TIME COMPLETED IN THIS STEP")
     def _page(self, line: Line, match: re.Match[str]) -> None:
         # A page's head; it may stand in the middle of a table.
-        self._step = int(match[1])
+        self._step = int(match[1] or self._step)
 
+    @on(".*LINEAR PERTURBATION STEP")
+    def _perturbation(self, line: Line, match: re.Match[str]) -> None:
+        self._ignored = "a perturbation step"
+
+    @on(
+        r"THE FOLLOWING TABLE IS PRINTED FOR (?:(ALL NODES)|NODES BELONGING TO NODE SET ?(\S*))\s*$"
+    )
     def _title(self, line: Line, match: re.Match[str]) -> None:
         name = _ALL if match[1] else match[2].upper()
         self._is_name, self.table = not name, NodeTable(line, name) if name else None
 
+    @on(r"NODE\s+FOOT-\s+(\S.*)$")
     def _header(self, line: Line, match: re.Match[str]) -> None:
         """Take the columns of a table, and go on with it if it began on the page before."""
         if (table := self.table) is None:
@@ -223,36 +208,35 @@ class _Dat:
         if not table.has("U1", "U2") and not table.has("RF2"):
             self.others.add(f"{' '.join(table.columns)} of {table.nodes}")
             return
-        if self._increment is None:
+        if self.frame is None:
             raise line.error("a table before its increment; expected INCREMENT n SUMMARY first")
-        for one in self._increment.tables:
+        for one in self.frame.tables:
             if (one.nodes, one.columns) == (table.nodes, table.columns) and not one.whole:
                 self.table = one
                 return
-        self._increment.tables.append(table)
+        self.frame.tables.append(table)
         self.table = table
 
-
-def _row(line: Line, table: NodeTable) -> None:
-    words = line.words
-    if words[0] in _TRAILERS:
-        if words[0] != "AT":
+    def row(self, line: Line, table: NodeTable) -> None:
+        """Take a row, or what stands below the rows."""
+        words = line.words
+        if not table.columns or words[0] == "AT":
+            return
+        if words[0] in _TRAILERS:
             values = [line.finite(word) for word in words[1:]]
             if len(values) != len(table.columns):
                 raise line.error(f"{len(values)} values; expected {len(table.columns)}")
             table.whole = True
-            if words[0] == "TOTAL":
-                table.total = values
-            else:
-                table.extremes[words[0]] = values
-        return
-    if " ".join(words) == _ZERO:
-        table.whole = True
-        return
-    if not is_label(words[0]) or table.whole:
-        return  # NOTE below the header, a page's head, or what follows the table
-    if table.below and not all(NUMBER.fullmatch(word) for word in words):
-        return  # counts of messages at the end of the file
+            table.trailers[words[0]] = values
+        elif " ".join(words) == _ZERO:
+            table.whole = True
+        elif not is_label(words[0]) or table.whole:
+            return  # NOTE below the header, a page's head, or what follows the table
+        elif not table.below or all(NUMBER.fullmatch(word) for word in words):
+            _add(line, table, words)  # else counts of messages at the end of the file
+
+
+def _add(line: Line, table: NodeTable, words: list[str]) -> None:
     if len(words) != len(table.columns) + 1:
         raise line.unexpected(
             f"node, {', '.join(table.columns)}, in global directions (no footnotes)"

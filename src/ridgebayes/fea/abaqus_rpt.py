@@ -9,21 +9,23 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Deck, read_deck
-from ridgebayes.fea.lines import Frame, Line, NodeTable, handled, is_label, read_lines, unused
+from ridgebayes.fea.lines import (
+    DASHES,
+    GAP,
+    Frame,
+    Line,
+    NodeTable,
+    Printed,
+    is_label,
+    on,
+    read_lines,
+    unused,
+)
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
-_TITLE = re.compile(r"\s*Field Output Report(?!.*reported at)")
-_DATABASE = re.compile(r"\s*(ODB: .*\S)")
-_STEP = re.compile(r"\s*Step: (.*\S)")
-_FRAME = re.compile(r"\s*Frame: Increment\s+(\d{1,9}): Step Time =\s*(\S+)")
-_OTHER_FRAME = re.compile(r"\s*Frame: .*\S")
-_OUTPUT = re.compile(r"\s*Field Output reported at")
-_REGION = re.compile(r"\s*Field Output reported at nodes for (?:part|region): (.*\S)")
-_DASHES = re.compile(r"\s*-{9,}\s*$")
 _AGREE = 1e-4  # of the sum of sizes: how far a total may be off its rows
 _MOVED = 1e-4  # of the largest displacement: how far undeformed coordinates may differ
-_GAP = re.compile(r"\s{2,}")
 
 
 def read_abaqus_rpt(
@@ -129,83 +131,69 @@ def _frames(path: Path) -> tuple[list[Frame], list[str]]:
     return [report.found[key] for key in sorted(report.found)], unused(report.others)
 
 
-class _Report:
-    """What has been read of a file: frames, and the table that lines belong to."""
+class _Report(Printed):
+    """Reports, one after another."""
 
     def __init__(self) -> None:
-        self.n = 0
-        self.found: dict[tuple[int, int], Frame] = {}
-        self.others: set[str] = set()
-        self._database, self._steps, self._step = "", dict[str, int](), ""
-        self._frame: Frame | None = None
-        self._table: NodeTable | None = None
+        super().__init__()
+        self.n, self._database, self._step = 0, "", ""
+        self._steps: dict[str, int] = {}
         self._header: list[str] = []
         self._pending: list[str] = []  # a row so far: wide ones are wrapped
-        self._kinds = (
-            (_TITLE, self._title),
-            (_DATABASE, self._run),
-            (_STEP, lambda line, match: setattr(self, "_step", match[1])),
-            (_FRAME, self._new_frame),
-            (_OTHER_FRAME, self._other_frame),
-            (_OUTPUT, self._region),
-        )
 
-    def take(self, line: Line) -> None:
-        if not handled(line, self._kinds) and self._table is not None:
-            self._content(line, self._table)
-
+    @on("Field Output Report(?!.*reported at)")
     def _title(self, line: Line, match: re.Match[str]) -> None:
         self.n += 1
-        self._frame = self._table = None
+        self.frame = self.table = None
 
+    @on(r"(ODB: .*\S)")
     def _run(self, line: Line, match: re.Match[str]) -> None:
-        if self._database and match[1] != self._database:
+        if self._database not in ("", match[1]):
             raise line.error(f"{match[1]}, and above {self._database}; expected one run")
         self._database = match[1]
 
+    @on(r"Step: (.*\S)")
+    def _new_step(self, line: Line, match: re.Match[str]) -> None:
+        self._step = match[1]
+
+    @on(r"(Frame: (?:Increment\s+(\d{1,9}): Step Time =\s*(\S+)|.*\S))")
     def _new_frame(self, line: Line, match: re.Match[str]) -> None:
-        line.finite(match[2])
-        key = (self._steps.setdefault(self._step, len(self._steps)), int(match[1]))
-        new = Frame(line.number, f"{self._step} {match[1]}")
-        self._frame = self.found.setdefault(key, new)
+        if match[2] is None:
+            self.frame = None
+            self.others.add(match[1])
+            return
+        line.finite(match[3])
+        key = (self._steps.setdefault(self._step, len(self._steps)), int(match[2]))
+        self.frame = self.found.setdefault(key, Frame(line.number, f"{self._step} {match[2]}"))
 
-    def _other_frame(self, line: Line, match: re.Match[str]) -> None:
-        self._frame = None
-        self.others.add(match[0].strip())
-
+    @on(r"Field Output reported at(?: nodes for (?:part|region): (.*\S))?")
     def _region(self, line: Line, match: re.Match[str]) -> None:
-        self._header, self._pending, self._table = [], [], None
-        region = _REGION.match(line.text)
-        if region is None:
+        self._header, self._pending, self.table = [], [], None
+        if match[1] is None:
             self.others.add(line.text.strip())
-        elif self._frame is not None:
-            self._table = NodeTable(line, region[1])
-            self._frame.tables.append(self._table)
+        elif self.frame is not None:
+            self.table = NodeTable(line, match[1])
+            self.frame.tables.append(self.table)
 
-    def _content(self, line: Line, table: NodeTable) -> None:
+    def row(self, line: Line, table: NodeTable) -> None:
         """Take a line of a table: its header, a row or a piece of one, or what stands below."""
         text = line.text.strip()
-        if _DASHES.match(text):
+        if DASHES.match(text):
             # A wide table has a second header, over its second lines.
-            table.columns += _names(self._header)
+            names = GAP.split(self._header[0]) if self._header else []
+            table.columns += names[names[:1] in (["Node"], ["Node Label"]) :]
             self._header = []
         elif not table.rows and not self._pending and (not table.columns or not text[:1].isdigit()):
             self._header = [*self._header, text] if text else []
         elif not text or text[0].isalpha():
             table.whole = table.whole or not self._pending
             if text.startswith("Total"):
-                table.total = [line.finite(word) for word in line.words[1:]]
+                table.trailers["TOTAL"] = [line.finite(word) for word in line.words[1:]]
         elif not table.whole:
             self._pending += line.words
             if len(self._pending) > len(table.columns):
                 _add(line, table, self._pending)
                 self._pending = []
-
-
-def _names(header: list[str]) -> list[str]:
-    """Return the names of a header but that of the nodes' numbers."""
-    names = _GAP.split(header[0]) if header else []
-    return names[1:] if names and names[0] in ("Node", "Node Label") else names
 
 
 def _add(line: Line, table: NodeTable, words: list[str]) -> None:
@@ -261,8 +249,9 @@ def _force(table: NodeTable, nodes: list[int]) -> float:
     nodes = [node for node in nodes if node in table.rows]
     values = table.of(nodes, "RF.RF2")[:, 0]
     force, size = math.fsum(values), math.fsum(np.abs(values))
-    if len(table.total) == len(table.columns) and len(nodes) == len(table.rows):
-        total = table.total[table.columns.index("RF.RF2")]
+    totals = table.trailers.get("TOTAL", [])
+    if len(totals) == len(table.columns) and len(nodes) == len(table.rows):
+        total = totals[table.columns.index("RF.RF2")]
         if abs(total - force) > _AGREE * size:
             raise table.line.error(
                 f"RF.RF2 of {table.nodes} adds up to {force:.6g}, and the total is {total:.6g}; "

@@ -2,9 +2,10 @@
 
 import math
 import re
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,10 @@ from ridgebayes.runtime.reading import read_text
 
 # A number as programs print it: Fortran drops the E of an exponent of three digits.
 NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]?([+-]\d+)|[EeDd](\d+))?")
+DASHES = re.compile(r"\s*-{9,}\s*$")
+GAP = re.compile(r"\s{2,}")  # between names, which hold single blanks
 _SHOWN, _LONGEST_NODE = 60, 18  # characters
+Handler = Any  # a method of a `Printed`, of a line and its match
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +110,8 @@ class NodeTable:
         Names of the values.
     rows : dict of int to list of float
         Values by node.
-    total : list of float
-        Sums of the columns, if they were printed.
-    extremes : dict of str to list of float
-        The same of ``MAXIMUM`` and ``MINIMUM``.
+    trailers : dict of str to list of float
+        What was printed below the columns: ``TOTAL``, ``MAXIMUM``, ``MINIMUM``.
     whole : bool
         Whether its end was printed.
     below : bool
@@ -124,8 +126,7 @@ class NodeTable:
     nodes: str
     columns: list[str] = field(default_factory=list)
     rows: dict[int, list[float]] = field(default_factory=dict)
-    total: list[float] = field(default_factory=list)
-    extremes: dict[str, list[float]] = field(default_factory=dict)
+    trailers: dict[str, list[float]] = field(default_factory=dict)
     whole: bool = False
     below: bool = False
     digits: int = 0
@@ -164,16 +165,42 @@ class Frame:
     ignored: str = ""
 
 
-Handlers = Sequence[tuple[re.Pattern[str], Callable[[Line, re.Match[str]], object]]]
+def on(pattern: str) -> Callable[[Handler], Handler]:
+    """Mark a method of a `Printed` as what takes lines that begin, after blanks, with a pattern."""
+
+    def marked(method: Handler) -> Handler:
+        method.pattern = re.compile(rf"\s*{pattern}")
+        return method
+
+    return marked
 
 
-def handled(line: Line, handlers: Handlers) -> bool:
-    """Give a line to the handler of the first pattern that it begins with, if there is one."""
-    for pattern, handle in handlers:
-        if (match := pattern.match(line.text)) is not None:
-            handle(line, match)
-            return True
-    return False
+class Printed:
+    """What has been read of a file: frames, and the table that lines belong to.
+
+    A line goes to the first method, in the order of the class, that is marked by `on` and whose
+    pattern it has; another one is the table's.
+    """
+
+    def __init__(self) -> None:
+        self.found: dict[tuple[int, int], Frame] = {}
+        self.others: set[str] = set()
+        self.frame: Frame | None = None
+        self.table: NodeTable | None = None
+        self._handlers = [one for one in vars(type(self)).values() if hasattr(one, "pattern")]
+
+    def take(self, line: Line) -> None:
+        """Take a line."""
+        for handler in self._handlers:
+            if match := handler.pattern.match(line.text):
+                handler(self, line, match)
+                return
+        if self.table is not None:
+            self.row(line, self.table)
+
+    def row(self, line: Line, table: NodeTable) -> None:
+        """Take a line of a table."""
+        raise NotImplementedError
 
 
 def unused(names: Iterable[str]) -> list[str]:
