@@ -1,10 +1,10 @@
 """Text of cells between separators: what is recognised, and what is refused with its line."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea import delimited
 from ridgebayes.fea.delimited import DelimitedText, Reading
 from ridgebayes.fea.problems import Problems
 
@@ -184,29 +184,23 @@ def test_delimited__labels_that_begin_with_a_hash_are_no_comments(labels):
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("text", "b", "n"),
     [
-        "a;b;Q\n0,5;2;4\n0,25;-1,5e-3;6\n",
-        '"a","b","Q"\n"0.5","2","4"\n"0.25","","6"\n',
-        '"a","b","Q"\n"0,5","2","4"\n"0,25",3,6\n',
-        '"a";"b";"Q"\n"0,5";"2";"4"\n"0,25";"3";"6"',
-        'a,b,Q,n\n1,2,4,"x, y"\n1,2,6,"z"\n',
-        'a,b,Q,n\n1,2,4,"say ""x"""\n1,2,6,z\n',
-        'a,b,Q,n\n1,2,4,"two\nlines"\n1,2,6,z\n',
-        'a,b,Q,n\n1,2,4,5"\n1,2,6,z\n',
+        ("a;b;Q\n0,5;2;4\n0,25;-1,5e-3;6\n", [2, -1.5e-3], []),
+        ('"a","b","Q"\n"0.5","2","4"\n"0.25","","6"\n', [2, np.nan], []),
+        ('"a","b","Q"\n"0,5","2","4"\n"0,25",3,6\n', [2, 3], []),
+        ('"a";"b";"Q"\n"0,5";"2";"4"\n"0,25";"3";"6"', [2, 3], []),
+        ('a,b,Q,n\n0.5,2,4,"x, y"\n0.25,2,6,"z"\n', [2, 2], ["x, y", "z"]),
+        ('a,b,Q,n\n0.5,2,4,"say ""x"""\n0.25,2,6,z\n', [2, 2], ['say "x"', "z"]),
+        ('a,b,Q,n\n0.5,2,4,"two\nlines"\n0.25,2,6,z\n', [2, 2], ["two\nlines", "z"]),
+        ('a,b,Q,n\n0.5,2,4,5"\n0.25,2,6,z\n', [2, 2], ['5"', "z"]),
     ],
 )
-def test_read__long_files_hold_what_short_ones_do(text, monkeypatch):
-    def outcome():
-        try:
-            cells = read(text)
-        except InputError as error:
-            return str(error)
-        return cells.frame.to_dict("list") | {"messages": cells.messages}
-
-    short = outcome()
-    monkeypatch.setattr(delimited, "_LONG", 0)
-    np.testing.assert_equal(outcome(), short)
+def test_read__quotes_hold_marks_and_lines(text, b, n):
+    frame = read(text).frame
+    assert (frame["a"].tolist(), frame["Q"].tolist()) == ([0.5, 0.25], [4, 6])
+    np.testing.assert_array_equal(frame["b"], b)
+    assert frame.get("n", pd.Series()).tolist() == n
 
 
 @pytest.mark.parametrize("notes", ["Exported by Foo 12\n\nTotal rows: 2\n", "#end,,\n,,\n"])
@@ -299,20 +293,28 @@ def test_read__blanks_between_columns_separate_them():
 
 
 @pytest.mark.parametrize(
-    "tail",
-    ["", "\n", ",,,\n", "# mean of three runs,,,\n", ' "0.5",1,4,x\n', "1e999,1,4,\n", "1,2\n"],
+    ("tail", "words"),
+    [
+        ("", ""),
+        ("\n", ""),
+        (",,,\n", ""),
+        ("# mean of three runs,,,\n", "passed over: 1 comment such as '# mean of three runs,,,'"),
+        (' "0.5",1,4,x\n', "column 'a' = ' \"0.5\"': expected a finite number"),
+        ("1e999,1,4,\n", "column 'a' = '1e999': expected a finite number"),
+        ("1,2\n", ": '1,2' has 2 cells: expected 4 cells"),
+    ],
 )
 @pytest.mark.parametrize("top", ["", "Test 7\n\n"])
-def test_read__long_text_is_what_short_text_is(monkeypatch, top, tail):
+def test_read__rows_below_good_ones_are_told(top, tail, words):
     text = top + "a,b,Q,note\n0.1,.5,4,007\n-1e-3,,6, nan\n" + tail
-
-    def outcome():
-        try:
-            cells = read(text)
-        except InputError as error:
-            return str(error)
-        return cells.frame.to_csv(), cells.row.tolist(), cells.lines.tolist(), cells.messages
-
-    expected = outcome()
-    monkeypatch.setattr("ridgebayes.fea.delimited._LONG", 0)
-    assert outcome() == expected
+    first = 2 + 2 * bool(top)
+    if "expected" in words:
+        told = refusal(text)
+        assert f"mine.csv, line {first + 2}" in told
+    else:
+        cells = read(text)
+        told = "; ".join(cells.messages)
+        assert cells.lines.tolist() == [first, first + 1]
+        assert cells.row.tolist() == [0, 1]
+        assert cells.frame.to_csv(index=False) == "a,b,Q,note\n0.1,0.5,4.0,007\n-0.001,,6.0, nan\n"
+    assert words in told

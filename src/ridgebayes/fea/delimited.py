@@ -4,9 +4,8 @@ import codecs
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from ridgebayes.fea.layout import LOOKED_AT, find_layout
 from ridgebayes.fea.problems import Problems
 from ridgebayes.runtime.reading import decoded
 from ridgebayes.runtime.text import clipped, count
-from ridgebayes.table.files import is_rectangular, lossless, read_clean, records
+from ridgebayes.table.files import lossless, records
 
 SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
 _COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
@@ -48,7 +47,6 @@ _NOTHING = re.compile(
     re.I,
 )
 
-_LONG = 1_000_000  # characters: pandas reads them in a tenth of the time
 _Row = tuple[int, list[str]]  # line, and cells
 _NOTE = re.compile(r"#.*|[^\W\d].*\s.*")  # words, and not one label of a row cut off
 
@@ -122,23 +120,20 @@ class DelimitedText(Source):
         if not text.strip():
             raise InputError(f"{where}: the file is empty")
         text, self._separator = _separated(text, where)
-        rows = [
-            (line + how.skip_rows, cells)
-            for line, cells in islice(records(text, where, self._separator), LOOKED_AT)
-            if any(one.strip() for one in cells)
-        ]
+        found = records(text, where, self._separator)
+        table = ((line + how.skip_rows, cells) for line, cells in found)
+        head = list(islice(table, LOOKED_AT))
+        rows = [(line, cells) for line, cells in head if any(one.strip() for one in cells)]
         layout = find_layout(rows or [(1, [""])], where, how.header_row)
         self.settings = layout.settings
         self._messages += layout.messages
         self.headers = clean_headers(layout.headers, where)
         if layout.first >= len(rows):
             raise InputError(f"{where}: no rows below the header")
-        first, begun = next(
-            (row for row in rows[layout.first :] if not self._is_comment(row[1])),
-            rows[layout.first],
-        )
-        found = zip(self.headers, map(_WITH_UNIT.fullmatch, begun), strict=False)
-        units = {name: match[1] for name, match in found if match is not None}
+        above = rows[layout.first :]
+        begun = next((cells for _, cells in above if not self._is_comment(cells)), above[0][1])
+        cut = zip(self.headers, map(_WITH_UNIT.fullmatch, begun), strict=False)
+        units = {name: match[1] for name, match in cut if match is not None}
         new = {
             name: f"{name} [{unit}]"
             for name, unit in units.items()
@@ -146,23 +141,16 @@ class DelimitedText(Source):
         }
         self._units = {new[name]: units[name] for name in new}  # that stand in the cells
         self.headers = tuple(new.get(name, name) for name in self.headers)
-        self._clean = text.split("\n", first - how.skip_rows - 1)[-1].encode()
-        if _is_plain(self._clean, self._separator, self.headers):
-            self._typed = read_clean(self._clean, self.headers, (), separator=self._separator)
-            self._lines: IntArray = np.arange(len(self._typed)) + first
-        else:
-            top = rows[layout.first][0] - how.skip_rows
-            below = [row for row in records(text, where, self._separator) if row[0] >= top]
-            below, comments = self._without_comments(below)
-            below, notes = _without_notes(below)
-            told = f"{where}: passed over"
-            if comments:
-                self._messages.append(
-                    f"{told}: {count(len(comments), 'comment')} such as {comments[0]!r}"
-                )
-            self._messages += [f"{told} below the rows: {note!r}" for note in notes]
-            self._lines, self._typed = self._checked(below, problems)
-            self._clean = b""
+        below = [row for row in chain(head, table) if row[0] >= above[0][0]]
+        below, comments = self._without_comments(below)
+        below, notes = _without_notes(below)
+        told = f"{where}: passed over"
+        if comments:
+            self._messages.append(
+                f"{told}: {count(len(comments), 'comment')} such as {comments[0]!r}"
+            )
+        self._messages += [f"{told} below the rows: {note!r}" for note in notes]
+        self._lines, self._typed = self._checked(below, problems)
         if "=" in text:
             for name, cells in self._typed.items():
                 begin = cells.str.lstrip().str.startswith("=").to_numpy(bool)
@@ -202,10 +190,11 @@ class DelimitedText(Source):
 
     def _without_comments(self, rows: list[_Row]) -> tuple[list[_Row], list[str]]:
         """Return the rows without comments, and those; if most rows were some, they are labels."""
-        whole = [self._is_comment(cells) for _, cells in rows if len(cells) == len(self.headers)]
-        if 2 * sum(whole) > len(whole):
+        some = [cells for _, cells in rows if self._is_comment(cells)]
+        n_whole = sum(len(cells) == len(self.headers) for cells in some)
+        if not some or 2 * n_whole > sum(len(cells) == len(self.headers) for _, cells in rows):
             return rows, []
-        comments = [self._separator.join(cells) for _, cells in rows if self._is_comment(cells)]
+        comments = [self._separator.join(cells) for cells in some]
         return [row for row in rows if not self._is_comment(row[1])], comments
 
     def _checked(self, rows: list[_Row], problems: Problems) -> tuple[IntArray, pd.DataFrame]:
@@ -214,8 +203,7 @@ class DelimitedText(Source):
         Rows of another length are noted; empty cells beyond the header are none.
         """
         width, lines, whole, bad = len(self.headers), list[int](), list[list[str]](), list[str]()
-        for number, cells in rows:
-            line = number + self._how.skip_rows
+        for line, cells in rows:
             while len(cells) > width and not cells[-1].strip():
                 cells.pop()
             if len(cells) == width:
@@ -233,24 +221,8 @@ class DelimitedText(Source):
         frame = pd.DataFrame(whole, columns=list(self.headers), dtype=str)
         return np.array(lines, dtype=np.int64), frame
 
-    def _first_mark(self, wanted: list[str]) -> str:
-        """Return the decimal mark to try first: a comma only where some cell is sure to have it."""
-        if self._how.decimal:
-            return "," if self._how.decimal == "comma" else "."
-        rows = self._typed[wanted].head(LOOKED_AT).to_numpy(dtype=object)
-        return "," if any(map(_is_decimal_comma, rows.ravel())) else "."
-
     def _numbers(self, wanted: list[str], problems: Problems) -> tuple[dict[str, FloatArray], str]:
         """Read in the style of which fewest cells are no number, and note those that are none."""
-        if self._clean and not self._how.empty:
-            mark = self._first_mark(wanted)
-            with suppress(ValueError, OverflowError):  # which the slower look below tells of
-                frame = read_clean(
-                    self._clean, self.headers, wanted, separator=self._separator, decimal=mark
-                )
-                exact = {name: frame[name].to_numpy(dtype=float) for name in wanted}
-                if not any(np.isinf(values).any() for values in exact.values()):
-                    return exact, mark
         text: dict[str, pd.Series[str]] = {}
         for name in wanted:
             cells = self._typed[name].str.strip().str.removesuffix(self._units.get(name, ""))
@@ -295,15 +267,6 @@ class DelimitedText(Source):
         if nothing:
             problems.options["empty"] = "\n".join(dict.fromkeys(map(str.strip, nothing)))
         return found, mark + thousands
-
-
-def _is_plain(text: bytes, separator: str, names: Sequence[str]) -> bool:
-    """Return whether text is long, and pandas reads it as `records` does, which is slow."""
-    last = text.rstrip(b"\n").rpartition(b"\n")[2].split(separator.encode())
-    lowered = text.lower() if len(text) > _LONG else b"true"
-    words = any(word in lowered for word in (b"true", b"false", b"\n#"))
-    data = np.frombuffer(text, dtype=np.uint8)
-    return not words and sum(map(bool, last)) > 1 and is_rectangular(data, separator, len(names))
 
 
 def _is_decimal_comma(cell: str) -> bool:
