@@ -1,5 +1,7 @@
 """Text of cells between separators: what is recognised, and what is refused with its line."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,13 +13,21 @@ from ridgebayes.fea.problems import Problems
 GOOD = "a,b,Q\n0.03,0.01,4\n0.02,0.04,6\n"
 
 
+class Read(NamedTuple):
+    frame: pd.DataFrame
+    row: np.ndarray
+    lines: np.ndarray
+    messages: list[str]
+
+
 def read(text, numeric=("a", "b", "Q"), path="mine.csv", **how):
     content = text if isinstance(text, bytes) else text.encode()
     problems = Problems(path)
     source = DelimitedText(path, content, Reading(**how), problems)
     cells = source.read(set(numeric), problems)
     problems.raise_all(source)
-    return cells
+    rows = cells.index.to_numpy()
+    return Read(cells, rows, source.lines(rows), problems.messages)
 
 
 def refusal(text, **options):

@@ -1,17 +1,16 @@
 """Cells of a table file, whatever its format: headers, values, and where each cell stands."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import split_header
-from ridgebayes.fea.problems import Places, Problems
+from ridgebayes.fea.problems import Problems
 
 NUMBER = re.compile(r"\s*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 FINITE = "expected a finite number, with a point for decimals, or an empty cell"
@@ -21,71 +20,37 @@ LONGEST_HEADER = 500
 _UNNAMED = "(column {})"
 
 
-class Source(Places, Protocol):
-    """A table file whose header is known; rows are counted from 0 below it."""
-
-    headers: tuple[str, ...]
-    settings: Mapping[str, tuple[str, int]]  # constants of title lines, each with its line
-
-    def read(self, numeric: Collection[str], problems: Problems) -> "Cells":
-        """Read all rows, the columns of these headers as numbers; note cells that are none."""
-
-    def lines(self, rows: IntArray) -> IntArray | None:
-        """Return the file's lines of some rows; None where it has no lines."""
-        return None
-
-
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """Rows of a table file.
+def filled(frame: pd.DataFrame, where: str, problems: Problems) -> pd.DataFrame:
+    """Return the rows of a file that hold anything, without unnamed columns that hold nothing.
 
     Parameters
     ----------
-    source : Source
-        The file.
     frame : DataFrame, n_row rows
-        Columns by header: those asked for as numbers are float64, NaN where a cell is empty.
-    row : ndarray of int, shape (n_row,)
-        Which rows of the file they are.
-    messages : tuple of str
-        Format, separator, decimal mark, blank rows.
+        All cells by header: numbers, NaN where a cell is empty, or text.
+    where : str
+        Name that messages show.
+    problems : Problems
+        Where it is said how many rows are empty.
+
+    Returns
+    -------
+    DataFrame
+        Its index tells which rows of the file they are, from 0.
+
+    Raises
+    ------
+    InputError
+        If no row does.
     """
-
-    source: Source
-    frame: pd.DataFrame
-    row: IntArray
-    messages: tuple[str, ...]
-
-    @classmethod
-    def of(cls, source: Source, frame: pd.DataFrame, *messages: str) -> "Cells":
-        """Return the rows that hold anything, without unnamed columns that hold nothing.
-
-        Raises
-        ------
-        InputError
-            If no row does.
-        """
-        empty = {name: _empty(frame[name]) for name in frame}
-        unnamed = {_UNNAMED.format(i) for i in range(1, len(empty) + 1)}
-        used = [name for name in empty if name not in unnamed or not empty[name].all()]
-        blank = np.logical_and.reduce(list(empty.values()))
-        if blank.all():
-            raise InputError(f"{source.where}: no rows below the header")
-        frame, kept = frame[used], np.flatnonzero(~blank)
-        if n := len(blank) - len(kept):
-            frame = frame.iloc[kept].reset_index(drop=True)
-            messages = (*messages, f"{n} empty rows ignored")
-        return cls(source, frame, kept, messages)
-
-    def kept(self, keep: BoolArray) -> "Cells":
-        """Return some of the rows."""
-        frame = self.frame[keep].reset_index(drop=True)
-        return Cells(self.source, frame, self.row[keep], self.messages)
-
-    @property
-    def lines(self) -> IntArray | None:
-        """The file's line of each row, where it has lines."""
-        return self.source.lines(self.row)
+    empty = frame.isna() | (frame == "")
+    unnamed = {_UNNAMED.format(i) for i in range(1, len(empty.columns) + 1)}
+    used = [name for name in frame if name not in unnamed or not empty[name].all()]
+    blank = empty.all(axis=1)
+    if blank.all():
+        raise InputError(f"{where}: no rows below the header")
+    if n := int(blank.sum()):
+        problems.messages.append(f"{n} empty rows ignored")
+    return frame.loc[~blank, used]
 
 
 def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
@@ -132,8 +97,3 @@ def as_numbers(cells: "pd.Series[Any]") -> FloatArray:
         if cells.isna().any():
             return np.array([])
     return cells.to_numpy(float)
-
-
-def _empty(cells: "pd.Series[str]") -> BoolArray:
-    empty = cells.isna() if cells.dtype.kind in "fiubM" else cells.isna() | (cells == "")
-    return empty.to_numpy(dtype=bool)

@@ -7,15 +7,15 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from ridgebayes._types import BoolArray, IntArray
+from ridgebayes._types import BoolArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import Cells, Source
 from ridgebayes.fea.delimited import DelimitedText, Reading
 from ridgebayes.fea.interpret import ABOVE_0, ColumnInterpreter, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
 from ridgebayes.fea.parquet import ParquetTable
-from ridgebayes.fea.problems import SHOWN, FileError, Problems
+from ridgebayes.fea.problems import SHOWN, FileError, Problems, Source
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
 from ridgebayes.fea.wide import melt_counts, melt_textures, named_textures
@@ -153,29 +153,25 @@ def _read(
     taken = {use.key for use in uses} | set(values)
     settings = {key: one for key, one in source.settings.items() if key not in taken}
     cells = source.read({use.header for use in uses if use.is_number}, problems)
-    messages = [*cells.messages]
     for use in uses:
-        if use.header not in cells.frame:
+        if use.header not in cells:
             raise InputError(
                 f"{where}, column {use.header!r}, {use.name}: expected numbers or text"
             )
-        messages += _checked_cells(cells, use, problems)
+        _check_cells(cells, use, problems)
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
     typed = uses
-    messages += [f"{key}: {text}, from line {line}" for key, (text, line) in settings.items()]
+    for key, (text, at) in settings.items():
+        problems.messages.append(f"{key}: {text}, from line {at}")
     if not corners and any(use.Q is not None for use in uses):
-        cells, uses, more = melt_counts(cells, uses, problems)
-        messages += more
+        cells, uses = melt_counts(cells, uses, problems)
     elif named := named_textures(cells, uses, problems):
-        cells, uses, more = named
-        messages += more
+        cells, uses = named
     elif any(use.texture is not None for use in uses):
-        cells, uses, more = melt_textures(cells, uses, problems)
-        messages += more
+        cells, uses = melt_textures(cells, uses, problems)
     constants = {key: text for key, (text, _) in settings.items()} | dict(values)
-    interpreter = ColumnInterpreter(cells, uses, constants, how, problems)
-    frame, lines, more = interpreter.history(corners) if corners else interpreter.long(term)
-    messages += [*interpreter.messages, *more]
+    interpreter = ColumnInterpreter(source, cells, uses, constants, how, problems)
+    frame, lines = interpreter.history(corners) if corners else interpreter.long(term)
     if frame.empty:
         problems.raise_all(source)
     details = (
@@ -191,20 +187,22 @@ def _read(
     ordered = [name for name in NAMES if name in frame]
     frame = frame[[*ordered, *(name for name in frame if name not in ordered)]]
     line = None if lines is None else lines.item
-    rows = interpreter.cells.row if lines is not None or not corners else None
+    rows = interpreter.cells.index if lines is not None or not corners else None
     del cells, interpreter  # of a million rows: 0.2 GB that validating needs
     table = _validated(RawTable(frame, where, line), rows, problems, source)
-    return Imported(table, (*messages, *_kept(table)), problems.known)
+    return Imported(table, (*problems.messages, *_kept(table)), problems.known)
 
 
-def _checked_cells(cells: Cells, use: Use, problems: Problems) -> list[str]:
-    """Note the cells of a column that cannot be what it is, and empty them; return messages."""
+def _check_cells(cells: pd.DataFrame, use: Use, problems: Problems) -> None:
+    """Note the cells of a column that cannot be what it is, and empty them."""
     if not use.is_number or use.key not in (*ABOVE_0, *LOWERS, "pressure"):
-        return []
-    numbers = cells.frame[use.header].to_numpy(dtype=float)
+        return
+    numbers = cells[use.header].to_numpy(dtype=float)
     if use.key in LOADS[1:] and len(numbers) > 1 and np.nanmax(numbers, initial=-np.inf) <= 0:
-        cells.frame[use.header] = -numbers
-        return [f"column {use.header!r}: no load above 0, so compression is negative: sign turned"]
+        cells[use.header] = -numbers
+        told = f"column {use.header!r}: no load above 0, so compression is negative: sign turned"
+        problems.messages.append(told)
+        return
     must_be_full = use.key in ("a", "b", "R", "E", "D", "pitch") and use.Q is None
     rules: tuple[tuple[str, bool, BoolArray], ...] = (
         ("not empty", must_be_full, np.isnan(numbers)),
@@ -215,13 +213,12 @@ def _checked_cells(cells: Cells, use: Use, problems: Problems) -> list[str]:
     )
     for rule, applies, bad in rules:
         if applies and bad.any():
-            problems.cells(cells.row[bad], use.header, f"expected {rule}")
-            cells.frame[use.header] = np.where(bad, np.nan, numbers)
-    return []
+            problems.cells(cells.index[bad], use.header, f"expected {rule}")
+            cells[use.header] = np.where(bad, np.nan, numbers)
 
 
 def _validated(
-    raw: RawTable, rows: IntArray | None, problems: Problems, source: Source
+    raw: RawTable, rows: "pd.Index[int] | None", problems: Problems, source: Source
 ) -> ContactTable:
     """Return the table, or refuse the rules that it breaks beside what was noted before."""
     frame, findings = checked(raw)
@@ -276,7 +273,7 @@ def _mapping_text(
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def _source(path: Path, how: Reading, problems: Problems) -> Source:
+def _source(path: Path, how: Reading, problems: Problems) -> DelimitedText | ParquetTable:
     """Return the file, by its suffix; nothing in it is run."""
     suffix = path.suffix.lower()
     if suffix in _OLD:

@@ -13,10 +13,10 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import FINITE, FORMULA, NUMBER, Cells, Source, clean_headers
+from ridgebayes.fea.cells import FINITE, FORMULA, NUMBER, clean_headers, filled
 from ridgebayes.fea.column_units import is_unit, split_header
 from ridgebayes.fea.layout import LOOKED_AT, find_layout
-from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.problems import Problems, Source
 from ridgebayes.runtime.reading import decoded
 from ridgebayes.runtime.text import clipped, count
 from ridgebayes.table.files import lossless, records
@@ -114,7 +114,7 @@ class DelimitedText(Source):
         cell: Callable[[int, int], str] | None = None,
     ) -> None:
         self.where, self._how, self._cell = where, how, cell
-        text, self._messages = _decoded(content, where)
+        text = _decoded(content, where, problems)
         lines = text.split("\n", how.skip_rows)
         text = lines[-1] if len(lines) > how.skip_rows else ""
         if not text.strip():
@@ -126,7 +126,7 @@ class DelimitedText(Source):
         rows = [(line, cells) for line, cells in head if any(one.strip() for one in cells)]
         layout = find_layout(rows or [(1, [""])], where, how.header_row)
         self.settings = layout.settings
-        self._messages += layout.messages
+        problems.messages += layout.messages
         self.headers = clean_headers(layout.headers, where)
         if layout.first >= len(rows):
             raise InputError(f"{where}: no rows below the header")
@@ -146,17 +146,17 @@ class DelimitedText(Source):
         below, notes = _without_notes(below)
         told = f"{where}: passed over"
         if comments:
-            self._messages.append(
+            problems.messages.append(
                 f"{told}: {count(len(comments), 'comment')} such as {comments[0]!r}"
             )
-        self._messages += [f"{told} below the rows: {note!r}" for note in notes]
+        problems.messages += [f"{told} below the rows: {note!r}" for note in notes]
         self._lines, self._typed = self._checked(below, problems)
         if "=" in text:
             for name, cells in self._typed.items():
                 begin = cells.str.lstrip().str.startswith("=").to_numpy(bool)
                 problems.cells(begin, str(name), FORMULA)
 
-    def read(self, numeric: Collection[str], problems: Problems) -> Cells:
+    def read(self, numeric: Collection[str], problems: Problems) -> pd.DataFrame:
         """Read all rows, the columns of these headers as numbers; note cells that are none."""
         wanted = [name for name in self.headers if name in numeric]
         numbers, mark = self._numbers(wanted, problems)
@@ -166,8 +166,8 @@ class DelimitedText(Source):
         thousands = f", {mark[1:]!r} between thousands" if mark[1:] else ""
         kind = "Excel" if self._cell else f"{name}, separator {SEPARATORS[self._separator]}"
         dialect = f"{kind}, decimal {_WORDS[mark[0]]}{thousands}"
-        messages = [f"{self.where}: {dialect}, {len(frame)} rows", *self._messages]
-        return Cells.of(self, frame, *messages)
+        problems.messages.insert(0, f"{self.where}: {dialect}, {len(frame)} rows")
+        return filled(frame, self.where, problems)
 
     def lines(self, rows: IntArray) -> IntArray:
         """Return the file's lines of some rows."""
@@ -284,24 +284,24 @@ def _without_notes(rows: list[_Row]) -> tuple[list[_Row], list[str]]:
     return rows[:1], notes[::-1]
 
 
-def _decoded(content: bytes, where: str) -> tuple[str, list[str]]:
-    """Return text that may be UTF-16 or Windows-1252, and a message if it is."""
-    messages = []
+def _decoded(content: bytes, where: str, problems: Problems) -> str:
+    """Return text that may be UTF-16 or Windows-1252; say so if it is."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:
             content = content.decode("utf-16").encode()
         except UnicodeDecodeError:
             raise InputError(f"{where}: begins as UTF-16 text, and is none") from None
-        messages.append(f"{where}: UTF-16 text")
+        problems.messages.append(f"{where}: UTF-16 text")
     try:
-        return decoded(content, where), messages
+        return decoded(content, where)
     except InputError as error:
         try:
             text = decoded(content.decode("cp1252").encode(), where)
         except UnicodeDecodeError:
             raise error from None
         byte = str(error).removesuffix("; expected UTF-8")
-        return text, [*messages, f"{byte}: read as Windows-1252"]
+        problems.messages.append(f"{byte}: read as Windows-1252")
+        return text
 
 
 def _tabs_for_blanks(text: str) -> str:

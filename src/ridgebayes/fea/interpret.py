@@ -10,7 +10,7 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import NUMBER, Cells, as_numbers
+from ridgebayes.fea.cells import NUMBER, as_numbers
 from ridgebayes.fea.column_units import (
     DIMENSIONS,
     Quantity,
@@ -22,7 +22,7 @@ from ridgebayes.fea.column_units import (
 )
 from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
-from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.problems import Problems, Source
 from ridgebayes.fea.transitions import (
     STATUS_RULE,
     counts_repeat,
@@ -45,7 +45,7 @@ _MEANS = {
 }
 _EXAMPLES = {"R": "? mm", "E": "? kPa", "thickness": "? mm"}
 
-Rows = tuple[pd.DataFrame, IntArray | None, list[str]]  # of the table, their lines, and messages
+Rows = tuple[pd.DataFrame, IntArray | None]  # of the table, and their lines
 
 
 class ColumnInterpreter:
@@ -53,18 +53,19 @@ class ColumnInterpreter:
 
     def __init__(
         self,
-        cells: Cells,
+        source: Source,
+        cells: pd.DataFrame,
         uses: list[Use],
         values: Mapping[str, str | float],
         how: Reading,
         problems: Problems,
     ) -> None:
-        self.cells, self.where = cells, cells.source.where
+        self.cells, self.where, self._source = cells, source.where, source
         self._uses, self._values, self._how, self._problems = uses, values, how, problems
         self._by_key = {(use.key, use.Q): use for use in uses}
         self.used: dict[Use, None] = {}
         self._dimensional: dict[str, Quantity] = {}
-        self.messages: list[str] = []
+        self.messages, self._begun = problems.messages, len(problems.messages)
         self._used_values: set[str] = set()
 
     def long(self, term: str | None) -> Rows:
@@ -86,26 +87,22 @@ class ColumnInterpreter:
         own = [name for name in left if name not in NAMES]
         self._summarize()
         if any(found.get(key, 0) is None for key in ("a_over_R", "b_over_R", "Q", "p_over_E")):
-            return pd.DataFrame(), None, []
+            return pd.DataFrame(), None
         frame = self._framed({key: value for key, value in found.items() if value is not None})
         if "kind" not in found and "status" not in found and counts_repeat(frame):
             return self._transitions(frame)
-        messages = [
-            f"column {name!r} ignored: the mapping uses another column"
-            for name in left
-            if name in NAMES
-        ]
+        for name in left:
+            if name in NAMES:
+                self.messages.append(f"column {name!r} ignored: the mapping uses another column")
         if own:
-            messages.append(f"kept as they are: {listed(own)}")
-        frame = frame.assign(**{n: self.cells.frame[n] for n in own})
-        lines = self.cells.lines
+            self.messages.append(f"kept as they are: {listed(own)}")
+        frame = frame.assign(**{n: self.cells[n] for n in own})
         keep = (frame["Q"] >= 4) | ~frame["Q"].isin([0, 2]) | (frame.get("kind", "") == COUNT)
         if n := int((~keep).sum()):
-            messages.append(f"{n} rows of Q under 4 ignored: that many touch at any load")
-            frame = frame[keep].reset_index(drop=True)
-            self.cells = self.cells.kept(keep.to_numpy(bool))
-            lines = self.cells.lines
-        return frame, lines, messages
+            self.messages.append(f"{n} rows of Q under 4 ignored: that many touch at any load")
+            frame, self.cells = frame[keep], self.cells[keep]
+        lines = self._source.lines(self.cells.index.to_numpy())
+        return frame.reset_index(drop=True), lines
 
     def history(self, corners: list[Use]) -> Rows:
         """Return the transitions of tables whose rows are increments of runs."""
@@ -120,10 +117,10 @@ class ColumnInterpreter:
         load = self._required("p_over_E", self._load())
         corners = sorted(corners, key=lambda use: use.Q or 0)
         gaps = np.column_stack([self._gap(use) for use in corners])
-        keep = np.ones(len(self.cells.frame), dtype=bool)
+        keep = np.ones(len(self.cells), dtype=bool)
         ignored = []
         if status := self._use("status", None):
-            keep = as_text(self.cells.frame[status.header]).isin(["", OK]).to_numpy(bool)
+            keep = as_text(self.cells[status.header]).isin(["", OK]).to_numpy(bool)
             self.used[status] = None
             if n := int((~keep).sum()):
                 ignored.append(f"{n} increments ignored: their status is not 'ok'")
@@ -131,7 +128,7 @@ class ColumnInterpreter:
                 raise self._error("no increment whose status is 'ok'")
         self._summarize()
         if load is None or self._problems or any(one is None for one in curve.values()):
-            return pd.DataFrame(), None, []
+            return pd.DataFrame(), None
         # In a run the empty cells of a column are its default; NaN would tell rows apart.
         frame, Q = self._framed(curve)[keep].reset_index(drop=True), [use.Q or 0 for use in corners]
         return self._of_runs(frame, load[keep], gaps[keep], np.array(Q), ignored)
@@ -148,7 +145,8 @@ class ColumnInterpreter:
         if self._how.interpolate:
             rows, n = middle_loads(rows)
             remarks.append(f"{n} loads in the middle of their increments")
-        return rows, None, [*([f"not used: {listed(left)}"] if left else []), *said, *remarks]
+        self.messages += [*([f"not used: {listed(left)}"] if left else []), *said, *remarks]
+        return rows, None
 
     def _counts(self, counts: FloatArray, term: str | None) -> FloatArray:
         """Return Q of counts, whatever they are of."""
@@ -177,7 +175,7 @@ class ColumnInterpreter:
         said = f"counts repeat while loads rise: {len(frame)} increments of runs, taken as {how}"
         if self._problems or not levels.size:
             self._problems.texts += [] if levels.size else [f"{self.where}: no count of 4 or more"]
-            return pd.DataFrame(), None, []
+            return pd.DataFrame(), None
         return self._of_runs(curve, load, gaps, levels, [said])
 
     def _curve(self) -> dict[str, Any]:
@@ -199,12 +197,12 @@ class ColumnInterpreter:
         return {key: value for key, value in found.items() if value is not None}
 
     def _framed(self, found: Mapping[str, Any]) -> pd.DataFrame:
-        n = len(self.cells.frame)
+        n = len(self.cells)
         shaped = {
             key: np.broadcast_to(value, n) if isinstance(value, np.ndarray) else value
             for key, value in found.items()
         }
-        return pd.DataFrame(shaped, index=pd.RangeIndex(n))
+        return pd.DataFrame(shaped, index=self.cells.index)
 
     def _use(self, key: str, Q: int | None) -> Use | None:
         """Return the column of a key: for each Q, or else the one for all."""
@@ -227,7 +225,7 @@ class ColumnInterpreter:
             name = f"{key} Q={use.Q}" if use.Q is not None else key
             self._problems.need(str(error), {name: f"{use.header};{last if fits else '?'}"})
             unit, factor = "", Fraction(0)
-        numbers = self.cells.frame[use.header].to_numpy(dtype=float)
+        numbers = self.cells[use.header].to_numpy(dtype=float)
         if use not in self.used:
             self.used[use] = None
             how = ", a guess" if use.how == "guessed" else ""
@@ -279,11 +277,11 @@ class ColumnInterpreter:
             how = ", contact pressure" if use.key == "pressure" else ""
             self.messages.append(f"{use.name}: column {use.header!r}{how}")
         if use.key == "status":
-            gap, bad = touching(as_text(self.cells.frame[use.header]))
-            self._problems.cells(self.cells.row[bad], use.header, STATUS_RULE)
+            gap, bad = touching(as_text(self.cells[use.header]))
+            self._problems.cells(self.cells.index[bad], use.header, STATUS_RULE)
             return gap
         if use.key == "pressure":
-            numbers = self.cells.frame[use.header].to_numpy(dtype=float)
+            numbers = self.cells[use.header].to_numpy(dtype=float)
             return np.where(np.isnan(numbers), np.nan, np.where(numbers > 0, -np.inf, np.inf))
         found = self._quantity(use.key, use.Q)
         assert found is not None
@@ -297,7 +295,7 @@ class ColumnInterpreter:
         for key in keys:
             if (use := self._use(key, None)) is not None:
                 self.used[use] = None
-                found[key] = as_text(self.cells.frame[use.header])
+                found[key] = as_text(self.cells[use.header])
                 if key != use.header:
                     how = ", a guess" if use.how == "guessed" else ""
                     self.messages.append(f"{key}: column {use.header!r}{how}")
@@ -325,7 +323,7 @@ class ColumnInterpreter:
         if found is None:
             ways = {"a_over_R": "a", "b_over_R": "b, pitch", "p_over_E": "p, line, force, load"}
             either = f" (or {ways[key]})" if key in ways else ""
-            self._problems.columns = ", ".join(map(repr, list(self.cells.frame)[:50]))
+            self._problems.columns = ", ".join(map(repr, list(self.cells)[:50]))
             name = {"a_over_R": "a", "b_over_R": "b", "p_over_E": "load"}.get(key, key)
             text = f"no column {key}{either}; name it with --map '{name}=HEADER'"
             likely = self._likely(name)
@@ -340,7 +338,7 @@ class ColumnInterpreter:
         taken = {use.header for use in self._uses} | set(self._problems.mapping.values())
         free = [n for n in self._left() if n not in taken and not _COUNTER.search(n.lower())]
         free = [n for n in free if not n.startswith("(column")]
-        numbers = {n: cells for n in free if len(cells := as_numbers(self.cells.frame[n]))}
+        numbers = {n: cells for n in free if len(cells := as_numbers(self.cells[n]))}
         has_Q = any(use.key == "Q" for use in self._uses)  # so that no other column counts
 
         def fits(name: str) -> int:
@@ -361,7 +359,7 @@ class ColumnInterpreter:
 
     def _summarize(self) -> None:
         if plain := [one.key for one in self.used if one.key == one.header and one.key in NAMES]:
-            self.messages.insert(0, f"recognised by name: {', '.join(plain)}")
+            self.messages.insert(self._begun, f"recognised by name: {', '.join(plain)}")
         known = [one for one in self._dimensional.values() if one.name]
         try:
             if everywhere_or_nowhere(known, self.where):
@@ -389,7 +387,7 @@ class ColumnInterpreter:
     def _left(self) -> list[str]:
         """Return the columns that are nothing of the contract."""
         used = {use.header for use in self.used}
-        return [name for name in map(str, self.cells.frame) if name not in used]
+        return [name for name in map(str, self.cells) if name not in used]
 
 
 def listed(names: Iterable[str]) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import FINITE, Cells, Source, clean_headers
-from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.cells import FINITE, clean_headers, filled
+from ridgebayes.fea.problems import Problems, Source
 from ridgebayes.runtime.reading import refusing
 from ridgebayes.table.files import read_arrow
 
@@ -39,21 +39,21 @@ class ParquetTable(Source):
         if not self._table.num_rows:
             raise InputError(f"{self.where}: no rows")
 
-    def read(self, numeric: Collection[str], problems: Problems) -> Cells:
+    def read(self, numeric: Collection[str], problems: Problems) -> pd.DataFrame:
         """Read all rows, the columns of these headers as numbers; note cells that are none."""
         wanted = set(numeric)
-        messages = [f"{self.where}: Parquet, {self._table.num_rows} rows"]
+        problems.messages.append(f"{self.where}: Parquet, {self._table.num_rows} rows")
         columns: dict[str, Any] = {}
         for name, column in zip(self.headers, self._table.columns, strict=True):
             with refusing(f"{self.where}, column {name!r}", most=200):
                 values = self._values(name, column, name in wanted)
             if values is None:
-                messages.append(f"column {name!r} ignored: its type is {column.type}")
+                problems.messages.append(f"column {name!r} ignored: its type is {column.type}")
             else:
                 columns[name] = values
         for name in wanted & columns.keys():
             problems.cells(np.isinf(columns[name]), name, FINITE)
-        return Cells.of(self, pd.DataFrame(columns), *messages)
+        return filled(pd.DataFrame(columns), self.where, problems)
 
     def spot(self, row: int, name: str) -> str:
         """Return words for a cell."""

@@ -2,11 +2,12 @@
 
 import heapq
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+import pandas as pd
 
 from ridgebayes._types import BoolArray, IntArray
 from ridgebayes.errors import InputError
@@ -16,10 +17,16 @@ SHOWN = 3  # cells of one complaint that a message lists; the rest is counted
 _MOST = 20  # complaints
 
 
-class Places(Protocol):
-    """A table file, as messages point at its cells; rows are counted from 0 below the header."""
+class Source(Protocol):
+    """A table file whose header is known; rows are counted from 0 below it."""
 
     where: str
+    headers: tuple[str, ...]
+    settings: Mapping[str, tuple[str, int]]  # constants of title lines, each with its line
+
+    def lines(self, rows: IntArray) -> IntArray | None:
+        """Return the file's lines of some rows; None where it has no lines."""
+        return None
 
     def spot(self, row: int, name: str) -> str:
         """Return words for a cell, such as ``line 4``."""
@@ -86,10 +93,11 @@ class FileError(InputError):
 
 
 class Problems:
-    """What was found wrong so far; the user can supply the needs, the rest is in the file."""
+    """What was understood so far, and what is wrong: needs the user can supply, the rest is so."""
 
     def __init__(self, where: str) -> None:
         self.where = where
+        self.messages: list[str] = []
         self.texts: list[str] = []
         self.needs: list[str] = []
         self.options: dict[str, str] = {}
@@ -109,9 +117,9 @@ class Problems:
         self.mapping |= {k: v for k, v in (mapping or {}).items() if k not in self.mapping}
         self.options |= {k: v for k, v in options.items() if k not in self.options}
 
-    def cells(self, bad: BoolArray | IntArray, header: str, rule: str) -> None:
+    def cells(self, bad: "BoolArray | pd.Index[int]", header: str, rule: str) -> None:
         """Note cells by a mask over the file's rows or by their rows; each cell is told once."""
-        rows = np.flatnonzero(bad) if bad.dtype == bool else bad
+        rows = np.flatnonzero(bad) if isinstance(bad, np.ndarray) else bad
         fresh = [row for row in rows.tolist() if (row, header) not in self._told]
         if fresh:
             self._told |= {(row, header) for row in fresh}
@@ -121,7 +129,7 @@ class Problems:
         """Return the file's rows of which a cell was told of."""
         return np.unique(np.array([row for row, _ in self._told], dtype=np.int64))
 
-    def shown(self, source: Places) -> list[str]:
+    def shown(self, source: Source) -> list[str]:
         """Return a line for each complaint, in the order of the file."""
         found = []
         for (header, rule), rows in self._cells.items():
@@ -140,7 +148,7 @@ class Problems:
             found.append((first[0], text))
         return [text for _, text in sorted(found, key=lambda one: one[0])]
 
-    def raise_all(self, source: Places | None = None) -> None:
+    def raise_all(self, source: Source | None = None) -> None:
         """Raise what was noted, if anything was."""
         wrong = [*self.texts, *(self.shown(source) if source is not None else ())]
         needs = [*self.needs, *([f"the columns are {self.columns}"] if self.columns else ())]

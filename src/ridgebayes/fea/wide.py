@@ -4,19 +4,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import Cells
 from ridgebayes.fea.column_units import split_header, unit_factor
 from ridgebayes.fea.mapping import LOADS, Use
 from ridgebayes.fea.problems import Problems
 from ridgebayes.fea.words import texture_of
 
-Melted = tuple[Cells, list[Use], list[str]]
+Melted = tuple[pd.DataFrame, list[Use]]
 
 
-def melt_counts(cells: Cells, uses: Sequence[Use], problems: Problems) -> Melted:
+def melt_counts(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) -> Melted:
     """Return a row for each Q that was reached, of a table with a column for each Q.
 
     Raises
@@ -24,7 +24,7 @@ def melt_counts(cells: Cells, uses: Sequence[Use], problems: Problems) -> Melted
     InputError
         If there is a load beside them, no load, or the units of one quantity differ.
     """
-    where = cells.source.where
+    where = problems.where
     per_Q = [use for use in uses if use.Q is not None]
     loads = {use.Q: use for use in per_Q if use.key in LOADS}
     single = [use for use in uses if use.Q is None and use.key in (*LOADS, "Q")]
@@ -37,14 +37,14 @@ def melt_counts(cells: Cells, uses: Sequence[Use], problems: Problems) -> Melted
         )
     keys = dict.fromkeys(use.key for use in per_Q)
     columns: dict[str, np.ndarray] = {}
-    n, counts = len(cells.frame), sorted(Q or 0 for Q in loads)
+    n, counts = len(cells), sorted(Q or 0 for Q in loads)
     for key in keys:
         some = {use.Q: use for use in per_Q if use.key == key}
         if extra := [use for Q, use in some.items() if Q not in loads]:
             raise InputError(
                 f"{where}: column {extra[0].header!r}: no load of Q = {extra[0].Q}; expected one"
             )
-        numbers = [cells.frame[some[Q].header] if Q in some else np.full(n, np.nan) for Q in counts]
+        numbers = [cells[some[Q].header] if Q in some else np.full(n, np.nan) for Q in counts]
         columns[key] = np.column_stack(numbers)
     key = next(iter(loads.values())).key
     if any(use.key != key for use in loads.values()):
@@ -57,15 +57,15 @@ def melt_counts(cells: Cells, uses: Sequence[Use], problems: Problems) -> Melted
     more = [Use("Q", "Q", "1", how="wide")]
     more += [_one(name, [use for use in per_Q if use.key == name], where) for name in keys]
     empty = n * len(counts) - row.size
-    messages = [f"one column for each Q: {len(counts)} loads from Q = {counts[0]} to {counts[-1]}"]
-    messages += [f"{empty} empty cells: not reached"] if empty else []
-    return _melted(cells, row, new, per_Q), [*_rest(uses, per_Q), *more], messages
+    told = f"one column for each Q: {len(counts)} loads from Q = {counts[0]} to {counts[-1]}"
+    problems.messages += [told, *([f"{empty} empty cells: not reached"] if empty else ())]
+    return _melted(cells, row, new, per_Q), [*_rest(uses, per_Q), *more]
 
 
-def melt_textures(cells: Cells, uses: Sequence[Use], problems: Problems) -> Melted:
+def melt_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) -> Melted:
     """Return a row for each texture, of a table with a column for each."""
     each = [use for use in uses if use.texture is not None]
-    numbers = np.column_stack([cells.frame[use.header] for use in each])
+    numbers = np.column_stack([cells[use.header] for use in each])
     which, row = np.nonzero(~np.isnan(numbers.T))  # texture by texture, as runs are
     units = {use.texture[2] or split_header(use.header)[1] for use in each if use.texture}
     unit = min(units)
@@ -82,18 +82,19 @@ def melt_textures(cells: Cells, uses: Sequence[Use], problems: Problems) -> Melt
     new = {name: widths[:, i] for i, name in enumerate(names)}
     new["value"] = numbers[row, which]
     more = [Use(name, name, unit if is_length else "1", how="wide") for name in names]
-    value = _one(each[0].key, [replace(one, Q=None) for one in each], cells.source.where)
-    messages = [f"one column for each texture: {len(each)}, in {unit or 'units of the radius'}"]
+    value = _one(each[0].key, [replace(one, Q=None) for one in each], problems.where)
+    told = f"one column for each texture: {len(each)}, in {unit or 'units of the radius'}"
+    problems.messages.append(told)
     more.append(replace(value, header="value", texture=None))
-    return _melted(cells, row, new, each), [*_rest(uses, each), *more], messages
+    return _melted(cells, row, new, each), [*_rest(uses, each), *more]
 
 
-def named_textures(cells: Cells, uses: Sequence[Use], problems: Problems) -> Melted | None:
+def named_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) -> Melted | None:
     """Return both widths as columns where names of textures such as ``240x80 um`` have them."""
     named = [use for use in uses if use.key == "texture"]
     if not named or any(use.key in ("a", "b", "a_over_R", "b_over_R") for use in uses):
         return None
-    names = cells.frame[named[0].header].astype(str)
+    names = cells[named[0].header].astype(str)
     pairs = {name: texture_of(name) for name in names.unique()}
     found = {name: pair for name, pair in pairs.items() if pair is not None}
     units = {pair[2] for pair in found.values()} or {"?"}
@@ -114,8 +115,9 @@ def named_textures(cells: Cells, uses: Sequence[Use], problems: Problems) -> Mel
     }
     columns = [Use(key, key, unit or "1", how="wide") for key in keys]
     rows = np.arange(len(names))
-    messages = [f"{', '.join(keys)}: the numbers in {header!r}, {unit or 'over the radius'}"]
-    return _melted(cells, rows, new, ()), [*columns, *uses], messages
+    told = f"{', '.join(keys)}: the numbers in {header!r}, {unit or 'over the radius'}"
+    problems.messages.append(told)
+    return _melted(cells, rows, new, ()), [*columns, *uses]
 
 
 def _one(key: str, some: Sequence[Use], where: str) -> Use:
@@ -132,8 +134,8 @@ def _rest(uses: Sequence[Use], gone: Sequence[Use]) -> list[Use]:
     return [use for use in uses if use not in gone]
 
 
-def _melted(cells: Cells, row: IntArray, new: dict[str, np.ndarray], gone: Sequence[Use]) -> Cells:
+def _melted(
+    cells: pd.DataFrame, row: IntArray, new: dict[str, np.ndarray], gone: Sequence[Use]
+) -> pd.DataFrame:
     names = {*new, *(use.header for use in gone)}
-    frame = cells.frame.drop(columns=[name for name in cells.frame if name in names])
-    frame = frame.iloc[row].reset_index(drop=True).assign(**new)
-    return Cells(cells.source, frame, cells.row[row], cells.messages)
+    return cells.drop(columns=[name for name in cells if name in names]).iloc[row].assign(**new)
