@@ -10,7 +10,6 @@ from ridgebayes.fea.column_units import (
     Quantity,
     column_unit,
     divided,
-    everywhere_or_nowhere,
     split_header,
     unit_factor,
 )
@@ -91,11 +90,3 @@ def test_divided__keeps_empty_cells_and_overflows_to_infinity():
     values = Quantity("p", np.array([1.0, np.nan, 1e308, -1e308]), "", Fraction(1))
     small = Quantity("E", np.array(1e-10), "", Fraction(1))
     np.testing.assert_array_equal(divided(values, small), [1e10, np.nan, np.inf, -np.inf])
-
-
-def test_everywhere_or_nowhere__tells_which_have_units_and_which_have_not():
-    have, bare = Quantity("a", np.ones(1), "mm"), Quantity("R", np.ones(1))
-    assert everywhere_or_nowhere([have], "x.csv")
-    assert not everywhere_or_nowhere([bare], "x.csv")
-    with pytest.raises(InputError, match=r"x\.csv: a in mm, but R without a unit"):
-        everywhere_or_nowhere([have, bare], "x.csv")

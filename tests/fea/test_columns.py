@@ -82,6 +82,7 @@ def test_read_columns__an_explicit_unit_stands_after_the_header(read):
     found = read(text, mapping, values=BODY)
     assert column(found, "a_over_R") == [0.03, 0.03, 0.0125]
     assert column(found, "p_over_E") == [2.1 / 960, 8.7 / 960, 3.0 / 960]
+    assert "all units converted" in found.messages
 
 
 def test_read_columns__numbers_without_any_unit_are_one_system(read):
@@ -89,6 +90,7 @@ def test_read_columns__numbers_without_any_unit_are_one_system(read):
     found = read(text, {"a": "w", "b": "g", "line": "load"}, values={"R": 8, "E": "0.06"})
     assert column(found, "p_over_E") == [0.0021875]
     assert "no units given; one consistent system assumed" in found.messages
+    assert "all units converted" not in found.messages
 
 
 @pytest.mark.parametrize(
@@ -97,7 +99,8 @@ def test_read_columns__numbers_without_any_unit_are_one_system(read):
 )
 def test_read_columns__units_on_some_only_are_refused(refusal, values, bare):
     text = refusal(LONG, MAP, values=values)
-    assert f"but {bare} without a unit" in text
+    assert " in mm, b ('Groove width (um)') in um, " in text
+    assert f", but {bare} without a unit; expected units on all columns" in text
     assert "on none" in text
 
 

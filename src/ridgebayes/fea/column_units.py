@@ -2,7 +2,6 @@
 
 import functools
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -174,25 +173,6 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
             f"[N/mm], or in the mapping {key}={header};1 for none"
         )
     return unit, factor
-
-
-def everywhere_or_nowhere(quantities: Iterable[Quantity], where: str) -> bool:
-    """Return whether quantities have units.
-
-    Raises
-    ------
-    InputError
-        If some have and others have not.
-    """
-    quantities = list(quantities)
-    have = [f"{one.name} in {one.unit}" for one in quantities if one.unit]
-    bare = [one.name for one in quantities if not one.unit]
-    if have and bare:
-        raise InputError(
-            f"{where}: {', '.join(have)}, but {', '.join(bare)} without a unit; expected units on "
-            "all columns and values that have dimensions, or on none"
-        )
-    return bool(have)
 
 
 def divided(over: Quantity, *under: Quantity, by: int = 1) -> FloatArray:

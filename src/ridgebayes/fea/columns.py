@@ -170,8 +170,8 @@ def _read(
     elif any(use.texture is not None for use in uses):
         cells, uses = melt_textures(cells, uses, problems)
     constants = {key: text for key, (text, _) in settings.items()} | dict(values)
-    interpreter = ColumnInterpreter(source, cells, uses, constants, how, problems)
-    frame, lines = interpreter.history(corners) if corners else interpreter.long(term)
+    interpreter = ColumnInterpreter(cells, uses, constants, how, problems)
+    frame = interpreter.history(corners) if corners else interpreter.long(term)
     if frame.empty:
         problems.raise_all(source)
     details = (
@@ -186,8 +186,9 @@ def _read(
         frame["source"] = origin
     ordered = [name for name in NAMES if name in frame]
     frame = frame[[*ordered, *(name for name in frame if name not in ordered)]]
+    rows = interpreter.rows
+    lines = None if rows is None else source.lines(rows.to_numpy())
     line = None if lines is None else lines.item
-    rows = interpreter.cells.index if lines is not None or not corners else None
     del cells, interpreter  # of a million rows: 0.2 GB that validating needs
     table = _validated(RawTable(frame, where, line), rows, problems, source)
     return Imported(table, (*problems.messages, *_kept(table)), problems.known)
@@ -224,7 +225,7 @@ def _validated(
     frame, findings = checked(raw)
     told = set() if rows is None else set(problems.rows().tolist())
     for column, rule, bad, other in findings.complaints():
-        if "empty" in rule and rows is not None and len(rows) == len(frame):
+        if "empty" in rule and rows is not None:
             keep = np.array([int(rows[row]) not in told for row in bad], dtype=bool)
             bad, other = bad[keep], None if other is None else other[keep]
         if not len(bad):

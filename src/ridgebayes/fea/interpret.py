@@ -16,13 +16,12 @@ from ridgebayes.fea.column_units import (
     Quantity,
     column_unit,
     divided,
-    everywhere_or_nowhere,
     split_header,
     unit_factor,
 )
 from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
-from ridgebayes.fea.problems import Problems, Source
+from ridgebayes.fea.problems import Problems
 from ridgebayes.fea.transitions import (
     STATUS_RULE,
     counts_repeat,
@@ -45,22 +44,20 @@ _MEANS = {
 }
 _EXAMPLES = {"R": "? mm", "E": "? kPa", "thickness": "? mm"}
 
-Rows = tuple[pd.DataFrame, IntArray | None]  # of the table, and their lines
-
 
 class ColumnInterpreter:
     """Columns that are understood, and what follows from them."""
 
     def __init__(
         self,
-        source: Source,
         cells: pd.DataFrame,
         uses: list[Use],
         values: Mapping[str, str | float],
         how: Reading,
         problems: Problems,
     ) -> None:
-        self.cells, self.where, self._source = cells, source.where, source
+        self.cells, self.where = cells, problems.where
+        self.rows: pd.Index[int] | None = None  # of the file, that are the table's
         self._uses, self._values, self._how, self._problems = uses, values, how, problems
         self._by_key = {(use.key, use.Q): use for use in uses}
         self.used: dict[Use, None] = {}
@@ -68,7 +65,7 @@ class ColumnInterpreter:
         self.messages, self._begun = problems.messages, len(problems.messages)
         self._used_values: set[str] = set()
 
-    def long(self, term: str | None) -> Rows:
+    def long(self, term: str | None) -> pd.DataFrame:
         """Return the rows of a table with one transition or increment each, and its own columns.
 
         Parameters
@@ -77,18 +74,16 @@ class ColumnInterpreter:
             What is counted, as `ridgebayes.fea.mapping.assign` returns it.
         """
         found = self._curve()
-        Q = self._required("Q", self._first("Q"))
-        if Q is not None:
-            Q = self._counts(Q, term)
-        load = self._required("p_over_E", self._load())
-        found |= {"Q": Q, "p_over_E": load, **self._optional()}
+        found["Q"] = self._counts(self._required("Q", self._first("Q")), term)
+        found["p_over_E"] = self._required("p_over_E", self._load())
+        found |= {"p_over_E_lower": self._load("_lower"), "rel_se": self._first("rel_se")}
         found |= self._texts("kind", "role", "status")
         left = self._left()
         own = [name for name in left if name not in NAMES]
         self._summarize()
-        if any(found.get(key, 0) is None for key in ("a_over_R", "b_over_R", "Q", "p_over_E")):
-            return pd.DataFrame(), None
-        frame = self._framed({key: value for key, value in found.items() if value is not None})
+        if any(found[key] is None for key in ("a_over_R", "b_over_R", "Q", "p_over_E")):
+            return pd.DataFrame()
+        frame = self._framed(found)
         if "kind" not in found and "status" not in found and counts_repeat(frame):
             return self._transitions(frame)
         for name in left:
@@ -100,11 +95,10 @@ class ColumnInterpreter:
         keep = (frame["Q"] >= 4) | ~frame["Q"].isin([0, 2]) | (frame.get("kind", "") == COUNT)
         if n := int((~keep).sum()):
             self.messages.append(f"{n} rows of Q under 4 ignored: that many touch at any load")
-            frame, self.cells = frame[keep], self.cells[keep]
-        lines = self._source.lines(self.cells.index.to_numpy())
-        return frame.reset_index(drop=True), lines
+        self.rows = frame.index[keep]
+        return frame[keep].reset_index(drop=True)
 
-    def history(self, corners: list[Use]) -> Rows:
+    def history(self, corners: list[Use]) -> pd.DataFrame:
         """Return the transitions of tables whose rows are increments of runs."""
         for use in self._uses:
             wrong = use.Q is not None and use.key not in CORNERS
@@ -127,29 +121,31 @@ class ColumnInterpreter:
             if not keep.any():
                 raise self._error("no increment whose status is 'ok'")
         self._summarize()
-        if load is None or self._problems or any(one is None for one in curve.values()):
-            return pd.DataFrame(), None
+        if load is None or self._problems:
+            return pd.DataFrame()
         # In a run the empty cells of a column are its default; NaN would tell rows apart.
         frame, Q = self._framed(curve)[keep].reset_index(drop=True), [use.Q or 0 for use in corners]
         return self._of_runs(frame, load[keep], gaps[keep], np.array(Q), ignored)
 
     def _of_runs(
         self, frame: pd.DataFrame, load: FloatArray, gaps: FloatArray, Q: IntArray, said: list[str]
-    ) -> Rows:
-        brackets = self._how.brackets
+    ) -> pd.DataFrame:
         try:
-            rows, remarks = transitions_of_runs(frame, load, gaps, Q, brackets=brackets)
+            rows, remarks = transitions_of_runs(frame, load, gaps, Q, brackets=self._how.brackets)
         except InputError as error:
             raise self._error(str(error)) from None
-        left = self._left()
+        if left := self._left():
+            self.messages.append(f"not used: {listed(left)}")
+        self.messages += [*said, *remarks]
         if self._how.interpolate:
             rows, n = middle_loads(rows)
-            remarks.append(f"{n} loads in the middle of their increments")
-        self.messages += [*([f"not used: {listed(left)}"] if left else []), *said, *remarks]
-        return rows, None
+            self.messages.append(f"{n} loads in the middle of their increments")
+        return rows
 
-    def _counts(self, counts: FloatArray, term: str | None) -> FloatArray:
+    def _counts(self, counts: FloatArray | None, term: str | None) -> FloatArray | None:
         """Return Q of counts, whatever they are of."""
+        if counts is None:
+            return None
         whole = counts[~np.isnan(counts)]
         asked = self._how.count_is
         if asked is None and term == "":
@@ -164,7 +160,7 @@ class ColumnInterpreter:
             self.messages.append(f"counts of {term}: {COUNTS[term]}")
         return 2 * counts if term == "per-side" else counts
 
-    def _transitions(self, frame: pd.DataFrame) -> Rows:
+    def _transitions(self, frame: pd.DataFrame) -> pd.DataFrame:
         """Return the transitions of increments with a count each."""
         Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
         levels = np.arange(4, int(np.nanmax(Q)) + 1, 2)
@@ -175,7 +171,7 @@ class ColumnInterpreter:
         said = f"counts repeat while loads rise: {len(frame)} increments of runs, taken as {how}"
         if self._problems or not levels.size:
             self._problems.texts += [] if levels.size else [f"{self.where}: no count of 4 or more"]
-            return pd.DataFrame(), None
+            return pd.DataFrame()
         return self._of_runs(curve, load, gaps, levels, [said])
 
     def _curve(self) -> dict[str, Any]:
@@ -188,19 +184,15 @@ class ColumnInterpreter:
             b = None if pitch is None else np.round(pitch - found["a_over_R"], 12)
             self.messages += [] if b is None else ["b: pitch minus ridge width"]
         found["b_over_R"] = self._required("b_over_R", b)
-        others = {"offset_over_R": self._over_R("offset"), "nu": self._first("nu")}
-        found |= {key: value for key, value in others.items() if value is not None}
+        found |= {"offset_over_R": self._over_R("offset"), "nu": self._first("nu")}
         return found | self._texts("texture", "series", "solver", "source")
-
-    def _optional(self) -> dict[str, FloatArray]:
-        found = {"p_over_E_lower": self._load("_lower"), "rel_se": self._first("rel_se")}
-        return {key: value for key, value in found.items() if value is not None}
 
     def _framed(self, found: Mapping[str, Any]) -> pd.DataFrame:
         n = len(self.cells)
         shaped = {
             key: np.broadcast_to(value, n) if isinstance(value, np.ndarray) else value
             for key, value in found.items()
+            if value is not None
         }
         return pd.DataFrame(shaped, index=self.cells.index)
 
@@ -227,11 +219,8 @@ class ColumnInterpreter:
             unit, factor = "", Fraction(0)
         numbers = self.cells[use.header].to_numpy(dtype=float)
         if use not in self.used:
-            self.used[use] = None
-            how = ", a guess" if use.how == "guessed" else ""
             in_unit = f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else ""
-            if use.name != use.header or key in DIMENSIONS or unit or how:
-                self.messages.append(f"{use.name}: column {use.header!r}{in_unit}{how}")
+            self._tell(use, in_unit)
         if not factor:  # told above; not to be told again beside others' units
             return Quantity("", numbers)
         return Quantity(f"{key} ({use.header!r})", numbers, unit, factor)
@@ -255,6 +244,13 @@ class ColumnInterpreter:
         self._used_values.add(key)
         return Quantity(key, np.array(number), unit, factor or Fraction(1))
 
+    def _tell(self, use: Use, what: str = "") -> None:
+        """Say which column is used; of one by its own name that is a plain number, see below."""
+        self.used[use] = None
+        what += ", a guess" if use.how == "guessed" else ""
+        if use.name != use.header or what:
+            self.messages.append(f"{use.name}: column {use.header!r}{what}")
+
     def _first(self, *ways: str) -> FloatArray | None:
         """Return the first of some quantities that is there, over those that it is divided by."""
         for way in ways:
@@ -273,9 +269,7 @@ class ColumnInterpreter:
 
     def _gap(self, use: Use) -> FloatArray:
         if use.key in ("status", "pressure"):
-            self.used[use] = None
-            how = ", contact pressure" if use.key == "pressure" else ""
-            self.messages.append(f"{use.name}: column {use.header!r}{how}")
+            self._tell(use, ", contact pressure" if use.key == "pressure" else "")
         if use.key == "status":
             gap, bad = touching(as_text(self.cells[use.header]))
             self._problems.cells(self.cells.index[bad], use.header, STATUS_RULE)
@@ -294,11 +288,8 @@ class ColumnInterpreter:
         found: dict[str, Any] = {}
         for key in keys:
             if (use := self._use(key, None)) is not None:
-                self.used[use] = None
+                self._tell(use)
                 found[key] = as_text(self.cells[use.header])
-                if key != use.header:
-                    how = ", a guess" if use.how == "guessed" else ""
-                    self.messages.append(f"{key}: column {use.header!r}{how}")
             elif key in self._values:
                 self._used_values.add(key)
                 found[key] = str(self._values[key])
@@ -361,17 +352,17 @@ class ColumnInterpreter:
         if plain := [one.key for one in self.used if one.key == one.header and one.key in NAMES]:
             self.messages.insert(self._begun, f"recognised by name: {', '.join(plain)}")
         known = [one for one in self._dimensional.values() if one.name]
-        try:
-            if everywhere_or_nowhere(known, self.where):
-                self.messages.append("all units converted")
-            elif known:
-                self.messages.append("no units given; one consistent system assumed")
-        except InputError as error:
-            self._ask_units(str(error), [one for one in known if not one.unit], known)
+        have = [f"{one.name} in {one.unit}" for one in known if one.unit]
+        bare = [one for one in known if not one.unit]
+        if have and bare:
+            self._ask_units(have, bare, known)
+        elif known:
+            one_system = "no units given; one consistent system assumed"
+            self.messages.append("all units converted" if have else one_system)
         if given := set(self._values) - self._used_values:
             self.messages.append(f"values given but not used: {', '.join(sorted(given))}")
 
-    def _ask_units(self, why: str, bare: list[Quantity], known: list[Quantity]) -> None:
+    def _ask_units(self, have: list[str], bare: list[Quantity], known: list[Quantity]) -> None:
         """Ask for units, with those of the same dimension as a first guess."""
         units = {DIMENSIONS[one.name.split(" ")[0]]: one.unit for one in known if one.unit}
         mapping, options = {}, {}
@@ -382,7 +373,12 @@ class ColumnInterpreter:
                 options[key] = f"{self._values[key]} {unit}"
             elif (use := self._by_key.get((key, None))) is not None:
                 mapping[key] = f"{use.header};{unit}"
-        self._problems.need(why, mapping, **options)
+        self._problems.need(
+            f"{self.where}: {', '.join(have)}, but {', '.join(one.name for one in bare)} without a "
+            "unit; expected units on all columns and values that have dimensions, or on none",
+            mapping,
+            **options,
+        )
 
     def _left(self) -> list[str]:
         """Return the columns that are nothing of the contract."""
