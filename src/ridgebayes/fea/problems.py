@@ -117,9 +117,9 @@ class Problems:
         self.mapping |= {k: v for k, v in (mapping or {}).items() if k not in self.mapping}
         self.options |= {k: v for k, v in options.items() if k not in self.options}
 
-    def cells(self, bad: "BoolArray | pd.Index[int]", header: str, rule: str) -> None:
+    def cells(self, bad: "BoolArray | IntArray | pd.Index[int]", header: str, rule: str) -> None:
         """Note cells by a mask over the file's rows or by their rows; each cell is told once."""
-        rows = np.flatnonzero(bad) if isinstance(bad, np.ndarray) else bad
+        rows = np.flatnonzero(bad) if bad.dtype == bool else bad
         fresh = [row for row in rows.tolist() if (row, header) not in self._told]
         if fresh:
             self._told |= {(row, header) for row in fresh}
