@@ -189,41 +189,37 @@ def read_deck(path: Path) -> Deck:
 
 @dataclass
 class _Block:
-    """A keyword with its options, and the lines below it."""
+    """A keyword with its options, and the cells of each line below it."""
 
     line: Line
     keyword: str
     options: dict[str, str]
-    rows: list[Line] = field(default_factory=list)
-
-    @classmethod
-    def of(cls, line: Line) -> "_Block":
-        keyword, *rest = line.text.strip()[1:].split(",")
-        parts = (one.partition("=") for one in rest)
-        options = {key.strip().upper(): value.strip() for key, _, value in parts}
-        return cls(line, keyword.strip().upper(), options)
+    depth: int
+    rows: list[tuple[Line, list[str]]] = field(default_factory=list)
 
 
 def _read(path: Path, deck: Deck, depth: int) -> None:
     blocks: list[_Block] = []
     for line in read_lines(path, unfinished=True):
         text = line.text.strip()
-        if text.startswith("*") and not text.startswith("**"):
-            blocks.append(_Block.of(line))
-        elif text and not text.startswith("**") and blocks and blocks[-1].keyword in _READERS:
-            blocks[-1].rows.append(line)
+        if not text or text.startswith("**"):
+            continue
+        cells = [cell.strip() for cell in text.split(",")]
+        if text.startswith("*"):
+            parts = (cell.partition("=") for cell in cells[1:])
+            options = {key.strip().upper(): value.strip() for key, _, value in parts}
+            blocks.append(_Block(line, cells[0][1:].strip().upper(), options, depth))
+        elif blocks and blocks[-1].keyword in _READERS:
+            blocks[-1].rows.append((line, cells))
     for block in blocks:
-        if block.keyword == "INCLUDE":
-            _include(block, deck, depth)
-        elif block.keyword in _READERS:
+        if block.keyword in _READERS:
             _READERS[block.keyword](block, deck)
 
 
 def _nodes(block: _Block, deck: Deck) -> None:
     found = []
-    for line in block.rows:
-        cells = _cells(line)[:3]
-        _, x, y = _numbers(line, cells, at_least=3)
+    for line, cells in block.rows:
+        _, x, y = _numbers(line, cells[:3], at_least=3)
         (node,) = _integers(line, cells[:1])
         if deck.nodes.setdefault(node, (x, y)) != (x, y):
             raise line.error(
@@ -239,8 +235,8 @@ def _nset(block: _Block, deck: Deck) -> None:
     if not name:
         raise block.line.error("*NSET without a name; expected NSET=name")
     some = deck.nsets.setdefault(name.upper(), [])
-    for line in block.rows:
-        cells = [cell for cell in _cells(line) if cell]
+    for line, all_cells in block.rows:
+        cells = [cell for cell in all_cells if cell]
         if "GENERATE" in block.options:
             first, last, *step = _integers(line, cells, at_least=2)
             new = range(first, last + 1, step[0] if step else 1)
@@ -257,28 +253,28 @@ def _nset(block: _Block, deck: Deck) -> None:
 
 def _elements(block: _Block, deck: Deck) -> None:
     flat: list[str] = []
-    for line in block.rows:
-        cells = _cells(line)
+    for line, cells in block.rows:
         flat += [cell for cell in cells if cell]
         if cells[-1]:  # a line that ends in a comma goes on
             element, *nodes = _integers(line, flat)
             deck.elements[element] = tuple(nodes)
             flat = []
     if flat:
-        raise block.rows[-1].error("an element ends in a comma; expected nodes")
+        raise block.rows[-1][0].error("an element ends in a comma; expected nodes")
 
 
 def _elastic(block: _Block, deck: Deck) -> None:
     # Rubber is the body even where the ridges' metal stands before it.
-    if deck.E is None and block.rows and any(cells := _cells(block.rows[0])):
-        deck.E, deck.nu = _numbers(block.rows[0], cells[:2], at_least=2)
+    if deck.E is None and block.rows and any(block.rows[0][1]):
+        line, cells = block.rows[0]
+        deck.E, deck.nu = _numbers(line, cells[:2], at_least=2)
 
 
 def _hyperelastic(block: _Block, deck: Deck) -> None:
     if not block.rows or not any(n.replace(" ", "-") == "NEO-HOOKE" for n in block.options):
         return
-    line = block.rows[0]
-    c10, d1 = _numbers(line, _cells(line)[:2], at_least=2)
+    line, cells = block.rows[0]
+    c10, d1 = _numbers(line, cells[:2], at_least=2)
     if not (c10 > 0 and d1 >= 0):
         raise line.error(f"C10 = {c10:g}, D1 = {d1:g}; expected > 0 and >= 0")
     mu = 2 * c10
@@ -289,22 +285,22 @@ def _hyperelastic(block: _Block, deck: Deck) -> None:
 
 def _node_print(block: _Block, deck: Deck) -> None:
     name = block.options.get("NSET", "").upper()
-    for cell in (cell for line in block.rows for cell in _cells(line)):
+    for cell in (cell for _, cells in block.rows for cell in cells):
         kind = cell.upper().rstrip("123")
         if name and name not in deck.printed.setdefault(kind, []):
             deck.printed[kind].append(name)
 
 
-def _include(block: _Block, deck: Deck, depth: int) -> None:
+def _include(block: _Block, deck: Deck) -> None:
     given = block.options.get("INPUT", "").strip("\"'")
     folder = block.line.path.parent
     target = folder / given
     is_away = not given or Path(given).is_absolute() or ".." in Path(given).parts
     if is_away or not target.resolve().is_relative_to(folder.resolve()):
         raise block.line.error(f"*INCLUDE of {given!r}: expected a file in the deck's own folder")
-    if depth >= _DEEPEST:
+    if block.depth >= _DEEPEST:
         raise block.line.error(f"*INCLUDE: expected at most {_DEEPEST} deep")
-    _read(target, deck, depth + 1)
+    _read(target, deck, block.depth + 1)
 
 
 _READERS: dict[str, Callable[[_Block, Deck], None]] = {
@@ -314,11 +310,8 @@ _READERS: dict[str, Callable[[_Block, Deck], None]] = {
     "ELEMENT": _elements,
     "HYPERELASTIC": _hyperelastic,
     "ELASTIC": _elastic,
+    "INCLUDE": _include,
 }
-
-
-def _cells(line: Line) -> list[str]:
-    return [cell.strip() for cell in line.text.strip().split(",")]
 
 
 def _numbers(line: Line, cells: list[str], *, at_least: int = 1) -> list[float]:

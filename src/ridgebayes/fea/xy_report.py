@@ -2,17 +2,14 @@
 
 import csv
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.lines import Line, read_lines
+from ridgebayes.fea.lines import DASHES, GAP, Line, read_lines
 
-_DASHES = re.compile(r"\s*-{9,}\s*$")
-_GAP = re.compile(r"\s{2,}")
 _BEGINS = "+-.0123456789"
 _SEPARATORS = (";", "\t", ",")
 
@@ -38,54 +35,42 @@ def read_xy(path: Path) -> pd.DataFrame:
         With the line, if the header has another number of columns than the rows, a name stands
         twice, a cell is no number, or there are no rows.
     """
-    tables: list[_Table] = []
+    tables: list[tuple[list[str], dict[int, list[float]]]] = []  # names, and rows by line
     header: list[str] = []
     closed = False  # whether a blank line came below the header
     for line in read_lines(path, unfinished=True):
         text = line.text
-        if not text.strip() or _DASHES.match(text):
+        if not text.strip() or DASHES.match(text):
             closed = True
         elif text.lstrip()[0] not in _BEGINS:
             # Names; or what stands below the rows, such as a minimum, which no rows follow.
             header, closed = [text] if closed else [*header, text], False
         else:
             if header:
-                tables.append(_Table(_columns(line, header)))
+                tables.append((_columns(line, header), {}))
                 header = []
             if not tables:
                 raise line.error("numbers before a header; expected X and names")
-            tables[-1].add(line)
+            (names, rows), words = tables[-1], _cells(text)
+            if len(words) != len(names):
+                raise line.error(
+                    f"{len(words)} values; expected {len(names)} as in the header, with decimal "
+                    "points"
+                )
+            rows[line.number] = [line.finite(word) for word in words]
     if not tables:
         raise InputError(f"{path}: no rows; expected a header, X and names, and rows of numbers")
-    first, *others = tables
-    index = pd.Index([line.number for line in first.lines], name="line")
-    frame = pd.DataFrame(np.array(first.rows), columns=first.names, index=index)
+    frame, *others = (
+        pd.DataFrame.from_dict(rows, orient="index", columns=names) for names, rows in tables
+    )
     for one in others:
-        values = np.array(one.rows)
-        if not np.array_equal(values[:, 0], frame[frame.columns[0]]):
-            raise one.lines[0].error("another X; expected tables of the same X")
-        if twice := set(one.names[1:]) & set(frame.columns):
-            raise one.lines[0].error(f"{min(twice)!r} again; expected each name once")
-        frame = frame.assign(**dict(zip(one.names[1:], values.T[1:], strict=True)))
-    return frame
-
-
-@dataclass
-class _Table:
-    """Rows below a header."""
-
-    names: list[str]
-    lines: list[Line] = field(default_factory=list)
-    rows: list[list[float]] = field(default_factory=list)
-
-    def add(self, line: Line) -> None:
-        words, n = _cells(line.text), len(self.names)
-        if len(words) != n:
-            raise line.error(
-                f"{len(words)} values; expected {n} as in the header, with decimal points"
-            )
-        self.lines.append(line)
-        self.rows.append([line.finite(word) for word in words])
+        line = Line(path, one.index[0], "")
+        if not np.array_equal(one.iloc[:, 0], frame.iloc[:, 0]):
+            raise line.error("another X; expected tables of the same X")
+        if twice := set(one.columns[1:]) & set(frame.columns):
+            raise line.error(f"{min(twice)!r} again; expected each name once")
+        frame = frame.assign(**{name: one[name].to_numpy() for name in one.columns[1:]})
+    return frame.rename_axis("line")
 
 
 def _cells(line: str) -> list[str]:
@@ -106,7 +91,7 @@ def _columns(line: Line, header: list[str]) -> list[str]:
         names = [name.strip() for name in cells]
     else:
         # Names hold single blanks, and may be wrapped over several lines.
-        names = _GAP.split(last)
+        names = GAP.split(last)
         names = names if len(names) == n else last.split()
         if len(header) > 1 or len(names) != n:
             names = _wrapped(header, row)
