@@ -12,24 +12,13 @@ from ridgebayes.errors import InputError
 from ridgebayes.scene.units import Dimension, to_si
 from ridgebayes.table.rules import row_codes
 
-DIMENSIONS: dict[str, Dimension] = {
-    "a": "length",
-    "b": "length",
-    "pitch": "length",
-    "R": "length",
-    "D": "length",
-    "thickness": "length",
-    "offset": "length",
-    "gap": "length",
-    "E": "pressure",
-    "p": "pressure",
-    "p_lower": "pressure",
-    "line": "line load",
-    "line_lower": "line load",
-    "force": "force",
-    "force_lower": "force",
+_KEYS: dict[Dimension, tuple[str, ...]] = {
+    "length": ("a", "b", "pitch", "R", "D", "thickness", "offset", "gap"),
+    "pressure": ("E", "p", "p_lower"),
+    "line load": ("line", "line_lower"),
+    "force": ("force", "force_lower"),
 }
-_ALL: tuple[Dimension, ...] = ("length", "pressure", "line load", "force")
+DIMENSIONS = {key: dimension for dimension, keys in _KEYS.items() for key in keys}
 _NONE = ("", "-", "1")  # units of a column without one
 _MOST_EXACT = 10_000  # distinct rows that are divided as fractions
 _STYLES = (
@@ -117,7 +106,7 @@ def split_header(header: str) -> tuple[str, str, bool]:
 
 def is_unit(text: str) -> bool:
     """Return whether text is a unit of length, pressure, line load or force."""
-    return any(unit_factor(text, dimension) is not None for dimension in _ALL)
+    return any(unit_factor(text, dimension) is not None for dimension in _KEYS)
 
 
 def column_unit(key: str, header: str, explicit: str | None, where: str) -> tuple[str, Fraction]:

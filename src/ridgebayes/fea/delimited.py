@@ -23,20 +23,20 @@ from ridgebayes.table.files import lossless, records
 
 SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
 _COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
-# How numbers are written: decimal mark, mark between thousands, and what cells look like.
-_GROUPED = r"\s*[+-]?\d{{1,3}}(?:{0}\d{{3}})+(?:{1}\d*)?\s*|"
+
+
+def _style(mark: str, thousands: str = "") -> tuple[str, str, re.Pattern[str]]:
+    """Return a decimal mark, a mark between thousands, and what cells with them look like."""
+    number = (NUMBER if mark == "." else _COMMA).pattern
+    group, point = re.escape(thousands), re.escape(mark)
+    grouped = rf"\s*[+-]?\d{{1,3}}(?:{group}\d{{3}})+(?:{point}\d*)?\s*|" if thousands else ""
+    return mark, thousands, re.compile(grouped + number, re.A)
+
+
 _STYLES = (
-    (".", "", NUMBER),
-    (",", "", _COMMA),
-    *(
-        (
-            mark,
-            sep,
-            re.compile(_GROUPED.format(re.escape(sep), re.escape(mark)) + own.pattern, re.A),
-        )
-        for mark, seps, own in ((".", ",' \xa0\u202f", NUMBER), (",", ".' \xa0\u202f", _COMMA))
-        for sep in seps
-    ),
+    *(_style("."), _style(",")),
+    *(_style(".", thousands) for thousands in ",' \xa0\u202f"),
+    *(_style(",", thousands) for thousands in ".' \xa0\u202f"),
 )
 _WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _WORDS = {".": "point", ",": "comma"}

@@ -37,12 +37,11 @@ ABOVE_0 = ("a", "b", "pitch", "R", "D", "E", "thickness", "p", "line", "force")
 _SHOWN = 8  # names that a line lists
 # Columns of increments that are nothing of a texture.
 _COUNTER = re.compile(r"\b(?:inc|increment|inkrement|time|zeit|step|schritt|nr|no|id|index)\b|^#")
-_MEANS = {
-    "R": "which lengths and line loads are over",
-    "E": "which loads are over",
-    "thickness": "the body's length along the ridges, which forces are over",
+_NEEDED = {  # what it is for, and an example
+    "R": ("which lengths and line loads are over", "? mm"),
+    "E": ("which loads are over", "? kPa"),
+    "thickness": ("the body's length along the ridges, which forces are over", "? mm"),
 }
-_EXAMPLES = {"R": "? mm", "E": "? kPa", "thickness": "? mm"}
 
 
 class ColumnInterpreter:
@@ -301,12 +300,9 @@ class ColumnInterpreter:
             return found
         if key == "R" and (found := self._quantity("D")) is not None:
             return Quantity(found.name, found.values, found.unit, found.factor / 2)
-        self._problems.need(
-            f"no {key}, {_MEANS[key]}: expected --{key} '{_EXAMPLES[key]}', or a column, "
-            f"--map '{key}=HEADER'",
-            None,
-            **{key: _EXAMPLES[key]},
-        )
+        why, example = _NEEDED[key]
+        text = f"no {key}, {why}: expected --{key} '{example}', or a column, --map '{key}=HEADER'"
+        self._problems.need(text, None, **{key: example})
         # Loads rise or do not, whatever it is.
         return Quantity("", np.array(1.0))
 
