@@ -37,6 +37,7 @@ _SPELLINGS = (
     *(("m2", "m^2"), ("Zoll", "inch"), ('"', "inch"), ("kpa", "kPa"), ("kp", "kilopond")),
     *(("KPa", "kPa"), ("Mpa", "MPa"), ("gf", "gram_force"), ("kgram_force", "kilogram_force")),
 )
+NUMBER = re.compile(r"\s*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 _POWER = re.compile(r"(?:1e|10\s?\^?)\s?(-?\d)")
 
 

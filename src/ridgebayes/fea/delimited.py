@@ -13,9 +13,8 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import FINITE, FORMULA, NUMBER, clean_headers, filled
-from ridgebayes.fea.column_units import is_unit, split_header
-from ridgebayes.fea.layout import LOOKED_AT, find_layout
+from ridgebayes.fea.column_units import NUMBER, is_unit, split_header
+from ridgebayes.fea.layout import FINITE, FORMULA, LOOKED_AT, clean_headers, filled, find_layout
 from ridgebayes.fea.problems import Problems, Source
 from ridgebayes.runtime.reading import decoded
 from ridgebayes.runtime.text import clipped, count

@@ -10,9 +10,9 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import NUMBER, as_numbers
 from ridgebayes.fea.column_units import (
     DIMENSIONS,
+    NUMBER,
     Quantity,
     column_unit,
     divided,
@@ -325,7 +325,7 @@ class ColumnInterpreter:
         taken = {use.header for use in self._uses} | set(self._problems.mapping.values())
         free = [n for n in self._left() if n not in taken and not _COUNTER.search(n.lower())]
         free = [n for n in free if not n.startswith("(column")]
-        numbers = {n: cells for n in free if len(cells := as_numbers(self.cells[n]))}
+        numbers = {n: cells for n in free if len(cells := _as_numbers(self.cells[n]))}
         has_Q = any(use.key == "Q" for use in self._uses)  # so that no other column counts
 
         def fits(name: str) -> int:
@@ -380,6 +380,15 @@ class ColumnInterpreter:
         """Return the columns that are nothing of the contract."""
         used = {use.header for use in self.used}
         return [name for name in map(str, self.cells) if name not in used]
+
+
+def _as_numbers(cells: "pd.Series[Any]") -> FloatArray:
+    """Return the numbers of a column, with points or commas for decimals; none if some are not."""
+    if cells.dtype.kind not in "if":
+        cells = pd.to_numeric(cells.astype(str).str.replace(",", "."), errors="coerce")
+        if cells.isna().any():
+            return np.array([])
+    return cells.to_numpy(float)
 
 
 def listed(names: Iterable[str]) -> str:

@@ -94,6 +94,11 @@ class Use:
         return self.key == "Q" and self.how == "guessed" and self.texture is None
 
     @property
+    def own_unit(self) -> str:
+        """What the mapping gives as its unit, or else what stands in place of one in the header."""
+        return split_header(self.header)[1] if self.unit is None else self.unit
+
+    @property
     def name(self) -> str:
         """The key, with the corner."""
         return self.key if self.Q is None else f"{self.key} Q={self.Q}"
@@ -354,15 +359,13 @@ def _without_load(use: Use, columns: _Columns) -> Use:
     if not use.key.startswith("load"):
         return use
     lower = use.key.removeprefix("load")
-    unit = use.unit if use.unit is not None else split_header(use.header)[1]
+    unit = use.own_unit
     kinds: dict[str, Dimension] = {"p": "pressure", "line": "line load", "force": "force"}
     for key, dimension in kinds.items():
         if unit_factor(unit, dimension) is not None:
             return replace(use, key=key + lower)
-    has_units = any(
-        one.key in DIMENSIONS and (one.unit or split_header(one.header)[1]) not in ("", "1", "-")
-        for one in columns.uses
-    )
+    of_dimension = [one for one in columns.uses if one.key in DIMENSIONS]
+    has_units = any(one.own_unit not in ("", "1", "-") for one in of_dimension)
     if use.unit is None and (has_units or {"E", "R"} & columns.values.keys()):
         if use.texture is not None:
             columns.problems.need(

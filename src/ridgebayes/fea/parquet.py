@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import FINITE, clean_headers, filled
+from ridgebayes.fea.layout import FINITE, clean_headers, filled
 from ridgebayes.fea.problems import Problems, Source
 from ridgebayes.runtime.reading import refusing
 from ridgebayes.table.files import read_arrow

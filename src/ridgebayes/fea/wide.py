@@ -59,7 +59,7 @@ def melt_counts(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) ->
     empty = n * len(counts) - row.size
     told = f"one column for each Q: {len(counts)} loads from Q = {counts[0]} to {counts[-1]}"
     problems.messages += [told, *([f"{empty} empty cells: not reached"] if empty else ())]
-    return _melted(cells, row, new, per_Q), [*_rest(uses, per_Q), *more]
+    return _melted(cells, row, new, per_Q), [*(use for use in uses if use.Q is None), *more]
 
 
 def melt_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) -> Melted:
@@ -76,17 +76,14 @@ def melt_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) 
             "'texture=*;mm', or 1 for widths over the radius",
             {"texture": "*;?"},
         )
-    is_length = unit_factor(unit, "length") is not None
-    widths = np.array([[float(part) for part in (use.texture or ())[:2]] for use in each])[which]
-    names = ("a", "b") if is_length else ("a_over_R", "b_over_R")
-    new = {name: widths[:, i] for i, name in enumerate(names)}
-    new["value"] = numbers[row, which]
-    more = [Use(name, name, unit if is_length else "1", how="wide") for name in names]
-    value = _one(each[0].key, [replace(one, Q=None) for one in each], problems.where)
     told = f"one column for each texture: {len(each)}, in {unit or 'units of the radius'}"
     problems.messages.append(told)
-    more.append(replace(value, header="value", texture=None))
-    return _melted(cells, row, new, each), [*_rest(uses, each), *more]
+    more = _widths(unit if unit_factor(unit, "length") is not None else "")
+    pairs = [[float(part) for part in use.texture[:2]] for use in each if use.texture]
+    new = dict(zip([use.key for use in more], np.array(pairs)[which].T, strict=True))
+    new["value"] = numbers[row, which]
+    more.append(replace(_one(each[0].key, each, problems.where), header="value"))
+    return _melted(cells, row, new, each), [*(use for use in uses if use not in each), *more]
 
 
 def named_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) -> Melted | None:
@@ -108,30 +105,28 @@ def named_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems)
             "for widths over the radius",
             {"texture": f"{header};?"},
         )
+    columns = _widths(unit)
+    wide = np.array([[float(part) for part in found[name][:2]] for name in names])
+    new = dict(zip([use.key for use in columns], wide.T, strict=True))
+    shown = ", ".join(new)
+    problems.messages.append(f"{shown}: the numbers in {header!r}, {unit or 'over the radius'}")
+    return cells.assign(**new), [*columns, *uses]
+
+
+def _widths(unit: str) -> list[Use]:
+    """Return the uses of columns of both widths in a unit; over the radius without one."""
     keys = ("a", "b") if unit else ("a_over_R", "b_over_R")
-    new = {
-        key: names.map({name: float(pair[i]) for name, pair in found.items()}).to_numpy(float)
-        for i, key in enumerate(keys)
-    }
-    columns = [Use(key, key, unit or "1", how="wide") for key in keys]
-    rows = np.arange(len(names))
-    told = f"{', '.join(keys)}: the numbers in {header!r}, {unit or 'over the radius'}"
-    problems.messages.append(told)
-    return _melted(cells, rows, new, ()), [*columns, *uses]
+    return [Use(key, key, unit or "1", how="wide") for key in keys]
 
 
 def _one(key: str, some: Sequence[Use], where: str) -> Use:
     """Return the use of columns that became one, named by their key."""
-    units = {use.unit if use.unit is not None else split_header(use.header)[1] for use in some}
+    units = {use.own_unit for use in some}
     if len(units) > 1:
         raise InputError(f"{where}: {key} in {', '.join(sorted(units))}; expected one unit")
     unit = units.pop()
     length = some[0].texture is not None and unit_factor(unit, "length") is not None
     return Use(key, key, "1" if length or not unit else unit, how="wide")
-
-
-def _rest(uses: Sequence[Use], gone: Sequence[Use]) -> list[Use]:
-    return [use for use in uses if use not in gone]
 
 
 def _melted(

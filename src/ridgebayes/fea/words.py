@@ -4,7 +4,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 
-from ridgebayes.fea.cells import NUMBER
+from ridgebayes.fea.column_units import NUMBER
 
 # A key, what its words look like, and what they must not hold. The first that fits is taken.
 _COUNTED = r"(?:ridges?|lands?|stege?n?|rippen|edges?|kanten|corners?|contacts?|kontakten?|kontakte"
