@@ -462,6 +462,7 @@ def test_read_columns__each_texture_and_series_is_a_run_of_its_own(read):
     other = "\n".join(line.replace(".03", ".05") for line in one.splitlines()[1:])
     found = read(one + other.replace(",1", ",0", 1))
     assert found.table.textures == ((0.03, 0.01), (0.05, 0.01))
+    assert "status Q=4: column 'status Q=4'" in found.messages
 
 
 def test_read_columns__corners_reached_together_leave_the_inner_one(read):

@@ -243,11 +243,11 @@ class ColumnInterpreter:
         self._used_values.add(key)
         return Quantity(key, np.array(number), unit, factor or Fraction(1))
 
-    def _tell(self, use: Use, what: str = "") -> None:
-        """Say which column is used; of one by its own name that is a plain number, see below."""
+    def _tell(self, use: Use, what: str = "", *, is_plain: bool = True) -> None:
+        """Say which column is used, but of a plain one by its own name, which `_summarize` does."""
         self.used[use] = None
         what += ", a guess" if use.how == "guessed" else ""
-        if use.name != use.header or what:
+        if use.name != use.header or what or not is_plain:
             self.messages.append(f"{use.name}: column {use.header!r}{what}")
 
     def _first(self, *ways: str) -> FloatArray | None:
@@ -268,7 +268,8 @@ class ColumnInterpreter:
 
     def _gap(self, use: Use) -> FloatArray:
         if use.key in ("status", "pressure"):
-            self._tell(use, ", contact pressure" if use.key == "pressure" else "")
+            what = ", contact pressure" if use.key == "pressure" else ""
+            self._tell(use, what, is_plain=False)
         if use.key == "status":
             gap, bad = touching(as_text(self.cells[use.header]))
             self._problems.cells(self.cells.index[bad], use.header, STATUS_RULE)
