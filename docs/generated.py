@@ -27,6 +27,7 @@ from ridgebayes.model.default_priors import NOISE_PRIORS, REASONS, coefficient_p
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.scene.units import EXAMPLES
 from ridgebayes.table.columns import COLUMNS, Column
+from ridgebayes.texture_design.record import DESIGN_COLUMNS
 
 
 def write_pages(folder: Path) -> None:
@@ -37,6 +38,9 @@ def write_pages(folder: Path) -> None:
         "api.md": names(),
         "columns.md": columns(COLUMNS),
         "friction-columns.md": columns(FRICTION_COLUMNS),
+        "design-columns.md": table(
+            ("column", "holds"), [(f"`{name}`", holds) for name, holds in DESIGN_COLUMNS.items()]
+        ),
         "run-columns.md": run_columns(),
         "map-keys.md": map_keys(),
         "default-priors.md": default_priors(),

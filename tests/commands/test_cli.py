@@ -786,6 +786,23 @@ def test_predict__takes_units_of_a_body_or_of_a_scene(command, run):
 
 
 @pytest.mark.parametrize(
+    ("load", "shown"),
+    [
+        ("1.2 kPa", ["load in kPa", "1.2"]),
+        ("2N/m:9.6N/m:3", ["load in N/m", "2", "5.8", "9.6"]),
+        ("log:0.1 kPa:1000 Pa:3", ["load in Pa", "100", "316.2", "1000"]),
+    ],
+)
+def test_predict__shows_loads_as_they_were_given_too(command, run, load, shown):
+    body = ("--R", "8 mm", "--E", "60 kPa", "--load", load)
+    said = command("predict", run, *AT, *body, "-o", "b.csv")
+    head, *rows = (re.split(r"\s{2,}", line.strip()) for line in said.out.splitlines()[1:])
+    place = head.index("p/E") + 1
+    assert [line[place] for line in (head, *rows)] == shown
+    assert "load in" not in command("predict", run, *AT, *OVER, "-o", "c.csv").out
+
+
+@pytest.mark.parametrize(
     ("words", "expected"),
     [
         (("--load", "1.2 kPa"), ["--load '1.2 kPa': needs Young's modulus (--E)"]),

@@ -66,7 +66,8 @@ def test_import__of_a_run_gives_the_load_at_which_the_corner_is_reached(run):
     assert frame["source"].str.match(r"import calculix: run\.dat sha256=\w{16} deck=run\.inp").all()
     assert said.out.startswith("format: calculix\nrun.dat: 20 levels with NARC and NTOP\n")
     assert f"texture: a/R = {A:g}, b/R = {B:g}, nu = 0.49" in said.out
-    assert re.search(r"t\.csv: \d rows?, 1 texture\n$", said.out)
+    next_one = r"next: ridgebayes run --table t\.csv\n$"
+    assert re.search(r"t\.csv: \d rows?, 1 texture\. " + next_one, said.out)
 
 
 def test_import__brackets_are_the_increment(run):
@@ -88,7 +89,9 @@ def test_import__dry_run_writes_nothing(run):
 
 def test_import__of_a_table_takes_columns_and_units(run):
     words = ("mine.csv", *MAP, "--R", "8 mm", "--E", "60 kPa", "--nu", NU, "--role", "held-out")
-    assert run(*words, "-o", "t.csv").code == 0
+    said = run(*words, "-o", "t.csv")
+    assert said.code == 0
+    assert said.out.endswith("t.csv: 2 rows, 1 texture.\n")  # nothing that a run could fit
     frame = rb.read_table("t.csv").frame
     assert frame[["a_over_R", "b_over_R"]].to_numpy().tolist() == [[0.03, 0.01]] * 2
     # P / (2 R E) with 0.94 N/m, 16 mm and 60 kPa.

@@ -60,7 +60,9 @@ def command(asked: options.Import) -> Answer:
             f"  {_again(asked)}"
         )
     found.table.write(asked.out)
-    told = f"{asked.out}: {count(size['rows'], 'row')}, {count(size['textures'], 'texture')}"
+    told = f"{asked.out}: {count(size['rows'], 'row')}, {count(size['textures'], 'texture')}."
+    if len(found.table.calibration):  # held-out rows alone cannot be fitted
+        told += f" next: ridgebayes run --table {shlex.quote(str(asked.out))}"
     return Answer((*found.messages, told), size, [*files, asked.out])
 
 

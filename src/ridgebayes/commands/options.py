@@ -153,8 +153,8 @@ class Predict:
     kind: Annotated[
         str,
         typer.Option(
-            help="simulation: the band of a further simulation, errors included; curve: of the "
-            "form itself; both."
+            help="simulation: the band of a further simulation or measurement, errors included; "
+            "curve: of the form itself; both."
         ),
     ] = "simulation"
     form: Annotated[str, typer.Option(help="Form of the run, or average.")] = "average"

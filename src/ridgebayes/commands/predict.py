@@ -22,7 +22,7 @@ from ridgebayes.predict.predict import KINDS
 from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.text import count
 from ridgebayes.scene.scene import Scene
-from ridgebayes.scene.units import Body
+from ridgebayes.scene.units import Body, number_and_unit
 from ridgebayes.table.files import check_name, write_frame
 
 _MOST_LOADS = 5  # of each texture on the terminal
@@ -52,7 +52,8 @@ def command(asked: options.Predict) -> Answer:
     write_frame(bands, asked.out)
     if asked.plot is not None:
         _draw(bands, run, asked.form, asked.plot)
-    return _answer(bands, [file for file in (asked.out, asked.plot) if file is not None])
+    files = [file for file in (asked.out, asked.plot) if file is not None]
+    return _answer(bands, files, asked.load)
 
 
 def _where(asked: options.Predict) -> tuple[Sequence[Texture], FloatArray, float]:
@@ -91,8 +92,8 @@ def _draw(bands: pd.DataFrame, run: Comparison, form: str, path: Path) -> None:
         partial.write_bytes(drawing.style.as_bytes(figure, path.suffix.lower().removeprefix(".")))
 
 
-def _answer(bands: pd.DataFrame, files: Sequence[Path]) -> Answer:
-    """Return the band of each texture, at some of its loads."""
+def _answer(bands: pd.DataFrame, files: Sequence[Path], load: str | None) -> Answer:
+    """Return the band of each texture, at some of its loads, also in the unit of `load`."""
     by_texture = ["kind_of_band", "a_over_R", "b_over_R"]
     shown = pd.concat(_thinned(part) for _, part in bands.groupby(by_texture, sort=False))
     low, high = (shown[name].astype(int).astype(str) for name in ("q_lower", "q_upper"))
@@ -101,6 +102,7 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path]) -> Answer:
         "a/R": shown["a_over_R"],
         "b/R": shown["b_over_R"],
         "p/E": shown["p_over_E"],
+        **({} if load is None else _as_given(load, shown["p_over_E"], bands["p_over_E"].max())),
         "Q (median)": shown["q_median"].astype(int),
         f"{100 * prob:g} % band": low.where(low == high, low + " to " + high),
     }
@@ -121,6 +123,12 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path]) -> Answer:
             f"{', '.join(name for name in NAMES if name in names)}"
         )
     return Answer((told, pd.DataFrame(columns)), bands, files, warnings=warnings)
+
+
+def _as_given(load: str, p_over_E: pd.Series, highest: float) -> dict[str, pd.Series]:
+    """Return loads in the unit of --load, of which the highest stands last but for their number."""
+    number, unit = number_and_unit(load.split(":")[-2:][0])
+    return {f"load in {unit}": p_over_E * (number / highest)}
 
 
 def _thinned(part: pd.DataFrame) -> pd.DataFrame:

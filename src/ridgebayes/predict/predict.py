@@ -2,9 +2,9 @@
 
 Probabilities are averages of conditional probabilities over the posterior's draws: P(Q >= n) is the
 mean over draws of P(load(n) <= p | draw), which is a distribution function under the error model
-(kind ``simulation``: what a further simulation would show) and a step for the form's own prediction
-(kind ``curve``). A texture and a step that were calibrated on keep the offsets that their rows tell
-of; others widen the distribution by what is not known of theirs.
+(kind ``simulation``: what a further simulation or measurement would show) and a step for the form's
+own prediction (kind ``curve``). A texture and a step that were calibrated on keep the offsets that
+their rows tell of; others widen the distribution by what is not known of theirs.
 """
 
 from abc import ABC, abstractmethod

@@ -194,7 +194,7 @@ def _consequence(data: ReportData) -> str:
     shown = form_name(data.shown)
     wide = f"at most {count(found.width, 'edge')} wide" if found.width else "a single count"
     prob = percent(data.bands["prob"].iloc[0])
-    band = f"the {prob} band of {shown} for a further simulation is {wide}"
+    band = f"the {prob} band of {shown} for a further simulation or measurement is {wide}"
     if not found.over:
         return f"{where}, {band}."
     return f"{where}, {shown} and {form_name(found.over)} {_apart(found.apart)}, and {band}."
@@ -216,7 +216,7 @@ def _bands(data: ReportData) -> Picture:
     some = f" {n_shown} of {n} textures; {others}." if n > 3 else ""
     caption = (
         f"Edges in contact Q against load, {form_name(data.shown)}. Full colour: the form's "
-        f"own curve. Pale: a further simulation. Hatched: extrapolation. The load axis is a "
-        f"square-root scale.{some}"
+        f"own curve. Pale: a further simulation or measurement. Hatched: extrapolation. The load "
+        f"axis is a square-root scale.{some}"
     )
     return Picture(name, caption, f"{_consequence(data)} {some}".strip())

@@ -38,7 +38,10 @@ _GLOSSARY = (
     ("Reading", "2 ln BF of 2, 6, 10 begin positive, strong, very strong (Kass & Raftery 1995)."),
     ("Load error", "100 (p form / p data − 1). Above 0 the form predicts too high a load."),
     ("Curve band", "Uncertainty of the form's coefficients only."),
-    ("Simulation band", "That and the error model: where a further simulation would lie."),
+    (
+        "Simulation band",
+        "That and the error model: where a further simulation or measurement would lie.",
+    ),
     (
         "Extrapolation",
         "A count above the largest fitted one, or an a/pitch outside the fitted range. The band "

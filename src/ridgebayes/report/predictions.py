@@ -33,7 +33,7 @@ def bands_section(data: ReportData) -> list[Block]:
         return []  # the first screen has them all, or is all that there is
     caption = (
         f"{form_name(data.shown)}. Full colour: the form's own curve. Pale, and drawn taller: a "
-        "further simulation. "
+        "further simulation or measurement. "
         "Hatched: extrapolation, that is a count, load, a/pitch, a/R or b/R beyond the calibrated "
         "range. The load axis is a square-root scale, on which steps are equally wide. A band of "
         "one count is drawn a little to either side of it."

@@ -94,6 +94,20 @@ def load_to_si(text: str) -> tuple[Fraction, Dimension]:
     raise InputError(f"{text!r}: expected a number and a unit of a load, such as {examples}")
 
 
+def number_and_unit(text: str) -> tuple[float, str]:
+    """Return the two parts of a quantity; InputError if it is none.
+
+    Examples
+    --------
+    >>> number_and_unit("1.2kPa")
+    (1.2, 'kPa')
+    """
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise InputError(f"{text!r}: expected a number and a unit")
+    return float(match[1]), match[2]
+
+
 def with_point(text: str) -> str:
     """Return text with decimal points for decimal commas.
 

@@ -26,7 +26,7 @@ from ridgebayes.texture_design.goal_values import GoalValues, Value
 from ridgebayes.texture_design.goals import LARGEST, Goal, Load, parse_goals, read_loads
 from ridgebayes.texture_design.lattice import lattice
 from ridgebayes.texture_design.next_simulation import next_simulation
-from ridgebayes.texture_design.record import Design
+from ridgebayes.texture_design.record import DESIGN_COLUMNS, Design
 from ridgebayes.texture_design.sensitivity import Sources, sobol_shares, what_to_measure
 
 _N_DRAW, _N_SPREAD, _N_PRECISE = 16_384, 4_096, 2**17
@@ -193,7 +193,7 @@ def _map(values: GoalValues, goals: Sequence[Goal], textures: Sequence[Texture])
             found.append((goal.margin(value.value), i, value))
         margin, i, value = min(found, key=lambda one: one[0])
         rows.append((a, b, value.value, value.se, margin >= 0, margin, i + 1))
-    names = ["a_over_R", "b_over_R", "probability", "probability_se", "feasible", "margin", "goal"]
+    names = [name for name in DESIGN_COLUMNS if not name.startswith("extrapolation")]
     frame = pd.DataFrame(rows, columns=names)
     return frame if len(goals) > 1 else frame.drop(columns="goal")
 

@@ -8,10 +8,23 @@ import pandas as pd
 
 from ridgebayes import drawing
 from ridgebayes._types import Json, Tabular
+from ridgebayes.predict.extrapolation import NAMES
 from ridgebayes.texture_design.goals import Goal
 
 if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
+
+DESIGN_COLUMNS = {  # of `designs`, and what each holds
+    "a_over_R": "ridge width over the radius",
+    "b_over_R": "groove width over the radius",
+    "probability": "of the goal with the least margin; of a bound on the spread `sd(Q)`, that",
+    "probability_se": "its standard error",
+    "feasible": "whether all goals are met",
+    "extrapolation": "whether it lies beyond what was calibrated",
+    "extrapolation_of": f"in what: some of {', '.join(NAMES)}",
+    "margin": "probability less its level; of a spread, the share of its bound that is left",
+    "goal": "number of the goal with the least margin, where there are several",
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -25,9 +38,7 @@ class Design(Tabular):
     objective : str
         By what the recommended one was chosen.
     designs : pandas.DataFrame
-        A row a texture: a_over_R, b_over_R, probability (of the goal with the least margin; of a
-        bound on the spread the standard deviation of Q), probability_se, feasible, extrapolation,
-        extrapolation_of, margin, and goal (its number) where there are several.
+        A row a texture, with the columns of `ridgebayes.texture_design.record.DESIGN_COLUMNS`.
     best : dict
         The row that is recommended, or, where no texture meets the goals, comes nearest to it.
     check : dict

@@ -155,7 +155,7 @@ def band_settings(
     -------
     list of Setting
         Errors are the largest of P(Q >= 4), ..., P(Q >= 10) over loads, for the form's own curve
-        and for a further simulation.
+        and for a further simulation or measurement.
     """
     model = Model(Observations.from_table(table), form, Noise.named("iid"))
     k = model.n_coefficient
