@@ -145,6 +145,37 @@ def test_read_columns__large_tables_divide_as_small_ones_do(read):
 # --- what is what -----------------------------------------------------------------------------
 
 
+SPECIMENS = "specimen,a/R,b/R,Q,p/E\n"
+
+
+@pytest.mark.parametrize(
+    ("rows", "series"),
+    [
+        (["s1,.03,.01,4,.001", "s1,.03,.01,6,.004", "s2,.05,.01,4,.002"], ["", "", ""]),
+        (["s1,.03,.01,4,.001", "s2,.03,.01,4,.004", "s2,.05,.01,4,.002"], ["s1", "s2", "s2"]),
+        (["s1,.03,.01,4,.001", ",.03,.01,4,.004"], ["s1", ""]),
+    ],
+)
+def test_read_columns__specimens_are_series_where_a_texture_has_two(read, rows, series):
+    found = read(SPECIMENS + "\n".join(rows))
+    assert column(found, "series") == series
+    said = [line for line in found.messages if line.startswith("column 'specimen' is not taken")]
+    assert len(said) == (not any(series))
+    assert ("series" in found.known) == any(series)
+    kept = "specimen" in found.table.frame
+    assert kept == (not any(series))
+    mapped = read(SPECIMENS + "\n".join(rows), {"series": "specimen"})
+    assert column(mapped, "series") == [row.partition(",")[0] for row in rows]
+
+
+def test_read_columns__specimens_of_one_texture_given_once_are_series(read):
+    text = "specimen,Q,p/E\ns1,4,.001\ns2,4,.002\n"
+    found = read(text, values={"a_over_R": ".03", "b_over_R": ".01"})
+    assert column(found, "series") == ["s1", "s2"]
+    found = read(text.replace("s2,4", "s1,6"), values={"a_over_R": ".03", "b_over_R": ".01"})
+    assert column(found, "series") == ["", ""]
+
+
 def test_read_columns__contract_columns_need_no_mapping(read, tmp_path):
     found = read(CONTRACT)
     own = read_table(tmp_path / "mine.csv").frame.drop(columns="source")

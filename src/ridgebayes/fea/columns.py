@@ -26,6 +26,7 @@ from ridgebayes.table.rules import as_text, checked
 from ridgebayes.table.table import ContactTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
+_OF_TEXTURES = ("a", "b", "pitch", "R", "D", "a_over_R", "b_over_R")
 _LONGEST = 300  # characters of the mapping in `source`
 _NONE: Mapping[str, str] = MappingProxyType({})
 _PLAIN = Reading()
@@ -169,6 +170,13 @@ def _read(
         cells, uses = named
     elif any(use.texture is not None for use in uses):
         cells, uses = melt_textures(cells, uses, problems)
+    if lone := _lone_series(cells, uses):
+        uses = [use for use in uses if use is not lone]
+        problems.known.pop(lone.name)
+        problems.messages.append(
+            f"column {lone.header!r} is not taken as series: no texture has rows of two of them "
+            f"(--map 'series={lone.header}' takes it)"
+        )
     constants = {key: text for key, (text, _) in settings.items()} | dict(values)
     interpreter = ColumnInterpreter(cells, uses, constants, how, problems)
     frame = interpreter.history(corners) if corners else interpreter.long(term)
@@ -192,6 +200,17 @@ def _read(
     del cells, interpreter  # of a million rows: 0.2 GB that validating needs
     table = _validated(RawTable(frame, where, line), rows, problems, source)
     return Imported(table, (*problems.messages, *_kept(table)), problems.known)
+
+
+def _lone_series(cells: pd.DataFrame, uses: Iterable[Use]) -> Use | None:
+    """Return a guess of series of which each texture has one: they tell no more than textures."""
+    series = next((use for use in uses if use.key == "series" and use.how == "guessed"), None)
+    if series is None:
+        return None
+    widths = [use.header for use in uses if use.key in _OF_TEXTURES]
+    pairs = cells[widths].assign(series=as_text(cells[series.header])).drop_duplicates()
+    is_repeated = pairs.duplicated(widths).any() if widths else len(pairs) > 1
+    return None if is_repeated else series
 
 
 def _check_cells(cells: pd.DataFrame, use: Use, problems: Problems) -> None:
