@@ -25,6 +25,7 @@ from ridgebayes.friction.table import COLUMNS as FRICTION_COLUMNS
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
 from ridgebayes.model.default_priors import NOISE_PRIORS, REASONS, coefficient_priors
 from ridgebayes.model.forms import FORMS, form_named
+from ridgebayes.report.inputs import GLOSSARY
 from ridgebayes.scene.units import EXAMPLES
 from ridgebayes.table.columns import COLUMNS, Column
 from ridgebayes.texture_design.record import DESIGN_COLUMNS
@@ -41,6 +42,7 @@ def write_pages(folder: Path) -> None:
         "design-columns.md": table(
             ("column", "holds"), [(f"`{name}`", holds) for name, holds in DESIGN_COLUMNS.items()]
         ),
+        "glossary.md": table(("word", "means"), GLOSSARY),
         "run-columns.md": run_columns(),
         "map-keys.md": map_keys(),
         "default-priors.md": default_priors(),

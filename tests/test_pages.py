@@ -146,6 +146,33 @@ def test_command_table__lists_every_command_and_no_other():
     assert listed == [one.name or one.callback.__name__ for one in app.registered_commands]
 
 
+def test_messages_page__has_messages_of_the_code():
+    code = "".join(
+        re.sub(r'"\s*f?"', "", path.read_text(encoding="utf-8"))  # a text on several lines is one
+        for path in sorted((ROOT / "src").rglob("*.py"))
+    )
+    text = (DOCS / "messages.md").read_text(encoding="utf-8")
+    told = re.findall(r"^\| `(.+?)` \|", text, flags=re.MULTILINE)
+    assert len(told) == 13
+    assert [message for message in told if message not in code] == []
+
+
+def test_citing_page__has_the_names_of_the_citation_file():
+    (block,) = blocks_of(DOCS / "citing.md", "bibtex")
+    fields = dict(
+        re.findall(r"^  (\w+) = \{+(.+?)\}+,$", block.partition("@article")[0], flags=re.M)
+    )
+    article = dict(
+        re.findall(r"^  (\w+) = \{+(.+?)\}+,$", block.partition("@article")[2], flags=re.M)
+    )
+    known = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert fields["version"] == rb.__version__
+    assert set(fields) == {"title", "author", "version"}
+    assert set(article) == {"title", "journal", "doi"}
+    for value in (*fields.values(), *article.values()):
+        assert value in known
+
+
 def test_option_names__exist():
     options = {
         option
@@ -154,7 +181,16 @@ def test_option_names__exist():
         for option in parameter.opts
     }
     options |= {"--help", "--version", "--install-completion"}
-    for page in ("commands", "priors", "scenes", "limits", "choices", "import", "scaling"):
+    for page in (
+        "commands",
+        "priors",
+        "scenes",
+        "limits",
+        "choices",
+        "import",
+        "scaling",
+        "messages",
+    ):
         text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
         assert set(re.findall(r"`(?:ridgebayes \w+ )?(--[\w-]+)", text)) <= options, page
 

@@ -28,7 +28,7 @@ _FORMULAS = {
     "hybrid": ("h / (c₁/L + c₂ R/a)", "c₁, c₂"),
     "half-plane": ("s of the half-plane equation, without a fit, / c", "c (theory: 1)"),
 }
-_GLOSSARY = (
+GLOSSARY = (
     ("a/R, b/R, pitch L", "Ridge width, groove width and their sum, over the body's radius R."),
     ("p/E", "Load per projected area over Young's modulus. The line load is 2 R p."),
     ("s", "√(p/E) at Poisson's ratio 0.5. Other ratios enter by the load (p/E)(1 − ν²)/0.75."),
@@ -44,8 +44,8 @@ _GLOSSARY = (
     ),
     (
         "Extrapolation",
-        "A count above the largest fitted one, or an a/pitch outside the fitted range. The band "
-        "does not include how the form fails there.",
+        "A count, load, a/pitch, a/R or b/R beyond the calibrated range. The band does not include "
+        "how the form fails there.",
     ),
 )
 
@@ -185,7 +185,7 @@ def cost_section(data: ReportData) -> list[Block]:
 
 def glossary_section(_: ReportData) -> list[Block]:
     """Return units, signs and words."""
-    return [Table(["Word", "Meaning"], _GLOSSARY, text=(0, 1))]
+    return [Table(["Word", "Meaning"], GLOSSARY, text=(0, 1))]
 
 
 def versions_section(_: ReportData) -> list[Block]:
