@@ -250,7 +250,9 @@ def plain_rows(content: bytes, messages: str) -> list[dict[str, str]]:
     records = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
     records = [one for one in records if any(cell.strip() for cell in one)]
     header = [" ".join(name.split()) for name in records[0]]
-    return [dict(zip(header, one, strict=True)) for one in records[1:]]
+    beyond = [cell for one in records[1:] for cell in one[len(header) :] if cell.strip()]
+    assert not beyond, f"cells beyond the header: {beyond}"
+    return [dict(zip(header, one[: len(header)], strict=True)) for one in records[1:]]
 
 
 def number(cell: str, messages: str) -> float:
@@ -1178,6 +1180,8 @@ def _doubt_map_used(content: bytes, found: Imported) -> str:
     """Doubt numbers that are not those of the columns and values named, by pint's units."""
     whole = tomllib.loads(_lines_of(content))
     mapping, values = whole.get("columns", {}), whole.get("values", {})
+    # What a mapping leaves out is told by the words of the table's headers.
+    told = tomllib.loads(_MAP_TOML.decode())["columns"] | mapping
     plain = {"a", "b", "R", "E", "Q", "line", "p", "nu", "a_over_R", "b_over_R", "p_over_E"}
     rows = list(csv.DictReader(io.StringIO(_MAP_TABLE.decode())))
 
@@ -1189,7 +1193,7 @@ def _doubt_map_used(content: bytes, found: Imported) -> str:
             word, _, unit = str(values[key]).strip().partition(" ")
             one = _units()(unit).to_base_units().magnitude if unit else 1.0
             return np.full(len(rows), float(word) * one)
-        text, unit = " ".join(mapping[key].split()), None
+        text, unit = " ".join(told[key].split()), None
         if text not in (names := rows[0]) and ";" in text:
             text, unit = (one.strip() for one in text.rsplit(";", 1))
         (header,) = [one for one in names if text in (one, one.split(" [")[0])]

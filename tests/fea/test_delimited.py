@@ -123,6 +123,20 @@ def test_read__words_for_nothing_are_empty_where_the_user_says_so(word):
     assert np.isnan(read(text, empty=(word,)).frame["b"]).all()
 
 
+@pytest.mark.parametrize("control", ["\x1c", "\x1d", "\x1e", "\x1f"])
+@pytest.mark.parametrize("cell", ["{}.08", "0.08{}", "{}"])
+def test_read__control_characters_are_no_blanks_beside_a_number(cell, control):
+    said = refusal(f"a,b,Q\n0.24,{cell.format(control)},4\n")
+    assert "line 2, column 'b' = " in said
+    assert "expected a finite number" in said
+
+
+@pytest.mark.parametrize("blank", [" ", "\xa0", "\u2009", "\u202f", "\u3000"])
+def test_read__blanks_beside_a_number_are_passed_over(blank):
+    cells = read(f"a,b,Q\n0.24,{blank}.08{blank},4\n")
+    assert cells.frame["b"].tolist() == [0.08]
+
+
 @pytest.mark.parametrize(
     "cell", ["1e400", "-1e999", "inf", "nan", "true", "TRUE", "0x10", "1_0", "1d5", "١", "5%", "."]
 )

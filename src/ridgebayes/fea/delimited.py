@@ -39,6 +39,8 @@ _STYLES = (
 )
 _WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _WORDS = {".": "point", ",": "comma"}
+# What Python takes for blanks, but for control characters that only damage brings into a file.
+_BLANKS = "".join(c for c in map(chr, range(0x3001)) if c.isspace() and c not in "\x1c\x1d\x1e\x1f")
 # What people write where there is no number.
 _NOTHING = re.compile(
     r"\s*(?:-+|[\u2013\u2014?x.]|n\.?/?a\.?|nan|none|null|#n/?a|k\.?a\.?"
@@ -224,8 +226,8 @@ class DelimitedText(Source):
         """Read in the style of which fewest cells are no number, and note those that are none."""
         text: dict[str, pd.Series[str]] = {}
         for name in wanted:
-            cells = self._typed[name].str.strip().str.removesuffix(self._units.get(name, ""))
-            cells = cells.str.strip()
+            cells = self._typed[name].str.strip(_BLANKS)
+            cells = cells.str.removesuffix(self._units.get(name, "")).str.strip(_BLANKS)
             text[name] = cells.mask(cells.isin(self._how.empty), "")
         counts: Counter[Any] = Counter()
         for cells in text.values():
