@@ -150,8 +150,8 @@ class ColumnInterpreter:
         if asked is None and term == "":
             likely = "per-side" if (whole % 2 == 1).any() else "edges"
             self._problems.need(
-                "counts: of what is not said: expected --count-is edges, ridges, segments or "
-                "per-side (of edges on one side of the body)",
+                "counts: the table does not say of what; expected --count-is edges, ridges, "
+                "segments or per-side (of edges on one side of the body)",
                 count_is=likely,
             )
         term = asked or term
