@@ -391,6 +391,73 @@ def test_read_columns__repeats_sorted_by_Q_are_no_increments(refusal):
     assert "each Q must stand once in a curve" in refusal(text)
 
 
+@pytest.mark.parametrize(
+    ("counts", "term", "said"),
+    [
+        ("0", "Ridges in contact", "1 row: expected Q of 4 or more in some row, got a count of 0"),
+        (
+            "0202",
+            "Ridges in contact",
+            "4 rows: expected Q of 4 or more in some row, got a count of 2",
+        ),
+        # These repeat while loads rise.
+        (
+            "2222",
+            "Ridges in contact",
+            "4 rows: expected Q of 4 or more in some row, got a count of 2",
+        ),
+        ("11", "Edges per side", "2 rows: expected Q of 4 or more in some row, got a count of 1"),
+    ],
+)
+def test_read_columns__counts_that_are_all_under_4_are_refused(refusal, counts, term, said):
+    rows = "".join(f".03,.01,{Q},{0.001 * i}\n" for i, Q in enumerate(counts, start=1))
+    assert refusal(f"a/R,b/R,{term},p/E\n{rows}").endswith(
+        f"mine.csv: column '{term}', {said} at most: that many touch at any load"
+    )
+
+
+def test_read_columns__wide_tables_of_counts_under_4_are_refused(refusal):
+    assert "mine.csv: Q, 1 row: expected Q of 4" in refusal("a/R,b/R,Q=0,Q=2\n.03,.01,,.1\n")
+
+
+def test_read_columns__counts_under_4_do_not_hide_other_bad_cells(refusal):
+    said = refusal("a/R,b/R,Q,p/E\n.03,.01,2,x1\n")
+    assert "line 2, column 'p/E' = 'x1': expected a finite number" in said
+    assert "of 4" not in said
+
+
+def test_read_columns__odd_counts_under_4_are_told_by_their_lines(refusal):
+    rows = "".join(f".03,.01,3,{0.001 * i}\n" for i in range(1, 4))
+    assert "Q, 3 rows: must be even" in refusal(f"a/R,b/R,Q,p/E\n{rows}")
+
+
+def test_read_columns__columns_of_textures_that_are_all_empty_are_refused(refusal):
+    said = refusal("Q,240x80 um,100x80 um\n4,,\n6,,\n", {"value": "*;kPa"}, values=BODY)
+    assert "mine.csv: columns '240x80 um', '100x80 um': expected a number in some cell" in said
+    assert said.endswith("got 2 rows of empty ones")
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ".03,.01,4,x1\n",
+        ".03,.01,4,x1\n.03,.01,4,x2\n.03,.01,4,x3\n",
+        ".03,.01,4,.1\n.03,.01,4,.2\n.03,.01,4,.3\n.02,.01,4,x1\n",
+    ],
+)
+def test_read_columns__runs_without_any_load_name_its_cells(refusal, rows):
+    said = refusal(f"a/R,b/R,Q,p/E\n{rows}")
+    assert "column 'p/E'" in said
+    assert "'x1'" in said
+    assert "expected a finite number" in said
+
+
+def test_read_columns__points_where_the_user_says_comma_are_refused_by_cell(refusal):
+    said = refusal("a/R,b/R,Q,p/E\n.03,.01,4,0.0021\n.03,.01,6,0.0087\n", decimal="comma")
+    assert "column 'p/E', 2 cells: expected a finite number, with a comma" in said
+    assert "line 2 = '0.0021', line 3 = '0.0087'" in said
+
+
 # --- wide tables ------------------------------------------------------------------------------
 
 WIDE = "a_over_R,b_over_R,{0}4{1},{0}6{1},{0}8{1}\n.03,.01,1,4,\n.02,.01,2,,9\n"
@@ -434,6 +501,11 @@ def test_read_columns__wide_tables_may_have_lower_ends(read):
 def test_read_columns__a_word_in_a_wide_cell_is_refused(refusal):
     text = WIDE.format("Q=", "").replace("9", "n/a")
     assert "line 3, column 'Q=8' = 'n/a'" in refusal(text)
+
+
+def test_read_columns__words_alone_in_wide_cells_are_told_by_cell(refusal):
+    said = refusal("a/R,b/R,Q=4,Q=6\n.03,.01,x1,\n")
+    assert "line 2, column 'Q=4' = 'x1': expected a finite number" in said
 
 
 def test_read_columns__one_Q_in_two_columns_is_refused(refusal):

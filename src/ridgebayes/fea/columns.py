@@ -21,6 +21,7 @@ from ridgebayes.fea.spreadsheet import read_workbook
 from ridgebayes.fea.wide import melt_counts, melt_textures, named_textures
 from ridgebayes.fea.xy_report import read_xy
 from ridgebayes.runtime.reading import read_bytes
+from ridgebayes.runtime.text import count
 from ridgebayes.table.columns import NAMES, RawTable
 from ridgebayes.table.rules import as_text, checked
 from ridgebayes.table.table import ContactTable
@@ -182,6 +183,7 @@ def _read(
     frame = interpreter.history(corners) if corners else interpreter.long(term)
     if frame.empty:
         problems.raise_all(source)
+        raise _all_under_4(cells, uses, where)
     details = (
         how.sheet and f"sheet={how.sheet}",
         _mapping_text(typed, interpreter.used, constants),
@@ -235,6 +237,16 @@ def _check_cells(cells: pd.DataFrame, use: Use, problems: Problems) -> None:
         if applies and bad.any():
             problems.cells(cells.index[bad], use.header, f"expected {rule}")
             cells[use.header] = np.where(bad, np.nan, numbers)
+
+
+def _all_under_4(cells: pd.DataFrame, uses: Iterable[Use], where: str) -> InputError:
+    """Return an error about counts of which no row is left."""
+    counts = next(use for use in uses if use.key == "Q")
+    name = "Q" if counts.how == "wide" else f"column {counts.header!r}"
+    return InputError(
+        f"{where}: {name}, {count(len(cells), 'row')}: expected Q of 4 or more in some row, got a "
+        f"count of {cells[counts.header].max():g} at most: that many touch at any load"
+    )
 
 
 def _validated(

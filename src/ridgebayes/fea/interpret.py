@@ -168,8 +168,7 @@ class ColumnInterpreter:
         curve = frame.drop(columns=["Q", "p_over_E", "p_over_E_lower", "rel_se"], errors="ignore")
         how = "loads" if self._how.interpolate else "brackets (--interpolate gives loads)"
         said = f"counts repeat while loads rise: {len(frame)} increments of runs, taken as {how}"
-        if self._problems or not levels.size:
-            self._problems.texts += [] if levels.size else [f"{self.where}: no count of 4 or more"]
+        if self._problems:
             return pd.DataFrame()
         return self._of_runs(curve, load, gaps, levels, [said])
 

@@ -225,7 +225,7 @@ def transitions_of_runs(
 
 
 def counts_repeat(frame: pd.DataFrame) -> bool:
-    """Return whether rows are increments: counts repeat along a curve while the load rises.
+    """Return whether rows are increments: counts, to 4 or more, repeat while a curve's load rises.
 
     Parameters
     ----------
@@ -234,10 +234,11 @@ def counts_repeat(frame: pd.DataFrame) -> bool:
     """
     Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
     same = Q[1:] == Q[:-1]
-    if 3 * same.sum() < len(same) or not np.nanmax(Q, initial=0) <= _MOST_Q:
+    if 3 * same.sum() < len(same) or not 4 <= np.nanmax(Q, initial=0) <= _MOST_Q:
         return False
     curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
-    top = pd.Series(load).groupby(curve).transform("idxmax").to_numpy()
+    # A curve without any load has its top in its first row, and so no increments.
+    top = pd.Series(load).fillna(-np.inf).groupby(curve).transform("idxmax").to_numpy()
     same &= (curve[1:] == curve[:-1]) & (np.arange(1, len(Q)) <= top[1:])
     rising = same & (load[1:] > load[:-1])
     return bool(0 < 0.8 * same.sum() <= rising.sum())

@@ -12,6 +12,7 @@ from ridgebayes.fea.column_units import split_header, unit_factor
 from ridgebayes.fea.mapping import LOADS, Use
 from ridgebayes.fea.problems import Problems
 from ridgebayes.fea.words import texture_of
+from ridgebayes.runtime.text import count
 
 Melted = tuple[pd.DataFrame, list[Use]]
 
@@ -50,7 +51,7 @@ def melt_counts(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) ->
     if any(use.key != key for use in loads.values()):
         raise InputError(f"{where}: loads of several kinds; expected one unit for all Q")
     row, which = np.nonzero(~np.isnan(columns[key]))
-    if not row.size:
+    if not row.size and not problems:
         raise InputError(f"{where}: no load in any column; expected a load in some cell")
     new = {"Q": np.array(counts, dtype=float)[which]}
     new |= {name: numbers[row, which] for name, numbers in columns.items()}
@@ -63,10 +64,22 @@ def melt_counts(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) ->
 
 
 def melt_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) -> Melted:
-    """Return a row for each texture, of a table with a column for each."""
+    """Return a row for each texture, of a table with a column for each.
+
+    Raises
+    ------
+    InputError
+        If all cells are empty, or the units of the columns differ.
+    """
     each = [use for use in uses if use.texture is not None]
     numbers = np.column_stack([cells[use.header] for use in each])
     which, row = np.nonzero(~np.isnan(numbers.T))  # texture by texture, as runs are
+    if not row.size and not problems:
+        names = ", ".join(repr(use.header) for use in each[:8])
+        raise InputError(
+            f"{problems.where}: columns {names}: expected a number in some cell, got "
+            f"{count(len(cells), 'row')} of empty ones"
+        )
     units = {use.texture[2] or split_header(use.header)[1] for use in each if use.texture}
     unit = min(units)
     has_units = any(split_header(use.header)[1] or use.unit for use in uses if use not in each)
