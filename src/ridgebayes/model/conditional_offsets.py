@@ -66,14 +66,13 @@ class Design:
         """Return the diagonal of Z H' H Z', shape (..., n_row), of H (..., m, n_level)."""
         if self.diagonal:
             return self.spread((half * half).sum(axis=-2))
-        every = np.arange(self.codes.shape[1])
-        return self.products(half, every, every)
+        return self.products(half, slice(None), slice(None))
 
-    def products(self, half: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
+    def products(self, half: FloatArray, *pair: IntArray | slice) -> FloatArray:
         """Return elements of Z H' H Z', shape (..., n), by the rows of n pairs."""
         square = np.swapaxes(half, -1, -2) @ half  # of the size of the offsets, not of the rows
-        pairs = itertools.product(self.codes[:, first], self.codes[:, second])
-        return functools.reduce(np.add, (square[..., i, j] for i, j in pairs))
+        levels = itertools.product(*(self.codes[:, rows] for rows in pair))
+        return functools.reduce(np.add, [square[..., i, j] for i, j in levels])
 
     def spread(self, b: FloatArray) -> FloatArray:
         """Return Z b: each row's offset, from (..., n_level) to (..., n_row)."""
@@ -355,8 +354,7 @@ def _bordered_cholesky(matrix: FloatArray, n: int) -> FloatArray:
 def cholesky_or_nan(matrix: FloatArray) -> FloatArray:
     """Return lower Cholesky factors of a batch; NaN where a matrix is not positive definite."""
     with suppress(np.linalg.LinAlgError):
-        whole: FloatArray = np.linalg.cholesky(matrix).astype(float, copy=False)
-        return whole
+        return np.linalg.cholesky(matrix).astype(np.float64, copy=False)
     factors = np.full(matrix.shape, np.nan)
     for place in np.ndindex(matrix.shape[:-2]):
         try:
