@@ -188,3 +188,8 @@ def test_no_public_function_has_the_name_of_a_module():
     package = PACKAGE
     modules = {path.stem for path in package.iterdir() if not path.name.startswith("_")}
     assert not modules & set(rb.__all__)
+
+
+def test_modules__have_400_lines_at_most():
+    lines = {path: path.read_text(encoding="utf-8").count("\n") for path in PACKAGE.rglob("*.py")}
+    assert {path.name: n for path, n in lines.items() if n > 400} == {}
