@@ -165,7 +165,7 @@ def test_small_strain_of_the_whole_cylinder_is_refused_where_it_knows_too_little
     for changed, said in (({"offset": 0.25}, "offset"), ({"corner_radius_over_R": 1e-3}, "corner")):
         with pytest.raises(InputError, match=f"{said}.*: is not simulated by 'cylinder-linear'"):
             generate(scene_with(**changed), solver="cylinder-linear")
-    with pytest.raises(InputError, match="edges within reach; expected at most 2500"):
+    with pytest.raises(InputError, match="elements at 24 edges a ridge; expected at most 40000"):
         generate(Scene.of([(0.001, 0.001)]), solver="cylinder-linear")
     with pytest.raises(InputError, match=r"no transition under p/E = 0\.0005"):
         generate(

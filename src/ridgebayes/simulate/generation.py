@@ -140,7 +140,7 @@ def generate(
     mesh's error in `rel_se`.
 
     *Cost.* Milliseconds a texture; a second or so with floors, corners or an offset; of finite
-    elements several seconds a transition, at small strain as long for all textures of one size.
+    elements several seconds a transition, at small strain a second a texture.
 
     Examples
     --------

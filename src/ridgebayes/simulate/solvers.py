@@ -357,7 +357,7 @@ def _filled(p_over_E: FloatArray, pitch_over_R: float, nu: float) -> FloatArray:
 def _linear(task: TextureTask) -> _Rows:
     """Return the transitions at small strain, by finite elements."""
     # scikit-fem takes its time to load: only where it is used.
-    from ridgebayes.contact.cylinder.compliance import small_strain_transitions
+    from ridgebayes.contact.cylinder.small_strain import small_strain_transitions
 
     a, b, p_max = task.texture.a_over_R, task.texture.b_over_R, task.p_max
     edges = task.meshes[0]

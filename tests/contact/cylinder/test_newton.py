@@ -115,7 +115,7 @@ def test_step__is_made_convex_where_there_is_a_potential(monkeypatch, friction, 
     none = np.zeros(len(problem.faces), dtype=bool)
     inner = problem.solid.assemble(state.u, state.p)
     kinds = np.zeros(len(problem.faces))
-    step = newton._Step(
+    step = newton.NewtonStep(
         problem, Control("rise", 0.01), state, problem.gaps(state, state, none), inner, kinds
     )
     stiffness = problem.contact_stiffness
@@ -132,13 +132,13 @@ def test_step__is_made_convex_where_there_is_a_potential(monkeypatch, friction, 
 
 def errors(monkeypatch, run):
     found = []
-    measure = newton._Step.error
+    measure = newton.NewtonStep.error
 
     def noted(*arguments):
         found.append(measure(*arguments))
         return found[-1]
 
-    monkeypatch.setattr(newton._Step, "error", noted)
+    monkeypatch.setattr(newton.NewtonStep, "error", noted)
     run()
     return np.array(found)
 

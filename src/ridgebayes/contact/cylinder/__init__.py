@@ -1,8 +1,9 @@
 """The soft cylinder on rigid ridges by finite elements, at small and at finite strain.
 
 `material`, `mesh` and `solid` are the body, `faces` the rigid side, `surface` the gaps between,
-`contact_problem` both together, `newton` its equilibrium, `cylinder` the transitions; `compliance`
-has those of small strain, `fields` writes states to files. Knows profiles; no scene, no table.
+`contact_problem` both together, `newton` its equilibrium, `cylinder` the transitions;
+`small_strain` has those of a linear body, `fields` writes states to files. Knows profiles; no
+scene, no table.
 
 >>> from ridgebayes.contact.cylinder.cylinder import Cylinder
 >>> from ridgebayes.contact.rigid_profile import Profile

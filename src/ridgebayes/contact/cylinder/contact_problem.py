@@ -83,7 +83,7 @@ class ContactProblem:
     def __init__(
         self, solid: Solid, faces: Faces, held: np.ndarray, *, friction: float = 0.0
     ) -> None:
-        self.solid, self.faces, self.friction = solid, faces, friction
+        self.solid, self.faces, self.held, self.friction = solid, faces, held, friction
         self.free: IntArray = np.flatnonzero(~held.ravel())
         self.up: FloatArray = np.tile([0.0, 1.0], solid.n_node)
         self._rim = solid.mesh.rim
@@ -98,7 +98,9 @@ class ContactProblem:
         """Return the node positions of the deformed rim's edges, shape (n_edge, 3, 2)."""
         return (self.solid.points + state.u)[self._rim]
 
-    def gaps(self, state: State, before: State, left_out: np.ndarray) -> Gaps:
+    def gaps(
+        self, state: State, before: State, left_out: np.ndarray, *, ahead: float = _AHEAD
+    ) -> Gaps:
         """Measure the gaps of all segments.
 
         Parameters
@@ -109,10 +111,12 @@ class ContactProblem:
             Where slip is counted from.
         left_out : ndarray of bool, shape (n_segment,)
             Segments whose gaps are not looked at: infinite.
+        ahead : float, optional, over R
+            How far rays look for the body.
         """
         rim = self.rim(state)
         rays = self.faces.rays(np.concatenate([rim[:, 0], rim[-1:, 2]]), state.rise)
-        hits = cast(rim, rays.point, rays.normal, behind=rays.behind, ahead=_AHEAD)
+        hits = cast(rim, rays.point, rays.normal, behind=rays.behind, ahead=ahead)
         n = len(self.faces)
         segment, weight = rays.segment[hits.ray], rays.weight[hits.ray]
         gap = np.bincount(segment, weight * hits.gap, n) / self.faces.length

@@ -10,7 +10,7 @@ the body and a corner. The last makes a transition a point to solve for.
 """
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -125,7 +125,7 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
             before = kind
             kind = _changed(problem, state, gaps, kind, one_by_one=step >= _ALL_AT_ONCE)
             settled = np.array_equal(kind, before)
-        newton = _Step(problem, control, state, gaps, inner, kind)
+        newton = NewtonStep(problem, control, state, gaps, inner, kind)
         error = newton.error()
         if error < 1.0 and settled:
             return state, step
@@ -226,7 +226,7 @@ def _least_volume(problem: ContactProblem, state: State) -> float:
 
 
 @dataclass(eq=False)
-class _Step:
+class NewtonStep:
     """One Newton step: a linear complementarity problem for the segments' pressures.
 
     The stiffness is factorised once, with the segments in contact condensed; others that enter or
@@ -239,6 +239,7 @@ class _Step:
     gaps: Gaps
     inner: Assembled
     kind: FloatArray  # of each segment: 0 sticks, the sign of its shear slides
+    fits: bool = field(init=False, default=False)  # whether `solve` has found the solution
 
     def error(self) -> float:
         """Return the largest residual over its tolerance."""
@@ -341,6 +342,7 @@ class _Step:
             active = active ^ wrong
         else:
             du, rise, pressure, _ = self._of(best)
+        self.fits = fewest == 0
         pressure, shear = np.maximum(pressure, 0.0), np.zeros_like(pressure)
         if problem.friction:
             slip = self.gaps.slip + self.gaps.along @ du + rise * self._slip_lift

@@ -1,0 +1,96 @@
+"""Small strain: one linear step from the body at rest for each transition.
+
+The body is linear and contact is imposed where the surface was before it moved, as half-plane
+theory has it: gaps are vertical, above the undeformed rim. The pressures on segments, and the rise
+of the ridges at which the next corner's gap is zero, are then one of Newton's steps.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sparse
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.cylinder.contact_problem import ContactProblem, State
+from ridgebayes.contact.cylinder.cylinder import Cylinder
+from ridgebayes.contact.cylinder.faces import Corner, first_height, proximal_corner
+from ridgebayes.contact.cylinder.newton import Control, NewtonStep
+from ridgebayes.contact.cylinder.surface import cast
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.errors import ComputationError
+
+_FAR = 2.0  # over R: all of the rim is seen from the ridges
+
+
+class _AtRest(ContactProblem):
+    """A body whose gaps are vertical, and change with its vertical displacements alone."""
+
+    def corner_distance(self, state: State, corner: Corner) -> tuple[float, FloatArray]:
+        """Return the vertical distance of a corner from the body, and its derivative."""
+        point, up = np.array([corner.centre]), np.array([[0.0, 1.0]])
+        hit = cast(self.rim(state), point, up, behind=np.zeros(1), ahead=_FAR)
+        row = np.zeros(2 * self.solid.n_node)
+        row[2 * self.solid.mesh.rim[hit.edge[0]] + 1] = hit.gradient[0, :, 1]
+        return float(hit.gap[0]), row
+
+
+def small_strain_transitions(
+    a: float, b: float, *, nu: float = 0.5, p_max: float = 0.02, edges: float = 24.0
+) -> tuple[IntArray, FloatArray]:
+    """Compute transition loads of a centred cylinder at small strain, by finite elements.
+
+    Parameters
+    ----------
+    a, b : float, over R
+        Ridge and groove width.
+    nu : float, scalar, dimensionless
+        Poisson's ratio, 0 to 0.5.
+    p_max : float, scalar, dimensionless
+        Highest load p/E.
+    edges : float, scalar, count
+        Number of the rim's edges over a ridge's width.
+
+    Returns
+    -------
+    Q : ndarray of int, shape (n,)
+        4, 6, ...
+    p_over_E : ndarray of float, shape (n,), dimensionless
+        Loads, rising.
+
+    Raises
+    ------
+    InputError
+        As `Cylinder`.
+    ComputationError
+        If no set of segments in contact fits.
+
+    Notes
+    -----
+    *Validity.* Small strain; by the per cent where contact at displaced places differs from that at
+    the reference ones: 0.5 % at p/E = 0.004, 3 % at 0.02.
+
+    *Cost.* Some tenths of a second a transition.
+
+    Examples
+    --------
+    >>> Q, loads = small_strain_transitions(0.032, 0.01, nu=0.49, p_max=0.002)
+    >>> Q.tolist(), round(float(loads[0]), 6)
+    ([4], 0.000966)
+    """
+    profile = Profile(a, b)
+    body = Cylinder(profile, p_max=p_max, nu=nu, edges=edges).problem
+    problem = _AtRest(body.solid, body.faces, body.held)
+    start, height = problem.unloaded(), first_height(profile)
+    inner = problem.solid.assemble(start.u, start.p)
+    vertical = sparse.diags_array(problem.up)
+    on, loads = np.zeros(len(problem.faces), dtype=bool), list[float]()
+    while not loads or loads[-1] <= p_max:
+        control = Control("corner", 0.0, proximal_corner(profile, len(loads) + 1, height))
+        gaps = problem.gaps(start, start, control.left_out(problem.faces), ahead=_FAR)
+        gaps = replace(gaps, normal=sparse.csr_array(gaps.normal @ vertical))
+        step = NewtonStep(problem, control, start, gaps, inner, np.zeros(len(on)))
+        found, on = step.solve(on | problem.faces.of_ridge(len(loads)))
+        if not step.fits:
+            raise ComputationError("small strain: no set of segments in contact fits")
+        loads.append(float(found.pressure @ problem.faces.length))
+    return 4 + 2 * np.arange(len(loads) - 1), np.array(loads[:-1])
