@@ -141,7 +141,7 @@ def test_errors__can_be_told_apart_and_caught_together():
         ("arviz", ["inference/diagnostics"]),
         (
             "typer",
-            [f"commands/{name}" for name in ("cli", "design_options", "options", "shared_options")],
+            [f"commands/{name}" for name in ("cli", "shared_options", "table_options")],
         ),
         ("rich", ["commands/terminal", "runtime/progress"]),
         ("distributed", ["runtime/cluster"]),

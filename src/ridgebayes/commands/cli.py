@@ -8,13 +8,13 @@ that is told here. It is loaded when the command is called: until then nothing h
 help is quick.
 """
 
-import inspect
 import os
 import signal
 import sys
 from collections.abc import Callable
 from dataclasses import fields
 from importlib import import_module
+from inspect import Signature
 from typing import Annotated, Any
 
 # One BLAS thread: the matrices are small, and threads only fight. Before numpy is imported.
@@ -23,24 +23,23 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from ridgebayes.commands import options
-from ridgebayes.commands.design_options import DesignOptions
-from ridgebayes.commands.shared_options import Output
+from ridgebayes.commands import options, table_options
+from ridgebayes.commands.shared_options import Output, help_of, parameters_of
 from ridgebayes.errors import ComputationError, InputError
 
 _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "run": ("run", options.Run),
-    "generate": ("generate", options.Generate),
+    "generate": ("generate", table_options.Generate),
     "fit": ("fit", options.Fit),
     "compare": ("compare", options.Compare),
     "predict": ("predict", options.Predict),
     "friction": ("friction", options.Friction),
-    "design": ("design", DesignOptions),
+    "design": ("design", options.Design),
     "coverage": ("coverage", options.Coverage),
-    "plan": ("plan", options.Plan),
-    "cost": ("cost", options.Cost),
-    "import": ("import_", options.Import),
-    "export-deck": ("export_deck", options.ExportDeck),
+    "plan": ("plan", table_options.Plan),
+    "cost": ("cost", table_options.Cost),
+    "import": ("import_", table_options.Import),
+    "export-deck": ("export_deck", table_options.ExportDeck),
     "report": ("report", options.Report),
 }
 # What workers of a run import at the same time as this process; of a quick one they do not draw.
@@ -82,7 +81,6 @@ def _program(
 
 def _caller(name: str, module: str, options_of: type[Any]) -> Callable[..., None]:
     """Return the function of a command, whose parameters are its options and those of all."""
-    records = (options_of, Output)
 
     def call(**given: Any) -> None:
         output = Output(**{one.name: given.pop(one.name) for one in fields(Output)})
@@ -90,10 +88,10 @@ def _caller(name: str, module: str, options_of: type[Any]) -> Callable[..., None
         if code:
             raise typer.Exit(code)
 
-    call.__name__, call.__doc__ = module, options_of.__doc__
-    call.__annotations__ = {k: v for one in records for k, v in one.__annotations__.items()}
-    parameters = [p for one in records for p in inspect.signature(one).parameters.values()]
-    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    parameters = [p for one in (options_of, Output) for p in parameters_of(one)]
+    call.__name__, call.__doc__ = module, help_of(options_of)[0]
+    call.__annotations__ = {one.name: one.annotation for one in parameters}
+    call.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     return call
 
 

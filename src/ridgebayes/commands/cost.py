@@ -10,7 +10,7 @@ import pandas as pd
 from ridgebayes.checks.cost.loads import load_settings
 from ridgebayes.checks.cost.measured import COST_COLUMNS, LEVELS, Setting, cheapest, measure, pareto
 from ridgebayes.checks.cost.posteriors import band_settings, evidence_settings, posterior_settings
-from ridgebayes.commands import options
+from ridgebayes.commands import table_options as options
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_page
 from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.drawing.costs import plot_cost

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from ridgebayes.commands.design_options import DesignOptions
+from ridgebayes.commands import options
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.commands.terminal import Answer, files_in
@@ -23,7 +23,7 @@ _ABOUT = "design.json"
 _LITTLE = 0.01  # of what is open: not worth a measurement
 
 
-def command(asked: DesignOptions) -> Answer:
+def command(asked: options.Design) -> Answer:
     """Do what the command line asks for."""
     scene = Scene.from_toml(asked.scene)
     body = scene.body

@@ -1,6 +1,6 @@
 """`ridgebayes export-deck`: a scene as a deck for the user's own finite elements."""
 
-from ridgebayes.commands import options
+from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import refuse_existing, refuse_suffix
 from ridgebayes.commands.run_folder import write_text
 from ridgebayes.commands.terminal import Answer

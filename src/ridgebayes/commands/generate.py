@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ridgebayes.commands import options
+from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import medians_taken, parse_texture, refuse_existing
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError

@@ -7,16 +7,15 @@ from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 
-from ridgebayes.commands import options
+from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import parse_numbers, parse_texture, refuse_existing
 from ridgebayes.commands.run_folder import write_text
+from ridgebayes.commands.shared_options import FLAGS
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
 from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.read import Given, import_files
 from ridgebayes.runtime.text import count
-
-_NAMES = {"program": "format", "out": "o"}  # options that are not called as their fields
 
 
 def command(asked: options.Import) -> Answer:
@@ -80,8 +79,7 @@ def _again(
         values["empty"] = [*(asked.empty or ()), *values["empty"].split("\n")]
     words = ["ridgebayes", "import", *files]
     for name, value in values.items():
-        name = _NAMES.get(name, name).replace("_", "-")
-        option = f"-{name}" if len(name) == 1 and name.islower() else f"--{name}"
+        option = FLAGS.get(name, (f"--{name.replace('_', '-')}",))[0]
         if value is True:
             words.append(option)
         elif value is not False and value not in (None, "", []):

@@ -8,7 +8,7 @@ import pandas as pd
 
 from ridgebayes import drawing
 from ridgebayes.checks.plan_check import check_plans, sobol_scenes
-from ridgebayes.commands import options
+from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import medians_taken, refuse_existing, refuse_suffix
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_page, write_text
 from ridgebayes.commands.terminal import Answer, files_in, warn

@@ -1,83 +1,111 @@
-"""Options that several commands share, defined once, and those of every command."""
+"""Options that several commands share, those of every command, and how records become options."""
 
-from dataclasses import dataclass
+import re
+from collections.abc import Iterator
+from copy import copy
+from dataclasses import dataclass, fields
+from inspect import Parameter, cleandoc, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 import typer
+from typer.models import OptionInfo
 
 DEFAULT_OUT = Path("ridgebayes-out")
-NOISE_NAMES = (
-    "STRUCTURE or STRUCTURE:student, where STRUCTURE is one of iid, texture, step, "
-    "texture+step, step-smooth, each also with +series where a table has several series "
-    "or sources."
-)
-Accuracy = Annotated[
-    str,
-    typer.Option(
-        "--accuracy",
-        help="Preset that trades accuracy for run time: quick, standard or reference.",
-    ),
-]
-Force = Annotated[bool, typer.Option("--force", help="Replace an existing output.")]
-Forms = Annotated[
-    str,
-    typer.Option(
-        help="Comma-separated forms: classic, power-law, modified, hybrid, half-plane. "
-        "The first four if not given."
-    ),
-]
-NoiseName = Annotated[
-    str,
-    typer.Option(
-        help=f"Error model: auto, {NOISE_NAMES} auto weighs all that suit the table and averages "
-        "over them."
-    ),
-]
-OutFile = Annotated[Path, typer.Option("-o", "--out", help="File to write.")]
-OutFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder to create.")]
-Priors = Annotated[
-    Path | None,
-    typer.Option(help="TOML file of priors: \\[hybrid] c1 = 'lognormal(1.382, 0.1)'."),
-]
-Resume = Annotated[
-    bool, typer.Option("--resume", help="Continue an interrupted run. The results are the same.")
-]
-RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.")]
-Scheduler = Annotated[
-    str | None, typer.Option(help="Dask scheduler tcp://HOST:PORT whose workers compute.")
-]
-Seed = Annotated[
-    int, typer.Option(min=0, help="Random seed. The same seed gives the same numbers.")
-]
-TEXTURES = typer.Option(help="A,B: ridge and groove width over the radius. May be repeated.")
-Table = Annotated[Path, typer.Argument(help="Contact table, .csv or .parquet.")]
-TimeLimit = Annotated[
-    float | None,
-    typer.Option(
-        help="Seconds that each walk by emcee may take, one a form. One that is stopped is "
-        "written as it is, with exit code 1. Weighing error models and importance sampling are "
-        "not stopped. No limit if not given."
-    ),
-]
-Workers = Annotated[
-    int | None, typer.Option(min=1, help="Worker processes. Results do not depend on them.")
-]
+_T = TypeVar("_T")
+Argument = Annotated[_T, typer.Argument()]  # has its place; all others are options
+Positive = Annotated[_T, typer.Option(min=1)]
+Natural = Annotated[_T, typer.Option(min=0)]
+# Options that are not called as their fields.
+FLAGS = {
+    "out": ("-o", "--out"),
+    "quiet": ("--quiet", "-q"),
+    "verbose": ("--verbose", "-v"),
+    "as_json": ("--json",),
+    "program": ("--format",),
+    "mapping": ("--map",),
+    "elements": ("--elements/--no-elements",),
+}
+
+
+class Shared:
+    r"""Fields that several records have.
+
+    Parameters
+    ----------
+    accuracy : str
+        Preset that trades accuracy for run time: quick, standard or reference.
+    folder : Path
+        Folder of a finished run.
+    force : bool
+        Replace an existing output.
+    forms : str
+        Comma-separated forms: classic, power-law, modified, hybrid, half-plane. The first
+        four if not given.
+    noise : str
+        Error model: auto, STRUCTURE or STRUCTURE:student, where STRUCTURE is one of iid,
+        texture, step, texture+step, step-smooth, each also with +series where a table has
+        several series or sources. auto weighs all that suit the table and averages over
+        them.
+    out : Path
+        Folder to create.
+    priors : Path, optional
+        TOML file of priors: \[hybrid] c1 = 'lognormal(1.382, 0.1)'.
+    resume : bool
+        Continue an interrupted run. The results are the same.
+    scheduler : str, optional
+        Dask scheduler tcp://HOST:PORT whose workers compute.
+    seed : int
+        Random seed. The same seed gives the same numbers.
+    time_limit : float, optional
+        Seconds that each walk by emcee may take, one a form. One that is stopped is written
+        as it is, with exit code 1. Weighing error models and importance sampling are not
+        stopped. No limit if not given.
+    workers : int, optional
+        Worker processes. Results do not depend on them.
+    """
 
 
 @dataclass(frozen=True)
 class Output:
-    """What every command may be told of its output."""
+    """What every command may be told of its output.
 
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False
-    verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Print more, and how far the work is.")
-    ] = False
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of text.")
-    ] = False
+    Parameters
+    ----------
+    quiet : bool, optional
+        Print errors alone.
+    verbose : bool, optional
+        Print more, and how far the work is.
+    as_json : bool, optional
+        Print one JSON object instead of text.
+    """
+
+    quiet: bool = False
+    verbose: bool = False
+    as_json: bool = False
 
     @property
     def verbosity(self) -> int:
         """As `ridgebayes.runtime.progress.VERBOSITY`."""
         return -1 if self.quiet else int(self.verbose)
+
+
+def help_of(record: type[Any]) -> tuple[str, dict[str, str]]:
+    """Return what a record's docstring says of the whole, and of each field."""
+    words, _, rest = cleandoc(record.__doc__ or "").partition("Parameters\n----------\n")
+    parts = re.split(r"^(\w+) : .*\n", rest, flags=re.MULTILINE)
+    texts = (" ".join(text.split()) for text in parts[2::2])
+    return words.strip(), dict(zip(parts[1::2], texts, strict=True))
+
+
+def parameters_of(record: type[Any]) -> Iterator[Parameter]:
+    """Yield a record's fields as parameters from which typer makes arguments and options."""
+    texts, defaults = help_of(Shared)[1] | help_of(record)[1], signature(record).parameters
+    for one in fields(record):
+        kind, mark = one.type, typer.Option()
+        if get_origin(kind) is Annotated:
+            kind, mark = get_args(kind)[0], copy(get_args(kind)[1])
+        mark.help = texts.get(one.name, "")
+        if isinstance(mark, OptionInfo):
+            mark.param_decls = FLAGS.get(one.name, (f"--{one.name.replace('_', '-')}",))
+        yield defaults[one.name].replace(annotation=Annotated[kind, mark])

@@ -1,0 +1,247 @@
+"""The options of commands on scenes and tables: a record each.
+
+What a record's docstring says of a field is the option's help; what it leaves out stands in
+`shared_options`. Nothing heavy is loaded here, so that help is quick.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ridgebayes.commands.shared_options import Argument, Natural, Positive
+
+
+@dataclass(frozen=True)
+class Generate:
+    """Compute transition loads of textures and write them as a contact table.
+
+    Parameters
+    ----------
+    out : Path
+        File to write.
+    scene : Path, optional
+        Scene file. The paper's sweep if not given.
+    texture : list of str, optional
+        A,B: ridge and groove width over the radius. May be repeated.
+    p_max : float, optional
+        Highest load p/E, with --texture.
+    nu : float, optional
+        Poisson's ratio, with --texture.
+    solver : str, optional
+        auto, hertz, half-plane, two-scale, cylinder-linear or cylinder-fe.
+    tol : float, optional
+        Relative tolerance of each load. Set by --accuracy if not given.
+    fields : Path, optional
+        Folder to create for finite-element fields: XDMF, CSV, figures.
+    """
+
+    out: Path
+    scene: Argument[Path | None] = None
+    texture: list[str] | None = None
+    p_max: float = 0.02
+    nu: float = 0.5
+    solver: str = "auto"
+    tol: float | None = None
+    accuracy: str = "standard"
+    fields: Path | None = None
+    workers: Positive[int | None] = None
+    scheduler: str | None = None
+    force: bool = False
+    resume: bool = False
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Say what a scene is: load, Q to expect, contact width, and which effects matter.
+
+    Parameters
+    ----------
+    scene : Path, optional
+        Scene file.
+    out : Path, optional
+        .csv or .parquet to write. With --verify, a folder.
+    new : Path, optional
+        Write a commented scene file to start from, such as my.toml.
+    figures : Path, optional
+        Folder for figures of the scene.
+    verify : bool, optional
+        Test the estimates on scenes spread over the whole range.
+    scenes : int, optional
+        Number of scenes, with --verify.
+    """
+
+    scene: Argument[Path | None] = None
+    out: Path | None = None
+    new: Path | None = None
+    figures: Path | None = None
+    verify: bool = False
+    scenes: Positive[int] = 32
+    seed: Natural[int] = 0
+    force: bool = False
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Measure accuracy against run time: loads, posteriors, evidences, bands.
+
+    Parameters
+    ----------
+    source : Path, optional
+        Contact table or scene file. The embedded sweep if not given.
+    elements : bool, optional
+        Run finite elements too.
+    repeats : int, optional
+        Timed runs of each fast setting.
+    workers : int, optional
+        Worker processes. Parallel runs distort timings.
+    """
+
+    source: Annotated[Path | None, typer.Argument(metavar="[TABLE|SCENE]")] = None
+    out: Path = Path("ridgebayes-cost")
+    elements: bool = True
+    repeats: Positive[int] = 3
+    seed: Natural[int] = 0
+    force: bool = False
+    workers: Positive[int | None] = None
+    scheduler: str | None = None
+
+
+@dataclass(frozen=True)
+class Import:
+    r"""Read the output of your own finite elements or tests into a contact table.
+
+    Headers such as 'Stegbreite \[mm]' or 'Line load (N/mm)', title lines,
+    wide tables and increments are recognised. What is missing is asked for,
+    with the whole command.
+
+    \b
+    ridgebayes import loads.csv --R '8 mm' --E '60 kPa' -o table.csv
+    ridgebayes import t.xlsx --sheet 2 --map 'a=w1 \[mm]' --map 'line=F;N/mm'
+    ridgebayes import run.dat --texture 0.06,0.03 --deck run.inp -o table.csv
+
+    Keys of --map: a, b, pitch, R, D, offset (lengths), E, p (pressures),
+    line (line loads), force, load (any, by its unit), p_lower, line_lower,
+    force_lower, Q, nu, rel_se, a_over_R, b_over_R, offset_over_R, p_over_E,
+    p_over_E_lower, kind, role, series, texture, solver, status, source.
+    'p=Load at * \[kPa]' is one column for each Q. Histories of increments:
+    'gap Q=4', 'gap_over_R Q=4', 'pressure Q=4', 'status Q=4'.
+
+    Parameters
+    ----------
+    file : list[Path]
+        File to read, or all files of a VTU series.
+    out : Path, optional
+        Table to write.
+    program : str, optional
+        table, calculix, calculix-contact, abaqus-dat, abaqus-rpt or series. Detected if not
+        given.
+    mapping : list of str, optional
+        KEY=HEADER, such as 'a=Ridge width \[mm]', KEY=HEADER;UNIT, or a TOML file; beside
+        what is recognised.
+    write_map : Path, optional
+        TOML file for --map to write, with what is recognised.
+    sheet : str, optional
+        Sheet of a workbook, name or number.
+    skip_rows : int, optional
+        Lines to pass over at the top.
+    header_row : int, optional
+        Line of the header; 0 for no header.
+    decimal : str, optional
+        Decimal mark: point or comma.
+    empty : list of str, optional
+        Text of cells that are empty. May be repeated.
+    count_is : str, optional
+        What is counted: edges (proximal), ridges, segments or per-side.
+    texture : str, optional
+        A,B: ridge and groove width over the radius.
+    nu : str, optional
+        Poisson's ratio.
+    R : str, optional
+        Radius, such as '8 mm'.
+    E : str, optional
+        Young's modulus, such as '60 kPa'.
+    thickness : str, optional
+        Length along the ridges, such as '20 mm', that forces belong to.
+    deck : Path, optional
+        Input deck of the run. The .inp beside it if not given.
+    surface : str, optional
+        Node set of the body's rim. The deck's *NODE PRINT of U.
+    reaction : str, optional
+        Node set whose reaction is the load. The deck's *NODE PRINT of RF.
+    symmetry : str, optional
+        half or full: which part of the body is meshed.
+    top : float, optional
+        Height of the ridge tops.
+    corner : float, optional
+        Corner radius of the ridges over the radius.
+    field : str, optional
+        Point data of a series. displacement if not given.
+    time : str, optional
+        Meaning of a series' time: p_over_E or line.
+    loads : str, optional
+        Comma-separated p/E or line loads of several .vtu files.
+    brackets : bool, optional
+        Write each load as an interval, also where gaps are known.
+    interpolate : bool, optional
+        Write loads of counts in the middle of increments.
+    role : str, optional
+        calibration or held-out.
+    dry_run : bool, optional
+        Show how the input is read. Write nothing.
+    """
+
+    file: Argument[list[Path]]
+    out: Path | None = None
+    program: str | None = None
+    mapping: list[str] | None = None
+    write_map: Path | None = None
+    sheet: str | None = None
+    skip_rows: Natural[int | None] = None
+    header_row: Natural[int | None] = None
+    decimal: str | None = None
+    empty: list[str] | None = None
+    count_is: str | None = None
+    texture: str | None = None
+    nu: str | None = None
+    R: str | None = None
+    E: str | None = None
+    thickness: str | None = None
+    deck: Path | None = None
+    surface: str | None = None
+    reaction: str | None = None
+    symmetry: str | None = None
+    top: float | None = None
+    corner: float | None = None
+    field: str | None = None
+    time: str | None = None
+    loads: str = ""
+    brackets: bool = False
+    interpolate: bool = False
+    role: str | None = None
+    dry_run: bool = False
+    force: bool = False
+
+
+@dataclass(frozen=True)
+class ExportDeck:
+    """Write a scene as an input deck for your own finite elements.
+
+    Parameters
+    ----------
+    scene : Path
+        Scene file of one texture.
+    out : Path
+        File to write, such as run.inp.
+    program : str, optional
+        Program to write for: calculix or abaqus.
+    edges : float, optional
+        Element edges across a ridge.
+    """
+
+    scene: Argument[Path]
+    out: Path
+    program: str = "calculix"
+    edges: float = 12.0
+    force: bool = False
