@@ -16,6 +16,12 @@ from ridgebayes.fea.words import corners_of, count_term, key_of, settings_of, te
             (one, "Q")
             for one in ("contacts", "Kontakte", "Anzahl Stege", "ridges in contact", "cnt")
         ),
+        *(
+            (one, "Q")
+            for one in ("Kontaktkanten", "Stegkanten", "berührte Kanten", "Kontaktrippen [-]")
+        ),
+        *((one, "Q") for one in ("ridge edges", "arêtes en contact", "Anzahl Kontaktstege")),
+        *((one, "a") for one in ("ridge edge width", "Steg", "land")),
         *((one, "p") for one in ("Pressure", "Flächenpressung", "Kontaktdruck", "mean pressure")),
         *((one, "load") for one in ("Force", "Normalkraft", "Last", "F", "Belastung")),
         *((one, "line") for one in ("line load", "Linienlast", "force per unit length")),

@@ -7,8 +7,9 @@ from collections.abc import Iterable, Sequence
 from ridgebayes.fea.column_units import NUMBER
 
 # A key, what its words look like, and what they must not hold. The first that fits is taken.
-_COUNTED = r"(?:ridges?|lands?|stege?n?|rippen|edges?|kanten|corners?|contacts?|kontakten?|kontakte"
-_COUNTED += r"|segments?|segmenten?|kontaktsegmente|abschnitte|d?aretes?|nervures|stries|q)"
+_COUNTED = r"(?:ridges?|lands?|(?:kontakt)?(?:stege?n?|rippen)|(?:ridge )?edges|edge"
+_COUNTED += r"|(?:kontakt|steg|rippen)?kanten|corners?|contacts?|kontakten?|kontakte|segments?"
+_COUNTED += r"|segmenten?|kontaktsegmente|abschnitte|d?aretes?|nervures|stries|q)"
 _SHAPE = r"height|hohe|depth|tiefe|corner|ecke|rundung|fillet|flank|wall"
 _PATTERNS = tuple(
     (key, re.compile(yes), re.compile(no or r"(?!)"))
@@ -17,8 +18,8 @@ _PATTERNS = tuple(
             "Q",
             rf"^(?:proximal\w* |contact )?{_COUNTED}$(?<!land)(?<!ridge)(?<!steg)|\bq\b"
             rf"|^c(?:ou)?nts?$|^anzahl$|^nombre$|^n$|\b(?:number|no|n|num|count|anzahl|zahl|nombre)\b.*\b{_COUNTED}\b"
-            rf"|\b{_COUNTED}\b.*(?:in contact|i[mn] kontakt|touched|touching|beruhrt|reached|count"
-            rf"|(?:pro|je|per) (?:seite|side))|\b(?:touched|touching) {_COUNTED}"
+            rf"|\b{_COUNTED}\b.*(?:[ei]n contact|i[mn] kontakt|touched|touching|beruhrt|reached"
+            rf"|count|(?:pro|je|per) (?:seite|side))|\b(?:touched|touching|beruhrte\w*) {_COUNTED}"
             r"|(?:steg|rippen|kanten|kontakt|segment)(?:an)?zahl",
             r"width|breite|largeur|pressure|druck|\blin",
         ),
