@@ -14,6 +14,7 @@ import pytest
 import xarray as xr
 
 import ridgebayes as rb
+from ridgebayes import drawing
 from ridgebayes.commands.compare import compare_job
 from ridgebayes.commands.parsing import parse_loads
 from ridgebayes.commands.request import FitRequest
@@ -800,6 +801,33 @@ def test_predict__shows_loads_as_they_were_given_too(command, run, load, shown):
     place = head.index("p/E") + 1
     assert [line[place] for line in (head, *rows)] == shown
     assert "load in" not in command("predict", run, *AT, *OVER, "-o", "c.csv").out
+
+
+@pytest.mark.parametrize(
+    ("load", "shown", "label"),
+    [
+        ('max = "1.2 kPa"', ["load in kPa", "1.2"], "load in kPa\n($p/E$ times 60 kPa)"),
+        ('max = "lognormal(1.2 kPa, 10 %)"', ["load in kPa", "1.2"], "($p/E$ times 60 kPa)"),
+        ('force = "0.384 N"\nlength = "20 mm"', ["load in N", "0.384"], "($p/E$ times 19.2 N)"),
+        ("p_over_E = 0.02", [], "$p/E$ (dimensionless)"),
+    ],
+)
+def test_predict__shows_loads_in_the_unit_of_the_scene(
+    command, run, monkeypatch, load, shown, label
+):
+    drawn = []
+    monkeypatch.setattr(drawing.style, "as_bytes", lambda figure, _: drawn.append(figure) or b"")
+    Path("my.toml").write_text(
+        '[body]\nradius = "8 mm"\nyoungs_modulus = "60 kPa"\n'
+        f'[texture]\nridge_width = "0.2 mm"\ngroove_width = "0.16 mm"\n[load]\n{load}\n'
+    )
+    said = command("predict", run, "--scene", "my.toml", "--plot", "b.png", "-o", "b.csv")
+    head, row = (re.split(r"\s{2,}", line.strip()) for line in said.out.splitlines()[1:3])
+    assert [line[head.index("p/E") + 1] for line in (head, row)][: len(shown)] == shown
+    assert ("load in" in said.out) == bool(shown)
+    (axes,) = (one for one in drawn[0].axes if one.get_visible())
+    assert label in axes.get_xlabel()
+    assert axes.get_xlim()[1] == pytest.approx(float(shown[1]) if shown else 0.02)
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,16 @@ def test_observed_steps__begin_at_zero_only_with_the_first_transition(first, sta
     assert list(dots.get_ydata()) == [first, first + 2]
 
 
+def test_loads__in_a_unit_are_those_of_the_bands_and_of_the_rows():
+    rows = _rows([4, 6], [0.01, 0.015], [0.009, 0.013])
+    (axes,) = plot_bands(_bands(0.02), rows, "hybrid", unit=(60.0, "$kPa$")).axes
+    assert axes.get_xlim()[1] == pytest.approx(1.2)
+    assert axes.lines[1].get_xdata() == pytest.approx([0.6, 0.9])
+    (bars,) = (one for one in axes.collections if hasattr(one, "get_segments"))
+    assert bars.get_segments()[0][:, 0] == pytest.approx([0.54, 0.6])
+    assert axes.get_xlabel() == "load in \\$kPa\\$\n($p/E$ times 60 \\$kPa\\$)"
+
+
 def test_increments__are_drawn_and_named():
     rows = _rows([4, 6], [0.01, 0.015], [0.009, 0.013])
     figure = plot_bands(_bands(0.02), rows, "hybrid")

@@ -1,6 +1,7 @@
 """`ridgebayes predict`: bands on Q at textures and loads, from a finished run."""
 
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -38,7 +39,7 @@ def command(asked: options.Predict) -> Answer:
     if asked.kind not in (*KINDS, "both"):
         raise InputError(f"--kind {asked.kind!r}: expected curve, simulation or both")
     kinds = KINDS if asked.kind == "both" else (asked.kind,)
-    textures, loads, nu = _where(asked)
+    textures, loads, nu, unit = _where(asked)
     run = read_run(asked.folder)
     bands = bands_table(
         run,
@@ -51,13 +52,15 @@ def command(asked: options.Predict) -> Answer:
     )
     write_frame(bands, asked.out)
     if asked.plot is not None:
-        _draw(bands, run, asked.form, asked.plot)
+        _draw(bands, run, asked.form, asked.plot, unit)
     files = [file for file in (asked.out, asked.plot) if file is not None]
-    return _answer(bands, files, asked.load)
+    return _answer(bands, files, unit)
 
 
-def _where(asked: options.Predict) -> tuple[Sequence[Texture], FloatArray, float]:
-    """Return textures, their loads and Poisson's ratio: as typed, or a scene's."""
+def _where(
+    asked: options.Predict,
+) -> tuple[Sequence[Texture], FloatArray, float, tuple[float, str] | None]:
+    """Return textures, their loads, Poisson's ratio and the loads' unit: as typed, or a scene's."""
     if asked.scene is None:
         scene, body = None, Body.of(asked.R, asked.E)
     elif asked.R is not None or asked.E is not None:
@@ -82,18 +85,36 @@ def _where(asked: options.Predict) -> tuple[Sequence[Texture], FloatArray, float
         highest = [scene.highest_load(one) for one in own] or [scene.p_over_E]
         loads = np.array(highest)[:, None]
     nu = 0.5 if scene is None else scene.nu
-    return textures, loads, nu if asked.nu is None else asked.nu
+    unit = _unit(asked.load or body.load, body)
+    return textures, loads, nu if asked.nu is None else asked.nu, unit
 
 
-def _draw(bands: pd.DataFrame, run: Comparison, form: str, path: Path) -> None:
+def _unit(load: str, body: Body) -> tuple[float, str] | None:
+    """Return the load at which p = E in the unit that a load is given in, and that unit.
+
+    The load is one of ``--load``, or a scene's, such as ``5 N on 12 mm`` or
+    ``lognormal(5 N, 10 %)``; None where no number and unit stands in it.
+    """
+    last = load.split(":")[-2:][0]  # a number of loads may stand behind it
+    numbers = [one for one in re.split(r"[(),]| on ", last) if re.match(r"\s*[\d.+]", one)]
+    if not numbers or "empirical(" in load:
+        return None
+    one = numbers[0]
+    number, unit = number_and_unit(one)
+    return number / body.p_over_E(one), unit
+
+
+def _draw(
+    bands: pd.DataFrame, run: Comparison, form: str, path: Path, unit: tuple[float, str] | None
+) -> None:
     rows = run.table.frame
-    figure = drawing.predictions.plot_bands(bands, rows[rows["status"] == "ok"], form)
+    figure = drawing.predictions.plot_bands(bands, rows[rows["status"] == "ok"], form, unit=unit)
     with replacing(path) as partial:
         partial.write_bytes(drawing.style.as_bytes(figure, path.suffix.lower().removeprefix(".")))
 
 
-def _answer(bands: pd.DataFrame, files: Sequence[Path], load: str | None) -> Answer:
-    """Return the band of each texture, at some of its loads, also in the unit of `load`."""
+def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] | None) -> Answer:
+    """Return the band of each texture, at some of its loads, also in the unit of the loads."""
     by_texture = ["kind_of_band", "a_over_R", "b_over_R"]
     shown = pd.concat(_thinned(part) for _, part in bands.groupby(by_texture, sort=False))
     low, high = (shown[name].astype(int).astype(str) for name in ("q_lower", "q_upper"))
@@ -102,7 +123,7 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path], load: str | None) -> Ans
         "a/R": shown["a_over_R"],
         "b/R": shown["b_over_R"],
         "p/E": shown["p_over_E"],
-        **({} if load is None else _as_given(load, shown["p_over_E"], bands["p_over_E"].max())),
+        **({} if unit is None else {f"load in {unit[1]}": shown["p_over_E"] * unit[0]}),
         "Q (median)": shown["q_median"].astype(int),
         f"{100 * prob:g} % band": low.where(low == high, low + " to " + high),
     }
@@ -123,12 +144,6 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path], load: str | None) -> Ans
             f"{', '.join(name for name in NAMES if name in names)}"
         )
     return Answer((told, pd.DataFrame(columns)), bands, files, warnings=warnings)
-
-
-def _as_given(load: str, p_over_E: pd.Series, highest: float) -> dict[str, pd.Series]:
-    """Return loads in the unit of --load, of which the highest stands last but for their number."""
-    number, unit = number_and_unit(load.split(":")[-2:][0])
-    return {f"load in {unit}": p_over_E * (number / highest)}
 
 
 def _thinned(part: pd.DataFrame) -> pd.DataFrame:

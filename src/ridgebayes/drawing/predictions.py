@@ -18,6 +18,7 @@ from ridgebayes.drawing.style import (
     look_of,
     new_figure,
     panel_grid,
+    plain,
     rows_by_texture,
     shared_legend,
     styled,
@@ -39,6 +40,7 @@ def plot_bands(
     *,
     n_texture: int | None = None,
     untitled: bool = False,
+    unit: tuple[float, str] | None = None,
 ) -> Figure:
     """Draw Q against load with the bands of one form, a panel a texture.
 
@@ -54,16 +56,19 @@ def plot_bands(
         How many textures there are, if not all are in `bands`.
     untitled : bool, optional
         Whether the figure goes without its heading.
+    unit : tuple of float and str, optional
+        The load at which p = E, and its unit: the axis is then of loads in that unit.
 
     Returns
     -------
     matplotlib.figure.Figure
         Simulation band light, curve band dark, where extrapolated hatched and grey.
     """
-    by_texture = rows_by_texture(bands[bands["form"] == form])
+    by_texture = rows_by_texture(_with_loads_in(unit, bands[bands["form"] == form]))
+    table = _with_loads_in(unit, table)
     observed = rows_by_texture(table)
     shown = list(by_texture)[:MOST_TEXTURES]
-    labels = ("$p/E$ (dimensionless)", "edges in contact $Q$")
+    labels = (_load_label(unit), "edges in contact $Q$")
     # Without a heading it shares a screen with the words that answer.
     figure, panels = panel_grid(len(shown), 1.55 if untitled else 1.8, 1.0, labels=labels)
     for axes, texture in zip(panels, shown, strict=True):
@@ -79,6 +84,20 @@ def plot_bands(
     if not untitled:
         figure.suptitle(f"{title_of(form)}: Q against load{more}", fontsize=11)
     return figure
+
+
+def _with_loads_in(unit: tuple[float, str] | None, frame: pd.DataFrame) -> pd.DataFrame:
+    if unit is None:
+        return frame
+    loads = [name for name in ("p_over_E", _LOWER) if name in frame]
+    return frame.assign(**{name: frame[name] * unit[0] for name in loads})
+
+
+def _load_label(unit: tuple[float, str] | None) -> str:
+    if unit is None:
+        return "$p/E$ (dimensionless)"
+    name = plain(unit[1])
+    return f"load in {name}\n($p/E$ times {unit[0]:.4g} {name})"
 
 
 def draw_band(axes: Axes, bands: pd.DataFrame, colour: str) -> None:
