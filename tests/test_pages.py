@@ -1,13 +1,30 @@
-"""Every code block of the README and of the pages in docs/ is run, or says why it is not.
+"""Every code block of the README and of the pages in docs/ is run.
 
-A page is one test of its Python blocks, in their order, and one of its commands. Before a block
-that cannot be run here stands `<!-- not run: WHY -->`; options of its commands are still checked.
+The blocks of a page are one test: in their order, in one folder, Python in one namespace. A comment
+before a block says more of it:
+
+`<!-- file: NAME -->`: the block is a file that the blocks after it read.
+`<!-- long -->`: it takes a minute, and is left to `make test-long`, with all others of its page.
+`<!-- long: MODULE -->`: it needs a module of the extra `samplers` too.
+
+A command that has to fail says `exit code 2` in its comment. What no test can run, such as the
+tests themselves, stands in a table of commands, and not in a block.
 """
 
+import contextlib
 import importlib.util
+import os
 import re
 import shlex
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
 import tomllib
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -26,107 +43,219 @@ from ridgebayes.runtime.reading import read_toml
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PARTS = {"_generated", "examples", "names", "mutation"}  # folders made from elsewhere, or parts
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
 PAGES += [
     path for path in sorted(DOCS.rglob("*.md")) if PARTS.isdisjoint(path.parts[len(DOCS.parts) :])
 ]
 BLOCK = re.compile(
-    r"^(<!-- not run: [^\n]+ -->\n)?```(\w*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL
+    r"^(?:<!-- (?P<mark>\w+)(?:: (?P<what>\S+))? -->\n)?```(?P<language>\w*)\n(?P<code>.*?)^```$",
+    flags=re.MULTILINE | re.DOTALL,
 )
 DIRECTIVE = re.compile(r"^(```+)\{.*?^\1$", flags=re.MULTILINE | re.DOTALL)
-KNOWN = {"", "python", "sh", "toml", "text", "bibtex"}
+RUN = {"python", "sh", "console"}
+FILES = {"text", "toml"}
+INSTALL = "pip install ."  # run in an environment of its own
+PORT = "8786"  # of Dask on the pages; here a free one
 
 
-def blocks_of(path, language, *, run=True):
-    """Return the blocks of one language on a page; without those that cannot be run."""
-    found = BLOCK.findall(DIRECTIVE.sub("", path.read_text(encoding="utf-8")))
-    return [code for not_run, name, code in found if name == language and not (run and not_run)]
+@dataclass(frozen=True)
+class Block:
+    language: str
+    code: str
+    mark: str | None
+    what: str | None
 
 
-def pages_with(language, **which):
-    pages = [path for path in PAGES if blocks_of(path, language, **which)]
+def blocks_of(path, language=None):
+    """Return the blocks of a page in their order, or those of one language."""
+    text = DIRECTIVE.sub("", path.read_text(encoding="utf-8"))
+    found = [Block(**one.groupdict()) for one in BLOCK.finditer(text)]
+    return [block for block in found if language in (None, block.language)]
+
+
+def pages_with(language):
+    pages = [path for path in PAGES if blocks_of(path, language)]
     return pytest.mark.parametrize("path", pages, ids=[path.stem for path in pages])
 
 
-def commands(path, **which):
-    """Return the command lines of a page, without their comments, as words."""
-    lines = "\n".join(blocks_of(path, "sh", **which)).replace("\\\n", " ").splitlines()
-    return [words for line in lines if (words := shlex.split(line, comments=True))]
+def command_lines(code):
+    """Return each command of a block as words, and its comment."""
+    lines = code.replace("\\\n", " ").splitlines()
+    return [(words, line) for line in lines if (words := shlex.split(line, comments=True))]
+
+
+def test_blocks__are_in_languages_that_are_run_or_read_here():
+    for path in PAGES:
+        text = DIRECTIVE.sub("", path.read_text(encoding="utf-8"))
+        fences = len(re.findall(r"^```", text, flags=re.MULTILINE))
+        assert fences == 2 * len(blocks_of(path)), path
+        for block in blocks_of(path):
+            assert block.language in RUN | FILES | {"bibtex"}, path
+            assert block.mark in {None, *(("long",) if block.language in RUN else ("file",))}, path
+
+
+def test_comments__are_of_blocks():
+    for path in PAGES:
+        comments = re.findall(r"^<!-- \w+", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        assert len(comments) == sum(block.mark is not None for block in blocks_of(path)), path
+
+
+class Page:
+    """A folder where the blocks of a page are run one after another."""
+
+    def __init__(self, path, folder, monkeypatch, stack):
+        self.path, self.folder = path, folder
+        self._monkeypatch, self._stack = monkeypatch, stack
+        self._port = free_port()
+        self._said, self._expected = [], []
+        self._namespace = {"__name__": "__main__", "print": self._print}
+
+    def _print(self, *words):
+        self._said.append(" ".join(map(str, words)))
+
+    def run(self, block):
+        if block.mark == "file":
+            (self.folder / block.what).write_text(block.code, encoding="utf-8")
+        elif block.language in RUN:
+            getattr(self, f"_{block.language}")(block.code)
+
+    def _python(self, code):
+        self._expected += re.findall(r"^ *print\(.*\)\s+# (.+)$", code, flags=re.MULTILINE)
+        with self._monkeypatch.context() as patch:
+            # Figures take most of a report, and have their own tests.
+            patch.setattr(Gallery, "file", lambda self, name, kind: b"")
+            exec(compile(code, str(self.path), "exec"), self._namespace)  # the block is ours
+        assert self._said == self._expected
+
+    def _sh(self, code):
+        for words, line in command_lines(code.replace(PORT, self._port)):
+            if words[-1] == "&":
+                self._stack.enter_context(in_background(words[:-1]))
+                wait_for(int(self._port))
+            elif words[0] == "ridgebayes":
+                done = CliRunner().invoke(app, words[1:], catch_exceptions=False)
+                (code,) = re.findall(r"# .*exit code (\d)", line) or ["0"]
+                assert done.exit_code == int(code), done.output
+            else:
+                assert " ".join(words) == INSTALL, words
+
+    def _console(self, code):
+        command, said = code.removeprefix("$ ridgebayes ").split("\n", 1)
+        assert CliRunner().invoke(app, shlex.split(command)).output == said
+
+
+def free_port():
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return str(found.getsockname()[1])
+
+
+def wait_for(port):
+    end = time.monotonic() + 60
+    while time.monotonic() < end:
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 1):
+            return
+        time.sleep(0.05)
+    raise TimeoutError
+
+
+@contextlib.contextmanager
+def in_background(words):
+    program = Path(sys.executable).parent / words[0]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    started = subprocess.Popen([program, *words[1:]], **quiet, start_new_session=True)
+    try:
+        yield
+    finally:
+        os.killpg(started.pid, signal.SIGKILL)  # what it started too
+        started.wait()
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def page_of(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "data").symlink_to(ROOT / "data")
-    return tmp_path
+    with ExitStack() as stack:
+        yield lambda path: Page(path, tmp_path, monkeypatch, stack)
 
 
-def test_blocks__are_in_languages_that_are_checked_here():
-    for path in PAGES:
-        text = DIRECTIVE.sub("", path.read_text(encoding="utf-8"))
-        assert {name for _, name, _ in BLOCK.findall(text)} <= KNOWN, path
-        fences = len(re.findall(r"^```", text, flags=re.MULTILINE))
-        assert fences == 2 * len(BLOCK.findall(text)), path
+def runnable(path, *, long):
+    """Return the blocks of a page that one test runs, with the files that they read."""
+    found = [block for block in blocks_of(path) if long or block.mark != "long"]
+    return found if any(block.language in RUN for block in found) else []
+
+
+def pages_to_run(*, long):
+    pages = [path for path in PAGES if runnable(path, long=long)]
+    if long:
+        pages = [path for path in pages if runnable(path, long=True) != runnable(path, long=False)]
+    return pytest.mark.parametrize("path", pages, ids=[path.stem for path in pages])
 
 
 @pytest.mark.usefixtures("made_once")
-@pages_with("python")
-def test_python_blocks__print_what_their_comments_say(path, folder, monkeypatch):
-    # Figures take most of a report, and have their own tests.
-    monkeypatch.setattr(Gallery, "file", lambda self, name, kind: b"")
-    said, expected, namespace = [], [], {}
-    namespace["print"] = lambda *words: said.append(" ".join(map(str, words)))
-    for code in blocks_of(path, "python"):
-        expected += re.findall(r"^ *print\(.*\)\s+# (.+)$", code, flags=re.MULTILINE)
-        exec(compile(code, str(path), "exec"), namespace)  # the block is ours
-    assert said == expected
+@pages_to_run(long=False)
+def test_blocks__run_and_print_what_their_comments_say(path, page_of):
+    page = page_of(path)
+    for block in runnable(path, long=False):
+        page.run(block)
 
 
-@pages_with("sh", run=False)
-def test_command_lines__are_known(path):
+@pytest.mark.long
+@pytest.mark.filterwarnings("default")  # of other samplers
+@pytest.mark.usefixtures("made_once")
+@pages_to_run(long=True)
+def test_long_blocks__run_after_the_others_of_their_page(path, page_of):
+    page = page_of(path)
+    for block in runnable(path, long=True):
+        if block.mark == "long" and block.what:
+            pytest.importorskip(block.what, reason="of the extra samplers")
+        page.run(block)
+
+
+@pytest.mark.long
+def test_installation__works_as_the_pages_say(tmp_path):
+    uv = shutil.which("uv", path=Path(sys.executable).parent) or "uv"
+    python = tmp_path / "env" / "bin" / "python"
+    subprocess.run([uv, "venv", "-q", "--python", sys.executable, tmp_path / "env"], check=True)
+    words = INSTALL.split()
+    subprocess.run([uv, *words, "-q", "--python", python], cwd=ROOT, check=True)
+    clean = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    told = subprocess.run(
+        [python.with_name("ridgebayes"), "--version"], env=clean, capture_output=True, text=True
+    )
+    assert told.stdout.split()[-1] == rb.__version__
+
+
+def commands_in_tables(path):
+    """Return the commands that a page tells of in a table."""
+    text = path.read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `((?:make|pip|pre-commit|nice|\S*python) .+?)` \|", text, flags=re.M)
+    return [shlex.split(line) for line in rows]
+
+
+def test_commands_in_tables__are_known():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    program = typer.main.get_command(app)
-    for words in commands(path, run=False):
-        if words[0] == "ridgebayes" and words[1] in program.commands:
-            program.commands[words[1]].make_context(words[1], words[2:], resilient_parsing=False)
-        elif words[0] == "make":
+    found = [words for path in PAGES for words in commands_in_tables(path)]
+    assert len(found) == 14
+    for words in found:
+        if words[0] == "make":
             assert re.search(rf"^{words[1]}:", makefile, flags=re.MULTILINE), words
         elif "-m" in words:
             assert importlib.util.find_spec(words[words.index("-m") + 1]), words
         else:
-            assert " ".join(words[:2]) in {
-                "pip install",
-                "ridgebayes --version",
-                "pre-commit install",
-            }
-
-
-# The page of all commands takes long; each of them has tests of its own in tests/commands.
-LONG = DOCS / "commands.md"
-RUN = [
-    pytest.param(path, id=path.stem, marks=[pytest.mark.long] if path == LONG else [])
-    for path in PAGES
-    if any(words[0] == "ridgebayes" for words in commands(path))
-]
-
-
-@pytest.mark.parametrize("path", RUN)
-def test_commands__run(path, folder):
-    for words in commands(path):
-        if words[0] == "ridgebayes":
-            done = CliRunner().invoke(app, words[1:], catch_exceptions=False)
-            assert done.exit_code == 0, done.output
+            assert " ".join(words[:2]) in {"pip install", "pre-commit install"}
 
 
 @pages_with("toml")
 def test_toml_blocks__can_be_read(path):
-    for code in blocks_of(path, "toml"):
-        assert tomllib.loads(code)
+    for block in blocks_of(path, "toml"):
+        assert tomllib.loads(block.code)
 
 
 def test_priors_page__shows_the_default_priors(tmp_path):
     (block,) = blocks_of(ROOT / "docs" / "priors.md", "toml")
-    (tmp_path / "priors.toml").write_text(block, encoding="utf-8")
+    (tmp_path / "priors.toml").write_text(block.code, encoding="utf-8")
     data = Observations.from_table(rb.paper_sweep())
     text = read_toml(tmp_path / "priors.toml")
     found = resolve_priors(text, [rb.Hybrid()], [Noise()], data)
@@ -135,8 +264,8 @@ def test_priors_page__shows_the_default_priors(tmp_path):
 
 
 def test_start_page__shows_a_table_that_can_be_read(tmp_path):
-    (block,) = blocks_of(ROOT / "docs" / "start.md", "text")
-    (tmp_path / "mine.csv").write_text(block, encoding="utf-8")
+    *_, block = blocks_of(ROOT / "docs" / "start.md", "text")
+    (tmp_path / "mine.csv").write_text(block.code, encoding="utf-8")
     assert len(rb.read_table(tmp_path / "mine.csv").calibration) == 3
 
 
@@ -160,10 +289,10 @@ def test_messages_page__has_messages_of_the_code():
 def test_citing_page__has_the_names_of_the_citation_file():
     (block,) = blocks_of(DOCS / "citing.md", "bibtex")
     fields = dict(
-        re.findall(r"^  (\w+) = \{+(.+?)\}+,$", block.partition("@article")[0], flags=re.M)
+        re.findall(r"^  (\w+) = \{+(.+?)\}+,$", block.code.partition("@article")[0], flags=re.M)
     )
     article = dict(
-        re.findall(r"^  (\w+) = \{+(.+?)\}+,$", block.partition("@article")[2], flags=re.M)
+        re.findall(r"^  (\w+) = \{+(.+?)\}+,$", block.code.partition("@article")[2], flags=re.M)
     )
     known = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert fields["version"] == rb.__version__
