@@ -7,6 +7,7 @@ from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.halfplane import smooth_load, transition_loads
 from ridgebayes.contact.intervals import Intervals, solve_pressure
 from ridgebayes.contact.logkernel import log_ellipse
+from ridgebayes.contact.ridge_row import RidgeRow
 from ridgebayes.contact.strips import StripSolution, _smallest_pressure, solve_strips
 from ridgebayes.errors import InputError
 
@@ -312,7 +313,7 @@ def test_each_failed_check_has_its_status(empty_cache, monkeypatch, change, said
 
 def test_a_matrix_that_rounding_spoiled_is_said(empty_cache, monkeypatch):
     # A strip wider than its capacity allows: the logarithm changes sign and the matrix its signs.
-    monkeypatch.setattr("ridgebayes.contact.strips.lower_matrix", lambda *_: -np.eye(4 * 7))
+    monkeypatch.setattr(RidgeRow, "_matrix", lambda row, m: -1e6 * np.eye(row.n * m))
     loads = transition_loads(1.0, 1.0, 4)
     assert all("not positive definite" in status for status in loads.status)
     assert np.all(np.isnan(loads.F))

@@ -8,7 +8,6 @@ from ridgebayes.contact.logkernel import (
     cross_blocks,
     influence,
     log_ellipse,
-    lower_matrix,
     self_energies,
 )
 
@@ -57,29 +56,6 @@ def test_cross_blocks_do_not_depend_on_the_number_of_nodes():
         few, many = cross_blocks(gap_ratio, 3, 5), cross_blocks(gap_ratio, 3, 60)
         # Algebra: rounding of a weighted mean of numbers up to pi^2 ln(distance).
         np.testing.assert_allclose(many[:, :5, :5], few, atol=1e-13 * np.abs(few).max())
-
-
-def test_matrix_is_that_of_both_sides_folded():
-    """Against the full matrix of 2n strips, assembled without symmetry and folded by parity."""
-    n, m, gap_ratio, half_width = 3, 4, 0.5, 0.07
-    blocks = cross_blocks(gap_ratio, 2 * n - 1, m)
-    shift = -(math.pi**2) * math.log(half_width)
-    full = np.zeros((2 * n, m, 2 * n, m))
-    for i in range(2 * n):
-        for j in range(2 * n):
-            block = np.diag(self_energies(m)) if i == j else blocks[abs(i - j) - 1].copy()
-            block[0, 0] += shift
-            full[i, :, j] = block if i >= j else block.T
-    fold = np.zeros((2 * n, m, n, m))
-    for j in range(n):
-        fold[n + j, range(m), j, range(m)] = 1.0
-        fold[n - 1 - j, range(m), j, range(m)] = (-1.0) ** np.arange(m)
-    full = full.reshape(2 * n * m, 2 * n * m)
-    fold = fold.reshape(2 * n * m, n * m)
-    expected = 0.5 * fold.T @ full @ fold
-    ours = np.tril(lower_matrix(blocks, n, math.log(half_width), np.ones(m)))
-    # Algebra: sums of a few terms of order 10.
-    np.testing.assert_allclose(ours, np.tril(expected), atol=1e-12)
 
 
 def test_ellipse_reaches_the_neighbour():

@@ -19,7 +19,7 @@ from ridgebayes.contact.contact_solution import (
     coefficients_for,
 )
 from ridgebayes.contact.ridge_contacts import RidgeContacts, chebyshev
-from ridgebayes.contact.ridge_row import RidgeRow
+from ridgebayes.contact.ridge_row import RidgeRow, felt
 from ridgebayes.contact.rigid_profile import Profile
 
 _MOST_ROUNDS = 40
@@ -116,18 +116,10 @@ class _Rounds:
 
     def _begin(self) -> FloatArray:
         """Return moments of sharp ridges covered in full; none of them pulls."""
-        row, live, n = self._row, self._live, self._row.n
-        within = row.within[:, live]
-        charge = np.zeros((n, row.m, len(live)))
-        charge[:, 0] = math.pi * within
-        self._by_approach = row.covered(charge, live)
-        shape = (row.shape[:n] * row.norms)[..., None] * within[:, None]
-        found = -row.covered(shape, live)
-        x = row.places(self._nearest, live + 1)
-        felt = row.potentials(x)
-        found += self._by_approach * self._approach(felt, 0.5 * x**2 + _felt(felt, found))
+        row, live = self._row, self._live
+        found, self._by_approach, _ = row.covered_in_full(live)
         smooth = 0.5 * (np.abs(row.centre[live + 1]) - row.half_width) ** 2
-        least = _KEPT * within * smooth / (math.pi * row.weight.sum())
+        least = _KEPT * row.within[:, live] * smooth / (math.pi * row.weight.sum())
         found[:, 0] = np.maximum(found[:, 0], least)
         return found
 
@@ -148,8 +140,8 @@ class _Rounds:
         field = row.fields(self._moments)
         self._nearest, fallen = self._over(field, 1)
         x = row.places(self._nearest, live + 1)
-        felt = row.potentials(x)
-        approach = 0.5 * x**2 + fallen + _felt(felt, self._moments)
+        potentials = row.potentials(x)
+        approach = 0.5 * x**2 + fallen + felt(potentials, self._moments)
         here = field.transpose(1, 0, 2)[:, ridge, event] + row.shape.T[:, ridge]
         force = self._moments[ridge, 0, event]
         contacts = self._contacts(here, force, ridge, event)
@@ -158,7 +150,7 @@ class _Rounds:
         apart = self._moments[ridge, 1:, event] - contacts.moments[1:].T
         residual[ridge, 1:, event] = row.energies[1:] * apart
         change = -row.covered(residual, live)
-        change += self._by_approach * self._approach(felt, _felt(felt, change))
+        change += self._by_approach * self._approach(potentials, felt(potentials, change))
         beyond = contacts.ends - self._flat  # beyond a kink pressure falls to zero within it
         scale = np.where(beyond > 0, np.minimum(beyond, contacts.share), contacts.share)
         moving = (np.abs(contacts.steps) > 0.3 * TENSION * math.sqrt(self._tol) * scale).any(axis=0)
@@ -174,9 +166,9 @@ class _Rounds:
         self._moments = self._mixing.mixed(self._moments, change)
         return arrived
 
-    def _approach(self, felt: FloatArray, height: FloatArray) -> FloatArray:
+    def _approach(self, potentials: FloatArray, height: FloatArray) -> FloatArray:
         """Return the approach at which a height at the ridge ahead becomes that of its corner."""
-        value: FloatArray = height / (1 - _felt(felt, self._by_approach))
+        value: FloatArray = height / (1 - felt(potentials, self._by_approach))
         return value
 
     def _over(self, field: FloatArray, ahead: int) -> tuple[FloatArray, FloatArray]:
@@ -229,7 +221,7 @@ class _Rounds:
         if not profile.mirrored:
             t, fallen = self._over(field, 2)
             x = self._row.places(t, self._live + 2)
-            up = _felt(self._row.potentials(x), self._moments)
+            up = felt(self._row.potentials(x), self._moments)
             free &= 0.5 * x**2 + fallen + up >= approach
         if math.isfinite(profile.depth):
             free &= self._row.hanging(self._moments, approach) < _DEEP * profile.depth
@@ -261,12 +253,6 @@ def _far(contacts: RidgeContacts) -> BoolArray:
     """Return of contacts whether ends are so far from where they belong that a step errs."""
     far: BoolArray = np.abs(contacts.steps).max(axis=0) > _STEADY * contacts.share
     return far
-
-
-def _felt(potentials: FloatArray, moments: FloatArray) -> FloatArray:
-    """Return what each event's moments, (n, m, n_event), make at its own place."""
-    value: FloatArray = np.einsum("knm,nmk->k", potentials, moments)
-    return value
 
 
 @functools.cache

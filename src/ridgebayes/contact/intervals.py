@@ -275,14 +275,18 @@ def _used(intervals: Intervals, m: int) -> np.ndarray:
 
 def potentials(intervals: Intervals, x: FloatArray, m: int) -> FloatArray:
     """Return the potentials of every function at x, mirror images added, shape (n_x, n, m)."""
-    found = _potentials(intervals.centre, intervals.half_width, x, m)
-    if not intervals.mirrored:
-        return found
-    own = int(intervals.straddles)
+    own = int(intervals.straddles) if intervals.mirrored else len(intervals.left)
+    return potentials_around(intervals.centre, intervals.half_width, x, m, alone=own)
+
+
+def potentials_around(
+    centre: FloatArray, half_width: FloatArray, x: FloatArray, m: int, *, alone: int
+) -> FloatArray:
+    """Return `potentials` of intervals of which the first few have no mirror image."""
+    found = _potentials(centre, half_width, x, m)
     # A mirror image has coefficients of alternating sign about the mirrored centre.
     signs = (-1.0) ** np.arange(m)
-    centre, half_width = -intervals.centre[own:], intervals.half_width[own:]
-    found[:, own:] += signs * _potentials(centre, half_width, x, m)
+    found[:, alone:] += signs * _potentials(-centre[alone:], half_width[alone:], x, m)
     return found
 
 

@@ -126,56 +126,6 @@ def cross_blocks(gap_ratio: float, n_distances: int, n_coefficients: int) -> Flo
     return trial @ influence(excess, n_coefficients)
 
 
-def lower_matrix(
-    blocks: FloatArray, n_strips: int, log_half_width: float, scale: FloatArray
-) -> FloatArray:
-    """Assemble the lower triangle of blocks of the mirror-symmetric problem.
-
-    A[(j,m),(i,n)] = G_(j-i)[m,n] + (-1)^n G_(i+j+1)[m,n], the second term being the mirror
-    strip; the self block is diagonal, pi^2 ln 2 for m = 0 and pi^2/(2m) beyond. Each pair of
-    constants feels -pi^2 ln(half-width) of the change of length unit.
-
-    Parameters
-    ----------
-    blocks : ndarray of float, shape (2 n_strips - 1 or more, n_coefficients, n_coefficients), \
-dimensionless
-        From `cross_blocks`.
-    n_strips : int, scalar, count
-        Strips on the right-hand side.
-    log_half_width : float, scalar, dimensionless
-        ln(half-width of a strip in the length unit of the problem).
-    scale : ndarray of float, shape (n_coefficients,), dimensionless
-        What each basis function is divided by.
-
-    Returns
-    -------
-    ndarray of float, shape (n_strips n_coefficients, n_strips n_coefficients), dimensionless
-        C-ordered; blocks above the diagonal are not written.
-
-    Notes
-    -----
-    *Validity.* Positive definite if the contact set has logarithmic capacity below 1 in the
-    length unit; [-1, 1] has 1/2.
-    """
-    n_coefficients = scale.size
-    scaled = blocks / (scale[:, None] * scale)
-    shift = -(math.pi**2) * log_half_width / scale[0] ** 2
-    scaled[:, 0, 0] += shift
-    mirrored = scaled * (-1.0) ** np.arange(n_coefficients)
-    size = n_strips * n_coefficients
-    matrix = np.empty((size, size))
-    view = matrix.reshape(n_strips, n_coefficients, n_strips, n_coefficients)
-    own = self_energies(n_coefficients) / scale**2
-    own[0] += shift
-    for j in range(n_strips):
-        row = view[j]
-        row[:, : j + 1] = mirrored[j : 2 * j + 1].transpose(1, 0, 2)
-        if j:
-            row[:, :j] += scaled[j - 1 :: -1].transpose(1, 0, 2)
-        row[np.arange(n_coefficients), j, np.arange(n_coefficients)] += own
-    return matrix
-
-
 def self_energies(n_coefficients: int) -> FloatArray:
     """Return the diagonal of a strip's block with itself, half-width 1.
 

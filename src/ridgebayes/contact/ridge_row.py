@@ -16,7 +16,7 @@ from scipy import fft
 from scipy.linalg import lapack
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
-from ridgebayes.contact.intervals import Intervals, potentials
+from ridgebayes.contact.intervals import potentials_around
 from ridgebayes.contact.logkernel import cross_blocks, log_ellipse, self_energies
 from ridgebayes.contact.rigid_profile import Profile
 
@@ -197,6 +197,23 @@ class RidgeRow:
         value[:, :m_far] = (found / columns[:, None]).reshape(n, m_far, -1)
         return value
 
+    def covered_in_full(self, events: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what ridges covered in full carry where the surface meets the corner ahead.
+
+        Moments at events, (n, m, n_event); what an approach of 1 adds to them; and by how much that
+        lifts the surface over the corner, (n_event,).
+        """
+        within = self.within[:, None, events]
+        x = self.places(np.full(len(events), -1.0), events + 1)
+        charge = np.zeros((self.n, self.m, len(events)))
+        charge[:, 0] = math.pi * within[:, 0]
+        by_approach = self.covered(charge, events)
+        found = -self.covered((self.shape[: self.n] * self.norms)[..., None] * within, events)
+        potentials = self.potentials(x)
+        lift = felt(potentials, by_approach)
+        approach = (0.5 * x**2 + felt(potentials, found)) / (1 - lift)
+        return found + by_approach * approach, by_approach, lift
+
     @cached_property
     def _spectrum(self) -> tuple[NDArray[np.complex128], int]:
         """Fourier's transform of `by_distance` on a circle of ridges, and how many it has."""
@@ -238,9 +255,9 @@ class RidgeRow:
 
     def potentials(self, x: FloatArray) -> FloatArray:
         """Return potentials of all moments at x, (n_x, n, m)."""
-        middle, half = self.centre[: self.n], self.half_width
-        ridges = Intervals(middle - half, middle + half, self.profile.mirrored)
-        found = potentials(ridges, x, self.m)
+        alone = int(self.over_ridge) if self.profile.mirrored else self.n
+        half = np.full(self.n, self.half_width)
+        found = potentials_around(self.centre[: self.n], half, x, self.m, alone=alone)
         found[..., 0] += math.pi * math.log(self.unit) * self.weight
         return found
 
@@ -265,6 +282,12 @@ class RidgeRow:
         up = self.potentials(x).reshape(len(x), size) @ moments.reshape(size, -1)
         value: FloatArray = (approach - 0.5 * x[:, None] ** 2 - up).max(axis=0)
         return value
+
+
+def felt(potentials: FloatArray, moments: FloatArray) -> FloatArray:
+    """Return what each event's moments, (n, m, n_event), make at its own place."""
+    value: FloatArray = np.einsum("knm,nmk->k", potentials, moments)
+    return value
 
 
 def touch_order(profile: Profile, n: int) -> IntArray:
