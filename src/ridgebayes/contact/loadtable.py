@@ -24,10 +24,6 @@ class HalfPlaneLoads:
     rel_error : ndarray of float, shape (n_transition,), dimensionless
         Estimated relative error of F: change from the solve with an eighth fewer coefficients,
         plus rounding. NaN where nothing was computed.
-    tail : ndarray of float, shape (n_transition,), dimensionless
-        Largest of the last two coefficients over the mean of the first; NaN where not solved.
-    smallest_pressure : ndarray of float, shape (n_transition,), dimensionless
-        Smallest p(s) sqrt(1-s^2) on the strips, ends included, over its mean; NaN likewise.
 
     Notes
     -----
@@ -38,8 +34,6 @@ class HalfPlaneLoads:
     status: tuple[str, ...]
     n_coefficients: IntArray
     rel_error: FloatArray
-    tail: FloatArray
-    smallest_pressure: FloatArray
 
     def __post_init__(self) -> None:
         for one in fields(self):
@@ -86,6 +80,6 @@ class HalfPlaneLoads:
     @classmethod
     def not_computed(cls, n_transitions: int, reason: str) -> "HalfPlaneLoads":
         """Return a record without a number, saying why."""
-        F, *measures = (np.full(n_transitions, np.nan) for _ in range(4))
         status = (f"not computed: {reason}",) * n_transitions
-        return cls(F, status, np.zeros(n_transitions, dtype=np.int64), *measures)
+        F, n = np.full(n_transitions, np.nan), np.zeros(n_transitions, dtype=np.int64)
+        return cls(F, status, n, F.copy())

@@ -11,7 +11,6 @@ from ridgebayes.contact import halfplane
 from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
 from ridgebayes.contact.homogenised import beyond
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.contact.strips import solve_strips
 from ridgebayes.model.forms import Classic, Form, Hybrid, Modified
 from ridgebayes.results import calibrate
 from ridgebayes.table.table import ContactTable
@@ -92,7 +91,7 @@ def _half_plane_loads(a: float, b: float, p_max: float) -> FloatArray:
 
 
 def _strips(a: float, b: float, n: int, coefficients: int) -> FloatArray:
-    return solve_strips(2 * b / a, n, coefficients).F * (a + b) ** 2 / 0.75
+    return halfplane.solve_strips(2 * b / a, n, coefficients).F * (a + b) ** 2 / 0.75
 
 
 def _many_settings(a: float, b: float) -> list[Setting]:
@@ -100,11 +99,11 @@ def _many_settings(a: float, b: float) -> list[Setting]:
     exact = halfplane.transition_loads(a, b, 100).F[-1:]
 
     def law(known: int) -> FloatArray:
-        F = solve_strips(2 * b / a, known, 8).F
+        F = halfplane.solve_strips(2 * b / a, known, 8).F
         return beyond(F, 2 * b / a, np.array([100]))[0]
 
     def last(coefficients: int) -> FloatArray:
-        return solve_strips(2 * b / a, 100, coefficients).F[-1:]
+        return halfplane.solve_strips(2 * b / a, 100, coefficients).F[-1:]
 
     ways = turned("law of many ridges", "from {} exact loads", law, (4, 8, 16, 32))
     ways += turned("half-plane", "{} coefficients a strip", last, (3, 4, 8))

@@ -10,7 +10,7 @@ the body and a corner. The last makes a transition a point to solve for.
 """
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -239,7 +239,6 @@ class NewtonStep:
     gaps: Gaps
     inner: Assembled
     kind: FloatArray  # of each segment: 0 sticks, the sign of its shear slides
-    fits: bool = field(init=False, default=False)  # whether `solve` has found the solution
 
     def error(self) -> float:
         """Return the largest residual over its tolerance."""
@@ -342,7 +341,6 @@ class NewtonStep:
             active = active ^ wrong
         else:
             du, rise, pressure, _ = self._of(best)
-        self.fits = fewest == 0
         pressure, shear = np.maximum(pressure, 0.0), np.zeros_like(pressure)
         if problem.friction:
             slip = self.gaps.slip + self.gaps.along @ du + rise * self._slip_lift

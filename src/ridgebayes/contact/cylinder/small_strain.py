@@ -90,7 +90,9 @@ def small_strain_transitions(
         gaps = replace(gaps, normal=sparse.csr_array(gaps.normal @ vertical))
         step = NewtonStep(problem, control, start, gaps, inner, np.zeros(len(on)))
         found, on = step.solve(on | problem.faces.of_ridge(len(loads)))
-        if not step.fits:
+        sunk = found.u.ravel() - found.rise * problem.up
+        left = gaps.gap + gaps.normal @ sunk / problem.faces.length
+        if (left[~on] < 0).any() or not found.pressure[on].min() > 0:
             raise ComputationError("small strain: no set of segments in contact fits")
         loads.append(float(found.pressure @ problem.faces.length))
     return 4 + 2 * np.arange(len(loads) - 1), np.array(loads[:-1])
