@@ -9,10 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ridgebayes.fea.calculix import read_calculix
+from ridgebayes.contact.cylinder.faces import first_height
+from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.fea.calculix import read_calculix, whole_levels
+from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
 from ridgebayes.fea.surface import Body
-from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.generation import generate
 
 SOLVER = shutil.which("ccx") or shutil.which("ccx_2.20")
@@ -26,6 +29,18 @@ pytestmark = [
 A, B, NU = 0.12, 0.03, 0.49
 
 
+def solve(scene, levels, folder):
+    """Run some levels of a scene's deck, five elements a ridge."""
+    deck = pressed_disk(scene, edges=5)
+    deck = replace(deck, displacements=deck.displacements[levels])
+    (folder / "run.inp").write_text(deck_text(deck, "calculix"))
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [SOLVER, "-i", "run"], cwd=folder, env=environment, capture_output=True, check=False
+    )
+    assert done.returncode == 0, done.stdout[-2000:]
+
+
 @pytest.fixture(scope="module")
 def scene():
     return Scene.of([(A, B)], p_over_E=0.013, nu=NU)
@@ -34,16 +49,9 @@ def scene():
 @pytest.fixture(scope="module")
 def run(scene, tmp_path_factory):
     folder = tmp_path_factory.mktemp("calculix")
-    deck = pressed_disk(scene, edges=5)
     # Without friction a state does not depend on the way: seven of the levels below the transition
     # are left out, and the two beyond it.
-    deck = replace(deck, displacements=deck.displacements[7:12])
-    (folder / "run.inp").write_text(deck_text(deck, "calculix"))
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(
-        [SOLVER, "-i", "run"], cwd=folder, env=environment, capture_output=True, check=False
-    )
-    assert done.returncode == 0, done.stdout[-2000:]
+    solve(scene, slice(7, 12), folder)
     return functools.partial(
         read_calculix,
         folder / "run.dat",
@@ -66,3 +74,17 @@ def test_run__brackets_contain_the_load(run):
     load, bracket = run().table.frame.iloc[0], run(brackets=True).table.frame.iloc[0]
     assert bracket["p_over_E_lower"] < load["p_over_E"] <= bracket["p_over_E"]
     assert bracket["rel_se"] == 0
+
+
+def test_run__on_round_corners_has_no_way_into_the_flats(tmp_path):
+    r = 0.1 * A
+    texture = Texture(a_over_R=A, b_over_R=B, corner_radius_over_R=r)
+    solve(Scene(textures=(texture,), p_over_E=0.013, nu=NU), slice(6, 8), tmp_path)
+    run = RunDeck.read(tmp_path / "run.inp", SURFACE, REACTION, E=1.0, nu=NU)
+    (*_, level), _ = whole_levels(tmp_path / "run.dat", run, None, contact=False)
+    x, y = (run.undeformed + [level.moved[n][:2] for n in run.nodes]).T
+    top = first_height(Profile(A, B, corner=r))
+    on = (x > B / 2 + r) & (x < B / 2 + A - r) & (y < top + 1e-6)
+    assert on.sum() > 3
+    # The penalty's overlap is the pressure over 1e5 E/R; at an edge of the contact it is larger.
+    assert (top - y[on]).max() < 2e-5

@@ -2,6 +2,7 @@
 
 import math
 import re
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -95,6 +96,18 @@ def test_surfaces__of_the_ridges_have_tops_and_walls_but_no_seams(deck, program)
     # Slices share sides at the same height: a wall only at each end of a ridge.
     assert per_ridge.count("S2") == per_ridge.count("S4") == n_ridge
     assert per_ridge.count("S3") == len(rounded.blocks)
+
+
+def test_ridges__of_slices_are_one_body_whose_slices_share_nodes(deck, program):
+    r = 0.01
+    one = disk(corner_radius_over_R=r)
+    found = deck(deck_text(one, program))
+    rigid = [found.nodes[n] for n in found.nsets["NRID"]]
+    assert len(set(rigid)) == len(rigid)
+    n_ridge = len(disk().blocks)
+    assert len(rigid) == 2 * len(one.blocks) + 2 * n_ridge
+    slices = [set(nodes) for number, nodes in found.elements.items() if number > len(one.cells)]
+    assert sum(len(a & b) == 2 for a, b in pairwise(slices)) == len(one.blocks) - n_ridge
 
 
 def test_friction__is_in_the_interaction(program):

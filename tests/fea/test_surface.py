@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from ridgebayes.errors import InputError
@@ -71,6 +72,25 @@ def test_table_from_history__reversed_forces_and_thickness_are_the_same_load():
     expected = frame(run)["p_over_E"]
     body = Body(run["a"], run["b"], thickness=2.5)
     np.testing.assert_allclose(frame(run, body, force=-2.5 * run["force"])["p_over_E"], expected)
+
+
+def test_table_from_history__a_rim_that_hangs_over_round_corners_is_no_overlap():
+    run = WRITER.pressed()
+    r = 0.2 * run["a"]
+    body = Body(run["a"], run["b"], corner_over_R=r)
+    off = dataclasses.replace(levels(run), rigid=levels(run).rigid + np.array([r, 0.0]))
+
+    def loads(lower):
+        """Loads of a rim that lies lower between two places of the first ridge."""
+        position = run["position"].copy()
+        x, y = position[..., 0] - run["b"] / 2, position[..., 1]
+        y[(x > lower[0]) & (x < lower[1]) & (y < run["top"] + 1e-12)] -= 1e-4
+        history = dataclasses.replace(off, position=position)
+        return table_from_history(history, body, Origin("run", "s", "o")).table.frame["rel_se"]
+
+    still, hanging = loads((0, 0)), loads((0, 0.99 * r))
+    pd.testing.assert_series_equal(hanging, still)
+    assert (loads((2 * r, 3 * r)) > still).all()
 
 
 def test_table_from_history__top_given_is_as_tops_found():

@@ -25,7 +25,7 @@ SURFACE, REACTION = "NARC", "NTOP"
 _PENALTY = 1e5  # pressure over overlap, E/R: an overlap shifts the first transition most
 _RIGID = 1000.0  # E of the blocks, whose nodes are all held
 DEPTH = 0.06  # of the blocks that are the ridges, over R
-_ARC = 6  # blocks under a round corner
+_ARC = 16  # blocks under a round corner
 _GROWTH = 0.3  # of edges away from corners
 _EACH = 12  # levels while the contact grows by a pitch
 _BEYOND = 1.2  # of the smooth body's displacement at the highest load: grooves give way
@@ -227,6 +227,11 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
     number, points, n_cell = disk.numbers, disk.mesh.points, len(disk.cells)
     used = np.flatnonzero(number)
     sets = {REACTION: disk.mesh.mid_plane, "NAX": disk.mesh.axis, SURFACE: disk.rim}
+    # Blocks side by side share nodes: CalculiX goes from face to face to find what is pressed, and
+    # at the seam of faces that do not know each other the body passes through them.
+    rigid: dict[tuple[float, float], int] = {}
+    for corner in np.concatenate(disk.blocks).tolist():
+        rigid.setdefault(tuple(corner), int(number.max()) + len(rigid) + 1)
     return rendered(
         "ridgebayes.fea",
         "deck.inp.jinja",
@@ -235,7 +240,8 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
         nodes=zip(number[used].tolist(), *points[used].T.tolist(), strict=True),
         cells=number[disk.cells].tolist(),
         sets={name: [n for n in number[some].tolist() if n] for name, some in sets.items()},
-        blocks=[_block(disk, k, int(number.max()), n_cell) for k in range(len(disk.blocks))],
+        rigid_nodes=[(n, x, y) for (x, y), n in rigid.items()],
+        blocks=[_block(disk, k, n_cell, rigid) for k in range(len(disk.blocks))],
         faces=_pressed_faces(disk),
         c10=0.25 / (1.0 + disk.nu),
         d1=6.0 * (1.0 - 2.0 * disk.nu),  # 2/K, and 0 for an incompressible body
@@ -246,15 +252,17 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
     )
 
 
-def _block(disk: PressedDisk, k: int, n_node: int, n_cell: int) -> dict[str, Any]:
-    """Return number, corners and the sides that may be touched of a block."""
-    block, first = disk.blocks[k], n_node + 4 * k + 1
+def _block(
+    disk: PressedDisk, k: int, n_cell: int, nodes: dict[tuple[float, float], int]
+) -> dict[str, Any]:
+    """Return number, nodes and the sides that may be touched of a block."""
+    block = disk.blocks[k]
     # Walls are where no neighbour goes on at the same height.
     left = any(tuple(block[3]) == tuple(other[2]) for other in disk.blocks)
     right = any(tuple(block[2]) == tuple(other[3]) for other in disk.blocks)
     return {
         "number": n_cell + k + 1,
-        "corners": [(first + i, x, y) for i, (x, y) in enumerate(block.tolist())],
+        "nodes": [nodes[tuple(corner)] for corner in block.tolist()],
         "sides": [3, *[2] * (not right), *[4] * (not left)],
     }
 

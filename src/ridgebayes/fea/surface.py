@@ -267,7 +267,9 @@ def table_from_history(
     corners, how = _corners(history, body, surface, where)
     radius, width = body.corner_over_R * surface.R, body.a_over_R * surface.R
     gaps = np.array([surface.gaps(one, corners, radius) for one in history.position])
-    depth = np.array([surface.overlap(one, corners, width) for one in history.position])
+    # Over round corners a surface below the tops is no overlap: flats tell it.
+    flat = corners + np.array([radius, 0.0])
+    depth = np.array([surface.overlap(one, flat, width - 2 * radius) for one in history.position])
     # A few nodes beyond a half mesh's axis are no second side: see CylinderSurface.of.
     beyond = n - len(surface.sides[0][0]) if body.symmetry == "half" else 0
     across = [f"{beyond} surface nodes ignored: beyond the axis of a half mesh"] if beyond else []
