@@ -2,9 +2,11 @@
 
 By the rules of numpydoc. Public are the names in `ridgebayes.__all__` and, of classes, the methods
 and properties that do not begin with an underscore. Each name itself has an example too, which the
-tests run. Exits 1 and lists what is missing.
+tests run, and each method and property is used in one: in its own, or in that of its class or of a
+class that this derives from. Exits 1 and lists what is missing.
 """
 
+import doctest
 import inspect
 import re
 import sys
@@ -13,9 +15,13 @@ from collections.abc import Iterator
 from numpydoc.validate import validate
 
 import ridgebayes as rb
+from ridgebayes.comparison.verdict import Verdict
+from ridgebayes.scene.effects import Plan
 
 # Of numpydoc's rules those about content; layout is ruff's business.
 PRIVATE_FIELDS = {"_frame"}
+RETURNED = (Verdict, Plan)  # records that users get and never make
+INTERNAL = {"LoadDistribution.of"}  # made of what no user has
 CHECKED = {
     "GL08": "no docstring",
     "PR01": "parameters not documented",
@@ -75,11 +81,41 @@ def problems(name: str, *, takes_arguments: bool) -> list[str]:
     return found
 
 
+def examples(what: object) -> str:
+    """Return the code of the examples in a docstring."""
+    text = inspect.getdoc(what) or ""
+    return "".join(example.source for example in doctest.DocTestParser().get_examples(text))
+
+
+def function_of(what: object) -> object:
+    """Return the function of a property, a cached one or a class method, which has the words."""
+    return next(
+        (getattr(what, at) for at in ("fget", "func", "__func__") if hasattr(what, at)), what
+    )
+
+
+def unused() -> Iterator[str]:
+    """Yield the public methods and properties that no example uses."""
+    for owner in (*(getattr(rb, name) for name in rb.__all__), *RETURNED):
+        if not inspect.isclass(owner):
+            continue
+        ours = [base for base in owner.__mro__ if base.__module__.startswith("ridgebayes")]
+        of_classes = "".join(map(examples, ours))
+        for name in dict.fromkeys(name for base in ours for name in vars(base)):
+            found = [function_of(vars(base)[name]) for base in ours if name in vars(base)]
+            private = name.startswith("_") or f"{owner.__name__}.{name}" in INTERNAL
+            if private or not inspect.isfunction(found[0]):
+                continue
+            if not re.search(rf"\.{name}\b", of_classes) and not any(map(examples, found)):
+                yield f"{owner.__name__}.{name}: in no example, neither its own nor its class's"
+
+
 def main() -> None:
     """Check all and say what is missing."""
     found = sorted(
         {line for name, takes in public_names() for line in problems(name, takes_arguments=takes)}
     )
+    found += unused()
     print("\n".join(found) or f"docstrings of {len(set(public_names()))} public names are complete")
     sys.exit(bool(found))
 

@@ -79,8 +79,20 @@ class Fit(Posterior, Predictive, Tabular):
     --------
     >>> import ridgebayes as rb
     >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
-    >>> fit.converged, fit.summary["parameter"].tolist()
+    >>> fit.converged, fit.to_dataframe()["parameter"].tolist()
     (True, ['c1', 'c2', 'sigma'])
+    >>> list(fit.posteriors), [weight for _, weight in fit.averaged]
+    (['iid'], [1.0])
+    >>> len(fit.plot().get_xlabel()) > 0, fit.to_mixture(2).names
+    (True, ('c1', 'c2', 'sigma'))
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     fit.to_netcdf(f"{folder}/hybrid.nc")
+    ...     again = rb.Fit.from_netcdf(f"{folder}/hybrid.nc")
+    >>> bool((again.draws == fit.draws).all()), fit.to_arviz()["posterior"]["c1"].dims
+    (True, ('chain', 'draw'))
+    >>> rb.Fit.of(again.thinned(100), {"iid": 1.0}).noise.name  # of any posterior
+    'iid'
     """
 
     error_model_weights: Mapping[str, float] = field(default_factory=dict)

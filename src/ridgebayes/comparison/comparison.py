@@ -70,6 +70,16 @@ class Comparison(Predictive, Tabular):
     >>> found = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
     >>> found.best, found.to_dataframe()["model_probability"].round(2).tolist()
     ('hybrid', [0.99, 0.01])
+    >>> found.complete, found.unconverged, found.verdict.grade
+    (True, {}, 'supports')
+    >>> {form: round(share, 2) for form, share in found.probabilities.items()}
+    {'modified': 0.01, 'hybrid': 0.99}
+    >>> [round(weight, 2) for _, weight in found.averaged]  # over these predictions are averaged
+    [0.01, 0.99]
+    >>> set(found.own_evidence["noise"]) | set(found.own_bayes_factors["noise"])
+    {'iid'}
+    >>> found.plot().get_xlabel()
+    'ln Bayes factor over the most probable form'
     """
 
     table: ContactTable

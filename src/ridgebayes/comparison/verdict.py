@@ -48,6 +48,14 @@ class Verdict:
         Posterior probabilities, forms summed out, of those above one per cent.
     why : str
         What the grade follows from, in words.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> found = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+    >>> said = found.verdict.to_dict()
+    >>> said["form"], said["over"], said["grade"], round(said["ln_bf"], 1)
+    ('hybrid', 'modified', 'supports', 4.5)
     """
 
     form: str

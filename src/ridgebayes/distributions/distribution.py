@@ -28,6 +28,17 @@ class Distribution(ABC):
 
     `scale_name` is the field that says how wide it is; empty where no one field does. Inside the
     package fields may be arrays, of many numbers at once, where `is_stackable`.
+
+    Examples
+    --------
+    >>> prior = LogNormal(2.0, 0.1)
+    >>> prior.support, prior.scale, prior.stretched(2.0).scale
+    ((0.0, inf), 0.1, 0.2)
+    >>> x = prior.value_at(1.0)  # one sd above the median: 2 exp(0.1)
+    >>> [round(float(y), 9) for y in (x, prior.score(x), prior.slope_at(1.0, x) / x)]
+    [2.210341836, 1.0, 0.1]
+    >>> prior.rvs(np.random.default_rng(1), 3).shape, float(prior.log_pdf(np.array(-1.0)))
+    ((3,), -inf)
     """
 
     kind: ClassVar[str]

@@ -118,6 +118,8 @@ class FrictionBands(Tabular):
     >>> found = rb.FrictionModel(kappa=0).predict(drawn, rng=1)
     >>> (found.bands["mu_lower"] < found.bands["mu_upper"]).tolist()
     [True, True]
+    >>> found.to_dataframe().equals(found.bands)
+    True
     """
 
     bands: pd.DataFrame

@@ -72,8 +72,18 @@ class FrictionFit(Tabular):
     >>> rows = {"a_over_R": None, "b_over_R": None, "p_over_E": [0.004, 0.008], "mu": [1.3, 0.9]}
     >>> known = rb.FrictionModel(kappa=0, area_factor=0.8, beta=0.24, tau_session=0, tau_rig=0)
     >>> fit = rb.calibrate_friction(pd.DataFrame(rows), None, known, rng=1)
-    >>> fit.converged, fit.summary["parameter"].tolist()
-    (True, ['tau0', 'tau_subject', 'sigma'])
+    >>> fit.converged, fit.to_dataframe()["parameter"].tolist(), fit.theta.shape[1]
+    (True, ['tau0', 'tau_subject', 'sigma'], 9)
+    >>> contact = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
+    >>> drawn = rb.friction_inputs(contact, rb.Scene.of([(0.022, 0.02)]), [0.009], n=100, rng=1)
+    >>> len(fit.predict(drawn, rng=1).to_dataframe())
+    1
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     fit.to_netcdf(f"{folder}/friction.nc")
+    ...     again = rb.FrictionFit.from_netcdf(f"{folder}/friction.nc")
+    >>> again.theta.shape == fit.theta.shape, again.to_arviz()["posterior"]["tau0"].dims
+    (True, ('chain', 'draw'))
     """
 
     model: FrictionModel
@@ -264,8 +274,7 @@ def calibrate_friction(
     >>> import pandas as pd
     >>> p = [0.004, 0.008, 0.012]
     >>> smooth = {"a_over_R": None, "b_over_R": None, "p_over_E": p, "mu": [1.32, 0.94, 0.79]}
-    >>> fit = calibrate_friction(pd.DataFrame(smooth), None, FrictionModel(kappa=0), rng=1)
-    >>> fit.converged
+    >>> calibrate_friction(pd.DataFrame(smooth), None, FrictionModel(kappa=0), rng=1).converged
     True
     """
     table, seed, model = read_friction_table(table), seed_of(rng), model or FrictionModel()

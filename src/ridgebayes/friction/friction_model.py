@@ -59,6 +59,16 @@ class FrictionModel:
     --------
     >>> FrictionModel(kappa=0).unknown  # no interlocking
     ('tau0', 'area_factor', 'beta', 'tau_subject', 'tau_session', 'tau_rig', 'sigma')
+    >>> known = FrictionModel(kappa=0, area_factor=0.8, tau_subject=0, tau_session=0, tau_rig=0)
+    >>> [(name, prior.words) for name, prior in known.priors.items()][0]
+    ('tau0', 'log-normal, median 0.07, log-sd 1')
+    >>> known.theta(np.zeros(3)).round(3).tolist()  # at the medians
+    [0.07, 0.0, 0.8, 0.24, 0.0, 0.0, 0.0, 0.0, 0.067]
+    >>> import ridgebayes as rb
+    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
+    >>> drawn = rb.friction_inputs(fit, rb.Scene.of([(0.022, 0.02)]), [0.003, 0.009], n=100, rng=1)
+    >>> known.predict(drawn, rng=1).bands["load"].tolist()
+    [0.003, 0.009]
     """
 
     tau0: Prior = "lognormal(0.07, 1)"

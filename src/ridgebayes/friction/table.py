@@ -64,6 +64,15 @@ class FrictionTable(Tabular):
     >>> rows = {"a_over_R": None, "b_over_R": None, "p_over_E": [0.004, 0.008], "mu": [1.3, 0.9]}
     >>> rb.read_friction_table(pd.DataFrame(rows))
     FrictionTable(friction table: 2 rows, 1 subject)
+    >>> import tempfile
+    >>> table = rb.read_friction_table(pd.DataFrame(rows))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     table.write(f"{folder}/friction.csv")
+    ...     again = rb.read_friction_table(f"{folder}/friction.csv")
+    >>> again.digest() == table.digest(), again.to_dataframe().equals(table.frame)
+    (True, True)
+    >>> table.is_fitted.tolist()
+    [True, True]
     """
 
     _frame: pd.DataFrame

@@ -67,6 +67,13 @@ class PosteriorMixture:
     >>> mixture = fit.to_mixture()
     >>> mixture.names, mixture.rvs(1000, rng=1).mean(axis=0).round(2).tolist()
     (('c', 'sigma'), [1.37, 0.03])
+    >>> mixture.log_pdf(fit.draws).shape == (len(fit.draws),), "model {" in mixture.code("stan")
+    (True, True)
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     mixture.to_json(f"{folder}/m.json")
+    ...     rb.PosteriorMixture.from_json(f"{folder}/m.json").to_dict() == mixture.to_dict()
+    True
     """
 
     names: tuple[str, ...]

@@ -50,6 +50,29 @@ class Posterior:
         Evidence that importance sampling found with the draws; a posterior from a file has none.
     log_likelihood : ndarray of float, shape (n_draw, n_obs), optional
         Of each row at `draws`, where `with_log_likelihood` has worked it out.
+
+    Examples
+    --------
+    A fit is one, under the error model that is printed:
+
+    >>> import ridgebayes as rb
+    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
+    >>> fit.form.name, fit.noise.name, fit.converged
+    ('hybrid', 'iid', True)
+    >>> fit.draws.shape == fit.coordinates.shape == (fit.kept_chains.log_density.size, 3)
+    True
+    >>> few = fit.thinned(3000)
+    >>> len(few.draws) <= 3000, few.rows_log_likelihood().shape == (len(few.draws), 41)
+    (True, True)
+    >>> few.with_log_likelihood().log_likelihood.shape == few.rows_log_likelihood().shape
+    True
+    >>> fit.at_draws(fit.coordinates[:10], seed=1).draws.shape
+    (10, 3)
+    >>> fit.nodes(256).weight.sum(axis=0).round(9).tolist(), fit.laplace.mode.shape
+    ([1.0, 1.0], (3,))
+    >>> fit.offsets_given(2)  # independent rows share none
+    (2, None)
+    >>> fit.forget_offsets()
     """
 
     model: Model

@@ -57,6 +57,22 @@ class LoadDistribution(Predicted):
     >>> load = fit.predict_load(0.015, 0.045, Q=[6, 8])
     >>> load.median().round(4).tolist()  # p/E
     [0.0072, 0.0163]
+    >>> load.shape, load.extrapolation.tolist(), load.extrapolation_of.tolist()
+    ((2,), [True, True], ['a/pitch', 'a/pitch'])
+    >>> low, high = load.interval(0.9)
+    >>> (load.cdf(high) - load.cdf(low)).round(9).tolist(), load.sf(high).round(9).tolist()
+    ([0.9, 0.9], [0.05, 0.05])
+    >>> bool((load.ppf(0.95) == load.quantile(0.95)).all()), load.rvs(5, random_state=1).shape
+    (True, (5, 2))
+    >>> (load.std() / load.mean()).round(2).tolist(), bool((load.pdf(low) > load.pdf(high)).all())
+    ([0.03, 0.03], True)
+    >>> wide = load.widened(np.array([0.1, 0.1]))  # as seen by an instrument of 10 % error
+    >>> (wide.std() / wide.mean()).round(2).tolist(), wide.plot().get_xlabel()
+    ([0.1, 0.1], 'edges in contact $Q$')
+    >>> load.log_mean.shape == load.sd.shape == (len(load.weight), 2), load.df is None
+    (True, True)
+    >>> load.to_dataframe()["Q"].tolist()
+    [6, 8]
     """
 
     _margin = 1e-12

@@ -71,6 +71,22 @@ class QDistribution(Predicted):
     >>> q = QDistribution(np.array([1.0, 0.75, 0.25]), np.array(False), 10, "simulation")
     >>> q.pmf.tolist(), float(q.pmf(4)), float(q.sf(4)), float(q.mean()), int(q.median())
     ([0.25, 0.5, 0.25], 0.5, 0.25, 4.0, 4)
+    >>> q.q.tolist(), q.cdf.tolist(), float(q.at_least(4)), round(float(q.std()), 3)
+    ([2, 4, 6], [0.25, 0.75, 1.0], 0.75, 1.414)
+    >>> [int(end) for end in q.interval(0.5)], int(q.ppf(0.9)), int(q.quantile(0.9))
+    ([2, 4], 6, 6)
+    >>> q.shape, q.rvs(5, random_state=1).shape, q.plot().get_xlabel()
+    ((), (5,), 'edges in contact $Q$')
+
+    Of a fit there is one for each texture and load, with what lies beyond the calibrated:
+
+    >>> import ridgebayes as rb
+    >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
+    >>> found = fit.predict(a_over_R=0.022, b_over_R=[0.02, 0.09], p_over_E=0.009)
+    >>> found.extrapolation().tolist(), found.extrapolation_of().tolist()
+    ([False, True], ['', 'a/pitch,b/R'])
+    >>> found.to_dataframe()[["b_over_R", "q_median"]].to_numpy().tolist()
+    [[0.02, 8.0], [0.09, 4.0]]
     """
 
     survival: FloatArray

@@ -69,6 +69,16 @@ class Plan(Tabular):
         Accuracy wanted.
     solver : {"half-plane", "two-scale", "cylinder-fe"}
         What computes loads to that accuracy at the least cost.
+
+    Examples
+    --------
+    >>> from ridgebayes.scene.estimates import plan
+    >>> import ridgebayes as rb
+    >>> (found,) = plan(rb.Scene.of([(0.022, 0.02)]))
+    >>> found.simulated, [effect.name for effect in found.left_out], found.solver
+    (('ridges', "Poisson's ratio"), ['finite body and large deformation'], 'half-plane')
+    >>> len(found.to_dataframe()), found.plot().get_xlabel()
+    (13, 'relative change of a transition load (filled: simulated)')
     """
 
     texture: Texture

@@ -93,6 +93,18 @@ class Scene(fields.Record):
     >>> scene = Scene.of([(0.032, 0.01)], p_over_E=0.01)
     >>> scene.textures[0].a_over_R, scene.nu
     (0.032, 0.5)
+
+    In a file it is free of units; uncertain values stand beside their medians:
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     scene.to_toml(f"{folder}/scene.toml")
+    ...     Scene.from_toml(f"{folder}/scene.toml") == scene
+    True
+    >>> width = {"ridge_width": "normal(0.032, 5 %)", "groove_width": 0.01}
+    >>> unsure = Scene.from_dict({"texture": width})
+    >>> unsure.uncertain_names, unsure.at_medians().uncertain_names
+    (('texture.ridge_width',), ())
     """
 
     textures: Annotated[tuple[Texture, ...], Field(min_length=1)]

@@ -76,6 +76,21 @@ class ContactTable(Tabular):
     >>> table = ContactTable.from_frame(pd.DataFrame(rows))
     >>> len(table), table.textures, table.labels
     (2, ((0.032, 0.01),), ('a0.032_b0.01',))
+    >>> table.column("Q").tolist(), table.plot().get_xlabel()
+    ([4, 6], 'load $p/E$')
+
+    What is fitted, what is held out, what failed, and what was given twice:
+
+    >>> import ridgebayes as rb
+    >>> sweep = rb.paper_sweep()
+    >>> len(sweep.calibration), len(sweep.held_out), len(sweep.left_out), len(sweep.repeated)
+    (41, 3, 0, 0)
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     sweep.write(f"{folder}/sweep.csv")
+    ...     again = rb.read_table(f"{folder}/sweep.csv")
+    >>> again.digest() == sweep.digest(), again.to_dataframe().equals(sweep.frame)
+    (True, True)
     """
 
     _frame: pd.DataFrame

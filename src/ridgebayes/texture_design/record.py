@@ -62,6 +62,12 @@ class Design(Tabular):
     >>> found = rb.design(fit, scene, "P(Q >= 8) >= 0.95", sizes={"step": 0.004})
     >>> found.feasible, found.recommended["a_over_R"], found.recommended["b_over_R"]
     (True, 0.012, 0.028)
+    >>> found.shown, len(found.to_dataframe()), found.plot().get_xlabel()
+    ('probability', 110, 'ridge width $a/R$')
+    >>> found.conditions
+    'At p/E 0.01, widths as asked for, averaged over hybrid and one error model.'
+    >>> json.loads(found.to_json()) == found.to_dict()
+    True
     """
 
     goals: tuple[Goal, ...]

@@ -23,6 +23,22 @@ class Form(ABC):
     leading axes of `theta`, such as draws, come before them: results have shape
     ``theta.shape[:-1] + shape``. A grid of draws x textures x loads is thus one call with
     ``a_over_R[:, None]`` and ``p_over_E[None, :]``. Without `theta` the printed coefficients serve.
+
+    Examples
+    --------
+    s = sqrt(p/E) at a transition is shape over rate, and Q' grows by K = 2 rate with s:
+
+    >>> import ridgebayes as rb
+    >>> form, theta, texture = rb.Hybrid(), np.array([1.348, 0.01583]), (0.022, 0.02)
+    >>> form.parameter_names, form.bind((texture,)) is form
+    (('c1', 'c2'), True)
+    >>> rate = form.rate(theta, *texture)
+    >>> float(form.shape(6, *texture)), bool(np.isclose(form.load(6, *texture), (2 / rate) ** 2))
+    (2.0, True)
+    >>> float(form.pairs(np.array(2.0), *texture)), bool(form.slope(*texture) == 2 * rate)
+    (2.0, True)
+    >>> (form.log_rate_gradient(theta, *texture) * rate).round(1).tolist()  # 1/0.042 and 1/0.022
+    [23.8, 45.5]
     """
 
     name: ClassVar[str]
