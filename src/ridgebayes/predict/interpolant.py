@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from ridgebayes._types import FloatArray
 
@@ -47,22 +48,27 @@ class Interpolant:
         widest: float = np.inf,
     ) -> None:
         self._function, self._tolerance, self._widest = function, tolerance, widest
-        self._edges, self._series = np.empty(0), np.empty((0, _N))
+        self._edges, self._series, self._failed = np.empty(0), np.empty((0, _N)), 0
 
-    def __call__(self, y: FloatArray) -> FloatArray:
-        """Return the values at finite y, shape (n,)."""
+    def __call__(self, y: FloatArray, n_most: int = 0) -> FloatArray:
+        """Return the values at finite y, shape (n,), from at most n or `n_most` further ones."""
         if not len(y):
             return np.empty(0)
-        covered = self.cover(float(y.min()), float(y.max()), len(y))
-        evaluate = self.tabulated if covered else self._function
+        n_most = max(len(y), n_most)
+        # What has failed once is not tried again.
+        covered = n_most > self._failed and self._cover(float(y.min()), float(y.max()), n_most)
+        if not covered:
+            self._failed = max(n_most, self._failed)
+        evaluate = self._tabulated if covered else self._function
         return np.concatenate([evaluate(y[i : i + _AT_ONCE]) for i in range(0, len(y), _AT_ONCE)])
 
-    def tabulated(self, y: FloatArray) -> FloatArray:
-        """Return the values at y, shape (n,), in a range that is covered."""
+    def _tabulated(self, y: FloatArray) -> FloatArray:
         piece = np.clip(np.searchsorted(self._edges, y) - 1, 0, len(self._series) - 1)
-        return _summed(self._series[piece], y, self._edges[piece], self._edges[piece + 1])
+        low, high = self._edges[piece], self._edges[piece + 1]
+        x = (2 * y - low - high) / (high - low)
+        return np.asarray(chebyshev.chebval(x, self._series[piece].T, tensor=False))
 
-    def cover(self, low: float, high: float, n_most: int) -> bool:
+    def _cover(self, low: float, high: float, n_most: int) -> bool:
         """Extend the pieces to a range; False if that would take more than `n_most` values."""
         gaps = [(low, max(high, np.nextafter(low, np.inf)))]
         if len(self._edges):
@@ -87,46 +93,6 @@ class Interpolant:
         return True
 
 
-def sparsely(
-    function: Callable[[FloatArray], FloatArray], y: FloatArray, tolerance: float, widest: float
-) -> FloatArray:
-    """Return a smooth function's values at y, shape (n,): from series where many y lie close.
-
-    Parameters
-    ----------
-    function, tolerance, widest
-        As for `Interpolant`.
-    y : ndarray of float, shape (n,)
-        Finite.
-
-    Examples
-    --------
-    >>> y = np.linspace(0.0, 10.0, 1_001)
-    >>> bool(np.abs(sparsely(np.sin, y, 1e-9, 2.0) - np.sin(y)).max() < 1e-8)
-    True
-    """
-    order, value = np.argsort(y), np.empty(len(y))
-    ordered = y[order]
-    pending = _pieces(ordered[0], ordered[-1], widest)
-    few = [order[-1:]]  # no piece holds its upper end
-    while len(pending):
-        ends = np.searchsorted(ordered, pending)
-        held = [order[first:last] for first, last in ends]
-        many = np.diff(ends)[:, 0] > _N
-        few += [one for one, is_many in zip(held, many, strict=True) if not is_many]
-        pending, held = pending[many], [held[i] for i in np.flatnonzero(many)]
-        if not held:
-            break
-        series = _series_of(function, pending)
-        smooth = np.abs(series[:, -3:]).max(axis=1) < tolerance
-        for i in np.flatnonzero(smooth):
-            value[held[i]] = _summed(series[[i]], y[held[i]], *pending[i])
-        pending = _halved(pending[~smooth])
-    own = np.concatenate(few)
-    value[own] = function(y[own])
-    return value
-
-
 def _pieces(low: float, high: float, widest: float) -> FloatArray:
     """Return the ends of equal pieces of a range, shape (n_piece, 2)."""
     edges = np.linspace(low, high, 1 + max(math.ceil((high - low) / widest), 1))
@@ -144,15 +110,3 @@ def _series_of(function: Callable[[FloatArray], FloatArray], pieces: FloatArray)
     values = function((middle[:, None] + half[:, None] * _NODES).ravel())
     series: FloatArray = values.reshape(-1, _N) @ _TO_SERIES.T
     return series
-
-
-def _summed(
-    series: FloatArray, y: FloatArray, low: FloatArray | float, high: FloatArray | float
-) -> FloatArray:
-    """Return the values of series (n or 1, 16) of pieces from low to high, shape (n,)."""
-    x = (2 * y - low - high) / (high - low)
-    last, value = np.zeros_like(x), np.zeros_like(x)
-    for coefficient in series.T[:0:-1]:  # Clenshaw
-        last, value = value, coefficient + 2 * x * value - last
-    result: FloatArray = series.T[0] + x * value - last
-    return result

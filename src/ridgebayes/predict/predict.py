@@ -22,7 +22,7 @@ from ridgebayes.model.forms.arguments import common_shape, even_counts, loads, n
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.load_draws import LoadDraws
-from ridgebayes.predict.predictive_cdf import DrawAverage, NodeAverage, PosteriorLoads, distinct
+from ridgebayes.predict.predictive_cdf import Average, PosteriorLoads, distinct
 from ridgebayes.predict.q_distribution import QDistribution, mix_q
 
 KINDS = ("curve", "simulation")
@@ -87,7 +87,7 @@ class Predictive(ABC):
         rows; 2,560 where rows share offsets, 1,280 under Student errors; where there are many
         offsets, so many at a time as take 32 MiB).
         *Cost.* Some 0.3 s for 100,000 loads of one texture: means over draws are tabulated, to
-        1e-13, where more than 1,000 loads need one; of Student errors to 1e-7, from 60 loads on.
+        1e-13, where more than 1,000 loads need one; of Student errors to 1e-7, where counts share them.
 
         Examples
         --------
@@ -298,7 +298,7 @@ def _survival(
         n_draw = len(fit.draws) if fit.model.offsets is None else N_LOAD_DRAWS
         n_draw = n_draw if fit.noise.tail == "normal" else N_LOAD_DRAWS // 2
         draws = PosteriorLoads.of(fit, n_draw, kind)
-    average = DrawAverage(draws, kind) if draws.weight is None else NodeAverage(draws, kind)
+    average = Average(draws, kind)
     columns = [np.ones(len(p))]
     last = _LARGEST_Q if draws.df is None else _widest(texture)
 

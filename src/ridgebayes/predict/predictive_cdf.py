@@ -1,10 +1,11 @@
 """Loads at which each draw of a posterior reaches a count, and the shares that reach it by a load.
 
-`PosteriorLoads` gives location and scale of each draw's log load; `DrawAverage` and `NodeAverage`
-average P(load(Q) <= p) of one texture over draws, or over the weighted nodes of
+`PosteriorLoads` gives location and scale of each draw's log load; `Average` averages
+P(load(Q) <= p) of one texture over draws, or over the weighted nodes of
 `ridgebayes.inference.qmc_nodes`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -19,7 +20,6 @@ from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.shared_offsets import OffsetsInParts
 from ridgebayes.predict.interpolant import Interpolant
-from ridgebayes.predict.student_table import StudentTable
 from ridgebayes.runtime.randomness import stream
 
 Counts = IntArray | FloatArray
@@ -175,155 +175,138 @@ def distinct(*columns: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 _SATURATED = 8.3  # standard deviations beyond which a normal distribution function is 0 or 1
-_N_KNOT = 256  # of a table of a probability against log load
+_AT_ONCE = 500  # loads, which bounds memory
+_EXACT, _CLOSE = 1e-14, 1e-8  # errors of tables: of normal errors over draws, and of all others
+_FEW_OF_DRAWS, _FEW_OF_NODES = 1_000, 128  # loads up to which a count of its own needs no table
+_MOST = 3_000  # values of a table that counts share
+_WIDEST = 3.0  # of a table's pieces: a step at the end of a wider one might be missed
+_SHIFTED = 3e-14  # of log loads: two counts' means are one but for a shift
+_N_KNOT = 256  # of a curve's table
 _SMOOTHED = 0.2  # of a curve's spread: width of the kernel that nodes are smoothed by
-_ALIKE = 1e-10  # of log loads: two counts' tables are one but for a shift
-_MANY = 1_000  # loads from which on a mean over draws is tabulated, to rounding
-_SHIFTED = 3e-14  # of log loads: two counts' means over draws are one but for a shift
+_Table = Callable[..., FloatArray]  # of log loads, and how many values it may take
 
 
-class DrawAverage:
-    """Plain means over draws.
+class Average:
+    """Means of P(load(Q) <= p) over draws, or over the two halves of weighted nodes.
 
     Parameters
     ----------
     draws : PosteriorLoads
-        Without weights.
+        Draws or nodes.
     kind : str
-        ``simulation`` or ``curve``.
-    """
+        ``simulation`` or ``curve``. By nodes a curve's distribution is a step at each of them: it
+        is smoothed by a kernel of fourth order, and the error holds what a kernel twice as wide
+        would change.
 
-    error = np.nan  # what a mean over draws is off by is not known from them alone
+    Attributes
+    ----------
+    error : float
+        Largest error of a mean, by what the halves of the nodes differ by; NaN of draws, which
+        alone do not tell it.
+    """
 
     def __init__(self, draws: PosteriorLoads, kind: str) -> None:
         self._draws, self._kind = draws, kind
-        self._student = StudentTable(self._mean)
-        self._known: tuple[FloatArray, FloatArray, Interpolant] | None = None
+        self.error = np.nan if draws.weight is None else 0.0
+        self._few = _FEW_OF_DRAWS if draws.weight is None else _FEW_OF_NODES
+        self._is_exact = draws.weight is None and draws.df is None
+        self._known: tuple[FloatArray, FloatArray, _Table] | None = None
 
     def at(self, texture: Texture, Q: IntArray, p: FloatArray, nu: float) -> FloatArray:
         """Return P(load(Q) <= p), shape (n_load, n_Q)."""
-        draws = self._draws
-        if self._kind == "curve":
+        draws, is_curve = self._draws, self._kind == "curve"
+        if is_curve and draws.weight is None:
             # Compared as loads, so that a draw's own transition load counts as reached.
             load = np.sort(draws.load(texture, Q, nu), axis=0)
             shares = [np.searchsorted(one, p, side="right") / len(one) for one in load.T]
             return np.stack(shares, axis=1)
         mean, scale = draws.log_load(texture, Q, nu, self._kind)
-        return np.stack([self._cdf(p, mean[:, i], scale[:, i]) for i in range(len(Q))], axis=1)
-
-    def _cdf(self, p: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
-        """Return the mean over draws, normals worked out where they are not 0 or 1."""
         with np.errstate(divide="ignore"):
             y = np.log(p)
-        if self._draws.df is not None:
-            return self._student.at(y, mean, scale)
-        reach = _SATURATED * scale
-        result: FloatArray = (y > (mean + reach).max()).astype(float)
-        between = np.flatnonzero((y >= (mean - reach).min()) & (result == 0))
-        if len(between) <= _MANY:
-            result[between] = self._mean(y[between], mean, scale)
-        elif len(between):
-            table, shift = self._table(mean, scale)
-            result[between] = np.clip(table(y[between] - shift), 0.0, 1.0)
+        columns = zip(mean.T, scale.T, strict=True)
+        found = [self._steps(y, m) if is_curve else self._errors(y, m, s) for m, s in columns]
+        return np.stack(found, axis=1)
+
+    def _errors(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
+        """Return the mean of distribution functions of errors at each y, shape (n,)."""
+        result, here = np.zeros(len(y)), np.flatnonzero(y > -np.inf)
+        if self._draws.df is None:
+            reach = _SATURATED * scale
+            result[y > (mean + reach).max()] = 1.0
+            here = np.flatnonzero((y >= (mean - reach).min()) & (result == 0))
+        finite = np.isfinite(mean)
+        if not len(here) or not finite.any():
+            return result
+        middle, width = np.median(mean[finite]), np.median(scale)
+        means = partial(self._mean, mean=mean, scale=scale)
+
+        def table() -> _Table:
+            # Tails reach every load: in this coordinate they are no longer than the rest.
+            def along(x: FloatArray) -> FloatArray:
+                return means(middle + width * np.sinh(x))
+
+            tabulated = Interpolant(along, _EXACT if self._is_exact else _CLOSE, _WIDEST)
+            return lambda y, n_most: tabulated(np.arcsinh((y - middle) / width), n_most)
+
+        known, shift, is_new = self._shared(mean, scale, table)
+        if len(here) <= self._few and (is_new or self._is_exact):
+            result[here] = means(y[here])
+        else:
+            n_most = 0 if is_new else _MOST
+            result[here] = np.clip(known(y[here] - shift, n_most), 0.0, 1.0)
         return result
 
-    def _mean(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
-        """Return the mean over draws at each y, shape (n,)."""
-        result = np.empty(len(y))
-        for i in range(0, len(y), 500):  # bounded memory: draws x 500 loads
-            z = (y[i : i + 500] - mean[:, None]) / scale[:, None]
-            result[i : i + 500] = self._draws.cdf(z).mean(axis=0)
-        return result
+    def _steps(self, y: FloatArray, mean: FloatArray) -> FloatArray:
+        """Return the mean of smoothed steps at each y, shape (n,)."""
+        width = _SMOOTHED * self._spread(mean) if np.isfinite(mean).all() else 0.0
+        if not width:
+            return self._answer(self._draws.average((y >= mean[:, None]).astype(float)))
+        low, high = mean.min() - _SATURATED * width, mean.max() + _SATURATED * width
 
-    def _table(self, mean: FloatArray, scale: FloatArray) -> tuple[Interpolant, float]:
-        """Return what tabulates the mean over draws, and how far in log load it lies from there.
+        def table() -> _Table:
+            knots = np.linspace(low, high, _N_KNOT)
+            with np.errstate(over="ignore"):  # slopes far in a tail, whose inverse it takes
+                found: _Table = interpolate.PchipInterpolator(
+                    knots, self._smoothed(knots, mean, width)
+                )
+            return found
+
+        known, shift, _ = self._shared(mean, np.array([width]), table)
+        value = np.clip(known(np.clip(y, low, high) - shift), 0.0, 1.0)
+        return np.where(y > high, 1.0, np.where(y < low, 0.0, value))
+
+    def _shared(
+        self, mean: FloatArray, scale: FloatArray, make: Callable[[], _Table]
+    ) -> tuple[_Table, float, bool]:
+        """Return a table of a count's mean, how far in log load it lies off, and if it is new.
 
         Counts of one texture mostly share theirs.
         """
-        if self._known is not None:
+        if self._known is not None and np.isfinite(mean).all():
             known, known_scale, table = self._known
-            if np.array_equal(scale, known_scale) and np.isfinite(mean).all():
+            with np.errstate(invalid="ignore"):
                 apart = mean - known
-                if np.ptp(apart) < _SHIFTED:
-                    return table, float(apart[0])
-        table = Interpolant(partial(self._mean, mean=mean, scale=scale))
-        self._known = mean, scale, table
-        return table, 0.0
+                off = max(np.ptp(apart), np.abs(scale - known_scale).max())
+            if off < max(_CLOSE * float(scale.min()), _SHIFTED):
+                return table, float(apart[0]), False
+        self._known = mean, scale, make()
+        return self._known[2], 0.0, True
 
-
-class NodeAverage:
-    """Weighted means over the two halves of the nodes, and what these differ by.
-
-    Parameters
-    ----------
-    draws : PosteriorLoads
-        Nodes.
-    kind : str
-        ``simulation`` or ``curve``. A curve's distribution is a step at each node: it is smoothed
-        by a kernel of fourth order, and the error holds what a kernel twice as wide would change.
-    """
-
-    def __init__(self, draws: PosteriorLoads, kind: str) -> None:
-        self._draws, self._kind = draws, kind
-        self.error = 0.0
-        self._student = StudentTable(lambda *where: self._answer(self._halves(*where)))
-        self._known: tuple[FloatArray, FloatArray, interpolate.PchipInterpolator] | None = None
-
-    def at(self, texture: Texture, Q: IntArray, p: FloatArray, nu: float) -> FloatArray:
-        """Return P(load(Q) <= p), shape (n_load, n_Q)."""
-        mean, scale = self._draws.log_load(texture, Q, nu, self._kind)
-        with np.errstate(divide="ignore"):
-            y = np.log(p)
-        return np.stack([self._cdf(y, mean[:, i], scale[:, i]) for i in range(len(Q))], axis=1)
-
-    def _cdf(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
-        is_curve = self._kind == "curve"
-        if not is_curve and self._draws.df is not None:
-            return self._student.at(y, mean, scale)
-        if is_curve and np.isfinite(mean).all():
-            scale = np.full(len(mean), _SMOOTHED * self._spread(mean))
-        if not np.isfinite(mean).all() or not (scale > 0).all():
-            return self._answer(self._halves(y, mean, scale))
-        low, high = (mean - _SATURATED * scale).min(), (mean + _SATURATED * scale).max()
-        result: FloatArray = (y > high).astype(float)
-        between = np.flatnonzero((y >= low) & (y <= high))
-        if not len(between):
-            return result
-        if not is_curve and len(between) <= _N_KNOT // 2 and self._known is None:
-            result[between] = self._answer(self._halves(y[between], mean, scale))
-            return result
-        # Smooth in log p: a table loses 1e-5. Counts of one texture mostly share theirs.
-        shift = np.nan
-        if self._known is not None:
-            apart = mean - self._known[0]
-            alike = np.ptp(apart) < _ALIKE and np.abs(scale - self._known[1]).max() < _ALIKE
-            shift = float(apart[0]) if alike else np.nan
-        if np.isnan(shift):
-            knots = np.linspace(low, high, _N_KNOT)
-            if is_curve:
-                values = self._smoothed(knots, mean, float(scale[0]))
-            else:
-                values = self._answer(self._halves(knots, mean, scale))
-            with np.errstate(over="ignore"):  # slopes far in a tail, whose inverse it takes
-                table = interpolate.PchipInterpolator(knots, values)
-            self._known, shift = (mean, scale, table), 0.0
-        assert self._known is not None
-        result[between] = np.clip(self._known[2](y[between] - shift), 0.0, 1.0)
-        return result
+    def _mean(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
+        """Return the mean at each y, shape (n,), evaluated there."""
+        parts = []
+        for i in range(0, len(y), _AT_ONCE):
+            z = (y[i : i + _AT_ONCE] - mean[:, None]) / scale[:, None]
+            parts.append(self._draws.average(self._draws.cdf(z)))
+        return self._answer(np.concatenate(parts, axis=1))
 
     def _answer(self, found: FloatArray, bias: FloatArray | float = 0.0) -> FloatArray:
-        """Return the mean of both halves, shape (n,), and keep the largest error."""
+        """Return the one answer of draws, or the mean of two halves, whose error is kept."""
         value: FloatArray = found.mean(axis=0)
-        error = 0.5 * np.abs(found[0] - found[1]) + np.abs(bias)
-        self.error = max(self.error, float(error.max(initial=0.0)))
+        if len(found) > 1:
+            error = 0.5 * np.abs(found[0] - found[1]) + np.abs(bias)
+            self.error = max(self.error, float(error.max(initial=0.0)))
         return value
-
-    def _halves(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
-        """Return each half's mean at y, shape (2, n)."""
-        draws = self._draws
-        if self._kind == "curve":
-            return draws.average((y >= mean[:, None]).astype(float))
-        return draws.average(draws.cdf((y - mean[:, None]) / scale[:, None]))
 
     def _smoothed(self, knots: FloatArray, mean: FloatArray, width: float) -> FloatArray:
         """Return a curve's distribution at evenly spaced knots."""

@@ -145,13 +145,5 @@ def drawn_loads(
 
 def _evaluate(series: Series, x: FloatArray) -> FloatArray:
     """Return Chebyshev series of draws, each at its own x, shape (n,)."""
-    if len(series) == 1:
-        first: FloatArray = series[0]
-        return first
     with np.errstate(invalid="ignore"):
-        if np.ndim(x) == 0:
-            return chebyshev.chebvander(x, len(series) - 1).ravel() @ series
-        last, value, twice = np.zeros_like(x), series[-1].copy(), 2 * x
-        for one in series[-2:0:-1]:  # Clenshaw
-            last, value = value, one + twice * value - last
-        return np.asarray(series[0] + x * value - last)
+        return np.asarray(chebyshev.chebval(x, series, tensor=False))

@@ -2,21 +2,44 @@ import numpy as np
 import pytest
 from scipy import special
 
-from ridgebayes.predict.student_table import StudentTable
+from ridgebayes.predict.predictive_cdf import Average
 
-Y = np.log(np.linspace(0.0, 0.18, 300)[1:] ** 2)
+P = np.linspace(0.0, 0.18, 300)[1:] ** 2
+Y = np.log(P)
 COUNTS = -9.0 + 0.4 * np.arange(1, 20)
 
 
 class Means:
-    """Means over draws of t distribution functions, which count how many are asked for."""
+    """Draws of Student errors about given log loads, which count how many means are asked for."""
+
+    weight = None
 
     def __init__(self, df):
         self.df, self.n = df, 0
 
+    def log_load(self, texture, Q, nu, kind):
+        return self.mean[:, None], self.scale[:, None]
+
+    def cdf(self, z):
+        self.n += z.shape[1]
+        return special.stdtr(self.df[:, None], z)
+
+    def average(self, values):
+        return values.mean(axis=0)[None]
+
     def __call__(self, y, mean, scale):
-        self.n += len(y)
-        return special.stdtr(self.df[:, None], (y - mean[:, None]) / scale[:, None]).mean(axis=0)
+        return self.average(self.cdf((y - mean[:, None]) / scale[:, None]))[0]
+
+
+class Table:
+    """An `Average` that is asked for one count after another."""
+
+    def __init__(self, means):
+        self.means, self.average = means, Average(means, "simulation")
+
+    def at(self, p, mean, scale):
+        self.means.mean, self.means.scale = mean, scale
+        return self.average.at((0.02, 0.02), np.array([4]), p, 0.5)[:, 0]
 
 
 def draws(spread, scale):
@@ -30,8 +53,8 @@ def draws(spread, scale):
 def test_values__of_many_counts_are_those_of_each_from_few(spread, scale):
     df, off, each = draws(spread, scale)
     means = Means(df)
-    table = StudentTable(means)
-    found = [table.at(Y, middle + off, each) for middle in COUNTS]
+    table = Table(means)
+    found = [table.at(P, middle + off, each) for middle in COUNTS]
     asked = means.n
     expected = [means(Y, middle + off, each) for middle in COUNTS]
     # Discretisation: the last coefficients of each piece are under 1e-8.
@@ -45,19 +68,18 @@ def test_values__of_many_counts_are_those_of_each_from_few(spread, scale):
 def test_values__of_counts_with_offsets_of_their_own_are_their_own(spread):
     df, off, each = draws(spread, 0.01)
     means, rng = Means(df), np.random.default_rng(4)
-    table = StudentTable(means)
+    table = Table(means)
     for n_done, middle in enumerate(COUNTS[:5], start=1):
         mean = middle + off + 0.01 * rng.standard_normal(len(off))
-        np.testing.assert_allclose(table.at(Y, mean, each), means(Y, mean, each), rtol=0, atol=1e-7)
+        np.testing.assert_allclose(table.at(P, mean, each), means(Y, mean, each), rtol=0, atol=1e-7)
         assert means.n < 3.3 * n_done * len(Y)  # of which this test asks for 1.2
-        few = Y[::10]
-        np.testing.assert_array_equal(table.at(few, mean, each), means(few, mean, each))
+        few = Table(means).at(P[::10], mean, each)
+        np.testing.assert_array_equal(few, means(Y[::10], mean, each))
 
 
 def test_values__are_0_without_a_load_and_where_no_load_reaches():
     df, off, each = draws(0.0, 0.01)
-    table = StudentTable(Means(df))
-    y = np.append(-np.inf, Y)
-    assert table.at(y, off - 5.0, each)[0] == 0
+    table = Table(Means(df))
+    assert table.at(np.append(0.0, P), off - 5.0, each)[0] == 0
     off[:80] = np.inf  # draws whose rate reaches no further ridge
-    assert table.at(np.append(Y, 50.0), off, each).max() == pytest.approx(0.75, rel=1e-3)
+    assert table.at(np.append(P, np.exp(50.0)), off, each).max() == pytest.approx(0.75, rel=1e-3)
