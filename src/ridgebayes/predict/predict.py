@@ -87,7 +87,8 @@ class Predictive(ABC):
         rows; 2,560 where rows share offsets, 1,280 under Student errors; where there are many
         offsets, so many at a time as take 32 MiB).
         *Cost.* Some 0.3 s for 100,000 loads of one texture: means over draws are tabulated, to
-        1e-13, where more than 1,000 loads need one; of Student errors to 1e-7, where counts share them.
+        1e-13, where more than 1,000 loads need one; of Student errors to 1e-7, also where counts
+        share them.
 
         Examples
         --------
