@@ -365,7 +365,7 @@ def test_run_folder__what_is_none_is_refused(refused, name, why):
         ("posterior-classic.nc", b"", ["posterior-classic.nc", "not a readable NetCDF file"]),
         ("posterior-classic.nc", 3000, ["posterior-classic.nc", "not a readable NetCDF file"]),
         ("posterior-modified.nc", None, ["posterior-modified.nc", "no such file"]),
-        ("evidence.csv", None, ["evidence.csv: missing or damaged"]),
+        ("evidence.csv", None, ["evidence.csv: missing; run again"]),
         ("table.csv", None, ["table.csv", "no such file"]),
         ("table.csv", b"", ["table.csv", "empty"]),
         ("run.json", 100, ["run.json: damaged"]),

@@ -339,7 +339,7 @@ def test_run_json__a_package_that_is_not_installed_is_unknown(comparison, tmp_pa
             raise PackageNotFoundError(name)
         return "1.0"
 
-    monkeypatch.setattr("ridgebayes.commands.run_files.version", version)
+    monkeypatch.setattr("ridgebayes.runtime.text.version", version)
     about(tmp_path, comparison)
     versions = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["versions"]
     assert (versions["matplotlib"], versions["numpy"]) == ("unknown", "1.0")

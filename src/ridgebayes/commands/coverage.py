@@ -1,6 +1,5 @@
 """`ridgebayes coverage`: how often bands contain the loads of textures left out."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -8,11 +7,11 @@ import pandas as pd
 
 from ridgebayes import drawing
 from ridgebayes.checks.coverage import coverage
-from ridgebayes.commands import options
+from ridgebayes.commands.options import Coverage
 from ridgebayes.commands.parsing import parse_names
 from ridgebayes.commands.request import FitRequest
-from ridgebayes.commands.run_files import versions
-from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.commands.run_files import about_run
+from ridgebayes.commands.run_folder import new_folder, write_csv, write_json
 from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.errors import InputError
 from ridgebayes.model.noise import Noise
@@ -22,7 +21,7 @@ from ridgebayes.runtime.progress import Progress
 COVERAGE_JSON = "coverage.json"
 
 
-def command(asked: options.Coverage) -> Answer:
+def command(asked: Coverage) -> Answer:
     """Count how often bands contain transitions of textures left out, form by form.
 
     The folder holds coverage.csv, its figure as PNG and SVG, and coverage.json.
@@ -48,21 +47,14 @@ def command(asked: options.Coverage) -> Answer:
         write_csv(found, partial / "coverage.csv")
         with progress.stage("figure"):
             drawing.style.save(drawing.coverage.plot_coverage(found), partial / "coverage")
-        content = {
-            "command": "coverage",
-            "versions": versions(),
-            "seed": asked.seed,
-            "options": {
-                "table": str(asked.table) if asked.table else None,
-                "forms": names,
-                "noise": noises,
-                "workers": n_worker,
-            },
-            "table": inputs.table.where,
-            "table_digest": inputs.table.digest(),
-            "stages": progress.stages,
+        options = {
+            "table": str(asked.table) if asked.table else None,
+            "forms": names,
+            "noise": noises,
+            "workers": n_worker,
         }
-        write_text(json.dumps(content, indent=2) + "\n", partial / COVERAGE_JSON)
+        about = about_run("coverage", asked.seed, options, inputs.table)
+        write_json(about | {"stages": progress.stages}, partial / COVERAGE_JSON)
     return _answer(found, asked.out)
 
 

@@ -3,11 +3,9 @@
 import io
 import json
 import math
-import platform
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +14,7 @@ import pandas as pd
 from ridgebayes.checks.cost.measured import SHORT_COLUMNS
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS
 from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
-from ridgebayes.commands.run_folder import PARTIAL, RUN_JSON, write_csv, write_text
+from ridgebayes.commands.run_folder import PARTIAL, RUN_JSON, write_csv, write_json
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
 from ridgebayes.comparison.citations import citations
 from ridgebayes.comparison.comparison import Comparison
@@ -32,9 +30,9 @@ from ridgebayes.model.forms import FORMS
 from ridgebayes.model.noise import NUGGET, Noise
 from ridgebayes.results import Fit
 from ridgebayes.runtime.pool import map_ordered
-from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
-from ridgebayes.runtime.text import clipped, one_line_message
-from ridgebayes.table.table import read_table
+from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes, refusing
+from ridgebayes.runtime.text import clipped, versions
+from ridgebayes.table.table import ContactTable, read_table
 
 REFERENCE = "reference-fe"
 OTHERS = "posteriors"  # folder of the fits under error models that are not printed
@@ -57,7 +55,6 @@ _OTHER_FOLDERS = {
 _ONLY_IF_ANY = ("left_out", "coverage", "cost")
 _FORM = ("form", "form_a", "form_b")  # columns of forms of the run
 _TEXT = (*_FORM, "noise", "method", "status", "reading", "prior", "leave", "failed", "task")
-_PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "xarray", "matplotlib")
 
 
 def write_fits(comparison: Comparison, folder: Path, executor: Executor | None = None) -> None:
@@ -125,13 +122,7 @@ def write_run_json(
     peak_memory: int | None = None,
 ) -> None:
     """Write versions, seed, options, stage times, memory and verdicts."""
-    content = {
-        "command": command,
-        "versions": versions(),
-        "seed": seed,
-        "options": options,
-        "table": comparison.table.where,
-        "table_digest": comparison.table.digest(),
+    content = about_run(command, seed, options, comparison.table) | {
         "forms": [*comparison.fits, *comparison.failures],
         "noise": comparison.noise.name,
         "nugget": comparison.noise.nugget,
@@ -143,7 +134,21 @@ def write_run_json(
     }
     if reference is not None:
         content[REFERENCE] = verdicts(reference)
-    write_text(json.dumps(content, indent=2) + "\n", folder / RUN_JSON)
+    write_json(content, folder / RUN_JSON)
+
+
+def about_run(
+    command: str, seed: int, options: dict[str, Any], table: ContactTable
+) -> dict[str, Any]:
+    """Return what tells how a folder was made: command, versions, seed, options, table."""
+    return {
+        "command": command,
+        "versions": versions(),
+        "seed": seed,
+        "options": options,
+        "table": table.where,
+        "table_digest": table.digest(),
+    }
 
 
 def verdicts(comparison: Comparison) -> dict[str, Any]:
@@ -265,7 +270,7 @@ def read_command(folder: Path) -> tuple[str, dict[str, Any], int]:
     about = _read_about(folder)
     found = about.get("command"), about.get("options"), about.get("seed")
     if not all(map(isinstance, found, (str, dict, int))):
-        raise InputError(f"{folder / RUN_JSON}: damaged, not what ridgebayes writes; run again")
+        raise _foreign(folder / RUN_JSON)
     return about["command"], about["options"], about["seed"]
 
 
@@ -298,26 +303,22 @@ def _read_about(folder: Path) -> dict[str, Any]:
     if not path.is_file():
         rule = "expected a folder written by ridgebayes run, compare or fit"
         raise InputError(f"{folder}: {_why_no_run(folder)}; {rule}")
-    content = read_bytes(path, LARGEST_TEXT)
+    # Thousands of brackets in each other: RecursionError.
+    with refusing(f"{path}: damaged, not JSON", ValueError, RecursionError, rule="; run again"):
+        about: dict[str, Any] = json.loads(read_bytes(path, LARGEST_TEXT).decode("utf-8"))
     try:
-        about: dict[str, Any] = json.loads(content.decode("utf-8"))
         named = [about["forms"], about["table"], about["noise"], about["accuracy"]]
         named += [about["verdicts"]["failures"], about.setdefault("nugget", NUGGET)]
         fits = [(one["form"], one["noise"], one["left_to"]) for one in about["fits"]]
-    # Thousands of brackets in each other: RecursionError.
-    except (ValueError, RecursionError) as error:
-        raise InputError(
-            f"{path}: damaged, not JSON ({one_line_message(error)}); run again"
-        ) from None
     except KeyError as error:
         raise InputError(f"{path}: damaged, key {error} is missing; run again") from None
     except TypeError:
-        raise InputError(f"{path}: damaged, not what ridgebayes writes; run again") from None
+        raise _foreign(path) from None
     failures = about["verdicts"]["failures"]
     if not all(map(isinstance, named, (list, str, str, str, dict, float))) or not all(
         isinstance(one, str) for one in (*about["forms"], *failures, *failures.values())
     ):
-        raise InputError(f"{path}: damaged, not what ridgebayes writes; run again")
+        raise _foreign(path)
     # Parts of files' names below, which must not lead elsewhere.
     for name in [*about["forms"], *(form for form, _, _ in fits)]:
         if name not in FORMS:
@@ -325,6 +326,10 @@ def _read_about(folder: Path) -> dict[str, Any]:
     for noise in (noise for _, *both in fits for noise in both if noise is not None):
         Noise.named(str(noise))
     return about
+
+
+def _foreign(path: Path) -> InputError:
+    return InputError(f"{path}: damaged, not what ridgebayes writes; run again")
 
 
 def _why_no_run(folder: Path) -> str:
@@ -350,15 +355,9 @@ def _read_csv(
     if not path.is_file():
         if optional:
             return pd.DataFrame(columns=list(columns))
-        raise InputError(f"{path}: missing or damaged (no such file); run again")
-    try:
+        raise InputError(f"{path}: missing; run again")
+    with refusing(f"{path}: damaged", ValueError, OverflowError, rule="; run again"):
         frame = pd.read_csv(io.BytesIO(read_bytes(path)), dtype=dict.fromkeys(_TEXT, "str"))
-    except (ValueError, OverflowError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            f"{path}: missing or damaged ({one_line_message(error)}); run again"
-        ) from None
     if list(frame.columns) != list(columns):
         raise InputError(f"{path}: damaged; expected columns {', '.join(columns)}; run again")
     if "failed" in frame:  # no failure is an empty text, not a missing one
@@ -373,14 +372,3 @@ def _read_csv(
         elif len(frame) and cells.dtype.kind not in ("b" if name == "used" else "iuf"):
             raise InputError(f"{path}: damaged, {name} is not all numbers; run again")
     return frame
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of Python, this package and those its numbers depend on."""
-    found = {"python": platform.python_version()}
-    for name in _PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "unknown"
-    return found

@@ -1,5 +1,6 @@
 """An output folder that is written whole or not at all, and the text files in it."""
 
+import json
 import os
 import shutil
 from collections.abc import Iterator
@@ -135,6 +136,11 @@ def _keep_only_chains(folder: Path) -> None:
 def write_csv(frame: pd.DataFrame, path: Path) -> None:
     """Write a frame as CSV, floats in full, whole or not at all."""
     write_text(frame.to_csv(index=False, lineterminator="\n"), path)
+
+
+def write_json(content: object, path: Path) -> None:
+    """Write plain values as JSON, whole or not at all."""
+    write_text(json.dumps(content, indent=2) + "\n", path)
 
 
 def write_text(text: str, path: Path) -> None:

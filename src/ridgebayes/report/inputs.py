@@ -1,9 +1,7 @@
 # ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
 """Sections on what went in and how to read it: data, run time, glossary, versions."""
 
-import platform
 from collections import Counter
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +10,9 @@ from ridgebayes import drawing
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.report.blocks import Block, Table, Text
 from ridgebayes.report.wording import form_name, number
-from ridgebayes.runtime.text import count
+from ridgebayes.runtime.text import count, versions
 
 MOST_TEXTURES = 40
-_PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "corner", "matplotlib")
 _ERRORS = {
     "loads": "of a load, relative to the table's",
     "posterior": "of a mean, in posterior sds",
@@ -190,12 +187,8 @@ def glossary_section(_: ReportData) -> list[Block]:
 
 def versions_section(_: ReportData) -> list[Block]:
     """Return the versions of what made the report."""
-    found = [f"Python {platform.python_version()}"]
-    for name in _PACKAGES:
-        try:
-            found.append(f"{name} {version(name)}")
-        except PackageNotFoundError:
-            found.append(f"{name} unknown")
+    found = [f"{name} {version}" for name, version in versions().items()]
+    found[0] = found[0].capitalize()
     return [
         Text(
             "The run folder holds the table as used (table.csv), the draws (posterior-*.nc), every "

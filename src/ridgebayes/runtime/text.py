@@ -1,11 +1,16 @@
 """Words for messages: one line, cut where it would swamp them, with nothing unseen in them."""
 
 import math
+import platform
 import re
 import signal
 import unicodedata
+from importlib.metadata import PackageNotFoundError, version
 
 MINUS = "\N{MINUS SIGN}"
+# Packages that numbers depend on, and files and figures.
+_SOLVING = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz")
+_SHOWING = ("xarray", "corner", "matplotlib")
 _LONGEST_VALUE = 200  # characters of a value of a file
 _UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # controls, such as those of writing right to left
 
@@ -122,3 +127,14 @@ def exit_text(code: int | None) -> str:
     if code is not None and code < 0:
         return f"signal {-code} ({signal.strsignal(-code)})"
     return f"exit code {code}"
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, this package and those its numbers and figures depend on."""
+    found = {"python": platform.python_version()}
+    for name in (*_SOLVING, *_SHOWING):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "unknown"
+    return found
