@@ -1,5 +1,7 @@
 """A map of designs: how probable a goal is over ridge and groove width."""
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
@@ -39,13 +41,13 @@ def draw_designs(
         Whether it meets the goals.
     """
     shown = "margin" if label == "margin" else "probability"
-    grid = designs.pivot_table(index="b_over_R", columns="a_over_R", values=shown, aggfunc="first")
-    margin = designs.pivot_table(
-        index="b_over_R", columns="a_over_R", values="margin", aggfunc="first"
+    map_of = partial(
+        designs.astype({"extrapolation": float}).pivot_table,
+        index="b_over_R",
+        columns="a_over_R",
+        aggfunc="first",
     )
-    outside = designs.assign(outside=designs["extrapolation"].astype(float)).pivot_table(
-        index="b_over_R", columns="a_over_R", values="outside", aggfunc="first"
-    )
+    grid, margin, outside = (map_of(values=name) for name in (shown, "margin", "extrapolation"))
     x, y = grid.columns.to_numpy(float), grid.index.to_numpy(float)
     mesh = axes.pcolormesh(_edges(x), _edges(y), grid.to_numpy(float), cmap="Blues")
     axes.figure.colorbar(mesh, ax=axes, label=label)

@@ -15,6 +15,7 @@ from ridgebayes.drawing.style import (
     OBSERVED,
     WIDTH,
     colour_of,
+    draw_intervals,
     look_of,
     new_figure,
     panel_grid,
@@ -204,21 +205,9 @@ def plot_held_out(loads: pd.DataFrame) -> Figure:
     for axes, (texture, here) in zip(panels, textures, strict=True):
         for k, form in enumerate(forms):
             rows = here[here["form"] == form]
-            observed = rows["p_over_E_observed"].to_numpy()
-            middle, low, high = (
-                100 * (rows[f"p_over_E_{name}"].to_numpy() / observed - 1)
-                for name in ("median", "lower", "upper")
-            )
-            axes.errorbar(
-                rows["Q"].to_numpy() + 1.4 * ((k + 0.5) / len(forms) - 0.5),
-                middle,
-                yerr=[middle - low, high - middle],
-                linestyle="none",
-                markersize=5,
-                capsize=2.5,
-                elinewidth=1.3,
-                **look_of(form),
-            )
+            place = rows["Q"] + 1.4 * ((k + 0.5) / len(forms) - 0.5)
+            look = look_of(form) | {"markersize": 5, "capsize": 2.5, "elinewidth": 1.3}
+            draw_intervals(axes, place, rows, rows["p_over_E_observed"], **look)
         axes.axhline(0, color=OBSERVED, linewidth=1)
         axes.set_xticks(sorted(set(here["Q"])))
         axes.set(xlabel="edges in contact $Q$", title=texture_title(texture))

@@ -12,7 +12,14 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.drawing import MOST_TEXTURES
 from ridgebayes.drawing.predictions import draw_band
 from ridgebayes.drawing.scenes import draw_effects, draw_steps
-from ridgebayes.drawing.style import COLOURS, colour_of, look_of, rows_by_texture, title_of
+from ridgebayes.drawing.style import (
+    COLOURS,
+    colour_of,
+    draw_intervals,
+    look_of,
+    rows_by_texture,
+    title_of,
+)
 
 _COLOURS = list(COLOURS.values())[:-1]
 _LOAD, _COUNT = "load $p/E$", "edges in contact $Q$"
@@ -98,18 +105,9 @@ def draw_loads(loads: pd.DataFrame, ax: Axes | None) -> Axes:
     by_texture = rows_by_texture(loads)
     shown = list(by_texture.items())[:MOST_TEXTURES]
     for i, (texture, rows) in enumerate(shown):
-        middle, lower, upper = (rows[f"p_over_E_{x}"] for x in ("median", "lower", "upper"))
-        axes.errorbar(
-            rows["Q"] + 1.2 * ((i + 0.5) / len(shown) - 0.5),
-            middle,
-            yerr=[middle - lower, upper - middle],
-            linestyle="none",
-            marker="o",
-            markersize=4,
-            capsize=2.5,
-            color=_COLOURS[i % len(_COLOURS)],
-            label=_texture_label(texture),
-        )
+        look = {"color": _COLOURS[i % len(_COLOURS)], "label": _texture_label(texture)}
+        place = rows["Q"] + 1.2 * ((i + 0.5) / len(shown) - 0.5)
+        draw_intervals(axes, place, rows, marker="o", markersize=4, capsize=2.5, **look)
     axes.set(xlabel=_COUNT, ylabel=f"{_LOAD}, {_band_title(loads)}", yscale="log")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[2, 4, 10]))
     _told(axes, len(shown), len(by_texture))
@@ -130,11 +128,7 @@ def draw_errors(loads: pd.DataFrame, form: str, ax: Axes | None) -> Axes:
     """
     axes = axes_or_new(ax)
     observed = loads["p_over_E_observed"]
-    middle, lower, upper = (
-        100 * (loads[f"p_over_E_{x}"] / observed - 1) for x in ("median", "lower", "upper")
-    )
-    bars = [middle - lower, upper - middle]
-    axes.errorbar(observed, middle, yerr=bars, linestyle="none", markersize=4, **look_of(form))
+    draw_intervals(axes, observed, loads, observed, markersize=4, **look_of(form))
     axes.axhline(0, color="#000000", linewidth=1)
     label = f"load error of the prediction, %, {_band_title(loads)}"
     axes.set(xscale="log", xlabel=f"observed {_LOAD}", ylabel=label, title=title_of(form))

@@ -120,6 +120,27 @@ def shared_legend(
     figure.legend(handles, labels, loc=loc, ncols=n_column or min(len(labels), MOST_LEGEND))
 
 
+def draw_intervals(axes: Axes, x: Any, loads: pd.DataFrame, over: Any = None, **look: Any) -> None:
+    """Draw median loads with their bands at x; per cent off observed loads where those are given.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Where.
+    x : array_like of float, shape (n_row,)
+        Places.
+    loads : pandas.DataFrame
+        Columns p_over_E_median, p_over_E_lower, p_over_E_upper.
+    over : array_like of float, shape (n_row,), optional
+        Observed loads.
+    **look
+        As of matplotlib's `errorbar`.
+    """
+    columns = (loads[f"p_over_E_{name}"] for name in ("median", "lower", "upper"))
+    middle, lower, upper = (y if over is None else 100 * (y / over - 1) for y in columns)
+    axes.errorbar(x, middle, yerr=[middle - lower, upper - middle], linestyle="none", **look)
+
+
 def colour_of(form: str) -> str:
     """Return the colour of a form."""
     return COLOURS.get(form, QUIET)

@@ -23,19 +23,14 @@ from ridgebayes.errors import InputError
 
 _BODY, _PRESSURE = COLOURS["modified"], COLOURS["classic"]
 _RIDGE, _RIDGE_LINE = "#B8B8B8", "#555555"
-# Label, and the highest that has a colour of its own, over the mean contact pressure: more than
-# there is under a smooth contact, less than near sharp corners.
-_FIELDS = {
-    "von Mises": ("von Mises stress over $E$", 0.8),
-    "pressure": ("pressure inside over $E$", 1.4),
-}
+# The highest von Mises stress that has a colour of its own, over the mean contact pressure: more
+# than there is under a smooth contact, less than near sharp corners.
+_COLOURED = 0.8
 _SIDES = [[0, 4, 1], [1, 5, 2], [2, 6, 3], [3, 7, 0]]  # of an element: end, middle, end
 _AROUND = [0, 4, 1, 5, 2, 6, 3, 7]  # its nodes but the centre: eight triangles
 _MARGIN, _HEIGHT = 1.2, 0.68  # of the close-up: half its width, over the contact's; height over it
 _BELOW = 0.1  # of that height under the body
 _ACROSS = 7.3  # inches of panels: the width less labels and colours
-# What colours do not reach, by whether anything is above, and twice whether anything is below.
-_BEYOND = ("neither", "max", "min", "both")
 _ARC = np.linspace(0.0, 0.5 * math.pi, 13)
 _HIGHEST = 3.0  # of the mean contact pressure: sharp corners stand out of any axis
 
@@ -107,9 +102,7 @@ def _half_plane_pressure(axes: Axes, found: ContactSolution, sign: int) -> None:
 
 
 @styled()
-def plot_deformed(
-    cylinder: Cylinder, state: State, *, fields: tuple[str, str] = ("von Mises", "von Mises")
-) -> Figure:
+def plot_deformed(cylinder: Cylinder, state: State) -> Figure:
     """Draw a pressed cylinder: the whole of it, its contact close up, and the pressure there.
 
     Parameters
@@ -118,24 +111,19 @@ def plot_deformed(
         The body.
     state : State
         Its state, in contact.
-    fields : tuple of {"von Mises", "pressure"}
-        What colours the whole, and the close-up. Tension is one colour, and so is what is found
-        near sharp corners alone.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Deformed elements on the rigid side, nothing stretched; below, contact pressure over E, cut
-        off at three times its mean.
+        Deformed elements on the rigid side, nothing stretched, coloured by von Mises stress, of
+        which what is found near sharp corners alone is one colour; below, contact pressure over E,
+        cut off at three times its mean.
 
     Raises
     ------
     InputError
-        If there is no such field, or nothing is in contact.
+        If nothing is in contact.
     """
-    for field in fields:
-        if field not in _FIELDS:
-            raise InputError(f"fields: no {field!r}; expected {' or '.join(_FIELDS)}")
     table = surface_table(cylinder, state)
     if table.empty:
         raise InputError("the body touches nothing: no contact to draw")
@@ -152,12 +140,12 @@ def plot_deformed(
     whole, near, below = figure.subplots(3, 1, gridspec_kw={"height_ratios": rows})
     whole.set(xlim=(-wide, wide), ylim=(low[1] - 0.07, high[1] + 0.03))
     near.set(xlim=(-half, half), ylim=(bottom, bottom + _HEIGHT * half))
-    for axes, field, width in ((whole, fields[0], 0.1), (near, fields[1], 0.3)):
+    for axes, width in ((whole, 0.1), (near, 0.3)):
         axes.set_aspect("equal")
         axes.grid(visible=False)
         axes.set_ylabel("$y/R$")
         _rigid(axes, cylinder, state)
-        body.draw(axes, field, width)
+        body.draw(axes, width)
     _pressure(below, table, _HIGHEST * mean, mirrored=cylinder.mirrored)
     below.set(xlim=(-half, half), xlabel="$x/R$", ylabel="pressure over $E$")
     return figure
@@ -170,15 +158,13 @@ class _Body:
         solid, self._mean = cylinder.problem.solid, mean
         self.points = solid.points + state.u
         elements = solid.nodes
-        found = nodal_fields(cylinder, state)
-        stress = found["cauchy_stress"].reshape(-1, 3, 3)
+        stress = nodal_fields(cylinder, state)["cauchy_stress"].reshape(-1, 3, 3)
         deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
-        mises = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
-        self._values = {"von Mises": mises, "pressure": found["pressure"]}
+        self._mises = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
         if cylinder.mirrored:
             elements = np.concatenate([elements, elements + solid.n_node])
             self.points = np.concatenate([self.points, self.points * [-1.0, 1.0]])
-            self._values = {name: np.tile(one, 2) for name, one in self._values.items()}
+            self._mises = np.tile(self._mises, 2)
         around = elements[:, _AROUND]
         centre = np.broadcast_to(elements[:, 8:], around.shape)
         triangles = np.stack([centre, around, np.roll(around, -1, axis=1)], axis=-1)
@@ -186,25 +172,24 @@ class _Body:
         sides = elements[:, _SIDES].reshape(-1, 3)
         self._sides = sides[np.unique(sides[:, 1], return_index=True)[1]]
 
-    def draw(self, axes: Axes, field: str, width: float) -> None:
+    def draw(self, axes: Axes, width: float) -> None:
         """Draw elements, coloured, their edges curved, and what the colours mean."""
-        values = self._values[field]
-        label, share = _FIELDS[field]
-        least, most = float(values.min()), float(values.max())
+        most, highest = float(self._mises.max()), _COLOURED * self._mean
         x, y = self.points.T
         coloured = axes.tripcolor(
             Triangulation(x, y, self._triangles),
-            values,
+            self._mises,
             shading="gouraud",
             cmap="YlGnBu",
             vmin=0.0,
-            vmax=min(most, share * self._mean),
+            vmax=min(most, highest),
             rasterized=True,
         )
         curves = np.einsum("sk,nki->nsi", shapes(np.linspace(0, 1, 5)), self.points[self._sides])
         lines = LineCollection(list(curves), colors="#000000", linewidths=width, rasterized=True)
         axes.add_collection(lines, autolim=False)
-        beyond = _BEYOND[2 * (least < 0) + (most > share * self._mean)]
+        beyond = "max" if most > highest else "neither"
+        label = "von Mises stress over $E$"
         axes.figure.colorbar(coloured, ax=axes, label=label, extend=beyond)
 
 
