@@ -10,7 +10,6 @@ from ridgebayes.checks.power_scaling import (
     power_scaling,
     sensitivities,
 )
-from ridgebayes.errors import InputError
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
@@ -112,10 +111,3 @@ def test_table__tells_strong_priors_and_conflicts(paper, fits):
     table = power_scaling(sure).set_index("parameter")
     assert table["prior"]["c"] > 0.05 > table["likelihood"]["c"]
     assert table["diagnosis"]["c"] == STRONG_PRIOR
-
-
-def test_threshold__decides_what_counts(fits):
-    lowest = power_scaling(fits["hybrid"], threshold=1e-6)
-    assert set(lowest["diagnosis"]) == {CONFLICT}
-    with pytest.raises(InputError, match="threshold: expected > 0, got 0"):
-        power_scaling(fits["hybrid"], threshold=0)

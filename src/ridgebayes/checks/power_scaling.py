@@ -12,7 +12,6 @@ import pandas as pd
 from scipy import special
 
 from ridgebayes._types import FloatArray
-from ridgebayes.errors import InputError
 from ridgebayes.inference.pareto_smoothing import pareto_smoothed
 from ridgebayes.inference.posterior import Posterior
 
@@ -23,26 +22,19 @@ STRONG_PRIOR = "strong prior or weak likelihood"
 _STEP = 0.01  # alpha is 1.01 and 1/1.01
 
 
-def power_scaling(fit: Posterior, *, threshold: float = THRESHOLD) -> pd.DataFrame:
+def power_scaling(fit: Posterior) -> pd.DataFrame:
     """Return the sensitivity of each parameter to all priors and to the likelihood.
 
     Parameters
     ----------
     fit : Posterior
         Posterior.
-    threshold : float, optional
-        Sensitivity from which on a component counts.
 
     Returns
     -------
     pandas.DataFrame
-        Columns parameter, prior, likelihood, diagnosis: ``prior-data conflict`` where both count,
-        ``strong prior or weak likelihood`` where the prior alone does, else empty.
-
-    Raises
-    ------
-    InputError
-        If the threshold is not positive.
+        Columns parameter, prior, likelihood, diagnosis: ``prior-data conflict`` where both are
+        0.05 or more, ``strong prior or weak likelihood`` where the prior alone is, else empty.
 
     Notes
     -----
@@ -63,15 +55,13 @@ def power_scaling(fit: Posterior, *, threshold: float = THRESHOLD) -> pd.DataFra
     >>> table["diagnosis"].tolist()
     ['', '', '']
     """
-    if not threshold > 0:
-        raise InputError(f"threshold: expected > 0, got {threshold!r}")
     model, theta = fit.model, fit.draws
     by_prior = sensitivities(theta, model.log_prior(theta))
     by_likelihood = sensitivities(theta, model.log_likelihood(theta))
     names = model.parameter_names
     frame = pd.DataFrame({"parameter": names, "prior": by_prior, "likelihood": by_likelihood})
-    pairs = zip(by_prior >= threshold, by_likelihood >= threshold, strict=True)
-    return frame.assign(diagnosis=[_diagnosis(*pair) for pair in pairs])
+    alone = np.where(by_likelihood >= THRESHOLD, CONFLICT, STRONG_PRIOR)
+    return frame.assign(diagnosis=np.where(by_prior >= THRESHOLD, alone, ""))
 
 
 def sensitivities(draws: FloatArray, log_component: FloatArray) -> FloatArray:
@@ -93,14 +83,11 @@ def sensitivities(draws: FloatArray, log_component: FloatArray) -> FloatArray:
     for alpha in (1 + _STEP, 1 / (1 + _STEP)):
         log_weight, _ = pareto_smoothed((alpha - 1) * log_component)
         weight = np.exp(log_weight - log_weight.max())
-        moved = [_either_way(x, weight / weight.sum()) for x in draws.T]
+        weight /= weight.sum()
+        # The distance is not symmetric: the larger of those of x and of -x counts.
+        moved = [max(cumulative_distance(sign * x, weight) for sign in (1, -1)) for x in draws.T]
         total += np.array(moved) / abs(math.log2(alpha))
     return total / 2
-
-
-def _either_way(x: FloatArray, weight: FloatArray) -> float:
-    """Return the larger of the distances of x and of -x: the distance is not symmetric."""
-    return max(cumulative_distance(x, weight), cumulative_distance(-x, weight))
 
 
 def cumulative_distance(x: FloatArray, weight: FloatArray) -> float:
@@ -141,9 +128,3 @@ def cumulative_distance(x: FloatArray, weight: FloatArray) -> float:
     ahead = (p - q) / (p + q)
     change = p * np.log1p(ahead) + special.xlog1py(q, -ahead)  # the first q may round to 0
     return math.sqrt(max(float(width @ change) / math.log(2) / both, 0.0))
-
-
-def _diagnosis(prior: bool, likelihood: bool) -> str:
-    if not prior:
-        return ""
-    return CONFLICT if likelihood else STRONG_PRIOR

@@ -20,9 +20,9 @@ from pathlib import Path
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.errors import InputError
-from ridgebayes.report.blocks import Picture, Table
+from ridgebayes.report.blocks import Picture
 from ridgebayes.report.checklist import held_against
-from ridgebayes.report.exports import data_uri, to_csv, to_latex
+from ridgebayes.report.exports import links
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
 from ridgebayes.report.sections import contents
@@ -160,11 +160,10 @@ def _rendered(
     def image(picture: Picture) -> str:
         """Return a figure to embed: drawn now, so that a page without figures costs none."""
         owner = reference if picture.of_reference and reference is not None else gallery
-        svg = owner.file(picture.name, "svg")
-        if len(svg) <= _SMALL:
-            return "data:image/svg+xml;base64," + base64.b64encode(svg).decode("ascii")
-        png = owner.file(picture.name, "png")
-        return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
+        kind, content = "svg+xml", owner.file(picture.name, "svg")
+        if len(content) > _SMALL:
+            kind, content = "png", owner.file(picture.name, "png")
+        return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
     def files(picture: Picture) -> dict[str, str]:
         """Return where a figure's files are, if they are beside the page."""
@@ -172,34 +171,26 @@ def _rendered(
         paths = {kind: f"{folder}/{picture.name}.{kind}" for kind in ("png", "svg")}
         return paths if in_folder else {}
 
-    def downloads(table: Table) -> dict[str, str]:
-        """Return the links that hold a table."""
-        return {
-            "csv": data_uri(to_csv(table), "text/csv"),
-            "tex": data_uri(to_latex(table), "application/x-tex"),
-        }
-
     filled: dict[str, object] = {
         "first": first_screen(gallery.data, None if reference is None else reference.data, command),
         "sections": contents(gallery, reference),
         "image": image,
         "files": files,
-        "downloads": downloads,
+        "downloads": links,
     }
-    return [_page(suffix, filled) for suffix in suffixes]
+    pages = []
+    for suffix in suffixes:
+        # Markdown is escaped here, HTML after this by autoescape.
+        finalize = _markdown if suffix == ".md" else _tied
+        environment = environment_of("ridgebayes.report", _TEMPLATES[suffix], finalize)
+        environment.filters["badge"] = _badge
+        pages.append(environment.get_template(_TEMPLATES[suffix]).render(filled))
+    return pages
 
 
 def _write(path: Path, content: str) -> None:
     with replacing(path) as partial:
         partial.write_text(content, encoding="utf-8", newline="\n")
-
-
-def _page(suffix: str, filled: dict[str, object]) -> str:
-    # Markdown is escaped here, HTML after this by autoescape.
-    finalize = _markdown if suffix == ".md" else _tied
-    environment = environment_of("ridgebayes.report", _TEMPLATES[suffix], finalize)
-    environment.filters["badge"] = _badge
-    return environment.get_template(_TEMPLATES[suffix]).render(filled)
 
 
 def _tied(value: object) -> object:
@@ -215,8 +206,8 @@ def _markdown(value: object) -> object:
 def _badge(words: str) -> str:
     """Return the class of a word that stands out."""
     good, bad = (
-        {"confirmed", "converged", "inside"},
-        {"not confirmed", "did not converge", "outside"},
+        ("confirmed", "converged", "inside"),
+        ("not confirmed", "did not converge", "outside"),
     )
     return "good" if words in good else "bad" if words in bad else "open"
 

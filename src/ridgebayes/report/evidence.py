@@ -38,16 +38,20 @@ def evidence_section(data: ReportData) -> list[Block]:
     )
     blocks: list[Block] = [Text(words), ranking_table(data)]
     if len(data.comparison.probabilities) > 1:
-        summed = bool((data.comparison.bayes_factors["noise"] == SUMMED).any())
-        caption = "ln Bayes factor of each form against the best" + (
-            ", error models summed out (star, with its number). Beside it by every method under "
-            "the printed error model alone."
-            if summed
-            else ", by every method."
-        )
+        factors = data.comparison.bayes_factors
+        summed = factors[factors["noise"] == SUMMED]
+        caption = "ln Bayes factor of each form against the best, by every method."
+        pairs = [pairs_table(data)]
+        if len(summed):
+            caption = (
+                "ln Bayes factor of each form against the best, error models summed out (star, "
+                "with its number). Beside it by every method under the printed error model alone."
+            )
+            words = "Bayes factors with the error models summed out, at equal prior probabilities."
+            pairs.insert(0, _pairs(summed, words))
         blocks += [
             Picture("evidence", caption, _evidence_alt(data)),
-            Folded("Bayes factors of all pairs", [*_summed_pairs(data), pairs_table(data)]),
+            Folded("Bayes factors of all pairs", pairs),
         ]
     return blocks
 
@@ -59,14 +63,6 @@ def _evidence_alt(data: ReportData) -> str:
         f"{form_name(row['form'])} {decimals(row['ln_bf'], 1)}" for row in first.to_dict("records")
     )
     return f"ln Bayes factors against {form_name(data.shown)}: {against}."
-
-
-def _summed_pairs(data: ReportData) -> list[Block]:
-    """Return the Bayes factors with error models summed out, where several were weighed."""
-    factors = data.comparison.bayes_factors
-    summed = factors[factors["noise"] == SUMMED]
-    caption = "Bayes factors with the error models summed out, at equal prior probabilities."
-    return [_pairs(summed, caption)] if len(summed) else []
 
 
 def ranking_table(data: ReportData) -> Table:

@@ -12,9 +12,9 @@ Hybrid & co,-3.0
 Hybrid \& co & $-$3.0 \\
 """
 
-import csv
-import io
 from urllib.parse import quote
+
+import pandas as pd
 
 from ridgebayes.report.blocks import Table
 from ridgebayes.runtime.text import MINUS, visible
@@ -34,11 +34,8 @@ _LATEX = str.maketrans(
 
 def to_csv(table: Table) -> str:
     """Return a table's cells as CSV, minus signs as other programs read them."""
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    for row in (table.header, *table.rows):
-        writer.writerow([cell.replace(MINUS, "-") for cell in row])
-    return file.getvalue()
+    rows = [[cell.replace(MINUS, "-") for cell in row] for row in (table.header, *table.rows)]
+    return pd.DataFrame(rows).to_csv(index=False, header=False, lineterminator="\n")
 
 
 def to_latex(table: Table) -> str:
@@ -52,6 +49,7 @@ def to_latex(table: Table) -> str:
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
 
-def data_uri(text: str, kind: str) -> str:
-    """Return text as a link that holds it."""
-    return f"data:{kind};charset=utf-8,{quote(text)}"
+def links(table: Table) -> dict[str, str]:
+    """Return links that hold a table, by the suffix of what they hold."""
+    texts = {"csv": ("text/csv", to_csv(table)), "tex": ("application/x-tex", to_latex(table))}
+    return {k: f"data:{kind};charset=utf-8,{quote(text)}" for k, (kind, text) in texts.items()}

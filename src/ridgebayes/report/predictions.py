@@ -77,7 +77,7 @@ def held_out_section(data: ReportData) -> list[Block]:
     ]
     blocks: list[Block] = [
         Text(f"{count(n_row, 'row')} not fitted, only predicted. Bands include the error model."),
-        Picture("held-out", caption, f"Held-out loads inside the {band}: {_inside(rows)}."),
+        Picture("held-out", caption, f"Held-out loads inside the {band}: {_firsts(rows)}."),
         Table(["Form", f"Inside the {band}", "Load error, %", "Extrapolation"], rows, text=(0, 3)),
         Folded(
             "Row by row",
@@ -96,16 +96,9 @@ def held_out_section(data: ReportData) -> list[Block]:
     return blocks
 
 
-def _inside(rows: list[list[str]]) -> str:
-    return ", ".join(f"{form} {inside}" for form, inside, *_ in rows)
-
-
-def _errors_alt(data: ReportData, rows: list[list[str]]) -> str:
-    """Say what the figure of load errors shows, of its first texture."""
-    a, b = data.textures[0]
-    return f"Load errors in per cent at a/R = {a:g}, b/R = {b:g}: " + ", ".join(
-        f"{form} {first}" for form, first, *_ in rows
-    )
+def _firsts(rows: list[list[str]]) -> str:
+    """Return the first cell of each form, in words."""
+    return ", ".join(f"{form} {first}" for form, first, *_ in rows)
 
 
 def _range(errors: "pd.Series[float]") -> str:
@@ -192,8 +185,10 @@ def errors_section(data: ReportData) -> list[Block]:
         "predicts too high a load. Coefficients are posterior means"
         + ("; dashed, hollow: those of the study." if data.study else ".")
     )
+    a, b = data.textures[0]
+    alt = f"Load errors in per cent at a/R = {a:g}, b/R = {b:g}: {_firsts(rows)}"
     blocks: list[Block] = [
-        Picture("percent-error", caption, _errors_alt(data, rows)),
+        Picture("percent-error", caption, alt),
         Folded(
             "Load errors in numbers",
             [
