@@ -20,7 +20,7 @@ from ridgebayes.evidence import LogEvidence, quadrature_evidence
 from ridgebayes.evidence.changed_prior import scale_factors
 from ridgebayes.evidence.error_models import WeighedErrorModels, weigh_error_models
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
-from ridgebayes.inference.arviz_groups import groups_of
+from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import N_KEPT
 from ridgebayes.model.model import Model
@@ -504,7 +504,7 @@ def test_fits__carry_their_rows_likelihood(comparison, monkeypatch):
     rows = fit.model.pointwise_log_likelihood(fit.coordinates)
     np.testing.assert_array_equal(fit.log_likelihood, rows)
     monkeypatch.setattr(Model, "pointwise_log_likelihood", None)  # nobody works it out again
-    found = groups_of(fit)["log_likelihood"]["log_load"].to_numpy()
+    found = all_groups(fit)["log_likelihood"]["log_load"].to_numpy()
     np.testing.assert_array_equal(found.reshape(rows.shape), rows)
 
 

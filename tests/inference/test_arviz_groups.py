@@ -8,7 +8,7 @@ from scipy import stats
 
 from ridgebayes.errors import InputError
 from ridgebayes.inference import arviz_groups
-from ridgebayes.inference.arviz_groups import all_groups, groups_of
+from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.diagnostics import arviz_object, import_arviz, leave_one_out
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
@@ -66,7 +66,7 @@ def test_arviz__summarises_scores_and_draws_a_file(drawn, opened):
     assert list(summary.index) == ["c1", "sigma"]
     loo = az.loo(opened)
     elpd = loo.elpd if IS_NEW else loo.elpd_loo
-    rows = groups_of(drawn)["log_likelihood"]["log_load"].to_numpy()
+    rows = all_groups(drawn)["log_likelihood"]["log_load"].to_numpy()
     own = leave_one_out(rows, 1.0)
     assert elpd == pytest.approx(own.elpd, abs=0.1)
     exact = az.loo(opened, reff=1.0, pointwise=True)
@@ -150,7 +150,7 @@ def smooth(paper):
 
 
 def test_joint_log_likelihood__is_that_of_all_rows(smooth, monkeypatch):
-    joint = groups_of(smooth)["sample_stats"]["log_likelihood_joint"].to_numpy().ravel()
+    joint = all_groups(smooth)["sample_stats"]["log_likelihood_joint"].to_numpy().ravel()
     np.testing.assert_allclose(joint, smooth.model.log_likelihood(smooth.draws), rtol=1e-9)
     assert set(all_groups(smooth)) >= GROUPS
     monkeypatch.setattr(arviz_groups, "_LARGEST_FACTORS", 1)

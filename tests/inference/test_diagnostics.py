@@ -7,7 +7,7 @@ import pytest
 from scipy import optimize, signal, stats
 
 from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.inference.arviz_groups import groups_of
+from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.diagnostics import (
     Loo,
     arviz_object,
@@ -146,7 +146,7 @@ def test_shortcomings__names_each_rule_broken_and_nothing_else():
 @pytest.mark.slow
 def test_import_arviz__and_arviz_object_serve_the_installed_line(fits):
     arviz = import_arviz()
-    view = arviz_object(groups_of(fits["modified"]))
+    view = arviz_object(all_groups(fits["modified"]))
     old = arviz.__version__.startswith("0.")
     assert type(view).__name__ == ("InferenceData" if old else "DataTree")
     assert view["posterior"]["c"].dims == ("chain", "draw")
@@ -183,7 +183,7 @@ def test_leave_one_out__of_a_normal_mean_is_the_exact_answer():
 @pytest.mark.slow
 def test_leave_one_out__is_the_ratio_of_evidences_with_and_without_the_row(fe_fits, fe_laplaces):
     fit = fe_fits["hybrid"]
-    loo = leave_one_out(groups_of(fit)["log_likelihood"]["log_load"].to_numpy(), reff=0.5)
+    loo = leave_one_out(all_groups(fit)["log_likelihood"]["log_load"].to_numpy(), reff=0.5)
     data, everything = fit.model.data, fe_laplaces["hybrid"]
     whole = quadrature_evidence(fit.model.log_density, everything).value
     exact = []

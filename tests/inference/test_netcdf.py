@@ -13,7 +13,7 @@ from ridgebayes.distributions.grammar import priors_from_json, priors_to_json
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import bridge_evidence, quadrature_evidence
 from ridgebayes.inference import posterior
-from ridgebayes.inference.arviz_groups import groups_of
+from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.diagnostics import import_arviz
 from ridgebayes.inference.importance_sampling import importance_posterior
@@ -101,9 +101,9 @@ def test_write_netcdf__opens_with_the_installed_arviz(fits, files, name):
     assert {"lp", "acceptance_rate", "tau"} <= set(data["sample_stats"].data_vars)
 
 
-def test_groups_of__labels_each_K_with_its_texture(fits):
+def test_all_groups__labels_each_K_with_its_texture(fits):
     fit = fits["power-law"]
-    K = groups_of(fit)["posterior"]["K"]
+    K = all_groups(fit)["posterior"]["K"]
     assert K.dims == ("chain", "draw", "texture")
     assert K["texture"].to_numpy().tolist() == list(fit.model.data.labels)
     place = fit.model.data.textures.index((0.012, 0.03))
@@ -112,11 +112,11 @@ def test_groups_of__labels_each_K_with_its_texture(fits):
     assert K.sel(texture=label).to_numpy().ravel().tolist() == fit.draws[:, place].tolist()
 
 
-def test_groups_of__leaves_out_a_log_likelihood_that_no_file_should_hold(fits, monkeypatch):
+def test_all_groups__leaves_out_a_log_likelihood_that_no_file_should_hold(fits, monkeypatch):
     fit = fits["modified"]
-    assert "log_likelihood" in groups_of(fit)
+    assert "log_likelihood" in all_groups(fit)
     monkeypatch.setattr(posterior, "LARGEST_LOG_LIKELIHOOD", len(fit.draws) * 41 - 1)
-    assert "log_likelihood" not in groups_of(fit)
+    assert "log_likelihood" not in all_groups(fit)
 
 
 @pytest.mark.slow

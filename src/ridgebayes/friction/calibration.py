@@ -22,7 +22,7 @@ from ridgebayes.friction.friction_model import FrictionModel
 from ridgebayes.friction.inputs import friction_inputs
 from ridgebayes.friction.table import FrictionTable, read_friction_table
 from ridgebayes.friction.terms import PARAMETERS, terms
-from ridgebayes.inference.arviz_groups import SAMPLE, sample_stats
+from ridgebayes.inference.arviz_groups import SAMPLE, Variables, datasets, sample_stats
 from ridgebayes.inference.chains import N_KEPT, Chains, ProgressCallback, SampleSettings
 from ridgebayes.inference.diagnostics import (
     arviz_object,
@@ -32,7 +32,7 @@ from ridgebayes.inference.diagnostics import (
 )
 from ridgebayes.inference.emcee_sampling import sample
 from ridgebayes.inference.log_evidence import LogEvidence
-from ridgebayes.inference.netcdf import Stored, chains_of, read_tree, write_tree
+from ridgebayes.inference.netcdf import Stored, chains_of, read_tree, write_groups
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.scene.scene import Scene
@@ -160,19 +160,18 @@ class FrictionFit(Tabular):
             InferenceData of arviz 0.x, DataTree of 1.x: posterior (chain = ensemble, draw),
             sample_stats, observed_data (mu), constant_data (the other columns of `rows`).
         """
-        return arviz_object(self._groups())
+        return arviz_object(datasets(self._groups()))
 
-    def _groups(self) -> dict[str, xr.Dataset]:
+    def _groups(self) -> dict[str, Variables]:
         stats = sample_stats(self.chains)
         theta = self.model.theta(stats["u"][1])
-        columns = {name: ("row", self.rows[name].to_numpy()) for name in self.rows}
+        drawn = {name: theta[..., PARAMETERS.index(name)] for name in self.model.unknown}
+        rows: Variables = {str(name): (("row",), self.rows[name].to_numpy()) for name in self.rows}
         return {
-            "posterior": xr.Dataset(
-                {name: (SAMPLE, theta[..., PARAMETERS.index(name)]) for name in self.model.unknown}
-            ),
-            "sample_stats": xr.Dataset(stats),
-            "observed_data": xr.Dataset({"mu": columns.pop("mu")}),
-            "constant_data": xr.Dataset(columns),
+            "posterior": {name: (SAMPLE, one) for name, one in drawn.items()},
+            "sample_stats": stats,
+            "observed_data": {"mu": rows.pop("mu")},
+            "constant_data": rows,
         }
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
@@ -183,8 +182,7 @@ class FrictionFit(Tabular):
         path : path
             File to write, whole or not at all; one that is there is replaced.
         """
-        tree = xr.DataTree.from_dict(self._groups())
-        tree.attrs = {
+        attrs = {
             "ridgebayes_version": __version__,
             "friction_model": json.dumps(_to_json(self.model)),
             "summary": self.summary.to_json(orient="records", double_precision=15),
@@ -196,7 +194,7 @@ class FrictionFit(Tabular):
             "table_digest": self.table_digest,
             "n_walker": self.chains.u.shape[2],
         }
-        write_tree(tree, path)
+        write_groups(self._groups(), path, attrs)
 
     @classmethod
     def from_netcdf(cls, path: str | os.PathLike[str]) -> "FrictionFit":

@@ -1,6 +1,7 @@
 """A fit as labelled datasets, named and attributed as arviz has it."""
 
 import os
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import TYPE_CHECKING
@@ -39,32 +40,45 @@ def all_groups(fit: Posterior) -> dict[str, "xr.Dataset"]:
     Returns
     -------
     dict of str to xarray.Dataset
-        Those of `groups_of`, log_prior (of each parameter, that of K over all textures), prior
-        and, unless there are very many rows, prior_predictive and posterior_predictive: 500 draws
-        of log loads of the rows, with shared offsets drawn anew. They are left out where hardly
-        any prior draw has a load. Each has the attributes of arviz.
+        Those of `labelled_groups`, each with the attributes of arviz.
     """
-    groups = _variables(fit) | {"log_prior": _log_prior(fit), **_predictive(fit)}
-    told = attributes(fit)
-    return {name: _labelled(fit, group).assign_attrs(told) for name, group in groups.items()}
+    return datasets(labelled_groups(fit), attributes(fit))
 
 
-def groups_of(fit: Posterior) -> dict[str, "xr.Dataset"]:
-    """Return the thinned posterior as datasets named as arviz names them.
+def datasets(
+    groups: Mapping[str, Variables], attrs: Mapping[str, str] | None = None
+) -> dict[str, "xr.Dataset"]:
+    """Return groups of variables as datasets; one that is named as its dimension labels it."""
+    import xarray as xr  # loads slowly
+
+    return {name: xr.Dataset(group, attrs=attrs) for name, group in groups.items()}
+
+
+def labelled_groups(fit: Posterior, *, complete: bool = True) -> dict[str, Variables]:
+    """Return the thinned posterior as groups of variables named as arviz names them.
 
     Parameters
     ----------
     fit : Posterior
         Posterior.
+    complete : bool, optional
+        Whether to add what is only for arviz.
 
     Returns
     -------
-    dict of str to xarray.Dataset
-        posterior (dimensions chain, draw; K has texture), sample_stats, observed_data,
-        constant_data and, unless there are very many rows, log_likelihood. A chain is an
-        ensemble; its draws run step by step, walkers side by side.
+    dict of str to dict of str to tuple
+        Dimensions and values of each variable: posterior (dimensions chain, draw; K has texture),
+        sample_stats, observed_data, constant_data and, unless there are very many rows,
+        log_likelihood. A chain is an ensemble; its draws run step by step, walkers side by side.
+        Complete ones have log_prior (of each parameter, that of K over all textures), prior and,
+        unless there are very many rows, prior_predictive and posterior_predictive: 500 draws of
+        log loads of the rows, with shared offsets drawn anew. They are left out where hardly any
+        prior draw has a load.
     """
-    return {name: _labelled(fit, group) for name, group in _variables(fit).items()}
+    groups = _variables(fit)
+    if complete:
+        groups |= {"log_prior": _log_prior(fit), **_predictive(fit)}
+    return {name: _labelled(fit, group) for name, group in groups.items()}
 
 
 def _variables(fit: Posterior) -> dict[str, Variables]:
@@ -164,15 +178,17 @@ def _predictive(fit: Posterior) -> dict[str, Variables]:
     return groups
 
 
-def _labelled(fit: Posterior, variables: Variables) -> "xr.Dataset":
-    import xarray as xr  # loads slowly
-
-    group = xr.Dataset(variables)
-    labels = {"texture": list(fit.model.data.labels), "row": np.arange(len(fit.model.data))}
-    labels |= {name: np.arange(group.sizes[name]) for name in SAMPLE if name in group.dims}
-    return group.assign_coords(
-        {name: v for name, v in labels.items() if name in group.dims and name not in group.coords}
-    )
+def _labelled(fit: Posterior, group: Variables) -> Variables:
+    """Add labels of rows, textures, chains and draws."""
+    sizes = {
+        name: n
+        for dims, cells in group.values()
+        for name, n in zip(dims, np.shape(cells), strict=True)
+    }
+    labels = {name: np.arange(sizes[name]) for name in (*SAMPLE, "row") if name in sizes}
+    if "texture" in sizes:
+        labels["texture"] = np.array(fit.model.data.labels)
+    return {name: ((name,), cells) for name, cells in labels.items()} | group
 
 
 def attributes(fit: Posterior) -> dict[str, str]:

@@ -3,10 +3,10 @@
 import io
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ridgebayes._types import __version__
 from ridgebayes.distributions.grammar import priors_from_json, priors_to_json
 from ridgebayes.errors import InputError
-from ridgebayes.inference.arviz_groups import all_groups, attributes, groups_of
+from ridgebayes.inference.arviz_groups import Variables, attributes, labelled_groups
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
 from ridgebayes.inference.posterior import SAMPLERS, Posterior
@@ -26,9 +26,6 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import one_line_message
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _SMALL = 1_000  # bytes that are not worth packing
 _READ = ("constant_data", "observed_data", "sample_stats")
@@ -53,12 +50,9 @@ class Stored:
 
 def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool = True) -> None:
     """Write a fit, whole or not at all; unless complete, without what is only for arviz."""
-    import xarray as xr  # loads slowly
-
-    groups = all_groups(fit) if complete else groups_of(fit)
-    tree = xr.DataTree.from_dict(dict(groups))
-    tree.attrs = {
-        **attributes(fit),
+    told = attributes(fit)
+    attrs: dict[str, Any] = {
+        **told,
         "ridgebayes_version": __version__,
         "form": fit.form.name,
         "noise": fit.noise.name,
@@ -71,40 +65,50 @@ def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool
         "n_walker": fit.chains.u.shape[2],
     }
     if fit.model.data.n_series > 1:
-        tree.attrs["series"] = json.dumps(fit.model.data.series_labels)
+        attrs["series"] = json.dumps(fit.model.data.series_labels)
     if fit.noise.nugget != NUGGET:
-        tree.attrs["nugget"] = fit.noise.nugget
-    write_tree(tree, path)
+        attrs["nugget"] = fit.noise.nugget
+    groups = labelled_groups(fit, complete=complete)
+    write_groups(groups, path, attrs, told if complete else {})
 
 
-def write_tree(tree: "xr.DataTree", path: str | os.PathLike[str]) -> None:
-    """Write groups of draws, packed, whole or not at all."""
-    # By h5netcdf itself: xarray would load dask and what comes with it, if that is installed.
+def write_groups(
+    groups: Mapping[str, Variables],
+    path: str | os.PathLike[str],
+    attrs: Mapping[str, Any],
+    group_attrs: Mapping[str, str] | None = None,
+) -> None:
+    """Write groups of draws, packed, whole or not at all; attributes of the file and of each."""
+    # By h5netcdf itself: xarray would load pint, and dask if that is installed.
     import h5netcdf
 
     content = io.BytesIO()
     with h5netcdf.File(content, "w") as file:
-        file.attrs.update(tree.attrs)
-        for name, group in tree.children.items():
-            _write_group(file.create_group(name), group.to_dataset())
+        file.attrs.update(attrs)
+        for name, variables in groups.items():
+            group = file.create_group(name)
+            group.attrs.update(group_attrs or {})
+            _write_group(group, variables)
     # A view left open when writing fails would keep Python 3.13 from closing what it is of.
     with replacing(Path(path)) as partial, content.getbuffer() as whole:
         partial.write_bytes(whole)
 
 
-def _write_group(group: Any, values: "xr.Dataset") -> None:
+def _write_group(group: Any, variables: Variables) -> None:
     import h5py
 
-    group.dimensions = dict(values.sizes)
-    group.attrs.update(values.attrs)
-    for name, variable in values.variables.items():
-        cells, how = variable.to_numpy(), {}
+    for name, (dims, values) in variables.items():
+        cells, how = np.asarray(values), {}
         if cells.dtype.kind in "OSU":
             how["dtype"] = h5py.string_dtype()
             cells = cells.astype(object)
         elif cells.nbytes > _SMALL:
             how = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-        group.create_variable(name, variable.dims, data=cells, **how).attrs.update(variable.attrs)
+        new = {
+            dim: n for dim, n in zip(dims, cells.shape, strict=True) if dim not in group.dimensions
+        }
+        group.dimensions.update(new)
+        group.create_variable(name, dims, data=cells, **how)
 
 
 def read_netcdf(path: str | os.PathLike[str]) -> Posterior:
@@ -113,7 +117,7 @@ def read_netcdf(path: str | os.PathLike[str]) -> Posterior:
 
 
 def read_tree(path: str | os.PathLike[str], fit_of: Callable[[Stored], Read]) -> Read:
-    """Read what a fit needs of a file of `write_tree`, and return what `fit_of` makes of it.
+    """Read what a fit needs of a file of `write_groups`, and return what `fit_of` makes of it.
 
     Raises
     ------
