@@ -22,7 +22,9 @@ from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
 from ridgebayes.fea.column_units import DIMENSIONS
 from ridgebayes.fea.mapping import CONSTANTS, CORNERS, HOLDS, KEYS, PER_Q
 from ridgebayes.friction.table import COLUMNS as FRICTION_COLUMNS
+from ridgebayes.inference.arviz_groups import CONTENT
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
+from ridgebayes.inference.netcdf import ATTRIBUTES
 from ridgebayes.model.default_priors import NOISE_PRIORS, REASONS, coefficient_priors
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.report.inputs import GLOSSARY
@@ -44,6 +46,7 @@ def write_pages(folder: Path) -> None:
         ),
         "glossary.md": table(("word", "means"), GLOSSARY),
         "run-columns.md": run_columns(),
+        "netcdf.md": netcdf(),
         "map-keys.md": map_keys(),
         "default-priors.md": default_priors(),
         "distributions.md": table(("distribution",), [(f"`{one}`",) for one in USAGE.values()]),
@@ -157,6 +160,21 @@ def run_columns() -> list[str]:
     }
     rows = [(f"`{name}`", ", ".join(f"`{one}`" for one in held)) for name, held in files.items()]
     return table(("file", "columns"), rows)
+
+
+def netcdf() -> list[str]:
+    """Return the groups, variables and attributes of a file of a posterior."""
+    rows = [
+        (f"`{group}`", f"`{name}`" if name != "PARAMETER" else name, ", ".join(dims), holds)
+        for group, variables in CONTENT.items()
+        for name, (dims, holds) in variables.items()
+    ]
+    attributes = [(f"`{name}`", holds) for name, holds in ATTRIBUTES.items()]
+    return [
+        *table(("group", "variable", "dimensions", "holds"), rows),
+        "",
+        *table(("attribute of the file", "holds"), attributes),
+    ]
 
 
 def map_keys() -> list[str]:

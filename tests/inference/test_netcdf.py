@@ -13,14 +13,11 @@ from ridgebayes.distributions.grammar import priors_from_json, priors_to_json
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import bridge_evidence, quadrature_evidence
 from ridgebayes.inference import posterior
-from ridgebayes.inference.arviz_groups import all_groups
+from ridgebayes.inference.arviz_groups import CONTENT, all_groups, attributes
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.diagnostics import import_arviz
 from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.netcdf import (
-    read_netcdf,
-    write_netcdf,
-)
+from ridgebayes.inference.netcdf import ATTRIBUTES, read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
@@ -99,6 +96,28 @@ def test_write_netcdf__opens_with_the_installed_arviz(fits, files, name):
     )  # algebra: a sum of 41 rows
     assert data["observed_data"]["log_load"].shape == (41,)
     assert {"lp", "acceptance_rate", "tau"} <= set(data["sample_stats"].data_vars)
+
+
+def test_files__hold_what_their_contract_says(fits, observed, tmp_path):
+    rng = np.random.default_rng(1)
+    texture, Q = np.arange(24) % 4, 4 + 2 * (np.arange(24) // 8)
+    load = 2 * np.log((Q / 2 - 1) * 0.03) + 0.05 * rng.standard_normal(24)
+    data = observed(texture, Q, load, series=np.arange(24) // 4 % 2)
+    data = replace(data, labels=("one", "two", "three", "four"))
+    model = Model(data, Modified(), Noise("step-smooth+series", nugget=1e-6))
+    of_series, _ = importance_posterior(model, seed=1, n_draw=128, n_round=1, n_per_round=200)
+    seen, told = set(), set()
+    for one in (fits["hybrid"], fits["power-law"], of_series):
+        write_netcdf(one, tmp_path / "one.nc")
+        with xr.open_datatree(tmp_path / "one.nc", engine="h5netcdf") as tree:
+            told |= set(tree.attrs) - set(attributes(one))
+            for group, values in tree.children.items():
+                for name, variable in values.data_vars.items():
+                    entry = "PARAMETER" if name in one.model.parameter_names else name
+                    assert variable.dims == CONTENT[group][entry][0], (group, name)
+                    seen.add((group, entry))
+    assert seen == {(group, name) for group, names in CONTENT.items() for name in names}
+    assert told == set(ATTRIBUTES)
 
 
 def test_all_groups__labels_each_K_with_its_texture(fits):

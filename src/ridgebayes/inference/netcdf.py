@@ -28,6 +28,21 @@ from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import one_line_message
 
 _SMALL = 1_000  # bytes that are not worth packing
+# Attributes of a file, beside those that arviz has too.
+ATTRIBUTES = {
+    "ridgebayes_version": "version that wrote it",
+    "form": "contact form",
+    "noise": "error model",
+    "priors": "JSON: the prior of each parameter",
+    "summary": "JSON: the parameters' rows of `summary.csv`",
+    "missing": "JSON: rules of convergence that were not met",
+    "stopping_rule_missing": "JSON: those of them that the walk itself found",
+    "seed": "seed of the run",
+    "sampler": "`emcee`, `importance` or `exact`",
+    "n_walker": "walkers of an ensemble: draws of one step stand side by side",
+    "series": "JSON: labels of the series, where there are several",
+    "nugget": "relative error of all loads, where it is not the default",
+}
 _READ = ("constant_data", "observed_data", "sample_stats")
 Read = TypeVar("Read")
 
