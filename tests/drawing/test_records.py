@@ -64,6 +64,13 @@ def test_plot_of_a_table__names_its_curves_and_says_how_many_are_not_shown():
     assert axes.get_title() == "the first 12 of 20"
 
 
+def test_plot_of_a_table__rounds_long_labels():
+    rows = {"a_over_R": 0.25 / 9, "b_over_R": 0.2 / 9, "Q": [4, 6], "p_over_E": [0.001, 0.004]}
+    axes = rb.ContactTable.from_frame(pd.DataFrame(rows)).plot()
+    (text,) = axes.get_legend().get_texts()
+    assert text.get_text() == "a0.027778_b0.022222"
+
+
 def test_plot_of_a_table__refuses_one_without_a_row_to_draw():
     frame = rb.paper_sweep().frame.assign(status="not converged")
     with pytest.raises(rb.InputError, match="table: expected a row with status ok to draw"):

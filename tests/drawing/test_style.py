@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from ridgebayes.drawing.style import COLOURS, MARKERS, as_bytes, new_figure
+from ridgebayes.drawing.posterior import plot_corner
+from ridgebayes.drawing.style import COLOURS, MARKERS, as_bytes, new_figure, symbol
 
 # Machado, Oliveira and Fernandes (2009), severity 1, of linear RGB.
 DEUTERANOPIA = np.array(
@@ -74,3 +75,14 @@ def test_as_bytes__is_the_same_picture_whatever_was_asked_for_before():
     one, other = drawn(), drawn()
     as_bytes(one, "svg")
     assert as_bytes(one, "png") == as_bytes(other, "png")
+
+
+LONG = ("a0.027777777777777776_b0.022222222222222223", "a0.044444444444444446_b0.02")
+
+
+def test_labels_of_quotients__are_rounded_and_fit(faults):
+    assert symbol(f"K[{LONG[0]}]") == "$K$ a0.027778_b0.022222"
+    draws = np.random.default_rng(1).normal([56.0, 46.0], 1.0, (500, 2))
+    figure = plot_corner("power-law", [f"K[{one}]" for one in LONG], draws, {}, n_parameter=2)
+    assert figure.axes[2].get_xlabel() == "$K$\na0.0278_b0.0222"
+    assert faults(figure) == ([], [])

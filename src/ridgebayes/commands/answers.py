@@ -13,7 +13,7 @@ from ridgebayes.comparison.cautions import cautions
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.results import Fit
-from ridgebayes.runtime.text import count
+from ridgebayes.runtime.text import count, short_label
 
 _MOST_NOISES = 3  # error models of one form, on one line
 _MOST_ROWS = 4  # of one form's parameters: a power law has one a texture
@@ -98,7 +98,7 @@ def _rows(fit: Fit, summary: pd.DataFrame) -> list[dict[str, str]]:
         low, high = (f"{row[name]:.{places}f}" for name in ("eti_lower", "eti_upper"))
         rows.append(
             {
-                "parameter": row["parameter"],
+                "parameter": short_label(str(row["parameter"])),
                 "mean": f"{row['mean']:.{places}f}",
                 "sd": f"{row['sd']:.{places}f}",
                 f"{100 * row['prob']:g} % interval": f"{low} to {high}",

@@ -21,6 +21,7 @@ from ridgebayes.drawing.style import (
     symbol,
     title_of,
 )
+from ridgebayes.runtime.text import short_label
 
 _N_BIN = 40
 _REACH = 4  # widths of their middle half to which draws are shown: far ones would squeeze the rest
@@ -229,7 +230,7 @@ def _label(name: str, power: int) -> str:
     """Return a parameter's symbol, with its texture on a second line that is as wide as a panel."""
     words = _scaled(name, power)
     if name.startswith("K["):
-        return f"{words.partition(' ')[0]}\n{plain(name[2:-1], 13)}"
+        return f"{words.partition(' ')[0]}\n{plain(short_label(name[2:-1], 3), 15)}"
     return words
 
 

@@ -8,6 +8,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from ridgebayes._types import FloatArray
 from ridgebayes.drawing.style import COLOURS, WIDTH, new_figure, plain, shared_legend, styled
+from ridgebayes.runtime.text import short_label
 
 _BODY = COLOURS["modified"]
 _EFFECTS = {
@@ -50,7 +51,7 @@ def draw_steps(axes: Axes, curves: dict[str, tuple[FloatArray, FloatArray]]) -> 
             color=colours[i % len(colours)],
             linewidth=1.3,
             linestyle=("-", "--", ":", "-.")[i % 4],
-            label=plain(name, 60),
+            label=plain(short_label(name, most=60), 60),
         )
     axes.set(xlabel="load $p/E$", ylabel="edges in contact $Q$")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 
 from ridgebayes.runtime.atomic import replacing
-from ridgebayes.runtime.text import visible
+from ridgebayes.runtime.text import short_label, visible
 
 # Okabe and Ito's palette: told apart with every common kind of colour blindness.
 _FORMS = {
@@ -206,7 +206,7 @@ def symbol(parameter: str) -> str:
         "df": r"$\nu$ of $t$",
     }
     if parameter.startswith("K["):
-        return f"$K$ {plain(parameter[2:-1])}"
+        return f"$K$ {plain(short_label(parameter[2:-1]))}"
     return known.get(parameter, plain(parameter))
 
 

@@ -10,7 +10,7 @@ from ridgebayes import drawing
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.report.blocks import Block, Table, Text
 from ridgebayes.report.wording import form_name, number
-from ridgebayes.runtime.text import count, versions
+from ridgebayes.runtime.text import count, short_label, versions
 
 MOST_TEXTURES = 40
 _ERRORS = {
@@ -59,7 +59,7 @@ def data_section(data: ReportData) -> list[Block]:
     textures = drawing.style.rows_by_texture(frame[frame["status"] == "ok"])
     rows = [
         [
-            str(part["texture"].iloc[0]),
+            short_label(str(part["texture"].iloc[0])),
             f"{a:g}",
             f"{b:g}",
             number(a / (a + b), 3),

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 
 from ridgebayes import drawing
+from ridgebayes.runtime.text import short_label
 
 ABSENT = "–"
 _STRUCTURES = {
@@ -44,11 +45,11 @@ def parameter_name(name: str) -> str:
 
     Examples
     --------
-    >>> parameter_name("c2"), parameter_name("K[fine]")
-    ('c₂', 'K of fine')
+    >>> parameter_name("c2"), parameter_name("K[a0.027777777777777776_b0.02]")
+    ('c₂', 'K of a0.027778_b0.02')
     """
     if name.startswith("K["):
-        return f"K of {name[2:-1]}"
+        return f"K of {short_label(name[2:-1])}"
     return _PARAMETERS.get(name, name)
 
 

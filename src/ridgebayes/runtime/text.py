@@ -11,6 +11,7 @@ MINUS = "\N{MINUS SIGN}"
 # Packages that numbers depend on, and files and figures.
 _SOLVING = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz")
 _SHOWING = ("xarray", "corner", "matplotlib")
+_MOST_DIGITS = 6  # of a number in a label that is shown as it is
 _LONGEST_VALUE = 200  # characters of a value of a file
 _UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # controls, such as those of writing right to left
 
@@ -55,6 +56,25 @@ def visible(text: str) -> str:
     return "".join(
         ascii(c)[1:-1] if unicodedata.category(c) in _UNSEEN and c != "\n" else c for c in text
     )
+
+
+def short_label(text: str, n_digit: int = 5, most: int = 40) -> str:
+    """Return a label as tables and figures show it: long decimals rounded, and no longer than most.
+
+    Examples
+    --------
+    >>> short_label("a0.027777777777777776_b0.02"), short_label("rig 3, 0.000012345")
+    ('a0.027778_b0.02', 'rig 3, 0.000012345')
+    >>> short_label("milled twice on Monday", most=12)
+    'milled twic…'
+    """
+
+    def rounded(number: re.Match[str]) -> str:
+        digits = number[0].replace(".", "").lstrip("0")
+        return f"{float(number[0]):.{n_digit}g}" if len(digits) > _MOST_DIGITS else number[0]
+
+    shown = re.sub(r"\d+\.\d+", rounded, text)
+    return shown if len(shown) <= most else shown[: most - 1] + "…"
 
 
 def one_line_message(error: Exception, most: int = 120) -> str:
