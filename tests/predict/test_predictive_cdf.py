@@ -73,8 +73,8 @@ def test_values__of_counts_with_offsets_of_their_own_are_their_own(spread):
         mean = middle + off + 0.01 * rng.standard_normal(len(off))
         np.testing.assert_allclose(table.at(P, mean, each), means(Y, mean, each), rtol=0, atol=1e-7)
         assert means.n < 3.3 * n_done * len(Y)  # of which this test asks for 1.2
-        few = Table(means).at(P[::10], mean, each)
-        np.testing.assert_array_equal(few, means(Y[::10], mean, each))
+        few = Table(means).at(P[::30], mean, each)  # no sixteen of them lie close
+        np.testing.assert_allclose(few, means(Y[::30], mean, each), rtol=1e-12)  # rounding
 
 
 def test_values__are_0_without_a_load_and_where_no_load_reaches():

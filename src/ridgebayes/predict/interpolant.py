@@ -1,112 +1,86 @@
-"""A smooth function of one number, tabulated where it is asked for: pieces of Chebyshev series.
+"""A smooth function of one number, tabulated where many values are asked for: Chebyshev series.
 
-A distribution function averaged over thousands of draws is smooth in log load, but dear. Asked for
-at many loads it is worked out at some hundred, in pieces that are halved until the last
-coefficients of each are at rounding.
+A distribution function averaged over thousands of draws is smooth in log load, but dear. Where many
+loads lie close it is worked out at sixteen places of a cell, which is halved until the last
+coefficients are small; elsewhere at the loads themselves.
 
->>> sine = Interpolant(np.sin)
+>>> sine = Interpolant(np.sin, 1e-14)
 >>> y = np.linspace(0.0, 10.0, 10_001)
 >>> bool(np.abs(sine(y) - np.sin(y)).max() < 1e-13)
 True
 """
 
-import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.polynomial import chebyshev
+from numpy.polynomial.chebyshev import chebpts1, chebval, chebvander
 
 from ridgebayes._types import FloatArray
 
-_N = 16  # coefficients of a piece
-_TOLERANCE = 1e-14  # of the last three of them
+_N = 16  # coefficients of a cell
+_NODES = chebpts1(_N)
+_TO_SERIES = np.linalg.inv(chebvander(_NODES, _N - 1))
+_FINEST = 40  # halvings of a cell: what is rough then has a step there
 _AT_ONCE = 4_096  # arguments evaluated together, which bounds memory
-_ANGLES = (np.arange(_N) + 0.5) * np.pi / _N
-_NODES = np.cos(_ANGLES)
-_TO_SERIES = 2 / _N * np.cos(np.outer(np.arange(_N), _ANGLES))
-_TO_SERIES[0] /= 2
+_UNKNOWN, _ROUGH = np.full((2, _N), [[np.nan], [np.inf]])  # in place of a series
 
 
 class Interpolant:
     """A function's values to ten times a tolerance, from its values at few places.
 
+    What was tabulated is kept for later calls. A rough function is evaluated itself, with at most
+    one more value for each of its own at every halving.
+
     Parameters
     ----------
     function : callable
-        From ndarray of float, shape (n,), to the same; smooth, of size 1. It is evaluated itself
-        where a table would take too many values.
-    tolerance : float, optional
-        Of the last three coefficients of each piece.
-    widest : float, optional
-        Width of a piece that is not tried wider.
+        From ndarray of float, shape (n,), to the same; of size 1.
+    tolerance : float
+        Of the last three coefficients of each cell.
+    width : float, optional
+        Of the cells that are tried first.
     """
 
     def __init__(
         self,
         function: Callable[[FloatArray], FloatArray],
-        tolerance: float = _TOLERANCE,
-        widest: float = np.inf,
+        tolerance: float,
+        width: float = 3.0,
     ) -> None:
-        self._function, self._tolerance, self._widest = function, tolerance, widest
-        self._edges, self._series, self._failed = np.empty(0), np.empty((0, _N)), 0
+        self._function, self._tolerance, self._width = function, tolerance, width
+        self._series: dict[tuple[float, float], FloatArray] = {}  # by a cell's width and number
 
-    def __call__(self, y: FloatArray, n_most: int = 0) -> FloatArray:
-        """Return the values at finite y, shape (n,), from at most n or `n_most` further ones."""
-        if not len(y):
-            return np.empty(0)
-        n_most = max(len(y), n_most)
-        # What has failed once is not tried again.
-        covered = n_most > self._failed and self._cover(float(y.min()), float(y.max()), n_most)
-        if not covered:
-            self._failed = max(n_most, self._failed)
-        evaluate = self._tabulated if covered else self._function
-        return np.concatenate([evaluate(y[i : i + _AT_ONCE]) for i in range(0, len(y), _AT_ONCE)])
+    def __call__(self, y: FloatArray) -> FloatArray:
+        """Return the values at finite y, shape (n,)."""
+        value, pending = np.empty(len(y)), np.arange(len(y))
+        few, width = [pending[:0]], self._width
+        for _ in range(_FINEST):
+            if not len(pending):
+                break
+            place = y[pending] / width
+            floor = np.floor(place)
+            cells, own, n = np.unique(floor, return_inverse=True, return_counts=True)
+            self._tabulate(width, cells[n > _N])
+            series = np.array(
+                [self._series.get((width, cell), _UNKNOWN) for cell in cells.tolist()]
+            )
+            state = series[own, 0]
+            known = np.isfinite(state)
+            x = 2 * (place - floor)[known] - 1
+            value[pending[known]] = chebval(x, series[own[known]].T, tensor=False)
+            few.append(pending[np.isnan(state)])
+            pending, width = pending[np.isinf(state)], width / 2
+        own = np.concatenate([*few, pending])
+        for i in range(0, len(own), _AT_ONCE):
+            value[own[i : i + _AT_ONCE]] = self._function(y[own[i : i + _AT_ONCE]])
+        return value
 
-    def _tabulated(self, y: FloatArray) -> FloatArray:
-        piece = np.clip(np.searchsorted(self._edges, y) - 1, 0, len(self._series) - 1)
-        low, high = self._edges[piece], self._edges[piece + 1]
-        x = (2 * y - low - high) / (high - low)
-        return np.asarray(chebyshev.chebval(x, self._series[piece].T, tensor=False))
-
-    def _cover(self, low: float, high: float, n_most: int) -> bool:
-        """Extend the pieces to a range; False if that would take more than `n_most` values."""
-        gaps = [(low, max(high, np.nextafter(low, np.inf)))]
-        if len(self._edges):
-            ends = float(self._edges[0]), float(self._edges[-1])
-            gaps = [gap for gap in ((low, ends[0]), (ends[1], high)) if gap[0] < gap[1]]
-        pieces = [_pieces(*gap, self._widest) for gap in gaps]
-        pending, done, n = np.concatenate([np.empty((0, 2)), *pieces]), [], 0
-        while len(pending):
-            n += len(pending) * _N
-            if n > n_most:
-                return False
-            series = _series_of(self._function, pending)
-            smooth = np.abs(series[:, -3:]).max(axis=1) < self._tolerance
-            done += list(zip(pending[smooth, 0], series[smooth], strict=True))
-            pending = _halved(pending[~smooth])
-        if done:
-            starts = np.append(self._edges[:-1], [start for start, _ in done])
-            series = np.concatenate([self._series, [series for _, series in done]])
-            order = np.argsort(starts)
-            end = max(high, self._edges[-1] if len(self._edges) else gaps[0][1])
-            self._edges, self._series = np.append(starts[order], end), series[order]
-        return True
-
-
-def _pieces(low: float, high: float, widest: float) -> FloatArray:
-    """Return the ends of equal pieces of a range, shape (n_piece, 2)."""
-    edges = np.linspace(low, high, 1 + max(math.ceil((high - low) / widest), 1))
-    return np.column_stack([edges[:-1], edges[1:]])
-
-
-def _halved(pieces: FloatArray) -> FloatArray:
-    cut = pieces.mean(axis=1)
-    return np.stack([pieces[:, 0], cut, cut, pieces[:, 1]], axis=1).reshape(-1, 2)
-
-
-def _series_of(function: Callable[[FloatArray], FloatArray], pieces: FloatArray) -> FloatArray:
-    """Return the coefficients of each piece, shape (n_piece, 16)."""
-    middle, half = pieces.mean(axis=1), 0.5 * (pieces[:, 1] - pieces[:, 0])
-    values = function((middle[:, None] + half[:, None] * _NODES).ravel())
-    series: FloatArray = values.reshape(-1, _N) @ _TO_SERIES.T
-    return series
+    def _tabulate(self, width: float, cells: FloatArray) -> None:
+        """Find the series of those cells that have none yet."""
+        new = np.array([cell for cell in cells.tolist() if (width, cell) not in self._series])
+        if not len(new):
+            return
+        values = self._function((width * (new[:, None] + 0.5 * (1 + _NODES))).ravel())
+        found = values.reshape(-1, _N) @ _TO_SERIES.T
+        found[np.abs(found[:, -3:]).max(axis=1) >= self._tolerance] = _ROUGH
+        self._series |= zip(((width, cell) for cell in new.tolist()), found, strict=True)

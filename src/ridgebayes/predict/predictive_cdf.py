@@ -177,13 +177,10 @@ def distinct(*columns: FloatArray) -> tuple[IntArray, IntArray]:
 _SATURATED = 8.3  # standard deviations beyond which a normal distribution function is 0 or 1
 _AT_ONCE = 500  # loads, which bounds memory
 _EXACT, _CLOSE = 1e-14, 1e-8  # errors of tables: of normal errors over draws, and of all others
-_FEW_OF_DRAWS, _FEW_OF_NODES = 1_000, 128  # loads up to which a count of its own needs no table
-_MOST = 3_000  # values of a table that counts share
-_WIDEST = 3.0  # of a table's pieces: a step at the end of a wider one might be missed
 _SHIFTED = 3e-14  # of log loads: two counts' means are one but for a shift
 _N_KNOT = 256  # of a curve's table
 _SMOOTHED = 0.2  # of a curve's spread: width of the kernel that nodes are smoothed by
-_Table = Callable[..., FloatArray]  # of log loads, and how many values it may take
+_Table = Callable[[FloatArray], FloatArray]  # of log loads
 
 
 class Average:
@@ -208,7 +205,6 @@ class Average:
     def __init__(self, draws: PosteriorLoads, kind: str) -> None:
         self._draws, self._kind = draws, kind
         self.error = np.nan if draws.weight is None else 0.0
-        self._few = _FEW_OF_DRAWS if draws.weight is None else _FEW_OF_NODES
         self._is_exact = draws.weight is None and draws.df is None
         self._known: tuple[FloatArray, FloatArray, _Table] | None = None
 
@@ -245,15 +241,11 @@ class Average:
             def along(x: FloatArray) -> FloatArray:
                 return means(middle + width * np.sinh(x))
 
-            tabulated = Interpolant(along, _EXACT if self._is_exact else _CLOSE, _WIDEST)
-            return lambda y, n_most: tabulated(np.arcsinh((y - middle) / width), n_most)
+            tabulated = Interpolant(along, _EXACT if self._is_exact else _CLOSE)
+            return lambda y: tabulated(np.arcsinh((y - middle) / width))
 
-        known, shift, is_new = self._shared(mean, scale, table)
-        if len(here) <= self._few and (is_new or self._is_exact):
-            result[here] = means(y[here])
-        else:
-            n_most = 0 if is_new else _MOST
-            result[here] = np.clip(known(y[here] - shift, n_most), 0.0, 1.0)
+        known, shift = self._shared(mean, scale, table)
+        result[here] = np.clip(known(y[here] - shift), 0.0, 1.0)
         return result
 
     def _steps(self, y: FloatArray, mean: FloatArray) -> FloatArray:
@@ -271,14 +263,14 @@ class Average:
                 )
             return found
 
-        known, shift, _ = self._shared(mean, np.array([width]), table)
+        known, shift = self._shared(mean, np.array([width]), table)
         value = np.clip(known(np.clip(y, low, high) - shift), 0.0, 1.0)
         return np.where(y > high, 1.0, np.where(y < low, 0.0, value))
 
     def _shared(
         self, mean: FloatArray, scale: FloatArray, make: Callable[[], _Table]
-    ) -> tuple[_Table, float, bool]:
-        """Return a table of a count's mean, how far in log load it lies off, and if it is new.
+    ) -> tuple[_Table, float]:
+        """Return a table of a count's mean, and how far in log load that lies off.
 
         Counts of one texture mostly share theirs.
         """
@@ -288,9 +280,9 @@ class Average:
                 apart = mean - known
                 off = max(np.ptp(apart), np.abs(scale - known_scale).max())
             if off < max(_CLOSE * float(scale.min()), _SHIFTED):
-                return table, float(apart[0]), False
+                return table, float(apart[0])
         self._known = mean, scale, make()
-        return self._known[2], 0.0, True
+        return self._known[2], 0.0
 
     def _mean(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
         """Return the mean at each y, shape (n,), evaluated there."""
