@@ -15,12 +15,13 @@ from ridgebayes.contact.two_scale import load_of, relative_error
 from ridgebayes.drawing.style import COLOURS, WIDTH, as_bytes, new_figure, styled
 
 HERE, DATA = Path(__file__).parent, Path("data/fea")
+CALCULIX = ("neo_hooke", "calculix_rounded")
 KEYS = ["a_over_R", "b_over_R", "nu", "offset_over_R", "corner_radius_over_R"]
 
 
 def compare() -> pd.DataFrame:
     """Return both errors of each row of finite elements, and what two scales say of theirs."""
-    names = ("cylinder_sweep", "neo_hooke", "rounded_corners")
+    names = ("cylinder_sweep", "rounded_corners", *CALCULIX)
     parts = [pd.read_csv(DATA / f"{name}.csv").assign(rows=name) for name in names]
     fe = pd.concat(parts, ignore_index=True).fillna(dict.fromkeys(KEYS, 0.0))
     found = []
@@ -52,23 +53,25 @@ def draw(frame: pd.DataFrame) -> None:
         (("p_over_E", "load $p/E$"), ("ridge_pressure", "mean ridge pressure over $E$")),
         strict=True,
     ):
-        for name, marker, colour in (
-            ("half_plane", "x", "classic"),
-            ("two_scale", "o", "modified"),
+        by_calculix = frame["rows"].isin(CALCULIX)
+        for name, some, marker, colour, what in (
+            ("half_plane", by_calculix.notna(), "x", "classic", "half-plane"),
+            ("two_scale", ~by_calculix, "o", "modified", "two-scale"),
+            ("two_scale", by_calculix, "^", "hybrid", "two-scale, against CalculiX"),
         ):
             axes.loglog(
-                frame[x],
-                100 * np.maximum(frame[f"{name}_error"].abs(), 1e-5),
+                frame[x][some],
+                100 * np.maximum(frame[f"{name}_error"][some].abs(), 1e-5),
                 marker,
                 color=COLOURS[colour],
                 markersize=4,
-                label=name.replace("_", "-") if x == "p_over_E" else None,
+                label=what if x == "p_over_E" else None,
             )
         axes.set_xlabel(label)
         axes.axhline(0.1, color="#000000", linewidth=0.8, linestyle=":")
         if x == "p_over_E":
             axes.set_ylabel("load off finite elements (%)")
-    figure.legend(loc="outside upper center", ncols=2)
+    figure.legend(loc="outside upper center", ncols=3)
     (HERE / "compare.png").write_bytes(as_bytes(figure, "png"))
 
 
@@ -81,3 +84,5 @@ if __name__ == "__main__":
     bands = pd.cut(table["p_over_E"], [0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5])
     columns = table[["half_plane_error", "two_scale_error"]].abs()
     print((100 * columns.groupby(bands, observed=True).max()).round(2))
+    print("off CalculiX:")
+    print(table[table["rows"].isin(CALCULIX)].round(6).to_string(index=False))

@@ -118,7 +118,10 @@ def test_load_of__is_the_load_of_finite_elements_on_sharp_corners(name):
     assert np.mean(np.abs(off) < 1.96) >= 0.95
 
 
-ROUND = pd.read_csv(data_path("fea/rounded_corners.csv"))
+# The package's own, and CalculiX's.
+ROUND = pd.concat(
+    pd.read_csv(data_path(f"fea/{name}.csv")) for name in ("rounded_corners", "calculix_rounded")
+)
 KEYS = ["a_over_R", "b_over_R", "nu", "offset_over_R"]
 
 

@@ -225,6 +225,16 @@ def high() -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
+def finer() -> pd.DataFrame:
+    """Go to high loads on round corners with two meshes."""
+    parts = []
+    for a, b, p_max, all_edges in ((0.08, 0.03, 0.2, (8, 16)), (A, B, 0.2, (8, 12))):
+        for edges in all_edges:
+            found = transitions(Profile(a, b, corner=0.1 * a), p_max, edges)
+            parts.append(found.assign(a_over_R=a, b_over_R=b))
+    return pd.concat(parts, ignore_index=True)
+
+
 @styled()
 def convergence(frame: pd.DataFrame) -> None:
     """Draw distances from the limit against edges a ridge."""
@@ -253,6 +263,7 @@ TABLES = {
     "energy": energy,
     "radii": radii,
     "high": high,
+    "finer": finer,
 }
 
 
