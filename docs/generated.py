@@ -4,10 +4,12 @@ import inspect
 import shutil
 from collections.abc import Iterable
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import typer
+from pydantic import PlainValidator
 
 import ridgebayes as rb
 from ridgebayes.checks.cost.measured import SHORT_COLUMNS
@@ -28,6 +30,7 @@ from ridgebayes.inference.netcdf import ATTRIBUTES
 from ridgebayes.model.default_priors import NOISE_PRIORS, REASONS, coefficient_priors
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.report.inputs import GLOSSARY
+from ridgebayes.scene.toml import SECTIONS
 from ridgebayes.scene.units import EXAMPLES
 from ridgebayes.table.columns import COLUMNS, Column
 from ridgebayes.texture_design.record import DESIGN_COLUMNS
@@ -47,6 +50,7 @@ def write_pages(folder: Path) -> None:
         "glossary.md": table(("word", "means"), GLOSSARY),
         "run-columns.md": run_columns(),
         "netcdf.md": netcdf(),
+        "scene-keys.md": scene_keys(),
         "map-keys.md": map_keys(),
         "default-priors.md": default_priors(),
         "distributions.md": table(("distribution",), [(f"`{one}`",) for one in USAGE.values()]),
@@ -160,6 +164,30 @@ def run_columns() -> list[str]:
     }
     rows = [(f"`{name}`", ", ".join(f"`{one}`" for one in held)) for name, held in files.items()]
     return table(("file", "columns"), rows)
+
+
+def scene_keys() -> list[str]:
+    """Return the keys of a scene file."""
+    rows = []
+    for section, model in SECTIONS.items():
+        title = f"`[[{section}]]`" if section in ("texture", "joint") else f"`[{section}]`"
+        for name, field in model.model_fields.items():
+            dimension = dimension_of((field.annotation, *field.metadata))
+            unit = f"`{EXAMPLES[dimension]}`" if dimension else ""
+            default = "required" if field.is_required() else f"`{field.default}`"
+            default = "" if field.default is None else default
+            rows.append((title, f"`{name}`", field.description or "", unit, default))
+    return table(("table", "key", "holds", "unit as in", "if absent"), rows)
+
+
+def dimension_of(parts: Iterable[Any]) -> Any:
+    """Return the dimension that the type of a key is read as, or None."""
+    for part in parts:
+        if isinstance(part, PlainValidator) and isinstance(part.func, partial):
+            return part.func.args[0]
+        if found := dimension_of((*get_args(part), *getattr(part, "__metadata__", ()))):
+            return found
+    return None
 
 
 def netcdf() -> list[str]:

@@ -27,18 +27,22 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
 import ridgebayes as rb
 from ridgebayes.commands.cli import app
+from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.prior_files import resolve_priors
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.runtime.reading import read_toml
+from ridgebayes.scene.toml import SECTIONS
+from ridgebayes.table.datafiles import data_path
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -300,6 +304,33 @@ def test_citing_page__has_the_names_of_the_citation_file():
     assert set(article) == {"title", "journal", "doi"}
     for value in (*fields.values(), *article.values()):
         assert value in known
+
+
+def test_scene_template__names_the_keys_that_a_scene_file_may_have():
+    text = data_path("scenes/template.toml").read_text(encoding="utf-8")
+    named, section = {}, ""
+    for line in text.splitlines():
+        if found := re.match(r"\[(\w+)\]", line):
+            section = found[1]
+        elif section and (found := re.match(r"(?:# )?(\w+) = ", line)):
+            named.setdefault(section, []).append(found[1])
+    keys = {name: sorted(model.model_fields) for name, model in SECTIONS.items()}
+    del keys["joint"]  # for those who look for it
+    assert {name: sorted(found) for name, found in named.items()} == keys
+
+
+@pytest.mark.slow
+def test_run_folder_page__names_the_columns_of_bands_and_loads(comparison):
+    text = (DOCS / "run-folder.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`.+`.*) \| (both|bands|loads) \|", text, flags=re.MULTILINE)
+    named = {"bands": set(), "loads": set()}
+    for cells, place in rows:
+        for name in named if place == "both" else [place]:
+            named[name] |= set(re.findall(r"`(\w+)`", cells))
+    counts = {"p_q_ge_4", "p_q_ge_6"}  # and so on
+    bands = bands_table(comparison, textures=[(0.022, 0.02)], loads=np.array([0.004, 0.009]))
+    assert {one for one in bands if not one.startswith("p_q_ge_")} | counts == named["bands"]
+    assert set(loads_table(comparison)) == named["loads"]
 
 
 def test_option_names__exist():

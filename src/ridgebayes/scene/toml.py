@@ -120,39 +120,58 @@ class _Section(BaseModel):
 
 
 class _Body(_Section):
-    radius: _Length | None = None
-    youngs_modulus: _Pressure | None = None
-    poissons_ratio: Annotated[fields.PoissonsRatio, _Uncertain] = 0.5
-    ogden: fields.OgdenTerms = NEO_HOOKEAN
+    radius: _Length | None = Field(default=None, description="of the cylinder")
+    youngs_modulus: _Pressure | None = Field(default=None, description="at small strain")
+    poissons_ratio: Annotated[fields.PoissonsRatio, _Uncertain] = Field(
+        default=0.5, description="0 to 0.5"
+    )
+    ogden: fields.OgdenTerms = Field(
+        default=NEO_HOOKEAN, description="shares and exponents, see below"
+    )
 
 
 class _Texture(_Section):
-    ridge_width: _Length
-    groove_width: _Length
-    groove_depth: _Length | None = None
-    corner_radius: _LengthOrZero | None = None
-    offset: Annotated[fields.Offset, _Uncertain] = 0.0
-    role: fields.Role = "calibration"
-    max_p_over_E: fields.Positive | None = None
+    ridge_width: _Length = Field(description="of the flat top")
+    groove_width: _Length = Field(description="between two ridges")
+    groove_depth: _Length | None = Field(
+        default=None, description="without it grooves have no floor"
+    )
+    corner_radius: _LengthOrZero | None = Field(
+        default=None, description="without it corners are sharp"
+    )
+    offset: Annotated[fields.Offset, _Uncertain] = Field(
+        default=0.0,
+        description="of the body from a groove's centre: -0.5 to 0.5 pitches, or `uniform`",
+    )
+    role: fields.Role = Field(default="calibration", description="or `held-out`: never fitted")
+    max_p_over_E: fields.Positive | None = Field(
+        default=None, description="highest load on it alone"
+    )
 
 
 class _Load(_Section):
-    max: _Pressure | None = None
-    line: _LineLoad | None = None
-    force: _Force | None = None
-    length: _Length | None = None
-    p_over_E: Annotated[fields.Positive, _Uncertain] | None = None
-    friction: fields.NotNegative = 0.0
+    max: _Pressure | None = Field(default=None, description="force over the area 2 R times length")
+    line: _LineLoad | None = Field(default=None, description="force over the length")
+    force: _Force | None = Field(default=None, description="force, spread over `length`")
+    length: _Length | None = Field(default=None, description="of the cylinder along the ridges")
+    p_over_E: Annotated[fields.Positive, _Uncertain] | None = Field(
+        default=None, description="`max` over Young's modulus; 0.02 without any load"
+    )
+    friction: fields.NotNegative = Field(default=0.0, description="Coulomb's coefficient")
 
 
 class _Accuracy(_Section):
-    relative: fields.Relative | None = None
+    relative: fields.Relative | None = Field(
+        default=None, description="wanted, of each transition load"
+    )
 
 
 class _Joint(_Section):
-    of: Annotated[list[str], Field(min_length=2)]
-    correlation: list[list[float]] | None = None
-    draws: Any = None
+    of: list[str] = Field(min_length=2, description="places, such as `texture.ridge_width`")
+    correlation: list[list[float]] | None = Field(
+        default=None, description="matrix, of normal scores"
+    )
+    draws: Any = Field(default=None, description="rows of joint draws, without `correlation`")
 
 
 class _SceneFile(_Section):
@@ -163,7 +182,7 @@ class _SceneFile(_Section):
     joint: Annotated[list[_Joint], Field(default_factory=list)]
 
 
-_SECTIONS: dict[str, type[BaseModel]] = {
+SECTIONS: dict[str, type[BaseModel]] = {
     "body": _Body,
     "texture": _Texture,
     "load": _Load,
@@ -246,12 +265,12 @@ def _validated(data: Json, where: str, folder: Path) -> _SceneFile:
 def _meant(place: tuple[int | str, ...]) -> str:
     """Say which key was meant by an unknown one."""
     section, key = place[0], str(place[-1])
-    keys = list(_SECTIONS if len(place) == 1 else _SECTIONS[str(section)].model_fields)
+    keys = list(SECTIONS if len(place) == 1 else SECTIONS[str(section)].model_fields)
     longer = [name for name in keys if key.lower() in name]
     near = longer if len(key) > 2 and longer else get_close_matches(key.lower(), keys, 1, 0.5)
     if near:
         return f"did you mean {' or '.join(near)}?"
-    others = [name for name, model in _SECTIONS.items() if key in model.model_fields]
+    others = [name for name, model in SECTIONS.items() if key in model.model_fields]
     return f"it belongs to [{others[0]}]" if others else f"expected one of {', '.join(keys)}"
 
 
