@@ -6,7 +6,10 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
-from ridgebayes._types import NEO_HOOKEAN
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import NEO_HOOKEAN, Json
 from ridgebayes.contact import two_scale
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
@@ -16,7 +19,6 @@ from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.simulate import solvers
 from ridgebayes.simulate.solvers import CylinderVisitor, TextureTask, optional_effects, versions
-from ridgebayes.table.curves import Curve, curves_to_frame
 from ridgebayes.table.table import ContactTable
 
 
@@ -53,6 +55,7 @@ class LoadPreset:
         return LOAD_PRESETS[name]
 
 
+_IF_ANY = ("rel_se", "offset_over_R", "edges")  # columns that only some solvers fill
 LOAD_PRESETS = {
     "quick": LoadPreset("quick", 1e-4, (10,)),
     "standard": LoadPreset("standard", 1e-8),
@@ -171,10 +174,16 @@ def generate(
     if problems := [text for text in found if isinstance(text, str)]:
         raise InputError("\n".join(problems))
     curves = [curve for some in found if not isinstance(some, str) for curve in some]
+    frame = pd.DataFrame(
+        {
+            name: np.concatenate([np.broadcast_to(one[name], len(one["Q"])) for one in curves])
+            for name in curves[0]
+        }
+    )
+    frame = frame.drop(columns=[name for name in _IF_ANY if not frame[name].any()])
     if scene.uncertain_names:
-        medians = f"medians={'+'.join(scene.uncertain_names)}"
-        curves = [replace(curve, source=f"{curve.source} {medians}") for curve in curves]
-    return ContactTable.from_frame(curves_to_frame(curves), where=curves[0].source)
+        frame["source"] += f" medians={'+'.join(scene.uncertain_names)}"
+    return ContactTable.from_frame(frame, where=frame["source"].iloc[0])
 
 
 def _tasks(scene: Scene, solver: str, rel_tol: float, meshes: tuple[int, ...]) -> list[TextureTask]:
@@ -194,21 +203,21 @@ def _tasks(scene: Scene, solver: str, rel_tol: float, meshes: tuple[int, ...]) -
 
 def _all_found(
     tasks: Sequence[TextureTask],
-    solve: "Callable[[TextureTask], list[Curve] | str]",
+    solve: "Callable[[TextureTask], list[Json] | str]",
     executor: Executor | None,
     journal: Journal | None,
     progress: Callable[[str], None] | None,
-) -> "list[list[Curve] | str]":
+) -> "list[list[Json] | str]":
     """Return what is found of each task, in order: from the journal, or computed and put there."""
-    all_found: dict[int, list[Curve] | str] = {}
+    all_found: dict[int, list[Json] | str] = {}
     for task in tasks:
         if journal is not None and (kept := journal.find(task.given())) is not None:
-            all_found[task.number] = [Curve.from_dict(values) for values in kept]
+            all_found[task.number] = kept
 
-    def done(task: TextureTask, found: list[Curve] | str) -> None:
+    def done(task: TextureTask, found: list[Json] | str) -> None:
         all_found[task.number] = found
         if journal is not None and not isinstance(found, str):
-            journal.keep(task.given(), [curve.to_dict() for curve in found])
+            journal.keep(task.given(), found)
         if progress is not None:
             progress(f"{len(all_found)} of {len(tasks)} textures")
 
@@ -224,7 +233,7 @@ def _all_found(
     return [all_found[task.number] for task in tasks]
 
 
-def _solved(task: TextureTask, *, pressed: "CylinderVisitor | None" = None) -> list[Curve] | str:
+def _solved(task: TextureTask, *, pressed: "CylinderVisitor | None" = None) -> list[Json] | str:
     """Return the curves of a texture, or why it has none."""
     here = versions()["ridgebayes"]
     if task.version != here:

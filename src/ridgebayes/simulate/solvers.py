@@ -18,7 +18,6 @@ from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.scene.effects import FINITE_ELEMENT_ERROR, Plan, full_profile
 from ridgebayes.scene.scene import Scene, Texture
-from ridgebayes.table.curves import Curve
 
 if TYPE_CHECKING:
     from ridgebayes.contact.cylinder.cylinder import Cylinder, Transition
@@ -120,7 +119,7 @@ class TextureTask:
 
 def transition_curves(
     task: TextureTask, one: Plan, pressed: "CylinderVisitor | None" = None
-) -> Iterator[Curve]:
+) -> Iterator[Json]:
     """Yield the curves of a texture: one, or several where its offset is any, or meshes change.
 
     Parameters
@@ -134,7 +133,9 @@ def transition_curves(
 
     Yields
     ------
-    Curve
+    dict
+        Columns of the contact table, in values that JSON has: a number or text where all rows
+        have the same, else a list.
 
     Raises
     ------
@@ -167,8 +168,7 @@ def transition_curves(
                 how = f"{effects} corners=a/{1 / _ROUNDED:g}" if rounded else effects
                 curve = _curve(task, found, "cylinder-fe", how, offset, edges)
                 if rounded:
-                    more = tuple(math.hypot(one, _ROUNDED_SE) for one in curve.rel_se)
-                    curve = replace(curve, rel_se=more)
+                    curve |= {"rel_se": math.hypot(curve["rel_se"], _ROUNDED_SE)}
                 yield curve
                 if pressed is not None:
                     pressed(texture, body, reached)
@@ -197,22 +197,22 @@ def _simulated(task: TextureTask, one: Plan, chosen: str) -> list[str]:
 
 def _curve(
     task: TextureTask, found: _Rows, solver: str, how: str, offset: float = 0.0, edges: int = 0
-) -> Curve:
+) -> Json:
     texture, (Q, p_over_E, status) = task.texture, found
-    return Curve(
-        a_over_R=texture.a_over_R,
-        b_over_R=texture.b_over_R,
-        Q=tuple(Q.tolist()),
-        p_over_E=tuple(p_over_E.tolist()),
-        rel_se=(_ELEMENTS_SE.get(edges, 0.0),) * len(Q),
-        nu=task.scene.nu,
-        offset_over_R=offset * (texture.a_over_R + texture.b_over_R),
-        role=texture.role,
-        solver=solver,
-        status=tuple(status.tolist()),
-        source=f"ridgebayes {task.version} {solver} {how}",
-        edges=edges,
-    )
+    return {
+        "a_over_R": texture.a_over_R,
+        "b_over_R": texture.b_over_R,
+        "Q": Q.tolist(),
+        "p_over_E": p_over_E.tolist(),
+        "rel_se": _ELEMENTS_SE.get(edges, 0.0),
+        "nu": task.scene.nu,
+        "offset_over_R": offset * (texture.a_over_R + texture.b_over_R),
+        "role": texture.role,
+        "solver": solver,
+        "status": status.tolist(),
+        "source": f"ridgebayes {task.version} {solver} {how}",
+        "edges": edges,
+    }
 
 
 UNIFORM = tuple((2 * i + 1) / 32 for i in range(8))  # offsets that stand for any, and their mirrors
@@ -240,25 +240,20 @@ def chosen_solver(one: Plan, solver: str) -> str:
     return one.solver if solver == "auto" else solver
 
 
-def _two_scale(curve: Curve, ogden: Ogden) -> Curve:
+def _two_scale(curve: Json, ogden: Ogden) -> Json:
     """Return a curve of half-plane loads at the loads that do so at large deformation."""
-    nu = curve.nu
-    loads = two_scale.load_of(curve.p_over_E, nu, ogden)
-    error = two_scale.relative_error(loads, curve.a_over_R, curve.b_over_R, nu, ogden)
-    if curve.offset_over_R:
+    nu = curve["nu"]
+    loads = two_scale.load_of(curve["p_over_E"], nu, ogden)
+    error = two_scale.relative_error(loads, curve["a_over_R"], curve["b_over_R"], nu, ogden)
+    if curve["offset_over_R"]:
         error = np.hypot(error, two_scale.OFF_CENTRE)
-    said = (
+    said = [
         two_scale.UNCHECKED if one == "ok" and p > two_scale.checked(ogden) else one
-        for one, p in zip(curve.status, loads.tolist(), strict=True)
-    )
-    return replace(
-        curve,
-        p_over_E=tuple(loads.tolist()),
-        rel_se=tuple(np.nan_to_num(error).tolist()),
-        status=tuple(said),
-        solver="two-scale",
-        source=curve.source.replace(" half-plane ", " two-scale ", 1),
-    )
+        for one, p in zip(curve["status"], loads.tolist(), strict=True)
+    ]
+    rows = {"p_over_E": loads.tolist(), "rel_se": np.nan_to_num(error).tolist(), "status": said}
+    source = curve["source"].replace(" half-plane ", " two-scale ", 1)
+    return curve | rows | {"solver": "two-scale", "source": source}
 
 
 def friction_refused(scene: Scene, one: Plan, solver: str) -> str:

@@ -1,8 +1,8 @@
 """The contact table: its columns, their rules, its files, and the tables of the package.
 
 `columns` has the contract, `rules` finds every cell that breaks it, `files` reads and writes, and
-`table` has the record that everything else works on, `ContactTable`. `curves` turns what a solver
-found into rows, `datafiles` finds the embedded data. The room knows `errors` and `runtime`.
+`table` has the record that everything else works on, `ContactTable`. `datafiles` finds the embedded
+data. The room knows `errors` and `runtime`.
 
 >>> import pandas as pd
 >>> from ridgebayes.table.table import read_table

@@ -170,14 +170,12 @@ SHOWN = 20  # a message a person can still read; the rest is counted
 class RawTable:
     """Cells as they came in, with what a message needs to point at them.
 
-    `line` gives the file's line of a row counted from 0, where there is one; `retyped` reads the
-    same file again with every cell as typed, which is slow and only done to word an error.
+    `line` gives the file's line of a row counted from 0, where there is one.
     """
 
     frame: "pd.DataFrame"
     where: str
     line: Callable[[int], int] | None = None
-    retyped: "Callable[[], RawTable] | None" = None
 
     def place(self, row: int) -> str:
         """Return the words for a row counted from 0."""

@@ -1,12 +1,13 @@
 """Contact tables in files: to raw cells, and from a canonical frame."""
 
 import csv
+import functools
 import hashlib
 import io
 import json
 import os
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -202,9 +203,6 @@ def _parquet(content: bytes, where: str) -> RawTable:
     return RawTable(frame.reset_index(named) if named else frame, where)
 
 
-# From pandas 3.1 the default reader of floats is exact and naming a precision is deprecated.
-_PANDAS = tuple(int(part) for part in pd.__version__.split(".")[:2])
-_EXACT: dict[str, Any] = {} if _PANDAS >= (3, 1) else {"float_precision": "round_trip"}
 # Text that is a number and loses nothing by becoming one: "007", "+1" and longer ones stay text.
 _PLAIN_NUMBER = r"-?(?:0|[1-9]\d{0,15})(?:\.\d+)?(?:[eE][+-]?\d{1,3})?|"
 
@@ -236,75 +234,19 @@ def raw_csv(content: bytes, where: str, contract: Sequence[Column] = COLUMNS) ->
     text = decoded(content, where)
     if not text.strip():
         raise InputError(f"{where}: the file is empty")
-    content = text.encode()  # pandas reads a row after a lone carriage return one cell off
     cells = records(text, where)
     header = next(cells)[1]
     # Before the rows: with another separator every row would look ragged.
     check_header(header, where, contract)
-    if not is_rectangular(np.frombuffer(content, dtype=np.uint8), ",", len(header)):
-        _refuse_ragged(cells, header, where)
-
-    known = {column.name: column.holds for column in contract}
-    numbers = {name for name, holds in known.items() if holds == "number"}
-
-    def retyped() -> RawTable:
-        rows = list(records(text, where))[1:]
-        frame = pd.DataFrame([row for _, row in rows], columns=header, dtype=object)
-        return RawTable(_own_numbers(frame, known), where, [line for line, _ in rows].__getitem__)
-
-    lowered = content.lower()
-    if b"true" in lowered or b"false" in lowered:
-        return retyped()  # pandas would take the words for 1 and 0
-    try:
-        frame = read_clean(content, header, numbers, header=0)
-    except (ValueError, OverflowError):
-        return retyped()
-    return RawTable(_own_numbers(frame, known), where, retyped=retyped)
-
-
-def read_clean(
-    content: bytes,
-    columns: Sequence[str],
-    numbers: Collection[str],
-    *,
-    header: int | None = None,
-    separator: str = ",",
-    decimal: str = ".",
-) -> pd.DataFrame:
-    """Read CSV with pandas: floats exact, all else text, no word taken for empty.
-
-    Parameters
-    ----------
-    content : bytes
-        UTF-8; in columns of numbers the words true and false would be read as 1 and 0.
-    columns : sequence of str
-        Names.
-    numbers : collection of str
-        Those of them that hold numbers.
-    header : int or None, optional
-        Record that is passed over.
-    separator, decimal : str, optional
-        One character each; the latter between digits of numbers.
-
-    Raises
-    ------
-    ValueError, OverflowError
-        If a cell of a column of numbers is none.
-    """
-    value: pd.DataFrame = pd.read_csv(
-        io.BytesIO(content),
-        names=list(columns),
-        header=header,
-        sep=separator,
-        decimal=decimal,
-        index_col=False,
-        dtype={name: (float if name in numbers else str) for name in columns},
-        keep_default_na=False,
-        na_values={name: [""] for name in columns if name in numbers},
-        encoding="utf-8",
-        **_EXACT,
-    )
-    return value
+    lines = functools.cache(lambda: [line for line, _ in records(text, where)])
+    commas = {line.count(",") for line in text.split("\n") if line.strip()}
+    if '"' in text or commas != {len(header) - 1}:
+        frame = pd.DataFrame(_whole_rows(cells, header, where), columns=header, dtype=str)
+    else:  # the same, for long tables
+        options: dict[str, Any] = {"header": 0, "dtype": str, "keep_default_na": False}
+        frame = pd.read_csv(io.StringIO(text), names=header, **options)
+    own = {n: lossless(frame[n]) for n in set(header) - {column.name for column in contract}}
+    return RawTable(frame.assign(**own), where, lambda row: lines()[row + 1])
 
 
 def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, list[str]]]:
@@ -328,48 +270,20 @@ def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, 
         raise InputError(f"{where}, line {before + 1}: not CSV: {error}") from None
 
 
-def is_rectangular(data: np.ndarray, separator: str, width: int) -> bool:
-    """Count the separators of every line at once; False where blanks or quotes hide the answer.
-
-    Quotes do so if they are not around whole cells, or there are quotes or lines within.
-    """
-    if len(data) and data[-1] != ord("\n"):
-        data = np.append(data, np.uint8(ord("\n")))
-    is_mark = (data == ord(separator)) | (data == ord("\n"))
-    quotes = np.flatnonzero(data == ord('"'))
-    if len(quotes):
-        first, last = quotes[::2], quotes[1::2]
-        if len(first) > len(last) or not is_mark[first[first > 0] - 1].all():
-            return False
-        within = np.logical_xor.accumulate(data == ord('"'))
-        if not is_mark[last + 1].all() or np.any(data[within] == ord("\n")):
-            return False
-        is_mark &= ~within
-    marks = data[is_mark]
-    if len(marks) % width:
-        return False
-    lines = marks.reshape(-1, width)
-    return bool(np.all(lines[:, :-1] == ord(separator)) and np.all(lines[:, -1] == ord("\n")))
-
-
-def _refuse_ragged(rows: Iterator[tuple[int, list[str]]], header: list[str], where: str) -> None:
-    width, columns = len(header), [*header, f"beyond {header[-1]}"]
-    bad = [
-        (row, line, cells) for row, (line, cells) in enumerate(rows, start=1) if len(cells) != width
-    ]
+def _whole_rows(
+    rows: Iterator[tuple[int, list[str]]], header: list[str], where: str
+) -> list[list[str]]:
+    """Return rows as long as the header; refuse others."""
+    width, columns, numbered = len(header), [*header, f"beyond {header[-1]}"], list(rows)
+    bad = [one for one in enumerate(numbered, start=1) if len(one[1][1]) != width]
     if bad:
         lines = [
             f"{where}, row {row} (line {line}): column {columns[min(len(cells), width)]}: "
             f"{clipped(','.join(cells))}: must have {width} cells as the header, has {len(cells)}"
-            for row, line, cells in bad[:SHOWN]
+            for row, (line, cells) in bad[:SHOWN]
         ]
         raise InputError(listed(where, lines, len(bad), len(bad)))
-
-
-def _own_numbers(frame: pd.DataFrame, known: Collection[str]) -> pd.DataFrame:
-    """Turn those of the user's own columns into numbers that lose nothing by it."""
-    own: dict[str, Any] = {n: lossless(frame[n]) for n in map(str, frame) if n not in known}
-    return frame.assign(**own)
+    return [cells for _, cells in numbered]
 
 
 def lossless(cells: "pd.Series[str]") -> "pd.Series[str] | pd.Series[float]":

@@ -41,10 +41,6 @@ def validated(
     if not len(raw.frame):
         raise InputError(f"{raw.where}: no rows below the header")
     frame, findings = check(raw)
-    if findings and raw.retyped is not None:
-        # Only now, to show cells as typed; cells as typed also have the last word.
-        raw = raw.retyped()
-        frame, findings = check(raw)
     if findings:
         raise InputError(findings.message(raw))
     return frame
@@ -324,6 +320,10 @@ def as_numbers(cells: "pd.Series[Any]") -> tuple[FloatArray, BoolArray, BoolArra
     if cells.dtype.kind in "iuf":
         values = cells.to_numpy(dtype=np.float64, na_value=np.nan)
         return values, empty, np.zeros(len(cells), dtype=bool)
+    if isinstance(cells.dtype, pd.StringDtype):  # each text once
+        codes, distinct = pd.factorize(cells, use_na_sentinel=False)
+        once = as_numbers(pd.Series(distinct, dtype=object))
+        return once[0][codes], once[1][codes], once[2][codes]
     # One Python call a cell: only columns that are not plain numbers come here.
     values = np.full(len(cells), np.nan)
     text = np.zeros(len(cells), dtype=bool)
