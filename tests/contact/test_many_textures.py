@@ -3,14 +3,12 @@ import pytest
 
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.many_textures import load_function
-from ridgebayes.errors import InputError
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("low", "high", "rel_tol"), [(0.1, 10.0, 1e-7), (1e-3, 50.0, 1e-5)])
 def test_load_function__is_the_solver_between_its_nodes(low, high, rel_tol):
     loads = load_function(low, high, 6, rel_tol=rel_tol)
-    assert 0 < loads.rel_error <= rel_tol / 2
     rng = np.random.default_rng(1)
     ratio = np.exp(rng.uniform(np.log(low), np.log(high), 40))
     ridge = rng.uniform(1e-3, 0.1, 40)
@@ -20,33 +18,15 @@ def test_load_function__is_the_solver_between_its_nodes(low, high, rel_tol):
         assert np.abs(F[i] / exact - 1).max() <= rel_tol  # discretisation: as asked
 
 
-def test_load_function__reaches_its_own_ends_and_not_further():
+def test_load_function__reaches_its_own_ends():
     loads = load_function(0.5, 2.0, 3)
     np.testing.assert_allclose(
         loads([2.0, 1.0], [1.0, 2.0]),
         [transition_loads(2.0, 1.0, 3).F, transition_loads(1.0, 2.0, 3).F],
         rtol=1e-7,  # discretisation: as asked
     )
-    with pytest.raises(
-        InputError, match=r"texture 2: groove over ridge 2.1; expected from 0.5 to 2$"
-    ):
-        loads([1.0, 1.0], [1.0, 2.1])
 
 
 def test_load_function__of_one_ratio_is_that_of_its_textures():
     F = load_function(1.0, 1.0, 2)([0.01, 0.02], [0.01, 0.02])
     np.testing.assert_allclose(F, np.stack([transition_loads(1.0, 1.0, 2).F] * 2), rtol=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("ratios", "tol", "words"),
-    [
-        ((2.0, 1.0), 1e-7, "in order"),
-        ((0.0, 1.0), 1e-7, "positive"),
-        ((1.0, np.nan), 1e-7, "finite"),
-        ((1.0, 2.0), 0.0, "rel_tol = 0.0"),
-    ],
-)
-def test_load_function__refuses_what_it_cannot_tabulate(ratios, tol, words):
-    with pytest.raises(InputError, match=words):
-        load_function(*ratios, 2, rel_tol=tol)

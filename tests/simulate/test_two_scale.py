@@ -1,7 +1,6 @@
 """Scenes at large deformation: which solver a plan chooses, and what it says of its loads."""
 
 import math
-from concurrent.futures import Executor, Future
 
 import numpy as np
 import pytest
@@ -130,7 +129,7 @@ STIFF = ((0.5, 2.0), (0.5, 9.0))
 def narrowed(monkeypatch):
     """Bodies of another material, 0.2 p narrower than neo-Hookean ones; no finite elements."""
     found = np.array([0.0, 0.0, -0.2, 0.0]), 0.4
-    monkeypatch.setattr(two_scale, "stiffening_of", lambda nu, ogden, known=None: found)
+    monkeypatch.setattr(two_scale, "stiffening_of", lambda nu, ogden: found)
 
 
 def of_material(ogden=STIFF, **given):
@@ -208,17 +207,7 @@ def test_contact_at_loads__computes_no_high_loads_of_such_bodies():
     assert high.startswith("not computed")
 
 
-class OtherProcess(Executor):
-    """Computes at once, and as a process that has found nothing before."""
-
-    def submit(self, fn, /, *args, **kwargs):
-        two_scale._found.clear()
-        done = Future()
-        done.set_result(fn(*args, **kwargs))
-        return done
-
-
-def test_generate__finds_a_bodys_stiffening_once_for_all_workers(monkeypatch):
+def test_generate__finds_a_bodys_stiffening_once(monkeypatch):
     bodies = []
 
     def stiffening(nu, ogden):
@@ -226,10 +215,9 @@ def test_generate__finds_a_bodys_stiffening_once_for_all_workers(monkeypatch):
         return np.array([0.0, 0.0, -0.2, 0.0]), 0.4
 
     monkeypatch.setattr(smooth, "stiffening", stiffening)
-    monkeypatch.setattr(two_scale, "_found", {})
+    two_scale.stiffening_of.cache_clear()
     scene = Scene.of([(A, B), (A, 0.5 * B)], p_over_E=0.02)
     scene = scene.model_copy(update={"ogden": STIFF})
-    found = generate(scene, solver="two-scale", executor=OtherProcess()).frame
+    generate(scene, solver="two-scale")
+    two_scale.stiffening_of.cache_clear()
     assert bodies == [(0.5, STIFF)]
-    alone = generate(scene, solver="two-scale").frame
-    assert found["p_over_E"].tolist() == alone["p_over_E"].tolist()

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebder, chebvander
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.contact.contact_set import TENSION
@@ -18,7 +19,7 @@ from ridgebayes.contact.contact_solution import (
     bearing_half_width,
     coefficients_for,
 )
-from ridgebayes.contact.ridge_contacts import RidgeContacts, chebyshev
+from ridgebayes.contact.ridge_contacts import RidgeContacts
 from ridgebayes.contact.ridge_row import RidgeRow, felt
 from ridgebayes.contact.rigid_profile import Profile
 
@@ -258,7 +259,7 @@ def _far(contacts: RidgeContacts) -> BoolArray:
 @functools.cache
 def _derivative(m: int) -> FloatArray:
     """Return the matrix from m Chebyshev coefficients to those of the derivative, (m, m - 1)."""
-    matrix = np.polynomial.chebyshev.chebder(np.eye(m), axis=1)
+    matrix = chebder(np.eye(m), axis=1)
     return np.asarray(matrix, dtype=np.float64)
 
 
@@ -274,7 +275,7 @@ def _nearest(
         slope: FloatArray = seen @ _derivative(m)
         bend: FloatArray = slope @ _derivative(m - 1)
         for _ in range(2):
-            waves: FloatArray = chebyshev(t, m).T
+            waves = chebvander(t, m - 1)
             rise = (slope * waves[:, :-1]).sum(axis=1) - np.maximum(-flat - t, 0.0) / radius
             # That of the corner alone where the surface's own would make less of it.
             by = np.maximum((bend * waves[:, :-2]).sum(axis=1), 0.0) + 1 / radius

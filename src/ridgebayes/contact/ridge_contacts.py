@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 
 from ridgebayes._types import FloatArray
 from ridgebayes.contact.rigid_profile import Kinks, falls
@@ -53,7 +54,7 @@ class RidgeContacts:
         m = len(self.field)
         angle = (np.arange(m) + 0.5) * (np.pi / m)
         t = 0.5 * (self.ends[1] - self.ends[0]) + self.share * np.cos(angle)[:, None]
-        return chebyshev(t, m), np.cos(np.arange(m)[:, None] * angle)
+        return np.moveaxis(chebvander(t, m - 1), -1, 0), np.cos(np.arange(m)[:, None] * angle)
 
     @cached_property
     def kinks(self) -> Kinks:
@@ -138,14 +139,3 @@ class RidgeContacts:
         found = (waves @ self._regular).T - self.kinks.strengths(angle) / np.pi
         smallest: FloatArray = found.min(axis=1) / self.force
         return smallest
-
-
-def chebyshev(t: FloatArray, m: int) -> FloatArray:
-    """Return T_0 ... T_(m-1) at t (...), shape (m, ...)."""
-    found = np.empty((m, *t.shape))
-    found[0] = 1.0
-    found[1] = t
-    for n in range(2, m):
-        np.multiply(2 * t, found[n - 1], out=found[n])
-        found[n] -= found[n - 2]
-    return found

@@ -13,7 +13,6 @@ r being a smooth cylinder's contact half-width over Hertz's at the load p
 import math
 from functools import cache
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,20 +49,13 @@ def _coefficients() -> FloatArray:
     return np.concatenate([np.zeros(first), found]).reshape(_ORDER_P + 1, first)
 
 
-_Stiffening: TypeAlias = tuple[FloatArray, float]
-_found: dict[tuple[float, Ogden], _Stiffening] = {}
+@cache
+def stiffening_of(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
+    """Return `smooth.stiffening`, found once a body and process."""
+    # scikit-fem takes its time to load: only where it is used.
+    from ridgebayes.contact.smooth import stiffening
 
-
-def stiffening_of(nu: float, ogden: Ogden, known: _Stiffening | None = None) -> _Stiffening:
-    """Return `smooth.stiffening`, found once a body and process, or known from another process."""
-    if known is not None:
-        _found[nu, ogden] = known
-    if (nu, ogden) not in _found:
-        # scikit-fem takes its time to load: only where it is used.
-        from ridgebayes.contact.smooth import stiffening
-
-        _found[nu, ogden] = stiffening(nu, ogden)
-    return _found[nu, ogden]
+    return stiffening(nu, ogden)
 
 
 def _body(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:

@@ -10,7 +10,6 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.scene.units import Dimension, to_si
-from ridgebayes.table.rules import row_codes
 
 _KEYS: dict[Dimension, tuple[str, ...]] = {
     "length": ("a", "b", "pitch", "R", "D", "thickness", "offset", "gap"),
@@ -20,7 +19,7 @@ _KEYS: dict[Dimension, tuple[str, ...]] = {
 }
 DIMENSIONS = {key: dimension for dimension, keys in _KEYS.items() for key in keys}
 _NONE = ("", "-", "1")  # units of a column without one
-_MOST_EXACT = 10_000  # distinct rows that are divided as fractions
+_MOST_ROUNDED = 10_000  # distinct numbers
 _STYLES = (
     (re.compile(r"(.*?)\s*\[([^\[\]]*)\]"), True),
     (re.compile(r"(.*?)\s*\(([^()]*)\)"), True),
@@ -178,37 +177,21 @@ def divided(over: Quantity, *under: Quantity, by: int = 1) -> FloatArray:
     Returns
     -------
     ndarray of float, shape (n_row,) or (), dimensionless
-        The numbers nearest to the quotients of the decimals as written; of columns with more than
-        10,000 distinct rows, within some units of the last place.
+        Quotients within some units of the last place; those of at most 14 digits as a person would
+        write them, where there are not over 10,000 distinct ones.
     """
     factor = over.factor / by
     for one in under:
         factor /= one.factor
-    arrays = np.broadcast_arrays(over.values, *(one.values for one in under))
-    shape = arrays[0].shape
-    columns = [np.atleast_1d(one).astype(float) for one in arrays]
     if factor == 1 and not under:
-        return columns[0].reshape(shape)
-    code = row_codes(*columns)
-    first = np.unique(code, return_index=True)[1]
-    if first.size > _MOST_EXACT:
-        with np.errstate(all="ignore"):
-            found = columns[0] * float(factor)
-            for column in columns[1:]:
-                found = found / column
-        return found.reshape(shape)
-    exact = np.array([_quotient(factor, *(one[i] for one in columns)) for i in first])
-    return exact[code].reshape(shape)
-
-
-def _quotient(factor: Fraction, over: float, *under: float) -> float:
-    if not np.isfinite([over, *under]).all():
-        return float("nan")
-    # The decimals as written: their quotient is the number that a person would write.
-    found = factor * Fraction(repr(float(over)))
-    for one in under:
-        found /= Fraction(repr(float(one)))
-    try:
-        return float(found)
-    except OverflowError:
-        return float("inf") if found > 0 else float("-inf")
+        return over.values.astype(float)
+    with np.errstate(all="ignore"):
+        found = over.values * float(factor)
+        for one in under:
+            found = found / one.values
+    distinct, place = np.unique(found, return_inverse=True)
+    if distinct.size > _MOST_ROUNDED:
+        return np.asarray(found)
+    short = np.array([float(f"{one:.14g}") for one in distinct])
+    near = np.isclose(short, distinct, rtol=1e-15, atol=0.0)
+    return np.where(near, short, distinct)[place].reshape(found.shape)

@@ -89,7 +89,7 @@ def read_columns(
     *Validity.* Every column and value with a dimension has a unit, or none has and they are one
     consistent system. A bare ``load`` without a unit is p/E, and refused beside an E.
 
-    *Accuracy.* Units are exact, and so are quotients of up to 10,000 distinct decimals.
+    *Accuracy.* Quotients err by rounding, but not those of up to 14 digits.
 
     Examples
     --------

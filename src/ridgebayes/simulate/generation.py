@@ -4,13 +4,12 @@ import functools
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes._types import NEO_HOOKEAN, Json
-from ridgebayes.contact import two_scale
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import map_ordered
@@ -222,12 +221,6 @@ def _all_found(
             progress(f"{len(all_found)} of {len(tasks)} textures")
 
     others = [task for task in tasks if task.number not in all_found]
-    first = tasks[0]
-    stiffens = first.solver in ("auto", "two-scale") and first.scene.ogden != NEO_HOOKEAN
-    if executor is not None and others and stiffens and first.scene.nu >= two_scale.LEAST_NU:
-        # Seconds of finite elements: once here, and not in every worker.
-        known = two_scale.stiffening_of(first.scene.nu, first.scene.ogden)
-        others = [replace(task, stiffening=known) for task in others]
     for _ in map_ordered(solve, others, executor, name=lambda task: task.where, done=done):
         pass
     return [all_found[task.number] for task in tasks]
@@ -240,8 +233,6 @@ def _solved(task: TextureTask, *, pressed: "CylinderVisitor | None" = None) -> l
         raise InputError(
             f"a worker has ridgebayes {here}, this process {task.version}; expected the same on all"
         )
-    if task.stiffening is not None:
-        two_scale.stiffening_of(task.scene.nu, task.scene.ogden, task.stiffening)
     if task.planned:
         (one,) = plan(task.scene)
     else:

@@ -64,8 +64,6 @@ class TextureTask:
         Half-plane loads of sharp, centred textures, as far as it goes.
     version : str
         Of this package, where the task was made.
-    stiffening : tuple, optional
-        `two_scale.stiffening_of` the body, where another process found it.
     """
 
     number: int
@@ -76,7 +74,6 @@ class TextureTask:
     meshes: tuple[int, ...]
     loads: LoadFunction | None = None
     version: str = field(default_factory=lambda: versions()["ridgebayes"])
-    stiffening: tuple[FloatArray, float] | None = None
 
     @property
     def texture(self) -> Texture:
