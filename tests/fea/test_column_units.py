@@ -7,7 +7,6 @@ import pytest
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import (
-    Quantity,
     column_unit,
     divided,
     split_header,
@@ -76,17 +75,13 @@ def test_unit_factor__knows_dimensions():
     assert unit_factor("N/mm", "force") is None
 
 
-@pytest.mark.parametrize("unit", ["mm", "um", "inch"])
-def test_divided__gives_the_numbers_a_person_would_write(unit):
+def test_divided__gives_the_numbers_a_person_would_write():
     rng = np.random.default_rng(3)
     wide = rng.integers(1, 10_000, 300)
-    widths = Quantity("a", wide / 1000, unit, Fraction(1, 1000))
-    R = Quantity("R", np.array(8.0), "mm", Fraction(1, 1000))
     # Equality with the one correctly rounded quotient of whole numbers.
-    assert divided(widths, R).tolist() == (wide / 8000).tolist()
+    assert divided(wide / 1000 * 1e-3, np.array(8.0 * 1e-3)).tolist() == (wide / 8000).tolist()
 
 
 def test_divided__keeps_empty_cells_and_overflows_to_infinity():
-    values = Quantity("p", np.array([1.0, np.nan, 1e308, -1e308]), "", Fraction(1))
-    small = Quantity("E", np.array(1e-10), "", Fraction(1))
-    np.testing.assert_array_equal(divided(values, small), [1e10, np.nan, np.inf, -np.inf])
+    found = divided(np.array([1.0, np.nan, 1e308, -1e308]), np.array(1e-10))
+    np.testing.assert_array_equal(found, [1e10, np.nan, np.inf, -np.inf])

@@ -2,7 +2,6 @@
 
 import functools
 import re
-from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -38,28 +37,6 @@ _SPELLINGS = (
 )
 NUMBER = re.compile(r"\s*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 _POWER = re.compile(r"(?:1e|10\s?\^?)\s?(-?\d)")
-
-
-@dataclass(frozen=True, eq=False)
-class Quantity:
-    """Numbers of one unit.
-
-    Parameters
-    ----------
-    name : str
-        What messages call it.
-    values : ndarray of float, shape (n_row,) or (), in its unit
-        NaN where a cell is empty.
-    unit : str
-        Its unit's name; empty for a plain number.
-    factor : Fraction
-        From its unit to the SI unit; 1 for a plain number.
-    """
-
-    name: str
-    values: FloatArray
-    unit: str = ""
-    factor: Fraction = Fraction(1)
 
 
 @functools.lru_cache(maxsize=1000)
@@ -164,34 +141,17 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
     return unit, factor
 
 
-def divided(over: Quantity, *under: Quantity, by: int = 1) -> FloatArray:
-    """Divide a quantity by others and by a whole number.
+def divided(over: FloatArray, *under: FloatArray) -> FloatArray:
+    """Divide an array by others, each of shape (n_row,) or ().
 
-    Parameters
-    ----------
-    over, *under : Quantity
-        Shapes (n_row,) or ().
-    by : int, optional
-        One more divisor.
-
-    Returns
-    -------
-    ndarray of float, shape (n_row,) or (), dimensionless
-        Quotients within some units of the last place; those of at most 14 digits as a person would
-        write them, where there are not over 10,000 distinct ones.
+    Quotients err by some units of the last place; those of at most 14 digits are as a person would
+    write them, where there are not over 10,000 distinct ones.
     """
-    factor = over.factor / by
-    for one in under:
-        factor /= one.factor
-    if factor == 1 and not under:
-        return over.values.astype(float)
     with np.errstate(all="ignore"):
-        found = over.values * float(factor)
-        for one in under:
-            found = found / one.values
+        found = functools.reduce(np.divide, under, over)
     distinct, place = np.unique(found, return_inverse=True)
     if distinct.size > _MOST_ROUNDED:
         return np.asarray(found)
     short = np.array([float(f"{one:.14g}") for one in distinct])
-    near = np.isclose(short, distinct, rtol=1e-15, atol=0.0)
+    near = np.isclose(short, distinct, rtol=2e-15, atol=0.0)
     return np.where(near, short, distinct)[place].reshape(found.shape)

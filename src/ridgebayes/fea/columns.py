@@ -1,5 +1,6 @@
 """Tables of any columns and units: CSV, TSV, Excel and Parquet to contact tables."""
 
+import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -40,6 +41,7 @@ _DISGUISED = (
     (b"\x93NUMPY", "a NumPy file"),
     (b"\x89HDF", "an HDF5 file"),
 )
+_SEPARATED = re.compile(rb"^\s*[-+.\d][^\n]*[;,\t]", re.M)  # a row, not by blanks alone
 _OLD = (".xls", ".xlsm", ".xlsb", ".xltm", ".xlam")
 
 
@@ -332,7 +334,7 @@ def _source(path: Path, how: Reading, problems: Problems) -> DelimitedText | Par
         return read_workbook(path, content, how, problems)
     if suffix == ".parquet":
         return ParquetTable(path, content)
-    if suffix == ".rpt":
+    if suffix == ".rpt" and not _SEPARATED.search(content):
         content = read_xy(path).to_csv(index=False).encode()
     return DelimitedText(str(path), content, how, problems)
 

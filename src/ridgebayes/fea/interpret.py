@@ -13,7 +13,6 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import (
     DIMENSIONS,
     NUMBER,
-    Quantity,
     column_unit,
     divided,
     split_header,
@@ -60,7 +59,7 @@ class ColumnInterpreter:
         self._uses, self._values, self._how, self._problems = uses, values, how, problems
         self._by_key = {(use.key, use.Q): use for use in uses}
         self.used: dict[Use, None] = {}
-        self._dimensional: dict[str, Quantity] = {}
+        self._units: dict[str, str] = {}  # of what has a dimension, by its name in messages
         self.messages, self._begun = problems.messages, len(problems.messages)
         self._used_values: set[str] = set()
 
@@ -198,15 +197,12 @@ class ColumnInterpreter:
         """Return the column of a key: for each Q, or else the one for all."""
         return self._by_key.get((key, Q)) or self._by_key.get((key, None))
 
-    def _quantity(self, key: str, Q: int | None = None) -> Quantity | None:
-        """Return a column or constant; None where there is none."""
+    def _quantity(self, key: str, Q: int | None = None) -> FloatArray | None:
+        """Return a column or constant in SI units; None where there is none."""
         use = self._use(key, Q)
-        found = self._constant(key) if use is None else self._column(key, use)
-        if found is not None and key in DIMENSIONS:
-            self._dimensional[found.name] = found
-        return found
+        return self._constant(key) if use is None else self._column(key, use)
 
-    def _column(self, key: str, use: Use) -> Quantity:
+    def _column(self, key: str, use: Use) -> FloatArray:
         try:
             unit, factor = column_unit(key, use.header, use.unit, self.where)
         except InputError as error:
@@ -214,16 +210,16 @@ class ColumnInterpreter:
             fits = key in DIMENSIONS and unit_factor(last, DIMENSIONS[key]) is not None
             name = f"{key} Q={use.Q}" if use.Q is not None else key
             self._problems.need(str(error), {name: f"{use.header};{last if fits else '?'}"})
-            unit, factor = "", Fraction(0)
+            unit, factor = None, Fraction(1)
         numbers = self.cells[use.header].to_numpy(dtype=float)
         if use not in self.used:
             in_unit = f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else ""
             self._tell(use, in_unit)
-        if not factor:  # told above; not to be told again beside others' units
-            return Quantity("", numbers)
-        return Quantity(f"{key} ({use.header!r})", numbers, unit, factor)
+        if unit is not None and key in DIMENSIONS:  # else told above, and not to be told again
+            self._units[f"{key} ({use.header!r})"] = unit
+        return numbers if factor == 1 else divided(numbers * float(factor))
 
-    def _constant(self, key: str) -> Quantity | None:
+    def _constant(self, key: str) -> FloatArray | None:
         if key not in self._values:
             return None
         text = str(self._values[key]).strip()
@@ -240,7 +236,9 @@ class ColumnInterpreter:
         if key not in self._used_values:
             self.messages.append(f"{key}: {text}, as given")
         self._used_values.add(key)
-        return Quantity(key, np.array(number), unit, factor or Fraction(1))
+        if key in DIMENSIONS:
+            self._units[key] = unit
+        return np.array(number * float(factor or 1))
 
     def _tell(self, use: Use, what: str = "", *, is_plain: bool = True) -> None:
         """Say which column is used, but of a plain one by its own name, which `_summarize` does."""
@@ -255,7 +253,8 @@ class ColumnInterpreter:
             key, *under = way.split("/")
             if (found := self._quantity(key)) is not None:
                 by = [self._needed(one) for one in under]
-                return divided(found, *by, by=2 if len(by) > 1 else 1)  # p is line / 2 R
+                # Only loads are over two: p is line / 2 R.
+                return divided(found / 2 if len(by) > 1 else found, *by) if by else found
         return None
 
     def _over_R(self, key: str) -> FloatArray | None:
@@ -280,7 +279,7 @@ class ColumnInterpreter:
         assert found is not None
         R = None if use.key == "gap_over_R" else self._quantity("R")
         # Without R: only its zero counts, and how it falls, not its size.
-        return divided(found) if R is None else divided(found, R)
+        return found if R is None else divided(found, R)
 
     def _texts(self, *keys: str) -> dict[str, Any]:
         """Return columns of text, and constants in place of some."""
@@ -295,16 +294,16 @@ class ColumnInterpreter:
                 self.messages.append(f"{key}: {self._values[key]}, as given")
         return found
 
-    def _needed(self, key: str) -> Quantity:
+    def _needed(self, key: str) -> FloatArray:
         if (found := self._quantity(key)) is not None:
             return found
         if key == "R" and (found := self._quantity("D")) is not None:
-            return Quantity(found.name, found.values, found.unit, found.factor / 2)
+            return found / 2
         why, example = _NEEDED[key]
         text = f"no {key}, {why}: expected --{key} '{example}', or a column, --map '{key}=HEADER'"
         self._problems.need(text, None, **{key: example})
         # Loads rise or do not, whatever it is.
-        return Quantity("", np.array(1.0))
+        return np.array(1.0)
 
     def _required(self, key: str, found: FloatArray | None) -> FloatArray | None:
         if found is None:
@@ -347,30 +346,28 @@ class ColumnInterpreter:
     def _summarize(self) -> None:
         if plain := [one.key for one in self.used if one.key == one.header and one.key in NAMES]:
             self.messages.insert(self._begun, f"recognised by name: {', '.join(plain)}")
-        known = [one for one in self._dimensional.values() if one.name]
-        have = [f"{one.name} in {one.unit}" for one in known if one.unit]
-        bare = [one for one in known if not one.unit]
+        have = [f"{name} in {unit}" for name, unit in self._units.items() if unit]
+        bare = [name for name, unit in self._units.items() if not unit]
         if have and bare:
-            self._ask_units(have, bare, known)
-        elif known:
+            self._ask_units(have, bare)
+        elif have or bare:
             one_system = "no units given; one consistent system assumed"
             self.messages.append("all units converted" if have else one_system)
         if given := set(self._values) - self._used_values:
             self.messages.append(f"values given but not used: {', '.join(sorted(given))}")
 
-    def _ask_units(self, have: list[str], bare: list[Quantity], known: list[Quantity]) -> None:
+    def _ask_units(self, have: list[str], bare: list[str]) -> None:
         """Ask for units, with those of the same dimension as a first guess."""
-        units = {DIMENSIONS[one.name.split(" ")[0]]: one.unit for one in known if one.unit}
+        units = {DIMENSIONS[name.split(" ")[0]]: one for name, one in self._units.items() if one}
         mapping, options = {}, {}
-        for one in bare:
-            key = one.name.split(" ")[0]
+        for key in (name.split(" ")[0] for name in bare):
             unit = units.get(DIMENSIONS[key], "?")
             if key in self._values:
                 options[key] = f"{self._values[key]} {unit}"
             elif (use := self._by_key.get((key, None))) is not None:
                 mapping[key] = f"{use.header};{unit}"
         self._problems.need(
-            f"{self.where}: {', '.join(have)}, but {', '.join(one.name for one in bare)} without a "
+            f"{self.where}: {', '.join(have)}, but {', '.join(bare)} without a "
             "unit; expected units on all columns and values that have dimensions, or on none",
             mapping,
             **options,

@@ -1,6 +1,5 @@
-"""X-Y reports of Abaqus/Viewer, and X-Y data as CSV."""
+"""X-Y reports of Abaqus/Viewer."""
 
-import csv
 import re
 from pathlib import Path
 
@@ -11,18 +10,16 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import DASHES, GAP, Line, read_lines
 
 _BEGINS = "+-.0123456789"
-_SEPARATORS = (";", "\t", ",")
 
 
 def read_xy(path: Path) -> pd.DataFrame:
-    """Read an X-Y report, or X-Y data as CSV.
+    """Read an X-Y report.
 
     Parameters
     ----------
     path : pathlib.Path
         A header, ``X`` and the curves' names, on one line or wrapped over several, then rows of
-        numbers: set in columns by blanks, or separated by commas, semicolons or tabs. Several
-        tables with the same X become one.
+        numbers set in columns by blanks. Several tables with the same X become one.
 
     Returns
     -------
@@ -51,7 +48,7 @@ def read_xy(path: Path) -> pd.DataFrame:
                 header = []
             if not tables:
                 raise line.error("numbers before a header; expected X and names")
-            (names, rows), words = tables[-1], _cells(text)
+            (names, rows), words = tables[-1], line.words
             if len(words) != len(names):
                 raise line.error(
                     f"{len(words)} values; expected {len(names)} as in the header, with decimal "
@@ -73,28 +70,13 @@ def read_xy(path: Path) -> pd.DataFrame:
     return frame.rename_axis("line")
 
 
-def _cells(line: str) -> list[str]:
-    """Return the words of a row."""
-    for separator in _SEPARATORS:
-        if separator in line:
-            return [cell.strip() for cell in line.strip().removesuffix(separator).split(separator)]
-    return line.split()
-
-
 def _columns(line: Line, header: list[str]) -> list[str]:
-    """Return the names above a row."""
-    row, last = line.text, header[-1].strip()
-    n = len(_cells(row))
-    separator = next((one for one in _SEPARATORS if one in row), None)
-    if separator is not None:
-        cells = next(csv.reader([last.removesuffix(separator)], delimiter=separator))
-        names = [name.strip() for name in cells]
-    else:
-        # Names hold single blanks, and may be wrapped over several lines.
-        names = GAP.split(last)
-        names = names if len(names) == n else last.split()
-        if len(header) > 1 or len(names) != n:
-            names = _wrapped(header, row)
+    """Return the names above a row: they hold single blanks, and may be wrapped over lines."""
+    last, n = header[-1].strip(), len(line.words)
+    names = GAP.split(last)
+    names = names if len(names) == n else last.split()
+    if len(header) > 1 or len(names) != n:
+        names = _wrapped(header, line.text)
     if len(names) != n or not all(names):
         raise line.error(
             f"{n} values below the names {', '.join(map(repr, names))}; expected as many names"
