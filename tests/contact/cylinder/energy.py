@@ -7,22 +7,15 @@ from ridgebayes.contact.cylinder.material import jacobian
 
 def energy_density(material, F):
     """Return the stored energy over E where the volume may change; shape (...)."""
-    if material.finite:
-        J = jacobian(F)
-        stretches = np.linalg.svd(F, compute_uv=False) * J[..., None] ** (-1.0 / 3.0)
-        shear = np.zeros_like(J)
-        for share, m in material.ogden:
-            powers = (stretches**m).sum(axis=-1) + J ** (-m / 3.0)
-            shear += 2.0 * material.mu * share / m**2 * (powers - 3.0)
-        volume = J - 1.0
-    else:
-        H = F - np.eye(2)
-        volume = np.trace(H, axis1=-2, axis2=-1)
-        strain = 0.5 * (H + np.swapaxes(H, -1, -2))
-        shear = material.mu * (np.einsum("...ij,...ij->...", strain, strain) - volume**2 / 3.0)
+    J = jacobian(F)
+    stretches = np.linalg.svd(F, compute_uv=False) * J[..., None] ** (-1.0 / 3.0)
+    shear = np.zeros_like(J)
+    for share, m in material.ogden:
+        powers = (stretches**m).sum(axis=-1) + J ** (-m / 3.0)
+        shear += 2.0 * material.mu * share / m**2 * (powers - 3.0)
     if material.compressibility == 0.0:
         return shear
-    return shear + 0.5 / material.compressibility * volume**2
+    return shear + 0.5 / material.compressibility * (J - 1.0) ** 2
 
 
 def stored_energy(solid, u):

@@ -9,6 +9,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.checks.cost.measured import Setting, Way, settings, turned
 from ridgebayes.contact import halfplane
 from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
+from ridgebayes.contact.cylinder.small_strain import small_strain_transitions
 from ridgebayes.contact.homogenised import beyond
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.model.forms import Classic, Form, Hybrid, Modified
@@ -61,10 +62,9 @@ def load_settings(
         for where, form, theta in known
     ]
     ways.append(("half-plane", "tolerance 1e-8", partial(_half_plane, a, b, len(best))))
-    for finite in (True, False) if elements else ():
-        method = f"finite elements, {'finite' if finite else 'small'} strain"
-        compute = partial(_elements, a, b, p_max, finite=finite)
-        ways += turned(method, "{} edges a ridge", compute, _EDGES)
+    for strain, loads in (("finite", _elements), ("small", _linear)) if elements else ():
+        method = f"finite elements, {strain} strain"
+        ways += turned(method, "{} edges a ridge", partial(loads, a, b, p_max), _EDGES)
     strips = partial(_strips, a, b, len(exact))
     small = turned("half-plane", "{} coefficients a strip", strips, _COEFFICIENTS)
     return [
@@ -115,8 +115,12 @@ def _half_plane(a: float, b: float, n: int) -> FloatArray:
     return halfplane.transition_loads(a, b, n).p_over_E(a + b, nu=0.5)
 
 
-def _elements(a: float, b: float, p_max: float, edges: float, *, finite: bool = True) -> FloatArray:
-    body = Cylinder(Profile(a, b), p_max=p_max, finite=finite, edges=edges)
+def _linear(a: float, b: float, p_max: float, edges: float) -> FloatArray:
+    return small_strain_transitions(a, b, p_max=p_max, edges=edges)[1]
+
+
+def _elements(a: float, b: float, p_max: float, edges: float) -> FloatArray:
+    body = Cylinder(Profile(a, b), p_max=p_max, edges=edges)
     _, loads, _ = transition_curve(body, p_max)
     return loads[np.isfinite(loads)]
 

@@ -80,8 +80,6 @@ class Cylinder:
         Poisson's ratio.
     p_max : float
         Largest load that will be asked for: the mesh is made for it.
-    finite : bool, optional
-        Finite strain; or a linear material that follows the contact as it moves.
     friction : float, optional
         Coulomb's coefficient.
     edges : float, optional
@@ -101,7 +99,6 @@ class Cylinder:
         *,
         p_max: float,
         nu: float = 0.5,
-        finite: bool = True,
         friction: float = 0.0,
         edges: float = 24.0,
         ogden: Ogden = NEO_HOOKEAN,
@@ -112,7 +109,7 @@ class Cylinder:
             raise InputError(f"p_max = {p_max!r}; expected over 0 and at most 1")
         self.profile = profile
         self.mirrored = profile is None or profile.mirrored
-        material = Material(nu, finite, ogden)
+        material = Material(nu, ogden)
         # Wider than the half-plane's: bodies on ridges reach further, and mesh costs little there.
         self._reach = min(1.2 * float(hertz.half_width(p_max, nu=nu)) + 0.02, 1.2)
         sizes = _Sizes.of(profile, self._reach, edges, p_max)

@@ -86,11 +86,8 @@ def nodal_fields(cylinder: Cylinder, state: State) -> dict[str, FloatArray]:
     solid = cylinder.problem.solid
     F, mean = solid.gradients(state.u), solid.pressures(state.p)
     plane = solid.material.stress(F, mean)
-    if solid.material.finite:
-        J = jacobian(F)
-        plane = plane @ np.swapaxes(F, -1, -2) / J[..., None, None]
-    else:
-        J = np.trace(F, axis1=-2, axis2=-1) - 1.0
+    J = jacobian(F)
+    plane = plane @ np.swapaxes(F, -1, -2) / J[..., None, None]
     stress = np.zeros((*mean.shape, 3, 3))
     stress[..., :2, :2] = plane
     stress[..., 2, 2] = 3.0 * mean - np.trace(plane, axis1=-2, axis2=-1)

@@ -1,7 +1,7 @@
-"""Stress and stiffness of the body in plane strain: linear, or Ogden's at any strain.
+"""Stress and stiffness of the body in plane strain: Ogden's at any strain.
 
 The mean stress is a field of its own, p, so that nothing becomes infinite at nu = 0.5; its equation
-is J - 1 - p/K = 0 (its trace at small strain). What is here is the rest: the stress P(F, p) and its
+is J - 1 - p/K = 0. What is here is the rest: the stress P(F, p) and its
 derivative by F, on arrays of deformation gradients, shape (..., 2, 2), in units of E.
 """
 
@@ -12,7 +12,6 @@ import numpy as np
 from ridgebayes._types import NEO_HOOKEAN, FloatArray, Ogden
 from ridgebayes.errors import InputError
 
-_IDENTITY = np.eye(2)
 _NEAR, _N_TAYLOR = 0.1, 6
 # d cof(F)_iJ / d F_kL of a plane F: cof(F) = [[F22, -F21], [-F12, F11]].
 _COFACTOR = np.zeros((2, 2, 2, 2))
@@ -28,17 +27,14 @@ class Material:
     ----------
     nu : float, scalar, dimensionless
         Poisson's ratio, 0 to 0.5, both included.
-    finite : bool
-        At finite strain, or linear.
     ogden : tuple of (float, float), optional
-        Terms of W = sum of 2 mu c/m^2 (J^(-m/3) (l1^m + l2^m + 1) - 3), + K/2 (J - 1)^2, at finite
-        strain: c, a share of the shear modulus mu, and m, the exponent of the stretches l1 and l2.
-        One term of m = 2 is neo-Hookean; those of m = 2 and -2 are Mooney and Rivlin's, in plane
-        strain at nu = 0.5 the same. Larger exponents stiffen.
+        Terms of W = sum of 2 mu c/m^2 (J^(-m/3) (l1^m + l2^m + 1) - 3), + K/2 (J - 1)^2: c, a share
+        of the shear modulus mu, and m, the exponent of the stretches l1 and l2. One term of m = 2
+        is neo-Hookean; those of m = 2 and -2 are Mooney and Rivlin's, in plane strain at nu = 0.5
+        the same. Larger exponents stiffen.
     """
 
     nu: float = 0.5
-    finite: bool = True
     ogden: Ogden = NEO_HOOKEAN
 
     def __post_init__(self) -> None:
@@ -57,24 +53,13 @@ class Material:
 
     def stress(self, F: FloatArray, p: FloatArray) -> FloatArray:
         """Return the first Piola-Kirchhoff stress, shape (..., 2, 2)."""
-        if not self.finite:
-            H = F - _IDENTITY
-            trace = np.trace(H, axis1=-2, axis2=-1)[..., None, None]
-            strain = 0.5 * (H + np.swapaxes(H, -1, -2))
-            deviator = strain - trace / 3.0 * _IDENTITY
-            return np.asarray(2.0 * self.mu * deviator + p[..., None, None] * _IDENTITY)
         two = (..., None, None)
         slopes = self._slopes(F)
         return np.asarray(2.0 * slopes.by_s[two] * F + (slopes.by_J + p)[two] * cofactor(F))
 
     def stiffness(self, F: FloatArray, p: FloatArray) -> FloatArray:
         """Return dP/dF at fixed p, shape (..., 2, 2, 2, 2)."""
-        eye4 = np.einsum("ik,jl->ijkl", _IDENTITY, _IDENTITY)
-        if not self.finite:
-            swap = np.einsum("il,jk->ijkl", _IDENTITY, _IDENTITY)
-            outer = np.einsum("ij,kl->ijkl", _IDENTITY, _IDENTITY)
-            one = self.mu * (eye4 + swap - 2.0 / 3.0 * outer)
-            return np.broadcast_to(one, (*F.shape[:-2], 2, 2, 2, 2))
+        eye4 = np.einsum("ik,jl->ijkl", np.eye(2), np.eye(2))
         slopes, cof, four = self._slopes(F), cofactor(F), (..., None, None, None, None)
         mixed = np.einsum("...ij,...kl->...ijkl", F, cof)
         mixed = mixed + np.moveaxis(mixed, (-4, -3), (-2, -1))

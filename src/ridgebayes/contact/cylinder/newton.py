@@ -220,9 +220,8 @@ def _between(one: State, other: State, part: float) -> State:
 
 
 def _least_volume(problem: ContactProblem, state: State) -> float:
-    """Return the least volume over the undeformed one; 1 of small strain, which has none."""
-    solid = problem.solid
-    return float(jacobian(solid.gradients(state.u)).min()) if solid.material.finite else 1.0
+    """Return the least volume over the undeformed one."""
+    return float(jacobian(problem.solid.gradients(state.u)).min())
 
 
 @dataclass(eq=False)

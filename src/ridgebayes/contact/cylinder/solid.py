@@ -116,14 +116,9 @@ class Solid:
         stress = self.material.stress(self.gradients(u), self.pressures(p))
         return self._nodal_force(stress)
 
-    def volume_residual(self, u: FloatArray, p: FloatArray) -> FloatArray:
-        """Return the residual of J - 1 - p/K = 0, shape (n_element, 3)."""
-        return self._volume(self.gradients(u), self.pressures(p))
-
     def _volume(self, F: FloatArray, pressure: FloatArray) -> FloatArray:
-        trace = F[..., 0, 0] + F[..., 1, 1]
-        change = jacobian(F) - 1.0 if self.material.finite else trace - 2.0
-        change = self._weight * (change - self.material.compressibility * pressure)
+        """Return the residual of J - 1 - p/K = 0, shape (n_element, 3)."""
+        change = self._weight * (jacobian(F) - 1.0 - self.material.compressibility * pressure)
         value: FloatArray = (change[:, None] @ self._linear)[:, 0]
         return value
 
@@ -149,7 +144,7 @@ class Solid:
         """
         F, pressure = self.gradients(u), self.pressures(p)
         material, n = self.material, self.n_element
-        if material.finite and not jacobian(F).min() > 0:
+        if not jacobian(F).min() > 0:
             raise InvertedError("an element is turned inside out")
         stress = material.stress(F, pressure)
         tangent = material.stiffness(F, pressure) * self._weight[..., None, None, None, None]
@@ -159,8 +154,7 @@ class Solid:
         half = by_j @ self._grad.transpose(0, 1, 3, 2)
         K = self._flat @ half.reshape(n, 2 * n_point, 36)
         K = K.reshape(n, 9, 2, 2, 9).transpose(0, 1, 2, 4, 3).reshape(n, 18, 18)
-        cof = cofactor(F) if material.finite else np.broadcast_to(np.eye(2), F.shape)
-        pull = (self._grad @ cof.transpose(0, 1, 3, 2)).reshape(n, n_point, 18)
+        pull = (self._grad @ cofactor(F).transpose(0, 1, 3, 2)).reshape(n, n_point, 18)
         weighted = (self._linear * self._weight[..., None]).transpose(0, 2, 1)
         coupling = weighted @ pull  # (e, 3, 18)
         inverse = np.linalg.inv(max(material.compressibility, _SOFTENING) * self._mass)
