@@ -10,7 +10,6 @@ from ridgebayes.checks.plan_check import check_plans, sobol_scenes
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.errors import InputError
 from ridgebayes.scene.estimates import plan
 
 COLUMNS = [
@@ -97,12 +96,6 @@ def test_sobol_scenes__are_the_same_twice_and_others_with_another_seed():
     assert sobol_scenes(8, rng=5) == sobol_scenes(16, rng=5)[:8]
     assert sobol_scenes(8, rng=5) != sobol_scenes(8, rng=6)
     assert sobol_scenes(8) == sobol_scenes(8, rng=0)
-
-
-@pytest.mark.parametrize("n", [0, -1])
-def test_sobol_scenes__none_at_all_are_bad_input(n):
-    with pytest.raises(InputError, match=f"n: expected at least 1, got {n}"):
-        sobol_scenes(n)
 
 
 def test_check_plans__finds_estimates_honest(checked):

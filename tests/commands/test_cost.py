@@ -10,7 +10,6 @@ from ridgebayes.checks.cost import posteriors
 from ridgebayes.checks.cost.measured import COST_COLUMNS
 from ridgebayes.commands import cost
 from ridgebayes.commands.cost import CostRequest, cost_job
-from ridgebayes.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -100,8 +99,3 @@ def test_cost__as_a_command_takes_a_scene(command, monkeypatch):
     (asked,) = requests
     assert (asked.texture, asked.p_max, asked.elements) == ((0.03, 0.02), 0.01, False)
     assert asked.table.textures == ((0.03, 0.02),)
-
-
-def test_cost_job__without_a_run_is_refused(tmp_path):
-    with pytest.raises(InputError, match="--repeats: expected at least 1, got 0"):
-        cost_job(tmp_path / "out", CostRequest(rb.paper_sweep(), repeats=0))

@@ -13,7 +13,6 @@ from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.errors import InputError
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.scene.effects import Plan, full_profile
 from ridgebayes.scene.estimates import plan
@@ -61,8 +60,6 @@ def sobol_scenes(n: int = 32, *, rng: Rng = 0) -> list[Scene]:
         most), an offset of 0.0003 to 0.5 pitches, loads that reach 1 to 6 pitches, accuracies of
         0.3 to 10 %.
     """
-    if n < 1:
-        raise InputError(f"n: expected at least 1, got {n}")
     sequence = qmc.Sobol(8, rng=np.random.default_rng(seed_of(rng)))
     points = sequence.random_base2(math.ceil(math.log2(n)))[:n]
     low = np.array([0.003, 0.1, 0.01, 0.001, 0.0003, 0.0, 1.2, 0.003])

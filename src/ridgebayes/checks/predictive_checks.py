@@ -73,8 +73,6 @@ class PredictiveChecks:
             Columns quantity, observed (mean over the draws), lower, upper (of replicates), prob,
             p_value, two_sided: twice the smaller of p_value and its complement.
         """
-        if not 0 < prob < 1:
-            raise InputError(f"prob: expected 0 < prob < 1, got {prob!r}")
         ends = np.quantile(self.replicated, [0.5 - prob / 2, 0.5 + prob / 2], axis=0)
         p = np.array(list(self.p_values.values()))
         of_rows = (self.observed.mean(axis=0), *ends, prob, p, 2 * np.minimum(p, 1 - p))
@@ -102,7 +100,7 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
     Raises
     ------
     InputError
-        If no row is exact, or `n_draw` is under 1.
+        If no row is exact.
 
     Notes
     -----
@@ -115,8 +113,6 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
     ----------
     Gelman, Meng & Stern (1996), Statistica Sinica 6, 733-807.
     """
-    if n_draw < 1:
-        raise InputError(f"n_draw: expected at least 1, got {n_draw}")
     model = fit.model
     exact = model.data.is_exact
     if not exact.any():
@@ -164,13 +160,9 @@ def prior_bands(
 
     Raises
     ------
-    InputError
-        If `prob` is not between 0 and 1.
     ComputationError
         If hardly any prior draw has positive rates.
     """
-    if not 0 < prob < 1:
-        raise InputError(f"prob: expected 0 < prob < 1, got {prob!r}")
     data, seed = model.data, seed_of(rng)
     theta = prior_draws(model, stream(seed, "prior"), n_draw)
     errors, parts = stream(seed, "rows"), np.array_split(theta, 1 + n_draw // _AT_ONCE)

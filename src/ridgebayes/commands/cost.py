@@ -15,7 +15,6 @@ from ridgebayes.commands.run_folder import new_folder, write_csv, write_page
 from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.drawing.costs import plot_cost
 from ridgebayes.drawing.style import save
-from ridgebayes.errors import InputError
 from ridgebayes.model.forms import Hybrid
 from ridgebayes.runtime.pool import executor_for, map_ordered
 from ridgebayes.runtime.progress import Progress
@@ -113,8 +112,6 @@ def cost_job(
     pandas.DataFrame
         Columns `ridgebayes.checks.cost.measured.COST_COLUMNS`, and ``pareto``.
     """
-    if not request.repeats >= 1:
-        raise InputError(f"--repeats: expected at least 1, got {request.repeats}")
     rows: list[_Row] = []
     with (
         new_folder(folder, force=force, about=COST_CSV) as partial,

@@ -10,8 +10,21 @@ from pathlib import Path
 from ridgebayes.commands.shared_options import DEFAULT_OUT, Argument, Natural, Positive
 
 
+@dataclass(frozen=True, kw_only=True)
+class Fitting:
+    """What commands that fit may all be told."""
+
+    noise: str = "auto"
+    out: Path = DEFAULT_OUT
+    force: bool = False
+    seed: Natural[int] = 0
+    accuracy: str = "standard"
+    priors: Path | None = None
+    time_limit: float | None = None
+
+
 @dataclass(frozen=True)
-class Run:
+class Run(Fitting):
     """Calibrate all forms, compare them, predict, and write a report.
 
     Parameters
@@ -24,20 +37,13 @@ class Run:
 
     table: Path | None = None
     forms: str = ""
-    noise: str = "auto"
-    out: Path = DEFAULT_OUT
-    force: bool = False
-    seed: Natural[int] = 0
     resume: bool = False
-    accuracy: str = "standard"
-    priors: Path | None = None
-    time_limit: float | None = None
     workers: Positive[int | None] = None
     scheduler: str | None = None
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Fitting):
     """Sample the posterior of one form.
 
     Parameters
@@ -50,18 +56,11 @@ class Fit:
 
     table: Argument[Path]
     form: str
-    noise: str = "auto"
-    out: Path = DEFAULT_OUT
-    force: bool = False
-    seed: Natural[int] = 0
     resume: bool = False
-    accuracy: str = "standard"
-    priors: Path | None = None
-    time_limit: float | None = None
 
 
 @dataclass(frozen=True)
-class Compare:
+class Compare(Fitting):
     """Compare forms: evidences, Bayes factors, model probabilities, leave-one-out, stacking.
 
     Parameters
@@ -72,13 +71,6 @@ class Compare:
 
     table: Argument[Path]
     forms: str = ""
-    noise: str = "auto"
-    out: Path = DEFAULT_OUT
-    force: bool = False
-    seed: Natural[int] = 0
-    accuracy: str = "standard"
-    priors: Path | None = None
-    time_limit: float | None = None
 
 
 @dataclass(frozen=True)

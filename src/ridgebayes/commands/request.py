@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
@@ -65,15 +65,8 @@ class FitRequest:
         cls, asked: options.Run | options.Fit | options.Compare, forms: Sequence[str]
     ) -> "FitRequest":
         """Return what a command line asks for."""
-        return cls(
-            asked.table,
-            forms,
-            asked.noise,
-            asked.seed,
-            asked.accuracy,
-            asked.priors,
-            asked.time_limit,
-        )
+        known: dict[str, Any] = {one.name: getattr(asked, one.name, None) for one in fields(cls)}
+        return cls(**known | {"forms": forms})
 
     @property
     def options(self) -> dict[str, Any]:

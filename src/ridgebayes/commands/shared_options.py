@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from inspect import Parameter, cleandoc, signature
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
@@ -100,12 +100,12 @@ def help_of(record: type[Any]) -> tuple[str, dict[str, str]]:
 
 def parameters_of(record: type[Any]) -> Iterator[Parameter]:
     """Yield a record's fields as parameters from which typer makes arguments and options."""
-    texts, defaults = help_of(Shared)[1] | help_of(record)[1], signature(record).parameters
-    for one in fields(record):
-        kind, mark = one.type, typer.Option()
+    texts = help_of(Shared)[1] | help_of(record)[1]
+    for one in signature(record).parameters.values():
+        kind, mark = one.annotation, typer.Option()
         if get_origin(kind) is Annotated:
             kind, mark = get_args(kind)[0], copy(get_args(kind)[1])
         mark.help = texts.get(one.name, "")
         if isinstance(mark, OptionInfo):
             mark.param_decls = FLAGS.get(one.name, (f"--{one.name.replace('_', '-')}",))
-        yield defaults[one.name].replace(annotation=Annotated[kind, mark])
+        yield one.replace(annotation=Annotated[kind, mark], kind=Parameter.KEYWORD_ONLY)

@@ -13,8 +13,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.predict.extrapolation import CalibratedRange, Flags
-from ridgebayes.predict.predict import N_LOAD_DRAWS
-from ridgebayes.predict.predictive_cdf import PosteriorLoads
+from ridgebayes.predict.predictive_cdf import PosteriorLoads, n_draws
 
 MOST_TEXTURES, _N_RATIO = 16, 9
 _LARGEST_Q = 2_000
@@ -68,33 +67,19 @@ class PredictiveSampler:
     """
 
     def __init__(self, fit: Posterior, seen: Spread) -> None:
-        n = N_LOAD_DRAWS if fit.model.offsets is not None else len(fit.draws)
-        n //= 1 if fit.noise.tail == "normal" else 2
-        self._fit, self._loads = fit, PosteriorLoads.of(fit, n, "simulation")
-        self._stride = -(-len(fit.draws) // n)
+        self._fit, self._stride = fit, -(-len(fit.draws) // n_draws(fit))
         if fit.model.offsets is not None:
             self._stride = fit.offsets_given(self._stride)[0]
         self._range, self._seen = CalibratedRange.of(fit), seen
         self._axis: Axis | None = None
         if seen.distinct is not None:
             self._textures = [(a, b) for a, b, _ in seen.distinct.tolist()]
+            self._loads = PosteriorLoads.of(fit, n_draws(fit), "simulation")
         else:
             self._axis = Axis.over(seen.low[2], seen.high[2], _N_RATIO)
             self._textures = [(x, 1 - x) for x in self._axis.nodes.tolist()]
-            self._check_scale_law()
+            self._loads = PosteriorLoads.of_new_ones(fit, self._textures[0][0])
         self._known: dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
-
-    def _check_scale_law(self) -> None:
-        x, y = self._textures[0]
-        Q = np.array([4, 6])
-        if isinstance(self._fit.form, PowerLaw):
-            return
-        twice = self._loads.load((2 * x, 2 * y), Q, 0.5) / self._loads.load((x, y), Q, 0.5)
-        if not np.allclose(twice[np.isfinite(twice)], 4):
-            raise InputError(
-                f"{self._fit.form.name}: expected loads that go with the square of the pitch where "
-                "widths vary, got others"
-            )
 
     def draw(
         self, textures: FloatArray, p: FloatArray, nu: FloatArray, rng: np.random.Generator

@@ -22,12 +22,11 @@ from ridgebayes.model.forms.arguments import common_shape, even_counts, loads, n
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.load_draws import LoadDraws
-from ridgebayes.predict.predictive_cdf import Average, PosteriorLoads, distinct
+from ridgebayes.predict.predictive_cdf import N_LOAD_DRAWS, Average, PosteriorLoads, distinct
 from ridgebayes.predict.q_distribution import QDistribution, mix_q
 
 KINDS = ("curve", "simulation")
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
-N_LOAD_DRAWS = 2_560  # draws behind a load distribution; its quantiles move by 0.02 sd at most
 _STORED = 2**19  # draws times places up to which a load distribution keeps them: 8 MB
 _HELD = 2**22  # numbers that rows tell of offsets, of all draws, up to which they are held at once
 _LARGEST_Q = 20_000

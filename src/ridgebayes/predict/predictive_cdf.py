@@ -15,6 +15,7 @@ from scipy.special import ndtr, ndtri, stdtr
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
+from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form, PowerLaw
@@ -26,6 +27,7 @@ Counts = IntArray | FloatArray
 _FEW = 4  # coordinates that a thousand nodes fill
 _N_NODE, _N_MANY = 1_024, 4_096
 _N_CURVE = 16_384
+N_LOAD_DRAWS = 2_560  # draws behind a load distribution; its quantiles move by 0.02 sd at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +62,32 @@ class PosteriorLoads:
             return cls(fit, fit.draws[::stride], None)
         stride, offsets = fit.offsets_given(stride)
         return cls(fit, fit.draws[::stride], offsets)
+
+    @classmethod
+    def of_new_ones(cls, fit: Posterior, ratio: float) -> "PosteriorLoads":
+        """Take draws for textures that none was calibrated on, whose loads scale with the pitch.
+
+        Parameters
+        ----------
+        fit : Posterior
+            Posterior.
+        ratio : float
+            An a/pitch to try that at.
+
+        Raises
+        ------
+        InputError
+            If the form's loads do not go with the square of the pitch.
+        """
+        own, x, Q = cls.of(fit, n_draws(fit), "simulation"), ratio, np.array([4, 6])
+        if isinstance(fit.form, PowerLaw):
+            return own
+        twice = own.load((2 * x, 2 - 2 * x), Q, 0.5) / own.load((x, 1 - x), Q, 0.5)
+        if not np.allclose(twice[np.isfinite(twice)], 4):
+            raise InputError(
+                f"{fit.form.name}: expected loads that go with the square of the pitch, got others"
+            )
+        return own
 
     @classmethod
     def nodes(cls, fit: Posterior, kind: str) -> "PosteriorLoads | None":
@@ -154,6 +182,12 @@ class PosteriorLoads:
         if self.uniform is None:
             return form, prior.rvs(rng, len(theta))[:, None]
         return form, prior.value_at(ndtri(self.uniform))[:, None]
+
+
+def n_draws(fit: Posterior) -> int:
+    """Return how many draws probabilities of counts are averaged over, if the fit has as many."""
+    n = N_LOAD_DRAWS if fit.model.offsets is not None else len(fit.draws)
+    return n if fit.noise.tail == "normal" else n // 2
 
 
 def _or_infinite(load: FloatArray) -> FloatArray:

@@ -5,7 +5,6 @@ is worked out at some nodes and kept as a Chebyshev series for each draw.
 """
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -13,10 +12,8 @@ from scipy import special
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
-from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import PowerLaw
-from ridgebayes.predict.predict import N_LOAD_DRAWS
 from ridgebayes.predict.predictive_cdf import PosteriorLoads
 from ridgebayes.predict.q_distribution import shares
 from ridgebayes.runtime.randomness import stream
@@ -48,20 +45,16 @@ class DrawnLoads:
     """
 
     def __init__(self, fit: Posterior, low: float, high: float) -> None:
-        n = N_LOAD_DRAWS if fit.model.offsets is not None else len(fit.draws)
-        n //= 1 if fit.noise.tail == "normal" else 2
-        self.fit = fit
-        self._loads = PosteriorLoads.of(fit, n, "simulation")
-        self.df = self._loads.df
         self._middle, self._half = 0.5 * (low + high), max(0.5 * (high - low), 1e-9)
         self._nodes = self._middle + self._half * chebyshev.chebpts1(_N_NODE)
+        self.fit, self._loads = fit, PosteriorLoads.of_new_ones(fit, float(self._nodes[0]))
+        self.df = self._loads.df
         self._to_series = np.linalg.inv(
             chebyshev.chebvander(chebyshev.chebpts1(_N_NODE), _N_NODE - 1)
         )
         # One offset a draw, the same at every texture: a normal and a t have no closed-form sum.
         self._score = stream(fit.seed, "offset of a new texture").standard_normal(self.n_draw)
         self._series: dict[int, tuple[Series, Series]] = {}
-        self._check_scale_law()
 
     @property
     def n_draw(self) -> int:
@@ -118,18 +111,6 @@ class DrawnLoads:
                 left = np.cumsum(np.abs(series[::-1]).max(axis=1))[::-1]  # of each term and further
             both.append(series[: max(int(np.sum(~(left < _LEAST_TERM))), 1)])
         return both[0], both[1]
-
-    def _check_scale_law(self) -> None:
-        form, Q = self.fit.form, np.array([4, 6])
-        if isinstance(form, PowerLaw):
-            return
-        x = float(self._nodes[0])
-        load = partial(self._loads.load, Q=Q, nu=0.5)
-        twice = load(texture=(2 * x, 2 - 2 * x)) / load(texture=(x, 1 - x))
-        if not np.allclose(twice[np.isfinite(twice)], 4):
-            raise InputError(
-                f"{form.name}: expected loads that go with the square of the pitch, got others"
-            )
 
 
 def drawn_loads(
