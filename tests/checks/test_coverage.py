@@ -179,8 +179,5 @@ def test_bad_input_is_refused(table):
     fit = fit_at(table, "iid", [C, SIGMA])
     with pytest.raises(InputError, match=r"texture a/R = 0\.01\d*, b/R = 0\.03 was fitted"):
         coverage_of(fit, table)
-    for probs in ([], [0.5, 1.0]):
-        with pytest.raises(InputError, match="expected each 0 < prob < 1, at least one"):
-            coverage(table, [Modified()], ["iid"], probs=probs)
     with pytest.raises(InputError, match="at least two"):
         coverage(simulated(1, 2, seed=1), [Modified()], ["iid"])

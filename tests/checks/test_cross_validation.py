@@ -18,9 +18,9 @@ from ridgebayes.checks.cross_validation import (
     stacked,
 )
 from ridgebayes.checks.folds import Fold, crps_of_draws
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import ComputationError
 from ridgebayes.inference.chains import Chains
-from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
+from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.results import Fit
@@ -87,12 +87,6 @@ def test_joint_log_densities__are_those_of_the_dense_conditional_gaussian(data, 
         assert value == pytest.approx(expected, abs=1e-9)
 
 
-def test_joint_log_densities__refuses_what_has_no_closed_form(data):
-    left = data.texture == 1
-    with pytest.raises(InputError, match="closed-form offsets"):
-        joint_log_densities(fit_at(data.take(~left), PowerLaw(), "iid", [[50, 50, 0.1]]), data)
-
-
 def test_row_crps__of_exact_rows_is_that_of_the_dense_marginal(data):
     left = data.texture == 1
     fit = fit_at(data.take(~left), Hybrid(), "texture", THETA[:, [0, 1, 2, 3]])
@@ -153,7 +147,6 @@ def test_cross_validate__tells_each_fold(three, done):
     assert done.crps.shape == (len(frame),)
     assert done.mean_crps == pytest.approx(done.crps.mean(), rel=1e-12)
     assert done.failures == {}
-    assert "leave one texture out: elpd" in repr(done)
 
 
 def test_cross_validate__two_ways_to_a_joint_score_agree(three, done, monkeypatch):
@@ -208,13 +201,12 @@ def test_cross_validate__counts_a_failed_fold_and_gives_no_total(three, done, mo
     totals = [other.elpd, other.elpd_se, other.mean_crps]
     assert np.isnan(totals).all()
     assert stacked({"one": done, "other": other}) == {"one": 1.0, "other": 0.0}
-    with pytest.raises(InputError, match="none without a failed fold"):
-        stacked({"other": other})
+    assert np.isnan(stacked({"other": other})["other"])
 
 
 def scored(scores, folds="abc"):
     frame = pd.DataFrame({"fold": list(folds), "n_row": 2, "log_score": scores})
-    return CrossValidation("hybrid", Noise(), "texture", frame, np.zeros(6), {})
+    return CrossValidation("hybrid", Noise(), frame, np.zeros(6), {})
 
 
 def test_stacked__weighs_by_joint_scores_of_folds():
@@ -225,5 +217,3 @@ def test_stacked__weighs_by_joint_scores_of_folds():
     value = 2 * np.log(w + (1 - w) * np.exp(-5)) + np.log(w * np.exp(-5) + 1 - w)
     assert weights["x"] == pytest.approx(w[value.argmax()], abs=1e-4)  # the grid's step, tenfold
     assert sum(weights.values()) == pytest.approx(1, rel=1e-12)
-    with pytest.raises(InputError, match="folds differ"):
-        stacked({"x": scored([0.0, 0.0, 0.0]), "y": scored([0.0, 0.0, 0.0], "abd")})

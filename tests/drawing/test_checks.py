@@ -22,7 +22,7 @@ def checks(n, p_of_first=None):
     if p_of_first is not None:
         inside = 0 <= p_of_first <= 1
         observed[:, 0] = np.quantile(replicated[:, 0], 1 - p_of_first) if inside else -p_of_first
-    return PredictiveChecks("hybrid", "iid", tuple(QUANTITIES)[:n], observed, replicated, 0)
+    return PredictiveChecks(tuple(QUANTITIES)[:n], observed, replicated)
 
 
 @pytest.fixture(scope="module")

@@ -373,7 +373,6 @@ def test_n_cpu__is_what_this_process_may_use():
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
-        ((0, None), r"^--workers 0: expected at least 1$"),
         ((2, "tcp://127.0.0.1:1"), r"^--workers and --scheduler: expected one of them, got both$"),
         ((None, "tcp://127.0.0.1:1"), r"^--scheduler tcp://127.0.0.1:1: no Dask scheduler answers"),
         ((None, "nowhere"), r"^--scheduler nowhere: .* expected tcp://HOST:PORT"),

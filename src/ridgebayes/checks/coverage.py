@@ -10,7 +10,7 @@ import pandas as pd
 from ridgebayes._types import Rng
 from ridgebayes.checks.folds import EFFORT, Fold, clustered_se, folds_of, row_loads
 from ridgebayes.comparison.compare import DEFAULT_FORMS
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import ComputationError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form
 from ridgebayes.model.noise import Noise, as_noise
@@ -99,16 +99,14 @@ def coverage(
     Raises
     ------
     InputError
-        If no row can be fitted, there is one texture only, a form would be fitted to rows that its
-        own equation made, or a probability is not between 0 and 1.
+        If no row can be fitted, there is one texture only, or a form would be fitted to rows that
+        its own equation made.
 
     Notes
     -----
     *Cost.* One fit for all probabilities: 1 to 10 CPU seconds by error model, times textures; a
     tenth of that where a fit is given.
     """
-    if not probs or not all(0 < prob < 1 for prob in probs):
-        raise InputError(f"probs: expected each 0 < prob < 1, at least one, got {tuple(probs)}")
     names = []
     for one in forms:
         form = one.form if isinstance(one, Fit) else one

@@ -19,7 +19,7 @@ from ridgebayes.checks.folds import (
     log_likelihoods,
     row_crps,
 )
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import LogEvidence
 from ridgebayes.inference.diagnostics import stacking_weights
 from ridgebayes.inference.posterior import Posterior
@@ -57,8 +57,6 @@ class CrossValidation:
         Name of the contact form.
     noise : Noise
         Error model.
-    leave : str
-        What a fold leaves out: ``texture``, ``step`` or ``row``.
     folds : pandas.DataFrame
         Columns fold, n_row, log_score, log_score_se, method, status. `log_score` is the joint
         predictive density of the fold's rows, `log_score_se` its Monte Carlo error. `method`:
@@ -79,16 +77,9 @@ class CrossValidation:
 
     form: str
     noise: Noise
-    leave: str
     folds: pd.DataFrame
     crps: FloatArray
     failures: dict[str, str]
-
-    def __repr__(self) -> str:
-        return (
-            f"CrossValidation({self.form}, {self.noise.name}, leave one {self.leave} out: elpd "
-            f"{self.elpd:.4g} ± {self.elpd_se:.2g} over {len(self.folds)} folds)"
-        )
 
     @property
     def elpd(self) -> float:
@@ -192,7 +183,7 @@ def cross_validate(
             crps[fold.left] = scores.crps
             records.append(record | _joint_score(scores, total))
     frame = pd.DataFrame(records).reindex(columns=FOLD_COLUMNS)
-    return CrossValidation(folds[0].form.name, error_model, leave, frame, crps, failures)
+    return CrossValidation(folds[0].form.name, error_model, frame, crps, failures)
 
 
 def left_out_scores(
@@ -245,8 +236,7 @@ def left_out_scores(
         )
         scored = [refitted(form, effort=effort, priors=priors) for form in forms]
         found = {one.form: one for one in scored}
-        sound = any(not one.failures for one in found.values())
-        weights = stacked(found) if sound else dict.fromkeys(found, np.nan)
+        weights = stacked(found)
         rows += [
             [
                 name,
@@ -275,19 +265,11 @@ def stacked(results: Mapping[str, CrossValidation]) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        Weights, sum 1.
-
-    Raises
-    ------
-    InputError
-        If there is no result without a failure, or their folds differ.
+        Weights, sum 1; NaN where all have failures.
     """
     sound = {name: found for name, found in results.items() if not found.failures}
     if not sound:
-        raise InputError("results: none without a failed fold; expected at least one")
-    folds = [found.folds[["fold", "n_row"]] for found in sound.values()]
-    if not all(other.equals(folds[0]) for other in folds):
-        raise InputError("results: folds differ; expected one table, one `leave`")
+        return dict.fromkeys(results, math.nan)
     scores = np.stack([found.folds["log_score"].to_numpy() for found in sound.values()])
     weights = dict(zip(sound, stacking_weights(scores).tolist(), strict=True))
     return {name: weights.get(name, 0.0) for name in results}
@@ -306,18 +288,10 @@ def joint_log_densities(fit: Posterior, data: Observations) -> FloatArray:
     Returns
     -------
     ndarray of float, shape (n_draw,)
-        What all rows' log-likelihood has over that of the fitted ones, offsets integrated out.
-
-    Raises
-    ------
-    InputError
-        If no likelihood without the offsets is exact, or the rows that were not fitted have a
-        coefficient of their own.
+        What all rows' log-likelihood has over that of the fitted ones, offsets integrated out:
+        exact, see `_by_draws`.
     """
     whole = Model(data, fit.form, fit.noise)
-    exact = has_exact_likelihood(whole)
-    if not exact or whole.parameter_names != fit.model.parameter_names:
-        raise InputError(f"fit: expected closed-form offsets, no further coefficients, got {fit!r}")
     return log_likelihoods(whole, fit.draws) - log_likelihoods(fit.model, fit.draws)
 
 
@@ -357,11 +331,9 @@ def _score_fold(fold: Fold) -> _Scores | str:
             return str(error)
         if fold.left.any() and _by_draws(fold):
             joint, method = _log_mean(joint_log_densities(fit, fold.data)), "draws"
-    status = fit.convergence_failures[0] if fit.convergence_failures else "ok"
-    if not fold.left.any():
-        return _Scores(_NO_CRPS, None, method, evidence, status)
-    rng = stream(fold.seed, "draws of a CRPS")
-    crps = row_crps(fit, fold.data.take(fold.left), rng)
+    status, crps = (*fit.convergence_failures, "ok")[0], _NO_CRPS
+    if fold.left.any():
+        crps = row_crps(fit, fold.data.take(fold.left), stream(fold.seed, "draws of a CRPS"))
     return _Scores(crps, joint, method, evidence, status)
 
 

@@ -36,22 +36,15 @@ class PredictiveChecks:
 
     Parameters
     ----------
-    form, noise : str
-        Names of the form and the error model.
     names : tuple of str
         The quantities, of `QUANTITIES`.
     observed, replicated : ndarray of float, shape (n_draw, n_quantity)
         Values at each posterior draw; both depend on it, since residuals do.
-    n_left_out : int
-        Rows without a residual: brackets and counts.
     """
 
-    form: str
-    noise: str
     names: tuple[str, ...]
     observed: FloatArray
     replicated: FloatArray
-    n_left_out: int
 
     @property
     def p_values(self) -> dict[str, float]:
@@ -127,12 +120,9 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
     observed = measure(model.data.log_load[exact] - curve)
     replicated = measure(loads - curve)
     return PredictiveChecks(
-        fit.form.name,
-        fit.noise.name,
         tuple(observed),
         np.stack(list(observed.values()), axis=-1),
         np.stack(list(replicated.values()), axis=-1),
-        int(np.count_nonzero(~exact)),
     )
 
 

@@ -66,14 +66,8 @@ def plot_corner(
     colour = colour_of(form)
     # A draw far out in a tail must not squeeze the rest of the panel.
     span = [tuple(np.quantile(x, [0.0005, 0.9995])) for x in draws.T]
-    truths = [
-        printed[name] * 10.0**power if name in printed else None
-        for name, power in zip(names, powers.tolist(), strict=True)
-    ]
-    inside = [
-        t if t is not None and low < t < high else None
-        for t, (low, high) in zip(truths, span, strict=True)
-    ]
+    truths = np.array([printed.get(name, np.nan) for name in names]) * 10.0**powers
+    inside = [t if low < t < high else None for t, (low, high) in zip(truths, span, strict=True)]
     corner.corner(
         draws,
         fig=figure,

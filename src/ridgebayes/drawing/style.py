@@ -1,3 +1,4 @@
+# ruff: noqa: RUF001  (Greek is meant: readers see it)
 """What all figures share: colours and names of the forms, text from outside, bytes out."""
 
 import io
@@ -29,6 +30,18 @@ _FORMS = {
     "average": ("Average of forms", "#444444", "X"),
 }
 TITLES, COLOURS, MARKERS = ({name: look[i] for name, look in _FORMS.items()} for i in range(3))
+SYMBOLS = {  # of parameters: in a text, and on an axis
+    "c": ("c", "$c$"),
+    "c1": ("c₁", "$c_1$"),
+    "c2": ("c₂", "$c_2$"),
+    "sigma": ("σ", r"$\sigma$"),
+    "tau_texture": ("τ texture", r"$\tau_\mathrm{texture}$"),
+    "tau_step": ("τ step", r"$\tau_\mathrm{step}$"),
+    "tau_series": ("τ series", r"$\tau_\mathrm{series}$"),
+    "length_h": ("ℓ of log h", r"$\ell_h$"),
+    "length_ratio": ("ℓ of a/pitch", r"$\ell_{a/\mathrm{pitch}}$"),
+    "df": ("ν of Student's t", r"$\nu$ of $t$"),
+}
 OBSERVED = "#000000"
 QUIET = "#8A8A8A"
 WIDTH = 7.4  # inches: what A4 holds, so that a tick label of 9 pt is printed as such
@@ -193,21 +206,9 @@ def symbol(parameter: str) -> str:
     >>> symbol("c1"), symbol("K[a0.012_b0.01]")
     ('$c_1$', '$K$ a0.012_b0.01')
     """
-    known = {
-        "c": "$c$",
-        "c1": "$c_1$",
-        "c2": "$c_2$",
-        "sigma": r"$\sigma$",
-        "tau_texture": r"$\tau_\mathrm{texture}$",
-        "tau_step": r"$\tau_\mathrm{step}$",
-        "tau_series": r"$\tau_\mathrm{series}$",
-        "length_h": r"$\ell_h$",
-        "length_ratio": r"$\ell_{a/\mathrm{pitch}}$",
-        "df": r"$\nu$ of $t$",
-    }
     if parameter.startswith("K["):
         return f"$K$ {plain(short_label(parameter[2:-1]))}"
-    return known.get(parameter, plain(parameter))
+    return SYMBOLS[parameter][1] if parameter in SYMBOLS else plain(parameter)
 
 
 def texture_title(texture: tuple[float, float], rows: pd.DataFrame | None = None) -> str:

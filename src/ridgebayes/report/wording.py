@@ -16,17 +16,6 @@ _STRUCTURES = {
     "texture+step": "texture and step offsets",
     "step-smooth": "an offset smooth in log h and a/pitch",
 }
-_PARAMETERS = {
-    "c1": "c₁",
-    "c2": "c₂",
-    "sigma": "σ",
-    "tau_texture": "τ texture",
-    "tau_step": "τ step",
-    "tau_series": "τ series",
-    "length_h": "ℓ of log h",
-    "length_ratio": "ℓ of a/pitch",
-    "df": "ν of Student's t",
-}
 
 
 def form_name(name: str) -> str:
@@ -50,7 +39,7 @@ def parameter_name(name: str) -> str:
     """
     if name.startswith("K["):
         return f"K of {short_label(name[2:-1])}"
-    return _PARAMETERS.get(name, name)
+    return drawing.style.SYMBOLS.get(name, (name,))[0]
 
 
 def noise_name(name: str) -> str:

@@ -206,8 +206,7 @@ def executor_for(
     Raises
     ------
     InputError
-        If both are given, there would be no process, distributed is not installed, or no
-        scheduler answers.
+        If both are given, distributed is not installed, or no scheduler answers.
     """
     if scheduler is not None:
         if n_worker is not None:
@@ -216,8 +215,6 @@ def executor_for(
         from ridgebayes.runtime.cluster import cluster
 
         return cluster(scheduler)
-    if n_worker is not None and n_worker < 1:
-        raise InputError(f"--workers {n_worker}: expected at least 1")
     return nullcontext() if n_worker in (None, 1) else workers(n_worker)
 
 
