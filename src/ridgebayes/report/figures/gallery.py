@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -136,47 +136,57 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
         ``traces-<form>`` of each fit, traces of walks alone. Of a quick comparison only
         ``evidence``, ``bands-first`` (or ``bands``) and ``held-out``.
     """
-    comparison, shown, is_study = data.comparison, data.shown, data.study is not None
-    found: dict[str, Callable[[], Figure]] = {}
-    if len(data.factors):
-        found["evidence"] = partial(
-            drawing.forms.plot_bayes_factors, data.factors, shown, comparison.noise.name
-        )
-    if len(data.sensitivity) and data.preset.extras:
-        found["prior-sensitivity"] = partial(
-            drawing.forms.plot_prior_sensitivity, data.sensitivity, shown
-        )
-    found |= _bands(data)
-    held_out = data.held_out
+    comparison, shown, study = data.comparison, data.shown, data.study
+    extras, held_out, errors = data.preset.extras, data.held_out, data.percent_errors
     if len(held_out):
         # A texture that the power law has no K for is a draw from its prior: a bar across the page.
-        held_out = held_out[~held_out["prior_alone"]]
-        if len(comparison.fits) == 1:
-            held_out = held_out[held_out["form"] != AVERAGE]
-    if len(held_out):
-        found["held-out"] = partial(drawing.predictions.plot_held_out, held_out)
-    if len(data.percent_errors) and data.preset.extras:
-        errors = data.percent_errors
-        if not is_study:  # the published coefficients are those of another table
-            errors = errors[errors["coefficients"] == "calibrated"]
-        found["percent-error"] = partial(drawing.forms.plot_percent_errors, errors)
-    return found | _extras(data) if data.preset.extras else found
+        alone = len(comparison.fits) == 1 and held_out["form"] == AVERAGE
+        held_out = held_out[~(held_out["prior_alone"] | alone)]
+    if study is None and len(errors):  # the published coefficients are those of another table
+        errors = errors[errors["coefficients"] == "calibrated"]
+    # Of Classic the slope is not all: its intercept differs.
+    slopes = data.slopes[data.slopes["form"] != "classic"] if len(data.slopes) else data.slopes
+    forms, predictions = drawing.forms, drawing.predictions
+    recipes: dict[str, Any] = {
+        "evidence": len(data.factors)
+        and partial(forms.plot_bayes_factors, data.factors, shown, comparison.noise.name),
+        "prior-sensitivity": extras
+        and len(data.sensitivity)
+        and partial(forms.plot_prior_sensitivity, data.sensitivity, shown),
+        **_bands(data),
+        "held-out": len(held_out) and partial(predictions.plot_held_out, held_out),
+        "percent-error": extras and len(errors) and partial(forms.plot_percent_errors, errors),
+        "slopes": extras and len(slopes) and partial(forms.plot_slopes, slopes),
+        "smooth-cylinder": extras and study and partial(forms.plot_smooth_cylinder, _curves(study)),
+        "coverage": extras
+        and len(comparison.coverage)
+        and partial(drawing.coverage.plot_coverage, comparison.coverage),
+        "posterior-checks": extras
+        and data.checks
+        and partial(drawing.posterior.plot_posterior_checks, shown, quantities_of(data.checks)),
+        "prior-bands": extras
+        and len(data.prior_bands)
+        and partial(
+            predictions.plot_prior_bands, data.prior_bands, exact_rows(data.fit.model.data), shown
+        ),
+    }
+    for name in data.ranked if extras else ():
+        fit = comparison.fits[name]
+        recipes[f"corner-{name}"] = partial(corner_of, fit, published=study is not None)
+        recipes[f"traces-{name}"] = fit.sampler == WALK and partial(traces_of, fit)
+    return {name: recipe for name, recipe in recipes.items() if recipe}
 
 
 def _bands(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     """Return how to draw Q against load: of few textures first; of all unless in a hurry."""
-    rows, shown = data.transitions, data.shown
-    n_texture = len(data.comparison.table.textures)
+    n_texture, n_first = len(data.comparison.table.textures), len(data.textures)
+    draw = partial(drawing.predictions.plot_bands, table=data.transitions, form=data.shown)
     found: dict[str, Callable[[], Figure]] = {}
-    if n_texture > len(data.textures) > 0:
+    if n_texture > n_first > 0:
         first = _of(data.bands, data.textures)
-        found["bands-first"] = partial(
-            drawing.predictions.plot_bands, first, rows, shown, untitled=True
-        )
+        found["bands-first"] = partial(draw, first, untitled=True)
     if data.preset.extras or not found:
-        found["bands"] = partial(
-            drawing.predictions.plot_bands, data.bands, rows, shown, n_texture=n_texture
-        )
+        found["bands"] = partial(draw, data.bands, n_texture=n_texture)
     return found
 
 
@@ -184,35 +194,6 @@ def _of(bands: pd.DataFrame, textures: Sequence[Texture]) -> pd.DataFrame:
     """Return the bands of some textures."""
     pairs = pd.MultiIndex.from_frame(bands[["a_over_R", "b_over_R"]])
     return bands[pairs.isin(list(textures))]
-
-
-def _extras(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
-    """Return how to draw what a quick run leaves out."""
-    found: dict[str, Callable[[], Figure]] = {}
-    coverage = data.comparison.coverage
-    if len(data.slopes):
-        closed = data.slopes[data.slopes["form"] != "classic"]
-        found["slopes"] = partial(drawing.forms.plot_slopes, closed)
-    if data.study is not None:
-        found["smooth-cylinder"] = partial(drawing.forms.plot_smooth_cylinder, _curves(data.study))
-    if len(coverage):
-        found["coverage"] = partial(drawing.coverage.plot_coverage, coverage)
-    if data.checks is not None:
-        quantities = quantities_of(data.checks)
-        found["posterior-checks"] = partial(
-            drawing.posterior.plot_posterior_checks, data.shown, quantities
-        )
-    if len(data.prior_bands):
-        rows = exact_rows(data.fit.model.data)
-        found["prior-bands"] = partial(
-            drawing.predictions.plot_prior_bands, data.prior_bands, rows, data.shown
-        )
-    for name in data.ranked:
-        fit, is_study = data.comparison.fits[name], data.study is not None
-        found[f"corner-{name}"] = partial(corner_of, fit, published=is_study)
-        if fit.sampler == WALK:
-            found[f"traces-{name}"] = partial(traces_of, fit)
-    return found
 
 
 def _curves(study: Study) -> pd.DataFrame:
