@@ -95,7 +95,10 @@ class LoadDraws:
     def quantile(self, prob: float, mean: FloatArray, sd: FloatArray) -> FloatArray:
         """Return the loads under which a share lies, shape (n,)."""
         if not sd.any():
-            return np.exp(_weighted_quantile(mean, self.weight, prob))
+            least = max(prob - 1e-12, 0.0)
+            return np.exp(
+                np.quantile(mean, least, axis=0, weights=self.weight, method="inverted_cdf")
+            )
         with np.errstate(over="ignore"):
             return np.exp(self._solve(mean, sd, prob))
 
@@ -163,11 +166,3 @@ def _joined(parts: Sequence[Callable[[IntArray], Columns]], ids: IntArray) -> Co
     """Return the columns of several draws below each other."""
     means, sds = zip(*(columns(ids) for columns in parts), strict=True)
     return np.concatenate(means), np.concatenate(sds)
-
-
-def _weighted_quantile(values: FloatArray, weight: FloatArray, prob: float) -> FloatArray:
-    order = np.argsort(values, axis=0)
-    total = np.cumsum(weight[order], axis=0)
-    first = np.argmax(total >= prob - 1e-12, axis=0)
-    value: FloatArray = np.take_along_axis(np.take_along_axis(values, order, 0), first[None], 0)[0]
-    return value

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+import pandas as pd
 from scipy import interpolate
 from scipy.special import ndtr, ndtri, stdtr
 
@@ -197,15 +198,9 @@ def _or_infinite(load: FloatArray) -> FloatArray:
 
 def distinct(*columns: FloatArray) -> tuple[IntArray, IntArray]:
     """Return the flat index of each distinct row of some columns, and the row of each place."""
-    flat = [column.ravel() for column in columns]
-    order = np.lexsort(flat[::-1])
-    new = np.zeros(len(order), dtype=bool)
-    new[:1] = True
-    for column in flat:
-        new[1:] |= np.diff(column[order]) != 0
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.cumsum(new) - 1
-    return order[new], place
+    frame = pd.DataFrame({i: column.ravel() for i, column in enumerate(columns)})
+    place: IntArray = frame.groupby(list(frame)).ngroup().to_numpy(np.int64)
+    return np.unique(place, return_index=True)[1].astype(np.int64), place
 
 
 _SATURATED = 8.3  # standard deviations beyond which a normal distribution function is 0 or 1

@@ -111,7 +111,7 @@ def convergence_section(data: ReportData) -> list[Block]:
             ]
         )
     header = ("Form", "Drawn by", "Ensembles × walkers", "τ, steps", "Bulk ESS", "Tail ESS")
-    blocks: list[Block] = [
+    return [
         Table(
             [*header, "R-hat", "Acceptance", "State"],
             rows,
@@ -129,7 +129,6 @@ def convergence_section(data: ReportData) -> list[Block]:
         ),
         *(_not_converged(data, name) for name, fit in fits.items() if not fit.converged),
     ]
-    return blocks
 
 
 def _not_converged(data: ReportData, name: str) -> Text:
@@ -260,8 +259,7 @@ def power_scaling_section(data: ReportData) -> list[Block]:
         f"{THRESHOLD:g} on matter. Where only the prior matters, the rows say little about the "
         "parameter. Where both do, prior and rows may disagree (prior-data conflict)."
     )
-    blocks: list[Block] = [
+    return [
         Text(words),
         Table(["Parameter", "Prior", "Likelihood", "Diagnosis"], rows, text=(0, 3)),
     ]
-    return blocks

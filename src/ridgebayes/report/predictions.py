@@ -75,7 +75,7 @@ def held_out_section(data: ReportData) -> list[Block]:
         ]
         for row in loads[loads["form"] == data.shown].head(MOST_ROWS).to_dict("records")
     ]
-    blocks: list[Block] = [
+    return [
         Text(f"{count(n_row, 'row')} not fitted, only predicted. Bands include the error model."),
         Picture("held-out", caption, f"Held-out loads inside the {band}: {_firsts(rows)}."),
         Table(["Form", f"Inside the {band}", "Load error, %", "Extrapolation"], rows, text=(0, 3)),
@@ -93,7 +93,6 @@ def held_out_section(data: ReportData) -> list[Block]:
             short=True,
         ),
     ]
-    return blocks
 
 
 def _firsts(rows: list[list[str]]) -> str:
@@ -187,7 +186,7 @@ def errors_section(data: ReportData) -> list[Block]:
     )
     a, b = data.textures[0]
     alt = f"Load errors in per cent at a/R = {a:g}, b/R = {b:g}: {_firsts(rows)}"
-    blocks: list[Block] = [
+    return [
         Picture("percent-error", caption, alt),
         Folded(
             "Load errors in numbers",
@@ -200,7 +199,6 @@ def errors_section(data: ReportData) -> list[Block]:
             ],
         ),
     ]
-    return blocks
 
 
 def slopes_section(data: ReportData) -> list[Block]:

@@ -34,23 +34,22 @@ def lattice(sizes: Mapping[str, Any], fits: Sequence[Posterior]) -> tuple[list[T
     step = sizes.get("step") or _round_step(widest / _POINTS)
     if not (0 < step < math.inf):
         raise InputError(f"step: expected above 0, got {step!r}")
+    ends = [(low / step - 1e-9, high / step + 1e-9) for low, high in bounds.values()]
+    spans = [(math.ceil(low), math.floor(high) + 1) for low, high in ends]
+    number = math.prod(last - first for first, last in spans)
+    if number > _MOST_TEXTURES:  # counted before they fill the memory
+        raise InputError(
+            f"step: expected at most {_MOST_TEXTURES:,} textures, got {number:.3g}; "
+            "a larger step, or closer bounds"
+        )
     columns = []
-    for name, (low, high) in bounds.items():
-        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-        if last - first >= _MOST_TEXTURES:
-            raise InputError(f"step: expected at most {_MOST_TEXTURES:,} textures; a larger step")
-        widths = [float(f"{i * step:.12g}") for i in range(first, last + 1)]
+    for (name, (low, high)), span in zip(bounds.items(), spans, strict=True):
+        widths = [float(f"{i * step:.12g}") for i in range(*span)]
         if not widths and low == high:
             widths = [low]
         if not widths:
             raise InputError(f"{name}: no multiple of the step {step:g} is within {low:g}:{high:g}")
         columns.append(widths)
-    number = len(columns[0]) * len(columns[1])  # counted before they fill the memory
-    if number > _MOST_TEXTURES:
-        raise InputError(
-            f"step: expected at most {_MOST_TEXTURES:,} textures, got {number:,}; "
-            "a larger step, or closer bounds"
-        )
     textures = [(a, b) for a in columns[0] for b in columns[1]]
     return textures, {"a": list(bounds["a"]), "b": list(bounds["b"]), "step": float(step)}
 

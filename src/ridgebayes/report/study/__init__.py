@@ -48,8 +48,7 @@ def smooth_section(data: ReportData) -> list[Block]:
         "cylinder of finite elements becomes slightly stiffer as the contact widens."
     )
     header = ("Computed by", "Loads", "R² of Hertz on Q′", "Worst error in Q′, %", "in load, %")
-    blocks: list[Block] = [Picture("smooth-cylinder", caption), Table(header, rows)]
-    return blocks
+    return [Picture("smooth-cylinder", caption), Table(header, rows)]
 
 
 def claims_section(data: ReportData) -> list[Block]:
