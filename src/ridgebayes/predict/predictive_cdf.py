@@ -199,7 +199,7 @@ def _or_infinite(load: FloatArray) -> FloatArray:
 def distinct(*columns: FloatArray) -> tuple[IntArray, IntArray]:
     """Return the flat index of each distinct row of some columns, and the row of each place."""
     frame = pd.DataFrame({i: column.ravel() for i, column in enumerate(columns)})
-    place: IntArray = frame.groupby(list(frame)).ngroup().to_numpy(np.int64)
+    place = frame.groupby(list(frame)).ngroup().to_numpy().astype(np.int64)
     return np.unique(place, return_index=True)[1].astype(np.int64), place
 
 

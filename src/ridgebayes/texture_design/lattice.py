@@ -36,10 +36,10 @@ def lattice(sizes: Mapping[str, Any], fits: Sequence[Posterior]) -> tuple[list[T
         raise InputError(f"step: expected above 0, got {step!r}")
     ends = [(low / step - 1e-9, high / step + 1e-9) for low, high in bounds.values()]
     spans = [(math.ceil(low), math.floor(high) + 1) for low, high in ends]
-    number = math.prod(last - first for first, last in spans)
+    number = math.prod(float(last - first) for first, last in spans)
     if number > _MOST_TEXTURES:  # counted before they fill the memory
         raise InputError(
-            f"step: expected at most {_MOST_TEXTURES:,} textures, got {number:.3g}; "
+            f"step: expected at most {_MOST_TEXTURES:,} textures, got {number:,.0f}; "
             "a larger step, or closer bounds"
         )
     columns = []
