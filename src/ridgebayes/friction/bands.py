@@ -8,13 +8,13 @@ contact are taken with replacement.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from ridgebayes._types import FloatArray, IntArray, Tabular
+from ridgebayes._types import FloatArray, Tabular
 from ridgebayes.errors import InputError
 from ridgebayes.friction.terms import EFFECTS, PARAMETERS, TERMS, coefficients, terms
 from ridgebayes.runtime.randomness import stream
@@ -142,33 +142,6 @@ class FrictionBands(Tabular):
         return f"FrictionBands(mu = {band} with {last['prob']:g} at p/E = {last['p_over_E']:.3g})"
 
 
-@dataclass(frozen=True, eq=False)
-class _Sample:
-    """n independent points: which draw of the contact, parameters, and scores of the effects."""
-
-    contact: IntArray
-    theta: FloatArray
-    score: FloatArray
-
-    def evaluated(self, contact: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the terms with their effects, (n, 3), and mu at contacts of one load."""
-        effect = np.exp((self.score * self.theta[:, _SCALES]).sum(axis=1))
-        found = terms(contact[self.contact], self.theta) * effect[:, None]
-        return found, found.sum(axis=1)
-
-    def swapped(self, other: "_Sample", group: str, columns: Sequence[int]) -> "_Sample":
-        """Return the points with one group of another sample's."""
-        if group == "contact":
-            return replace(self, contact=other.contact)
-        if group in EFFECTS:
-            score = self.score.copy()
-            score[:, EFFECTS.index(group)] = other.score[:, EFFECTS.index(group)]
-            return replace(self, score=score)
-        theta = self.theta.copy()
-        theta[:, columns] = other.theta[:, columns]
-        return replace(self, theta=theta)
-
-
 def predicted(
     inputs: FrictionInputs,
     draw: Callable[[np.random.Generator, int], FloatArray],
@@ -200,30 +173,50 @@ def predicted(
     if not 0 < prob < 1:
         raise InputError(f"prob: expected above 0 and below 1, got {prob!r}")
     rng, n, n_draw = stream(seed, "friction", "bands"), _N_BATCH * _N, len(inputs.contact)
+    # Columns: which draw of the contact, parameters, scores of the effects.
     one, other = (
-        _Sample(rng.integers(n_draw, size=n), draw(rng, n), rng.standard_normal((n, len(EFFECTS))))
+        np.column_stack(
+            [rng.integers(n_draw, size=n), draw(rng, n), rng.standard_normal((n, len(EFFECTS)))]
+        )
         for _ in range(2)
     )
-    groups = {"contact": [], **parameters}
-    groups |= {name: [] for name, j in zip(EFFECTS, _SCALES, strict=True) if one.theta[:, j].any()}
-    swaps = {name: one.swapped(other, name, columns) for name, columns in groups.items()}
+    groups = {"contact": [0]} | {k: [1 + j for j in columns] for k, columns in parameters.items()}
+    for i, (name, j) in enumerate(zip(EFFECTS, _SCALES, strict=True)):
+        if one[:, 1 + j].any():
+            groups[name] = [1 + len(PARAMETERS) + i]
+    swaps = {name: one.copy() for name in groups}
+    for name, columns in groups.items():
+        swaps[name][:, columns] = other[:, columns]
     bands, shares, kept = [], [], np.empty((_N_KEPT, len(inputs.load)))
     for j, load in enumerate(inputs.load.tolist()):
         contact = inputs.contact[:, j]
-        by_term, mu = one.evaluated(contact)
+        by_term, mu = _evaluated(one, contact)
         kept[:, j] = mu[:_N_KEPT]
         lower, median, upper = np.quantile(mu, [0.5 - prob / 2, 0.5, 0.5 + prob / 2])
         at = (load, float(inputs.scene["p_over_E"][:, j].mean()))
         beyond = float(inputs.extrapolation[:, j].mean())
         bands.append((*at, mu.mean(), mu.std(), median, lower, upper, prob, beyond))
         found = [("term", *row) for row in _term_shares(by_term, mu)]
-        swapped = {name: sample.evaluated(contact)[1] for name, sample in swaps.items()}
-        found += [("input", *row) for row in _sobol(mu, other.evaluated(contact)[1], swapped)]
+        swapped = {name: _evaluated(points, contact)[1] for name, points in swaps.items()}
+        found += [("input", *row) for row in _sobol(mu, _evaluated(other, contact)[1], swapped)]
         found += [("scene", *row) for row in _scene_shares(inputs, j, one, float(mu.var()))]
         shares += [(*at, *row) for row in found]
     return FrictionBands(
         pd.DataFrame(bands, columns=BAND_COLUMNS), pd.DataFrame(shares, columns=SHARE_COLUMNS), kept
     )
+
+
+def _effects(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return parameters of points, and what effects multiply mu by."""
+    theta, score = np.split(points[:, 1:], [len(PARAMETERS)], axis=1)
+    return theta, np.exp((score * theta[:, _SCALES]).sum(axis=1))
+
+
+def _evaluated(points: FloatArray, contact: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the terms with their effects, (n, 3), and mu at contacts of one load."""
+    theta, effect = _effects(points)
+    found = terms(contact[points[:, 0].astype(np.int64)], theta) * effect[:, None]
+    return found, found.sum(axis=1)
 
 
 _Row = tuple[str, float, float, float, float]
@@ -263,14 +256,14 @@ def _sobol(one: FloatArray, other: FloatArray, swapped: Mapping[str, FloatArray]
 
 
 def _scene_shares(
-    inputs: FrictionInputs, j: int, sample: _Sample, variance: float
+    inputs: FrictionInputs, j: int, points: FloatArray, variance: float
 ) -> Iterator[_Row]:
     """Yield var(E[mu | value])/var(mu) of single values, from the draws that there are.
 
     Parameters and effects do not depend on the contact: given it, mu has a known mean.
     """
-    effect = np.exp((sample.score * sample.theta[:, _SCALES]).sum(axis=1))
-    factors = (coefficients(sample.theta) * effect[:, None]).mean(axis=0)
+    theta, effect = _effects(points)
+    factors = (coefficients(theta) * effect[:, None]).mean(axis=0)
     mean = inputs.contact[:, j] @ factors[:3] + factors[3]
     for name, values in inputs.scene.items():
         value = values if values.ndim == 1 else values[:, j]
