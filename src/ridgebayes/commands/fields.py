@@ -48,10 +48,17 @@ def generate_fields(
     InputError
         As there, if the folder may not be made, or if nothing is simulated by finite elements.
     """
+    n_seen = 0
     with new_folder(folder, force=force, about=LOADS_CSV) as partial:
-        files = FieldFiles(partial)
-        table = generate(scene, pressed=files, **solving)
-        if not files.n_seen:
+
+        def write(texture: Texture, body: Cylinder, reached: Sequence[Transition]) -> None:
+            nonlocal n_seen
+            n_seen += 1
+            if reached:
+                _write(partial, texture, body, reached)
+
+        table = generate(scene, pressed=write, **solving)
+        if not n_seen:
             raise InputError(
                 f"--fields {folder}: no texture is simulated by finite elements; use --solver "
                 "cylinder-fe, or a scene whose `relative` calls for them"
@@ -60,32 +67,16 @@ def generate_fields(
     return table
 
 
-class FieldFiles:
-    """Writes the transitions of cylinders into a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        An existing one.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self.n_seen = 0
-
-    def __call__(self, texture: Texture, body: Cylinder, reached: Sequence[Transition]) -> None:
-        """Write one cylinder's: nothing if it has no transition."""
-        self.n_seen += 1
-        if not reached:
-            return
-        label = plan_label(texture)
-        if texture.offset == "uniform" and body.profile is not None:
-            label = f"{label}_{body.profile.offset:g}"
-        # Where a coarser mesh takes over, its first transition tells the files apart.
-        if (self._folder / f"contact-{label}.csv").exists():
-            label = f"{label}_from_Q{reached[0].Q}"
-        write_fields(body, [one.state for one in reached], self._folder / f"fields-{label}.xdmf")
-        tables = {(one.Q, one.p_over_E): surface_table(body, one.state) for one in reached}
-        table = pd.concat(tables, names=["Q", "p_over_E"]).reset_index(["Q", "p_over_E"])
-        write_csv(table, self._folder / f"contact-{label}.csv")
-        save(plot_deformed(body, reached[-1].state), self._folder / f"deformed-{label}")
+def _write(folder: Path, texture: Texture, body: Cylinder, reached: Sequence[Transition]) -> None:
+    """Write the transitions of a cylinder into a folder."""
+    label = plan_label(texture)
+    if texture.offset == "uniform" and body.profile is not None:
+        label = f"{label}_{body.profile.offset:g}"
+    # Where a coarser mesh takes over, its first transition tells the files apart.
+    if (folder / f"contact-{label}.csv").exists():
+        label = f"{label}_from_Q{reached[0].Q}"
+    write_fields(body, [one.state for one in reached], folder / f"fields-{label}.xdmf")
+    tables = {(one.Q, one.p_over_E): surface_table(body, one.state) for one in reached}
+    table = pd.concat(tables, names=["Q", "p_over_E"]).reset_index(["Q", "p_over_E"])
+    write_csv(table, folder / f"contact-{label}.csv")
+    save(plot_deformed(body, reached[-1].state), folder / f"deformed-{label}")

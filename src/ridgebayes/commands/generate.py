@@ -52,7 +52,14 @@ def command(asked: options.Generate) -> Answer:
     else:
         if asked.workers is not None or asked.scheduler is not None or asked.resume:
             raise InputError("--fields: expected without --workers, --scheduler and --resume")
-        table, left_out = fields_job(asked.out, wanted, asked.fields, force=asked.force, **solving)
+        # Here, not above: it loads matplotlib and finite elements, which sweeps do without.
+        from ridgebayes.commands.fields import generate_fields
+
+        check_name(asked.out)
+        with exclusive_lock(asked.out):
+            table = generate_fields(wanted, asked.fields, force=asked.force, **solving)
+            table.write(asked.out)
+        left_out = _neglected_effects(wanted, None, **solving)
     failed = len(table.left_out)
     size = f"{count(len(table), 'row')}, {count(len(table.textures), 'texture')}"
     told = f"{asked.out}: {size}, {failed} not ok"
@@ -132,20 +139,6 @@ def sweep_job(
             raise
         journal.remove()
     return table, left_out
-
-
-def fields_job(
-    out: Path, scene: Scene, folder: Path, *, force: bool = False, **solving: Any
-) -> tuple[ContactTable, list[str]]:
-    """Write loads as `sweep_job` does, in this process, and fields into a folder."""
-    # Here, not above: it loads matplotlib and finite elements, which sweeps do without.
-    from ridgebayes.commands.fields import generate_fields
-
-    check_name(out)
-    with exclusive_lock(out):
-        table = generate_fields(scene, folder, force=force, **solving)
-        table.write(out)
-    return table, _neglected_effects(scene, None, **solving)
 
 
 def journal_of(out: Path) -> Journal:

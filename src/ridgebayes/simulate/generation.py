@@ -94,7 +94,7 @@ def generate(
         ``reference`` (1e-10, and a mesh twice as fine), see `LoadPreset`.
     pressed : callable, optional
         Is given each texture that finite elements simulate: the cylinder, and its transitions with
-        the states there, such as `ridgebayes.commands.fields.FieldFiles` writes to files. In this
+        the states there, such as `ridgebayes.commands.fields` writes to files. In this
         process only: not with an executor or a journal.
     executor : concurrent.futures.Executor, optional
         What textures are computed on, such as `ridgebayes.runtime.pool.workers` gives; one after
