@@ -37,17 +37,12 @@ def held_out_loads(comparison: Comparison) -> pd.DataFrame:
         return pd.DataFrame()
     loads = loads_table(replace(comparison, table=held_out))
     loads = loads[loads["kind_of_band"] == "simulation"].reset_index(drop=True)
-    observed = loads["p_over_E_observed"]
-    loads["prior_alone"] = (loads["form"] == "power-law") & ~_has_k(comparison, loads)
+    observed, power_law = loads["p_over_E_observed"], comparison.fits.get("power-law")
+    known = list(power_law.model.data.textures) if power_law is not None else []
+    has_k = pd.MultiIndex.from_frame(loads[["a_over_R", "b_over_R"]]).isin(known)
+    loads["prior_alone"] = (loads["form"] == "power-law") & ~has_k
     loads["inside"] = observed.between(loads["p_over_E_lower"], loads["p_over_E_upper"])
     return loads
-
-
-def _has_k(comparison: Comparison, loads: pd.DataFrame) -> "pd.Series[bool]":
-    power_law = comparison.fits.get("power-law")
-    known = set(power_law.model.data.textures) if power_law is not None else set()
-    pairs = zip(loads["a_over_R"], loads["b_over_R"], strict=True)
-    return pd.Series([pair in known for pair in pairs], index=loads.index)
 
 
 def shown_textures(comparison: Comparison) -> tuple[Texture, ...]:

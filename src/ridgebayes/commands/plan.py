@@ -35,13 +35,7 @@ def command(asked: options.Plan) -> Answer:
     if asked.new is not None:
         return _new_scene(asked)
     if asked.verify:
-        if asked.scene is not None or asked.out is None:
-            raise InputError("--verify: expected -o, a folder to create, and no scene")
-        found = plan_check_job(asked.out, n=asked.scenes, seed=asked.seed, force=asked.force)
-        n_bad = int((~found["honest"]).sum())
-        told = f"{asked.out}: {len(found) - n_bad} of {len(found)} estimates are reliable"
-        problem = f"{n_bad} estimates are not reliable; see {asked.out}/report.md"
-        return Answer((told,), found, files_in(asked.out), problem=problem if n_bad else "")
+        return _verified(asked)
     if asked.scene is None:
         raise InputError("SCENE: missing; expected a scene file, --new or --verify")
     if asked.out is not None:
@@ -154,35 +148,24 @@ def _expected(scene: Scene, one: Plan) -> str:
     return words if found["status"] == "ok" else f"{words} This is {found['status']}."
 
 
-def plan_check_job(
-    folder: Path, *, n: int = 32, seed: int = 0, force: bool = False
-) -> pd.DataFrame:
-    """Check the estimates behind plans on scenes spread over the space.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder to make: plan-check.csv, its figure, report.md.
-    n : int, optional
-        Scenes.
-    seed : int, optional
-        Seed of their spread.
-    force : bool, optional
-        Whether an existing folder of this command may be replaced.
-
-    Returns
-    -------
-    pandas.DataFrame
-        As `ridgebayes.checks.plan_check.check_plans` returns it.
-    """
-    scenes = sobol_scenes(n, rng=seed)
-    with new_folder(folder, force=force, about=CHECK_CSV) as partial, Progress(1) as progress:
+def _verified(asked: options.Plan) -> Answer:
+    """Check the estimates behind plans on scenes spread over the space, and write what it shows."""
+    if asked.scene is not None or asked.out is None:
+        raise InputError("--verify: expected -o, a folder to create, and no scene")
+    scenes = sobol_scenes(asked.scenes, rng=asked.seed)
+    with (
+        new_folder(asked.out, force=asked.force, about=CHECK_CSV) as partial,
+        Progress(1) as progress,
+    ):
         with progress.stage("scenes"):
             found = check_plans(scenes, progress=progress.detail)
         write_csv(found, partial / CHECK_CSV)
         drawing.style.save(drawing.scenes.plot_plan_check(found), partial / "plan-check")
         _write_report(found, partial / "report.md")
-    return found
+    n_bad = int((~found["honest"]).sum())
+    told = f"{asked.out}: {len(found) - n_bad} of {len(found)} estimates are reliable"
+    problem = f"{n_bad} estimates are not reliable; see {asked.out}/report.md"
+    return Answer((told,), found, files_in(asked.out), problem=problem if n_bad else "")
 
 
 def _write_report(found: pd.DataFrame, path: Path) -> None:
