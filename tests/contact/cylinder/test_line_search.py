@@ -33,12 +33,6 @@ def test_best_part__stays_where_there_is_a_potential():
     assert len(asked) < 9
 
 
-@pytest.mark.parametrize("end", [0.004, 0.14, 0.6, 3.0])
-def test_best_part__goes_nearly_to_the_end_of_the_potential_where_all_leads_down(end):
-    part = best_part(lambda part: -1.0 - part if part < end else math.inf)
-    assert 0.5 * end < part < end
-
-
 @pytest.mark.parametrize(
     "slope", [lambda part: -1.0 - part, lambda part: math.copysign(1.0, part - 0.3)]
 )

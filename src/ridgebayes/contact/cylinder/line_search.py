@@ -26,8 +26,7 @@ def best_part(slope: Callable[[float], float]) -> float:
     -------
     float
         1 if that is good enough, or where the step does not lead down. 0 where no such part was
-        found: the slope jumps, as where the rim has folded. Where it falls until there is no
-        potential, nearly as far.
+        found: the slope jumps, as where the rim has folded.
     """
     first = slope(0.0)
     if not first < 0:
@@ -46,8 +45,6 @@ def best_part(slope: Callable[[float], float]) -> float:
             chord = first / (first - value) if value > first else math.inf
             part *= min(max(chord, _GROWTH[0]), _GROWTH[1])
         else:
-            # Between a slope and none there is no chord: halfway, from the start less.
-            share = 0.5 if low and math.isinf(at_high) else at_low / (at_low - at_high)
+            share = at_low / (at_low - at_high)
             part = low + (high - low) * min(max(share, _LEAST), _LARGEST)
-    # All the way to where there is none it led down: there the next step begins.
-    return low if math.isfinite(high) and math.isinf(at_high) else 0.0
+    return 0.0
