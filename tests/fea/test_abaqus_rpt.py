@@ -190,7 +190,10 @@ def changed_row(change):
         (changed_row(lambda row: row[:-8] + "1E999"), "expected a finite number"),
         (changed_row(lambda row: row[:-10] + " NoValue"), "'NoValue': expected a finite number"),
         (changed_row(lambda row: row + " 1."), "6 values; expected node, COORD.COOR1"),
-        (changed_row(lambda row: row.replace("   50 ", "   49 ")), "node 49 again in BODY-1.RIM"),
+        (
+            changed_row(lambda row: row.replace("   50 ", "   49 ")),
+            "node '49'; expected a whole number, each node once, averaged where",
+        ),
         (
             changed_row(lambda row: row.replace("   50 ", " 50.5 ")),
             "'50.5'; expected a whole number",

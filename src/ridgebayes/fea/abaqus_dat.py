@@ -233,19 +233,5 @@ class _Dat(Printed):
         elif not is_label(words[0]) or table.whole:
             return  # NOTE below the header, a page's head, or what follows the table
         elif not table.below or all(NUMBER.fullmatch(word) for word in words):
-            _add(line, table, words)  # else counts of messages at the end of the file
-
-
-def _add(line: Line, table: NodeTable, words: list[str]) -> None:
-    if len(words) != len(table.columns) + 1:
-        raise line.unexpected(
-            f"node, {', '.join(table.columns)}, in global directions (no footnotes)"
-        )
-    node = line.node(words[0], table.rows)
-    table.rows[node] = [line.finite(word) for word in words[1:]]
-    for name, word, value in zip(table.columns, words[1:], table.rows[node], strict=True):
-        if name in ("U1", "U2") and value and (match := NUMBER.fullmatch(word)):
-            # The unit of the last printed digit: 0.001 of 1.234, 1e-7 of 1.2345E-03.
-            decimals = len(match[1].partition(".")[2])
-            unit = float(f"1e{int(match[2] or match[3] or 0) - decimals}")
-            table.unit = max(table.unit, unit)
+            # Else counts of messages at the end of the file.
+            table.add(line, words, ", in global directions (no footnotes)")

@@ -16,7 +16,6 @@ from ridgebayes.fea.lines import (
     Line,
     NodeTable,
     Printed,
-    is_label,
     on,
     read_lines,
     unused,
@@ -192,25 +191,11 @@ class _Report(Printed):
         elif not table.whole:
             self._pending += line.words
             if len(self._pending) > len(table.columns):
-                _add(line, table, self._pending)
+                table.add(line, self._pending, ", averaged where elements meet")
+                for word in self._pending[1:]:  # zeros at the end are not printed
+                    mantissa = re.split("[EeDd]", word)[0].strip("+-").replace(".", "")
+                    table.digits = max(table.digits, len(mantissa.lstrip("0")))
                 self._pending = []
-
-
-def _add(line: Line, table: NodeTable, words: list[str]) -> None:
-    if len(words) != 1 + len(table.columns):
-        raise line.error(f"{len(words)} values; expected node, {', '.join(table.columns)}")
-    if not is_label(words[0]):
-        raise line.error(f"node {words[0][:40]!r}; expected a whole number")
-    node = int(words[0])
-    if node in table.rows:
-        raise line.error(
-            f"node {node} again in {table.nodes}; expected nodal values, averaged where elements "
-            "meet"
-        )
-    table.rows[node] = [line.finite(word) for word in words[1:]]
-    for word in words[1:]:
-        mantissa = re.split("[EeDd]", word)[0]
-        table.digits = max(table.digits, len(mantissa.strip("+-").replace(".", "").lstrip("0")))
 
 
 class _Region:

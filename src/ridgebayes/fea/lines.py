@@ -83,7 +83,7 @@ class Line:
             raise self.unexpected(columns)
         return [self.finite(word) for word in words]
 
-    def node(self, word: str, seen: Container[int]) -> int:
+    def node(self, word: str, seen: Container[int], rule: str = "") -> int:
         """Return a node's number, which is whole and has not been seen.
 
         Raises
@@ -92,7 +92,7 @@ class Line:
         """
         number = self.finite(word)
         if number != int(number) or int(number) in seen:
-            raise self.error(f"node {word[:40]!r}; expected a whole number, each node once")
+            raise self.error(f"node {word[:40]!r}; expected a whole number, each node once{rule}")
         return int(number)
 
 
@@ -119,7 +119,7 @@ class NodeTable:
     digits : int
         Most digits of a number.
     unit : float
-        Of the last printed digit, the coarsest of the rows.
+        Of the last printed digit of displacements, the coarsest of the rows.
     """
 
     line: Line
@@ -135,6 +135,20 @@ class NodeTable:
     def has(self, *names: str) -> bool:
         """Return whether all of some columns are there."""
         return all(name in self.columns for name in names)
+
+    def add(self, line: Line, words: list[str], rule: str) -> None:
+        """Take a row, a node and its values; errors say the rule."""
+        if len(words) != len(self.columns) + 1:
+            columns = ", ".join(self.columns)
+            raise line.error(f"{len(words)} values; expected node, {columns}{rule}")
+        node = line.node(words[0], self.rows, rule)
+        self.rows[node] = [line.finite(word) for word in words[1:]]
+        for name, word, value in zip(self.columns, words[1:], self.rows[node], strict=True):
+            if name.endswith(("U1", "U2")) and value and (match := NUMBER.fullmatch(word)):
+                # The unit of the last printed digit: 0.001 of 1.234, 1e-7 of 1.2345E-03.
+                decimals = len(match[1].partition(".")[2])
+                unit = float(f"1e{int(match[2] or match[3] or 0) - decimals}")
+                self.unit = max(self.unit, unit)
 
     def of(self, nodes: Iterable[int], *names: str) -> FloatArray:
         """Return columns, shape (n_node, n_name); 0 for nodes without a row."""
