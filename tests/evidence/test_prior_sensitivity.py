@@ -55,7 +55,7 @@ def by_quadrature(model):
 @pytest.mark.parametrize(
     ("noise", "prior", "factors"),
     [
-        (Noise("texture"), "tau_texture", (0.55, 3.0)),
+        (Noise("texture"), "tau_texture", (3.0, 10.0)),
         (Noise("texture"), "c", (10.0,)),
         (Noise("iid", "student"), "df", (0.1,)),
         (Noise("iid", "student"), "sigma", (10.0,)),
@@ -154,7 +154,7 @@ def test_error_models__are_summed_out_and_one_without_draws_keeps_its_evidence(o
     )
     found = prior_sensitivity({"modified": {"texture": posterior}}, table)
     found = found[found["factor"].isin(alone[alone > -1].index)]  # where it is sampled as surely
-    assert found["factor"].nunique() > 4
+    assert found["factor"].nunique() > 2
     for row in found[found["prior"] == "tau_texture"].itertuples():
         both = [iid, evidence.value + alone[row.factor]]
         assert row.log_evidence == pytest.approx(logsumexp(both) - math.log(2), rel=1e-13)
@@ -190,11 +190,11 @@ def test_prior_of__c1_is_c_and_all_factors_of_a_power_law_are_one():
 @pytest.mark.parametrize(
     ("prior", "ends", "n"),
     [
-        ("c", (0.3, 10.0), 7),
-        ("c2", (0.3, 10.0), 7),
-        ("K", (0.1, 10.0), 9),
-        ("sigma", (0.1, 10.0), 9),
-        ("df", (0.1, 10.0), 9),
+        ("c", (0.3, 10.0), 4),
+        ("c2", (0.3, 10.0), 4),
+        ("K", (0.1, 10.0), 5),
+        ("sigma", (0.1, 10.0), 5),
+        ("df", (0.1, 10.0), 5),
         ("nugget", (0.1, 10.0), 3),
     ],
 )

@@ -216,12 +216,8 @@ def _scored(
     if execution.scores:
         loo_later = submit_or_defer(executor, loo_table, fits)
         with stage("prior sensitivity"):
-            sensitivity = prior_sensitivity(
-                {name: fit.posteriors for name, fit in fits.items()},
-                evidence,
-                executor=executor,
-                few=not execution.accuracy.extras,
-            )
+            posteriors = {name: fit.posteriors for name, fit in fits.items()}
+            sensitivity = prior_sensitivity(posteriors, evidence, executor=executor)
     with stage("savage-dickey and Bayes factors"):
         nested = None if nested_later is None else nested_later()
         factors = bayes_factor_table(evidence, list(fits), printed, nested)

@@ -20,8 +20,7 @@ from ridgebayes.runtime.randomness import stream
 
 NUGGET = "nugget"
 COEFFICIENTS = ("c", "c2")  # priors that hold what is known of mechanics: shrunk less
-_FACTORS = (0.1, 0.18, 0.3, 0.55, 1.0, 1.8, 3.0, 5.5, 10.0)
-_FEW_FACTORS = _FACTORS[::2]
+_FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
 _OF_NUGGET = (0.1, 1.0, 10.0)
 _LEAST = 0.3  # factor of the coefficients' scales
 _N_LIKELIHOOD = 512  # draws that are weighted by a ratio of likelihoods
@@ -35,13 +34,11 @@ def prior_of(parameter: str) -> str:
     return {"c1": "c"}.get(parameter, parameter.partition("[")[0])
 
 
-def scale_factors(prior: str, *, few: bool = False) -> tuple[float, ...]:
+def scale_factors(prior: str) -> tuple[float, ...]:
     """Return the multiples of a prior's scale that are looked at."""
     if prior == NUGGET:
         return _OF_NUGGET
-    return tuple(
-        f for f in (_FEW_FACTORS if few else _FACTORS) if prior not in COEFFICIENTS or f >= _LEAST
-    )
+    return tuple(f for f in _FACTORS if prior not in COEFFICIENTS or f >= _LEAST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +48,6 @@ class Scaling:
     form: str
     noise: str
     posterior: Posterior
-    few: bool
 
     @property
     def key(self) -> tuple[str, str]:
@@ -117,7 +113,7 @@ def weighted_draws(task: Scaling) -> dict[tuple[str, float], Change]:
     """Return changes of ln evidence by prior and factor, as a posterior's draws tell them."""
     posterior, found = task.posterior, {}
     for prior in task.priors:
-        for factor in scale_factors(prior, few=task.few):
+        for factor in scale_factors(prior):
             ratio = _log_ratio(task.model(prior, factor), posterior.model, posterior.draws)
             found[prior, factor] = _change(ratio)
     if SMOOTH in posterior.noise.factors:

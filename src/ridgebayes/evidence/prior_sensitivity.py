@@ -30,7 +30,6 @@ def prior_sensitivity(
     evidence: pd.DataFrame,
     *,
     executor: Executor | None = None,
-    few: bool = False,
 ) -> pd.DataFrame:
     """Return log evidences as each prior's scale is multiplied, error models summed out.
 
@@ -42,8 +41,6 @@ def prior_sensitivity(
         `evidence.csv`, under the default priors.
     executor : concurrent.futures.Executor, optional
         Runs the posteriors; one after the other in this process if not given.
-    few : bool, optional
-        Whether every other factor is left out; the least and the largest are not.
 
     Returns
     -------
@@ -57,7 +54,7 @@ def prior_sensitivity(
     """
     used = used_evidence(evidence).set_index(["form", "noise"])["log_evidence"]
     tasks = [
-        Scaling(form, noise, posterior.thinned(N_KEPT), few)  # what `draws` are of
+        Scaling(form, noise, posterior.thinned(N_KEPT))  # what `draws` are of
         for form, by_noise in posteriors.items()
         for noise, posterior in by_noise.items()
         if (form, noise) in used.index

@@ -120,7 +120,8 @@ class Rows:
         if self.exact.all():
             return tail.log_density((self.upper + shift - offset) / scale, nu) - np.log(scale)
         value = np.empty(np.broadcast_shapes(shift.shape, np.shape(offset)))
-        here, there = self.exact, ~self.exact
+        # All rows are taken as they lie, without a copy.
+        here, there = self.exact, ~self.exact if self.exact.any() else slice(None)
         offset = np.broadcast_to(offset, value.shape)
         after = offset if offset_next is None else offset_next
         z = (self.upper[here] + shift[..., here] - offset[..., here]) / scale[..., here]
