@@ -22,7 +22,7 @@ from ridgebayes.distributions.grammar import CLOSED, USAGE
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
 from ridgebayes.fea.column_units import DIMENSIONS
-from ridgebayes.fea.mapping import CONSTANTS, CORNERS, HOLDS, KEYS, PER_Q
+from ridgebayes.fea.mapping import CONSTANTS, CORNERS, KEYS, PER_Q
 from ridgebayes.friction.table import COLUMNS as FRICTION_COLUMNS
 from ridgebayes.inference.arviz_groups import CONTENT
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
@@ -34,6 +34,29 @@ from ridgebayes.scene.toml import SECTIONS
 from ridgebayes.scene.units import EXAMPLES
 from ridgebayes.table.columns import COLUMNS, Column
 from ridgebayes.texture_design.record import DESIGN_COLUMNS
+
+HOLDS = {  # keys of `--map` that are no columns of the contract; `DIMENSIONS` has their units
+    "a": "ridge width",
+    "b": "groove width",
+    "pitch": "ridge and groove width together, in place of one of them",
+    "R": "radius of the body",
+    "D": "its diameter, in place of R",
+    "thickness": "length of the body along the ridges: forces are over it",
+    "offset": "lateral offset of the body from the groove's centre",
+    "E": "Young's modulus",
+    "p": "load per projected area",
+    "p_lower": "as `p`: the last load at which the count was not yet reached",
+    "line": "load per length along the ridges, 2 R p",
+    "line_lower": "as `p_lower`",
+    "force": "load of the whole body",
+    "force_lower": "as `p_lower`",
+    "load": "a load whose unit tells which of these it is",
+    "load_lower": "as `p_lower`",
+    "gap": "gap at a corner",
+    "gap_over_R": "the same over R",
+    "pressure": "contact pressure at a corner, in any unit: contact is where it is above 0",
+    "status": "state of a row, as in the table; for each Q, of the contact at its corner",
+}
 
 
 def write_pages(folder: Path) -> None:

@@ -26,28 +26,6 @@ _QUANTITIES = (*NUMBERS, *DIMENSIONS, "load", "load_lower", "gap_over_R", "press
 _VARYING = ("Q", "p_over_E", "p_over_E_lower", "source")
 _KNOWN = ("R", "D", "E", "thickness", "a", "b", "pitch", "offset", *NUMBERS, *TEXTS)
 CONSTANTS = tuple(name for name in _KNOWN if name not in _VARYING)
-HOLDS = {  # what is no column of the contract; `DIMENSIONS` has the units
-    "a": "ridge width",
-    "b": "groove width",
-    "pitch": "ridge and groove width together, in place of one of them",
-    "R": "radius of the body",
-    "D": "its diameter, in place of R",
-    "thickness": "length of the body along the ridges: forces are over it",
-    "offset": "lateral offset of the body from the groove's centre",
-    "E": "Young's modulus",
-    "p": "load per projected area",
-    "p_lower": "as `p`: the last load at which the count was not yet reached",
-    "line": "load per length along the ridges, 2 R p",
-    "line_lower": "as `p_lower`",
-    "force": "load of the whole body",
-    "force_lower": "as `p_lower`",
-    "load": "a load whose unit tells which of these it is",
-    "load_lower": "as `p_lower`",
-    "gap": "gap at a corner",
-    "gap_over_R": "the same over R",
-    "pressure": "contact pressure at a corner, in any unit: contact is where it is above 0",
-    "status": "state of a row, as in the table; for each Q, of the contact at its corner",
-}
 _WIDE = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
 _SAME = (
