@@ -37,7 +37,7 @@ from ridgebayes.runtime.randomness import stream
 
 LEAVES = ("texture", "step", "row")
 # Less than `importance_posterior` takes by itself: a share of 41 rows asks for no second digit.
-EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 256, "n_point": 32}
+EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 256, "n_point": 16}
 N_CRPS = 10_240  # draws behind a CRPS; its standard error is about 1 % of a predictive sd
 _N_WEIGHTED, _N_WEIGHTED_LATENT, _N_RESAMPLED = 2_048, 512, 1_024
 _N_PROPOSAL = 512  # draws that a proposal is fitted to

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.interpolate import BarycentricInterpolator, make_interp_spline
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
@@ -105,5 +104,9 @@ class Axis:
         if self.n == 1:
             return np.ones((len(x), 1))
         if not self.is_smooth:
-            return np.asarray(make_interp_spline(self.nodes, np.eye(self.n), k=1)(x))
-        return np.asarray(BarycentricInterpolator(self.nodes, np.eye(self.n))(x))
+            place = np.interp(x, self.nodes, np.arange(self.n))
+            value: FloatArray = np.maximum(1 - np.abs(place[:, None] - np.arange(self.n)), 0.0)
+            return value
+        at_nodes = np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(self.n), self.n - 1))
+        t = (2 * x - self.low - self.high) / (self.high - self.low)
+        return np.asarray(chebyshev.chebvander(t, self.n - 1) @ at_nodes)

@@ -28,6 +28,7 @@ N_REPEAT = 4  # independent proposals
 # Share of draws that count, at which a proposal is good enough where densities are estimates: more
 # rounds take more time than draws of their own would.
 _ENOUGH = 0.5
+_FEW_POINTS = 8  # least of them: what fewer save, their noise takes
 
 
 def importance_posterior(
@@ -61,7 +62,7 @@ def importance_posterior(
         Rounds of fitting each proposal, and draws of each round.
     n_point : int, optional
         Points at which offsets without a closed-form integral are drawn for each draw of the
-        parameters; a quarter of them while proposals are fitted.
+        parameters; a quarter of them, or eight, while proposals are fitted.
 
     Returns
     -------
@@ -106,7 +107,7 @@ def importance_posterior(
         rng = stream(seed, f"importance {repeat}")
         fitted = proposal
         if fitted is None:
-            few = laplace.whitened(_estimates(model, rng, max(n_point // 4, 1), []))
+            few = laplace.whitened(_estimates(model, rng, max(n_point // 4, _FEW_POINTS), []))
             k = laplace.n_curved
             fitted, _ = adapted(
                 few,
