@@ -90,7 +90,7 @@ def test_table_from_history__a_rim_that_hangs_over_round_corners_is_no_overlap()
 
     still, hanging = loads((0, 0)), loads((0, 0.99 * r))
     pd.testing.assert_series_equal(hanging, still)
-    assert (loads((2 * r, 3 * r)) > still).all()
+    assert (loads((1.5 * r, 3.5 * r)) > still).all()
 
 
 def test_table_from_history__top_given_is_as_tops_found():

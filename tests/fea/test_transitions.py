@@ -149,3 +149,13 @@ def test_histories__remarks_on_runs_are_shown_to_the_twentieth():
         "a/R = 0.03, b/R = 0.01, 19: Q = 6: not reached",
         "and 3 more remarks on runs",
     ]
+
+
+def test_transitions_of__a_body_that_lies_on_a_corner_to_rounding_touches_it():
+    load, far = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]), [0.25, 0.15, 0.05]
+    above, below = (
+        transitions_of(load, np.array([[*far, e, e, -0.01]]).T, np.array([4]))[0]
+        for e in (1e-16, -1e-16)
+    )
+    pd.testing.assert_frame_equal(above, below)
+    assert above["p_over_E"].iloc[0] == pytest.approx(0.35, rel=1e-12)

@@ -14,6 +14,7 @@ from ridgebayes.table.rules import row_codes
 MOST = 2000  # histories in a file: some milliseconds each
 _MOST_Q = 10_000  # of counts: a column of memory for each even one
 _MOST_REMARKS = 20  # on single histories that messages show
+_TOUCHING = 1e-12  # of R: a body that lies on a corner is off it by rounding
 _MOST_LOADS = 5  # that a message shows
 _OPEN = ("open", "0", "0.0", "no", "false", "off", "free", "separated", "not in contact")
 _CLOSED = (
@@ -89,12 +90,12 @@ def transitions_of(
     ahead: list[int] = []
     for j in np.argsort(Q):
         known = ~np.isnan(gap[:, j])
-        touched = known & (gap[:, j] <= 0)
+        touched = known & (gap[:, j] <= _TOUCHING)
         if not touched.any():
             ahead.append(int(Q[j]))
             continue
         first = int(np.argmax(touched))
-        lost = load[first:][known[first:] & (gap[first:, j] > 0)]
+        lost = load[first:][known[first:] & (gap[first:, j] > _TOUCHING)]
         if lost.size:
             messages.append(f"Q = {Q[j]}: contact is lost again at p/E = {_listed(lost)}")
         before = np.flatnonzero(known[:first])
