@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
+from ridgebayes.inference import emcee_sampling
 from ridgebayes.inference.chains import SampleSettings, walkers_for
 from ridgebayes.inference.diagnostics import effective_sample_size, failed_diagnostics, summarise
 from ridgebayes.inference.emcee_sampling import sample
@@ -160,6 +161,28 @@ def test_sample__says_from_what_to_what_tau_changed(affine):
     for enough in (replace(settings, tau_change=1.0), replace(settings, n_tau=10)):
         chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=enough)
         assert chains.convergence_failures == ()
+
+
+def test_sample__ends_a_walk_whose_draws_would_fill_the_memory(affine, monkeypatch):
+    monkeypatch.setattr(emcee_sampling, "_KEPT_MAX", 4 * 32 * 4 * 130)  # numbers of 130 steps
+    settings = replace(SHORT, n_step_max=10_000, n_tau=500)
+    chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
+    assert chains.n_step == 130
+    assert "130 steps are not 500 tau" in chains.convergence_failures[0]
+
+
+def test_sample__a_walk_far_too_short_is_checked_seldom(affine):
+    lengths = []
+    settings = replace(SHORT, n_step_max=2_000, n_tau=800)
+    sample(
+        normal,
+        affine(MEAN, FACTOR),
+        seed=7,
+        names=NAMES,
+        settings=settings,
+        progress=lambda text: lengths.append(int(text.split()[0])),
+    )
+    assert lengths[:5] == [100, 150, 225, 337, 505]
 
 
 def test_sample__goes_on_until_the_rule_is_met(affine):

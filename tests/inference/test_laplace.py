@@ -212,17 +212,34 @@ def test_fit_laplace__has_the_mode_and_curvature_of_the_error_models_parameters(
     np.testing.assert_allclose(hessian, -unit, atol=2e-2)
 
 
-@pytest.mark.slow
-def test_fit_laplace__refuses_data_without_misfit():
-    textures = ((0.02, 0.02), (0.01, 0.03))
-    index, Q = np.repeat([0, 1], 5), np.tile(np.arange(4, 14, 2), 2)
-    a, b = np.transpose(textures)
-    log_load = np.log(Hybrid().load(Q, a[index], b[index], [1.35, 0.01]))
-    nothing = np.full(10, np.nan)
-    data = Observations(textures, index, Q, log_load, np.zeros(10), nothing, np.zeros(10, bool))
+def table_of(load, n_count=2, **columns):
+    """Two textures with as many counts each, and what loads they have by Hybrid, times `load`."""
+    frame = pd.DataFrame({"a_over_R": [0.02] * n_count + [0.01] * n_count, **columns})
+    frame["b_over_R"] = 2e-4 / frame["a_over_R"]
+    frame["Q"] = np.tile(4 + 2 * np.arange(n_count), 2)
+    known = frame["Q"].to_numpy(), frame["a_over_R"].to_numpy(), frame["b_over_R"].to_numpy()
+    frame["p_over_E"] = Hybrid().load(*known, [1.09, 0.06]) * load
+    return Observations.from_table(ContactTable.from_frame(frame))
+
+
+@pytest.mark.parametrize("n_count", [2, 5])
+@pytest.mark.parametrize("noise", ["iid", "iid:student", "texture+step", "step-smooth"])
+def test_fit_laplace__refuses_data_without_misfit(n_count, noise):
     rule = r"hybrid: the posterior has no interior mode.* sigma has no lower bound"
     with pytest.raises(ComputationError, match=rule):
-        fit_laplace(Model(data, Hybrid()))
+        fit_laplace(Model(table_of(1.0, n_count), Hybrid(), Noise.named(noise)))
+
+
+@pytest.mark.parametrize(
+    ("load", "columns"),
+    [
+        ([1.0, 1.0, 1.0, 1 + 1e-9], {}),  # a load with ten digits
+        (1.0, {"rel_se": 0.01}),  # loads whose errors are known bound sigma's likelihood
+    ],
+)
+def test_fit_laplace__takes_rows_that_agree_nearly_or_have_errors_of_their_own(load, columns):
+    found = fit_laplace(Model(table_of(np.array(load), **columns), Hybrid(), Noise.named("iid")))
+    assert found.is_mode
 
 
 class Even(Modified):

@@ -31,7 +31,8 @@ class SampleSettings:
     n_burn : int
         Steps thrown away.
     n_step_max : int
-        Steps after which an ensemble is given up as not converged.
+        Steps after which an ensemble is given up as not converged; fewer where its draws would
+        take more than half a GiB.
     n_tau : float
         Steps must pass this many autocorrelation times.
     tau_change : float
@@ -41,7 +42,7 @@ class SampleSettings:
         ``mixture``; or ``independence``, ``differential evolution``, ``stretch`` alone, to compare.
     time_limit : float or None
         Seconds of wall time after which a walk ends with the steps that it has. The clock is read
-        after blocks of steps: the first block is 100 steps, each later one 5 % of those before.
+        after blocks of steps: the first is 100 steps, each later one 5 to 50 % of those before.
 
     Raises
     ------

@@ -23,6 +23,8 @@ from ridgebayes.runtime.randomness import stream
 # A walk so many times longer than asked is long enough were tau that many times larger: of ten
 # parameters one always changes by more than a per cent.
 _AMPLE = 5
+_KEPT_MAX = 2**26  # numbers of a walk, half a GiB
+_FIRST = 100  # steps before the first check
 
 
 def _ensemble(
@@ -133,20 +135,26 @@ def sample(
         _ensemble(in_z, n_walker, n_coordinate, Independence(*proposal), settings.moves)
         for proposal in zip(walk.weights, walk.centres, walk.factors, walk.rest, strict=True)
     ]
+    # The whole walk is kept: one that mixes badly has to end before it fills the memory.
+    n_kept = settings.n_ensemble * n_walker * (n_coordinate + 1)
+    n_step_max = min(settings.n_step_max, max(_KEPT_MAX // n_kept, _FIRST))
     while True:
-        # With every check the target grows by 5 %, wherever the walk was picked up again.
         before, tau = walk.tau, _mean_tau(walk.u, walk.log_density)
         unmet = _unmet_rules(walk.n_step, tau, before, (*names, "log posterior"), settings)
         if progress is not None and walk.n_step:
             progress(
                 f"{walk.n_step} steps x {settings.n_ensemble} ensembles, tau {np.max(tau):.2f}"
             )
-        if not unmet or walk.n_step >= settings.n_step_max:
+        if not unmet or walk.n_step >= n_step_max:
             break
         if walk.n_step and time.monotonic() > begun + limit:
             unmet = [f"time limit of {limit:g} s: stopped after {walk.n_step} steps; {unmet[0]}"]
             break
-        target = min(max(int(1.05 * walk.n_step) + 20, 100), settings.n_step_max)
+        # A function of the walk alone, so that one that is resumed takes the same steps. Each check
+        # costs as much as many steps: a walk far too short takes half as many again.
+        needed = float(np.nan_to_num(settings.n_tau * tau.max(), posinf=0.0))
+        target = max(int(1.05 * walk.n_step) + 20, _FIRST, int(min(needed, 1.5 * walk.n_step)))
+        target = min(target, n_step_max)
         walk = _walked_on(walk, samplers, target - walk.n_step, tau)
         if checkpoint is not None:
             checkpoint.save(walk)

@@ -10,6 +10,10 @@ from ridgebayes.errors import ComputationError
 from ridgebayes.inference.coordinates import Funnel
 from ridgebayes.model.model import Model
 
+_ROUNDING = 2e-14  # of log loads less log shapes, some 5 to 20: a few of their last digits
+_STEPS = 30  # of Gauss and Newton, which take fewer than ten from the prior's centre
+_COEFFICIENTS = 100  # of more, each texture has its own: they are not drawn about a mode
+
 
 def no_mode(model: Model) -> ComputationError:
     """Return what is raised where the posterior of sigma runs to zero."""
@@ -18,6 +22,38 @@ def no_mode(model: Model) -> ComputationError:
         "nearly, and sigma has no lower bound; add rows, give the error of the loads in a column "
         "rel_se, or leave the form out"
     )
+
+
+def reproduces_rows(model: Model, u: FloatArray) -> bool:
+    """Return whether some coefficients give all rows to their last digits.
+
+    Where rows are more than coefficients, the posterior is improper then, whatever the error model:
+    near sigma = 0 the likelihood grows faster than the coefficients' volume shrinks.
+
+    Parameters
+    ----------
+    model : Model
+        Posterior. Rows that have an error of their own, `rel_se`, and intervals do not count.
+    u : ndarray of float, shape (n_parameter,)
+        Where Gauss and Newton's steps begin.
+    """
+    k, centre = model.n_coefficient, model.rows.centre[0]
+    known = np.flatnonzero(model.rows.exact & (model.rows.rel_se == 0))
+    texture, first = np.unique(model.rows.texture[known], return_index=True)
+    if not k < len(known) or k > _COEFFICIENTS:
+        return False
+    position = np.searchsorted(texture, model.rows.texture[known])
+    if not np.abs(centre[known] - centre[known[first]][position]).max() < _ROUNDING:
+        return False  # so with most tables: rows of one texture do not agree
+    u_k = u[:k]
+    with np.errstate(all="ignore"):
+        for _ in range(_STEPS):
+            linear = model.linearised(u_k)[known[first]]
+            misfit = np.abs(linear[:, k]).max()
+            if not np.isfinite(linear).all() or misfit < _ROUNDING:
+                return bool(misfit < _ROUNDING)
+            u_k = u_k - np.linalg.lstsq(linear[:, :k], linear[:, k])[0]
+    return False
 
 
 def funnel_mode(model: Model, funnel: Funnel, start: FloatArray) -> FloatArray:

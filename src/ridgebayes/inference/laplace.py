@@ -16,7 +16,13 @@ from scipy import linalg
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.coordinates import Conditional, Funnel, FunnelAbout, NoCoefficients
-from ridgebayes.inference.funnel_mode import curvature_in_w, funnel_mode, no_mode, slope_in_w
+from ridgebayes.inference.funnel_mode import (
+    curvature_in_w,
+    funnel_mode,
+    no_mode,
+    reproduces_rows,
+    slope_in_w,
+)
 from ridgebayes.inference.mode_search import WIDTH, hessian, scale, searched
 from ridgebayes.inference.valley import Valley, find_valley
 from ridgebayes.model.forms import FORMS
@@ -199,6 +205,8 @@ def fit_laplace(
     """
     start = _start(model) if near is None else _within(model.to_unconstrained(near))
     model.check_gradient(start)
+    if reproduces_rows(model, start):
+        raise no_mode(model)
     if near is None or model.is_iid_gaussian:
         found = _fit(model, start)
     else:
