@@ -92,6 +92,9 @@ def test_rvs__follows_the_probabilities_reproducibly():
     assert np.all(np.abs(share - Q.pmf) <= 4.5 * np.sqrt(Q.pmf * (1 - Q.pmf) / n))
     assert draws.tolist() == Q.rvs(n, 1).tolist()
     assert draws.tolist() == Q.rvs(size=n, random_state=np.random.default_rng(1)).tolist()
+    assert draws.tolist() == Q.rvs(n, rng=1).tolist()
+    with pytest.raises(InputError, match="expected rng or random_state, got both"):
+        Q.rvs(n, 1, random_state=1)
 
 
 def test_repr__tells_kind_shape_and_reach():

@@ -105,7 +105,11 @@ class Predicted(Tabular):
         return self.quantile(0.5 - half), self.quantile(0.5 + half)
 
     def rvs(
-        self, size: int | tuple[int, ...] | None = None, random_state: Rng | None = None
+        self,
+        size: int | tuple[int, ...] | None = None,
+        rng: Rng | None = None,
+        *,
+        random_state: Rng | None = None,
     ) -> np.ndarray:
         """Draw values.
 
@@ -113,8 +117,10 @@ class Predicted(Tabular):
         ----------
         size : int or tuple of int, optional
             Draws of each distribution; one if not given.
-        random_state : int or numpy.random.Generator, optional
+        rng : int or numpy.random.Generator, optional
             Seed; other draws each time if not given.
+        random_state : int or numpy.random.Generator, optional
+            The same by SciPy's name.
 
         Returns
         -------
@@ -124,9 +130,12 @@ class Predicted(Tabular):
         Raises
         ------
         InputError
-            If `size` holds no whole numbers from 0, or the seed is none.
+            If `size` holds no whole numbers from 0, the seed is none, or there are two.
         """
-        generator, before = seeded(random_state), draw_shape(size)
+        if rng is not None and random_state is not None:
+            raise InputError("rvs: expected rng or random_state, got both")
+        generator = seeded(random_state if rng is None else rng)
+        before = draw_shape(size)
         return self._draw(generator, prod(before)).reshape(*before, *self.shape)
 
     def to_dataframe(self, prob: float = 0.9) -> pd.DataFrame:
