@@ -91,6 +91,11 @@ def test_linearised__is_the_difference_of_log_loads_and_the_residual_of_middles(
     np.testing.assert_allclose(columns[:, -1], middle - log_loads(model, at), atol=1e-13)  # algebra
 
 
+def test_linearised__where_a_coefficient_vanishes_is_not_finite_and_warns_of_nothing(make):
+    columns = make(Modified(), Noise(), 0.0).linearised(np.array([-1e5]))
+    assert not np.isfinite(columns).any()
+
+
 @pytest.mark.parametrize("bracket", [0.0, 1e-6])
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_products__are_those_with_the_dense_covariance(structure, bracket, make):

@@ -2,8 +2,7 @@ r"""The posterior of a form's coefficients and an error model's parameters, give
 
 Which likelihood serves depends on the rows and the error model:
 
-- independent normal errors of exact rows: per texture a number, a mean and a sum of squares, so a
-  call costs O(textures) whatever the number of rows;
+- independent normal errors, exact rows: O(textures), by each one's number, mean, sum of squares;
 - normal errors and shared offsets, exact rows: offsets are integrated out in closed form;
 - independent rows with Student errors, brackets or counts: row by row;
 - these with shared offsets: the integral over the offsets is estimated, and an offset is drawn
@@ -113,11 +112,11 @@ class Model:
         if self.offsets is None:
             kind = IndependentNormalRows if is_normal else IndependentRows
             return kind(self.rows, self.noise.distribution)
-        if is_normal and isinstance(self.offsets, SmoothOffsets):
+        if not is_normal:
+            return SampledOffsets(self.rows, self.offsets, self.noise.distribution)
+        if isinstance(self.offsets, SmoothOffsets):
             return IntegratedSmoothOffsets(self.rows, self.offsets)
-        if is_normal:
-            return IntegratedOffsets(self.rows, self.offsets)
-        return SampledOffsets(self.rows, self.offsets, self.noise.distribution)
+        return IntegratedOffsets(self.rows, self.offsets)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -239,8 +238,8 @@ class Model:
         """
         n_at_once = self.n_at_once
         if theta.ndim == 2 and len(theta) > n_at_once:
-            parts = range(0, len(theta), n_at_once)
-            return np.concatenate([self.log_likelihood(theta[i : i + n_at_once]) for i in parts])
+            starts = range(0, len(theta), n_at_once)
+            return np.concatenate([self.log_likelihood(theta[i : i + n_at_once]) for i in starts])
         with np.errstate(all="ignore"):
             eta = theta[..., self.n_coefficient :]
             value = self.likelihood.marginal(self.log_rates(theta), eta)
@@ -386,8 +385,9 @@ class Model:
     def _jacobian(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return theta, and d(log load) / d(coefficients' coordinates) but for its sign."""
         theta, k = self.to_theta(u), self.n_coefficient
-        slope = self._joint.at_scores_slope(u, theta)[:k]
-        return theta, 2 * self.form.log_rate_gradient(theta[:k], self._a, self._b) * slope
+        with np.errstate(all="ignore"):  # where a search runs off, a coefficient may vanish
+            slope = 2 * self._joint.at_scores_slope(u, theta)[:k]
+            return theta, slope * self.form.log_rate_gradient(theta[:k], self._a, self._b)
 
     def _parts(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return log rates, error parameters and coordinates of offsets that are drawn."""
