@@ -3,7 +3,7 @@
 import codecs
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Any
@@ -15,9 +15,9 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import NUMBER, is_unit, split_header
 from ridgebayes.fea.layout import FINITE, FORMULA, LOOKED_AT, clean_headers, filled, find_layout
-from ridgebayes.fea.problems import Problems, Source
+from ridgebayes.fea.problems import FileError, Source
 from ridgebayes.runtime.reading import decoded
-from ridgebayes.runtime.text import clipped, count
+from ridgebayes.runtime.text import clipped, count, some_of
 from ridgebayes.table.files import lossless, records
 
 SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
@@ -95,7 +95,7 @@ class DelimitedText(Source):
         All of it: UTF-8, UTF-16 with its mark, or Windows-1252, lines ended in any way.
     how : Reading
         What the user says.
-    problems : Problems
+    problems : FileError
         Where rows of another length and formulas are noted.
     cell : callable, optional
         Of a worksheet: words for the cell of a line and a column, both from 1.
@@ -111,7 +111,7 @@ class DelimitedText(Source):
         where: str,
         content: bytes,
         how: Reading,
-        problems: Problems,
+        problems: FileError,
         cell: Callable[[int, int], str] | None = None,
     ) -> None:
         self.where, self._how, self._cell = where, how, cell
@@ -151,13 +151,13 @@ class DelimitedText(Source):
                 f"{told}: {count(len(comments), 'comment')} such as {comments[0]!r}"
             )
         problems.messages += [f"{told} below the rows: {note!r}" for note in notes]
-        self._lines, self._typed = self._checked(below, problems)
+        self.lines, self._typed = self._checked(below, problems)
         if "=" in text:
             for name, cells in self._typed.items():
                 begin = cells.str.lstrip().str.startswith("=").to_numpy(bool)
                 problems.cells(begin, str(name), FORMULA)
 
-    def read(self, numeric: Collection[str], problems: Problems) -> pd.DataFrame:
+    def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
         """Read all rows, the columns of these headers as numbers; note cells that are none."""
         wanted = [name for name in self.headers if name in numeric]
         numbers, mark = self._numbers(wanted, problems)
@@ -170,18 +170,14 @@ class DelimitedText(Source):
         problems.messages.insert(0, f"{self.where}: {dialect}, {len(frame)} rows")
         return filled(frame, self.where, problems)
 
-    def lines(self, rows: IntArray) -> IntArray:
-        """Return the file's lines of some rows."""
-        return self._lines[rows]
-
     def spot(self, row: int, name: str) -> str:
         """Return words for a cell."""
-        line = int(self._lines[row])
+        line = int(self.lines[row])
         return self._cell(line, self.headers.index(name) + 1) if self._cell else f"line {line}"
 
-    def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
-        """Return cells as they were typed."""
-        return [str(self._typed[name].iloc[row]) for row, name in wanted]
+    def typed(self, row: int, name: str) -> str:
+        """Return a cell as it was typed."""
+        return str(self._typed[name].iloc[row])
 
     def _is_comment(self, cells: list[str]) -> bool:
         """Return whether a record begins with a # that is not part of a label."""
@@ -198,7 +194,7 @@ class DelimitedText(Source):
         comments = [self._separator.join(cells) for cells in some]
         return [row for row in rows if not self._is_comment(row[1])], comments
 
-    def _checked(self, rows: list[_Row], problems: Problems) -> tuple[IntArray, pd.DataFrame]:
+    def _checked(self, rows: list[_Row], problems: FileError) -> tuple[IntArray, pd.DataFrame]:
         """Return each row's line, and every cell as it was typed.
 
         Rows of another length are noted; empty cells beyond the header are none.
@@ -214,15 +210,14 @@ class DelimitedText(Source):
             shown = clipped(self._separator.join(cells))
             bad.append(f"line {line}: {shown} has {len(cells)} cells")
         if bad:
-            more = f" and {len(bad) - 3} more rows" if len(bad) > 3 else ""
-            problems.texts.append(
-                f"{self.where}, {', '.join(bad[:3])}{more}: expected {width} cells, as the header "
+            problems.wrong.append(
+                f"{self.where}, {some_of(bad, 3)}: expected {width} cells, as the header "
                 f"(separator {SEPARATORS[self._separator]})"
             )
         frame = pd.DataFrame(whole, columns=list(self.headers), dtype=str)
         return np.array(lines, dtype=np.int64), frame
 
-    def _numbers(self, wanted: list[str], problems: Problems) -> tuple[dict[str, FloatArray], str]:
+    def _numbers(self, wanted: list[str], problems: FileError) -> tuple[dict[str, FloatArray], str]:
         """Read in the style of which fewest cells are no number, and note those that are none."""
         text: dict[str, pd.Series[str]] = {}
         for name in wanted:
@@ -285,7 +280,7 @@ def _without_notes(rows: list[_Row]) -> tuple[list[_Row], list[str]]:
     return rows[:1], notes[::-1]
 
 
-def _decoded(content: bytes, where: str, problems: Problems) -> str:
+def _decoded(content: bytes, where: str, problems: FileError) -> str:
     """Return text that may be UTF-16 or Windows-1252; say so if it is."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:

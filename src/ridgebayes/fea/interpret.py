@@ -20,7 +20,7 @@ from ridgebayes.fea.column_units import (
 )
 from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
-from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.transitions import (
     STATUS_RULE,
     counts_repeat,
@@ -29,6 +29,7 @@ from ridgebayes.fea.transitions import (
     transitions_of_runs,
 )
 from ridgebayes.fea.words import COUNTS
+from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import COUNT, NAMES, OK
 from ridgebayes.table.rules import as_text
 
@@ -52,7 +53,7 @@ class ColumnInterpreter:
         uses: list[Use],
         values: Mapping[str, str | float],
         how: Reading,
-        problems: Problems,
+        problems: FileError,
     ) -> None:
         self.cells, self.where = cells, problems.where
         self.rows: pd.Index[int] | None = None  # of the file, that are the table's
@@ -390,6 +391,4 @@ def _as_numbers(cells: "pd.Series[Any]") -> FloatArray:
 
 def listed(names: Iterable[str]) -> str:
     """Return names in quotes, the first of them."""
-    names = list(names)
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return ", ".join(repr(name) for name in names[:_SHOWN]) + more
+    return some_of(map(repr, names), _SHOWN)

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import DIMENSIONS, split_header, unit_factor
-from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.words import corners_of, count_term, key_of, texture_of
 from ridgebayes.scene.units import Dimension
 from ridgebayes.table.columns import NAMES, NUMBERS
@@ -89,7 +89,7 @@ def assign(
     headers: Sequence[str],
     mapping: Mapping[str, str],
     values: Mapping[str, object],
-    problems: Problems,
+    problems: FileError,
 ) -> tuple[list[Use], str | None]:
     """Tell what each column of a file is.
 
@@ -102,7 +102,7 @@ def assign(
         one column per Q, and ``Q=*`` for headers such as ``Q=4``. The rest is recognised.
     values : mapping of str to object
         Constants by key.
-    problems : Problems
+    problems : FileError
         Where columns are noted of which it is not clear what they are.
 
     Returns
@@ -156,7 +156,7 @@ class _Columns:
     """The columns of a file, and what is known of them so far."""
 
     def __init__(
-        self, headers: Sequence[str], values: Mapping[str, object], problems: Problems
+        self, headers: Sequence[str], values: Mapping[str, object], problems: FileError
     ) -> None:
         self.uses: list[Use] = []
         self.terms: set[str] = set()

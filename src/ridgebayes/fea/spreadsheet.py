@@ -15,7 +15,7 @@ import numpy as np
 from ridgebayes.errors import InputError
 from ridgebayes.fea.delimited import DelimitedText, Reading
 from ridgebayes.fea.layout import LOOKED_AT, known
-from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.problems import FileError
 from ridgebayes.runtime.reading import extra, refusing
 
 LARGEST = 2**30  # bytes of all members, unpacked
@@ -28,7 +28,7 @@ _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
 _ODD = re.compile(rb"<(?:\w{1,50}:)?v\b[^>]{0,200}>[^<]*?(\d_|[&\x80-\xff])")
 
 
-def read_workbook(path: Path, content: bytes, how: Reading, problems: Problems) -> DelimitedText:
+def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError) -> DelimitedText:
     """Read one worksheet of an Excel workbook, as the text that its cells hold.
 
     Parameters
@@ -39,7 +39,7 @@ def read_workbook(path: Path, content: bytes, how: Reading, problems: Problems) 
         All of it.
     how : Reading
         Its sheet is a name or a number; None takes the one with most words of the field.
-    problems : Problems
+    problems : FileError
         As `ridgebayes.fea.delimited.DelimitedText`.
 
     Raises
@@ -106,7 +106,7 @@ def _check_xml(text: bytes, name: str, where: str) -> None:
             raise InputError(f"{where}: {name}: value {cell!r}: expected a number")
 
 
-def _grid(content: bytes, problems: Problems, sheet: str | None) -> tuple[str, list[list[str]]]:
+def _grid(content: bytes, problems: FileError, sheet: str | None) -> tuple[str, list[list[str]]]:
     """Return the sheet's name and the text of its cells, a list for each row from the first."""
     where = problems.where
     openpyxl = extra("openpyxl", "excel", f"{where}: Excel files need openpyxl")

@@ -10,14 +10,14 @@ from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import split_header, unit_factor
 from ridgebayes.fea.mapping import LOADS, Use
-from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.words import texture_of
 from ridgebayes.runtime.text import count
 
 Melted = tuple[pd.DataFrame, list[Use]]
 
 
-def melt_counts(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) -> Melted:
+def melt_counts(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> Melted:
     """Return a row for each Q that was reached, of a table with a column for each Q.
 
     Raises
@@ -63,7 +63,7 @@ def melt_counts(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) ->
     return _melted(cells, row, new, per_Q), [*(use for use in uses if use.Q is None), *more]
 
 
-def melt_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) -> Melted:
+def melt_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> Melted:
     """Return a row for each texture, of a table with a column for each.
 
     Raises
@@ -99,7 +99,7 @@ def melt_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) 
     return _melted(cells, row, new, each), [*(use for use in uses if use not in each), *more]
 
 
-def named_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) -> Melted | None:
+def named_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> Melted | None:
     """Return both widths as columns where names of textures such as ``240x80 um`` have them."""
     named = [use for use in uses if use.key == "texture"]
     if not named or any(use.key in ("a", "b", "a_over_R", "b_over_R") for use in uses):
