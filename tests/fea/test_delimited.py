@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import DelimitedText, Reading
+from ridgebayes.fea.delimited import Reading, read_delimited
 from ridgebayes.fea.problems import FileError
 
 GOOD = "a,b,Q\n0.03,0.01,4\n0.02,0.04,6\n"
@@ -23,7 +23,7 @@ class Read(NamedTuple):
 def read(text, numeric=("a", "b", "Q"), path="mine.csv", **how):
     content = text if isinstance(text, bytes) else text.encode()
     problems = FileError(path)
-    source = DelimitedText(path, content, Reading(**how), problems)
+    source = read_delimited(path, content, Reading(**how), problems)
     cells = source.read(set(numeric), problems)
     problems.raise_all(source)
     rows = cells.index.to_numpy()

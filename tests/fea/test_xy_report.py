@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
+from ridgebayes.fea.abaqus_rpt import read_xy
 from ridgebayes.fea.columns import read_columns
-from ridgebayes.fea.xy_report import read_xy
 
 
 def xy(tmp_path, text):

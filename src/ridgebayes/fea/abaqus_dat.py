@@ -8,22 +8,13 @@ import numpy as np
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import RunDeck
-from ridgebayes.fea.lines import (
-    NUMBER,
-    Frame,
-    Line,
-    NodeTable,
-    Printed,
-    is_label,
-    on,
-    read_lines,
-    unused,
-)
+from ridgebayes.fea.lines import NUMBER, Frame, Line, NodeTable, Printed, on, read_lines, unused
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
 _ALL = "ALL NODES"
 _ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
+_LABEL = re.compile("[0-9]{1,18}")  # the number of a node
 _TRAILERS = ("MAXIMUM", "MINIMUM", "TOTAL")
 
 
@@ -230,7 +221,7 @@ class _Dat(Printed):
             table.trailers[words[0]] = values
         elif " ".join(words) == _ZERO:
             table.whole = True
-        elif not is_label(words[0]) or table.whole:
+        elif not _LABEL.fullmatch(words[0]) or table.whole:
             return  # NOTE below the header, a page's head, or what follows the table
         elif not table.below or all(NUMBER.fullmatch(word) for word in words):
             # Else counts of messages at the end of the file.

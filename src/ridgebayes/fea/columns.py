@@ -3,6 +3,7 @@
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ import pandas as pd
 
 from ridgebayes._types import BoolArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import DelimitedText, Reading
+from ridgebayes.fea.abaqus_rpt import read_xy
+from ridgebayes.fea.delimited import Reading, TextTable, read_delimited
 from ridgebayes.fea.interpret import ABOVE_0, ColumnInterpreter, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
 from ridgebayes.fea.parquet import ParquetTable
@@ -19,7 +21,6 @@ from ridgebayes.fea.problems import SHOWN, FileError, Source
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
 from ridgebayes.fea.wide import melt_counts, melt_textures, named_textures
-from ridgebayes.fea.xy_report import read_xy
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.runtime.text import count, some_of
 from ridgebayes.table.columns import RawTable
@@ -298,7 +299,7 @@ def _mapping_text(
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def _source(path: Path, how: Reading, problems: FileError) -> DelimitedText | ParquetTable:
+def _source(path: Path, how: Reading, problems: FileError) -> Source:
     """Return the file, by its suffix; nothing in it is run."""
     suffix = path.suffix.lower()
     if suffix in _OLD:
@@ -326,8 +327,10 @@ def _source(path: Path, how: Reading, problems: FileError) -> DelimitedText | Pa
     if suffix == ".parquet":
         return ParquetTable(path, content)
     if suffix == ".rpt" and not _SEPARATED.search(content):
-        content = read_xy(path).to_csv(index=False).encode()
-    return DelimitedText(str(path), content, how, problems)
+        curves = read_xy(path)
+        rows = zip(curves.index, curves.astype(str).to_numpy().tolist(), strict=True)
+        return TextTable(str(path), chain([(0, curves.columns.tolist())], rows), ",", how, problems)
+    return read_delimited(str(path), content, how, problems)
 
 
 def _kept(table: ContactTable) -> list[str]:

@@ -3,7 +3,7 @@
 import codecs
 import re
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Any
@@ -84,8 +84,8 @@ class Reading:
     interpolate: bool = False
 
 
-class DelimitedText(Source):
-    """A text file of cells between separators.
+def read_delimited(where: str, content: bytes, how: Reading, problems: FileError) -> "TextTable":
+    """Read a text file of cells between separators.
 
     Parameters
     ----------
@@ -96,6 +96,37 @@ class DelimitedText(Source):
     how : Reading
         What the user says.
     problems : FileError
+        As `TextTable`.
+
+    Raises
+    ------
+    InputError
+        If it is no text, is empty, or has an open quote.
+    """
+    text = _decoded(content, where, problems)
+    lines = text.split("\n", how.skip_rows)
+    text = lines[-1] if len(lines) > how.skip_rows else ""
+    if not text.strip():
+        raise InputError(f"{where}: the file is empty")
+    text, separator = _separated(text, where)
+    rows = ((line + how.skip_rows, cells) for line, cells in records(text, where, separator))
+    return TextTable(where, rows, separator, how, problems)
+
+
+class TextTable(Source):
+    """A table whose cells are text.
+
+    Parameters
+    ----------
+    where : str
+        Its name, for messages.
+    rows : iterator of (int, list of str)
+        Lines from 1, and their cells.
+    separator : str
+        What stands between cells.
+    how : Reading
+        What the user says.
+    problems : FileError
         Where rows of another length and formulas are noted.
     cell : callable, optional
         Of a worksheet: words for the cell of a line and a column, both from 1.
@@ -103,36 +134,29 @@ class DelimitedText(Source):
     Raises
     ------
     InputError
-        If it is no text, is empty, or has an open quote.
+        If there is no header, or no row.
     """
 
     def __init__(
         self,
         where: str,
-        content: bytes,
+        rows: Iterator[_Row],
+        separator: str,
         how: Reading,
         problems: FileError,
         cell: Callable[[int, int], str] | None = None,
     ) -> None:
-        self.where, self._how, self._cell = where, how, cell
-        text = _decoded(content, where, problems)
-        lines = text.split("\n", how.skip_rows)
-        text = lines[-1] if len(lines) > how.skip_rows else ""
-        if not text.strip():
-            raise InputError(f"{where}: the file is empty")
-        text, self._separator = _separated(text, where)
-        found = records(text, where, self._separator)
-        table = ((line + how.skip_rows, cells) for line, cells in found)
-        head = list(islice(table, LOOKED_AT))
-        rows = [(line, cells) for line, cells in head if any(one.strip() for one in cells)]
-        layout = find_layout(rows or [(1, [""])], where, how.header_row)
+        self.where, self._separator, self._how, self._cell = where, separator, how, cell
+        head = list(islice(rows, LOOKED_AT))
+        full = [(line, cells) for line, cells in head if any(one.strip() for one in cells)]
+        layout = find_layout(full or [(1, [""])], where, how.header_row)
         self.settings = layout.settings
         problems.messages += layout.messages
         self.headers = clean_headers(layout.headers, where)
-        if layout.first >= len(rows):
+        if layout.first >= len(full):
             raise InputError(f"{where}: no rows below the header")
-        above = rows[layout.first :]
-        begun = next((cells for _, cells in above if not self._is_comment(cells)), above[0][1])
+        first = full[layout.first :]
+        begun = next((cells for _, cells in first if not self._is_comment(cells)), first[0][1])
         cut = zip(self.headers, map(_WITH_UNIT.fullmatch, begun), strict=False)
         units = {name: match[1] for name, match in cut if match is not None}
         new = {
@@ -142,7 +166,7 @@ class DelimitedText(Source):
         }
         self._units = {new[name]: units[name] for name in new}  # that stand in the cells
         self.headers = tuple(new.get(name, name) for name in self.headers)
-        below = [row for row in chain(head, table) if row[0] >= above[0][0]]
+        below = [row for row in chain(head, rows) if row[0] >= first[0][0]]
         below, comments = self._without_comments(below)
         below, notes = _without_notes(below)
         told = f"{where}: passed over"
@@ -152,10 +176,9 @@ class DelimitedText(Source):
             )
         problems.messages += [f"{told} below the rows: {note!r}" for note in notes]
         self.lines, self._typed = self._checked(below, problems)
-        if "=" in text:
-            for name, cells in self._typed.items():
-                begin = cells.str.lstrip().str.startswith("=").to_numpy(bool)
-                problems.cells(begin, str(name), FORMULA)
+        for name, cells in self._typed.items():
+            begin = cells.str.lstrip().str.startswith("=").to_numpy(bool)
+            problems.cells(begin, str(name), FORMULA)
 
     def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
         """Read all rows, the columns of these headers as numbers; note cells that are none."""

@@ -126,7 +126,7 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
             if is_broken:
                 raise InputError(f"{where}, header, column {i} = {text[:60]!r}: {rule}")
         if text in headers:
-            words, unit, _ = split_header(text)
+            words, unit = split_header(text)
             text = f"{words} #{i}" + (f" [{unit}]" if unit else "")
         headers.append(text or _UNNAMED.format(i))
     if all(name == _UNNAMED.format(i) for i, name in enumerate(headers, start=1)):

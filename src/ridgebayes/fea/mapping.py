@@ -9,7 +9,6 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import DIMENSIONS, split_header, unit_factor
 from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.words import corners_of, count_term, key_of, texture_of
-from ridgebayes.scene.units import Dimension
 from ridgebayes.table.columns import NAMES, NUMBERS
 
 TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
@@ -65,11 +64,6 @@ class Use:
     def is_number(self) -> bool:
         """Whether its cells are numbers."""
         return self.key in _QUANTITIES
-
-    @property
-    def is_guessed_count(self) -> bool:
-        """Whether it is Q by words that may count something else."""
-        return self.key == "Q" and self.how == "guessed" and self.texture is None
 
     @property
     def own_unit(self) -> str:
@@ -134,7 +128,9 @@ def assign(
         columns.name_corners(required=is_wide)
     columns.guess()
     columns.check_once()
-    terms = columns.terms | {count_term(u.header) for u in columns.uses if u.is_guessed_count}
+    # Q by words that may count something else.
+    counts = [u for u in columns.uses if u.key == "Q" and u.how == "guessed" and u.texture is None]
+    terms = columns.terms | {count_term(use.header) for use in counts}
     term = None if not terms else min(terms) if len(terms) == 1 else ""
     return [_without_load(use, columns) for use in columns.uses], term
 
@@ -161,7 +157,7 @@ class _Columns:
         self.uses: list[Use] = []
         self.terms: set[str] = set()
         self.per_texture = {"texture": "", "value": ""}  # units of columns of a texture each
-        self.problems, self.where = problems, problems.where
+        self.problems = problems
         self._headers, self.values = list(headers), values
         for header in headers:
             if header in values:
@@ -174,7 +170,7 @@ class _Columns:
             match = _KEY.fullmatch(key)
             key, Q = (match[1] or "load", int(match[2])) if match else (key, None)
             if match is None or key not in PER_Q:
-                raise self._error(
+                raise self.problems.error(
                     f"mapping key {name!r}: expected one of {', '.join(KEYS)}, or of "
                     f"{', '.join(CORNERS)} with a corner, as 'gap Q=4'"
                 )
@@ -196,13 +192,15 @@ class _Columns:
             meant = found[0] if unit is None else f"{found[0]};{unit}"
             self.problems.need(f"{error}; did you mean {found[0]!r}?", {name: meant})
         if Q is None and key in CORNERS and key not in KEYS:
-            raise self._error(f"mapping {name}={text}: expected with a corner, as '{key} Q=4'")
+            raise self.problems.error(
+                f"mapping {name}={text}: expected with a corner, as '{key} Q=4'"
+            )
         self.uses.append(Use(key, found[0], unit, Q))
 
     def _map_all(self, key: str, header: str, unit: str | None) -> None:
         """Add the columns of a header with ``*``."""
         if header.count("*") != 1 or key not in PER_Q:
-            raise self._error(
+            raise self.problems.error(
                 f"mapping {key}={header}: expected one * in a header of {', '.join(PER_Q)}"
             )
         pattern = re.compile(r"(\d{1,6})".join(map(re.escape, header.split("*"))))
@@ -228,7 +226,7 @@ class _Columns:
         """Add columns whose headers are keys with dimensions."""
         keys, used = self._known()
         for header in self._headers:
-            key, unit, _ = split_header(header)
+            key, unit = split_header(header)
             if key in ("p", "line", "force") and unit and not unit_factor(unit, DIMENSIONS[key]):
                 continue  # "force [N/mm]": its unit tells what it is
             is_free = key in KEYS and key not in (*keys, "Q", *TEXTS) and header not in used
@@ -305,7 +303,7 @@ class _Columns:
                     "name one with --map"
                 )
                 if use.how == "mapped":
-                    raise self._error(text)
+                    raise self.problems.error(text)
                 self.problems.need(text, {use.name: seen[place]})
                 self.uses.remove(use)
                 continue
@@ -316,15 +314,14 @@ class _Columns:
         keys = {use.key for use in self.uses} | set(self.values)
         return keys, {use.header for use in self.uses}
 
-    def _error(self, message: str) -> InputError:
-        return InputError(f"{self.where}: {message}")
-
     def _missing(self, message: str) -> InputError:
         there = ", ".join(map(repr, self._headers[:50]))
-        return self._error(f"{message}; the columns are {there}")
+        return self.problems.error(f"{message}; the columns are {there}")
 
     def _twice(self, key: str, header: str) -> InputError:
-        return self._error(f"{key} is given as a value, and as column {header!r}; expected once")
+        return self.problems.error(
+            f"{key} is given as a value, and as column {header!r}; expected once"
+        )
 
 
 def _rivals(key: str) -> set[str]:
@@ -338,9 +335,8 @@ def _without_load(use: Use, columns: _Columns) -> Use:
         return use
     lower = use.key.removeprefix("load")
     unit = use.own_unit
-    kinds: dict[str, Dimension] = {"p": "pressure", "line": "line load", "force": "force"}
-    for key, dimension in kinds.items():
-        if unit_factor(unit, dimension) is not None:
+    for key in LOADS[1:]:
+        if unit_factor(unit, DIMENSIONS[key]) is not None:
             return replace(use, key=key + lower)
     of_dimension = [one for one in columns.uses if one.key in DIMENSIONS]
     has_units = any(one.own_unit not in ("", "1", "-") for one in of_dimension)

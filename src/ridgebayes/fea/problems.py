@@ -83,12 +83,16 @@ class FileError(InputError):
     def __bool__(self) -> bool:
         return bool(self.wrong or self.needs or self._cells)
 
+    def error(self, message: str) -> InputError:
+        """Return an error about the file that no option mends."""
+        return InputError(f"{self.where}: {message}")
+
     def need(self, text: str, mapping: dict[str, str] | None = None, /, **options: str) -> None:
         """Note what the user has to say, with the options that would say it."""
         if text not in self.needs:
             self.needs.append(text)
-        self.mapping = {**(mapping or {}), **self.mapping}
-        self.options = {**options, **self.options}
+        self.mapping |= {**(mapping or {}), **self.mapping}
+        self.options |= {**options, **self.options}
 
     def cells(self, bad: "BoolArray | IntArray | pd.Index[int]", header: str, rule: str) -> None:
         """Note cells by a mask over the file's rows or by their rows; each cell is told once."""

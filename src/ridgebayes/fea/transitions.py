@@ -7,9 +7,8 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import krogh_interpolate
 
-from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.words import CLOSED, OPEN
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.rules import row_codes
 
@@ -18,9 +17,6 @@ _MOST_Q = 10_000  # of counts: a column of memory for each even one
 _MOST_REMARKS = 20  # on single histories that messages show
 _TOUCHING = 1e-12  # of R: a body that lies on a corner is off it by rounding
 _MOST_LOADS = 5  # that a message shows
-STATUS_RULE = (
-    "expected open or 0, closed or 1, or an empty cell (convert other status codes to 0 or 1 first)"
-)
 
 
 def transitions_of(
@@ -259,21 +255,6 @@ def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray) -> None:
             f"Q = {Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before "
             f"Q = {Q[i]}; expected inner corners first"
         )
-
-
-def touching(words: "pd.Series[str]") -> tuple[FloatArray, BoolArray]:
-    """Return gaps of which only the sign is known, and the cells that are no status.
-
-    Examples
-    --------
-    >>> gap, bad = touching(pd.Series(["open", "Closed", "", "maybe"]))
-    >>> gap.tolist(), bad.tolist()
-    ([inf, -inf, nan, nan], [False, False, False, True])
-    """
-    plain = words.str.strip().str.lower()
-    is_open, closed = plain.isin(OPEN).to_numpy(bool), plain.isin(CLOSED).to_numpy(bool)
-    gap = np.where(is_open, np.inf, np.where(closed, -np.inf, np.nan))
-    return gap, ~(is_open | closed | (plain == "").to_numpy(bool))
 
 
 def _label(one: "pd.Series[str]") -> str:

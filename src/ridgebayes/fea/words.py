@@ -5,6 +5,10 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.fea.column_units import NUMBER
 from ridgebayes.runtime.reading import read_toml
 
@@ -23,7 +27,9 @@ _PATTERNS = [
 ]
 _TERMS = {term: _any(one["words"]) for term, one in _WORDS["counts"].items()}
 COUNTS = {term: one["said"] for term, one in _WORDS["counts"].items()}
-OPEN, CLOSED = _WORDS["status"]["open"], _WORDS["status"]["closed"]
+STATUS_RULE = (
+    "expected open or 0, closed or 1, or an empty cell (convert other status codes to 0 or 1 first)"
+)
 _LOWER, _FILLERS = (
     re.compile(rf"\b{_any(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
 )
@@ -155,3 +161,21 @@ def settings_of(titles: Sequence[tuple[int, str]]) -> dict[str, tuple[str, int]]
                 of = "" if key == "nu" else (unit or after).strip()
                 found.setdefault(key, (f"{number} {of}".strip(), line))
     return found
+
+
+def touching(words: "pd.Series[str]") -> tuple[FloatArray, BoolArray]:
+    """Return gaps of which only the sign is known, and the cells that are no status.
+
+    Examples
+    --------
+    >>> gap, bad = touching(pd.Series(["open", "Closed", "", "maybe"]))
+    >>> gap.tolist(), bad.tolist()
+    ([inf, -inf, nan, nan], [False, False, False, True])
+    """
+    status, plain = _WORDS["status"], words.str.strip().str.lower()
+    is_open, closed = (
+        plain.isin(status["open"]).to_numpy(bool),
+        plain.isin(status["closed"]).to_numpy(bool),
+    )
+    gap = np.where(is_open, np.inf, np.where(closed, -np.inf, np.nan))
+    return gap, ~(is_open | closed | (plain == "").to_numpy(bool))
