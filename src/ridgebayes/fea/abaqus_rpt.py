@@ -70,18 +70,18 @@ def read_abaqus_rpt(
     force: list[float] = []
     nodes: list[int] = []
     for one in frames:
-        rim, lack = rims.table(one, *names)
-        forces, also = driven.table(one, "RF.RF2")
-        if rim is not None:
+        try:
+            rim = rims.table(one, *names)
             nodes = nodes or rims.nodes_of(rim)
             if missing := set(nodes) - rim.rows.keys():
-                lack = f"{len(missing)} nodes missing"
-        if rim is None or forces is None or lack:
-            messages.append(f"{one.name}, line {one.line}: frame ignored, {lack or also}")
-        else:
-            kept.append(one.name)
-            used.append(rim)
-            force.append(_force(forces, driven.nodes_of(forces)))
+                raise LookupError(f"{len(missing)} nodes missing")
+            forces = driven.table(one, "RF.RF2")
+        except LookupError as lack:
+            messages.append(f"{one.name}, line {one.line}: frame ignored, {lack}")
+            continue
+        kept.append(one.name)
+        used.append(rim)
+        force.append(_force(forces, driven.nodes_of(forces)))
     if not kept:
         raise InputError(
             f"{path}: no frame with {', '.join(names)} and RF.RF2; expected nodal field output "
@@ -200,8 +200,8 @@ class _Region:
         nsets = {} if deck is None else deck.nsets
         self._nodes = list(dict.fromkeys(nsets.get((name or "").upper(), ())))
 
-    def table(self, frame: Frame, *columns: str) -> tuple[NodeTable | None, str]:
-        """Return the table that has some columns; or else what is missing."""
+    def table(self, frame: Frame, *columns: str) -> NodeTable:
+        """Return the table that has some columns; LookupError if something of it is missing."""
         some = [one for one in frame.tables if one.has(*columns) and one.rows and one.whole]
         if self._name is not None:
             name = "." + self._name.upper()
@@ -210,13 +210,13 @@ class _Region:
         if not some:
             cut = [one for one in frame.tables if one.has(*columns) and not one.whole]
             what = ", ".join(columns) + (f" of {self._name}" if self._name else "")
-            return None, f"{what} is cut off" if cut else f"{what} missing"
+            raise LookupError(f"{what} is cut off" if cut else f"{what} missing")
         regions = sorted({one.nodes for one in some})
         if len(regions) > 1:
             raise some[-1].line.error(
                 f"{', '.join(columns)} of {', '.join(regions)}; name one of these regions"
             )
-        return some[-1], ""
+        return some[-1]
 
     def nodes_of(self, table: NodeTable) -> list[int]:
         """Return the set's nodes, or all of the table."""

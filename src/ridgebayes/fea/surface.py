@@ -74,8 +74,10 @@ class CylinderSurface:
         halves = [(some[sign * angle[some] >= -_TINY], sign) for sign, some in outwards.items()]
         sides = tuple(half for half in halves if len(half[0]) >= _LEAST_NODES)
         if len(sides) != (1 if symmetry == "half" else 2):
-            there, use = ("both sides", "full") if len(sides) > 1 else ("one side only", "half")
-            raise InputError(f"{where}: surface nodes on {there} of the axis; use --symmetry {use}")
+            there, use = ("one side of the axis only", "half")
+            if len(sides) > 1:
+                there, use = "both sides of the axis", "full"
+            raise InputError(f"{where}: surface nodes on {there}; use --symmetry {use}")
         return cls(float(R), centre, sides)
 
     def check_reach(self, what: str, distance: float, where: str) -> None:

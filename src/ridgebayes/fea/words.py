@@ -173,9 +173,6 @@ def touching(words: "pd.Series[str]") -> tuple[FloatArray, BoolArray]:
     ([inf, -inf, nan, nan], [False, False, False, True])
     """
     status, plain = _WORDS["status"], words.str.strip().str.lower()
-    is_open, closed = (
-        plain.isin(status["open"]).to_numpy(bool),
-        plain.isin(status["closed"]).to_numpy(bool),
-    )
+    is_open, closed = (plain.isin(status[one]).to_numpy(bool) for one in ("open", "closed"))
     gap = np.where(is_open, np.inf, np.where(closed, -np.inf, np.nan))
     return gap, ~(is_open | closed | (plain == "").to_numpy(bool))
