@@ -16,6 +16,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import NUMBER, is_unit, split_header
 from ridgebayes.fea.layout import FINITE, FORMULA, LOOKED_AT, clean_headers, filled, find_layout
 from ridgebayes.fea.problems import FileError, Source
+from ridgebayes.fea.words import NOTHING
 from ridgebayes.runtime.reading import decoded
 from ridgebayes.runtime.text import clipped, count, some_of
 from ridgebayes.table.files import lossless, records
@@ -41,12 +42,6 @@ _WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _WORDS = {".": "point", ",": "comma"}
 # What Python takes for blanks, but for control characters that only damage brings into a file.
 _BLANKS = "".join(c for c in map(chr, range(0x3001)) if c.isspace() and c not in "\x1c\x1d\x1e\x1f")
-# What people write where there is no number.
-_NOTHING = re.compile(
-    r"\s*(?:-+|[\u2013\u2014?x.]|n\.?/?a\.?|nan|none|null|#n/?a|k\.?a\.?"
-    r"|not reached|nicht erreicht)\s*",
-    re.I,
-)
 
 _Row = tuple[int, list[str]]  # line, and cells
 _NOTE = re.compile(r"#.*|[^\W\d].*\s.*")  # words, and not one label of a row cut off
@@ -274,7 +269,7 @@ class TextTable(Source):
             for cell in counts
         }
         rule = FINITE.replace("a point", "a comma") if mark == "," else FINITE
-        nothing = [cell for cell in counts if np.isinf(numbers[cell]) and _NOTHING.fullmatch(cell)]
+        nothing = [cell for cell in counts if np.isinf(numbers[cell]) and NOTHING.fullmatch(cell)]
         found = {}
         for name in wanted:
             values = text[name].map(numbers).to_numpy(dtype=float)

@@ -33,6 +33,7 @@ STATUS_RULE = (
 _LOWER, _FILLERS = (
     re.compile(rf"\b{_any(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
 )
+NOTHING = re.compile(rf"\s*{_any(_WORDS['columns']['nothing'])}\s*", re.I)
 _NO_CORNER = re.compile(_any(_WORDS["columns"]["no_corner"]))
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
 _PAIR = re.compile(r"(\d+(?:[.,]\d+)?)\s*([^\W\d_]+)?")
