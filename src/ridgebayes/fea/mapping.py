@@ -213,32 +213,28 @@ class _Columns:
 
     def name_contract(self, is_wide: bool) -> None:
         """Add columns of the contract by their names."""
-        keys, used = self._known()
-
-        for header in self._headers:
+        keys = self._keys()
+        for header, *_ in self._free():
             # What is given in another way: Q by the headers, a load by another column.
             by_another = header in (*LOADS, *LOWERS) and _rivals(header) & keys
-            is_given = (header == "Q" and is_wide) or by_another
-            if header in NAMES and header not in keys | used and not is_given:
+            is_given = header in keys or (header == "Q" and is_wide) or by_another
+            if header in NAMES and not is_given:
                 self.uses.append(Use(header, header, how="named"))
 
     def name_keys(self) -> None:
         """Add columns whose headers are keys with dimensions."""
-        keys, used = self._known()
-        for header in self._headers:
-            key, unit = split_header(header)
+        keys = self._keys()
+        for header, key, unit in self._free():
             if key in ("p", "line", "force") and unit and not unit_factor(unit, DIMENSIONS[key]):
                 continue  # "force [N/mm]": its unit tells what it is
-            is_free = key in KEYS and key not in (*keys, "Q", *TEXTS) and header not in used
             # A contract column says the same without a unit, and says it better.
-            if is_free and not _rivals(key) & keys:
+            if key in KEYS and key not in ("Q", *TEXTS) and not _rivals(key) & keys:
                 self.uses.append(Use(key, header, how="named"))
 
     def name_corners(self, *, required: bool) -> None:
         """Add columns with headers such as ``Q=4``, or that differ in one even number."""
-        n, (_, used) = len(self.uses), self._known()
-        free = [header for header in self._headers if header not in used]
-        words = {header: split_header(header)[0] for header in free}
+        n = len(self.uses)
+        words = {header: text for header, text, _ in self._free()}
         for header, text in words.items():
             match = _WIDE.fullmatch(text)
             if match is not None and (match[1] or "").strip(" _") in ("", *PER_Q):
@@ -256,29 +252,28 @@ class _Columns:
 
     def guess(self) -> None:
         """Add columns whose headers have words of the field, or name a texture each."""
-        keys, used = self._known()
+        keys = self._keys()
         is_wide = any(use.Q is not None for use in self.uses)
-        found: dict[str, list[str]] = {}
-        for header in self._headers:
-            key = key_of(split_header(header)[0])
-            is_taken = _rivals(key) & keys or (key == "Q" and is_wide)
-            if key and header not in used and not is_taken:
-                found.setdefault("|".join(sorted(_rivals(key))), []).append(header)
+        found: dict[str, dict[str, str]] = {}
+        for header, words, _ in self._free():
+            key = key_of(words)
+            if key and not _rivals(key) & keys and not (key == "Q" and is_wide):
+                found.setdefault(min(_rivals(key)), {})[header] = key
         for some in found.values():
-            key = key_of(split_header(some[0])[0])
+            header, key = next(iter(some.items()))
             if len(some) > 1 and key not in TEXTS and not (key in PER_Q and is_wide):
                 self.problems.need(
                     f"columns {', '.join(map(repr, some))} could each be {key}: name one with "
                     f"--map '{key}=HEADER'",
-                    {key: some[0]},
+                    {key: header},
                 )
             if key in PER_Q and key != "rel_se" and is_wide:
                 continue
-            of_R = key in ("a", "b", "offset") and split_header(some[0])[1].startswith("%")
-            one = Use(f"{key}_over_R", some[0], "%") if of_R else Use(key, some[0])
+            of_R = key in ("a", "b", "offset") and split_header(header)[1].startswith("%")
+            one = Use(f"{key}_over_R", header, "%") if of_R else Use(key, header)
             self.uses.append(replace(one, how="guessed"))
-        keys, used = self._known()
-        pairs = {one: pair for one in self._headers if one not in used if (pair := texture_of(one))}
+        keys = self._keys()
+        pairs = {header: pair for header, *_ in self._free() if (pair := texture_of(header))}
         is_given = _rivals("a") & keys or _rivals("b") & keys or is_wide
         if pairs and not is_given and ("Q" in keys) != bool(_rivals("load") & keys):
             unit, value = self.per_texture["texture"], self.per_texture["value"]
@@ -309,10 +304,14 @@ class _Columns:
                 continue
             seen[place] = use.header
 
-    def _known(self) -> tuple[set[str], set[str]]:
-        """Return keys that are given, and headers that are used."""
-        keys = {use.key for use in self.uses} | set(self.values)
-        return keys, {use.header for use in self.uses}
+    def _keys(self) -> set[str]:
+        """Return keys that are given."""
+        return {use.key for use in self.uses} | set(self.values)
+
+    def _free(self) -> list[tuple[str, str, str]]:
+        """Return headers that are not used, with their words and what stands in place of units."""
+        used = {use.header for use in self.uses}
+        return [(one, *split_header(one)) for one in self._headers if one not in used]
 
     def _missing(self, message: str) -> InputError:
         there = ", ".join(map(repr, self._headers[:50]))
