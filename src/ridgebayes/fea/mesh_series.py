@@ -17,15 +17,8 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import parse_number
 from ridgebayes.fea.mesh_files import Budget, Vtu, Xdmf, displacements, one_named
-from ridgebayes.fea.record import HUGE, Imported, provenance
-from ridgebayes.fea.surface import (
-    FARTHEST,
-    Body,
-    CylinderSurface,
-    Origin,
-    SurfaceHistory,
-    table_from_history,
-)
+from ridgebayes.fea.record import FARTHEST, HUGE, Imported, provenance
+from ridgebayes.fea.surface import Body, CylinderSurface, Origin, SurfaceHistory, table_from_history
 
 _ROUND = 5e-6  # of R: nodes so near to the circle are on it
 _REST = 3e-6  # of R: how well the height of a rim at rest on a ridge is known

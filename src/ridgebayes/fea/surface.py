@@ -10,13 +10,12 @@ from scipy.interpolate import krogh_interpolate
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.record import HUGE, Imported
+from ridgebayes.fea.record import FARTHEST, HUGE, Imported
 from ridgebayes.fea.transitions import transitions_of
 from ridgebayes.table.table import ContactTable
 
 _ROUND = 2e-3  # of R: how far surface nodes may lie off a circle
 _LEAST_NODES = 5
-FARTHEST = 4.0  # of R: where a body may come to lie
 _TINY = 1e-9  # radians: nodes so near to the axis are on both sides
 
 
