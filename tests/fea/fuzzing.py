@@ -42,8 +42,8 @@ from ridgebayes.fea.calculix import read_calculix, read_sta
 from ridgebayes.fea.calculix_contact import read_calculix_contact
 from ridgebayes.fea.columns import read_columns
 from ridgebayes.fea.delimited import Reading
-from ridgebayes.fea.map_files import read_mapping
 from ridgebayes.fea.mesh_series import read_series
+from ridgebayes.fea.read import read_mapping
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body
 

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import DelimitedText, Reading
-from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.delimited import Reading, read_delimited
+from ridgebayes.fea.problems import FileError
 
 GOOD = "a,b,Q\n0.03,0.01,4\n0.02,0.04,6\n"
 
@@ -22,12 +22,12 @@ class Read(NamedTuple):
 
 def read(text, numeric=("a", "b", "Q"), path="mine.csv", **how):
     content = text if isinstance(text, bytes) else text.encode()
-    problems = Problems(path)
-    source = DelimitedText(path, content, Reading(**how), problems)
+    problems = FileError(path)
+    source = read_delimited(path, content, Reading(**how), problems)
     cells = source.read(set(numeric), problems)
     problems.raise_all(source)
     rows = cells.index.to_numpy()
-    return Read(cells, rows, source.lines(rows), problems.messages)
+    return Read(cells, rows, source.lines[rows], problems.messages)
 
 
 def refusal(text, **options):

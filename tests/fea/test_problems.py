@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ridgebayes.fea.problems import FileError, Problems
+from ridgebayes.fea.problems import FileError
 
 
 class Source:
@@ -12,8 +12,8 @@ class Source:
     def spot(self, row, name):
         return f"line {row + 2}"
 
-    def typed(self, wanted):
-        return [f"{name}{row}" for row, name in wanted]
+    def typed(self, row, name):
+        return f"{name}{row}"
 
 
 def told(problems):
@@ -23,11 +23,11 @@ def told(problems):
 
 
 def test_problems__nothing_noted_is_no_error():
-    Problems("mine.csv").raise_all(Source())
+    FileError("mine.csv").raise_all(Source())
 
 
 def test_problems__equal_complaints_are_one_line_and_each_cell_is_told_once():
-    problems = Problems("mine.csv")
+    problems = FileError("mine.csv")
     problems.cells(np.arange(9), "F", "expected a number")
     problems.cells(np.array([3]), "F", "expected above 0")
     problems.cells(np.array([2]), "a", "expected above 0")
@@ -41,7 +41,7 @@ def test_problems__equal_complaints_are_one_line_and_each_cell_is_told_once():
 
 
 def test_problems__needs_carry_the_options_that_supply_them():
-    problems = Problems("mine.csv")
+    problems = FileError("mine.csv")
     problems.need("no R", R="? mm")
     problems.need("no R", R="9 mm")
     problems.need("no a", {"a": "w1"})
@@ -51,7 +51,7 @@ def test_problems__needs_carry_the_options_that_supply_them():
 
 
 def test_file_error__of_two_readings_is_one():
-    first, second = Problems("mine.csv"), Problems("mine.csv")
+    first, second = FileError("mine.csv"), FileError("mine.csv")
     first.need("no a", {"a": "w1"})
     second.need("its unit", {"a": "w1;mm"})
     joined = told(first).joined(told(second))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
+from ridgebayes.fea.abaqus_rpt import read_xy
 from ridgebayes.fea.columns import read_columns
-from ridgebayes.fea.xy_report import read_xy
 
 
 def xy(tmp_path, text):
@@ -99,3 +99,13 @@ def test_read_columns__a_report_has_blanks_or_separators(tmp_path, separator):
     path = tmp_path / "xy.rpt"
     path.write_text("\n".join(row.replace(" ", separator) for row in rows) + "\n")
     assert read_columns(path).table.column("p_over_E").tolist() == [0.001, 0.004]
+
+
+def test_read_columns__a_bad_cell_is_told_with_the_line_of_the_report(tmp_path):
+    path = tmp_path / "curves.rpt"
+    path.write_text(
+        "\n  X   a_over_R  b_over_R  Q   p_over_E\n\n"
+        " 1.       0.03      0.01  4.     0.001\n 2.      -0.03      0.01  6.     0.004\n"
+    )
+    with pytest.raises(InputError, match=r"curves\.rpt, row 2 \(line 5\): a_over_R = -0\.03"):
+        read_columns(path)

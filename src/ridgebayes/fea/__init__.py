@@ -1,6 +1,6 @@
 r"""Output of other finite element programs to contact tables, and scenes to their input decks.
 
-One module a format: `calculix` and `calculix_contact`, `abaqus_dat`, `abaqus_rpt` and `xy_report`,
+One module a format: `calculix` and `calculix_contact`, `abaqus_dat`, `abaqus_rpt`,
 `mesh_series` (over `mesh_files`), and tables of any columns (`columns`, over `delimited`,
 `spreadsheet` and `parquet`). `read` recognises a file and calls them; `surface` and `transitions`
 make loads of what they read; `deck_text` writes decks. It knows tables and scenes, and nothing of

@@ -8,22 +8,13 @@ import numpy as np
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import RunDeck
-from ridgebayes.fea.lines import (
-    NUMBER,
-    Frame,
-    Line,
-    NodeTable,
-    Printed,
-    is_label,
-    on,
-    read_lines,
-    unused,
-)
+from ridgebayes.fea.lines import NUMBER, Frame, Line, NodeTable, Printed, on, read_lines, unused
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
 _ALL = "ALL NODES"
 _ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
+_LABEL = re.compile("[0-9]{1,18}")  # the number of a node
 _TRAILERS = ("MAXIMUM", "MINIMUM", "TOTAL")
 
 
@@ -69,21 +60,19 @@ def read_abaqus_dat(
     increments, messages = _increments(path)
     force, moved, unit = [], [], 0.0
     for one in increments:
-        rim, driven = _table(one, surface, "U1", "U2"), _table(one, reaction, "RF2")
-        if one.ignored:
-            messages.append(f"line {one.line}: increment ignored, {one.ignored}")
-        elif rim is None or driven is None:
-            what = f"U1 and U2 of {surface}" if rim is None else f"RF2 of {reaction}"
-            messages.append(f"line {one.line}: increment ignored, {what} missing")
-        elif short := _short(rim, asked) or _short(driven, asked):
-            messages.append(f"line {one.line}: increment ignored, {short}")
+        try:
+            rim, driven = _table(one, surface, "U1", "U2"), _table(one, reaction, "RF2")
+            _check_whole(rim, asked[rim.nodes])
+            _check_whole(driven, asked[driven.nodes])
+        except LookupError as lack:
+            messages.append(f"line {one.line}: increment ignored, {lack}")
+            continue
+        moved.append(rim.of(run.nodes, "U1", "U2"))
+        unit = max(unit, rim.unit)
+        if "TOTAL" in driven.trailers and driven.nodes == reaction.upper():
+            force.append(driven.trailers["TOTAL"][driven.columns.index("RF2")])
         else:
-            moved.append(rim.of(run.nodes, "U1", "U2"))
-            unit = max(unit, rim.unit)
-            if "TOTAL" in driven.trailers and driven.nodes == reaction.upper():
-                force.append(driven.trailers["TOTAL"][driven.columns.index("RF2")])
-            else:
-                force.append(math.fsum(driven.of(run.driven, "RF2")[:, 0]))
+            force.append(math.fsum(driven.of(run.driven, "RF2")[:, 0]))
     if not force:
         printed = {f"{' '.join(t.columns)} of {t.nodes}" for one in increments for t in one.tables}
         raise InputError(
@@ -104,18 +93,19 @@ def read_abaqus_dat(
     return table_from_history(history, body, origin, brackets=brackets)
 
 
-def _table(increment: Frame, nodes: str, *columns: str) -> NodeTable | None:
-    """Return the table of a set, or else of all nodes, that has some columns."""
+def _table(increment: Frame, nodes: str, *columns: str) -> NodeTable:
+    """Return the table of a set, or else of all nodes, that has some columns; or LookupError."""
+    if increment.ignored:
+        raise LookupError(increment.ignored)
     for name in (nodes.upper(), _ALL):
         for one in increment.tables:
             if one.nodes == name and one.has(*columns):
                 return one
-    return None
+    raise LookupError(f"{' and '.join(columns)} of {nodes} missing")
 
 
-def _short(table: NodeTable, asked: dict[str, set[int]]) -> str:
-    """Return what is missing of a table, or nothing; refuse one that contradicts itself."""
-    nodes = asked[table.nodes]
+def _check_whole(table: NodeTable, nodes: set[int]) -> None:
+    """Refuse a table that contradicts itself; LookupError if something of it is missing."""
     if strange := table.rows.keys() - nodes:
         # Numbers of an assembly's instances are not those of the deck's parts.
         raise table.line.error(
@@ -124,7 +114,9 @@ def _short(table: NodeTable, asked: dict[str, set[int]]) -> str:
         )
     missing = len(nodes) - len(table.rows)
     if missing and not table.whole:
-        return f"a table of {table.nodes} with {len(table.rows)} of {len(nodes)} nodes, and no end"
+        raise LookupError(
+            f"a table of {table.nodes} with {len(table.rows)} of {len(nodes)} nodes, and no end"
+        )
     found = [*table.rows.values(), *[[0.0] * len(table.columns)] * bool(missing or not nodes)]
     for name, pick in (("MAXIMUM", max), ("MINIMUM", min)):
         for column, value in enumerate(table.trailers.get(name, ())):
@@ -133,7 +125,6 @@ def _short(table: NodeTable, asked: dict[str, set[int]]) -> str:
                     f"{table.columns[column]} of {table.nodes}: "
                     f"{name} {value:g} is not that of the rows; expected whole tables"
                 )
-    return ""
 
 
 def _increments(path: Path) -> tuple[list[Frame], list[str]]:
@@ -230,7 +221,7 @@ class _Dat(Printed):
             table.trailers[words[0]] = values
         elif " ".join(words) == _ZERO:
             table.whole = True
-        elif not is_label(words[0]) or table.whole:
+        elif not _LABEL.fullmatch(words[0]) or table.whole:
             return  # NOTE below the header, a page's head, or what follows the table
         elif not table.below or all(NUMBER.fullmatch(word) for word in words):
             # Else counts of messages at the end of the file.

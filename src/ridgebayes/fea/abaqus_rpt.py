@@ -1,28 +1,22 @@
-"""Field output reports of Abaqus/Viewer: nodal values frame by frame."""
+"""Reports of Abaqus/Viewer: nodal values frame by frame, and X-Y data."""
 
 import math
 import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Deck, read_deck
-from ridgebayes.fea.lines import (
-    DASHES,
-    GAP,
-    Frame,
-    Line,
-    NodeTable,
-    Printed,
-    on,
-    read_lines,
-    unused,
-)
+from ridgebayes.fea.lines import Frame, Line, NodeTable, Printed, on, read_lines, unused
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
+_DASHES = re.compile(r"\s*-{9,}\s*$")
+_GAP = re.compile(r"\s{2,}")  # between names, which hold single blanks
+_NUMERIC = "+-.0123456789"  # what rows of X-Y reports begin with
 _AGREE = 1e-4  # of the sum of sizes: how far a total may be off its rows
 _MOVED = 1e-4  # of the largest displacement: how far undeformed coordinates may differ
 
@@ -76,18 +70,18 @@ def read_abaqus_rpt(
     force: list[float] = []
     nodes: list[int] = []
     for one in frames:
-        rim, lack = rims.table(one, *names)
-        forces, also = driven.table(one, "RF.RF2")
-        if rim is not None:
+        try:
+            rim = rims.table(one, *names)
             nodes = nodes or rims.nodes_of(rim)
             if missing := set(nodes) - rim.rows.keys():
-                lack = f"{len(missing)} nodes missing"
-        if rim is None or forces is None or lack:
-            messages.append(f"{one.name}, line {one.line}: frame ignored, {lack or also}")
-        else:
-            kept.append(one.name)
-            used.append(rim)
-            force.append(_force(forces, driven.nodes_of(forces)))
+                raise LookupError(f"{len(missing)} nodes missing")
+            forces = driven.table(one, "RF.RF2")
+        except LookupError as lack:
+            messages.append(f"{one.name}, line {one.line}: frame ignored, {lack}")
+            continue
+        kept.append(one.name)
+        used.append(rim)
+        force.append(_force(forces, driven.nodes_of(forces)))
     if not kept:
         raise InputError(
             f"{path}: no frame with {', '.join(names)} and RF.RF2; expected nodal field output "
@@ -177,9 +171,9 @@ class _Report(Printed):
     def row(self, line: Line, table: NodeTable) -> None:
         """Take a line of a table: its header, a row or a piece of one, or what stands below."""
         text = line.text.strip()
-        if DASHES.match(text):
+        if _DASHES.match(text):
             # A wide table has a second header, over its second lines.
-            names = GAP.split(self._header[0]) if self._header else []
+            names = _GAP.split(self._header[0]) if self._header else []
             table.columns += names[names[:1] in (["Node"], ["Node Label"]) :]
             self._header = []
         elif not table.rows and not self._pending and (not table.columns or not text[:1].isdigit()):
@@ -206,8 +200,8 @@ class _Region:
         nsets = {} if deck is None else deck.nsets
         self._nodes = list(dict.fromkeys(nsets.get((name or "").upper(), ())))
 
-    def table(self, frame: Frame, *columns: str) -> tuple[NodeTable | None, str]:
-        """Return the table that has some columns; or else what is missing."""
+    def table(self, frame: Frame, *columns: str) -> NodeTable:
+        """Return the table that has some columns; LookupError if something of it is missing."""
         some = [one for one in frame.tables if one.has(*columns) and one.rows and one.whole]
         if self._name is not None:
             name = "." + self._name.upper()
@@ -216,13 +210,13 @@ class _Region:
         if not some:
             cut = [one for one in frame.tables if one.has(*columns) and not one.whole]
             what = ", ".join(columns) + (f" of {self._name}" if self._name else "")
-            return None, f"{what} is cut off" if cut else f"{what} missing"
+            raise LookupError(f"{what} is cut off" if cut else f"{what} missing")
         regions = sorted({one.nodes for one in some})
         if len(regions) > 1:
             raise some[-1].line.error(
                 f"{', '.join(columns)} of {', '.join(regions)}; name one of these regions"
             )
-        return some[-1], ""
+        return some[-1]
 
     def nodes_of(self, table: NodeTable) -> list[int]:
         """Return the set's nodes, or all of the table."""
@@ -265,3 +259,89 @@ def _undeformed(path: Path, at: FloatArray, moved: FloatArray) -> tuple[FloatArr
         )
     base = at[0] if how == "undeformed" else np.median(at - moved, axis=0)
     return np.asarray(base, dtype=float), f"COORD: coordinates of {how} nodes"
+
+
+def read_xy(path: Path) -> pd.DataFrame:
+    """Read an X-Y report.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        A header, ``X`` and the curves' names, on one line or wrapped over several, then rows of
+        numbers set in columns by blanks. Several tables with the same X become one.
+
+    Returns
+    -------
+    DataFrame
+        A column of float for each curve, ``X`` first; the index, ``line``, is that of the file.
+
+    Raises
+    ------
+    InputError
+        With the line, if the header has another number of columns than the rows, a name stands
+        twice, a cell is no number, or there are no rows.
+    """
+    tables: list[tuple[list[str], dict[int, list[float]]]] = []  # names, and rows by line
+    header: list[str] = []
+    closed = False  # whether a blank line came below the header
+    for line in read_lines(path, unfinished=True):
+        text = line.text
+        if not text.strip() or _DASHES.match(text):
+            closed = True
+        elif text.lstrip()[0] not in _NUMERIC:
+            # Names; or what stands below the rows, such as a minimum, which no rows follow.
+            header, closed = [text] if closed else [*header, text], False
+        else:
+            if header:
+                tables.append((_columns(line, header), {}))
+                header = []
+            if not tables:
+                raise line.error("numbers before a header; expected X and names")
+            (names, rows), words = tables[-1], line.words
+            if len(words) != len(names):
+                raise line.error(
+                    f"{len(words)} values; expected {len(names)} as in the header, with decimal "
+                    "points"
+                )
+            rows[line.number] = [line.finite(word) for word in words]
+    if not tables:
+        raise InputError(f"{path}: no rows; expected a header, X and names, and rows of numbers")
+    frame, *others = (
+        pd.DataFrame.from_dict(rows, orient="index", columns=names) for names, rows in tables
+    )
+    for one in others:
+        line = Line(path, one.index[0], "")
+        if not np.array_equal(one.iloc[:, 0], frame.iloc[:, 0]):
+            raise line.error("another X; expected tables of the same X")
+        if twice := set(one.columns[1:]) & set(frame.columns):
+            raise line.error(f"{min(twice)!r} again; expected each name once")
+        frame = frame.assign(**{name: one[name].to_numpy() for name in one.columns[1:]})
+    return frame.rename_axis("line")
+
+
+def _columns(line: Line, header: list[str]) -> list[str]:
+    """Return the names above a row: they hold single blanks, and may be wrapped over lines."""
+    last, n = header[-1].strip(), len(line.words)
+    names = _GAP.split(last)
+    names = names if len(names) == n else last.split()
+    if len(header) > 1 or len(names) != n:
+        names = _wrapped(header, line.text)
+    if len(names) != n or not all(names):
+        raise line.error(
+            f"{n} values below the names {', '.join(map(repr, names))}; expected as many names"
+        )
+    if len(set(names)) < n:
+        twice = next(name for name in names if names.count(name) > 1)
+        raise line.error(f"{twice!r} again in the header; expected each name once")
+    return names
+
+
+def _wrapped(header: list[str], row: str) -> list[str]:
+    """Return names over several lines: each piece belongs to the number next to it."""
+    middles = [(m.start() + m.end()) / 2 for m in re.finditer(r"\S+", row)]
+    names: list[list[str]] = [[] for _ in middles]
+    for line in header:
+        for piece in re.finditer(r"\S+(?: \S+)*", line):
+            middle = (piece.start() + piece.end()) / 2
+            names[int(np.argmin([abs(middle - one) for one in middles]))].append(piece[0])
+    return [" ".join(pieces) for pieces in names]

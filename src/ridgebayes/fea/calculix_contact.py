@@ -13,8 +13,6 @@ from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body, CylinderSurface, Origin, table_from_gaps
 
-_FARTHEST = 4.0  # of R: no body is pressed so wide
-
 
 def read_calculix_contact(
     path: Path, body: Body, *, deck: Path, surface: str, reaction: str, sta: Path | None = None
@@ -65,11 +63,7 @@ def read_calculix_contact(
     if n := sum(one.moved is None for one in levels):
         messages.append(f"{n} levels without displacements of {surface}: faces where they were")
     farthest = max((float(one[:, 1].max()) for one in faces if len(one)), default=0.0)
-    if farthest > _FARTHEST * rim.R:
-        raise InputError(
-            f"{path}: a face {farthest:.3g} from the axis, R = {rim.R:.6g}; expected within "
-            f"{_FARTHEST:g} R"
-        )
+    rim.check_reach("face", farthest, str(path))
     return table_from_gaps(
         np.array([one.force or 0.0 for one in levels]),
         _gaps(faces, farthest, body.a_over_R * rim.R, body.b_over_R * rim.R),

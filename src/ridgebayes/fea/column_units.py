@@ -60,15 +60,15 @@ def unit_factor(unit: str, dimension: Dimension) -> Fraction | None:
         return None
 
 
-def split_header(header: str) -> tuple[str, str, bool]:
-    """Return a header's words, what stands in place of a unit, and whether it must be one.
+def split_header(header: str) -> tuple[str, str]:
+    """Return a header's words, and what stands in place of a unit.
 
     Examples
     --------
     >>> split_header("Ridge width [mm]"), split_header("E, kPa"), split_header("p / kPa")
-    (('Ridge width', 'mm', True), ('E', 'kPa', False), ('p', 'kPa', False))
+    (('Ridge width', 'mm'), ('E', 'kPa'), ('p', 'kPa'))
     >>> split_header("Load, total"), split_header("p_kPa")
-    (('Load, total', '', False), ('p', 'kPa', False))
+    (('Load, total', ''), ('p', 'kPa'))
     """
     for pattern, strict in _STYLES:
         if match := pattern.fullmatch(header):
@@ -77,8 +77,8 @@ def split_header(header: str) -> tuple[str, str, bool]:
             last = re.split(r"[\s_]+", words)[-1]
             is_sure = is_unit(unit) and last != "per" and not is_unit(last)
             if words and (strict or is_sure):
-                return words, unit, strict
-    return header, "", False
+                return words, unit
+    return header, ""
 
 
 def is_unit(text: str) -> bool:
@@ -105,7 +105,7 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
     InputError
         If the unit is not understood, is of another dimension, or differs from the header's.
     """
-    words, unit, _ = split_header(header)
+    words, unit = split_header(header)
     place = f"{where}, header {header!r}"
     if explicit is not None and explicit not in _NONE and unit and key in DIMENSIONS:
         dimension = DIMENSIONS[key]

@@ -3,8 +3,8 @@
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,25 +12,25 @@ import pandas as pd
 
 from ridgebayes._types import BoolArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import DelimitedText, Reading
+from ridgebayes.fea.abaqus_rpt import read_xy
+from ridgebayes.fea.delimited import Reading, TextTable, read_delimited
 from ridgebayes.fea.interpret import ABOVE_0, ColumnInterpreter, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
 from ridgebayes.fea.parquet import ParquetTable
-from ridgebayes.fea.problems import SHOWN, FileError, Problems, Source
+from ridgebayes.fea.problems import SHOWN, FileError, Source
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
 from ridgebayes.fea.wide import melt_counts, melt_textures, named_textures
-from ridgebayes.fea.xy_report import read_xy
 from ridgebayes.runtime.reading import read_bytes
-from ridgebayes.runtime.text import count
-from ridgebayes.table.columns import NAMES, RawTable
+from ridgebayes.runtime.text import count, some_of
+from ridgebayes.table.columns import RawTable
 from ridgebayes.table.rules import as_text, checked
 from ridgebayes.table.table import ContactTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 _OF_TEXTURES = ("a", "b", "pitch", "R", "D", "a_over_R", "b_over_R")
 _LONGEST = 300  # characters of the mapping in `source`
-_NONE: Mapping[str, str] = MappingProxyType({})
+
 _PLAIN = Reading()
 _WAYS = ("sheet", "header_row", "decimal", "empty", "count_is")
 _MOST_TRIES = 5
@@ -47,9 +47,9 @@ _OLD = (".xls", ".xlsm", ".xlsb", ".xltm", ".xlam")
 
 def read_columns(
     path: Path,
-    mapping: Mapping[str, str] = _NONE,
+    mapping: Mapping[str, str] = {},
     *,
-    values: Mapping[str, str | float] = _NONE,
+    values: Mapping[str, str | float] = {},
     how: Reading = _PLAIN,
 ) -> Imported:
     r"""Read a table of any columns.
@@ -149,7 +149,7 @@ def _supplied(error: FileError) -> tuple[dict[str, str], dict[str, str], dict[st
 def _read(
     path: Path, mapping: Mapping[str, str], values: Mapping[str, str | float], how: Reading
 ) -> Imported:
-    problems = Problems(str(path))
+    problems = FileError(str(path))
     source = _source(path, how, problems)
     where = source.where
     uses, term = assign(source.headers, mapping, values, problems)
@@ -191,16 +191,10 @@ def _read(
         _mapping_text(typed, interpreter.used, constants),
     )
     origin = provenance(path, "columns", *(text for text in details if text))
-    if "source" in frame:
-        own = as_text(frame["source"])
-        frame["source"] = (origin + "; " + own).where(own != "", origin)
-    else:
-        frame["source"] = origin
-    ordered = [name for name in NAMES if name in frame]
-    frame = frame[[*ordered, *(name for name in frame if name not in ordered)]]
+    own = as_text(frame["source"]) if "source" in frame else pd.Series("", index=frame.index)
+    frame["source"] = (origin + "; " + own).where(own != "", origin)
     rows = interpreter.rows
-    lines = None if rows is None else source.lines(rows.to_numpy())
-    line = None if lines is None else lines.item
+    line = None if rows is None or source.lines is None else source.lines[rows].item
     del cells, interpreter  # of a million rows: 0.2 GB that validating needs
     table = _validated(RawTable(frame, where, line), rows, problems, source)
     return Imported(table, (*problems.messages, *_kept(table)), problems.known)
@@ -217,7 +211,7 @@ def _lone_series(cells: pd.DataFrame, uses: Iterable[Use]) -> Use | None:
     return None if is_repeated else series
 
 
-def _check_cells(cells: pd.DataFrame, use: Use, problems: Problems) -> None:
+def _check_cells(cells: pd.DataFrame, use: Use, problems: FileError) -> None:
     """Note the cells of a column that cannot be what it is, and empty them."""
     if not use.is_number or use.key not in (*ABOVE_0, *LOWERS, "pressure"):
         return
@@ -252,11 +246,11 @@ def _all_under_4(cells: pd.DataFrame, uses: Iterable[Use], where: str) -> InputE
 
 
 def _validated(
-    raw: RawTable, rows: "pd.Index[int] | None", problems: Problems, source: Source
+    raw: RawTable, rows: "pd.Index[int] | None", problems: FileError, source: Source
 ) -> ContactTable:
     """Return the table, or refuse the rules that it breaks beside what was noted before."""
     frame, findings = checked(raw)
-    told = set() if rows is None else set(problems.rows().tolist())
+    told = set() if rows is None else problems.rows()
     for column, rule, bad, other in findings.complaints():
         if "empty" in rule and rows is not None:
             keep = np.array([int(rows[row]) not in told for row in bad], dtype=bool)
@@ -269,13 +263,14 @@ def _validated(
         ]
         rule = rule if other is None else rule.format(other=int(other[0]) + 1)
         if len(bad) == 1:
-            problems.texts.append(f"{shown[0]}: {rule}")
+            problems.wrong.append(f"{shown[0]}: {rule}")
         else:
-            spots = ", ".join(
+            spots = [
                 one.removeprefix(f"{raw.where}, ").replace(f": {column} =", " =") for one in shown
+            ]
+            problems.wrong.append(
+                f"{column}, {len(bad)} rows: {rule}: " + some_of(spots, SHOWN, len(bad))
             )
-            more = f" and {len(bad) - SHOWN} more" if len(bad) > SHOWN else ""
-            problems.texts.append(f"{column}, {len(bad)} rows: {rule}: {spots}{more}")
     problems.raise_all(source)
     return ContactTable(frame, raw.where)
 
@@ -298,16 +293,13 @@ def _mapping_text(
     first: dict[tuple[str, bool], list[Use]] = {}
     for use in own:
         first.setdefault((use.key, use.Q is None), []).append(use)
-    shown = [
-        str(some[0]) + (f" and {len(some) - 1} more" if len(some) > 1 else "")
-        for some in first.values()
-    ]
+    shown = [some_of(map(str, some), 1) for some in first.values()]
     text = ", ".join([*shown, *(f"{key}={value}" for key, value in values.items())])
     # It stands in every row.
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def _source(path: Path, how: Reading, problems: Problems) -> DelimitedText | ParquetTable:
+def _source(path: Path, how: Reading, problems: FileError) -> Source:
     """Return the file, by its suffix; nothing in it is run."""
     suffix = path.suffix.lower()
     if suffix in _OLD:
@@ -335,8 +327,10 @@ def _source(path: Path, how: Reading, problems: Problems) -> DelimitedText | Par
     if suffix == ".parquet":
         return ParquetTable(path, content)
     if suffix == ".rpt" and not _SEPARATED.search(content):
-        content = read_xy(path).to_csv(index=False).encode()
-    return DelimitedText(str(path), content, how, problems)
+        curves = read_xy(path)
+        rows = zip(curves.index, curves.astype(str).to_numpy().tolist(), strict=True)
+        return TextTable(str(path), chain([(0, curves.columns.tolist())], rows), ",", how, problems)
+    return read_delimited(str(path), content, how, problems)
 
 
 def _kept(table: ContactTable) -> list[str]:

@@ -3,9 +3,11 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
@@ -93,19 +95,12 @@ class Deck:
 
     def rigid_nodes(self, body: list[int]) -> list[int]:
         """List the nodes that no chain of elements joins to some nodes of the body."""
-        meets: dict[int, list[int]] = {}
-        for number, some in self.elements.items():
-            for node in some:
-                meets.setdefault(node, []).append(number)
-        found, seen, ahead = set(body), set[int](), list(body)
-        while ahead:
-            for number in meets.get(ahead.pop(), ()):
-                if number not in seen:
-                    seen.add(number)
-                    new = [node for node in self.elements[number] if node not in found]
-                    found.update(new)
-                    ahead += new
-        return [node for node in self.nodes if node not in found]
+        joined = DisjointSet({*self.nodes, *body, *chain(*self.elements.values())})
+        for first, *others in self.elements.values():
+            for node in others:
+                joined.merge(first, node)
+        bodies = {joined[node] for node in body}
+        return [node for node in self.nodes if joined[node] not in bodies]
 
 
 @dataclass(frozen=True, eq=False)

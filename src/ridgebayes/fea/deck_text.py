@@ -139,9 +139,8 @@ def pressed_disk(scene: Scene, *, edges: float = 12.0) -> PressedDisk:
     )
     n = math.ceil(_EACH * widest / (a + b))
     widths = widest * (np.arange(n) + 1) / n
-    down = np.array(
-        [_approach(float(hertz.load_of_half_width(w, nu=scene.nu)), scene.nu) for w in widths]
-    )
+    # How far the mid-plane of a smooth cylinder comes down (Johnson 1985, 5.57).
+    down = widths**2 / 4 * (2 * np.log(4 / widths) - 1)
     return PressedDisk(
         disk_mesh(size), tuple(blocks), scene.nu, scene.friction, _BEYOND * down, title
     )
@@ -178,12 +177,6 @@ def _ridge(start: float, a: float, r: float, height: float) -> list[FloatArray]:
         for i in range(len(x) - 1)
         if x[i + 1] > x[i]
     ]
-
-
-def _approach(p_over_E: float, nu: float) -> float:
-    """Estimate how far the mid-plane of a smooth cylinder comes down (Johnson 1985, 5.57)."""
-    half_width = math.sqrt(8.0 * p_over_E * (1.0 - nu**2) / math.pi)
-    return 2.0 * p_over_E * (1.0 - nu**2) / math.pi * (2.0 * math.log(4.0 / half_width) - 1.0)
 
 
 def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> str:

@@ -3,7 +3,7 @@
 import codecs
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Any
@@ -15,9 +15,10 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import NUMBER, is_unit, split_header
 from ridgebayes.fea.layout import FINITE, FORMULA, LOOKED_AT, clean_headers, filled, find_layout
-from ridgebayes.fea.problems import Problems, Source
+from ridgebayes.fea.problems import FileError, Source
+from ridgebayes.fea.words import NOTHING
 from ridgebayes.runtime.reading import decoded
-from ridgebayes.runtime.text import clipped, count
+from ridgebayes.runtime.text import clipped, count, some_of
 from ridgebayes.table.files import lossless, records
 
 SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
@@ -41,12 +42,6 @@ _WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _WORDS = {".": "point", ",": "comma"}
 # What Python takes for blanks, but for control characters that only damage brings into a file.
 _BLANKS = "".join(c for c in map(chr, range(0x3001)) if c.isspace() and c not in "\x1c\x1d\x1e\x1f")
-# What people write where there is no number.
-_NOTHING = re.compile(
-    r"\s*(?:-+|[\u2013\u2014?x.]|n\.?/?a\.?|nan|none|null|#n/?a|k\.?a\.?"
-    r"|not reached|nicht erreicht)\s*",
-    re.I,
-)
 
 _Row = tuple[int, list[str]]  # line, and cells
 _NOTE = re.compile(r"#.*|[^\W\d].*\s.*")  # words, and not one label of a row cut off
@@ -84,8 +79,8 @@ class Reading:
     interpolate: bool = False
 
 
-class DelimitedText(Source):
-    """A text file of cells between separators.
+def read_delimited(where: str, content: bytes, how: Reading, problems: FileError) -> "TextTable":
+    """Read a text file of cells between separators.
 
     Parameters
     ----------
@@ -95,7 +90,38 @@ class DelimitedText(Source):
         All of it: UTF-8, UTF-16 with its mark, or Windows-1252, lines ended in any way.
     how : Reading
         What the user says.
-    problems : Problems
+    problems : FileError
+        As `TextTable`.
+
+    Raises
+    ------
+    InputError
+        If it is no text, is empty, or has an open quote.
+    """
+    text = _decoded(content, where, problems)
+    lines = text.split("\n", how.skip_rows)
+    text = lines[-1] if len(lines) > how.skip_rows else ""
+    if not text.strip():
+        raise InputError(f"{where}: the file is empty")
+    text, separator = _separated(text, where)
+    rows = ((line + how.skip_rows, cells) for line, cells in records(text, where, separator))
+    return TextTable(where, rows, separator, how, problems)
+
+
+class TextTable(Source):
+    """A table whose cells are text.
+
+    Parameters
+    ----------
+    where : str
+        Its name, for messages.
+    rows : iterator of (int, list of str)
+        Lines from 1, and their cells.
+    separator : str
+        What stands between cells.
+    how : Reading
+        What the user says.
+    problems : FileError
         Where rows of another length and formulas are noted.
     cell : callable, optional
         Of a worksheet: words for the cell of a line and a column, both from 1.
@@ -103,36 +129,29 @@ class DelimitedText(Source):
     Raises
     ------
     InputError
-        If it is no text, is empty, or has an open quote.
+        If there is no header, or no row.
     """
 
     def __init__(
         self,
         where: str,
-        content: bytes,
+        rows: Iterator[_Row],
+        separator: str,
         how: Reading,
-        problems: Problems,
+        problems: FileError,
         cell: Callable[[int, int], str] | None = None,
     ) -> None:
-        self.where, self._how, self._cell = where, how, cell
-        text = _decoded(content, where, problems)
-        lines = text.split("\n", how.skip_rows)
-        text = lines[-1] if len(lines) > how.skip_rows else ""
-        if not text.strip():
-            raise InputError(f"{where}: the file is empty")
-        text, self._separator = _separated(text, where)
-        found = records(text, where, self._separator)
-        table = ((line + how.skip_rows, cells) for line, cells in found)
-        head = list(islice(table, LOOKED_AT))
-        rows = [(line, cells) for line, cells in head if any(one.strip() for one in cells)]
-        layout = find_layout(rows or [(1, [""])], where, how.header_row)
+        self.where, self._separator, self._how, self._cell = where, separator, how, cell
+        head = list(islice(rows, LOOKED_AT))
+        full = [(line, cells) for line, cells in head if any(one.strip() for one in cells)]
+        layout = find_layout(full or [(1, [""])], where, how.header_row)
         self.settings = layout.settings
         problems.messages += layout.messages
         self.headers = clean_headers(layout.headers, where)
-        if layout.first >= len(rows):
+        if layout.first >= len(full):
             raise InputError(f"{where}: no rows below the header")
-        above = rows[layout.first :]
-        begun = next((cells for _, cells in above if not self._is_comment(cells)), above[0][1])
+        first = full[layout.first :]
+        begun = next((cells for _, cells in first if not self._is_comment(cells)), first[0][1])
         cut = zip(self.headers, map(_WITH_UNIT.fullmatch, begun), strict=False)
         units = {name: match[1] for name, match in cut if match is not None}
         new = {
@@ -142,7 +161,7 @@ class DelimitedText(Source):
         }
         self._units = {new[name]: units[name] for name in new}  # that stand in the cells
         self.headers = tuple(new.get(name, name) for name in self.headers)
-        below = [row for row in chain(head, table) if row[0] >= above[0][0]]
+        below = [row for row in chain(head, rows) if row[0] >= first[0][0]]
         below, comments = self._without_comments(below)
         below, notes = _without_notes(below)
         told = f"{where}: passed over"
@@ -151,13 +170,12 @@ class DelimitedText(Source):
                 f"{told}: {count(len(comments), 'comment')} such as {comments[0]!r}"
             )
         problems.messages += [f"{told} below the rows: {note!r}" for note in notes]
-        self._lines, self._typed = self._checked(below, problems)
-        if "=" in text:
-            for name, cells in self._typed.items():
-                begin = cells.str.lstrip().str.startswith("=").to_numpy(bool)
-                problems.cells(begin, str(name), FORMULA)
+        self.lines, self._typed = self._checked(below, problems)
+        for name, cells in self._typed.items():
+            begin = cells.str.lstrip().str.startswith("=").to_numpy(bool)
+            problems.cells(begin, str(name), FORMULA)
 
-    def read(self, numeric: Collection[str], problems: Problems) -> pd.DataFrame:
+    def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
         """Read all rows, the columns of these headers as numbers; note cells that are none."""
         wanted = [name for name in self.headers if name in numeric]
         numbers, mark = self._numbers(wanted, problems)
@@ -170,18 +188,14 @@ class DelimitedText(Source):
         problems.messages.insert(0, f"{self.where}: {dialect}, {len(frame)} rows")
         return filled(frame, self.where, problems)
 
-    def lines(self, rows: IntArray) -> IntArray:
-        """Return the file's lines of some rows."""
-        return self._lines[rows]
-
     def spot(self, row: int, name: str) -> str:
         """Return words for a cell."""
-        line = int(self._lines[row])
+        line = int(self.lines[row])
         return self._cell(line, self.headers.index(name) + 1) if self._cell else f"line {line}"
 
-    def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
-        """Return cells as they were typed."""
-        return [str(self._typed[name].iloc[row]) for row, name in wanted]
+    def typed(self, row: int, name: str) -> str:
+        """Return a cell as it was typed."""
+        return str(self._typed[name].iloc[row])
 
     def _is_comment(self, cells: list[str]) -> bool:
         """Return whether a record begins with a # that is not part of a label."""
@@ -198,7 +212,7 @@ class DelimitedText(Source):
         comments = [self._separator.join(cells) for cells in some]
         return [row for row in rows if not self._is_comment(row[1])], comments
 
-    def _checked(self, rows: list[_Row], problems: Problems) -> tuple[IntArray, pd.DataFrame]:
+    def _checked(self, rows: list[_Row], problems: FileError) -> tuple[IntArray, pd.DataFrame]:
         """Return each row's line, and every cell as it was typed.
 
         Rows of another length are noted; empty cells beyond the header are none.
@@ -214,15 +228,14 @@ class DelimitedText(Source):
             shown = clipped(self._separator.join(cells))
             bad.append(f"line {line}: {shown} has {len(cells)} cells")
         if bad:
-            more = f" and {len(bad) - 3} more rows" if len(bad) > 3 else ""
-            problems.texts.append(
-                f"{self.where}, {', '.join(bad[:3])}{more}: expected {width} cells, as the header "
+            problems.wrong.append(
+                f"{self.where}, {some_of(bad, 3)}: expected {width} cells, as the header "
                 f"(separator {SEPARATORS[self._separator]})"
             )
         frame = pd.DataFrame(whole, columns=list(self.headers), dtype=str)
         return np.array(lines, dtype=np.int64), frame
 
-    def _numbers(self, wanted: list[str], problems: Problems) -> tuple[dict[str, FloatArray], str]:
+    def _numbers(self, wanted: list[str], problems: FileError) -> tuple[dict[str, FloatArray], str]:
         """Read in the style of which fewest cells are no number, and note those that are none."""
         text: dict[str, pd.Series[str]] = {}
         for name in wanted:
@@ -256,7 +269,7 @@ class DelimitedText(Source):
             for cell in counts
         }
         rule = FINITE.replace("a point", "a comma") if mark == "," else FINITE
-        nothing = [cell for cell in counts if np.isinf(numbers[cell]) and _NOTHING.fullmatch(cell)]
+        nothing = [cell for cell in counts if np.isinf(numbers[cell]) and NOTHING.fullmatch(cell)]
         found = {}
         for name in wanted:
             values = text[name].map(numbers).to_numpy(dtype=float)
@@ -285,7 +298,7 @@ def _without_notes(rows: list[_Row]) -> tuple[list[_Row], list[str]]:
     return rows[:1], notes[::-1]
 
 
-def _decoded(content: bytes, where: str, problems: Problems) -> str:
+def _decoded(content: bytes, where: str, problems: FileError) -> str:
     """Return text that may be UTF-16 or Windows-1252; say so if it is."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:

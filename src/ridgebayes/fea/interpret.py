@@ -20,15 +20,10 @@ from ridgebayes.fea.column_units import (
 )
 from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
-from ridgebayes.fea.problems import Problems
-from ridgebayes.fea.transitions import (
-    STATUS_RULE,
-    counts_repeat,
-    middle_loads,
-    touching,
-    transitions_of_runs,
-)
-from ridgebayes.fea.words import COUNTS
+from ridgebayes.fea.problems import FileError
+from ridgebayes.fea.transitions import counts_repeat, middle_loads, transitions_of_runs
+from ridgebayes.fea.words import COUNTS, STATUS_RULE, touching
+from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import COUNT, NAMES, OK
 from ridgebayes.table.rules import as_text
 
@@ -52,7 +47,7 @@ class ColumnInterpreter:
         uses: list[Use],
         values: Mapping[str, str | float],
         how: Reading,
-        problems: Problems,
+        problems: FileError,
     ) -> None:
         self.cells, self.where = cells, problems.where
         self.rows: pd.Index[int] | None = None  # of the file, that are the table's
@@ -101,7 +96,7 @@ class ColumnInterpreter:
         for use in self._uses:
             wrong = use.Q is not None and use.key not in CORNERS
             if use.how == "mapped" and (wrong or use.key in ("Q", "kind", "rel_se", *LOWERS)):
-                raise self._error(
+                raise self._problems.error(
                     f"column {use.header!r} as {use.key} beside {corners[0].header!r}; expected a "
                     "load of each increment, and columns of corners"
                 )
@@ -117,7 +112,7 @@ class ColumnInterpreter:
             if n := int((~keep).sum()):
                 ignored.append(f"{n} increments ignored: their status is not 'ok'")
             if not keep.any():
-                raise self._error("no increment whose status is 'ok'")
+                raise self._problems.error("no increment whose status is 'ok'")
         self._summarize()
         if load is None or self._problems:
             return pd.DataFrame()
@@ -131,7 +126,7 @@ class ColumnInterpreter:
         try:
             rows, remarks = transitions_of_runs(frame, load, gaps, Q, brackets=self._how.brackets)
         except InputError as error:
-            raise self._error(str(error)) from None
+            raise self._problems.error(str(error)) from None
         if left := self._left():
             self.messages.append(f"not used: {listed(left)}")
         self.messages += [*said, *remarks]
@@ -185,13 +180,8 @@ class ColumnInterpreter:
         return found | self._texts("texture", "series", "solver", "source")
 
     def _framed(self, found: Mapping[str, Any]) -> pd.DataFrame:
-        n = len(self.cells)
-        shaped = {
-            key: np.broadcast_to(value, n) if isinstance(value, np.ndarray) else value
-            for key, value in found.items()
-            if value is not None
-        }
-        return pd.DataFrame(shaped, index=self.cells.index)
+        there = {key: value for key, value in found.items() if value is not None}
+        return pd.DataFrame(there, index=self.cells.index)
 
     def _use(self, key: str, Q: int | None) -> Use | None:
         """Return the column of a key: for each Q, or else the one for all."""
@@ -228,14 +218,12 @@ class ColumnInterpreter:
         factor = unit_factor(unit, DIMENSIONS[key]) if unit and key in DIMENSIONS else None
         if match is None or (unit and factor is None):
             what = f"a number and a unit of {DIMENSIONS[key]}" if key in DIMENSIONS else "a number"
-            raise self._error(f"value {key} = {text!r}: expected {what}")
+            raise self._problems.error(f"value {key} = {text!r}: expected {what}")
         number = float(match.group())
         if not np.isfinite(number) or (key in ABOVE_0 and number <= 0):
             rule = "above 0" if key in ABOVE_0 else "finite"
-            raise self._error(f"value {key} = {text!r}: expected {rule}")
-        if key not in self._used_values:
-            self.messages.append(f"{key}: {text}, as given")
-        self._used_values.add(key)
+            raise self._problems.error(f"value {key} = {text!r}: expected {rule}")
+        self._tell_value(key)
         if key in DIMENSIONS:
             self._units[key] = unit
         return np.array(number * float(factor or 1))
@@ -246,6 +234,12 @@ class ColumnInterpreter:
         what += ", a guess" if use.how == "guessed" else ""
         if use.name != use.header or what or not is_plain:
             self.messages.append(f"{use.name}: column {use.header!r}{what}")
+
+    def _tell_value(self, key: str) -> None:
+        """Say once that a constant is used."""
+        if key not in self._used_values:
+            self.messages.append(f"{key}: {str(self._values[key]).strip()}, as given")
+        self._used_values.add(key)
 
     def _first(self, *ways: str) -> FloatArray | None:
         """Return the first of some quantities that is there, over those that it is divided by."""
@@ -289,9 +283,8 @@ class ColumnInterpreter:
                 self._tell(use)
                 found[key] = as_text(self.cells[use.header])
             elif key in self._values:
-                self._used_values.add(key)
+                self._tell_value(key)
                 found[key] = str(self._values[key])
-                self.messages.append(f"{key}: {self._values[key]}, as given")
         return found
 
     def _needed(self, key: str) -> FloatArray:
@@ -340,9 +333,6 @@ class ColumnInterpreter:
         best = max(numbers, key=fits, default=None)
         return "?" if best is None or fits(best) < (key == "Q") else best
 
-    def _error(self, message: str) -> InputError:
-        return InputError(f"{self.where}: {message}")
-
     def _summarize(self) -> None:
         if plain := [one.key for one in self.used if one.key == one.header and one.key in NAMES]:
             self.messages.insert(self._begun, f"recognised by name: {', '.join(plain)}")
@@ -390,6 +380,4 @@ def _as_numbers(cells: "pd.Series[Any]") -> FloatArray:
 
 def listed(names: Iterable[str]) -> str:
     """Return names in quotes, the first of them."""
-    names = list(names)
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return ", ".join(repr(name) for name in names[:_SHOWN]) + more
+    return some_of(map(repr, names), _SHOWN)

@@ -8,8 +8,9 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import is_unit, split_header
-from ridgebayes.fea.problems import FileError, Problems
+from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.words import corners_of, key_of, settings_of, texture_of
+from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import NAMES
 
 LOOKED_AT = 60  # records
@@ -125,7 +126,7 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
             if is_broken:
                 raise InputError(f"{where}, header, column {i} = {text[:60]!r}: {rule}")
         if text in headers:
-            words, unit, _ = split_header(text)
+            words, unit = split_header(text)
             text = f"{words} #{i}" + (f" [{unit}]" if unit else "")
         headers.append(text or _UNNAMED.format(i))
     if all(name == _UNNAMED.format(i) for i, name in enumerate(headers, start=1)):
@@ -133,7 +134,7 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
     return tuple(headers)
 
 
-def filled(frame: pd.DataFrame, where: str, problems: Problems) -> pd.DataFrame:
+def filled(frame: pd.DataFrame, where: str, problems: FileError) -> pd.DataFrame:
     """Return the rows of a file that hold anything, without unnamed columns that hold nothing.
 
     Parameters
@@ -142,7 +143,7 @@ def filled(frame: pd.DataFrame, where: str, problems: Problems) -> pd.DataFrame:
         All cells by header: numbers, NaN where a cell is empty, or text.
     where : str
         Name that messages show.
-    problems : Problems
+    problems : FileError
         Where it is said how many rows are empty.
 
     Returns
@@ -215,9 +216,8 @@ def _refuse_rows(above: Records, headers: Sequence[str], line: int, where: str) 
     least = max(2, sum(bool(one.strip()) for one in headers) / 2)
     lines = [str(at) for at, cells in above if sum(map(is_number, cells)) >= least]
     if lines:
-        shown = ", ".join(lines[:3]) + (f" and {len(lines) - 3} more" if len(lines) > 3 else "")
-        text = f"numbers above the header in line {line}, in line {shown}: expected rows below it; "
-        text += f"--header-row {line} passes over them"
+        text = f"numbers above the header in line {line}, in line {some_of(lines, 3)}: expected "
+        text += f"rows below it; --header-row {line} passes over them"
         raise FileError(where, needs=[text], options={"header_row": str(line)})
 
 

@@ -15,9 +15,7 @@ from ridgebayes.runtime.reading import read_text
 
 # A number as programs print it: Fortran drops the E of an exponent of three digits.
 NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]?([+-]\d+)|[EeDd](\d+))?")
-DASHES = re.compile(r"\s*-{9,}\s*$")
-GAP = re.compile(r"\s{2,}")  # between names, which hold single blanks
-_SHOWN, _LONGEST_NODE = 60, 18  # characters
+_SHOWN = 60  # characters
 Handler = Any  # a method of a `Printed`, of a line and its match
 
 
@@ -220,11 +218,6 @@ class Printed:
 def unused(names: Iterable[str]) -> list[str]:
     """Return a message about what a file holds and nobody needs, if there is any."""
     return [f"not used: {', '.join(sorted(names))}"] if names else []
-
-
-def is_label(word: str) -> bool:
-    """Return whether a word is the number of a node, in digits alone."""
-    return word.isascii() and word.isdigit() and len(word) <= _LONGEST_NODE
 
 
 def parse_number(word: str) -> float:

@@ -7,9 +7,8 @@ from difflib import get_close_matches
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import DIMENSIONS, split_header, unit_factor
-from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.words import corners_of, count_term, key_of, texture_of
-from ridgebayes.scene.units import Dimension
 from ridgebayes.table.columns import NAMES, NUMBERS
 
 TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
@@ -67,11 +66,6 @@ class Use:
         return self.key in _QUANTITIES
 
     @property
-    def is_guessed_count(self) -> bool:
-        """Whether it is Q by words that may count something else."""
-        return self.key == "Q" and self.how == "guessed" and self.texture is None
-
-    @property
     def own_unit(self) -> str:
         """What the mapping gives as its unit, or else what stands in place of one in the header."""
         return split_header(self.header)[1] if self.unit is None else self.unit
@@ -89,7 +83,7 @@ def assign(
     headers: Sequence[str],
     mapping: Mapping[str, str],
     values: Mapping[str, object],
-    problems: Problems,
+    problems: FileError,
 ) -> tuple[list[Use], str | None]:
     """Tell what each column of a file is.
 
@@ -102,7 +96,7 @@ def assign(
         one column per Q, and ``Q=*`` for headers such as ``Q=4``. The rest is recognised.
     values : mapping of str to object
         Constants by key.
-    problems : Problems
+    problems : FileError
         Where columns are noted of which it is not clear what they are.
 
     Returns
@@ -134,7 +128,9 @@ def assign(
         columns.name_corners(required=is_wide)
     columns.guess()
     columns.check_once()
-    terms = columns.terms | {count_term(u.header) for u in columns.uses if u.is_guessed_count}
+    # Q by words that may count something else.
+    counts = [u for u in columns.uses if u.key == "Q" and u.how == "guessed" and u.texture is None]
+    terms = columns.terms | {count_term(use.header) for use in counts}
     term = None if not terms else min(terms) if len(terms) == 1 else ""
     return [_without_load(use, columns) for use in columns.uses], term
 
@@ -156,12 +152,12 @@ class _Columns:
     """The columns of a file, and what is known of them so far."""
 
     def __init__(
-        self, headers: Sequence[str], values: Mapping[str, object], problems: Problems
+        self, headers: Sequence[str], values: Mapping[str, object], problems: FileError
     ) -> None:
         self.uses: list[Use] = []
         self.terms: set[str] = set()
         self.per_texture = {"texture": "", "value": ""}  # units of columns of a texture each
-        self.problems, self.where = problems, problems.where
+        self.problems = problems
         self._headers, self.values = list(headers), values
         for header in headers:
             if header in values:
@@ -174,7 +170,7 @@ class _Columns:
             match = _KEY.fullmatch(key)
             key, Q = (match[1] or "load", int(match[2])) if match else (key, None)
             if match is None or key not in PER_Q:
-                raise self._error(
+                raise self.problems.error(
                     f"mapping key {name!r}: expected one of {', '.join(KEYS)}, or of "
                     f"{', '.join(CORNERS)} with a corner, as 'gap Q=4'"
                 )
@@ -196,13 +192,15 @@ class _Columns:
             meant = found[0] if unit is None else f"{found[0]};{unit}"
             self.problems.need(f"{error}; did you mean {found[0]!r}?", {name: meant})
         if Q is None and key in CORNERS and key not in KEYS:
-            raise self._error(f"mapping {name}={text}: expected with a corner, as '{key} Q=4'")
+            raise self.problems.error(
+                f"mapping {name}={text}: expected with a corner, as '{key} Q=4'"
+            )
         self.uses.append(Use(key, found[0], unit, Q))
 
     def _map_all(self, key: str, header: str, unit: str | None) -> None:
         """Add the columns of a header with ``*``."""
         if header.count("*") != 1 or key not in PER_Q:
-            raise self._error(
+            raise self.problems.error(
                 f"mapping {key}={header}: expected one * in a header of {', '.join(PER_Q)}"
             )
         pattern = re.compile(r"(\d{1,6})".join(map(re.escape, header.split("*"))))
@@ -215,32 +213,28 @@ class _Columns:
 
     def name_contract(self, is_wide: bool) -> None:
         """Add columns of the contract by their names."""
-        keys, used = self._known()
-
-        for header in self._headers:
+        keys = self._keys()
+        for header, *_ in self._free():
             # What is given in another way: Q by the headers, a load by another column.
             by_another = header in (*LOADS, *LOWERS) and _rivals(header) & keys
-            is_given = (header == "Q" and is_wide) or by_another
-            if header in NAMES and header not in keys | used and not is_given:
+            is_given = header in keys or (header == "Q" and is_wide) or by_another
+            if header in NAMES and not is_given:
                 self.uses.append(Use(header, header, how="named"))
 
     def name_keys(self) -> None:
         """Add columns whose headers are keys with dimensions."""
-        keys, used = self._known()
-        for header in self._headers:
-            key, unit, _ = split_header(header)
+        keys = self._keys()
+        for header, key, unit in self._free():
             if key in ("p", "line", "force") and unit and not unit_factor(unit, DIMENSIONS[key]):
                 continue  # "force [N/mm]": its unit tells what it is
-            is_free = key in KEYS and key not in (*keys, "Q", *TEXTS) and header not in used
             # A contract column says the same without a unit, and says it better.
-            if is_free and not _rivals(key) & keys:
+            if key in KEYS and key not in ("Q", *TEXTS) and not _rivals(key) & keys:
                 self.uses.append(Use(key, header, how="named"))
 
     def name_corners(self, *, required: bool) -> None:
         """Add columns with headers such as ``Q=4``, or that differ in one even number."""
-        n, (_, used) = len(self.uses), self._known()
-        free = [header for header in self._headers if header not in used]
-        words = {header: split_header(header)[0] for header in free}
+        n = len(self.uses)
+        words = {header: text for header, text, _ in self._free()}
         for header, text in words.items():
             match = _WIDE.fullmatch(text)
             if match is not None and (match[1] or "").strip(" _") in ("", *PER_Q):
@@ -258,29 +252,28 @@ class _Columns:
 
     def guess(self) -> None:
         """Add columns whose headers have words of the field, or name a texture each."""
-        keys, used = self._known()
+        keys = self._keys()
         is_wide = any(use.Q is not None for use in self.uses)
-        found: dict[str, list[str]] = {}
-        for header in self._headers:
-            key = key_of(split_header(header)[0])
-            is_taken = _rivals(key) & keys or (key == "Q" and is_wide)
-            if key and header not in used and not is_taken:
-                found.setdefault("|".join(sorted(_rivals(key))), []).append(header)
+        found: dict[str, dict[str, str]] = {}
+        for header, words, _ in self._free():
+            key = key_of(words)
+            if key and not _rivals(key) & keys and not (key == "Q" and is_wide):
+                found.setdefault(min(_rivals(key)), {})[header] = key
         for some in found.values():
-            key = key_of(split_header(some[0])[0])
+            header, key = next(iter(some.items()))
             if len(some) > 1 and key not in TEXTS and not (key in PER_Q and is_wide):
                 self.problems.need(
                     f"columns {', '.join(map(repr, some))} could each be {key}: name one with "
                     f"--map '{key}=HEADER'",
-                    {key: some[0]},
+                    {key: header},
                 )
             if key in PER_Q and key != "rel_se" and is_wide:
                 continue
-            of_R = key in ("a", "b", "offset") and split_header(some[0])[1].startswith("%")
-            one = Use(f"{key}_over_R", some[0], "%") if of_R else Use(key, some[0])
+            of_R = key in ("a", "b", "offset") and split_header(header)[1].startswith("%")
+            one = Use(f"{key}_over_R", header, "%") if of_R else Use(key, header)
             self.uses.append(replace(one, how="guessed"))
-        keys, used = self._known()
-        pairs = {one: pair for one in self._headers if one not in used if (pair := texture_of(one))}
+        keys = self._keys()
+        pairs = {header: pair for header, *_ in self._free() if (pair := texture_of(header))}
         is_given = _rivals("a") & keys or _rivals("b") & keys or is_wide
         if pairs and not is_given and ("Q" in keys) != bool(_rivals("load") & keys):
             unit, value = self.per_texture["texture"], self.per_texture["value"]
@@ -305,26 +298,29 @@ class _Columns:
                     "name one with --map"
                 )
                 if use.how == "mapped":
-                    raise self._error(text)
+                    raise self.problems.error(text)
                 self.problems.need(text, {use.name: seen[place]})
                 self.uses.remove(use)
                 continue
             seen[place] = use.header
 
-    def _known(self) -> tuple[set[str], set[str]]:
-        """Return keys that are given, and headers that are used."""
-        keys = {use.key for use in self.uses} | set(self.values)
-        return keys, {use.header for use in self.uses}
+    def _keys(self) -> set[str]:
+        """Return keys that are given."""
+        return {use.key for use in self.uses} | set(self.values)
 
-    def _error(self, message: str) -> InputError:
-        return InputError(f"{self.where}: {message}")
+    def _free(self) -> list[tuple[str, str, str]]:
+        """Return headers that are not used, with their words and what stands in place of units."""
+        used = {use.header for use in self.uses}
+        return [(one, *split_header(one)) for one in self._headers if one not in used]
 
     def _missing(self, message: str) -> InputError:
         there = ", ".join(map(repr, self._headers[:50]))
-        return self._error(f"{message}; the columns are {there}")
+        return self.problems.error(f"{message}; the columns are {there}")
 
     def _twice(self, key: str, header: str) -> InputError:
-        return self._error(f"{key} is given as a value, and as column {header!r}; expected once")
+        return self.problems.error(
+            f"{key} is given as a value, and as column {header!r}; expected once"
+        )
 
 
 def _rivals(key: str) -> set[str]:
@@ -338,9 +334,8 @@ def _without_load(use: Use, columns: _Columns) -> Use:
         return use
     lower = use.key.removeprefix("load")
     unit = use.own_unit
-    kinds: dict[str, Dimension] = {"p": "pressure", "line": "line load", "force": "force"}
-    for key, dimension in kinds.items():
-        if unit_factor(unit, dimension) is not None:
+    for key in LOADS[1:]:
+        if unit_factor(unit, DIMENSIONS[key]) is not None:
             return replace(use, key=key + lower)
     of_dimension = [one for one in columns.uses if one.key in DIMENSIONS]
     has_units = any(one.own_unit not in ("", "1", "-") for one in of_dimension)

@@ -17,11 +17,10 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import parse_number
 from ridgebayes.fea.mesh_files import Budget, Vtu, Xdmf, displacements, one_named
-from ridgebayes.fea.record import HUGE, Imported, provenance
+from ridgebayes.fea.record import FARTHEST, HUGE, Imported, provenance
 from ridgebayes.fea.surface import Body, CylinderSurface, Origin, SurfaceHistory, table_from_history
 
 _ROUND = 5e-6  # of R: nodes so near to the circle are on it
-_FARTHEST = 4.0  # of R: no body moves so far
 _REST = 3e-6  # of R: how well the height of a rim at rest on a ridge is known
 _INSIDE = (0.1, 0.9)  # of a ridge's width: away from its corners, where meshes sink in
 _LOWEST = 0.25  # of a ridge's nodes: where the body rests, if it rests on part of it
@@ -85,10 +84,10 @@ def read_series(
     points, moved = (np.asarray(one, dtype=float) for one in (states.points, states.moved))
     nodes, R = _rim(points, body, where)
     most = np.abs(moved).max(axis=(1, 2))
-    if not most.max() <= _FARTHEST * R:
+    if not most.max() <= FARTHEST * R:
         raise InputError(
             f"{states.places[most.argmax()]}: {field!r} up to {most.max():.3g}; expected within "
-            f"{_FARTHEST:g} R"
+            f"{FARTHEST:g} R"
         )
     digits = float(np.finfo(states.moved.dtype).eps * most.max())
     body = replace(body, R=R)

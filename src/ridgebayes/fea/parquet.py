@@ -1,6 +1,6 @@
 """Parquet files as cells, through pyarrow and nothing else."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.layout import FINITE, clean_headers, filled
-from ridgebayes.fea.problems import Problems, Source
+from ridgebayes.fea.problems import FileError, Source
 from ridgebayes.runtime.reading import refusing
 from ridgebayes.table.files import read_arrow
 
@@ -32,14 +32,13 @@ class ParquetTable(Source):
     """
 
     def __init__(self, path: Path, content: bytes) -> None:
-        self.where = str(path)
-        self.settings = {}
+        self.where, self.settings, self.lines = str(path), {}, None
         self._table = read_arrow(content, self.where)
         self.headers = clean_headers(self._table.column_names, self.where)
         if not self._table.num_rows:
             raise InputError(f"{self.where}: no rows")
 
-    def read(self, numeric: Collection[str], problems: Problems) -> pd.DataFrame:
+    def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
         """Read all rows, the columns of these headers as numbers; note cells that are none."""
         wanted = set(numeric)
         problems.messages.append(f"{self.where}: Parquet, {self._table.num_rows} rows")
@@ -59,20 +58,19 @@ class ParquetTable(Source):
         """Return words for a cell."""
         return f"row {row + 1}"
 
-    def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
-        """Return cells as text."""
-        return [str(self._table.column(self.headers.index(n))[row].as_py()) for row, n in wanted]
+    def typed(self, row: int, name: str) -> str:
+        """Return a cell as text."""
+        return str(self._table.column(self.headers.index(name))[row].as_py())
 
     def _values(self, name: str, column: Any, is_number: bool) -> Any:
         types: Any = import_module("pyarrow.types")
+        if types.is_dictionary(column.type):
+            column = column.cast(column.type.value_type)
         kind = column.type
-        if types.is_dictionary(kind):
-            column = column.cast(kind.value_type)
-            kind = column.type
-        if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
-            if is_number or not types.is_integer(kind) or column.null_count:
-                return column.cast("float64", safe=False).to_numpy().astype(np.float64)
+        if types.is_integer(kind) and not column.null_count and not is_number:
             return column.to_numpy()
+        if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
+            return column.cast("float64", safe=False).to_numpy()
         if is_number and not types.is_null(kind):
             raise InputError(f"{self.where}, column {name!r}: holds {kind}: expected numbers")
         if types.is_null(kind):

@@ -2,7 +2,7 @@
 
 import heapq
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -11,7 +11,7 @@ import pandas as pd
 
 from ridgebayes._types import BoolArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.runtime.text import clipped
+from ridgebayes.runtime.text import clipped, some_of
 
 SHOWN = 3  # cells of one complaint that a message lists; the rest is counted
 _MOST = 20  # complaints
@@ -23,21 +23,21 @@ class Source(Protocol):
     where: str
     headers: tuple[str, ...]
     settings: Mapping[str, tuple[str, int]]  # constants of title lines, each with its line
+    lines: IntArray | None  # of the rows, where the file has lines
 
-    def lines(self, rows: IntArray) -> IntArray | None:
-        """Return the file's lines of some rows; None where it has no lines."""
-        return None
+    def read(self, numeric: Collection[str], problems: "FileError") -> pd.DataFrame:
+        """Read all rows, the columns of these headers as numbers; note cells that are none."""
 
     def spot(self, row: int, name: str) -> str:
         """Return words for a cell, such as ``line 4``."""
 
-    def typed(self, wanted: Sequence[tuple[int, str]]) -> list[str]:
-        """Return cells, each of a row and a header, as they were typed."""
+    def typed(self, row: int, name: str) -> str:
+        """Return a cell as it was typed."""
 
 
 @dataclass(eq=False, repr=False)
 class FileError(InputError):
-    """A file that cannot be imported as it was asked for.
+    """A file that cannot be imported as it was asked for: gathered, and raised once all is known.
 
     Parameters
     ----------
@@ -53,6 +53,10 @@ class FileError(InputError):
         What has been recognised, as ``--map`` would say it.
     is_broken : bool
         Whether cells break rules that no option changes.
+    messages : list of str
+        What was understood so far.
+    columns : str
+        The columns that there are, where one is missing.
     """
 
     where: str
@@ -62,6 +66,10 @@ class FileError(InputError):
     mapping: dict[str, str] = field(default_factory=dict)
     known: dict[str, str] = field(default_factory=dict)
     is_broken: bool = False
+    messages: list[str] = field(default_factory=list)
+    columns: str = ""
+    _cells: dict[tuple[str, str], list[int]] = field(default_factory=dict)
+    _told: set[tuple[int, str]] = field(default_factory=set)
 
     def __str__(self) -> str:
         lines = [*self.wrong, *self.needs]
@@ -71,6 +79,57 @@ class FileError(InputError):
         head = " and ".join(f"{n} {what}" for n, what in counts if n)
         more = [f"and {len(lines) - _MOST} more"] if len(lines) > _MOST else []
         return "\n  ".join([f"{self.where}: {head}", *lines[:_MOST], *more])
+
+    def __bool__(self) -> bool:
+        return bool(self.wrong or self.needs or self._cells)
+
+    def error(self, message: str) -> InputError:
+        """Return an error about the file that no option mends."""
+        return InputError(f"{self.where}: {message}")
+
+    def need(self, text: str, mapping: dict[str, str] | None = None, /, **options: str) -> None:
+        """Note what the user has to say, with the options that would say it."""
+        if text not in self.needs:
+            self.needs.append(text)
+        self.mapping |= {**(mapping or {}), **self.mapping}
+        self.options |= {**options, **self.options}
+
+    def cells(self, bad: "BoolArray | IntArray | pd.Index[int]", header: str, rule: str) -> None:
+        """Note cells by a mask over the file's rows or by their rows; each cell is told once."""
+        rows = np.flatnonzero(bad) if bad.dtype == bool else bad
+        fresh = [row for row in rows.tolist() if (row, header) not in self._told]
+        if fresh:
+            self._told |= {(row, header) for row in fresh}
+            self._cells.setdefault((header, rule), []).extend(fresh)
+
+    def rows(self) -> set[int]:
+        """Return the file's rows of which a cell was told of."""
+        return {row for row, _ in self._told}
+
+    def raise_all(self, source: Source | None = None) -> None:
+        """Raise what was noted, if anything was."""
+        # What --empty could mend is not broken.
+        self.is_broken = bool(self.wrong) or any("--empty" not in rule for _, rule in self._cells)
+        self.wrong += [] if source is None else self._of_cells(source)
+        self.needs += [f"the columns are {self.columns}"] if self.columns else []
+        if self.wrong or self.needs:
+            raise self
+
+    def _of_cells(self, source: Source) -> list[str]:
+        """Return a line for each complaint about cells, in the order of the file."""
+        found = []
+        for (header, rule), rows in self._cells.items():
+            first = heapq.nsmallest(SHOWN, rows)
+            spots = [source.spot(row, header) for row in first]
+            cells = [clipped(source.typed(row, header)) for row in first]
+            if len(rows) == 1:
+                text = f"{source.where}, {spots[0]}, column {header!r} = {cells[0]}: {rule}"
+            else:
+                pairs = [f"{spot} = {cell}" for spot, cell in zip(spots, cells, strict=True)]
+                shown = some_of(pairs, SHOWN, len(rows))
+                text = f"column {header!r}, {len(rows)} cells: {rule}: {shown}"
+            found.append((first[0], text))
+        return [text for _, text in sorted(found, key=lambda one: one[0])]
 
     def joined(self, later: "FileError") -> "FileError":
         """Return both errors as one: of a first reading, and of one with its needs supplied."""
@@ -90,70 +149,3 @@ class FileError(InputError):
             {**self.known, **later.known},
             self.is_broken or later.is_broken,
         )
-
-
-class Problems:
-    """What was understood so far, and what is wrong: needs the user can supply, the rest is so."""
-
-    def __init__(self, where: str) -> None:
-        self.where = where
-        self.messages: list[str] = []
-        self.texts: list[str] = []
-        self.needs: list[str] = []
-        self.options: dict[str, str] = {}
-        self.mapping: dict[str, str] = {}
-        self.known: dict[str, str] = {}
-        self.columns = ""
-        self._cells: dict[tuple[str, str], list[int]] = {}
-        self._told: set[tuple[int, str]] = set()
-
-    def __bool__(self) -> bool:
-        return bool(self.texts or self.needs or self._cells)
-
-    def need(self, text: str, mapping: dict[str, str] | None = None, /, **options: str) -> None:
-        """Note what the user has to say, with the options that would say it."""
-        if text not in self.needs:
-            self.needs.append(text)
-        self.mapping |= {k: v for k, v in (mapping or {}).items() if k not in self.mapping}
-        self.options |= {k: v for k, v in options.items() if k not in self.options}
-
-    def cells(self, bad: "BoolArray | IntArray | pd.Index[int]", header: str, rule: str) -> None:
-        """Note cells by a mask over the file's rows or by their rows; each cell is told once."""
-        rows = np.flatnonzero(bad) if bad.dtype == bool else bad
-        fresh = [row for row in rows.tolist() if (row, header) not in self._told]
-        if fresh:
-            self._told |= {(row, header) for row in fresh}
-            self._cells.setdefault((header, rule), []).extend(fresh)
-
-    def rows(self) -> IntArray:
-        """Return the file's rows of which a cell was told of."""
-        return np.unique(np.array([row for row, _ in self._told], dtype=np.int64))
-
-    def shown(self, source: Source) -> list[str]:
-        """Return a line for each complaint, in the order of the file."""
-        found = []
-        for (header, rule), rows in self._cells.items():
-            first = heapq.nsmallest(SHOWN, rows)
-            cells = source.typed([(row, header) for row in first])
-            spots = [
-                f"{source.spot(row, header)} = {clipped(cell)}"
-                for row, cell in zip(first, cells, strict=True)
-            ]
-            if len(rows) == 1:
-                spot, cell = spots[0].split(" = ", 1)
-                text = f"{source.where}, {spot}, column {header!r} = {cell}: {rule}"
-            else:
-                more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
-                text = f"column {header!r}, {len(rows)} cells: {rule}: {', '.join(spots)}{more}"
-            found.append((first[0], text))
-        return [text for _, text in sorted(found, key=lambda one: one[0])]
-
-    def raise_all(self, source: Source | None = None) -> None:
-        """Raise what was noted, if anything was."""
-        wrong = [*self.texts, *(self.shown(source) if source is not None else ())]
-        needs = [*self.needs, *([f"the columns are {self.columns}"] if self.columns else ())]
-        if not wrong and not needs:
-            return
-        # What --empty could mend is not broken.
-        is_broken = bool(self.texts) or any("--empty" not in rule for _, rule in self._cells)
-        raise FileError(self.where, wrong, needs, self.options, self.mapping, self.known, is_broken)

@@ -1,7 +1,8 @@
 """The job behind `import`: a file of any known format to a contact table."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -12,19 +13,20 @@ from ridgebayes.fea.abaqus_dat import read_abaqus_dat
 from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
 from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.calculix_contact import read_calculix_contact
-from ridgebayes.fea.columns import read_columns
+from ridgebayes.fea.columns import SUFFIXES, read_columns
 from ridgebayes.fea.deck import Deck, read_deck
 from ridgebayes.fea.delimited import Reading
-from ridgebayes.fea.map_files import parse_map, read_mapping
 from ridgebayes.fea.mesh_series import read_series
-from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.surface import Body
 from ridgebayes.fea.words import COUNTS
-from ridgebayes.runtime.reading import read_bytes
+from ridgebayes.runtime.reading import read_bytes, read_toml
+from ridgebayes.runtime.text import shown_value
 from ridgebayes.table.table import ContactTable
 
-_TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".parquet", ".rpt")
+_LARGEST = 10**30  # of whole numbers: longer ones cannot be shown
+_SHOWN = 80  # characters of a key that messages show
 _LOOKED_AT = 20_000  # bytes
 _ABAQUS = (b"THE FOLLOWING TABLE IS PRINTED", b"A B A Q U S", b"Abaqus")
 _CALCULIX = (b"displacements (", b"contact stress (", b") for set ")
@@ -166,11 +168,11 @@ def recognise(path: Path) -> str:
         if any(mark in head for mark in _CALCULIX):
             # Contact stresses alone tell which faces carry; displacements tell more.
             return "calculix" if b"displacements (" in content else "calculix-contact"
-    if suffix in (*_TABLES, ".dat"):
+    if suffix in SUFFIXES:
         return "table"
     raise InputError(
         f"{path}: its format is not recognised; expected --format {', '.join(FORMATS)}, or a "
-        f"suffix of {', '.join(_TABLES)}, .dat, .vtu or .xdmf"
+        f"suffix of {', '.join(SUFFIXES)}, .vtu or .xdmf"
     )
 
 
@@ -179,10 +181,10 @@ def _check_given(name: str, given: Given) -> None:
         if getattr(given, option) != getattr(Given, option) and option not in _ALLOWED[name]:
             typed = option.replace("_", "-")
             raise InputError(f"--{typed}: not used by format {name}; remove it")
-    for option, allowed in (("decimal", ("point", "comma")), ("count_is", tuple(COUNTS))):
-        if (value := getattr(given, option)) is not None and value not in allowed:
-            typed = option.replace("_", "-")
-            raise InputError(f"--{typed} {value}: expected {', '.join(allowed)}")
+    if given.decimal not in (None, "point", "comma"):
+        raise InputError(f"--decimal {given.decimal}: expected point, comma")
+    if given.count_is not in (None, *COUNTS):
+        raise InputError(f"--count-is {given.count_is}: expected {', '.join(sorted(COUNTS))}")
 
 
 def _read(name: str, paths: Sequence[Path], given: Given) -> Imported:
@@ -208,7 +210,7 @@ def _read(name: str, paths: Sequence[Path], given: Given) -> Imported:
 
 def _completed(path: Path, given: Given, name: str) -> tuple[Given, list[str]]:
     """Return what is given and what the run's deck says; ask for all the rest at once."""
-    problems, messages = Problems(str(path)), []
+    problems = FileError(str(path))
     found: dict[str, Any] = {}
     is_run = name in _RUNS and name != "abaqus-rpt"
     beside = path.with_suffix(".inp")
@@ -243,8 +245,8 @@ def _completed(path: Path, given: Given, name: str) -> tuple[Given, list[str]]:
     problems.raise_all()
     if found:
         shown = ", ".join(f"{key} = {value}" for key, value in found.items())
-        messages.append(f"{file}: {shown}")
-    return replace(given, **found), messages
+        problems.messages.append(f"{file}: {shown}")
+    return replace(given, **found), problems.messages
 
 
 def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
@@ -264,7 +266,14 @@ def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
 
 def _body(given: Given) -> Body:
     assert given.texture is not None
-    numbers = {key: _plain(key, text) for key, text in _numbers(given).items()}
+    numbers = {}
+    for key, text in _numbers(given).items():
+        try:
+            numbers[key] = float(text)
+        except ValueError:
+            raise InputError(
+                f"--{key} {text!r}: expected a plain number, in the units of the run"
+            ) from None
     return Body(
         *given.texture,
         **numbers,
@@ -279,10 +288,61 @@ def _numbers(given: Given) -> dict[str, str]:
     return {key: text for key, text in typed.items() if text is not None}
 
 
-def _plain(option: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(
-            f"--{option} {text!r}: expected a plain number, in the units of the run"
-        ) from None
+def parse_map(texts: Iterable[str]) -> dict[str, str]:
+    """Return a mapping from texts ``key=header``, ``key=header;unit`` or ``gap Q=4=header``.
+
+    Raises
+    ------
+    InputError
+        If a text has no key or header, or a key stands twice.
+
+    Examples
+    --------
+    >>> parse_map(["a=Ridge width;mm", "gap Q=4=Gap 1 [mm]", "Q=4=First", "p=Load Q=* [kPa]"])
+    {'a': 'Ridge width;mm', 'gap Q=4': 'Gap 1 [mm]', 'Q=4': 'First', 'p': 'Load Q=* [kPa]'}
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        match = re.fullmatch(r"\s*((?:\w+[\s:]+)?Q?\s*=?\s*\d+|[^=]*?)\s*=\s*(.*?)\s*", text, re.S)
+        if match is None or not match.group(1) or not match.group(2):
+            raise InputError(f"--map {text!r}: expected KEY=HEADER, or KEY=HEADER;UNIT")
+        key, header = match.groups()
+        if key in found:
+            raise InputError(f"--map {text!r}: expected each key once")
+        found[key] = header
+    return found
+
+
+def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
+    """Read a mapping that is kept beside the data.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        A TOML file: ``[columns]`` of key and header (``a = "Ridge width [mm]"``), and optionally
+        ``[values]`` of key and value (``R = "8 mm"``).
+
+    Returns
+    -------
+    mapping, values : dict of str to str
+        As `ridgebayes.fea.columns.read_columns` takes them.
+
+    Raises
+    ------
+    InputError
+        If it is not TOML, or has other keys, or others than text in columns.
+    """
+    tables: dict[str, dict[str, str]] = {"columns": {}, "values": {}}
+    for name, entries in read_toml(path).items():
+        if name not in tables or not isinstance(entries, dict):
+            raise InputError(f"{path}: {name[:_SHOWN]}: expected tables [columns] and [values]")
+        for key, value in entries.items():
+            is_whole = isinstance(value, int) and not isinstance(value, bool)
+            number = isinstance(value, float) or (is_whole and abs(value) < _LARGEST)
+            text = value if isinstance(value, str) else shown_value(value)
+            if not (isinstance(value, str) or (number and name == "values")):
+                raise InputError(
+                    f"{path}: [{name}] {key[:_SHOWN]} = {text}: expected text in quotes"
+                )
+            tables[name][key] = text
+    return tables["columns"], tables["values"]

@@ -8,6 +8,7 @@ from pathlib import Path
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.table.table import ContactTable
 
+FARTHEST = 4.0  # of R: where a body may come to lie
 HUGE = 1e100  # of lengths and loads: no body's are so great, and products of a few are floats yet
 
 

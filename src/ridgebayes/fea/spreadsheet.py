@@ -1,21 +1,21 @@
 """Excel workbooks: values only, and nothing in them is run or followed."""
 
-import csv
 import io
 import re
 import warnings
 import zipfile
 from contextlib import closing
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import DelimitedText, Reading
+from ridgebayes.fea.delimited import Reading, TextTable
 from ridgebayes.fea.layout import LOOKED_AT, known
-from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.problems import FileError
 from ridgebayes.runtime.reading import extra, refusing
 
 LARGEST = 2**30  # bytes of all members, unpacked
@@ -28,7 +28,7 @@ _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
 _ODD = re.compile(rb"<(?:\w{1,50}:)?v\b[^>]{0,200}>[^<]*?(\d_|[&\x80-\xff])")
 
 
-def read_workbook(path: Path, content: bytes, how: Reading, problems: Problems) -> DelimitedText:
+def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError) -> TextTable:
     """Read one worksheet of an Excel workbook, as the text that its cells hold.
 
     Parameters
@@ -39,8 +39,8 @@ def read_workbook(path: Path, content: bytes, how: Reading, problems: Problems) 
         All of it.
     how : Reading
         Its sheet is a name or a number; None takes the one with most words of the field.
-    problems : Problems
-        As `ridgebayes.fea.delimited.DelimitedText`.
+    problems : FileError
+        As `ridgebayes.fea.delimited.TextTable`.
 
     Raises
     ------
@@ -50,15 +50,17 @@ def read_workbook(path: Path, content: bytes, how: Reading, problems: Problems) 
     """
     _check_archive(content, str(path))
     name, rows = _grid(content, problems, how.sheet)
+    if len(rows) <= how.skip_rows:
+        raise InputError(f"{path}, sheet {name!r}: the file is empty")
     width = max(map(len, rows))
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, delimiter="\t", lineterminator="\n")
-    writer.writerows([*row, *[""] * (width - len(row))] for row in rows)
+    wide = ([*row, *[""] * (width - len(row))] for row in rows)
+    lines = islice(enumerate(wide, start=1), how.skip_rows, None)
     problems.where = f"{path}, sheet {name!r}"
     letter = import_module("openpyxl.utils").get_column_letter
-    return DelimitedText(
+    return TextTable(
         problems.where,
-        text.getvalue().encode(),
+        lines,
+        "\t",
         how,
         problems,
         lambda line, column: f"cell {letter(column)}{line}",
@@ -106,7 +108,7 @@ def _check_xml(text: bytes, name: str, where: str) -> None:
             raise InputError(f"{where}: {name}: value {cell!r}: expected a number")
 
 
-def _grid(content: bytes, problems: Problems, sheet: str | None) -> tuple[str, list[list[str]]]:
+def _grid(content: bytes, problems: FileError, sheet: str | None) -> tuple[str, list[list[str]]]:
     """Return the sheet's name and the text of its cells, a list for each row from the first."""
     where = problems.where
     openpyxl = extra("openpyxl", "excel", f"{where}: Excel files need openpyxl")

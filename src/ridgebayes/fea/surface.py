@@ -10,7 +10,7 @@ from scipy.interpolate import krogh_interpolate
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.record import HUGE, Imported
+from ridgebayes.fea.record import FARTHEST, HUGE, Imported
 from ridgebayes.fea.transitions import transitions_of
 from ridgebayes.table.table import ContactTable
 
@@ -72,15 +72,25 @@ class CylinderSurface:
         outwards = {sign: np.argsort(sign * angle) for sign in (1.0, -1.0)}
         halves = [(some[sign * angle[some] >= -_TINY], sign) for sign, some in outwards.items()]
         sides = tuple(half for half in halves if len(half[0]) >= _LEAST_NODES)
-        if not sides or (symmetry == "full" and len(sides) < 2):
-            raise InputError(
-                f"{where}: surface nodes on one side of the axis only; use --symmetry half"
-            )
-        if symmetry == "half" and len(sides) > 1:
-            raise InputError(
-                f"{where}: surface nodes on both sides of the axis; use --symmetry full"
-            )
+        if len(sides) != (1 if symmetry == "half" else 2):
+            there, use = ("one side of the axis only", "half")
+            if len(sides) > 1:
+                there, use = "both sides of the axis", "full"
+            raise InputError(f"{where}: surface nodes on {there}; use --symmetry {use}")
         return cls(float(R), centre, sides)
+
+    def check_reach(self, what: str, distance: float, where: str) -> None:
+        """Refuse what is so far from the axis as no body is.
+
+        Raises
+        ------
+        InputError
+        """
+        if not distance <= FARTHEST * self.R:
+            raise InputError(
+                f"{where}: a {what} {distance:.3g} from the axis, R = {self.R:.6g}; expected "
+                f"within {FARTHEST:g} R"
+            )
 
     def _outwards(self, position: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
         """Return each side's x, counted outwards from the axis, and y."""
@@ -138,9 +148,6 @@ def _distance(x: FloatArray, y: FloatArray, at: float, height: float) -> float:
     length = np.maximum((along**2).sum(axis=1), 1e-300)
     part = np.clip((from_start * along).sum(axis=1) / length, 0.0, 1.0)
     return float(np.hypot(*(from_start - part[:, None] * along).T).min())
-
-
-_FARTHEST = 4.0  # of R: where surface nodes may come to lie
 
 
 @dataclass(frozen=True, eq=False)
@@ -358,11 +365,7 @@ def _corners(
     """Return the proximal corners as distance from the axis and height, and how they were found."""
     pitch = (body.a_over_R + body.b_over_R) * surface.R
     farthest = np.abs(history.position[..., 0] - surface.centre[0]).max()
-    if not farthest <= _FARTHEST * surface.R:
-        raise InputError(
-            f"{where}: a surface node {farthest:.3g} from the axis, R = {surface.R:.6g}; expected "
-            f"within {_FARTHEST:g} R"
-        )
+    surface.check_reach("surface node", farthest, where)
     n = max(math.ceil((farthest - body.b_over_R * surface.R / 2) / pitch), 2)
     far = body.b_over_R * surface.R / 2 + pitch * np.arange(n)
     if body.top is not None:

@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import krogh_interpolate
 
-from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.text import some_of
 from ridgebayes.table.rules import row_codes
 
 MOST = 2000  # histories in a file: some milliseconds each
@@ -16,14 +17,6 @@ _MOST_Q = 10_000  # of counts: a column of memory for each even one
 _MOST_REMARKS = 20  # on single histories that messages show
 _TOUCHING = 1e-12  # of R: a body that lies on a corner is off it by rounding
 _MOST_LOADS = 5  # that a message shows
-_OPEN = ("open", "0", "0.0", "no", "false", "off", "free", "separated", "not in contact")
-_CLOSED = (
-    *("closed", "1", "1.0", "yes", "true", "on", "touched", "contact", "in contact"),
-    *("stick", "sticking", "slip", "slipping", "sliding"),
-)
-STATUS_RULE = (
-    "expected open or 0, closed or 1, or an empty cell (convert other status codes to 0 or 1 first)"
-)
 
 
 def transitions_of(
@@ -97,7 +90,8 @@ def transitions_of(
         first = int(np.argmax(touched))
         lost = load[first:][known[first:] & (gap[first:, j] > _TOUCHING)]
         if lost.size:
-            messages.append(f"Q = {Q[j]}: contact is lost again at p/E = {_listed(lost)}")
+            at = some_of([f"{one:.5g}" for one in lost], _MOST_LOADS)
+            messages.append(f"Q = {Q[j]}: contact is lost again at p/E = {at}")
         before = np.flatnonzero(known[:first])
         lower = float(load[before[-1]]) if before.size else 0.0
         upper, rel_se = float(load[first]), 0.0
@@ -158,11 +152,6 @@ def _extrapolated(
         return None
     found = min(straight, upper)
     return found, max(doubt / found, 1e-12)
-
-
-def _listed(loads: FloatArray) -> str:
-    shown = ", ".join(f"{one:.5g}" for one in loads[:_MOST_LOADS])
-    return f"{shown} and {loads.size - _MOST_LOADS} more" if loads.size > _MOST_LOADS else shown
 
 
 def transitions_of_runs(
@@ -266,21 +255,6 @@ def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray) -> None:
             f"Q = {Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before "
             f"Q = {Q[i]}; expected inner corners first"
         )
-
-
-def touching(words: "pd.Series[str]") -> tuple[FloatArray, BoolArray]:
-    """Return gaps of which only the sign is known, and the cells that are no status.
-
-    Examples
-    --------
-    >>> gap, bad = touching(pd.Series(["open", "Closed", "", "maybe"]))
-    >>> gap.tolist(), bad.tolist()
-    ([inf, -inf, nan, nan], [False, False, False, True])
-    """
-    plain = words.str.strip().str.lower()
-    is_open, closed = plain.isin(_OPEN).to_numpy(bool), plain.isin(_CLOSED).to_numpy(bool)
-    gap = np.where(is_open, np.inf, np.where(closed, -np.inf, np.nan))
-    return gap, ~(is_open | closed | (plain == "").to_numpy(bool))
 
 
 def _label(one: "pd.Series[str]") -> str:

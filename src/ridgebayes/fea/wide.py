@@ -7,17 +7,16 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import IntArray
-from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import split_header, unit_factor
 from ridgebayes.fea.mapping import LOADS, Use
-from ridgebayes.fea.problems import Problems
+from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.words import texture_of
 from ridgebayes.runtime.text import count
 
 Melted = tuple[pd.DataFrame, list[Use]]
 
 
-def melt_counts(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) -> Melted:
+def melt_counts(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> Melted:
     """Return a row for each Q that was reached, of a table with a column for each Q.
 
     Raises
@@ -25,45 +24,41 @@ def melt_counts(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) ->
     InputError
         If there is a load beside them, no load, or the units of one quantity differ.
     """
-    where = problems.where
     per_Q = [use for use in uses if use.Q is not None]
     loads = {use.Q: use for use in per_Q if use.key in LOADS}
     single = [use for use in uses if use.Q is None and use.key in (*LOADS, "Q")]
     if single or not loads:
         what = f"column {single[0].header!r}" if single else "no load"
         names = ", ".join(repr(use.header) for use in per_Q[:8])
-        raise InputError(
-            f"{where}: {what} beside columns for each Q ({names}); expected a load for each Q, or "
+        raise problems.error(
+            f"{what} beside columns for each Q ({names}); expected a load for each Q, or "
             "columns Q and load"
         )
-    keys = dict.fromkeys(use.key for use in per_Q)
-    columns: dict[str, np.ndarray] = {}
-    n, counts = len(cells), sorted(Q or 0 for Q in loads)
-    for key in keys:
-        some = {use.Q: use for use in per_Q if use.key == key}
-        if extra := [use for Q, use in some.items() if Q not in loads]:
-            raise InputError(
-                f"{where}: column {extra[0].header!r}: no load of Q = {extra[0].Q}; expected one"
-            )
-        numbers = [cells[some[Q].header] if Q in some else np.full(n, np.nan) for Q in counts]
-        columns[key] = np.column_stack(numbers)
-    key = next(iter(loads.values())).key
-    if any(use.key != key for use in loads.values()):
-        raise InputError(f"{where}: loads of several kinds; expected one unit for all Q")
-    row, which = np.nonzero(~np.isnan(columns[key]))
+    if extra := [use for use in per_Q if use.Q not in loads]:
+        raise problems.error(
+            f"column {extra[0].header!r}: no load of Q = {extra[0].Q}; expected one"
+        )
+    if len({use.key for use in loads.values()}) > 1:
+        raise problems.error("loads of several kinds; expected one unit for all Q")
+    counts = np.sort([Q or 0 for Q in loads])
+    row, which = np.nonzero(cells[[loads[Q].header for Q in counts]].notna())
     if not row.size and not problems:
-        raise InputError(f"{where}: no load in any column; expected a load in some cell")
-    new = {"Q": np.array(counts, dtype=float)[which]}
-    new |= {name: numbers[row, which] for name, numbers in columns.items()}
+        raise problems.error("no load in any column; expected a load in some cell")
+    new = {"Q": counts[which].astype(float)}
     more = [Use("Q", "Q", "1", how="wide")]
-    more += [_one(name, [use for use in per_Q if use.key == name], where) for name in keys]
-    empty = n * len(counts) - row.size
+    for key in dict.fromkeys(use.key for use in per_Q):
+        some = {use.Q: use for use in per_Q if use.key == key}
+        empty = np.full(len(cells), np.nan)
+        wide = [cells[some[Q].header] if Q in some else empty for Q in counts]
+        new[key] = np.column_stack(wide)[row, which]
+        more.append(_one(key, list(some.values()), problems))
+    n_empty = len(cells) * len(counts) - row.size
     told = f"one column for each Q: {len(counts)} loads from Q = {counts[0]} to {counts[-1]}"
-    problems.messages += [told, *([f"{empty} empty cells: not reached"] if empty else ())]
+    problems.messages += [told, *([f"{n_empty} empty cells: not reached"] if n_empty else ())]
     return _melted(cells, row, new, per_Q), [*(use for use in uses if use.Q is None), *more]
 
 
-def melt_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) -> Melted:
+def melt_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> Melted:
     """Return a row for each texture, of a table with a column for each.
 
     Raises
@@ -76,8 +71,8 @@ def melt_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) 
     which, row = np.nonzero(~np.isnan(numbers.T))  # texture by texture, as runs are
     if not row.size and not problems:
         names = ", ".join(repr(use.header) for use in each[:8])
-        raise InputError(
-            f"{problems.where}: columns {names}: expected a number in some cell, got "
+        raise problems.error(
+            f"columns {names}: expected a number in some cell, got "
             f"{count(len(cells), 'row')} of empty ones"
         )
     units = {use.texture[2] or split_header(use.header)[1] for use in each if use.texture}
@@ -95,11 +90,11 @@ def melt_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) 
     pairs = [[float(part) for part in use.texture[:2]] for use in each if use.texture]
     new = dict(zip([use.key for use in more], np.array(pairs)[which].T, strict=True))
     new["value"] = numbers[row, which]
-    more.append(replace(_one(each[0].key, each, problems.where), header="value"))
+    more.append(replace(_one(each[0].key, each, problems), header="value"))
     return _melted(cells, row, new, each), [*(use for use in uses if use not in each), *more]
 
 
-def named_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: Problems) -> Melted | None:
+def named_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> Melted | None:
     """Return both widths as columns where names of textures such as ``240x80 um`` have them."""
     named = [use for use in uses if use.key == "texture"]
     if not named or any(use.key in ("a", "b", "a_over_R", "b_over_R") for use in uses):
@@ -132,11 +127,11 @@ def _widths(unit: str) -> list[Use]:
     return [Use(key, key, unit or "1", how="wide") for key in keys]
 
 
-def _one(key: str, some: Sequence[Use], where: str) -> Use:
+def _one(key: str, some: Sequence[Use], problems: FileError) -> Use:
     """Return the use of columns that became one, named by their key."""
     units = {use.own_unit for use in some}
     if len(units) > 1:
-        raise InputError(f"{where}: {key} in {', '.join(sorted(units))}; expected one unit")
+        raise problems.error(f"{key} in {', '.join(sorted(units))}; expected one unit")
     unit = units.pop()
     length = some[0].texture is not None and unit_factor(unit, "length") is not None
     return Use(key, key, "1" if length or not unit else unit, how="wide")

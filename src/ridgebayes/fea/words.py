@@ -1,84 +1,41 @@
-"""What headers and title lines say: the field's words, in English, German and French."""
+"""What headers and title lines say: the words of `words.toml` in them, and numbers."""
 
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.fea.column_units import NUMBER
+from ridgebayes.runtime.reading import read_toml
+
+_WORDS = read_toml(Path(__file__).with_name("words.toml"))
+
+
+def _any(words: Iterable[str]) -> str:
+    """Return a pattern of any of some, with words of what is counted."""
+    return rf"(?:{'|'.join(words)})".replace("COUNTED", rf"(?:{'|'.join(_WORDS['counted'])})")
+
 
 # A key, what its words look like, and what they must not hold. The first that fits is taken.
-_COUNTED = r"(?:ridges?|lands?|(?:kontakt)?(?:stege?n?|rippen)|(?:ridge )?edges|edge"
-_COUNTED += r"|(?:kontakt|steg|rippen)?kanten|corners?|contacts?|kontakten?|kontakte|segments?"
-_COUNTED += r"|segmenten?|kontaktsegmente|abschnitte|d?aretes?|nervures|stries|q)"
-_SHAPE = r"height|hohe|depth|tiefe|corner|ecke|rundung|fillet|flank|wall"
-_PATTERNS = tuple(
-    (key, re.compile(yes), re.compile(no or r"(?!)"))
-    for key, yes, no in (
-        (
-            "Q",
-            rf"^(?:proximal\w* |contact )?{_COUNTED}$(?<!land)(?<!ridge)(?<!steg)|\bq\b"
-            rf"|^c(?:ou)?nts?$|^anzahl$|^nombre$|^n$|\b(?:number|no|n|num|count|anzahl|zahl|nombre)\b.*\b{_COUNTED}\b"
-            rf"|\b{_COUNTED}\b.*(?:[ei]n contact|i[mn] kontakt|touched|touching|beruhrt|reached"
-            rf"|count|(?:pro|je|per) (?:seite|side))|\b(?:touched|touching|beruhrte\w*) {_COUNTED}"
-            r"|(?:steg|rippen|kanten|kontakt|segment)(?:an)?zahl",
-            r"width|breite|largeur|pressure|druck|\blin",
-        ),
-        ("pitch", r"pitch|period|teilung|wavelength|wellenlange|\bpas\b", ""),
-        (
-            "a",
-            r"\b(?:ridge|land|rib|nervures?|stries?)\b|^(?:steg|rippe)|\b(?:steg|rippe)",
-            _SHAPE + "|radius|gap",
-        ),
-        (
-            "b",
-            r"groove|rille|\bnut|valley|trench|channel|gap width|lucke|rainure|sillon",
-            _SHAPE + "|radius",
-        ),
-        ("D", r"diameter|durchmesser|diametre", ""),
-        ("R", r"radius|halbmesser|rayon|^r$", r"corner|edge|ridge|eck|kante|fillet|rundung|tip"),
-        (
-            "E",
-            r"young|modulus|\be modul|emodul|elastizitatsmodul|^e$",
-            r"reduced|reduziert|effe[ck]tiv|shear|schub|bulk|kompression|\*|strain",
-        ),
-        ("nu", r"poisson|querkontraktion|querdehn|^nu$|^\u03bd$", ""),
-        ("offset", r"offset|versatz", ""),
-        ("rel_se", r"\brel\w*\b.*(?:\bse\b|error|fehler|uncertainty|unsicherheit)", ""),
-        ("line", r"line load|linienlast|streckenlast|per (?:unit )?length|pro lange|lineique", ""),
-        ("p", r"pressure|druck|pressung|pression", r"max|peak|spitze|hertz|ridge"),
-        (
-            "load",
-            r"\b(?:load|force|charge)\b|(?:last|kraft|belastung)\b|^[fp]$",
-            r"max|peak|spitze|cell|step|rate|case|nr|time|friction|reib|tangential|quer|shear"
-            r"|schub|lateral|horizontal|inc|\bno\b",
-        ),
-        ("texture", r"^(?:texture|textur|muster|pattern)(?: (?:id|name|label))?$", ""),
-        (
-            "series",
-            r"^(?:series|serie|messreihe|repeat|replicate|wiederholung|specimen|rig|labor\w*)"
-            r"(?: (?:id|no|nr|name))?$",
-            "",
-        ),
-    )
+_PATTERNS = [
+    (key, re.compile(_any(one["words"])), re.compile(_any(one.get("but_not", [r"(?!)"]))))
+    for key, one in _WORDS["keys"].items()
+]
+_TERMS = {term: _any(one["words"]) for term, one in _WORDS["counts"].items()}
+COUNTS = {term: one["said"] for term, one in _WORDS["counts"].items()}
+STATUS_RULE = (
+    "expected open or 0, closed or 1, or an empty cell (convert other status codes to 0 or 1 first)"
 )
-_LOWER = re.compile(r"\b(?:lower|untere\w*|before|vorher\w*|previous|from|von)\b")
+_LOWER, _FILLERS = (
+    re.compile(rf"\b{_any(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
+)
+NOTHING = re.compile(rf"\s*{_any(_WORDS['columns']['nothing'])}\s*", re.I)
+_NO_CORNER = re.compile(_any(_WORDS["columns"]["no_corner"]))
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
-_NO_CORNER = re.compile(r"probe|sample|specimen|seri|test|run|textu|rig|channel|sensor|cell|step")
-_FILLERS = re.compile(
-    rf"\b(?:{_COUNTED}|n|at|bei|with|mit|for|fur|count|number|of|anzahl|in contact|proximal\w*)\b"
-)
-COUNTS = {
-    "edges": "each ridge in contact touches at one proximal edge: Q = proximal edges",
-    "ridges": "each ridge in contact touches at one proximal edge: Q = ridges",
-    "segments": "each ridge in contact carries one contact segment: Q = segments",
-    "per-side": "counted on one side of the body: Q = 2 x count",
-}
-_TERMS = (
-    ("per-side", r"(?:pro|je|per) (?:seite|side|half)|/ ?side"),
-    ("segments", r"segment|abschnitt"),
-    ("edges", r"edge|kante|corner|arete|\bq\b"),
-    ("ridges", r"ridge|\bland|steg|rippe|nervure|strie"),
-)
 _PAIR = re.compile(r"(\d+(?:[.,]\d+)?)\s*([^\W\d_]+)?")
 _SETTING = re.compile(
     r"([^\W\d][^\d:=;,\t\[\]()]*?)\s*(?:[\[(]([^\])]*)[\])])?\s*[:=;\t ]+\s*"
@@ -138,7 +95,7 @@ def count_term(words: str) -> str:
     >>> count_term("Anzahl Stege"), count_term("contacts")
     ('ridges', '')
     """
-    return next((term for term, some in _TERMS if re.search(some, plain(words))), "")
+    return next((term for term, some in _TERMS.items() if re.search(some, plain(words))), "")
 
 
 def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
@@ -205,3 +162,18 @@ def settings_of(titles: Sequence[tuple[int, str]]) -> dict[str, tuple[str, int]]
                 of = "" if key == "nu" else (unit or after).strip()
                 found.setdefault(key, (f"{number} {of}".strip(), line))
     return found
+
+
+def touching(words: "pd.Series[str]") -> tuple[FloatArray, BoolArray]:
+    """Return gaps of which only the sign is known, and the cells that are no status.
+
+    Examples
+    --------
+    >>> gap, bad = touching(pd.Series(["open", "Closed", "", "maybe"]))
+    >>> gap.tolist(), bad.tolist()
+    ([inf, -inf, nan, nan], [False, False, False, True])
+    """
+    status, plain = _WORDS["status"], words.str.strip().str.lower()
+    is_open, closed = (plain.isin(status[one]).to_numpy(bool) for one in ("open", "closed"))
+    gap = np.where(is_open, np.inf, np.where(closed, -np.inf, np.nan))
+    return gap, ~(is_open | closed | (plain == "").to_numpy(bool))

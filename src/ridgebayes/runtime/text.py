@@ -5,6 +5,7 @@ import platform
 import re
 import signal
 import unicodedata
+from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 
 MINUS = "\N{MINUS SIGN}"
@@ -134,6 +135,19 @@ def count(n: int, noun: str, plural: str | None = None) -> str:
     ('1 row', '1,200 rows')
     """
     return f"{n:,} {noun if n == 1 else plural or noun + 's'}"
+
+
+def some_of(words: Iterable[str], most: int, n: int | None = None) -> str:
+    """Return the first of some words, and how many more there are, of n if those are not all.
+
+    Examples
+    --------
+    >>> some_of("abc", 3), some_of("abc", 2), some_of("ab", 2, 9)
+    ('a, b, c', 'a, b and 1 more', 'a, b and 7 more')
+    """
+    words = list(words)
+    n = len(words) if n is None else n
+    return ", ".join(words[:most]) + (f" and {n - most} more" if n > most else "")
 
 
 def exit_text(code: int | None) -> str:

@@ -6,7 +6,6 @@ import hashlib
 import io
 import json
 import os
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -257,9 +256,7 @@ def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, 
     InputError
         If a quote is not closed or stands inside a cell.
     """
-    # Line by line: a copy of the whole text costs more than the few records most callers look at.
-    lines = (line.group() for line in re.finditer(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+", text))
-    reader = csv.reader(lines, delimiter=separator, strict=True)
+    reader = csv.reader(io.StringIO(text), delimiter=separator, strict=True)
     before = 0
     try:
         for cells in reader:

@@ -13,14 +13,7 @@ from ridgebayes import drawing
 from ridgebayes._types import Tabular
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import count
-from ridgebayes.table.columns import (
-    CALIBRATION,
-    COLUMNS,
-    CURVE,
-    HELD_OUT,
-    OK,
-    RawTable,
-)
+from ridgebayes.table.columns import CALIBRATION, COLUMNS, CURVE, HELD_OUT, OK, RawTable
 from ridgebayes.table.files import frame_digest, raw_cells, write_frame
 from ridgebayes.table.rules import checked, validated
 
