@@ -73,7 +73,7 @@ def read_series(
         raise InputError("no files; expected one .xdmf, or several .vtu")
     where = str(paths[0])
     suffixes = {one.suffix.lower() for one in paths}
-    if suffixes == {".xdmf"} and len(paths) == 1:
+    if suffixes <= {".xdmf", ".xmf"} and len(paths) == 1:
         if loads is not None:
             raise InputError(f"{where}: loads of a series; expected its times")
         states = _of_xdmf(paths[0], field)
