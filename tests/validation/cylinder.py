@@ -212,9 +212,9 @@ def high() -> pd.DataFrame:
 
 
 def finer() -> pd.DataFrame:
-    """Go to high loads on round corners with two meshes."""
+    """Go to high loads on round corners with two or three meshes."""
     parts = []
-    for a, b, p_max, all_edges in ((0.08, 0.03, 0.2, (8, 16)), (A, B, 0.2, (8, 12))):
+    for a, b, p_max, all_edges in ((0.08, 0.03, 0.2, (8, 16)), (A, B, 0.2, (6, 8, 12))):
         for edges in all_edges:
             found = transitions(Profile(a, b, corner=0.1 * a), p_max, edges)
             parts.append(found.assign(a_over_R=a, b_over_R=b))

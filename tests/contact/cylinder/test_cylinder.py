@@ -207,11 +207,11 @@ def test_transition__has_the_state_in_which_its_corner_touches():
 def test_transitions__after_too_many_failures_are_given_up(monkeypatch):
     tried = []
 
-    def fails(problem, start, control):
+    def fails(problem, start, control, **others):
         tried.append(control.target)
         if len(tried) > 2:
             raise NotConvergedError("no equilibrium")
-        return solve(problem, start, control)
+        return solve(problem, start, control, **others)
 
     monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder.solve", fails)
     one = Cylinder(WIDE, p_max=5e-3, nu=0.3, edges=COARSE)
@@ -242,6 +242,22 @@ def test_transitions__after_one_that_is_known_are_those_with_all_stops(offset):
     # Ten times the tolerance of forces.
     np.testing.assert_allclose([each.p_over_E for each in later], loads, rtol=1e-8)
     assert later
+
+
+@pytest.mark.slow
+def test_transitions__do_not_depend_on_how_near_states_on_the_way_are(monkeypatch):
+    one, enough = Cylinder(WIDE, p_max=0.01, nu=0.3, edges=COARSE), []
+
+    def noted(problem, start, control, **others):
+        enough.append(others.get("enough", 1.0))
+        return solve(problem, start, control, **others)
+
+    monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder.solve", noted)
+    found = loads(one.transitions(0.01))
+    assert min(enough) == 1.0 < max(enough)
+    monkeypatch.setattr("ridgebayes.contact.cylinder.cylinder._PASSING", 1.0)
+    # Ten times the tolerance of forces.
+    np.testing.assert_allclose(found, loads(one.transitions(0.01)), rtol=1e-8)
 
 
 def test_curve__after_a_known_one_says_which_count_was_not_reached(monkeypatch):

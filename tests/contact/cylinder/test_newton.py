@@ -124,7 +124,7 @@ def test_step__is_made_convex_where_there_is_a_potential(monkeypatch, friction, 
         asked.append(share)
         return stiffness(*given, share=share)
 
-    monkeypatch.setattr(newton, "splu", lambda *_, **__: Factor())
+    monkeypatch.setattr(newton, "factorise", lambda *_, **__: Factor())
     monkeypatch.setattr(problem, "contact_stiffness", noted)
     step.solve(none)
     assert asked == shares
@@ -250,9 +250,9 @@ def test_friction__without_compressibility_matters_little():
 
 
 def test_solve__says_that_a_stiffness_is_singular(monkeypatch):
-    def splu(*_, **__):
+    def factorise(*_, **__):
         raise RuntimeError("Factor is exactly singular")
 
-    monkeypatch.setattr(newton, "splu", splu)
+    monkeypatch.setattr(newton, "factorise", factorise)
     with pytest.raises(NotConvergedError, match="the stiffness is singular"):
         solve(body().problem, body().unloaded(), Control("rise", 0.01))

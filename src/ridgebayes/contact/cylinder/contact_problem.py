@@ -2,16 +2,19 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
 
 from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.cylinder.elimination import elimination_order
 from ridgebayes.contact.cylinder.faces import Corner, Faces
 from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.contact.cylinder.surface import Hits, cast, distance, kink, shapes
 
 _AHEAD = 0.05  # how far rays look for the body, over R
+_UNDER = 3  # edges of the rim under one segment, that its pressure couples
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +87,17 @@ class ContactProblem:
         self, solid: Solid, faces: Faces, held: np.ndarray, *, friction: float = 0.0
     ) -> None:
         self.solid, self.faces, self.held, self.friction = solid, faces, held, friction
-        self.free: IntArray = np.flatnonzero(~held.ravel())
         self.up: FloatArray = np.tile([0.0, 1.0], solid.n_node)
         self._rim = solid.mesh.rim
+
+    @cached_property
+    def free(self) -> IntArray:
+        """Degrees of freedom that are not held, in the order in which to eliminate them."""
+        n = len(self._rim) - _UNDER + 1
+        strips = np.stack([self._rim[i : i + n] for i in range(_UNDER)], axis=1).reshape(n, -1)
+        order = elimination_order([self.solid.nodes, strips], self.solid.n_node)
+        dofs = np.stack([2 * order, 2 * order + 1], axis=-1).ravel()
+        return np.asarray(dofs[~self.held.ravel()[dofs]])
 
     def unloaded(self) -> State:
         """Return the state before any contact."""

@@ -14,10 +14,10 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import scipy.sparse as sparse
-from scipy.sparse.linalg import splu
 
 from ridgebayes._types import FloatArray
 from ridgebayes.contact.cylinder.contact_problem import ContactProblem, Gaps, State
+from ridgebayes.contact.cylinder.elimination import factorise
 from ridgebayes.contact.cylinder.faces import Corner, Faces
 from ridgebayes.contact.cylinder.line_search import best_part
 from ridgebayes.contact.cylinder.material import jacobian
@@ -85,7 +85,9 @@ class Control:
         return _FORCE_TOL * abs(self.target) if self.kind == "load" else _GAP_TOL
 
 
-def solve(problem: ContactProblem, start: State, control: Control) -> tuple[State, int]:
+def solve(
+    problem: ContactProblem, start: State, control: Control, *, enough: float = 1.0
+) -> tuple[State, int]:
     """Find the equilibrium in which the control is met.
 
     Parameters
@@ -96,6 +98,8 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
         Where to begin, and what slip is counted from.
     control : Control
         The equation for the rise.
+    enough : float, optional
+        Tolerances by which the state may be off.
 
     Returns
     -------
@@ -127,7 +131,7 @@ def solve(problem: ContactProblem, start: State, control: Control) -> tuple[Stat
             settled = np.array_equal(kind, before)
         newton = NewtonStep(problem, control, state, gaps, inner, kind)
         error = newton.error()
-        if error < 1.0 and settled:
+        if error < enough and settled:
             return state, step
         moved, active = newton.solve(active)
         if not (np.isfinite(moved.u).all() and math.isfinite(moved.rise)):
@@ -282,11 +286,7 @@ class NewtonStep:
             stiffness, force, rubbed = self._rubbing()
             K, rest, by_rise = K + stiffness, rest + force, by_rise + rubbed
         try:
-            self._factor = splu(
-                sparse.csc_array(K)[problem.free][:, problem.free],
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=1e-3 if problem.friction else 0.0,
-            )
+            self._factor = factorise(K, problem.free, pivoting=problem.friction > 0)
         except RuntimeError:  # as SuperLU has it where a pivot is exactly zero
             raise NotConvergedError("the stiffness is singular") from None
         self._columns: dict[int, FloatArray] = {}
