@@ -54,3 +54,20 @@ def test_cautions__counts_rows_that_repeat_a_load(comparison):
     both = pd.concat([table.frame, table.calibration.frame.iloc[:2].assign(source="copy")])
     told = cautions(replace(comparison, table=rb.ContactTable.from_frame(both)))
     assert told[0].startswith("2 rows with the load of another source")
+
+
+def test_cautions__series_that_have_no_texture_in_common(paper):
+    frame = paper.calibration.frame
+    of_texture = frame.groupby(["a_over_R", "b_over_R"]).ngroup().map("rig {}".format)
+    compared = _compared(frame.assign(series=of_texture), "series")
+
+    def told(frame, comparison=compared):
+        table = rb.ContactTable.from_frame(frame)
+        return " ".join(cautions(replace(comparison, table=table)))
+
+    words = "No texture has rows of two series (sources, where no series is named)."
+    assert told(frame.assign(series=of_texture)).startswith(words)
+    assert told(frame.assign(source=of_texture)).startswith(words)
+    assert words not in told(frame.assign(series=of_texture.mask(frame.index == 0, "rig 3")))
+    none_weighed = replace(compared, evidence=compared.evidence.assign(noise="step"))
+    assert words not in told(frame.assign(series=of_texture), none_weighed)

@@ -265,6 +265,15 @@ def test_min_prior_probability__of_an_overwhelming_lead_is_a_number():
     assert verdict({"a": 0.0, "b": 0.0}).min_prior_probability == pytest.approx(0.95)
 
 
+def test_modified_and_power_law__are_alike_where_each_series_is_one_texture():
+    values = {("modified", "series"): 20.0, ("power-law", "series"): 0.0}
+    given = evidence_of(values), NO_SENSITIVITY, Noise("series"), 9
+    assert verdict_of(*given).grade == "decisive"
+    found = verdict_of(*given, series_are_textures=True)
+    assert found.grade == "undecided"
+    assert found.why.startswith("modified and power-law are the same where each texture has an")
+
+
 # --- files ----------------------------------------------------------------------------------------
 
 

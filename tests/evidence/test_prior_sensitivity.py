@@ -8,7 +8,12 @@ from scipy.special import logsumexp
 
 import ridgebayes as rb
 from ridgebayes.evidence import LogEvidence, quadrature_evidence
-from ridgebayes.evidence.changed_prior import NUGGET, prior_of, scale_factors
+from ridgebayes.evidence.changed_prior import (
+    NUGGET,
+    _log_ratio,
+    prior_of,
+    scale_factors,
+)
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
 from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.importance_sampling import importance_posterior
@@ -125,6 +130,17 @@ def test_heavy_weights__of_a_form_that_is_far_behind_are_sampled_all_the_same(ob
     other = model.with_priors({"tau_texture": model.priors["tau_texture"].stretched(0.1)})
     truth = by_quadrature(other) - by_quadrature(model)
     assert abs(told - evidence.value - truth) < 5 * 0.1  # Monte Carlo: standard error of 0.1
+
+
+def test_log_ratio__where_the_old_prior_is_zero_no_draw_counts(observed):
+    model = Model(rows(observed), rb.Modified(), Noise("texture"))
+    wider = model.priors["tau_texture"].stretched(3.0)
+    other = model.with_priors({"tau_texture": wider})
+    theta = np.array([[1.4, 0.02, 0.03], [np.inf, 0.02, 0.03], [1.4, np.inf, 0.03]])
+    ratio = _log_ratio(other, model, theta)
+    # Half-normals of sds 0.09 and 0.03: algebra.
+    expected = -math.log(3) + 0.5 * (1 - 1 / 9)
+    np.testing.assert_allclose(ratio, [expected, -np.inf, -np.inf], rtol=1e-12)
 
 
 def test_nugget__changes_the_evidence_as_two_evidences_say(observed):

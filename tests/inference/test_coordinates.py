@@ -285,6 +285,30 @@ def test_funnel__at_the_mode_is_the_identity_about_it():
     assert not log_jacobian.any()
 
 
+@pytest.mark.parametrize("information", [(2e-3, 50.0), (0.0, 50.0)])
+def test_funnel__far_out_is_where_rows_say_nothing_or_all(information):
+    sizes = {-1.0: 0.0, 0.0: 0.04, 1.0: np.inf, 2.0: 1e-310}
+
+    def error_variance(u_noise):
+        return np.vectorize(sizes.__getitem__)(u_noise[..., 0])
+
+    funnel, known = Funnel(TURN, np.array(information), error_variance), np.array(information) > 0
+    mode = np.array([*(TURN @ np.where(known, [0.3, 0.02], 0.0)), 0.0])
+    frame = funnel.about(mode)
+    # No information: the prior's width, about its centre. Exact loads: no width at all.
+    np.testing.assert_array_equal(funnel.log_scales(np.array([1.0])), [0.0, 0.0])
+    np.testing.assert_array_equal(funnel.log_scales(np.array([-1.0])), np.where(known, -np.inf, 0))
+    widest, log_jacobian = frame.forward(np.zeros(2), np.array([1.0]))
+    np.testing.assert_allclose(widest, 0.0, rtol=0, atol=1e-15)  # rounding
+    assert log_jacobian == pytest.approx(-frame.log_scale.sum(), rel=1e-14)
+    # Of an error variance of 0 the centre is what the rows alone say: (1 + variance/information).
+    grown = np.where(known, 1 + 0.04 / np.where(known, information, 1.0), 0.0)
+    for score in (-1.0, 2.0):
+        exact, _ = frame.forward(np.zeros(2), np.array([score]))
+        expected = TURN @ (grown * (mode[:2] @ TURN))
+        np.testing.assert_allclose(exact, expected, rtol=0, atol=1e-13)  # rounding
+
+
 @pytest.mark.slow
 def test_funnel__information_is_the_curvature_of_the_likelihood(fits, laplaces):
     # At the expected residuals (zero) minus the likelihood's second derivative, times variance.

@@ -100,6 +100,23 @@ def test_from_table__counts_the_series_of_fitted_rows_alone():
     assert data.series_labels == ("one",)
 
 
+@pytest.mark.parametrize(
+    ("series", "one_series", "one_texture"),
+    [
+        ("xxyyzz", True, True),  # each series is a texture
+        ("xxxxyy", True, False),  # a series of two textures
+        ("xyzzuu", False, True),  # a texture of two series
+        ("xyxyxy", False, False),
+        ("xxxxxx", False, False),  # one series is none
+    ],
+)
+def test_series__that_cannot_be_told_from_textures(series, one_series, one_texture):
+    places = {"a_over_R": [0.01, 0.01, 0.02, 0.02, 0.03, 0.03], "b_over_R": 0.02, "Q": [4, 6] * 3}
+    rows = observations(frame_of().assign(**places, series=list(series)))
+    assert rows.one_series_per_texture is one_series
+    assert rows.one_texture_per_series is one_texture
+
+
 def test_from_table__refuses_bodies_that_are_not_centred():
     frame = frame_of().assign(offset_over_R=[0.0, 0.001, 0.0, 0.002, 0.0, 0.0])
     rule = (

@@ -14,11 +14,12 @@ from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.checks.study import study_of
 from ridgebayes.comparison.ranking import Predicting
+from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.errors import InputError
 from ridgebayes.report import _rendered, render_report, write_report
 from ridgebayes.report.evidence import error_models_section
 from ridgebayes.report.figures.gallery import Gallery
-from ridgebayes.report.first_screen import first_screen
+from ridgebayes.report.first_screen import first_screen, headline
 from ridgebayes.report.wording import decimals, interval, number, probability, with_error
 from ridgebayes.results import Fit
 
@@ -263,6 +264,17 @@ def test_undecided_is_the_headline_where_it_is(reference):
     evidence = evidence.assign(model_probability=share)
     found = first_screen(report_data(replace(reference, fits=two, evidence=evidence)))
     assert found.headline == "The evidence does not decide between Modified and Hybrid."
+
+
+def test_headline__undecided_names_every_form_that_is_nearly_as_probable():
+    shares = {"modified": 0.4, "hybrid": 0.3, "power-law": 0.2462, "classic": 0.0538}
+    verdict = Verdict("modified", "undecided", 0.3, (-1.0, 1.0), "hybrid", 0.99, "iid", {}, "")
+    # e^-2 of 0.4 is 0.0541.
+    said = "The evidence does not decide among Modified, Hybrid and Power law."
+    assert headline(verdict, shares) == said
+    two = {"modified": 0.9, "hybrid": 0.1}
+    said = "The evidence does not decide between Modified and Hybrid."
+    assert headline(verdict, two) == said
 
 
 @pytest.mark.usefixtures("undrawn")

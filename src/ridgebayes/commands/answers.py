@@ -27,7 +27,7 @@ def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
         words = import_module("ridgebayes.report.first_screen")
         why = f" Why: {words.why(verdict)}." if verdict.grade == "undecided" else ""
         grade = f"Grade: {verdict.grade}.{why}"
-        parts.append(f"{words.headline(verdict)} {words.lead(verdict)} {grade}")
+        parts.append(f"{words.headline(verdict, shares)} {words.lead(verdict)} {grade}")
     ranked = [done.fits[name] for name in forms_by_probability(done)]
     forms = [
         {

@@ -5,6 +5,8 @@ import numpy as np
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.contact.hertz import transition_load
+from ridgebayes.model.noise import SERIES
+from ridgebayes.model.observations import Observations
 from ridgebayes.results import Fit
 from ridgebayes.runtime.text import count
 from ridgebayes.table.table import ContactTable
@@ -16,6 +18,11 @@ _OF_NOISE = {
         "overstates Bayes factors."
     )
 }
+_ONE_SERIES = (
+    "No texture has rows of two series (sources, where no series is named). What sets series apart "
+    "cannot be told from what sets textures apart, and bands are for a new series. If all rows "
+    "come from one rig or solver, give them one series label."
+)
 _CONFLICT = 4.0  # prior sds from a prior's centre at which loads contradict it
 # A groove ten times as wide as its ridge lowers the load of Q = 4 to 0.4 of a smooth body's; a unit
 # that is not the one expected changes loads by ten or a thousand.
@@ -38,6 +45,9 @@ def cautions(comparison: Comparison) -> tuple[str, ...]:
             f"{count(n_repeated, 'row')} with the load of another source, solver or series to all "
             "digits. Copies count twice: leave one of each out."
         )
+    of_series = comparison.evidence["noise"].str.contains(SERIES).any()
+    if of_series and Observations.from_table(comparison.table).one_series_per_texture:
+        found.append(_ONE_SERIES)
     caution = comparison.noise.caution
     if caution and comparison.evidence["noise"].nunique() == 1:
         found.append(_OF_NOISE.get(caution, caution))

@@ -16,6 +16,7 @@ from ridgebayes.evidence.error_models import LEAST_WEIGHT
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
 from ridgebayes.predict.predict import Predictive
 from ridgebayes.results import Fit
 from ridgebayes.table.table import ContactTable
@@ -158,9 +159,15 @@ class Comparison(Predictive, Tabular):
     @cached_property
     def verdict(self) -> Verdict | None:
         """Which form the evidence supports, graded; None where only one form has an evidence."""
-        n_texture = len(self.table.calibration.textures)
-        sensitivity = self.prior_sensitivity
-        return verdict_of(self.evidence, sensitivity, self.noise, n_texture, self.failures)
+        data = Observations.from_table(self.table)
+        return verdict_of(
+            self.evidence,
+            self.prior_sensitivity,
+            self.noise,
+            len(data.textures),
+            self.failures,
+            series_are_textures=data.one_texture_per_series,
+        )
 
     @property
     def best(self) -> str:

@@ -12,9 +12,10 @@ from scipy.special import logsumexp
 from ridgebayes.evidence.changed_prior import NUGGET
 from ridgebayes.evidence.error_models import LEAST_WEIGHT, mean_evidence
 from ridgebayes.evidence.tables import used_evidence
-from ridgebayes.model.noise import Noise
+from ridgebayes.model.noise import SERIES, Noise
 
 GRADES = ("decisive", "supports", "leans", "undecided")
+LEANS = 2.0  # in ln BF, the least that decides anything
 _OF_ERRORS = ("sigma", "tau_", "length_", "df", NUGGET)  # priors of the error model, in all forms
 _SURE = 0.95  # posterior probability that counts as decisive for a reader's own prior
 # Forms that predict the same at one texture alone: each has a free factor there.
@@ -81,6 +82,8 @@ def verdict_of(
     printed: Noise,
     n_texture: int,
     failed: Collection[str] = (),
+    *,
+    series_are_textures: bool = False,
 ) -> Verdict | None:
     """Return the verdict that evidences and their sensitivity lead to.
 
@@ -96,6 +99,8 @@ def verdict_of(
         Textures that were fitted.
     failed : collection of str, optional
         Forms that could not be fitted: any of them may be the best one, so that nothing is decided.
+    series_are_textures : bool, optional
+        Whether each series has rows of one texture alone, so that its offset is the texture's.
 
     Returns
     -------
@@ -114,7 +119,11 @@ def verdict_of(
     factors = {what: lead for what, lead in leads.items() if not math.isnan(lead)}
     low, high = min([ln_bf, *factors.values()]), max([ln_bf, *factors.values()])
     weights = mean_evidence(evidence).set_index("noise")["probability"]
-    open_ = _unfitted(failed) or _alike(best, over, n_texture, weights)
+    shared = {"texture", SERIES} if series_are_textures else {"texture"}
+    with_offsets = sum(
+        w for name, w in weights.items() if shared & set(Noise.named(str(name)).factors)
+    )
+    open_ = _unfitted(failed) or _alike(best, over, n_texture, with_offsets)
     grade = "undecided" if open_ else _grade(ln_bf, low)
     return Verdict(
         form=str(best),
@@ -184,7 +193,7 @@ def _grade(ln_bf: float, low: float) -> str:
         return "decisive"
     if ln_bf >= 3 and low > 0:
         return "supports"
-    return "leans" if ln_bf >= 2 and low > 0 else "undecided"
+    return "leans" if ln_bf >= LEANS and low > 0 else "undecided"
 
 
 def _unfitted(failed: Collection[str]) -> str:
@@ -192,15 +201,15 @@ def _unfitted(failed: Collection[str]) -> str:
     return f"{' and '.join(failed)} could not be fitted, and may be better" if failed else ""
 
 
-def _alike(best: str, over: str, n_texture: int, weights: pd.Series) -> str:
-    """Say why two forms cannot be told apart by any rows of this table; empty if they can."""
+def _alike(best: str, over: str, n_texture: int, with_offsets: float) -> str:
+    """Say why two forms cannot be told apart by any rows of this table; empty if they can.
+
+    `with_offsets` is the probability that each texture has an offset.
+    """
     pair = {best, over}
     names = " and ".join(sorted(pair))
     if n_texture == 1 and pair <= _ALIKE_AT_ONE:
         return f"{names} make the same predictions at one texture: only their priors differ"
-    with_offsets = sum(
-        w for name, w in weights.items() if "texture" in Noise.named(str(name)).factors
-    )
     if with_offsets > 0.5 and pair == _ALIKE_WITH_OFFSETS:
         return f"{names} are the same where each texture has an offset: only their priors differ"
     return ""
@@ -212,8 +221,8 @@ def _why(grade: str, ln_bf: float, low: float, weakest: str) -> str:
     at = f" ({weakest})" if weakest and low < ln_bf else ""
     if grade != "undecided":
         return led + at
-    if ln_bf < 2:
-        return f"ln BF {ln_bf:.1f} over the next form is under 2"
+    if ln_bf < LEANS:
+        return f"ln BF {ln_bf:.1f} over the next form is under {LEANS:g}"
     return f"ln BF {ln_bf:.1f}, but another form is ahead under another prior or error model{at}"
 
 

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
 from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
@@ -177,7 +178,9 @@ def _change(log_weight: FloatArray) -> Change:
 
 
 def _log_ratio(other: Model, model: Model, theta: FloatArray) -> FloatArray:
-    return other.log_prior(theta) - model.log_prior(theta)
+    """Return the log ratio of priors; where the old one is zero no draw counts."""
+    own, changed = model.log_prior(theta), other.log_prior(theta)
+    return np.where(np.isfinite(own), changed - np.where(np.isfinite(own), own, 0.0), -np.inf)
 
 
 def _integrated(model: Model) -> float:

@@ -145,8 +145,12 @@ class Funnel:
     def log_scales(self, u_noise: FloatArray) -> FloatArray:
         """Return log s of each direction, shape ``u_noise.shape[:-1] + (n_coefficient,)``."""
         variance = self.error_variance(u_noise)[..., None]
-        with np.errstate(divide="ignore"):
-            return 0.5 * (np.log(variance) - np.log(self.information + variance))
+        known = np.broadcast_to(
+            self.information > 0, np.broadcast(self.information, variance).shape
+        )
+        with np.errstate(divide="ignore", over="ignore"):  # far out a variance is 0 or infinite
+            odds = np.divide(self.information, variance, where=known, out=np.zeros(known.shape))
+        return -0.5 * np.log1p(odds)
 
     def slope(self, u_noise: FloatArray) -> FloatArray:
         """Return d/du_noise of the summed log scales, shape (n_noise,)."""
@@ -211,5 +215,9 @@ class FunnelAbout:
     def _shift(self, u_noise: FloatArray) -> FloatArray:
         """Return how far the centre is from the mode's, in the basis, (..., n_coefficient)."""
         variance = self.funnel.error_variance(u_noise)[..., None]
-        moved = variance - self.funnel.error_variance(self.noise)
-        return -(self.centre @ self.funnel.basis) * moved / (self.funnel.information + variance)
+        information = self.funnel.information
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            moved = variance - self.funnel.error_variance(self.noise)
+            share = np.where(np.isposinf(variance), 1.0, moved / (information + variance))
+        # What no row knows of stays where its prior has it.
+        return -(self.centre @ self.funnel.basis) * np.where(information > 0, share, 0.0)

@@ -103,6 +103,20 @@ class Observations:
         return len(self.series_labels)
 
     @property
+    def one_series_per_texture(self) -> bool:
+        """Whether there are several series, and no texture has rows of two of them."""
+        return self.n_series > 1 and self._n_pair == len(self.textures)
+
+    @property
+    def one_texture_per_series(self) -> bool:
+        """Whether there are several series, and none has rows of two textures."""
+        return self.n_series > 1 and self._n_pair == self.n_series
+
+    @property
+    def _n_pair(self) -> int:
+        return len(set(zip(self.texture.tolist(), self.series.tolist(), strict=True)))
+
+    @property
     def a_over_R(self) -> FloatArray:
         """Ridge widths of the textures, shape (n_texture,)."""
         return np.array([a for a, _ in self.textures])

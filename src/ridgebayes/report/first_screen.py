@@ -1,12 +1,14 @@
 """The first screen: the question, the graded answer in three sentences, and what made it."""
 
+import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from ridgebayes._types import __version__
 from ridgebayes.checks.report_data import ReportData
-from ridgebayes.comparison.verdict import Verdict
+from ridgebayes.comparison.verdict import LEANS, Verdict
 from ridgebayes.report.blocks import Picture
 from ridgebayes.report.wording import (
     change_text,
@@ -113,23 +115,30 @@ def _headline(data: ReportData) -> str:
         return "No form got a usable evidence."
     if verdict is None:
         return f"Only {form_name(data.best)} was fitted, so there is no comparison."
-    return headline(verdict)
+    return headline(verdict, data.comparison.probabilities)
 
 
-def headline(verdict: Verdict) -> str:
+def headline(verdict: Verdict, probabilities: Mapping[str, float]) -> str:
     """Return a verdict as one sentence.
 
     Parameters
     ----------
     verdict : Verdict
         What a comparison found.
+    probabilities : mapping of str to float
+        Of the forms. An undecided verdict names all whose ln Bayes factor is within 2 of the best.
     """
-    best, over = form_name(verdict.form), form_name(verdict.over)
+    best = form_name(verdict.form)
+    least = math.exp(-LEANS) * probabilities[verdict.form]
+    others = {verdict.over} | {name for name, share in probabilities.items() if share > least}
+    ranked = sorted(others - {verdict.form}, key=lambda name: -probabilities[name])
+    open_ = listed([best, *map(form_name, ranked)])
+    between = "between" if len(ranked) == 1 else "among"
     return {
         "decisive": f"The evidence for {best} is decisive among the forms compared.",
         "supports": f"The evidence supports {best} among the forms compared.",
         "leans": f"The evidence leans towards {best}, not firmly.",
-        "undecided": f"The evidence does not decide between {best} and {over}.",
+        "undecided": f"The evidence does not decide {between} {open_}.",
     }[verdict.grade]
 
 
