@@ -103,7 +103,8 @@ def commands() -> list[str]:
     """Return a section for each command with its arguments and options."""
     lines = []
     for name, command in typer.main.get_command(app).commands.items():
-        lines += [f"### `ridgebayes {name}`", "", command.help or "", ""]
+        words = (command.help or "").replace("\\[", "[")  # on a terminal a bracket begins a style
+        lines += [f"### `ridgebayes {name}`", "", words, ""]
         rows = [option(one) for one in command.params if one.name != "help"]
         lines += [*table(("option", "means", "default"), rows), ""]
     return lines

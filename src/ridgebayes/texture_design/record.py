@@ -65,7 +65,7 @@ class Design(Tabular):
     >>> found.shown, len(found.to_dataframe()), found.plot().get_xlabel()
     ('probability', 110, 'ridge width $a/R$')
     >>> found.conditions
-    'At p/E 0.01, widths as asked for, averaged over hybrid and one error model.'
+    'At p/E 0.01, with widths made exactly, averaged over hybrid and one error model.'
     >>> json.loads(found.to_json()) == found.to_dict()
     True
     """
@@ -116,18 +116,18 @@ class Design(Tabular):
         """
         loads = [one["p_over_E"] for one in self.options["loads"]]
         several = f" to {max(loads):.3g} ({len(loads)} loads)" if len(loads) > 1 else ""
-        size, kind = self.options["tolerance"]["size"], "as asked for"
+        size, kind = self.options["tolerance"]["size"], "made exactly"
         if size:
             over = " R" if self.options["tolerance"]["is_length"] else ""
             number = f"{size:.2g}" if over else f"{100 * size:.3g} %"
             worst = self.options["tolerance"]["is_worst"]
-            kind = f"off by {'at most' if worst else 'a standard deviation of'} {number}{over}"
+            kind = f"made to {'within' if worst else 'a standard deviation of'} {number}{over}"
         forms = list(dict.fromkeys(form for form, _, _ in self.options["averaged"]))
         n_pair = len(self.options["averaged"])
         error_models = "their error models" if n_pair > 1 else "one error model"
         return (
-            f"At p/E {min(loads):.3g}{several}, widths {kind}, averaged over {' and '.join(forms)} "
-            f"and {error_models}."
+            f"At p/E {min(loads):.3g}{several}, with widths {kind}, averaged over "
+            f"{' and '.join(forms)} and {error_models}."
         )
 
     def to_dataframe(self) -> pd.DataFrame:
