@@ -50,13 +50,13 @@ class QDistribution(Predicted):
     survival : ndarray of float, shape (..., n_step), dimensionless
         P(Q >= 2), P(Q >= 4), ...; the first is 1, and they never rise.
     flags : ndarray of uint8, shape (...)
-        Which of texture and load lie outside what was calibrated, see `predict.extrapolation`.
+        Whether texture or load lie outside the calibrated range, see `predict.extrapolation`.
     q_calibrated_max : int
         Largest calibrated count.
     kind : str
         ``simulation`` or ``curve``.
     error : float, optional
-        Largest error of a probability as weighted nodes tell it; NaN where draws were averaged.
+        Largest error of a probability, estimated from weighted nodes; NaN if draws were averaged.
     places : mapping of str to ndarray, shape (...), optional
         a_over_R, b_over_R, nu and p_over_E of each distribution.
 

@@ -44,13 +44,13 @@ class Design(Tabular):
     check : dict
         n, probability and se of an independent run of draws at that texture, and the goal.
     shares : pandas.DataFrame
-        Sobol's indices there, see `texture_design.sensitivity`.
+        Sobol indices there, see `texture_design.sensitivity`.
     measure : pandas.DataFrame
         What knowing one source better would do: exactly, and to half its spread.
     form_reliability : dict
         beta, probability (of failure), trusted, and why not.
     simulate_next : pandas.DataFrame
-        Textures by what a simulation would tell of the two leading forms.
+        Textures, by how much a simulation would discriminate between the two leading forms.
     options : dict
         Bounds, step, loads, tolerance, what is averaged over, seed and version.
 
@@ -110,7 +110,7 @@ class Design(Tabular):
 
     @property
     def conditions(self) -> str:
-        """What the goals are asked for, in one sentence: loads, tolerance, forms and error models.
+        """Conditions of the goals in one sentence: loads, tolerance, forms and error models.
 
         p/E is that of the scene's medians.
         """
