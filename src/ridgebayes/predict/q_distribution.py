@@ -184,7 +184,7 @@ class QDistribution(Predicted):
         return value
 
     def extrapolation(self, prob: float = 0.9) -> BoolArray:
-        """Return where texture, load or the upper end of the interval were not calibrated.
+        """Return where texture, load or the upper end of the interval are extrapolated.
 
         Parameters
         ----------
@@ -205,7 +205,7 @@ class QDistribution(Predicted):
         return value
 
     def extrapolation_of(self, prob: float = 0.9) -> np.ndarray:
-        """Return the names of what was not calibrated, separated by commas.
+        """Return the names of the extrapolated quantities, separated by commas.
 
         Parameters
         ----------
