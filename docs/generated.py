@@ -41,7 +41,7 @@ HOLDS = {  # keys of `--map` that are no columns of the contract; `DIMENSIONS` h
     "pitch": "ridge and groove width together, in place of one of them",
     "R": "radius of the body",
     "D": "its diameter, in place of R",
-    "thickness": "length of the body along the ridges: forces are over it",
+    "thickness": "length of the body along the ridges; needed for forces",
     "offset": "lateral offset of the body from the groove's centre",
     "E": "Young's modulus",
     "p": "load per projected area",

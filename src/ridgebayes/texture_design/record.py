@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # heavy
 DESIGN_COLUMNS = {  # of `designs`, and what each holds
     "a_over_R": "ridge width over the radius",
     "b_over_R": "groove width over the radius",
-    "probability": "of the goal with the least margin; of a bound on the spread `sd(Q)`, that",
+    "probability": "of the goal with the smallest margin; for a bound on the spread, `sd(Q)`",
     "probability_se": "its standard error",
     "feasible": "whether all goals are met",
     "extrapolation": "whether it lies beyond what was calibrated",
