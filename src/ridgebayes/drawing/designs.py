@@ -58,9 +58,8 @@ def draw_designs(
         levels = [p for p in _LEVELS if _within(p, grid.to_numpy(float))]
         if levels and label == "probability":
             lines = axes.contour(x, y, grid, levels=levels, colors="#8A8A8A", linewidths=0.8)
-            outline = [withStroke(linewidth=2.5, foreground="white")]
             for text in axes.clabel(lines, fontsize=8, colors="black"):
-                text.set_path_effects(outline)
+                text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
         if _within(0.0, values):
             met = axes.contour(x, y, values, levels=[0.0], colors="black", linewidths=1.8)
             met.set_path_effects([withStroke(linewidth=3.5, foreground="white")])
