@@ -15,9 +15,12 @@ NETCDF = "from ridgebayes.runtime.quiet import import_arviz; import_arviz()"
 
 @pytest.mark.process
 @pytest.mark.parametrize("code", [CORNER, NETCDF])
-def test_import_arviz__says_nothing_on_the_first_import_of_a_day(tmp_path, code):
-    cache = {"XDG_CACHE_HOME": str(tmp_path)}  # where arviz 0.x notes the day on which it spoke
+@pytest.mark.parametrize("cache", ["new", "file/cannot-be"])
+def test_import_arviz__says_nothing_on_the_first_import_of_a_day(tmp_path, code, cache):
+    (tmp_path / "file").touch()
+    # Where arviz 0.x notes the day on which it spoke; matplotlib's own folder is another.
+    folders = {"XDG_CACHE_HOME": str(tmp_path / cache), "MPLCONFIGDIR": str(tmp_path)}
     done = subprocess.run(
-        [sys.executable, "-c", code], env=os.environ | cache, capture_output=True, text=True
+        [sys.executable, "-c", code], env=os.environ | folders, capture_output=True, text=True
     )
     assert (done.returncode, done.stderr) == (0, "")
