@@ -41,7 +41,7 @@ HOLDS = {  # keys of `--map` that are no columns of the contract; `DIMENSIONS` h
     "pitch": "ridge and groove width together, in place of one of them",
     "R": "radius of the body",
     "D": "its diameter, in place of R",
-    "thickness": "length of the body along the ridges: forces are over it",
+    "thickness": "length of the body along the ridges; needed for forces",
     "offset": "lateral offset of the body from the groove's centre",
     "E": "Young's modulus",
     "p": "load per projected area",
@@ -103,7 +103,8 @@ def commands() -> list[str]:
     """Return a section for each command with its arguments and options."""
     lines = []
     for name, command in typer.main.get_command(app).commands.items():
-        lines += [f"### `ridgebayes {name}`", "", command.help or "", ""]
+        words = (command.help or "").replace("\\[", "[")  # on a terminal a bracket begins a style
+        lines += [f"### `ridgebayes {name}`", "", words, ""]
         rows = [option(one) for one in command.params if one.name != "help"]
         lines += [*table(("option", "means", "default"), rows), ""]
     return lines

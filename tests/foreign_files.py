@@ -266,7 +266,16 @@ def _broken() -> list[Foreign]:
         Foreign(
             "mistakes.csv",
             several.encode(),
-            mistakes=("oops", "-0.24", "Q = 7", "inf", "must rise", "3 cells", "no R", "no E"),
+            mistakes=(
+                "oops",
+                "-0.24",
+                "Q = 7",
+                "inf",
+                "must rise",
+                "3 cells",
+                "R is missing",
+                "E is missing",
+            ),
         ),
         Foreign(
             "same-mistake.csv",

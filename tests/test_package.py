@@ -138,7 +138,7 @@ def test_errors__can_be_told_apart_and_caught_together():
     ("library", "homes"),
     [
         ("emcee", ["inference/emcee_sampling"]),
-        ("arviz", ["inference/diagnostics"]),
+        ("arviz", ["runtime/quiet"]),
         (
             "typer",
             [f"commands/{name}" for name in ("cli", "shared_options", "table_options")],

@@ -30,12 +30,12 @@ from with_ridgebayes import MODELS
 import ridgebayes as rb
 from ridgebayes.drawing.style import as_bytes
 from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.inference.diagnostics import import_arviz
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
+from ridgebayes.runtime.quiet import import_arviz
 
 HERE = Path(__file__).resolve().parent
 COLUMNS = (

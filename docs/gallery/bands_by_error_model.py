@@ -2,9 +2,9 @@
 =================================
 
 Bands on each load of a texture that was not fitted. With independent rows (iid) all bands are
-equally wide, and that of Q = 4 just misses. The error of a form repeats from texture to texture at
-the same count. An error model that knows it (texture+step) learns it from the other textures: its
-bands are a quarter as wide, and hold.
+equally wide, and that of Q = 4 just misses. A form's error at a given count repeats from texture
+to texture. The error model texture+step learns this error from the other textures: its bands are a
+quarter as wide, and contain the loads.
 
 .. image:: images/sphx_glr_bands_by_error_model_001.png
    :alt: What does the error model change?

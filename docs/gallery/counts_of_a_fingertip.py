@@ -1,9 +1,9 @@
 """How many ridge edges does a fingertip touch at each load?
 =========================================================
 
-A fingertip of 8 mm and 60 kPa on ridges of 0.25 mm with grooves of 0.2 mm. The Hybrid form is
-fitted to the embedded sweep, of which this texture is no part. Where the band is high, the next
-pair of edges may or may not be reached yet.
+A fingertip with a radius of 8 mm and a modulus of 60 kPa on ridges of 0.25 mm with grooves of
+0.2 mm. The Hybrid form is fitted to the embedded sweep, which does not contain this texture. Where
+the band spans two counts, the next pair of edges may or may not be reached yet.
 
 .. image:: images/sphx_glr_counts_of_a_fingertip_001.png
    :alt: How many ridge edges does a fingertip touch at each load?

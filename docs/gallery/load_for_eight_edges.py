@@ -1,8 +1,8 @@
 """At which load are eight edges reached, and how sure is that?
 ============================================================
 
-The loads of a test rig scatter. Here those of four textures are made with 8 % of noise. The fit
-finds that scatter in the rows, and the answer is a probability for each load.
+Loads measured on a test rig scatter. Here the loads of four textures have 8 % of simulated noise.
+The fit infers that scatter from the rows, and answers with a probability for each load.
 
 .. image:: images/sphx_glr_load_for_eight_edges_001.png
    :alt: At which load are eight edges reached, and how sure is that?
@@ -27,4 +27,4 @@ for n in (4, 6, 8):
 low, high = fit.predict_load(0.035, 0.03, 8).interval(0.9)
 axis.axvspan(low, high, color="0.9", zorder=0, label="load of Q = 8, 90 %")
 axis.set(xlabel="load p/E", ylabel="probability")
-axis.legend(frameon=False, loc=(0.43, 0.4))
+figure.legend(frameon=False, loc="outside upper center", ncols=4, fontsize=9)

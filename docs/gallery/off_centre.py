@@ -1,8 +1,8 @@
 """What if the finger does not land on the middle of a groove?
 ===========================================================
 
-The forms are for a body above the middle of a groove. One that lands anywhere touches ridges one
-by one instead of in pairs. The black line is the mean over all places.
+The forms are for a body centred on a groove. A body that lands off centre reaches ridges one by
+one, not in pairs. The black line is the mean over all places.
 
 .. image:: images/sphx_glr_off_centre_001.png
    :alt: What if the finger does not land on the middle of a groove?

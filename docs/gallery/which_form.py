@@ -1,9 +1,9 @@
 """Which form do the loads support, and how firmly?
 ================================================
 
-ln BF compares how well two forms predicted the rows before they saw them. It depends on what is
-said of the errors: each point takes one error model as true. Those below −10 in the right panel
-are refuted by the rows, and do not count.
+ln BF compares how well two forms, with their priors, predict the rows. It depends on the error
+model: each point assumes one. The rows contradict error models below −10 in the right panel, and
+these carry no weight.
 
 .. image:: images/sphx_glr_which_form_001.png
    :alt: Which form do the loads support, and how firmly?
@@ -21,7 +21,7 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(7.5, 3.6), layout="constrain
 left.plot(used["hybrid"] - used["modified"], used.index, "o")
 left.axvline(0, color="0.6", lw=0.8, zorder=0)
 low, high = comparison.verdict.ln_bf_range
-left.axvspan(low, high, color="0.92", zorder=0, label="range of the verdict")
+left.axvspan(low, high, fc="0.92", ec="0.6", zorder=0, label="range of the verdict")
 left.set(xlabel="ln BF, Hybrid over Modified", title=f"verdict: {comparison.verdict.grade}")
 left.legend(frameon=False, loc="lower right")
 right.plot(used["hybrid"] - used["hybrid"].max(), used.index, "o", color="C1")

@@ -16,7 +16,7 @@ class RidgebayesError(Exception):
 
 
 class InputError(RidgebayesError, ValueError):
-    """What came in breaks a rule; the message names place, value and rule. Commands exit 2.
+    """The input breaks a rule; the message names place, value and rule. Exit code 2.
 
     Examples
     --------
@@ -28,7 +28,7 @@ class InputError(RidgebayesError, ValueError):
 
 
 class ComputationError(RidgebayesError, RuntimeError):
-    """The input was fine, the computation failed or did not converge. Commands exit 1.
+    """The input is valid, but the computation failed or did not converge. Exit code 1.
 
     Examples
     --------

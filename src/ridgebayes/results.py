@@ -47,8 +47,8 @@ _MOST_SHOWN = 500  # transitions in a plot
 class Fit(Posterior, Predictive, Tabular):
     """The posterior of one form, with its predictions and its file.
 
-    Where several error models carry weight it holds a posterior for each, and predictions are
-    averaged over them; draws, diagnostics and files are those of the printed one.
+    If several error models have weight, it holds a posterior for each, and predictions are
+    averaged over them. Draws, diagnostics and files are those of the printed error model.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class Fit(Posterior, Predictive, Tabular):
 
     @property
     def posteriors(self) -> dict[str, Posterior]:
-        """The posterior of each error model that has one, the printed one first."""
+        """The posterior under each error model that has one, beginning with the printed one."""
         drawn = {name: one for name, one in self.others.items() if one.noise.name == name}
         return {self.noise.name: self, **drawn}
 
@@ -297,19 +297,19 @@ def calibrate(
     rng : int or numpy.random.Generator, optional
         Seed; the same seed gives the same draws.
     settings : SampleSettings, optional
-        Lengths and thresholds of a walk by emcee, which is made then in any case; if not given,
-        importance sampling serves where error models with shared offsets were weighed.
+        Lengths and thresholds of MCMC by emcee. If given, MCMC is run in any case; if not,
+        importance sampling is used where error models with shared offsets were weighed.
     progress : callable, optional
         Called with a line of text now and then.
     checkpoint : Path, optional
-        HDF5 file that the chains are kept in as they grow; if it is there already, sampling goes
-        on from it, and ends as if it had never stopped.
+        HDF5 file in which chains are saved as they grow. If it exists, sampling continues from
+        it, with the same result as without interruption.
 
     Returns
     -------
     Fit
-        Draws, diagnostics, and what is missing if it did not converge: failure to converge is
-        told in the record, not raised.
+        Draws, diagnostics, and which rules were not met if it did not converge. Failure to
+        converge is recorded, not raised.
 
     Raises
     ------
@@ -321,8 +321,8 @@ def calibrate(
 
     Notes
     -----
-    *Cost.* Of independent rows about half a CPU second for the paper's sweep, whatever the number
-    of rows; some seconds where error models are weighed.
+    *Cost.* With independent rows about half a CPU second, whatever the number of rows; some seconds
+    if error models are weighed.
 
     Examples
     --------

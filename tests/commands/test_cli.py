@@ -728,7 +728,7 @@ def test_predict__is_the_table_of_the_library(command, run):
     error = expected.attrs["error"]
     assert 0 < error < 1e-3
     first, *lines = said.out.splitlines()
-    assert first == (f"b.csv: 10 rows; probabilities are within {error:.1g}")
+    assert first == (f"b.csv: 10 rows; error of probabilities up to {error:.1g}")
     assert len(lines) == 1 + 10
     for line, row in zip(lines[1:], expected.to_dict("records"), strict=True):
         low, high = row["q_lower"], row["q_upper"]
@@ -806,10 +806,10 @@ def test_predict__shows_loads_as_they_were_given_too(command, run, load, shown):
 @pytest.mark.parametrize(
     ("load", "shown", "label"),
     [
-        ('max = "1.2 kPa"', ["load in kPa", "1.2"], "load in kPa\n($p/E$ times 60 kPa)"),
-        ('max = "lognormal(1.2 kPa, 10 %)"', ["load in kPa", "1.2"], "($p/E$ times 60 kPa)"),
-        ('force = "0.384 N"\nlength = "20 mm"', ["load in N", "0.384"], "($p/E$ times 19.2 N)"),
-        ("p_over_E = 0.02", [], "$p/E$ (dimensionless)"),
+        ('max = "1.2 kPa"', ["load in kPa", "1.2"], "= $p/E$ times 60 kPa"),
+        ('max = "lognormal(1.2 kPa, 10 %)"', ["load in kPa", "1.2"], "$p/E$ times 60 kPa"),
+        ('force = "0.384 N"\nlength = "20 mm"', ["load in N", "0.384"], "$p/E$ times 19.2 N"),
+        ("p_over_E = 0.02", [], "$p/E$ (square-root scale)"),
     ],
 )
 def test_predict__shows_loads_in_the_unit_of_the_scene(
@@ -1042,7 +1042,7 @@ def test_design__a_goal_that_nothing_meets_is_no_failure(command, run, finger):
     words = ("design", run, "--scene", finger, "--goal", "P(Q >= 30) >= 0.9", *SIZES)
     said = command(*words, "-o", "d")
     assert said.code == 0
-    assert "0 of 25 textures meet the goal; the nearest falls short by" in said.out
+    assert "0 of 25 textures meet the goal; the nearest misses it by" in said.out
     assert "beyond what was calibrated: Q" in said.err
     content = json.loads(Path("d/design.json").read_text())
     assert (content["feasible"], content["recommended"]) == (False, None)

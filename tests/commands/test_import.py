@@ -133,7 +133,10 @@ def test_import__map_may_be_a_file(run):
             ["--deck: not used by format table"],
         ),
         (("mine.csv", *MAP, "--format", "ansys", "-o", "t.csv"), ["--format ansys", "calculix"]),
-        (("mine.csv", *MAP), ["no R,", "no E,", "-o mine-table.csv --R '? mm' --E '? kPa'"]),
+        (
+            ("mine.csv", *MAP),
+            ["R is missing", "E is missing", "-o mine-table.csv --R '? mm' --E '? kPa'"],
+        ),
         (
             ("mine.csv", *MAP, "--R", "8 mm", "--E", "60 kPa"),
             ["-o: missing", "--dry-run", "import mine.csv -o mine-table.csv --R '8 mm'"],

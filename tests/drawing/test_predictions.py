@@ -35,7 +35,7 @@ def test_loads__in_a_unit_are_those_of_the_bands_and_of_the_rows():
     assert axes.lines[1].get_xdata() == pytest.approx([0.6, 0.9])
     (bars,) = (one for one in axes.collections if hasattr(one, "get_segments"))
     assert bars.get_segments()[0][:, 0] == pytest.approx([0.54, 0.6])
-    assert axes.get_xlabel() == "load in \\$kPa\\$\n($p/E$ times 60 \\$kPa\\$)"
+    assert axes.get_xlabel() == "load in \\$kPa\\$ (square-root scale)\n= $p/E$ times 60 \\$kPa\\$"
 
 
 def test_increments__are_drawn_and_named():

@@ -265,7 +265,9 @@ def number(cell: str, messages: str) -> float:
 
 def _value(row: dict[str, str], words: str, messages: str) -> float:
     """Return a number in SI units by the header's unit in brackets."""
-    if guess := re.search(rf"^{words}: column (['\"])(.*)\1, a guess$", messages, re.M):
+    if guess := re.search(
+        rf"^{words}: column (['\"])(.*)\1, guessed from its header$", messages, re.M
+    ):
         words = guess.group(2)
     for header, cell in row.items():
         match = re.fullmatch(rf"{re.escape(words)}(?:\s*\[([^\]]*)\])?", header)

@@ -187,7 +187,7 @@ def test_read_columns__guesses_are_said_aloud(read):
     text = text.replace("Line load / N/mm", "Line load [N/mm]")
     found = read(text, values=BODY)
     assert column(found, "a_over_R") == [0.03]
-    assert "a: column 'Ridge width (mm)' in mm, a guess" in found.messages
+    assert "a: column 'Ridge width (mm)' in mm, guessed from its header" in found.messages
 
 
 def test_read_columns__a_mapping_stands_beside_what_is_recognised(read):

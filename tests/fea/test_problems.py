@@ -47,7 +47,7 @@ def test_problems__needs_carry_the_options_that_supply_them():
     problems.need("no a", {"a": "w1"})
     error = told(problems)
     assert (error.options, error.mapping, error.is_broken) == ({"R": "? mm"}, {"a": "w1"}, False)
-    assert str(error) == "mine.csv: 2 things to say\n  no R\n  no a"
+    assert str(error) == "mine.csv: 2 values missing or unclear\n  no R\n  no a"
 
 
 def test_file_error__of_two_readings_is_one():

@@ -9,13 +9,14 @@ from scipy import stats
 from ridgebayes.errors import InputError
 from ridgebayes.inference import arviz_groups
 from ridgebayes.inference.arviz_groups import all_groups
-from ridgebayes.inference.diagnostics import arviz_object, import_arviz, leave_one_out
+from ridgebayes.inference.diagnostics import arviz_object, leave_one_out
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
+from ridgebayes.runtime.quiet import import_arviz
 
 GROUPS = {
     "posterior",

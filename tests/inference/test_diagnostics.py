@@ -14,7 +14,6 @@ from ridgebayes.inference.diagnostics import (
     autocorrelation_time,
     effective_sample_size,
     failed_diagnostics,
-    import_arviz,
     leave_one_out,
     rank_r_hat,
     stacking_weights,
@@ -22,6 +21,7 @@ from ridgebayes.inference.diagnostics import (
 )
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.model import Model
+from ridgebayes.runtime.quiet import import_arviz
 
 
 def noise(shape, seed=0):

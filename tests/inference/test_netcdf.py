@@ -15,7 +15,6 @@ from ridgebayes.evidence import bridge_evidence, quadrature_evidence
 from ridgebayes.inference import posterior
 from ridgebayes.inference.arviz_groups import CONTENT, all_groups, attributes
 from ridgebayes.inference.chains import SampleSettings
-from ridgebayes.inference.diagnostics import import_arviz
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.netcdf import ATTRIBUTES, read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior
@@ -24,6 +23,7 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.results import Fit, calibrate
+from ridgebayes.runtime.quiet import import_arviz
 
 NAMES = ("classic", "power-law", "modified", "hybrid")
 

@@ -331,7 +331,7 @@ def test_left_out_scores_are_shown_and_read(comparison):
     )
     text = Page(render_report(replace(comparison, left_out=scores))).text
     assert "9 textures in turn Hybrid 89.7 ± 1.7 0.015 1.000" in text
-    assert "which favour Hybrid: Modified for a new count of edges." in text
+    assert "Bayes factors favour Hybrid, but some scores put another form first: Modified" in text
     assert "Not fitted: classic, Q = 4: no <mode>." in text
     agreeing = Page(render_report(replace(comparison, left_out=scores[:2]))).text
     assert "All agree with the Bayes factors: Hybrid leads." in agreeing
@@ -401,13 +401,13 @@ def test_error_models_section__says_what_a_smooth_offset_means_and_which_of_the_
     models["probability"] = [0.9, 0.1]
     smooth = replace(data, verdict=verdict, error_models=models, predicting=Predicting(*without))
     words = error_models_section(smooth)[1].words
-    assert "which form leaves the smaller and smoother remainder" in words
-    assert f"{number(without[0], 2)} times as large with Classic in the place of Hybrid" in words
+    assert "which form leaves smaller and smoother residuals" in words
+    assert f"{number(without[0], 2)} times as large if Classic replaces Hybrid" in words
     assert f"bands are {number(without[1], 2)} times as wide without the offset" in words
-    assert f"the {more} does more of the predicting" in words
+    assert f"the {more} contributes more to the predictions" in words
     bare = error_models_section(replace(smooth, predicting=None))[1].words
-    assert "smoother remainder" in bare
-    assert "predicting" not in bare
+    assert "smoother residuals" in bare
+    assert "predictions" not in bare
 
 
 def test_prior_section__names_priors_that_are_not_varied(paper):

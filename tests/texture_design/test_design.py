@@ -202,7 +202,7 @@ def test_design__the_smallest_load_is_the_first_that_will_do(fit):
     found = rb.design(fit, scene, "P(Q >= 6) >= 0.9", objective="min-load", **options)
     share = float(found.best["load"].removesuffix(" %")) / 100
     form = "averaged over hybrid and one error model."
-    assert found.conditions == f"At p/E {0.01 * share:.3g}, widths as asked for, {form}"
+    assert found.conditions == f"At p/E {0.01 * share:.3g}, with widths made exactly, {form}"
     assert 0.05 < share < 1
     for less, feasible in ((share, True), (share - 0.05, False)):
         at = rb.design(fit, scene, "P(Q >= 6) >= 0.9", loads=[0.01 * less], **options)

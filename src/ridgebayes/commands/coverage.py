@@ -42,7 +42,7 @@ def command(asked: Coverage) -> Answer:
         if found.empty:
             raise InputError(
                 f"{inputs.table.where}: expected a row that gives the load itself, got only "
-                "brackets and counts; bands are not held against these"
+                "brackets and counts; bands are not compared with these"
             )
         write_csv(found, partial / "coverage.csv")
         with progress.stage("figure"):

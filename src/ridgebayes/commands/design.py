@@ -92,7 +92,7 @@ def _answer(found: Design, out: Path, body: Body) -> Answer:
         "b/R": [row["b_over_R"]],
         "value": [row["probability"]],
         "margin": [row["margin"]],
-        f"by {check['n']:,} draws": [check["probability"]],
+        f"check by {check['n']:,} draws": [check["probability"]],
     }
     if "load" in row:
         columns["load"] = [row["load"]]
@@ -105,28 +105,29 @@ def _answer(found: Design, out: Path, body: Body) -> Answer:
     n = int(found.designs["feasible"].sum())
     told = f"{out}: {n} of {len(found.designs)} textures meet the goal"
     if not found.feasible:
-        told += f"; the nearest falls short by {-row['margin']:.3g}"
+        told += f"; the nearest misses it by {-row['margin']:.3g}"
     told += f"\n{found.conditions}"
     warnings = []
     if row["extrapolation"]:
         warnings.append(f"the texture lies beyond what was calibrated: {row['extrapolation_of']}")
     reliability = found.form_reliability
     if reliability["beta"] is not None and not reliability["trusted"]:
-        warnings.append(f"first-order reliability is not to be trusted: {reliability['why']}")
+        warnings.append(f"do not trust first-order reliability: {reliability['why']}")
     shares = found.shares[found.shares["of"] == "Q"].sort_values("total_order", ascending=False)
-    orders = {"first_order": "alone", "total_order": "with what it interacts with"}
+    orders = {"first_order": "alone", "total_order": "with interactions"}
     shown = shares[["source", *orders]].rename(columns=orders)
     for name in orders.values():
         shown[name] = [percent(min(max(share, 0.0), 1.0)) for share in shown[name]]
     parts: list[str | pd.DataFrame] = [told, pd.DataFrame(columns)]
     if len(shown):
-        parts += ["Shares in the variance of Q:", shown]
+        parts += ["Shares of the variance of Q:", shown]
     else:
-        parts.append("Q varies in too few draws to tell shares of sources in its variance.")
+        parts.append("Q varies in too few draws to divide its variance among sources.")
     if len(found.measure):
         first = found.measure.iloc[0]
-        would = f"known exactly, it settles {percent(first['resolved'])} of what is open"
+        would = f"known exactly, it would remove {percent(first['resolved'])} of the uncertainty"
         is_little = first["resolved"] < _LITTLE
-        what = "nothing, no source settles 1 %" if is_little else f"{first['measure']} ({would})"
+        little = "nothing: no source, known exactly, would remove 1 % of the uncertainty"
+        what = little if is_little else f"{first['measure']} ({would})"
         parts.append(f"What to measure next: {what}")
     return Answer(parts, found.to_dict(), files_in(out), warnings=warnings)

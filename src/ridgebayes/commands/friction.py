@@ -50,12 +50,12 @@ def command(asked: options.Friction) -> Answer:
     table = (sums[0] / draws.n).reset_index()
     outside = float(table["extrapolation"].mean())
     told = (
-        f"{asked.out}: {draws.n} draws at {len(table)} loads; contacts within "
-        f"{draws.contact_relative_error:.1g}; means over draws:"
+        f"{asked.out}: {draws.n} draws at {len(table)} loads; relative error of contacts up to "
+        f"{draws.contact_relative_error:.1g}. Means over draws:"
     )
     warnings = []
     if outside:
-        warnings.append(f"{outside:.2%} of draws and loads lie beyond what was calibrated")
+        warnings.append(f"{outside:.2%} of draws and loads lie beyond the calibrated range")
     if kept is None:
         return Answer((told, table.round(6)), table, [asked.out], warnings=warnings)
     found = FrictionModel().predict(FrictionInputs.joined(kept), rng=asked.seed)
@@ -71,7 +71,7 @@ def _answer(found: FrictionBands) -> tuple[str | pd.DataFrame, ...]:
     last = found.shares["load"] == found.shares["load"].max()
     shown = found.shares[last & (found.shares["kind"] != "scene")].round(3).astype(object)
     return (
-        "Coefficient of friction before any measurement (docs/friction.md):",
+        "Coefficient of friction before any measurement:",
         found.bands.round(4),
         "Shares of its variance at the largest load:",
         shown.where(shown.notna(), "")[["kind", "name", "share", "share_se", "total"]],

@@ -40,7 +40,7 @@ def command(asked: options.Import) -> Answer:
             wrote = f"\n{asked.write_map}: a map to start from, for --map {asked.write_map}"
         if not (error.options or error.mapping):
             raise InputError(f"{error}{wrote}") from None
-        first = "mend the file, then run" if error.is_broken else "run"
+        first = "correct the file, then run" if error.is_broken else "run"
         again = _again(asked, error.options, error.mapping)
         marks = ", with your values in place of ?" if "?" in again else ""
         check = ", if that is what you mean" if not marks else ""

@@ -82,26 +82,26 @@ class Predict:
     out : Path
         Bands to write, .csv or .parquet.
     texture : list of str, optional
-        A,B: ridge and groove width over the radius, or with units where --R or --scene
-        gives it. May be repeated. Those of --scene if not given.
+        A,B: ridge and groove width, as shares of the radius, or with units (needs --R or
+        --scene). May be repeated. The textures of --scene if not given.
     p_over_E : str, optional
         Loads p/E: one such as 0.01, LO:HI:N evenly spaced, or log:LO:HI:N log-spaced.
     load : str, optional
-        Loads with units instead: '1.2 kPa' over the projected area, '20 N/m' over the
-        length, '5 N', or LO:HI:N of them.
+        Loads with units, in place of --p-over-E: a pressure on the projected area
+        ('1.2 kPa'), a force per length ('20 N/m') or a force ('5 N'), or LO:HI:N of them.
     scene : Path, optional
-        Scene file: textures, Poisson's ratio, radius, modulus, highest load.
+        Scene file that gives textures, Poisson's ratio, radius, modulus and highest load.
     R : str, optional
         Radius, such as '8 mm'.
     E : str, optional
         Young's modulus, such as '60 kPa'.
     nu : float, optional
-        Poisson's ratio. 0.5 if nothing gives it.
+        Poisson's ratio. That of --scene, or else 0.5, if not given.
     kind : str, optional
-        simulation: the band of a further simulation or measurement, errors included; curve:
-        of the form itself; both.
+        simulation (the band of a further simulation or measurement, errors included), curve
+        (the band of the form alone) or both.
     form : str, optional
-        Form of the run, or average.
+        Form of the run, or average (over all of them).
     prob : float, optional
         Probability inside the band.
     plot : Path, optional
@@ -126,7 +126,7 @@ class Predict:
 
 @dataclass(frozen=True)
 class Friction:
-    """Draw counts and the contacts that go with them, for friction models, from a finished run.
+    """Draw random counts and contacts, as input to friction models, from a finished run.
 
     Parameters
     ----------
@@ -137,11 +137,11 @@ class Friction:
     p_over_E : str, optional
         Loads p/E as LO:HI:N, evenly spaced, or log:LO:HI:N, log-spaced.
     loads : int, optional
-        Equal steps to the scene's largest load. 20 if not given.
+        Number of equal load steps up to the scene's largest load. 20 if not given.
     n : int, optional
-        Draws.
+        Number of draws.
     edges : bool, optional
-        Add the forces on edges.
+        Add the forces on ridge edges.
     model : bool, optional
         Add bands on the coefficient of friction: FILE-mu.csv, -mu-shares.csv.
     """
@@ -165,24 +165,27 @@ class Design:
     Parameters
     ----------
     scene : Path
-        Scene file: body and load, also as distributions.
+        Scene file of body and load, whose values may be distributions.
     goal : list of str
-        Such as 'P(Q >= 8) >= 0.95', 'P(6 <= Q <= 10 at p/E = 0.01) >= 90 %', 'P(Q(0.2 N) <
-        8 <= Q(0.8 N)) >= 0.9' or 'sd(Q) <= 1'. May be repeated.
+        Goal, such as 'P(Q >= 8) >= 0.95', 'P(6 <= Q <= 10 at p/E = 0.01) >= 90 %',
+        'P(Q(0.2 N) < 8 <= Q(0.8 N)) >= 0.9' or 'sd(Q) <= 1'. May be repeated.
     a : str, optional
-        Ridge widths LO:HI over the radius, or with units. Those calibrated.
+        Range of ridge widths LO:HI, as shares of the radius or with units. The calibrated
+        range if not given.
     b : str, optional
-        Groove widths LO:HI, in the same way.
+        Range of groove widths LO:HI, in the same way.
     step : str, optional
-        Widths that can be made are its multiples, such as '10 um'.
+        Consider only widths that are multiples of this one, such as '10 um'.
     tolerance : str, optional
-        Standard deviation of both widths as made, '5 %' or '10 um', or bounds, 'worst 5 %'.
+        Manufacturing tolerance of both widths: a standard deviation ('5 %' or '10 um') or
+        bounds ('worst 5 %').
     p_over_E : str, optional
-        Loads of goals that name none, p/E or with units, LO:HI:N or log:LO:HI:N: the worst
-        counts, or of min-load the smallest that will do. The scene's largest.
+        Loads for goals that name none: p/E or with units, LO:HI:N or log:LO:HI:N. A goal has
+        to be met at the worst of them; --objective min-load looks for the smallest that
+        meets it. The scene's largest load if not given.
     objective : str, optional
-        margin, max-pitch, min-pitch, max-ridge, min-ridge, max-groove, min-groove or
-        min-load: which feasible texture is recommended.
+        Which feasible texture is recommended: margin, max-pitch, min-pitch, max-ridge,
+        min-ridge, max-groove, min-groove or min-load.
     """
 
     folder: Argument[Path]
@@ -212,7 +215,7 @@ class Coverage:
         of iid, texture, step, texture+step, step-smooth, each also with +series where a
         table has several series or sources. All ten without series if not given.
     workers : int, optional
-        Worker processes, 2 if not given. Results do not depend on it.
+        Worker processes, 2 if not given. Results do not depend on their number.
     """
 
     table: Argument[Path | None] = None
@@ -232,7 +235,7 @@ class Report:
     Parameters
     ----------
     checklist : bool, optional
-        Write nothing. Show where the report meets BARG and WAMBS.
+        Show where the report meets the guidelines BARG and WAMBS. Write nothing.
     """
 
     folder: Argument[Path]

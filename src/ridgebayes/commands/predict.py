@@ -69,7 +69,7 @@ def _where(
         scene = Scene.from_toml(asked.scene)
         body = scene.body
     if not asked.texture and scene is None:
-        raise InputError("--texture: missing; expected A,B, or --scene")
+        raise InputError("no textures; expected --texture A,B or --scene")
     if asked.p_over_E is not None and asked.load is not None:
         raise InputError("--p-over-E and --load: expected one of them, got both")
     textures = [parse_texture(text, body) for text in asked.texture or ()]
@@ -80,7 +80,7 @@ def _where(
     elif asked.p_over_E is not None:
         loads = parse_loads(asked.p_over_E)
     elif scene is None:
-        raise InputError("--p-over-E: missing; expected loads, or --load or --scene")
+        raise InputError("no loads; expected --p-over-E, --load or --scene")
     else:
         highest = [scene.highest_load(one) for one in own] or [scene.p_over_E]
         loads = np.array(highest)[:, None]
@@ -128,12 +128,12 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] 
         f"{100 * prob:g} % band": low.where(low == high, low + " to " + high),
     }
     if shown["extrapolation"].any():
-        columns["beyond the calibrated"] = shown["extrapolation_of"]
+        columns["extrapolated in"] = shown["extrapolation_of"]
     if len(set(bands["kind_of_band"])) > 1:
         columns = {"band of the": shown["kind_of_band"], **columns}
     beyond, error = bands["extrapolation_of"][bands["extrapolation"]], bands.attrs["error"]
-    known = "0.005, from the number of draws" if math.isnan(error) else f"{error:.1g}"
-    told = f"{files[0]}: {count(len(bands), 'row')}; probabilities are within {known}"
+    known = "0.005 (from the number of draws)" if math.isnan(error) else f"{error:.1g}"
+    told = f"{files[0]}: {count(len(bands), 'row')}; error of probabilities up to {known}"
     if len(shown) < len(bands):
         told += f". {len(shown)} of the rows:"
     warnings = []

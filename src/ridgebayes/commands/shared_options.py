@@ -45,24 +45,24 @@ class Shared:
     noise : str
         Error model: auto, STRUCTURE or STRUCTURE:student, where STRUCTURE is one of iid,
         texture, step, texture+step, step-smooth, each also with +series where a table has
-        several series or sources. auto weighs all that suit the table and averages over
-        them.
+        several series or sources. auto weighs all that suit the table by their evidence, and
+        averages over them.
     out : Path
         Folder to create.
     priors : Path, optional
         TOML file of priors: \[hybrid] c1 = 'lognormal(1.382, 0.1)'.
     resume : bool
-        Continue an interrupted run. The results are the same.
+        Continue an interrupted run. Results are the same as without interruption.
     scheduler : str, optional
         Dask scheduler tcp://HOST:PORT whose workers compute.
     seed : int
         Random seed. The same seed gives the same numbers.
     time_limit : float, optional
-        Seconds that each walk by emcee may take, one a form. One that is stopped is written
-        as it is, with exit code 1. Weighing error models and importance sampling are not
-        stopped. No limit if not given.
+        Seconds that the MCMC of each form may take. When time is up, the draws so far are
+        written and the exit code is 1. Weighing error models and importance sampling have
+        no limit.
     workers : int, optional
-        Worker processes. Results do not depend on them.
+        Worker processes. Results do not depend on their number.
     """
 
 
@@ -73,9 +73,9 @@ class Output:
     Parameters
     ----------
     quiet : bool, optional
-        Print errors alone.
+        Print only errors.
     verbose : bool, optional
-        Print more, and how far the work is.
+        Print more, with progress.
     as_json : bool, optional
         Print one JSON object instead of text.
     """

@@ -22,9 +22,9 @@ class Generate:
     out : Path
         File to write.
     scene : Path, optional
-        Scene file. The paper's sweep if not given.
+        Scene file. The embedded sweep if not given.
     texture : list of str, optional
-        A,B: ridge and groove width over the radius. May be repeated.
+        A,B: ridge and groove width, as shares of the radius. May be repeated.
     p_max : float, optional
         Highest load p/E, with --texture.
     nu : float, optional
@@ -54,7 +54,7 @@ class Generate:
 
 @dataclass(frozen=True)
 class Plan:
-    """Say what a scene is: load, Q to expect, contact width, and which effects matter.
+    """Describe a scene: load, expected Q, contact width, and which effects matter.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Plan:
     figures : Path, optional
         Folder for figures of the scene.
     verify : bool, optional
-        Test the estimates on scenes spread over the whole range.
+        Test the estimates on random scenes. Needs no SCENE.
     scenes : int, optional
         Number of scenes, with --verify.
     """
@@ -93,7 +93,7 @@ class Cost:
     elements : bool, optional
         Run finite elements too.
     repeats : int, optional
-        Timed runs of each fast setting.
+        Number of timed runs of each fast setting.
     workers : int, optional
         Worker processes. Parallel runs distort timings.
     """
@@ -113,13 +113,12 @@ class Import:
     r"""Read the output of your own finite elements or tests into a contact table.
 
     Headers such as 'Stegbreite \[mm]' or 'Line load (N/mm)', title lines,
-    wide tables and increments are recognised. What is missing is asked for,
-    with the whole command.
+    wide tables and increments are recognised. If something is missing, a
+    message names it and prints the command to complete.
 
-    \b
-    ridgebayes import loads.csv --R '8 mm' --E '60 kPa' -o table.csv
-    ridgebayes import t.xlsx --sheet 2 --map 'a=w1 \[mm]' --map 'line=F;N/mm'
-    ridgebayes import run.dat --texture 0.06,0.03 --deck run.inp -o table.csv
+        ridgebayes import loads.csv --R '8 mm' --E '60 kPa' -o table.csv
+        ridgebayes import t.xlsx --sheet 2 --map 'a=w1 \[mm]' --map 'line=F;N/mm'
+        ridgebayes import run.dat --texture 0.06,0.03 --deck run.inp -o table.csv
 
     Keys of --map: a, b, pitch, R, D, offset (lengths), E, p (pressures),
     line (line loads), force, load (any, by its unit), p_lower, line_lower,
@@ -138,24 +137,24 @@ class Import:
         table, calculix, calculix-contact, abaqus-dat, abaqus-rpt or series. Detected if not
         given.
     mapping : list of str, optional
-        KEY=HEADER, such as 'a=Ridge width \[mm]', KEY=HEADER;UNIT, or a TOML file; beside
-        what is recognised.
+        Column of a key, KEY=HEADER, such as 'a=Ridge width \[mm]', or KEY=HEADER;UNIT, or a
+        TOML file of them. Adds to what is recognised.
     write_map : Path, optional
-        TOML file for --map to write, with what is recognised.
+        TOML file to write with what is recognised, for --map.
     sheet : str, optional
         Sheet of a workbook, name or number.
     skip_rows : int, optional
-        Lines to pass over at the top.
+        Number of lines to skip at the top.
     header_row : int, optional
         Line of the header; 0 for no header.
     decimal : str, optional
         Decimal mark: point or comma.
     empty : list of str, optional
-        Text of cells that are empty. May be repeated.
+        Text that marks an empty cell, such as 'n/a'. May be repeated.
     count_is : str, optional
         What is counted: edges (proximal), ridges, segments or per-side.
     texture : str, optional
-        A,B: ridge and groove width over the radius.
+        A,B: ridge and groove width, as shares of the radius.
     nu : str, optional
         Poisson's ratio.
     R : str, optional
@@ -163,31 +162,32 @@ class Import:
     E : str, optional
         Young's modulus, such as '60 kPa'.
     thickness : str, optional
-        Length along the ridges, such as '20 mm', that forces belong to.
+        Length of the body along the ridges, such as '20 mm'. Needed for forces.
     deck : Path, optional
-        Input deck of the run. The .inp beside it if not given.
+        Input deck of the run. The .inp file of the same name if not given.
     surface : str, optional
-        Node set of the body's rim. The deck's *NODE PRINT of U.
+        Node set of the body's rim. That of the deck's *NODE PRINT of U if not given.
     reaction : str, optional
-        Node set whose reaction is the load. The deck's *NODE PRINT of RF.
+        Node set whose reaction is the load. That of the deck's *NODE PRINT of RF if not
+        given.
     symmetry : str, optional
-        half or full: which part of the body is meshed.
+        Which part of the body is meshed: half or full.
     top : float, optional
         Height of the ridge tops.
     corner : float, optional
-        Corner radius of the ridges over the radius.
+        Corner radius of the ridges, as a share of the body's radius.
     field : str, optional
-        Point data of a series. displacement if not given.
+        Name of the point data of a series. 'displacement' if not given.
     time : str, optional
         Meaning of a series' time: p_over_E or line.
     loads : str, optional
         Comma-separated p/E or line loads of several .vtu files.
     brackets : bool, optional
-        Write each load as an interval, also where gaps are known.
+        Write each load as an interval, even where gaps are known.
     interpolate : bool, optional
-        Write loads of counts in the middle of increments.
+        Write each load as the middle of its increment, not as an interval.
     role : str, optional
-        calibration or held-out.
+        Role of all rows: calibration or held-out.
     dry_run : bool, optional
         Show how the input is read. Write nothing.
     """
@@ -235,9 +235,9 @@ class ExportDeck:
     out : Path
         File to write, such as run.inp.
     program : str, optional
-        Program to write for: calculix or abaqus.
+        Program that reads the deck: calculix or abaqus.
     edges : float, optional
-        Element edges across a ridge.
+        Number of element edges across a ridge.
     """
 
     scene: Argument[Path]

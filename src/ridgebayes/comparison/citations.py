@@ -49,18 +49,18 @@ _OF_ELEMENTS = (
 
 
 def citations(result: Fit | Comparison) -> pd.DataFrame:
-    """List what a result rests on, to be cited with it.
+    """List the methods and packages that a result used, for citation.
 
     Parameters
     ----------
     result : Fit or Comparison
-        Its samplers and the ways to its evidences decide what is listed, and of a comparison also
-        the solver of its table.
+        Its samplers and methods of evidence decide what is listed, and for a comparison also the
+        solver of its table.
 
     Returns
     -------
     pandas.DataFrame
-        Columns used, reference, doi (empty for this package); a row each.
+        Columns used, reference, doi (empty for this package).
 
     Examples
     --------

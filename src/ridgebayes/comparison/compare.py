@@ -103,7 +103,7 @@ def compare(
         Replacements for default priors: by form name, or ``noise``, and parameter name; a text is
         as in a file of priors, such as ``lognormal(1.382, 10 %)``.
     rng : int or numpy.random.Generator, optional
-        Seed. Each form draws from a stream of its own name.
+        Seed. Each form has its own random stream.
     settings : SampleSettings, optional
         Lengths and thresholds of sampling, instead of those of `accuracy`.
     executor : concurrent.futures.Executor, optional
@@ -120,8 +120,8 @@ def compare(
     Raises
     ------
     InputError
-        If no form is named, one is named twice, or one may not be fitted to these rows; if a prior
-        is given that no form or error model has.
+        If no form is given, one is given twice, or one may not be fitted to these rows; if a prior
+        is for a parameter that no form or error model has.
     ComputationError
         If no form could be fitted.
 

@@ -29,7 +29,7 @@ NEGLIGIBLE = 1e-4  # of a form's probability: it is not walked, and need not con
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Predictive, Tabular):
-    """Fits of several forms to one table and what they say against each other.
+    """Fits of several forms to one table, and their comparison.
 
     Parameters
     ----------
@@ -55,15 +55,15 @@ class Comparison(Predictive, Tabular):
         Forms that could not be fitted, and why.
     left_out : pandas.DataFrame
         Scores of each form on textures and steps left out, see `checks.cross_validation`; empty
-        where they were not asked for.
+        if not computed.
     coverage : pandas.DataFrame
-        How often the best form's bands hold textures left out, see `checks.coverage`; empty
-        where it was not asked for.
+        How often the best form's bands contain the loads of textures left out, see
+        `checks.coverage`; empty if not computed.
     accuracy : str
         Name of the accuracy that was asked for, see `ridgebayes.inference.presets`.
     cost : pandas.DataFrame
-        What a few ways to the best form cost, see `checks.cost.measured`; empty where that was
-        not measured.
+        Run times of some methods for the best form, see `checks.cost.measured`; empty if not
+        measured.
 
     Examples
     --------
@@ -101,7 +101,7 @@ class Comparison(Predictive, Tabular):
         return f"Comparison({self.table.where}: {', '.join(parts)})"
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return what the comparison says of each form, the most probable first.
+        """Return a row for each form, the most probable first.
 
         Returns
         -------
@@ -190,7 +190,7 @@ class Comparison(Predictive, Tabular):
 
     @property
     def unconverged(self) -> dict[str, tuple[str, ...]]:
-        """What forms lack of convergence; a form of negligible probability may lack it."""
+        """Why forms did not converge; forms of negligible probability need not converge."""
         shares = self.probabilities
         return {
             name: fit.convergence_failures

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 
 from ridgebayes._types import FloatArray
 from ridgebayes.drawing.style import new_figure, styled
@@ -57,14 +58,19 @@ def draw_designs(
         levels = [p for p in _LEVELS if _within(p, grid.to_numpy(float))]
         if levels and label == "probability":
             lines = axes.contour(x, y, grid, levels=levels, colors="#8A8A8A", linewidths=0.8)
-            axes.clabel(lines, fontsize=8)
+            for text in axes.clabel(lines, fontsize=8, colors="black"):
+                text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
         if _within(0.0, values):
-            axes.contour(x, y, values, levels=[0.0], colors="black", linewidths=1.8)
+            met = axes.contour(x, y, values, levels=[0.0], colors="black", linewidths=1.8)
+            met.set_path_effects([withStroke(linewidth=3.5, foreground="white")])
             handles.append(Line2D([], [], color="black", linewidth=1.8, label="goal just met"))
         if outside.to_numpy().mean() > 0:
             beyond = outside.to_numpy(float)
             if beyond.min() < beyond.max():
-                axes.contourf(x, y, beyond, levels=[0.5, 1.5], colors="none", hatches=["///"])
+                marked = axes.contourf(
+                    x, y, beyond, levels=[0.5, 1.5], colors="none", hatches=["///"]
+                )
+                marked.set(edgecolor="#8A8A8A", linewidth=0)
             name = "beyond what was calibrated" if beyond.min() < 1 else "all beyond calibration"
             handles.append(Patch(facecolor="none", edgecolor="grey", hatch="///", label=name))
     (point,) = axes.plot(best[0], best[1], marker="*", color=_BEST, markersize=14)

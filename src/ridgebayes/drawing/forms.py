@@ -255,7 +255,7 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str, noise: str = "iid") -> 
     axes.set_yticks(range(len(forms)), [title_of(form) for form in forms])
     axes.axvline(0, color="#000000", linewidth=1)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel(f"ln Bayes factor against {title_of(best)} (shades: from 1, 3, 5 on)")
+    axes.set_xlabel(f"ln Bayes factor against {title_of(best)} (shading starts at 1, 3, 5)")
     handles = [
         axes.plot([], [], marker, color=QUIET, linestyle="none", label=label)[0]
         for label, marker in zip(_labels(markers, noise), markers.values(), strict=True)

@@ -21,6 +21,7 @@ from ridgebayes.drawing.style import (
     symbol,
     title_of,
 )
+from ridgebayes.runtime.quiet import import_arviz
 from ridgebayes.runtime.text import short_label
 
 _N_BIN = 40
@@ -55,6 +56,7 @@ def plot_corner(
     -------
     matplotlib.figure.Figure
     """
+    import_arviz()  # corner would import it, and print its announcement
     import corner  # heavy, and only this figure's
 
     powers = _powers(draws)

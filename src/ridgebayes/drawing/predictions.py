@@ -96,9 +96,9 @@ def _with_loads_in(unit: tuple[float, str] | None, frame: pd.DataFrame) -> pd.Da
 
 def _load_label(unit: tuple[float, str] | None) -> str:
     if unit is None:
-        return "$p/E$ (dimensionless)"
+        return "$p/E$ (square-root scale)"
     name = plain(unit[1])
-    return f"load in {name}\n($p/E$ times {unit[0]:.4g} {name})"
+    return f"load in {name} (square-root scale)\n= $p/E$ times {unit[0]:.4g} {name}"
 
 
 def draw_band(axes: Axes, bands: pd.DataFrame, colour: str) -> None:

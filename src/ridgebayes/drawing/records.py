@@ -69,7 +69,7 @@ def draw_bands(bands: pd.DataFrame, ax: Axes | None) -> Axes:
         if len(rows) == 1:  # a step of no length
             line.set_marker(".")
     axes.set_xlim(0.0, float(bands["p_over_E"].max()))
-    axes.set(xlabel=_LOAD, ylabel=f"{_COUNT}, {_band_title(bands)}")
+    axes.set(xlabel=f"{_LOAD} (square-root scale)", ylabel=f"{_COUNT}, {_band_title(bands)}")
     _told(axes, len(shown), len(by_texture))
     return axes
 

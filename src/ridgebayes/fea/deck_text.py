@@ -206,7 +206,7 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
     Notes
     -----
     *Validity.* CalculiX leaves a spurious overlap where one step holds several increments: hence
-    the steps. Its elements have no pressure of their own: Poisson's ratios near 0.5 lock in full
+    the steps. Its elements have no separate pressure: Poisson's ratios near 0.5 lock in full
     integration, so that it is reduced.
     """
     if program not in FORMATS:
@@ -214,8 +214,8 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
     calculix = program == "calculix"
     if calculix and disk.nu > 0.499:
         raise InputError(
-            f"nu = {disk.nu:g}: expected at most 0.499 for CalculiX, whose elements have no "
-            "pressure of their own; 0.49 is within 1.4 % in load, or --format abaqus"
+            f"nu = {disk.nu:g}: expected at most 0.499 for CalculiX, whose elements lock near 0.5; "
+            "use 0.49, which changes loads by up to 1.4 %, or --format abaqus"
         )
     number, points, n_cell = disk.numbers, disk.mesh.points, len(disk.cells)
     used = np.flatnonzero(number)

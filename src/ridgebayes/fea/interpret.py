@@ -32,9 +32,9 @@ _SHOWN = 8  # names that a line lists
 # Columns of increments that are nothing of a texture.
 _COUNTER = re.compile(r"\b(?:inc|increment|inkrement|time|zeit|step|schritt|nr|no|id|index)\b|^#")
 _NEEDED = {  # what it is for, and an example
-    "R": ("which lengths and line loads are over", "? mm"),
-    "E": ("which loads are over", "? kPa"),
-    "thickness": ("the body's length along the ridges, which forces are over", "? mm"),
+    "R": ("radius of the body", "? mm"),
+    "E": ("Young's modulus of the body", "? kPa"),
+    "thickness": ("length of the body along the ridges, needed for forces", "? mm"),
 }
 
 
@@ -144,8 +144,8 @@ class ColumnInterpreter:
         if asked is None and term == "":
             likely = "per-side" if (whole % 2 == 1).any() else "edges"
             self._problems.need(
-                "counts: the table does not say of what; expected --count-is edges, ridges, "
-                "segments or per-side (of edges on one side of the body)",
+                "counts: the header does not say what is counted; expected --count-is edges, "
+                "ridges, segments or per-side (edges on one side of the body)",
                 count_is=likely,
             )
         term = asked or term
@@ -231,7 +231,7 @@ class ColumnInterpreter:
     def _tell(self, use: Use, what: str = "", *, is_plain: bool = True) -> None:
         """Say which column is used, but of a plain one by its own name, which `_summarize` does."""
         self.used[use] = None
-        what += ", a guess" if use.how == "guessed" else ""
+        what += ", guessed from its header" if use.how == "guessed" else ""
         if use.name != use.header or what or not is_plain:
             self.messages.append(f"{use.name}: column {use.header!r}{what}")
 
@@ -293,8 +293,8 @@ class ColumnInterpreter:
         if key == "R" and (found := self._quantity("D")) is not None:
             return found / 2
         why, example = _NEEDED[key]
-        text = f"no {key}, {why}: expected --{key} '{example}', or a column, --map '{key}=HEADER'"
-        self._problems.need(text, None, **{key: example})
+        ways = f"expected --{key} '{example}', or a column, --map '{key}=HEADER'"
+        self._problems.need(f"{key} is missing ({why}): {ways}", None, **{key: example})
         # Loads rise or do not, whatever it is.
         return np.array(1.0)
 

@@ -75,7 +75,7 @@ class FileError(InputError):
         lines = [*self.wrong, *self.needs]
         if len(lines) == 1:
             return lines[0] if lines[0].startswith(self.where) else f"{self.where}: {lines[0]}"
-        counts = ((len(self.wrong), "rules broken"), (len(self.needs), "things to say"))
+        counts = ((len(self.wrong), "rules broken"), (len(self.needs), "values missing or unclear"))
         head = " and ".join(f"{n} {what}" for n, what in counts if n)
         more = [f"and {len(lines) - _MOST} more"] if len(lines) > _MOST else []
         return "\n  ".join([f"{self.where}: {head}", *lines[:_MOST], *more])

@@ -48,7 +48,7 @@ class FrictionFit(Tabular):
     Parameters
     ----------
     model : FrictionModel
-        What was known beforehand.
+        The model with its priors.
     chains : Chains
         Thinned draws, as normal scores of the unknown parameters.
     summary : pandas.DataFrame
@@ -244,7 +244,7 @@ def calibrate_friction(
     rng : int or numpy.random.Generator, optional
         Seed; the same seed gives the same draws.
     settings : SampleSettings, optional
-        Lengths and thresholds of the walk.
+        Lengths and thresholds of MCMC.
     progress : callable, optional
         Called with a line of text now and then.
 
@@ -256,14 +256,14 @@ def calibrate_friction(
     Raises
     ------
     InputError
-        If a cell of the table breaks a rule, no row is to be fitted, nothing is unknown, or rows on
-        ridges come without `inputs`.
+        If a cell of the table breaks a rule, there are no rows to fit, no parameter is unknown, or
+        rows on ridges have no `inputs`.
 
     Notes
     -----
-    ln mu is normal about the model's; subjects, sessions of a subject and rigs have effects of
-    their own, which are integrated out. What the draws of a row's contact leave open widens its
-    error, to first order. Rows without a label share one.
+    ln mu is normal about the model's value. Effects of subjects, sessions of a subject and rigs are
+    integrated out. The uncertainty of a row's contact is added to its error, to first order. Rows
+    without a label share one.
 
     *Cost.* Some seconds for a hundred rows of a few textures.
 

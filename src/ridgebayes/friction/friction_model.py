@@ -27,24 +27,24 @@ Prior = Distribution | float | str
 
 @dataclass(frozen=True)
 class FrictionModel:
-    """What is known beforehand of the parameters of friction.
+    """A friction model with priors of its parameters.
 
-    Each is a distribution, its text as in a file of priors (``lognormal(0.1, 50 %)``), or a number
-    that is taken as known. A term whose coefficient is 0 is left out. Stresses are over Young's
-    modulus.
+    Each parameter is a distribution, its text as in a file of priors (``lognormal(0.1, 50 %)``), or
+    a number (a known value). A term whose coefficient is 0 is left out. Stresses are divided by
+    Young's modulus.
 
     Parameters
     ----------
     tau0 : Distribution, str or float, optional
         Shear stress of the adhesive contact.
     alpha : Distribution, str or float, optional
-        Its rise with the mean pressure in the contact, of which mu gets as much.
+        Increase of the shear stress per mean contact pressure; it adds the same amount to mu.
     area_factor : Distribution, str or float, optional
         Touching area in sliding over that at rest.
     beta : Distribution, str or float, optional
         Share of the elastic work that is lost.
     kappa : Distribution, str or float, optional
-        What the proximal edges of one side resist, over the sum of their forces G: an assumption.
+        Resistance of the proximal edges of one side over the sum of their forces G: an assumption.
     tau_subject, tau_session, tau_rig : Distribution, str or float, optional
         Standard deviations of ln mu between subjects, sessions of a subject, and rigs.
     sigma : Distribution, str or float, optional
@@ -100,13 +100,13 @@ class FrictionModel:
 
     @property
     def priors(self) -> dict[str, Distribution]:
-        """Priors of the parameters that are not known."""
+        """Priors of the unknown parameters."""
         given = self._given.items()
         return {name: one for name, one in given if isinstance(one, Distribution)}
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        """Names of the parameters that are not known."""
+        """Names of the unknown parameters."""
         return tuple(self.priors)
 
     def theta(self, scores: FloatArray) -> FloatArray:

@@ -73,16 +73,16 @@ def friction_inputs(
     rng: Rng = 0,
     edges: bool = False,
 ) -> xr.Dataset:
-    """Draw counts, and the contacts that go with them, jointly.
+    """Draw counts and the corresponding contacts jointly, as input to friction models.
 
     Parameters
     ----------
     source : Fit or Comparison
-        Posterior; draws are shared out over its forms and error models by their weights.
+        Posterior; draws are divided among its forms and error models by their weights.
     scene : Scene or path
         Of one texture. Its values may be distributions.
     loads : int or array_like of float, shape (n_load,), dimensionless
-        Loads p/E; a number of them: equal steps up to the scene's largest load, of each draw.
+        Loads p/E, or their number: equal steps up to the largest load of each draw's scene.
     n : int, optional
         Draws.
     rng : int or numpy.random.Generator, optional
@@ -94,7 +94,7 @@ def friction_inputs(
     -------
     xarray.Dataset
         Coordinates draw, load and, with `edges`, edge. Each variable has its unit and meaning;
-        attributes tell scene, seed, version, the rows that were fitted, and
+        attributes are scene, seed, version, the rows that were fitted, and
         ``contact_relative_error``.
 
     Raises
@@ -106,13 +106,13 @@ def friction_inputs(
 
     Notes
     -----
-    Q is drawn, with one score of the error model for all loads of a draw, so that it never falls as
-    the load rises; at each load it is distributed as `predict` says. The contact is that of the
-    mechanics at ``p_over_E_mechanics``, the load nearest to p at which it counts Q, away from the
-    ends of that interval by 0.01 % of it (1 % where very many offsets are drawn). Forces and K are
-    scaled by p over that load, so that they carry p; G follows from K. Where the body
-    is off centre Q is that of a centred one: forms know no offset. Net forces are differences of G,
-    for which `edge_forces` is the function to ask.
+    Q is drawn with one score of the error model for all loads of a draw, so it never falls as the
+    load rises. At each load it has the distribution of `predict`. The contact is computed at
+    ``p_over_E_mechanics``, the load nearest to p at which the mechanics count Q, inside the ends of
+    that interval by 0.01 % of its length (1 % if very many offsets are drawn). Forces and K are
+    scaled by p over that load, so that they balance p; G follows from K. If the body is off centre,
+    Q is that of a centred one, because forms have no offset. For net forces, which are differences
+    of G, use `edge_forces`.
 
     *Validity.* No friction. The body's large deformation is that of a smooth cylinder, as with the
     two-scale solver of `contact_at_loads`; nu under 0.3 is taken at small strain. Above p/E = 0.33,

@@ -33,9 +33,9 @@ _RULES = {column.name: column.rule for column in COLUMNS}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrictionTable(Tabular):
-    """Rows of measured friction, every rule of the contract held.
+    """Validated rows of measured friction.
 
-    `read_friction_table` makes it. Columns of the user's own stand after those of the contract:
+    `read_friction_table` makes it. Your own columns follow those of the contract:
 
     ================== ============================================================================
     a_over_R, b_over_R ridge and groove width over the radius: finite, > 0; both empty: smooth

@@ -31,13 +31,13 @@ class SampleSettings:
     n_burn : int
         Steps thrown away.
     n_step_max : int
-        Steps after which an ensemble is given up as not converged; fewer where its draws would
-        take more than half a GiB.
+        Steps after which an ensemble stops as not converged; fewer where its draws would take more
+        than half a GiB.
     n_tau : float
         Steps must pass this many autocorrelation times.
     tau_change : float
-        Relative change of each autocorrelation time since the last check that counts as settled;
-        it is not asked of walks of more than five times `n_tau`.
+        Largest relative change of each autocorrelation time since the last check; not required of
+        chains longer than five times `n_tau`.
     moves : str
         ``mixture``; or ``independence``, ``differential evolution``, ``stretch`` alone, to compare.
     time_limit : float or None

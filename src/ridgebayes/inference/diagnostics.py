@@ -3,15 +3,13 @@
 Walkers of one ensemble move by each other's positions and are never separate chains: their
 autocorrelation functions are averaged and one time is read off for the whole ensemble.
 
-The only module that imports arviz, of which there are two incompatible lines: 0.x (Python 3.11)
-hands around `InferenceData`, 1.x (Python 3.12 and later) xarray's `DataTree`.
+arviz has two incompatible lines: 0.x (Python 3.11) hands around `InferenceData`, 1.x (Python 3.12
+and later) xarray's `DataTree`.
 """
 
 import math
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +19,7 @@ from scipy.special import logsumexp, ndtri
 
 from ridgebayes._types import FloatArray
 from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_smoothed
+from ridgebayes.runtime.quiet import import_arviz
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,14 +42,6 @@ _R_HAT_DRAWS = 25_600  # of each ensemble: disagreement shows in them as in a mi
 _WINDOW = 5.0  # tau: Sokal's constant
 _FEW_LAGS = 64  # lags that cost less one by one than all of them by Fourier transform
 BAD_SHARE = 0.2  # of the rows that may have such weights before their sum is not quoted
-
-
-def import_arviz() -> ModuleType:
-    """Import arviz without the announcement that its 0.x line prints on every import."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FutureWarning)
-        import arviz
-    return arviz
 
 
 def arviz_object(groups: Mapping[str, "xr.Dataset"]) -> Any:

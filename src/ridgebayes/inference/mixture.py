@@ -42,7 +42,7 @@ _LOG_2PI = math.log(2 * math.pi)
 
 @dataclass(frozen=True, eq=False)
 class PosteriorMixture:
-    """A posterior of few numbers, as `Fit.to_mixture` makes it.
+    """A posterior as a Gaussian mixture, made by `Fit.to_mixture`.
 
     Parameters
     ----------
@@ -57,8 +57,8 @@ class PosteriorMixture:
     covariances : ndarray of float, shape (n_component, n_parameter, n_parameter)
         Of z.
     about : dict
-        What it stands for: form, noise, converged, priors, rows, validity box, held-out scores, and
-        its distance from the draws.
+        Where it comes from: form, noise, converged, priors, rows, range of validity, held-out
+        scores, and its distance from the draws.
 
     Examples
     --------
@@ -137,7 +137,7 @@ class PosteriorMixture:
         return np.where(inside, value, -np.inf)
 
     def code(self, program: str) -> str:
-        """Return text that takes the mixture as the prior of a new model.
+        """Return source code that uses the mixture as the prior of a new model.
 
         Parameters
         ----------

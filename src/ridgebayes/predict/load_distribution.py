@@ -159,7 +159,7 @@ class LoadDistribution(Predicted):
 
     @property
     def extrapolation(self) -> BoolArray:
-        """Whether texture, count or median load were not calibrated, shape (...)."""
+        """Whether texture, count or median load are extrapolated, shape (...)."""
         value: BoolArray = self._all_flags != 0
         return value
 

@@ -50,13 +50,13 @@ class QDistribution(Predicted):
     survival : ndarray of float, shape (..., n_step), dimensionless
         P(Q >= 2), P(Q >= 4), ...; the first is 1, and they never rise.
     flags : ndarray of uint8, shape (...)
-        Which of texture and load lie outside what was calibrated, see `predict.extrapolation`.
+        Whether texture or load lie outside the calibrated range, see `predict.extrapolation`.
     q_calibrated_max : int
         Largest calibrated count.
     kind : str
         ``simulation`` or ``curve``.
     error : float, optional
-        Largest error of a probability as weighted nodes tell it; NaN where draws were averaged.
+        Largest error of a probability, estimated from weighted nodes; NaN if draws were averaged.
     places : mapping of str to ndarray, shape (...), optional
         a_over_R, b_over_R, nu and p_over_E of each distribution.
 
@@ -184,7 +184,7 @@ class QDistribution(Predicted):
         return value
 
     def extrapolation(self, prob: float = 0.9) -> BoolArray:
-        """Return where texture, load or the upper end of the interval were not calibrated.
+        """Return where texture, load or the upper end of the interval are extrapolated.
 
         Parameters
         ----------
@@ -205,7 +205,7 @@ class QDistribution(Predicted):
         return value
 
     def extrapolation_of(self, prob: float = 0.9) -> np.ndarray:
-        """Return the names of what was not calibrated, separated by commas.
+        """Return the names of the extrapolated quantities, separated by commas.
 
         Parameters
         ----------

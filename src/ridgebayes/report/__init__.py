@@ -42,29 +42,29 @@ def write_report(
     *,
     reference: Comparison | None = None,
 ) -> None:
-    """Write the report of a comparison into one file.
+    """Write the report of a comparison to one file.
 
     Parameters
     ----------
     comparison : Comparison
         As computed, or read back from a run folder: the report is the same.
     path : str or path
-        Ends in ``.html`` (figures embedded, no scripts, no links to elsewhere) or ``.md`` (text
-        and tables). An existing file is replaced, whole or not at all.
+        Ends in ``.html`` (with figures, without scripts and external links) or ``.md`` (text and
+        tables). An existing file is replaced.
     reference : Comparison, optional
         A second comparison, on finite-element rows, that gets a section of its own.
 
     Raises
     ------
     InputError
-        If `comparison` is none, the suffix is another, or the folder does not exist.
+        If `comparison` is not a comparison, the suffix is another, or the folder does not exist.
     OutputError
         If the file cannot be written, such as on a full disk.
 
     Notes
     -----
-    Equal comparisons give equal bytes: no date, no path but the table's name. The study's claims
-    and its smooth cylinder are in the report of the embedded sweep, and of no other table.
+    Equal comparisons give equal bytes, because the report has no date, and no path but the table's
+    name. Only the report of the embedded sweep has the study's claims and its smooth cylinder.
 
     *Cost.* About two CPU seconds for Markdown; with figures about 15.
 

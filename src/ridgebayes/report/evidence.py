@@ -44,8 +44,8 @@ def evidence_section(data: ReportData) -> list[Block]:
         pairs = [pairs_table(data)]
         if len(summed):
             caption = (
-                "ln Bayes factor of each form against the best, error models summed out (star, "
-                "with its number). Beside it by every method under the printed error model alone."
+                "Star and number: ln Bayes factor of each form against the best, with error models "
+                "summed out. Other marks: by each method, under the printed error model alone."
             )
             words = "Bayes factors with the error models summed out, at equal prior probabilities."
             pairs.insert(0, _pairs(summed, words))
@@ -188,10 +188,10 @@ def error_models_section(data: ReportData) -> list[Block]:
     ]
     return [
         Text(
-            "An error model states which residuals repeat: none (iid), those of a texture, those "
-            "of a step (one count Q, in all textures) or those of a series. "
-            "Predictions and probabilities of forms are averaged over them. "
-            "Parameters are printed under the simplest whose evidence is within 1.1 of the "
+            "An error model states which residuals are correlated: none (iid), those of a texture, "
+            "those of a step (one count Q, in all textures) or those of a series. "
+            "Predictions and probabilities of forms are averaged over error models. "
+            "Parameters are printed under the simplest one whose evidence is within 1.1 of the "
             f"highest: {noise_name(comparison.noise.name)}."
         ),
         *_smooth(data),
@@ -204,14 +204,14 @@ def error_models_section(data: ReportData) -> list[Block]:
                     "ln evidence of every form under every error model, and the log of its mean "
                     "over the forms. A form without a usable evidence counts as zero. Error models "
                     "that were not chosen: importance sampling where near the best, otherwise "
-                    "Laplace's approximation, without an error. Independent rows (iid): "
+                    "Laplace's approximation, without an error estimate. Independent rows (iid): "
                     "quadrature. Names are those of --noise.",
                     strong=(0,),
                 ),
                 Text(
                     "Calibrated textures and steps keep their inferred offset; new ones draw from "
-                    "its distribution. An offset smooth in log h and a/pitch is interpolated "
-                    "between its neighbours. It widens beyond the calibrated range of either.",
+                    "its distribution. An offset that is smooth in log h and a/pitch is "
+                    "interpolated. Its uncertainty grows beyond the calibrated range of either.",
                     "note",
                 ),
             ],
@@ -225,8 +225,8 @@ def _smooth(data: ReportData) -> list[Block]:
     if sum(weight for name, weight in weights.items() if "smooth" in name) < 0.5:
         return []
     words = (
-        "Under a smooth offset a Bayes factor tells which form leaves the smaller and smoother "
-        "remainder, given the priors of that offset."
+        "Under a smooth offset a Bayes factor says which form leaves smaller and smoother "
+        "residuals, given the priors of that offset."
     )
     if data.predicting is None:
         return [Text(words)]
@@ -235,9 +235,9 @@ def _smooth(data: ReportData) -> list[Block]:
     return [
         Text(
             f"{words} On textures left out, the error of predicted loads is {number(form, 2)} "
-            f"times as large with Classic in the place of {form_name(data.shown)}, and bands are "
-            f"{number(offset, 2)} times as wide without the offset: the {more} does more of the "
-            f"predicting than the {less}."
+            f"times as large if Classic replaces {form_name(data.shown)}, and bands are "
+            f"{number(offset, 2)} times as wide without the offset: the {more} contributes more "
+            f"to the predictions than the {less}."
         )
     ]
 
@@ -260,8 +260,8 @@ def prior_section(data: ReportData) -> list[Block]:
     low, high = factors["factor"].min(), factors["factor"].max()
     words = (
         "A Bayes factor always depends on the width of the priors. Here the scale of each prior is "
-        f"varied from {low:g} to {high:g} times its default, that of coefficients from 0.3 on, "
-        "with all else unchanged."
+        f"varied from {low:g} to {high:g} times its default (c, c₁ and c₂ from 0.3 times), with "
+        "all else unchanged."
     )
     caption = (
         f"ln Bayes factor of each form against {against}. Above zero the form is ahead. Dotted "

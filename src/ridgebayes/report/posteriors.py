@@ -52,9 +52,9 @@ def _tiny_sigma(data: ReportData) -> str:
     if not sigma < TINY:
         return ""
     return (
-        f" Here it is under {100 * TINY:g} %: beside the offset, {form_name(data.shown)} leaves "
-        "less than any solver or experiment resolves. Rows may come from this very form, or the "
-        "offset may absorb them."
+        f" Here it is under {100 * TINY:g} %: with the offset, {form_name(data.shown)} leaves "
+        "smaller errors than any solver or experiment resolves. Either the rows come from this "
+        "very form, or the offset absorbs its errors."
     )
 
 
@@ -117,7 +117,8 @@ def convergence_section(data: ReportData) -> list[Block]:
             rows,
             "The worst parameter of each form. τ: integrated autocorrelation time. ESS: effective "
             "sample size. R-hat: across independently started ensembles, or independent proposals. "
-            "Acceptance: of a walk's steps; of importance draws, the share that they are worth.",
+            "Acceptance: accepted share of MCMC steps; for importance sampling, effective draws "
+            "per draw.",
             text=(0, 1, 8),
             badge=8,
         ),
@@ -164,8 +165,8 @@ def sense_section(data: ReportData) -> list[Block]:
     outer = frame[(frame["prior_below"] < OUTER) | (frame["prior_below"] > 1 - OUTER)]
     odd = ", ".join(parameter_name(name) for name in outer["parameter"])
     words = (
-        f"{odd}: the posterior mean lies in the outer {percent(OUTER)} of its prior. Ask whether "
-        "such a value can be."
+        f"{odd}: the posterior mean lies in the outer {percent(OUTER)} of its prior. Check "
+        "whether that is plausible."
         if odd
         else f"No posterior mean lies in the outer {percent(OUTER)} of its prior."
     )
@@ -206,7 +207,9 @@ def corner_section(data: ReportData) -> list[Block]:
 
 def trace_section(data: ReportData) -> list[Block]:
     """Return the traces of every fit."""
-    words = "means of each ensemble. Lines that stay in the grey have forgotten where they began."
+    words = (
+        "means of each ensemble. Lines within the grey band no longer depend on where they started."
+    )
     # What does not apply, as of a form that importance sampling drew, is left out.
     return [Picture(f"traces-{name}", f"{form_name(name)}: {words}") for name in data.ranked]
 

@@ -268,7 +268,7 @@ def _agreement(data: ReportData, leaders: dict[str, tuple[str, str]]) -> str:
     found = (
         "Bayes factors do not decide. These scores put first"
         if open_
-        else f"They do not all agree with the Bayes factors, which favour {form_name(data.best)}"
+        else f"Bayes factors favour {form_name(data.best)}, but some scores put another form first"
     )
     return (
         f"{found}: {'; '.join(parts)}. The two answer different questions. A Bayes factor compares "
@@ -291,7 +291,7 @@ def _rows_table(scores: pd.DataFrame) -> Table:
             ]
             for row in scores.to_dict("records")
         ],
-        "Single rows left out, by Pareto-smoothed importance sampling. Weight: of stacking.",
+        "Single rows left out, by Pareto-smoothed importance sampling. Weight: stacking weight.",
     )
 
 

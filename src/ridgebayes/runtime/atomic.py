@@ -123,7 +123,7 @@ def exclusive_lock(path: Path) -> Iterator[None]:
         lock.acquire(blocking=False)
     except Timeout:
         raise InputError(
-            f"{path}: another process is working on it; use another -o, or wait for its end"
+            f"{path}: another process is working on it; use another -o, or wait until it has ended"
         ) from None
     except OSError as error:
         if error.errno not in (errno.ENOLCK, errno.ENOTSUP):  # a file system without locks

@@ -81,12 +81,12 @@ class Scene(fields.Record):
     friction : float, scalar, dimensionless
         Coulomb's coefficient.
     relative : float or None, scalar, dimensionless
-        Wanted relative accuracy of each transition load; None leaves it to the solver.
+        Required relative accuracy of each transition load; that of the solver if None.
     uncertain : scene.uncertain.Uncertain or None, optional
-        Distributions of values whose medians stand above; made by `from_toml` and `from_dict`.
+        Distributions of the values above, which are their medians; see `from_toml`, `from_dict`.
     body : scene.units.Body, optional
-        Radius, modulus and length in SI units, for loads and lengths beside the scene; empty where
-        it has no units. Scenes that are equal but for it are equal.
+        Radius, modulus and length in SI units, for loads and lengths with units; empty if the
+        scene has none. Scenes that differ only in their body are equal.
 
     Examples
     --------
@@ -195,7 +195,7 @@ class Scene(fields.Record):
 
     @classmethod
     def paper(cls) -> "Scene":
-        """Return the study's textures: nine to p/E 0.02, and the extreme one held out.
+        """Return the study's textures: nine up to p/E 0.02, and a held-out one with wide grooves.
 
         Returns
         -------
@@ -239,7 +239,7 @@ class Scene(fields.Record):
 
     @classmethod
     def from_dict(cls, data: Json) -> "Scene":
-        """Make a scene of what a scene file says, with values of a program among them.
+        """Make a scene from a dict like a scene file, whose values may be Python objects.
 
         Parameters
         ----------
@@ -281,7 +281,7 @@ class Scene(fields.Record):
 
     @property
     def uncertain_names(self) -> tuple[str, ...]:
-        """Places of a scene file whose values are distributions."""
+        """Keys of the scene file whose values are distributions."""
         return () if self.uncertain is None else tuple(self.uncertain.texts)
 
     def at_medians(self) -> "Scene":
@@ -295,7 +295,7 @@ class Scene(fields.Record):
         return self.model_copy(update={"uncertain": None})
 
     def to_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the scene, free of units: `Scene.from_toml` gives back an equal one.
+        """Write the scene without units: `Scene.from_toml` reads an equal one.
 
         Parameters
         ----------

@@ -143,7 +143,9 @@ class _Texture(_Section):
         default=0.0,
         description="of the body from a groove's centre: -0.5 to 0.5 pitches, or `uniform`",
     )
-    role: fields.Role = Field(default="calibration", description="or `held-out`: never fitted")
+    role: fields.Role = Field(
+        default="calibration", description="or `held-out`: predicted, not fitted"
+    )
     max_p_over_E: fields.Positive | None = Field(
         default=None, description="highest load on it alone"
     )
@@ -162,7 +164,7 @@ class _Load(_Section):
 
 class _Accuracy(_Section):
     relative: fields.Relative | None = Field(
-        default=None, description="wanted, of each transition load"
+        default=None, description="required accuracy of each transition load"
     )
 
 

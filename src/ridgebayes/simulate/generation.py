@@ -80,40 +80,39 @@ def generate(
     scene : Scene or path
         Textures, Poisson's ratio, highest load.
     solver : {"auto", "hertz", "half-plane", "two-scale", "cylinder-linear", "cylinder-fe"}
-        ``"auto"`` simulates the effects that the scene calls for, see `scene.estimates.plan`;
-        ``"half-plane"`` all that the scene gives but friction, at small strain; ``"two-scale"``
-        the same ridges under a body that is deformed largely, as a smooth cylinder is;
-        ``"hertz"`` is the smooth closed form in ridge units; ``"cylinder-linear"`` the whole
-        cylinder at small strain by finite elements, of sharp, centred textures; ``"cylinder-fe"``
-        all that the scene gives on the whole cylinder, at finite strain, by finite
-        elements.
+        ``"auto"`` simulates the effects that matter in the scene, see `scene.estimates.plan`.
+        ``"half-plane"`` simulates everything in the scene but friction, at small strain;
+        ``"two-scale"`` the same ridges under the large deformation of a smooth cylinder.
+        ``"hertz"`` is the smooth closed form in ridge units. ``"cylinder-linear"`` computes the
+        whole cylinder at small strain by finite elements, for sharp, centred textures;
+        ``"cylinder-fe"`` simulates everything in the scene on the whole cylinder, at finite
+        strain, by finite elements.
     rel_tol : float or None, scalar, dimensionless
-        Wanted relative error of each load; None is that of `accuracy`, or the scene's if tighter.
+        Required relative error of each load. If None that of `accuracy`, or the scene's if smaller.
     accuracy : str, optional
         ``quick`` (1e-4, and the coarse mesh of finite elements), ``standard`` (1e-8) or
         ``reference`` (1e-10, and a mesh twice as fine), see `LoadPreset`.
     pressed : callable, optional
-        Is given each texture that finite elements simulate: the cylinder, and its transitions with
-        the states there, such as `ridgebayes.commands.fields` writes to files. In this
-        process only: not with an executor or a journal.
+        Called for each texture that finite elements simulate, with the cylinder, its transitions
+        and the states there, as `ridgebayes.commands.fields` writes them to files. Not possible
+        with an executor or a journal.
     executor : concurrent.futures.Executor, optional
-        What textures are computed on, such as `ridgebayes.runtime.pool.workers` gives; one after
+        Where textures are computed, for example `ridgebayes.runtime.pool.workers`; one after
         another if not given. The result is the same.
     journal : Journal, optional
-        Where each texture is kept when it is done. What is there already, of the same texture,
-        options and version, is not computed again.
+        Where finished textures are saved. A texture that is already there, with the same options
+        and version, is not computed again.
     progress : callable, optional
         Called with a line of text whenever a texture is done.
 
     Returns
     -------
     ContactTable
-        A row per transition with p/E at or below the load; Q counts ridges in contact, so that it
-        may be odd where the body is offset. A transition that was not computed but should lie
-        below the load, by the growth as k^2 of those before it, stands there without a load, its
-        status saying why. An offset ``"uniform"`` is eight curves, at offsets of 1/32, 3/32, ...
-        of a pitch. `source` names the effects that were simulated, and
-        what is uncertain in the scene: its medians are taken.
+        A row per transition with p/E at or below the load. Q counts ridges in contact, so it may be
+        odd if the body is offset. A transition that could not be computed but is expected below
+        the load (loads grow as k^2) has a row without a load, and its status says why. An offset
+        ``"uniform"`` gives eight curves, at offsets of 1/32, 3/32, ... of a pitch. `source` names
+        the effects that were simulated, and the uncertain values, whose medians are used.
 
     Raises
     ------

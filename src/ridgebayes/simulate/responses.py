@@ -43,7 +43,7 @@ def contact_at_loads(
     solver: str = "auto",
     rel_tol: float = 1e-6,
 ) -> pd.DataFrame:
-    """Return what each texture of a scene does at each load.
+    """Return count, width and depth of the contact of each texture at each load.
 
     Parameters
     ----------
@@ -64,10 +64,9 @@ def contact_at_loads(
         in contact), contact_fraction (length in contact between its outermost ends),
         half_width_over_R (half of that distance), approach_over_R (relative to the surface at a
         distance R), penetration_over_R (deepest, into any groove), rel_se
-        (relative standard error of the load that does this; lengths err by about half of it; 0 at
-        small strain), status: other than ``"ok"`` it
-        says what failed, and numbers of that row are not to be used. Of an offset ``"uniform"``
-        all are means over 32 offsets, and Q is no longer whole.
+        (relative standard error of the load; that of lengths is about half of it; 0 at small
+        strain), status: if not ``"ok"`` it says what failed, and the numbers of that row must not
+        be used. For an offset ``"uniform"`` all are means over 32 offsets, and Q is not whole.
 
     Raises
     ------
@@ -78,12 +77,12 @@ def contact_at_loads(
     Notes
     -----
     *Validity.* No friction. "half-plane" is for small strain: within 1 % of finite strain up to
-    p/E = 0.015, of moderate grooves. "two-scale" goes to p/E = 0.5; `status` says of loads above
-    those at which it was held against finite elements. "auto" is as for `generate`, or two-scale
-    where that would take finite elements; where nu is under 0.3, half-plane to p/E = 0.1. Of
-    contacts of very many ridges nothing is computed, as `status` says.
+    p/E = 0.015, for moderate grooves. "two-scale" goes to p/E = 0.5; `status` marks loads above
+    those that were compared with finite elements. "auto" is as for `generate`, but two-scale where
+    that would use finite elements; if nu is under 0.3, half-plane to p/E = 0.1. Contacts of very
+    many ridges are not computed, and `status` says so.
 
-    *Accuracy.* Of a mean count: each change of a count is misplaced by at most a 64th of a pitch.
+    *Accuracy.* In a mean count, each change of the count is misplaced by at most 1/64 pitch.
 
     *Cost.* Milliseconds a texture and load; 32 times that for a uniform offset.
 
@@ -140,8 +139,8 @@ def ridge_forces(
         the ridge to the left of a floor), left_over_R, right_over_R (ends of contact), share (of
         the load), mean_pressure_over_E, penetration_over_R (into the groove to the right), rel_se
         (as of `contact_at_loads`), status.
-        Of a body that sits symmetrically the right half; its mirror image has the same. A load of
-        which nothing was computed has one row, whose status says why.
+        For a symmetric position only the right half is given; the left half is its mirror image. A
+        load that could not be computed has one row, and its status says why.
 
     Raises
     ------
@@ -197,12 +196,12 @@ def edge_forces(
     Returns
     -------
     pandas.DataFrame
-        A row an edge, from left to right. Columns texture, p_over_E, land (``ridge`` or ``floor``),
+        Rows are edges from left to right. Columns texture, p_over_E, land (``ridge`` or ``floor``),
         ridge (its number, or that of the ridge to the left of a floor), side (-1 left, 1 right),
         x_over_R (where contact ends, from the body's axis), K (over E sqrt(R)), G (over E R),
         lateral_force (net, on the body, over E R: the load is 2 p/E), status. K and G are 0 where
-        contact ends on a ridge's top, or the corner is round. A load of which nothing was
-        computed has one row, whose status says why.
+        contact ends on a ridge's top, or the corner is round. A load that could not be computed
+        has one row, and its status says why.
 
     Raises
     ------
@@ -211,8 +210,8 @@ def edge_forces(
 
     Notes
     -----
-    *Validity.* Small strain: as "half-plane" of `contact_at_loads`. What edges resist in sliding is
-    not computed here: see `docs/derivations/edges.md`.
+    *Validity.* Small strain: as "half-plane" of `contact_at_loads`. The resistance of edges to
+    sliding is not computed here: see `docs/derivations/edges.md`.
 
     *Accuracy.* The lateral force is that of the pressure's centroid. With sharp corners it is the
     sum of side G to 1e-6 of the sum of G.

@@ -41,13 +41,13 @@ def data_path(name: str) -> Path:
 
 
 def paper_sweep() -> ContactTable:
-    """Return the embedded default table: the paper's nine textures and the held-out extreme one.
+    """Return the embedded default table: the study's nine textures, and a held-out one.
 
     Returns
     -------
     ContactTable
-        Transition loads of the half-plane at nu = 0.5: to calibrate, nine textures to p/E = 0.02;
-        held out, (0.012, 0.09) to p/E = 0.045.
+        Transition loads of the half-plane at nu = 0.5. Nine textures up to p/E = 0.02 are for
+        calibration; (0.012, 0.09) up to p/E = 0.045 is held out.
 
     Raises
     ------
@@ -63,13 +63,13 @@ def paper_sweep() -> ContactTable:
 
 
 def reference_fe() -> ContactTable:
-    """Return the finite-strain finite-element rows that the forms are compared on as well.
+    """Return finite-strain finite-element loads, on which a run compares the forms a second time.
 
     Returns
     -------
     ContactTable
-        To calibrate, the study's nine textures by this package's cylinder; held out, the rows of
-        CalculiX on two of them, an independent program's.
+        For calibration the study's nine textures by this package's finite elements; held out, two
+        of them by CalculiX, an independent program.
 
     Raises
     ------

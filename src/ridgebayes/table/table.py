@@ -25,10 +25,10 @@ _SAME_LOAD = ("a_over_R", "b_over_R", "nu", "offset_over_R", "Q", "kind", "p_ove
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactTable(Tabular):
-    """Rows of the contact table, every rule of the contract held.
+    """Validated rows of the contact table.
 
-    `ContactTable.from_frame` and `read_table` make it. Columns of the user's own stand after those
-    of the contract:
+    `ContactTable.from_frame` and `read_table` make it. Your own columns follow those of the
+    contract:
 
     ================== ============================================================================
     a_over_R, b_over_R ridge and groove width over the radius: finite, > 0
@@ -55,8 +55,8 @@ class ContactTable(Tabular):
 
     Notes
     -----
-    Loads of one curve, the ``ok`` transitions of one texture, nu, offset, source, solver and
-    series, rise strictly with Q, and each Q stands once in it.
+    A curve is the ``ok`` transitions of one texture, nu, offset, source, solver and series. Its
+    loads rise strictly with Q, and each Q occurs once.
 
     A texture is its (a_over_R, b_over_R). One label on two textures is refused, because results
     are named by label. One texture under two labels is accepted (two samples of one geometry):
@@ -140,7 +140,7 @@ class ContactTable(Tabular):
         return self._frame.head(n)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw Q against load as steps, a curve a texture; rows that are not ``ok`` are not shown.
+        """Draw Q against load as steps, one curve per texture, without rows that are not ``ok``.
 
         Parameters
         ----------
@@ -205,7 +205,7 @@ class ContactTable(Tabular):
 
     @property
     def left_out(self) -> "ContactTable":
-        """The rows whose status is not ok, to be counted aloud."""
+        """The rows whose status is not ok; messages count them."""
         return self._where(~self._ok)
 
     @property
@@ -237,7 +237,7 @@ class ContactTable(Tabular):
         return tuple(str(label) for label in kept)
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the table, whole or not at all; optional columns that say nothing are left out.
+        """Write the whole table or nothing; optional columns without content are left out.
 
         Parameters
         ----------

@@ -46,31 +46,31 @@ def design(
     objective: str = "margin",
     rng: Rng = 0,
 ) -> Design:
-    """Find the textures that meet a goal with the probability asked for, and recommend one.
+    """Find the textures that meet a goal with the required probability, and recommend one.
 
     Parameters
     ----------
     source : Fit or Comparison
         Posterior; forms and error models are averaged by their weights.
     scene : Scene or path
-        Body and load, whose values may be distributions. Distributions of the scene's widths are
-        taken as those of widths as made, relative to what is asked for.
+        Body and load, whose values may be distributions. Distributions of the scene's widths
+        describe manufactured widths, relative to the nominal ones.
     goal : str or sequence of str
         Such as ``P(Q >= 8) >= 0.95``: see `ridgebayes.texture_design.goals` for what else.
     sizes : mapping, optional
-        ``a`` and ``b``: bounds (low, high) over R, those up to which textures are not extrapolated
-        if not given. ``step``: the sizes that can be made are its multiples, over R; a round number
-        that gives some 60 widths if not given.
+        ``a`` and ``b``: bounds (low, high) over R; the calibrated range if not given. ``step``:
+        only multiples of it (over R) are considered; a round number that gives some 60 widths if
+        not given.
     tolerance : str or Tolerance, optional
-        Of widths as made: ``5 %`` or a length over R, a standard deviation of each width (normal);
-        ``worst 5 %``: bounds, of which the worst corner counts.
+        Manufacturing tolerance: ``5 %`` or a length over R is the standard deviation of each width
+        (normal); ``worst 5 %`` sets bounds, and the goal has to be met at the worst corner.
     loads : str or sequence of float, optional
-        Loads p/E of goals that name none, the worst of which counts: LO:HI:N, also with units, or
-        numbers. The scene's largest load if not given.
+        Loads p/E for goals that name none, which have to be met at the worst of them: LO:HI:N, also
+        with units, or numbers. The scene's largest load if not given.
     objective : str, optional
-        margin (of those that cannot be told apart the coarsest), max-pitch, min-pitch, max-ridge,
-        min-ridge, max-groove, min-groove, or min-load: the smallest of the loads (20 steps to the
-        scene's largest if not given) that will do.
+        margin (the coarsest texture if margins are equal within error), max-pitch, min-pitch,
+        max-ridge, min-ridge, max-groove, min-groove, or min-load: the smallest load at which a
+        texture meets the goal (20 steps to the scene's largest load if `loads` is not given).
     rng : int or numpy.random.Generator, optional
         Seed; the same seed gives the same design.
 
@@ -89,12 +89,12 @@ def design(
 
     Notes
     -----
-    Probabilities are over forms, error models, coefficients, body, load and widths as made. Given
-    all of these but the error of the load, the probability is exact; it is averaged over 16,384
-    draws, the same for every texture (4,096 for a bound on the spread).
-    The recommended texture is inside the calibrated range where a feasible one is, and its
-    probability is above the level by two standard errors where one is. It is then drawn anew,
-    100,000 times, by what `friction_inputs` draws with.
+    Probabilities cover forms, error models, coefficients, body, load and manufactured widths. They
+    are exact over the error of the load, and averaged over 16,384 draws of the rest, the same for
+    every texture (4,096 for a bound on the spread).
+    If possible, the recommended texture is inside the calibrated range, and its probability exceeds
+    the level by two standard errors. It is checked by 100,000 new draws from the sampler of
+    `friction_inputs`.
 
     *Validity.* As `predict`; textures are new ones, but those calibrated on where widths, radius
     and their making are certain.

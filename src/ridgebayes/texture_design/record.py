@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # heavy
 DESIGN_COLUMNS = {  # of `designs`, and what each holds
     "a_over_R": "ridge width over the radius",
     "b_over_R": "groove width over the radius",
-    "probability": "of the goal with the least margin; of a bound on the spread `sd(Q)`, that",
+    "probability": "of the goal with the smallest margin; for a bound on the spread, `sd(Q)`",
     "probability_se": "its standard error",
     "feasible": "whether all goals are met",
     "extrapolation": "whether it lies beyond what was calibrated",
@@ -44,13 +44,13 @@ class Design(Tabular):
     check : dict
         n, probability and se of an independent run of draws at that texture, and the goal.
     shares : pandas.DataFrame
-        Sobol's indices there, see `texture_design.sensitivity`.
+        Sobol indices there, see `texture_design.sensitivity`.
     measure : pandas.DataFrame
         What knowing one source better would do: exactly, and to half its spread.
     form_reliability : dict
         beta, probability (of failure), trusted, and why not.
     simulate_next : pandas.DataFrame
-        Textures by what a simulation would tell of the two leading forms.
+        Textures, by how much a simulation would discriminate between the two leading forms.
     options : dict
         Bounds, step, loads, tolerance, what is averaged over, seed and version.
 
@@ -65,7 +65,7 @@ class Design(Tabular):
     >>> found.shown, len(found.to_dataframe()), found.plot().get_xlabel()
     ('probability', 110, 'ridge width $a/R$')
     >>> found.conditions
-    'At p/E 0.01, widths as asked for, averaged over hybrid and one error model.'
+    'At p/E 0.01, with widths made exactly, averaged over hybrid and one error model.'
     >>> json.loads(found.to_json()) == found.to_dict()
     True
     """
@@ -110,24 +110,24 @@ class Design(Tabular):
 
     @property
     def conditions(self) -> str:
-        """What the goals are asked for, in one sentence: loads, tolerance, forms and error models.
+        """Conditions of the goals in one sentence: loads, tolerance, forms and error models.
 
         p/E is that of the scene's medians.
         """
         loads = [one["p_over_E"] for one in self.options["loads"]]
         several = f" to {max(loads):.3g} ({len(loads)} loads)" if len(loads) > 1 else ""
-        size, kind = self.options["tolerance"]["size"], "as asked for"
+        size, kind = self.options["tolerance"]["size"], "made exactly"
         if size:
             over = " R" if self.options["tolerance"]["is_length"] else ""
             number = f"{size:.2g}" if over else f"{100 * size:.3g} %"
             worst = self.options["tolerance"]["is_worst"]
-            kind = f"off by {'at most' if worst else 'a standard deviation of'} {number}{over}"
+            kind = f"made to {'within' if worst else 'a standard deviation of'} {number}{over}"
         forms = list(dict.fromkeys(form for form, _, _ in self.options["averaged"]))
         n_pair = len(self.options["averaged"])
         error_models = "their error models" if n_pair > 1 else "one error model"
         return (
-            f"At p/E {min(loads):.3g}{several}, widths {kind}, averaged over {' and '.join(forms)} "
-            f"and {error_models}."
+            f"At p/E {min(loads):.3g}{several}, with widths {kind}, averaged over "
+            f"{' and '.join(forms)} and {error_models}."
         )
 
     def to_dataframe(self) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from ridgebayes.model.forms.base import Form
 
 @dataclass(frozen=True)
 class PowerLaw(Form):
-    """Power law, eq (5): one K per texture, and nothing to say of a texture without one.
+    """Power law, eq (5): one K per texture; it does not predict textures without a K.
 
     Parameters
     ----------
