@@ -16,6 +16,8 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.results import Fit, calibrate
+from ridgebayes.scene.scene import Scene
+from ridgebayes.simulate.generation import generate
 from ridgebayes.table.table import ContactTable
 
 SHORT = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
@@ -119,6 +121,28 @@ def test_calibrate__refuses_rows_without_misfit(paper):
     frame["p_over_E"] = Modified().load(frame["Q"], frame["a_over_R"], frame["b_over_R"])
     with pytest.raises(ComputationError, match=r"no interior mode.* sigma has no lower bound"):
         calibrate(ContactTable.from_frame(frame), Modified(), noise="iid")
+
+
+@pytest.mark.slow
+def test_calibrate__noiseless_loads_of_textures_alike_converge():
+    # Two textures with a = b: their loads differ by a factor, equal but for rounding.
+    widths = [(0.0125, 0.0125), (0.01875, 0.025), (0.03125, 0.0125), (0.03125, 0.03125)]
+    table = generate(Scene.of(widths, p_over_E=0.015))
+    fit = calibrate(table, Hybrid(), rng=1)
+    assert fit.converged
+    assert set(fit.error_model_weights) == {"step-smooth", "step-smooth:student"}
+
+
+def test_calibrate__rows_without_misfit_give_their_coefficients_where_offsets_are_shared(paper):
+    frame = paper.calibration.frame
+    frame["p_over_E"] = Modified().load(
+        frame["Q"], frame["a_over_R"], frame["b_over_R"], np.array([1.39])
+    )
+    fit = calibrate(ContactTable.from_frame(frame), Modified(), noise="texture", rng=1)
+    mean = fit.summary.set_index("parameter")["mean"]
+    assert fit.converged
+    assert mean["c"] == pytest.approx(1.39, abs=1e-7)  # loads are known to 1e-8
+    assert mean["sigma"] < 1e-8
 
 
 def test_calibrate__refuses_unknown_noise_and_seeds(paper):

@@ -40,6 +40,13 @@ def test_log_likelihood__of_an_exact_row_is_the_density_of_its_log_load(tail, or
     np.testing.assert_allclose(found, expected, rtol=1e-11)  # rounding: residuals of 0.1 beside 10
 
 
+def test_rows__that_share_offsets_are_known_to_eight_digits_at_most(observed):
+    data = observed([0, 0, 1], [4, 6, 4], -8.0, rel_se=np.array([0.0, 0.03, 1e-9]))
+    assert Rows.of(data, Modified()).rel_se.tolist() == [0.0, 0.03, 1e-9]
+    shared = Rows.of(data, Modified(), share_offsets=True)
+    assert shared.rel_se.tolist() == [1e-8, 0.03, 1e-8]
+
+
 @pytest.mark.parametrize(("tail", "oracle"), TAILS)
 @pytest.mark.parametrize("at", [-6.0, -0.5, 0.0, 1.5, 6.0])
 def test_log_likelihood__of_a_bracket_over_its_width_tends_to_the_density(

@@ -27,8 +27,8 @@ def no_mode(model: Model) -> ComputationError:
 def reproduces_rows(model: Model, u: FloatArray) -> bool:
     """Return whether some coefficients give all rows to their last digits.
 
-    Where rows are more than coefficients, the posterior is improper then, whatever the error model:
-    near sigma = 0 the likelihood grows faster than the coefficients' volume shrinks.
+    Where independent rows are more than coefficients, the posterior is improper then: near
+    sigma = 0 the likelihood grows faster than the coefficients' volume shrinks.
 
     Parameters
     ----------

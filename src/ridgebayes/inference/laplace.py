@@ -339,10 +339,8 @@ def _fit_conditional(model: Model, start: FloatArray, near: FloatArray | None = 
         raise no_mode(model) from None
     factor = linalg.block_diag(np.eye(k), root)
     mode = np.concatenate([reference, noise])
-    if (
-        model.to_theta(mode)[k] < _ROUNDING
-        and (model.data.is_exact & (model.data.rel_se == 0)).any()
-    ):
+    known = model.rows.exact & (model.rows.rel_se == 0)
+    if model.to_theta(mode)[k] < _ROUNDING and known.any():
         raise no_mode(model)
     log_density = float(model.marginal_log_density(mode))
     if not abs(log_density + frame.forward(np.zeros(k), noise)[1] + negative(noise)) < _ROUGH:

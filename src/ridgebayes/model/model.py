@@ -90,7 +90,7 @@ class Model:
         self._joint = JointPrior(self.priors.values())
         self._of_noise = JointPrior(list(self.priors.values())[self.n_coefficient :])
         self._a, self._b = data.a_over_R, data.b_over_R
-        self.rows = Rows.of(data, self.form)
+        self.rows = Rows.of(data, self.form, share_offsets=bool(self.noise.factors))
         self._known_variance = float(np.mean(self.rows.rel_se**2))
         self.offsets = offsets_of(self.noise, data)
         self.likelihood = self._chosen()

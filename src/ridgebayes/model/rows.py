@@ -16,6 +16,11 @@ from ridgebayes.model.forms import Form
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.tails import Tail
 
+# Relative standard error that a load has at least where rows share offsets: the tolerance of
+# half-plane loads. Without it rows that agree to rounding, as noiseless loads of two textures of
+# equal a/b do, leave sigma no lower bound, and no covariance holds their digits.
+LEAST_REL_SE = 1e-8
+
 
 @dataclass(frozen=True, eq=False)
 class Rows:
@@ -43,8 +48,17 @@ class Rows:
     lower: FloatArray
 
     @classmethod
-    def of(cls, data: Observations, form: Form) -> "Rows":
+    def of(cls, data: Observations, form: Form, *, share_offsets: bool = False) -> "Rows":
         """Take the shape of a form off some rows.
+
+        Parameters
+        ----------
+        data : Observations
+            Rows.
+        form : Form
+            Contact form.
+        share_offsets : bool, optional
+            Whether rows share offsets; none is known better than `LEAST_REL_SE` then.
 
         Raises
         ------
@@ -68,7 +82,8 @@ class Rows:
             lower[counts] = data.log_load[counts] - 2 * np.log(later)
         exact = data.is_exact
         lower[exact] = upper[exact]
-        return cls(data.texture, data.rel_se, exact, upper, lower)
+        rel_se = np.maximum(data.rel_se, LEAST_REL_SE) if share_offsets else data.rel_se
+        return cls(data.texture, rel_se, exact, upper, lower)
 
     @cached_property
     def centre(self) -> tuple[FloatArray, FloatArray]:
