@@ -143,9 +143,7 @@ class _Texture(_Section):
         default=0.0,
         description="of the body from a groove's centre: -0.5 to 0.5 pitches, or `uniform`",
     )
-    role: fields.Role = Field(
-        default="calibration", description="or `held-out`: predicted, not fitted"
-    )
+    role: fields.Role = Field(default="calibration", description="or `held-out`: not fitted")
     max_p_over_E: fields.Positive | None = Field(
         default=None, description="highest load on it alone"
     )
