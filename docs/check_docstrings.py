@@ -55,9 +55,10 @@ def public_names() -> Iterator[tuple[str, bool]]:
             yield f"{value.__module__}.{value.__qualname__}", False
             for member, what in inspect.getmembers(value):
                 inherited = not str(getattr(what, "__module__", "")).startswith("ridgebayes")
-                if member.startswith("_") or (inspect.isroutine(what) and inherited):
+                # From Python 3.13 on a cached property counts as a routine, too.
+                if member.startswith("_") or not (inspect.isroutine(what) and callable(what)):
                     continue
-                if inspect.isroutine(what):
+                if not inherited:
                     takes = len(inspect.signature(what).parameters) > isinstance(
                         inspect.getattr_static(value, member), type(public_names)
                     )
