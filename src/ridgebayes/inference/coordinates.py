@@ -145,11 +145,8 @@ class Funnel:
     def log_scales(self, u_noise: FloatArray) -> FloatArray:
         """Return log s of each direction, shape ``u_noise.shape[:-1] + (n_coefficient,)``."""
         variance = self.error_variance(u_noise)[..., None]
-        known = np.broadcast_to(
-            self.information > 0, np.broadcast(self.information, variance).shape
-        )
-        with np.errstate(divide="ignore", over="ignore"):  # far out a variance is 0 or infinite
-            odds = np.divide(self.information, variance, where=known, out=np.zeros(known.shape))
+        with np.errstate(all="ignore"):  # far out a variance is 0 or infinite
+            odds = np.where(self.information > 0, self.information / variance, 0.0)
         return -0.5 * np.log1p(odds)
 
     def slope(self, u_noise: FloatArray) -> FloatArray:
