@@ -24,6 +24,7 @@ from ridgebayes.inference.funnel_mode import (
     slope_in_w,
 )
 from ridgebayes.inference.mode_search import WIDTH, hessian, scale, searched
+from ridgebayes.inference.tabulated_conditional import TabulatedConditional
 from ridgebayes.inference.valley import Valley, find_valley
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.model import Model
@@ -41,6 +42,8 @@ _FAR = 1e100  # stands for minus the log density where there is none; its square
 _SHARP = 1e12  # curvature by (prior sds)^2 beyond which it is of rounding
 _ROUGH = 0.1  # by which a log density may differ between two ways to one point
 
+Frame = FunnelAbout | Conditional | TabulatedConditional | NoCoefficients
+
 
 @dataclass(frozen=True, eq=False)
 class Laplace:
@@ -54,7 +57,7 @@ class Laplace:
         Lower Cholesky factor of the covariance of w.
     log_density : float
         Log posterior density in u at the mode, not normalised.
-    frame : FunnelAbout, Conditional or NoCoefficients
+    frame : FunnelAbout, Conditional, TabulatedConditional or NoCoefficients
         The map between w and u of the coefficients.
     n_noise : int
         Parameters of the error model.
@@ -69,7 +72,7 @@ class Laplace:
     mode: FloatArray
     factor: FloatArray
     log_density: float
-    frame: FunnelAbout | Conditional | NoCoefficients
+    frame: Frame
     n_noise: int
     is_mode: bool = True
     other_modes: tuple[str, ...] = ()
@@ -308,11 +311,12 @@ def _fit_conditional(model: Model, start: FloatArray, near: FloatArray | None = 
     """Search the error model's parameters, each with the coefficients at their mean given them."""
     k, n_noise = model.n_coefficient, model.n_parameter - model.n_coefficient
     reference, noise = start[:k], np.zeros(n_noise) if near is None else near
+    exact = TabulatedConditional.of(model) if TabulatedConditional.serves(model) else None
     # Linearised about the prior's centre, then about where that led: the last search counts.
     for flat in (100 * _FLAT, 10 * _FLAT, _FLAT)[0 if near is None else 1 :]:
-        frame = Conditional.of(model, reference)
+        frame = exact or Conditional.of(model, reference)
 
-        def negative(u_noise: FloatArray, frame: Conditional = frame) -> FloatArray:
+        def negative(u_noise: FloatArray, frame: Frame = frame) -> FloatArray:
             u, log_jacobian = frame.forward(np.zeros((*u_noise.shape[:-1], k)), u_noise)
             everything = np.concatenate([u, u_noise], axis=-1)
             with np.errstate(over="ignore"):  # where a search runs off, which is told below
