@@ -212,7 +212,8 @@ class Fit(Posterior, Predictive, Tabular):
         -----
         Where rows share offsets, log_likelihood holds each row's density given the others, for
         leave-one-out scores. Its sum is not the likelihood of all rows: that is
-        log_likelihood_joint of sample_stats.
+        log_likelihood_joint of sample_stats. Where offsets were drawn (Student errors, brackets,
+        counts), log_likelihood is given these, and there is no other.
         """
         return arviz_object(all_groups(self))
 

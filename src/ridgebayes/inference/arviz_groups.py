@@ -146,9 +146,9 @@ def _variables(fit: Posterior) -> dict[str, Variables]:
     if rows is not None:
         rows = rows.reshape(*log_density.shape, len(data))
         groups["log_likelihood"] = {"log_load": ((*SAMPLE, "row"), rows)}
-        if fit.model.offsets is not None:
+        if fit.model.offsets is not None and not fit.model.is_latent:
             # Rows are scored given the others: their sum is not the likelihood, which this is.
-            joint = _joint(fit.model, u, log_density)
+            joint = log_density - fit.model.log_prior_density(u)
             groups["sample_stats"]["log_likelihood_joint"] = (SAMPLE, joint)
     return groups
 
@@ -164,14 +164,6 @@ def sample_stats(chains: Chains) -> Variables:
         "acceptance_rate": (("chain",), chains.acceptance),
         "tau": (("quantity",), chains.tau),
     }
-
-
-def _joint(model: Model, u: FloatArray, log_density: FloatArray) -> FloatArray:
-    """Return the log-likelihood of all rows: what was sampled less the prior, unless latent."""
-    if not model.is_latent:
-        return log_density - model.log_prior_density(u)
-    theta = model.to_theta(u)
-    return model.log_likelihood(theta.reshape(-1, model.n_parameter)).reshape(log_density.shape)
 
 
 def _parameters(model: Model, theta: FloatArray) -> Variables:

@@ -78,7 +78,8 @@ class TabulatedConditional:
     @property
     def n_coefficient(self) -> int:
         """Coefficients."""
-        return self.quantiles.shape[-2]
+        value: int = self.quantiles.shape[-2]
+        return value
 
     def forward(self, w: FloatArray, u_noise: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return coefficients' coordinates of standard normals `w`, and log |du/dw|."""
@@ -169,4 +170,5 @@ def _quantiles(u: FloatArray, log_density: FloatArray) -> FloatArray:
     found = np.empty((len(u), u.shape[2], len(_W)))
     for i, j in np.ndindex(found.shape[:2]):
         found[i, j] = np.interp(_W, w[i, :, j], u[i, :, j])
-    return np.maximum.accumulate(found, axis=-1) + _LEAST_SLOPE * _STEP * np.arange(len(_W))
+    value: FloatArray = np.maximum.accumulate(found, axis=-1)
+    return value + _LEAST_SLOPE * _STEP * np.arange(len(_W))
