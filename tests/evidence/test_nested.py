@@ -7,7 +7,7 @@ from scipy import stats
 from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import InputError
 from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.evidence.nested import _log_likelihood_given_offsets, nested_evidence
+from ridgebayes.evidence.nested import nested_evidence
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.forms import Hybrid, Modified
@@ -103,8 +103,9 @@ def test_latent__likelihood_is_that_of_rows_moved_by_the_sum_of_their_offsets(ta
     c, sigma, tau_texture, tau_step, df = 1.41, 0.07, 0.3, 0.2, 3.5
     scores = np.array([0.4, -1.1, 0.9, -0.3, 1.7, 0.6])  # of two textures; of Q = 4, 6, 8, 10
     assert model.n_coordinate == model.n_parameter + len(scores)
-    theta = [c, sigma, tau_texture, tau_step, *([df] if tail == "student" else [])]
-    found = _log_likelihood_given_offsets(model, np.array([*theta, *scores]))
+    theta = np.array([c, sigma, tau_texture, tau_step, *([df] if tail == "student" else [])])
+    u = np.concatenate([model.to_unconstrained(theta), scores])
+    found = float(model.log_density(u) - stats.norm.logpdf(u).sum())
 
     error = stats.t(df) if tail == "student" else stats.norm()
     scale = np.hypot(sigma, 0.05)

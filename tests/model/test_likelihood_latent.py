@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from scipy import stats
 
 import ridgebayes as rb
 from ridgebayes.model.forms import Modified
@@ -94,85 +94,44 @@ def integral(log_density, n, half=10.0, step=0.2):
     return peak + math.log(np.exp(values - peak).sum()) + n * math.log(step)
 
 
-def joint_integral(likelihood, eta, n_texture, n, **grid):
-    rates = np.full((1, n_texture), RATE)
-    return integral(lambda latent: likelihood.joint(rates, eta[None], latent), n, **grid)
-
-
 @pytest.mark.parametrize("tail", [NORMAL, STUDENT])
 @pytest.mark.parametrize("kind", ROWS)
-def test_joint__of_one_latent_integrates_to_the_likelihood_over_its_offset(kind, tail, observed):
-    data = six(observed, kind)
-    likelihood, eta = sampled("texture", data, tail), eta_of("texture", tail)
-    assert likelihood.n_latent == 1
-
-    def log_density(z):
-        b = TAU_TEXTURE * z[:, 0]
-        rows = [row_density(data, i, tail, b, b) for i in range(6)]
-        return log_product(rows) + stats.norm.logpdf(z[:, 0])
-
-    expected = integral(log_density, 1, step=0.05)
-    found = joint_integral(likelihood, eta, 1, 1)
-    # Quadrature: the trapezoidal rule in either coordinate, steps far below the widths.
-    assert found == pytest.approx(expected, abs=1e-8)
-
-
-@pytest.mark.parametrize("tail", [NORMAL, STUDENT])
-def test_joint__of_two_latents_integrates_to_the_likelihood_over_plain_offsets(
-    kind, tail, observed
+@pytest.mark.parametrize("structure", ["texture", "step", "texture+step"])
+def test_joint__is_the_density_of_rows_moved_by_offsets_times_that_of_scores(
+    structure, kind, tail, observed
 ):
-    # A count looks at its step's offset and at the next one's: three steps, three latents.
+    # A count looks at its step's offset and at the next one's.
     data = six(observed, kind)
-    likelihood, eta = sampled("step", data, tail), eta_of("step", tail)
-    n = 3 if kind == "counts" else 2
-    assert likelihood.n_latent == n
-
-    def log_density(z):
-        b = np.zeros((len(z), 4))
-        b[:, 1 : n + 1] = TAU_STEP * z  # of steps 2, 4, 6, 8
-        rows = [
-            row_density(data, i, tail, b[:, q // 2 - 1], b[:, (q // 2) % 4])
-            for i, q in enumerate(data.Q.tolist())
-        ]
-        return log_product(rows) - 0.5 * ((z**2).sum(axis=1) + n * LOG_2PI)
-
-    # Quadrature: the trapezoidal rule in either coordinate, steps far below the widths.
-    grid = {"half": 9.0, "step": 0.4} if n == 3 else {}
-    expected = integral(log_density, n, **grid)
-    found = joint_integral(likelihood, eta, 1, n, **grid)
-    assert found == pytest.approx(expected, abs=1e-8)
-
-
-@pytest.mark.slow
-def test_joint__of_crossed_factors_integrates_to_the_likelihood_of_their_sum(observed):
-    # One texture: its offset and a step's meet in every row; the plane of both against one line.
-    data = observed([0, 0, 0], 4, middle(4) + np.array([0.05, 0.1, 0.4]), rel_se=[0, 0.02, 0])
-    likelihood, eta = sampled("texture+step", data), eta_of("texture+step")
-
-    def density(b):
-        rows = [row_density(data, i, STUDENT, b, b) for i in range(3)]
-        return stats.norm.pdf(b, scale=math.hypot(TAU_TEXTURE, TAU_STEP)) * np.prod(rows)
-
-    exact = integrate.quad(density, -0.8, 0.8, points=[0.0, 0.1], epsabs=0, epsrel=1e-10)[0]
-    found = joint_integral(likelihood, eta, 1, 2)
-    assert found == pytest.approx(math.log(exact), abs=1e-8)  # quadrature: quad's tolerance
+    likelihood, eta = sampled(structure, data, tail), eta_of(structure, tail)
+    scores = np.random.default_rng(1).standard_normal((20, likelihood.n_latent))
+    n_texture = int("texture" in structure)
+    of_texture = TAU_TEXTURE * scores[:, 0] if n_texture else np.zeros(20)
+    steps = sorted({q + 2 * later for q in data.Q for later in (0, "counts" in kind)} - {2})
+    of_step = dict.fromkeys(range(2, 12, 2), np.zeros(20))
+    if "step" in structure:
+        columns = TAU_STEP * scores[:, n_texture:].T
+        of_step |= dict(zip(steps, columns, strict=True))
+    expected = stats.norm.logpdf(scores).sum(axis=1)
+    for i, q in enumerate(data.Q.tolist()):
+        b, b_next = (of_texture + of_step[one] for one in (q, q + 2))
+        expected += np.log(row_density(data, i, tail, b, b_next))
+    found = likelihood.joint(np.full((1, 1), RATE), eta[None], scores)
+    # Rounding, of scipy's differences of probabilities down to 1e-8.
+    np.testing.assert_allclose(found, expected, rtol=1e-7)
 
 
 @pytest.mark.parametrize("tail", [NORMAL, STUDENT])
-def test_joint__of_smooth_offsets_integrates_to_the_likelihood_over_correlated_ones(tail, observed):
+def test_joint__of_smooth_offsets_is_the_density_over_correlated_ones(tail, observed):
     data = six(observed, "brackets")
     likelihood, eta = sampled("step-smooth", data, tail), eta_of("step-smooth", tail)
     correlation = math.exp(-0.5 * (math.log(2) / 0.8) ** 2)
     factor = TAU_STEP * np.linalg.cholesky([[1 + 1e-8, correlation], [correlation, 1 + 1e-8]])
-
-    def log_density(z):
-        b = z @ factor.T
-        rows = [row_density(data, i, tail, b[:, i // 3], None) for i in range(6)]
-        return log_product(rows) - 0.5 * (z**2).sum(axis=1) - LOG_2PI
-
-    # Quadrature: the trapezoidal rule, exponentially exact.
-    found = joint_integral(likelihood, eta, 1, 2)
-    assert found == pytest.approx(integral(log_density, 2), abs=1e-8)
+    scores = np.random.default_rng(1).standard_normal((20, 2))
+    b = scores @ factor.T
+    rows = [row_density(data, i, tail, b[:, i // 3], None) for i in range(6)]
+    expected = np.log(rows).sum(axis=0) + stats.norm.logpdf(scores).sum(axis=1)
+    found = likelihood.joint(np.full((1, 1), RATE), eta[None], scores)
+    np.testing.assert_allclose(found, expected, rtol=1e-7)  # rounding
 
 
 def crossed(observed):
@@ -184,60 +143,17 @@ def crossed(observed):
     return observed(texture, Q, load)
 
 
-def test_joint__of_many_latents_has_the_likelihood_as_its_mean_over_standard_normals(observed):
-    data = crossed(observed)
-    likelihood, eta = sampled("texture+step", data), eta_of("texture+step")
-    rng, n_draw = np.random.default_rng(2), 10_000
-    latent = 1.1 * rng.standard_normal((n_draw, 6))
-    rates = np.full((1, 3), RATE)
-    log_weight = likelihood.joint(rates, eta[None], latent)
-    log_weight = log_weight - stats.norm(0, 1.1).logpdf(latent).sum(axis=1)
-    weight = np.exp(log_weight - log_weight.max())
-    found = log_weight.max() + math.log(weight.mean())
-    se = weight.std() / weight.mean() / math.sqrt(n_draw)
-    # The textures' offsets on a grid of three axes; given them, each step's integral is a line.
-    axis, line = np.arange(-6, 6.01, 0.4), np.arange(-7, 7.01, 0.2)
-    each = np.empty((3, 3, len(axis), len(line)))  # texture, step
-    for j in range(3):
-        for k in range(3):
-            rows = np.flatnonzero((data.texture == j) & (4 + 2 * k == data.Q))
-            b = TAU_TEXTURE * axis[:, None] + TAU_STEP * line
-            each[j, k] = np.prod([row_density(data, i, STUDENT, b, b) for i in rows], axis=0)
-    weights = stats.norm.pdf(line) * 0.2
-    steps = np.einsum("kal,kbl,kcl,l->kabc", *each, weights)
-    total = np.einsum("abc,a,b,c->", steps.prod(axis=0), *[stats.norm.pdf(axis) * 0.4] * 3)
-    assert se < 0.01
-    assert abs(found - math.log(total)) < 4 * se  # Monte Carlo
-    # The approximation that the mode is searched with: within a quarter of a nat here.
-    marginal = likelihood.marginal(rates, eta[None])[0]
-    assert marginal == pytest.approx(math.log(total), abs=0.25)
-
-
 @pytest.mark.parametrize("structure", ["texture", "step", "step-smooth"])
 def test_marginal__is_near_the_integral(structure, kind, observed):
     data = six(observed, kind)
     likelihood, eta = sampled(structure, data), eta_of(structure)
     n = likelihood.n_latent
-    grid = {"half": 9.0, "step": 0.4} if n == 3 else {}
-    exact = joint_integral(likelihood, eta, 1, n, **grid)
-    rough = likelihood.marginal(np.full((1, 1), RATE), eta[None])[0]
+    grid = {"half": 6.0} if n == 3 else {"step": 0.05}
+    rates = np.full((1, 1), RATE)
+    exact = integral(lambda scores: likelihood.joint(rates, eta[None], scores), n, **grid)
+    rough = likelihood.marginal(rates, eta[None])[0]
     # Laplace's approximation of six rows, an outlier among them: a quarter of a nat.
     assert rough == pytest.approx(exact, abs=0.25)
-
-
-@pytest.mark.parametrize("structure", Noise.structures[1:])
-def test_joint__of_normal_exact_rows_is_the_closed_form_times_standard_normals(structure, observed):
-    data, rng = crossed(observed), np.random.default_rng(3)
-    likelihood, eta = sampled(structure, data, NORMAL), eta_of(structure, NORMAL)
-    closed = IntegratedOffsets(Rows.of(data, Modified()), offsets_of(Noise(structure), data))
-    rates = RATE + 0.1 * rng.standard_normal((5, 3))
-    eta = eta * np.exp(0.5 * rng.standard_normal((5, len(eta))))
-    latent = rng.standard_normal((5, likelihood.n_latent))
-    expected = closed.marginal(rates, eta)
-    np.testing.assert_allclose(likelihood.marginal(rates, eta), expected, rtol=1e-10)  # rounding
-    found = likelihood.joint(rates, eta, latent)
-    expected = expected + stats.norm.logpdf(latent).sum(axis=1)
-    np.testing.assert_allclose(found, expected, rtol=1e-10)  # rounding
 
 
 @pytest.mark.parametrize("structure", Noise.structures[1:])
@@ -252,13 +168,10 @@ def test_marginal__of_a_student_of_very_many_degrees_is_the_normals_closed_form(
     # What 1 / df leaves: eighteen rows, of which one is 7 sigma out, z^4 / 4 df.
     atol = (7**4 / 4 + 18) / 1e7
     np.testing.assert_allclose(likelihood.marginal(rates, eta), expected, rtol=0, atol=atol)
-    latent = np.random.default_rng(4).standard_normal((1, likelihood.n_latent))
-    found = likelihood.joint(rates, eta, latent) - stats.norm.logpdf(latent).sum(axis=1)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=2 * atol)
 
 
 @pytest.mark.parametrize("structure", ["iid", *Noise.structures[1:]])
-def test_marginal__and_joint_with_series_too_are_the_normals_closed_form(structure, observed):
+def test_marginal__with_series_too_is_the_normals_closed_form(structure, observed):
     noise, data = Noise(f"{structure}+series"), crossed(observed)
     series = np.arange(18) // 2 % 3
     data = replace(data, series=series, series_labels=("a", "b", "c"))
@@ -272,13 +185,10 @@ def test_marginal__and_joint_with_series_too_are_the_normals_closed_form(structu
         likelihood = SampledOffsets(Rows.of(data, Modified()), offsets_of(both, data), tail)
         expected = closed.marginal(rates, eta[:, : len(noise.parameter_names)])
         np.testing.assert_allclose(likelihood.marginal(rates, eta), expected, rtol=0, atol=atol)
-        latent = np.random.default_rng(4).standard_normal((1, likelihood.n_latent))
-        found = likelihood.joint(rates, eta, latent) - stats.norm.logpdf(latent).sum(axis=1)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=2 * atol)
 
 
 @pytest.mark.parametrize("structure", Noise.structures[1:])
-def test_pointwise__and_given_are_of_the_offsets_that_the_latents_stand_for(structure, observed):
+def test_pointwise__and_given_are_of_the_offsets_of_the_scores(structure, observed):
     data, rng = crossed(observed), np.random.default_rng(5)
     likelihood = sampled(structure, data)
     rates = RATE + 0.05 * rng.standard_normal((4, 3))

@@ -69,21 +69,15 @@ def nested_evidence(
     dynesty = extra("dynesty", "dynesty", "nested sampling needs dynesty")
     n = model.n_coordinate
 
-    def at_cube(cube: FloatArray) -> FloatArray:
-        """Return theta, and scores where offsets are sampled, at a point of the unit cube."""
-        normal = ndtri(cube)
-        return np.concatenate([model.to_theta(normal), normal[model.n_parameter :]])
-
-    def log_likelihood(point: FloatArray) -> float:
-        if model.is_latent:
-            return _log_likelihood_given_offsets(model, point)
-        return float(model.log_likelihood(point))
+    def log_likelihood(u: FloatArray) -> float:
+        # A priori all coordinates are standard normals, scores of drawn offsets too.
+        return float(model.log_density(u) + 0.5 * (u * u + math.log(2 * math.pi)).sum())
 
     # Scores times an unknown scale lie along curved ridges, which no ellipsoid fits.
     walked = model.is_latent or n >= _WALKED
     sampler = dynesty.NestedSampler(
         log_likelihood,
-        at_cube,
+        ndtri,
         n,
         nlive=n_live,
         sample="rwalk" if walked else "unif",
@@ -101,22 +95,3 @@ def nested_evidence(
             "dynesty", math.nan, math.nan, f"not finished after {n_call_max} likelihood calls"
         )
     return LogEvidence("dynesty", float(found.logz[-1]), float(found.logzerr[-1]))
-
-
-def _log_likelihood_given_offsets(model: Model, point: FloatArray) -> float:
-    """Return the log-likelihood of all rows at theta and standard normal scores of the offsets."""
-    assert model.offsets is not None
-    theta, scores = np.split(point, [model.n_parameter])
-    eta = theta[model.n_coefficient :]
-    levels = model.offsets.root(eta).times(scores)
-    tail = model.noise.distribution
-    rows = model.rows.log_likelihood(
-        model.log_rates(theta),
-        eta[..., 0],
-        tail,
-        eta[..., -1] if tail.parameter_names else None,
-        levels[model.offsets.codes].sum(axis=0),
-        levels[model.offsets.codes_next].sum(axis=0),
-    )
-    value = float(rows.sum())
-    return value if not math.isnan(value) else -math.inf

@@ -1,9 +1,9 @@
 r"""The likelihood of rows whose shared offsets have no closed-form integral.
 
-Student errors, brackets and counts leave no normal integral over the offsets. Were the rows normal,
-of the same middles and widths, the scores given the parameters would be normal with mean m and
-Cholesky factor R of the precision, and ``xi = R' (scores - m)`` standard normal. The rows are not,
-so xi is only nearly so; the Jacobian keeps the density exact. Two ways integrate over xi:
+Student errors, brackets and counts leave no normal integral over the offsets' standard normal
+scores. Were the rows normal, of the same middles and widths, the scores given the parameters would
+be normal with mean m and Cholesky factor R of the precision, and ``xi = R' (scores - m)`` standard
+normal. The rows are not, so xi is only nearly so. Two ways integrate over xi:
 
 - where each row looks at one level of one factor, the integral is a product of one-dimensional
   ones: the trapezoidal rule in t, ``xi = sinh(a t) / a``, whose error falls exponentially with the
@@ -55,7 +55,7 @@ class Estimate(NamedTuple):
     log_joint : ndarray of float, shape (n_draw,)
         What `SampledOffsets.joint` is at `latent`.
     latent : ndarray of float, shape (n_draw, n_latent)
-        Coordinates xi of the offsets drawn.
+        Scores of the offsets drawn.
     """
 
     log_density: FloatArray
@@ -96,8 +96,9 @@ class SampledOffsets:
             top, share = _shares(self._lines(log_rates, eta, 0.0)[2])
             value: FloatArray = (top + np.log(share.sum(axis=-1))).sum(axis=-1)
             return value
-        at_centre = np.zeros((*eta.shape[:-1], self.n_latent))
-        return self.joint(log_rates, eta, at_centre) + 0.5 * self.n_latent * _LOG_2PI
+        if eta.ndim == 2 and len(log_rates) == len(eta):
+            return self._in_parts(self._laplace, log_rates, eta)
+        return self._laplace(log_rates, eta)
 
     def estimated(
         self, log_rates: FloatArray, eta: FloatArray, rng: np.random.Generator, n_point: int
@@ -113,10 +114,17 @@ class SampledOffsets:
         ]
         return Estimate(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
+    def _laplace(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
+        """Return Laplace's approximation about the mean of the scores, rows taken as normal."""
+        root, given, *_ = self._normal.given(self._residual(log_rates), eta)
+        rows = self._rows_given(log_rates, eta, root.times(given.mean)).sum(axis=-1)
+        value: FloatArray = rows - 0.5 * ((given.mean**2).sum(axis=-1) + given.log_det)
+        return value
+
     def _lines(
         self, log_rates: FloatArray, eta: FloatArray, shift: FloatArray | float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return nodes xi of each level, log densities, log weights, all (..., level, node)."""
+        """Return scores at nodes of each level, log densities, log weights: (..., level, node)."""
         _, given, *_ = self._normal.given(self._residual(log_rates), eta)
         t: FloatArray = _STEP * (np.arange(-_HALF, _HALF + 1.0)[:, None] + shift)
         xi, log_volume = _stretched(t, _STRETCH)
@@ -125,10 +133,8 @@ class SampledOffsets:
         offsets = self._offsets.root(each).times(scores)
         rows = self._rows_given(log_rates[..., None, :], each, offsets)
         log_joint = self._design.gather(rows) - 0.5 * (scores * scores + _LOG_2PI)
-        log_joint -= np.log(given.root)[..., None, :]
-        log_weight = log_joint + log_volume + math.log(_STEP)
-        xi = np.broadcast_to(xi, log_joint.shape)
-        nodes, joint, weight = (np.swapaxes(x, -1, -2) for x in (xi, log_joint, log_weight))
+        log_weight = log_joint + log_volume + math.log(_STEP) - np.log(given.root)[..., None, :]
+        nodes, joint, weight = (np.swapaxes(x, -1, -2) for x in (scores, log_joint, log_weight))
         return nodes, joint, weight
 
     def _from_lines(
@@ -136,10 +142,10 @@ class SampledOffsets:
     ) -> Estimate:
         """Estimate level by level, by nodes shifted at random."""
         shift = rng.random((len(eta), 1, self.n_latent)) - 0.5
-        xi, log_joint, log_weight = self._lines(log_rates, eta, shift)
+        scores, log_joint, log_weight = self._lines(log_rates, eta, shift)
         top, share = _shares(log_weight)
         place = _picked(share, rng)[..., None]
-        latent, joint = (np.take_along_axis(x, place, axis=-1)[..., 0] for x in (xi, log_joint))
+        latent, joint = (np.take_along_axis(x, place, axis=-1)[..., 0] for x in (scores, log_joint))
         total = top + np.log(share.sum(axis=-1))
         return Estimate(total.sum(axis=-1), joint.sum(axis=-1), latent)
 
@@ -161,14 +167,14 @@ class SampledOffsets:
         rows = self._rows_at(log_rates[:, None], eta[:, None], offset)
         left, off = site - mean, site[:, None] - offset
         closed = (weight * left * left).sum(axis=-1) + (given.mean**2).sum(axis=-1) + given.log_det
-        log_joint = rows.sum(axis=-1) + 0.5 * (weight[:, None] * off * off).sum(axis=-1)
-        log_joint -= 0.5 * closed[:, None]
-        log_joint -= 0.5 * (xi * xi + _LOG_2PI).sum(axis=-1)
-        log_weight = log_joint + (log_volume + 0.5 * (z * z + _LOG_2PI)).sum(axis=-1)
+        log_in_xi = rows.sum(axis=-1) + 0.5 * (weight[:, None] * off * off).sum(axis=-1)
+        log_in_xi -= 0.5 * closed[:, None]
+        log_in_xi -= 0.5 * (xi * xi + _LOG_2PI).sum(axis=-1)
+        log_weight = log_in_xi + (log_volume + 0.5 * (z * z + _LOG_2PI)).sum(axis=-1)
         top, share = _shares(log_weight)
         chosen = np.arange(len(eta)), _picked(share, rng)
         total = top + np.log(share.mean(axis=1))
-        return Estimate(total, log_joint[chosen], xi[chosen])
+        return Estimate(total, log_in_xi[chosen] + 0.5 * given.log_det, given.at(xi[chosen]))
 
     def products(self, eta: FloatArray, columns: FloatArray) -> FloatArray:
         """Return X' inverse(Sigma) X of columns (n_obs, m), rows taken as normal, (..., m, m).
@@ -184,27 +190,20 @@ class SampledOffsets:
         return products_given(self._design, root, weight, columns)
 
     def joint(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
-        """Return log-likelihood + log density of the scores + log Jacobian of xi, shape (...)."""
-        if eta.ndim == 2 and len(log_rates) == len(eta) == len(latent):
-            return self._in_parts(self._joint, log_rates, eta, latent)
-        return self._joint(log_rates, eta, latent)
-
-    def _joint(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
-        root, given, *_ = self._normal.given(self._residual(log_rates), eta)
-        scores = given.at(latent)
-        rows = self._rows_given(log_rates, eta, root.times(scores)).sum(axis=-1)
-        prior = -0.5 * ((scores**2).sum(axis=-1) + self.n_latent * _LOG_2PI)
-        value: FloatArray = rows + prior - 0.5 * given.log_det
+        """Return the log-likelihood given the scores + log density of these, shape (...)."""
+        rows = self.pointwise(log_rates, eta, latent).sum(axis=-1)
+        value: FloatArray = rows - 0.5 * (latent * latent + _LOG_2PI).sum(axis=-1)
         return value
 
     def pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
-        """Return log p(row | offsets), shape (n_draw, n_obs)."""
-        return self._in_parts(self._pointwise, log_rates, eta, latent)
+        """Return log p(row | scores), shape (..., n_obs)."""
+        if eta.ndim == 2 and len(log_rates) == len(eta) == len(latent):
+            return self._in_parts(self._pointwise, log_rates, eta, latent)
+        return self._pointwise(log_rates, eta, latent)
 
     def given(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> OffsetsGiven:
         """Return the offsets drawn, for each of many draws."""
-        scores = self._in_parts(self._scores, log_rates, eta, latent)
-        return OffsetsGiven(self._offsets, eta, self._offsets.root(eta), scores, None)
+        return OffsetsGiven(self._offsets, eta, self._offsets.root(eta), latent, None)
 
     def _in_parts(
         self, function: Callable[..., FloatArray], log_rates: FloatArray, *others: FloatArray
@@ -215,11 +214,7 @@ class SampledOffsets:
         return np.concatenate([function(*(x[p] for x in (log_rates, *others))) for p in parts])
 
     def _pointwise(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
-        root, given, *_ = self._normal.given(self._residual(log_rates), eta)
-        return self._rows_given(log_rates, eta, root.times(given.at(latent)))
-
-    def _scores(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> FloatArray:
-        return self._normal.given(self._residual(log_rates), eta).given.at(latent)
+        return self._rows_given(log_rates, eta, self._offsets.root(eta).times(latent))
 
     def _rows_given(self, log_rates: FloatArray, eta: FloatArray, b: FloatArray) -> FloatArray:
         return self._rows_at(log_rates, eta, self._normal.design.spread(b))

@@ -5,8 +5,8 @@ Which likelihood serves depends on the rows and the error model:
 - independent normal errors, exact rows: O(textures), by each one's number, mean, sum of squares;
 - normal errors and shared offsets, exact rows: offsets are integrated out in closed form;
 - independent rows with Student errors, brackets or counts: row by row;
-- these with shared offsets: the integral over the offsets is estimated, and an offset is drawn
-  with it, in coordinates in which it is nearly standard normal (`is_latent`).
+- these with shared offsets: the integral over the offsets is estimated, and their scores are drawn
+  with it (`is_latent`).
 """
 
 import math
@@ -65,7 +65,7 @@ class Model:
     -----
     `theta` holds the coefficients and then the error model's parameters on its last axis; any
     leading axes are draws. `u` is the same in unconstrained coordinates: the prior's normal scores,
-    in which the prior is a standard normal. Those of offsets that are drawn (`is_latent`) follow.
+    in which the prior is a standard normal. Scores of offsets that are drawn (`is_latent`) follow.
     """
 
     def __init__(
