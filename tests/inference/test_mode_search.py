@@ -1,8 +1,9 @@
 """The search of a function's minimum by its values: quadratics have closed forms."""
 
 import numpy as np
+import pytest
 
-from ridgebayes.inference.mode_search import hessian, scale, searched
+from ridgebayes.inference.mode_search import hessian, scale, searched, widths
 
 CENTRE = np.array([0.3, -1.2, 0.05])
 # One direction bends 1e4 times more than another, and the first two depend on each other.
@@ -30,3 +31,19 @@ def test_scale__shrinks_only_where_the_function_bends_sharply():
     assert factors[:2].tolist() == [1.0, 1.0]
     # Two steps of 0.1 raise the bowl by 100, of a sixteenth of that by 100 / 256.
     assert factors[2] == 1 / 16
+
+
+def test_widths__of_a_normal_are_its_sds_and_of_two_humps_what_spans_them():
+    sds = np.array([0.003, 0.2, 1.1])
+
+    def normal(x):
+        return 0.5 * (x * x / sds**2).sum(axis=-1)
+
+    # The rule's nodes double: a tenth; the widest is cut at four.
+    np.testing.assert_allclose(widths(normal, np.zeros(3)), sds, rtol=0.1)
+
+    def humps(x):
+        return -np.log(np.exp(-0.5 * (x / 0.01) ** 2) + np.exp(-0.5 * ((x - 1) / 0.3) ** 2))[..., 0]
+
+    # Seen from the narrow one, which has a thirtieth of the mass.
+    assert widths(humps, np.zeros(1))[0] == pytest.approx(1.03, rel=0.1)

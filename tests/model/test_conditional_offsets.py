@@ -28,6 +28,7 @@ CASES = {
     "one factor, independent": (ONE, DiagonalRoot(SCALE), SCALE[..., None] * np.eye(N_LEVEL)),
     "two factors, independent": (TWO, DiagonalRoot(SCALE), SCALE[..., None] * np.eye(N_LEVEL)),
     "one factor, varying together": (ONE, FullRoot(FACTOR), FACTOR),
+    "two factors, varying together": (TWO, FullRoot(FACTOR), FACTOR),
 }
 
 
@@ -63,9 +64,9 @@ def test_design__and_roots_are_the_products_with_dense_matrices(case):
     np.testing.assert_allclose(root.times(b), times(L, b), rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(root.transposed_times(b), times(t(L), b), rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(root.loading(design), t(Z @ L), rtol=1e-13)
-    sandwich = root.sandwich(gram)
-    diagonal = sandwich.ndim == b.ndim
-    found = sandwich[..., None] * np.eye(N_LEVEL) if diagonal else sandwich
+    precision = root.precision(design, WEIGHT)
+    diagonal = precision.ndim == b.ndim
+    found = precision[..., None] * np.eye(N_LEVEL) if diagonal else precision
     np.testing.assert_allclose(found, t(L) @ dense @ L, rtol=1e-11, atol=1e-12)
 
 
@@ -90,12 +91,9 @@ def test_given_rows__covariances_of_rows_offsets_are_those_of_dense_algebra(case
     loading = Z @ L
     M = np.eye(N_LEVEL) + t(loading) @ (WEIGHT[..., None] * loading)
     expected = loading @ np.linalg.inv(M) @ t(loading)
-    half, first, second = given.half(root.transposed), np.arange(6), np.arange(6, N_ROW)
-    variances = np.diagonal(expected, axis1=-2, axis2=-1)
+    half = given.half(root.loading(design))
     # Rounding: the condition of M is some 1e3.
-    np.testing.assert_allclose(design.squares(half), variances, rtol=1e-10)
-    pairs = design.products(half, first, second)
-    np.testing.assert_allclose(pairs, expected[..., first, second], rtol=1e-9, atol=1e-13)
+    np.testing.assert_allclose(t(half) @ half, expected, rtol=1e-9, atol=1e-13)
 
 
 def test_given_rows__integrates_the_scores_out_as_the_module_says(case):
@@ -144,7 +142,7 @@ def test_precision_root__of_very_many_levels_of_a_factor_is_the_dense_factor():
     design = Design(codes, n_first + n_second)
     root = DiagonalRoot(rng.uniform(0.5, 2.0, (3, n_first + n_second)))
     weight = rng.uniform(0.5, 2.0, (3, 160))
-    dense = root.sandwich(design.gram(weight)) + np.eye(n_first + n_second)
+    dense = root.precision(design, weight) + np.eye(n_first + n_second)
     found = precision_root(design, root, weight)
     np.testing.assert_allclose(found, np.linalg.cholesky(dense), rtol=0, atol=1e-13)  # rounding
     assert design.n_first >= n_first > 32  # the threshold of what is factorised apart

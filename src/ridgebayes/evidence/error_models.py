@@ -35,7 +35,7 @@ AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apar
 _CLOSE = 6.6
 _HEAVY = 1.6
 _OUT_OF_REACH = 12.0  # of a form that has less than 1e-4 of the best one's evidence, whatever errs
-_MORE = STANDARD.effort | {"n_draw": 2_560, "n_round": 5, "n_per_round": 1_024, "n_point": 128}
+_MORE = STANDARD.effort | {"n_draw": 2_560, "n_round": 5, "n_per_round": 1_024, "n_point": 32}
 # Standard error of a ln evidence, times the pair's probability, above which a pair whose offsets
 # are drawn takes more draws; of others a walk or quadrature makes sure.
 _UNSURE = 0.02
@@ -221,7 +221,7 @@ def _counts(one: Candidate, own: float, best: float) -> bool:
 def _efforts(one: Candidate, own: float, best: float, accuracy: Preset) -> tuple[Effort, ...]:
     """Return how many draws to take, and how many if weights turn out too uneven."""
     if own < best - _OUT_OF_REACH:
-        return (QUICK.effort,)
+        return (QUICK.effort | {"n_round": 1},)
     if one.evidence.value < own - _HEAVY:
         return (QUICK.effort, STANDARD.effort)
     return (accuracy.effort, _MORE if accuracy.walks else STANDARD.effort)

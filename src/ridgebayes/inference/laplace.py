@@ -23,7 +23,7 @@ from ridgebayes.inference.funnel_mode import (
     reproduces_rows,
     slope_in_w,
 )
-from ridgebayes.inference.mode_search import WIDTH, hessian, scale, searched
+from ridgebayes.inference.mode_search import hessian, searched, widths
 from ridgebayes.inference.tabulated_conditional import TabulatedConditional
 from ridgebayes.inference.valley import Valley, find_valley
 from ridgebayes.model.forms import FORMS
@@ -34,6 +34,7 @@ _ROUNDING = 1e-14  # misfit of log loads that their digits make
 _FLAT = 1e-3  # slope per prior sd at which a search may end: it costs an evidence 1e-6 at most
 _FEW = 4  # coefficients; of more, a proposal's mixture knows too little in its many dimensions
 _N_START = 256  # points tried where the prior's centre has no density
+_N_TRIED = 64  # points that a search among humps may begin at
 _CONFLICT = 4.0  # prior sds from the prior's centre at which a mode contradicts the prior
 _N_SEARCH = 4  # starts in search of other modes, and as many mirrored
 _APART = 5.0  # posterior sds between two modes that are not the same
@@ -224,11 +225,16 @@ def _valley(model: Model, found: Laplace) -> Valley | None:
     return find_valley(model, found.mode[:k], steps.T @ steps)
 
 
-def _fit(model: Model, start: FloatArray, tol: float = 1e-4) -> Laplace:
-    """Search from a start; `tol`: distance from the mode, in posterior sds, of independent rows."""
+def _fit(
+    model: Model, start: FloatArray, tol: float = 1e-4, near: FloatArray | None = None
+) -> Laplace:
+    """Search from a start; `tol`: distance from the mode, in posterior sds, of independent rows.
+
+    `near`: parameters of the error model that a search among these begins at.
+    """
     if model.is_iid_gaussian:
         return _fit_iid_gaussian(model, tol, start)
-    return _fit_conditional(model, start)
+    return _fit_conditional(model, start, near)
 
 
 def several_modes(model: Model, laplace: Laplace) -> tuple[str, ...]:
@@ -258,7 +264,9 @@ def several_modes(model: Model, laplace: Laplace) -> tuple[str, ...]:
     if type(model.form) in FORMS.values() and not contradicted:
         return ()
     k = model.n_coefficient
-    starts = np.random.default_rng(0).standard_normal((_N_SEARCH, k))
+    # Where coefficients are at their mean given the error model, searches differ in this alone.
+    n_search = _N_SEARCH if model.is_iid_gaussian else 1
+    starts = np.random.default_rng(0).standard_normal((n_search, k))
     for start in np.concatenate([np.zeros((1, k)), starts, -starts]):
         u = np.append(start, np.zeros(model.n_parameter - k))
         if not np.isfinite(model.marginal_log_density(u)):
@@ -270,7 +278,7 @@ def several_modes(model: Model, laplace: Laplace) -> tuple[str, ...]:
             theta[k] = np.sqrt(np.mean(residual**2))
             u = model.to_unconstrained(theta)
         try:
-            other = _fit(model, u, tol=1e-2)
+            other = _fit(model, u, 1e-2, u[k:] if contradicted else None)
         except ComputationError:
             continue
         apart = float(np.linalg.norm(laplace.whiten(other.mode)[0][: model.n_parameter]))
@@ -313,7 +321,9 @@ def _fit_conditional(model: Model, start: FloatArray, near: FloatArray | None = 
     reference, noise = start[:k], np.zeros(n_noise) if near is None else near
     exact = TabulatedConditional.of(model) if TabulatedConditional.serves(model) else None
     # Linearised about the prior's centre, then about where that led: the last search counts.
-    for flat in (100 * _FLAT, 10 * _FLAT, _FLAT)[0 if near is None else 1 :]:
+    # Where offsets are drawn densities are rough: there are no digits that a third would find.
+    flats = (100 * _FLAT, 10 * _FLAT, _FLAT)[: 2 if model.is_latent else 3]
+    for flat in flats[0 if near is None else 1 :]:
         frame = exact or Conditional.of(model, reference)
 
         def negative(u_noise: FloatArray, frame: Frame = frame) -> FloatArray:
@@ -323,19 +333,22 @@ def _fit_conditional(model: Model, start: FloatArray, near: FloatArray | None = 
                 value = -model.marginal_log_density(everything) - log_jacobian
             return np.where(np.isfinite(value), value, _FAR)
 
-        noise = searched(negative, noise, flat)
+        if model.is_latent and near is None and flat == flats[0]:
+            # Of humps, the search climbs that which it begins on.
+            tried = np.random.default_rng(0).standard_normal((_N_TRIED, n_noise))
+            tried[0] = noise
+            noise = tried[np.argmin(negative(tried))]
+        noise = searched(negative, noise, flat, smooth=not model.is_latent)
         if not np.all(np.abs(noise) < _RUNAWAY):
             raise no_mode(model)
         reference = frame.forward(np.zeros(k), noise)[0]
     precision = hessian(negative, noise)
-    values, vectors = linalg.eigh(precision)
-    is_mode = bool(np.all(values > 0))
-    if not np.all(np.abs(values) < _SHARP):
-        # Beside an edge of what rounding lets be computed: only how far away it is, is known.
-        precision, is_mode = np.diag((WIDTH * scale(negative, noise)) ** -2.0), False
-    elif not is_mode:
-        # Humps and kinks of a Student posterior: coordinates need a scale, not the very mode.
-        precision = (vectors * np.maximum(np.abs(values), 1)) @ vectors.T
+    values = linalg.eigvalsh(precision)
+    is_mode = bool(np.all((values > 0) & (values < _SHARP)))
+    if not is_mode:
+        # Humps and kinks of a Student posterior, or an edge of what rounding lets be computed:
+        # coordinates need a scale, not the very mode.
+        precision = np.diag(widths(negative, noise) ** -2.0)
     try:
         covariance = linalg.inv(precision)
         root = linalg.cholesky(0.5 * (covariance + covariance.T), lower=True)

@@ -14,32 +14,42 @@ WIDTH = 5 * _STEP  # of steps between slopes, where the function bends little
 
 
 def _value_and_slope(
-    function: Callable[[FloatArray], FloatArray], x: FloatArray
+    function: Callable[[FloatArray], FloatArray], x: FloatArray, order: int = 4
 ) -> tuple[float, FloatArray]:
-    """Value, and gradient by central differences of fourth order, all points in one call."""
-    steps = np.array([1.0, -1.0, 2.0, -2.0])[:, None, None] * _STEP * np.eye(len(x))
+    """Value, and gradient by central differences of second or fourth order, all in one call."""
+    steps = np.array([1.0, -1.0, 2.0, -2.0])[:order, None, None] * _STEP * np.eye(len(x))
     values = function(np.concatenate([x[None], (x + steps).reshape(-1, len(x))]))
-    ahead, behind, far_ahead, far_behind = values[1:].reshape(4, len(x))
-    return float(values[0]), (8 * (ahead - behind) - (far_ahead - far_behind)) / (12 * _STEP)
+    ahead, behind, *far = values[1:].reshape(order, len(x))
+    if not far:
+        return float(values[0]), (ahead - behind) / (2 * _STEP)
+    return float(values[0]), (8 * (ahead - behind) - (far[0] - far[1])) / (12 * _STEP)
 
 
 def searched(
-    function: Callable[[FloatArray], FloatArray], start: FloatArray, flat: float
+    function: Callable[[FloatArray], FloatArray],
+    start: FloatArray,
+    flat: float,
+    *,
+    smooth: bool = True,
 ) -> FloatArray:
-    """Return the minimiser, searched for in units of how sharply the function bends."""
+    """Return the minimiser, searched for in units of how sharply the function bends.
+
+    A function that is not smooth is an approximation itself: there the search ends where no slope
+    leads further.
+    """
     factors = scale(function, start)
 
     def scaled(y: FloatArray) -> FloatArray:
         return function(start + factors * y)
 
     found = optimize.minimize(
-        partial(_value_and_slope, scaled),
+        partial(_value_and_slope, scaled, order=4 if smooth else 2),
         np.zeros(len(start)),
         jac=True,
         method="BFGS",
         options={"gtol": flat},
     )
-    if not found.success:
+    if smooth and not found.success:
         # Rounding of nearly singular covariances: no slope is to be had of it.
         found = optimize.minimize(
             lambda y: float(scaled(y)), found.x, method="Nelder-Mead", options=_WITHOUT_SLOPE
@@ -72,4 +82,19 @@ def hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> Floa
     slopes = [[_value_and_slope(scaled, s)[1] for s in (step, -step)] for step in steps]
     rows = np.array([(ahead - behind) / (2 * WIDTH) for ahead, behind in slopes])
     value: FloatArray = 0.5 * (rows + rows.T) / np.outer(factors, factors)
+    return value
+
+
+def widths(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+    """Return by how much each coordinate spreads alone, exp(-function) being its density.
+
+    For functions with humps and kinks, whose curvature at a point says little of the rest. From a
+    thousandth of a prior sd to four.
+    """
+    out = 0.001 * 2.0 ** np.arange(13)
+    steps = np.concatenate([-out[::-1], [0.0], out])
+    values = function(x + steps[:, None, None] * np.eye(len(x)))
+    density = np.exp(np.minimum(values[len(out)] - values, 0.0))
+    mass = density * np.gradient(steps)[:, None]
+    value: FloatArray = np.sqrt(steps**2 @ mass / mass.sum(axis=0))
     return value

@@ -10,8 +10,6 @@ mean ``M^-1 L' Z' W r``. Everything else follows: the scores integrated out,
 in which no large numbers cancel. M has the size of the offsets, not of the rows.
 """
 
-import functools
-import itertools
 import math
 from contextlib import suppress
 from dataclasses import dataclass
@@ -61,18 +59,6 @@ class Design:
         """Z' with its zeros, shape (n_level, n_row)."""
         value: FloatArray = self._gather.toarray()
         return value
-
-    def squares(self, half: FloatArray) -> FloatArray:
-        """Return the diagonal of Z H' H Z', shape (..., n_row), of H (..., m, n_level)."""
-        if self.diagonal:
-            return self.spread((half * half).sum(axis=-2))
-        return self.products(half, slice(None), slice(None))
-
-    def products(self, half: FloatArray, *pair: IntArray | slice) -> FloatArray:
-        """Return elements of Z H' H Z', shape (..., n), by the rows of n pairs."""
-        square = np.swapaxes(half, -1, -2) @ half  # of the size of the offsets, not of the rows
-        levels = itertools.product(*(self.codes[:, rows] for rows in pair))
-        return functools.reduce(np.add, [square[..., i, j] for i, j in levels])
 
     def spread(self, b: FloatArray) -> FloatArray:
         """Return Z b: each row's offset, from (..., n_level) to (..., n_row)."""
@@ -161,16 +147,12 @@ class DiagonalRoot:
         """Return L' x, shape (..., n_level)."""
         return self._scale * x
 
-    def sandwich(self, gram: FloatArray) -> FloatArray:
-        """Return L' G L, of the shape of G: (..., n_level) where G is diagonal."""
-        if gram.ndim == self._scale.ndim:
+    def precision(self, design: Design, weight: FloatArray) -> FloatArray:
+        """Return L' Z' W Z L; its diagonal alone, (..., n_level), where it has nothing else."""
+        gram = design.gram(weight)
+        if gram.ndim == weight.ndim:
             return self._scale**2 * gram
         return self._scale[..., :, None] * gram * self._scale[..., None, :]
-
-    @property
-    def transposed(self) -> FloatArray:
-        """L', shape (..., n_level, n_level)."""
-        return self._scale[..., None] * np.eye(self._scale.shape[-1])
 
     def loading(self, design: Design) -> FloatArray:
         """Return (Z L)', shape (..., n_level, n_row)."""
@@ -187,7 +169,8 @@ class FullRoot:
     """
 
     def __init__(self, factor: FloatArray) -> None:
-        self._factor, self.transposed = factor, np.swapaxes(factor, -1, -2)
+        self._factor, self._transposed = factor, np.swapaxes(factor, -1, -2)
+        self._loading: tuple[Design, FloatArray] | None = None
 
     def times(self, scores: FloatArray) -> FloatArray:
         """Return L s, shape (..., n_level)."""
@@ -195,18 +178,23 @@ class FullRoot:
 
     def transposed_times(self, x: FloatArray) -> FloatArray:
         """Return L' x, shape (..., n_level)."""
-        return (self.transposed @ x[..., None])[..., 0]
+        return (self._transposed @ x[..., None])[..., 0]
 
-    def sandwich(self, gram: FloatArray) -> FloatArray:
-        """Return L' G L, shape (..., n_level, n_level); G of shape (..., n_level) is diagonal."""
-        if gram.ndim < self._factor.ndim:
-            return self.transposed @ (gram[..., None] * self._factor)
-        return self.transposed @ (gram @ self._factor)
+    def precision(self, design: Design, weight: FloatArray) -> FloatArray:
+        """Return L' Z' W Z L, shape (..., n_level, n_level)."""
+        # One factor times itself: half the work of a product of two.
+        if design.diagonal:
+            half = self._transposed * np.sqrt(design.gather(weight))[..., None, :]
+        else:
+            half = self.loading(design) * np.sqrt(weight)[..., None, :]
+        return half @ np.swapaxes(half, -1, -2)
 
     def loading(self, design: Design) -> FloatArray:
-        """Return (Z L)', shape (..., n_level, n_row)."""
-        others = (self.transposed[..., level] for level in design.codes[1:])
-        return sum(others, start=self.transposed[..., design.codes[0]])
+        """Return (Z L)', shape (..., n_level, n_row); kept for the next call."""
+        if self._loading is None or self._loading[0] is not design:
+            others = (self._transposed[..., level] for level in design.codes[1:])
+            self._loading = design, sum(others, start=self._transposed[..., design.codes[0]])
+        return self._loading[1]
 
     def inverted(self) -> "FullRoot | InverseFactor":
         """Return what `solve` may be asked of again and again, and takes less memory."""
@@ -261,7 +249,7 @@ def precision_root(design: Design, root: Root, weight: FloatArray) -> FloatArray
     ndarray of float, shape (..., n_level) or (..., n_level, n_level)
         NaN for draws whose weights are not finite, or so large that M cannot be factorised.
     """
-    precision = root.sandwich(design.gram(weight))
+    precision = root.precision(design, weight)
     if precision.ndim == weight.ndim:
         return np.sqrt(precision + 1)
     levels = np.arange(design.n_level)

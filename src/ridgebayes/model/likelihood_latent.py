@@ -161,9 +161,9 @@ class SampledOffsets:
         width = 1 + known * wider
         xi, log_volume = _stretched(z, _STRETCH_POINTS * known)
         xi, log_volume = width * xi, log_volume + np.log(width)
-        spread, middle = self._normal.design.spread, root.times(given.mean)
-        mean = spread(middle)
-        offset = spread(middle[:, None] + xi @ given.half(root.transposed))
+        design = self._normal.design
+        mean = design.spread(root.times(given.mean))
+        offset = mean[:, None] + xi @ given.half(root.loading(design))
         rows = self._rows_at(log_rates[:, None], eta[:, None], offset)
         left, off = site - mean, site[:, None] - offset
         closed = (weight * left * left).sum(axis=-1) + (given.mean**2).sum(axis=-1) + given.log_det
