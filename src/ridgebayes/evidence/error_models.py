@@ -222,7 +222,7 @@ def _efforts(one: Candidate, own: float, best: float, accuracy: Preset) -> tuple
     """Return how many draws to take, and how many if weights turn out too uneven."""
     if own < best - _OUT_OF_REACH:
         return (QUICK.effort | {"n_round": 1},)
-    if one.evidence.value < own - _HEAVY:
+    if one.evidence.value < own - _HEAVY or own < best - _CLOSE:
         return (QUICK.effort, STANDARD.effort)
     return (accuracy.effort, _MORE if accuracy.walks else STANDARD.effort)
 

@@ -19,6 +19,7 @@ from ridgebayes.runtime.pool import map_ordered
 
 SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
 _SURE, _LEAST_SURE = 0.1, 0.4  # standard errors of ln evidence: of a form's, of a pair's at most
+_OUT_OF_REACH, _ROUGH = 12.0, 1.0  # of a form so far behind, a change is told to this
 _LOW = 1.0  # in ln evidence: by which draws that do not reach a prior may be low
 
 _Task = TypeVar("_Task", Scaling, Changed)
@@ -102,8 +103,13 @@ def _sure_enough(
     key: tuple[str, str],
     change: tuple[str, float],
 ) -> float:
-    """Return the standard error that a pair bears: the larger, the less of its form it is."""
+    """Return the standard error that a pair bears: the larger, the less of its form it is.
+
+    The largest where the form is ruled out.
+    """
     form, noise = key
+    if used.loc[form].max() < used.max() - _OUT_OF_REACH:
+        return _ROUGH
     highest = max(
         value + _changes(found, form, str(other)).get(change, 0.0)
         for other, value in used.loc[form].items()
