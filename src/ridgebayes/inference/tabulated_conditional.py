@@ -28,7 +28,7 @@ _STEP, _LAST = 0.25, 6.0  # of the standard normals of the quantiles
 _W = np.arange(-_LAST, _LAST + _STEP / 2, _STEP)
 _FLOOR = -60.0  # log density relative to the highest that counts as none
 _LEAST_SLOPE = 1e-13
-_AT_ONCE = 4_000_000  # numbers
+_AT_ONCE = 300_000  # numbers, of which rows take some twenty arrays
 
 
 @dataclass(frozen=True, eq=False)
