@@ -34,7 +34,7 @@ AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apar
 # counts. Behind the best by more than `_HEAVY` a pair is part of a mixture, and takes fewer draws.
 _CLOSE = 6.6
 _HEAVY = 1.6
-_OUT_OF_REACH = 12.0  # of a form that has less than 1e-4 of the best one's evidence, whatever errs
+OUT_OF_REACH = 12.0  # of a form that has less than 1e-4 of the best one's evidence, whatever errs
 _MORE = STANDARD.effort | {"n_draw": 2_560, "n_round": 5, "n_per_round": 1_024, "n_point": 32}
 # Standard error of a ln evidence, times the pair's probability, above which a pair whose offsets
 # are drawn takes more draws; of others a walk or quadrature makes sure.
@@ -186,7 +186,7 @@ def weigh_error_models(
             task,
             screened=one,
             efforts=_efforts(one, _best(found, one.form), best, accuracy),
-            se_most=unsure * math.exp(min(total - one.evidence.value, _OUT_OF_REACH)),
+            se_most=unsure * math.exp(min(total - one.evidence.value, OUT_OF_REACH)),
         )
         for task, one in zip(tasks, found.values(), strict=True)
         if not one.left_to and _counts(one, _best(found, one.form), best)
@@ -214,13 +214,13 @@ def _is_tame(found: Mapping[tuple[str, str], Candidate], task: Weighing) -> bool
 
 def _counts(one: Candidate, own: float, best: float) -> bool:
     """Return whether a pair is drawn: near the best of its form, nearer if that is ruled out."""
-    within = _HEAVY if own < best - _OUT_OF_REACH else _CLOSE
+    within = _HEAVY if own < best - OUT_OF_REACH else _CLOSE
     return one.evidence.value > own - within
 
 
 def _efforts(one: Candidate, own: float, best: float, accuracy: Preset) -> tuple[Effort, ...]:
     """Return how many draws to take, and how many if weights turn out too uneven."""
-    if own < best - _OUT_OF_REACH:
+    if own < best - OUT_OF_REACH:
         return (QUICK.effort | {"n_round": 1},)
     if one.evidence.value < own - _HEAVY or own < best - _CLOSE:
         return (QUICK.effort, STANDARD.effort)

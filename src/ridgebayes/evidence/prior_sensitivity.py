@@ -10,6 +10,7 @@ import pandas as pd
 from scipy.special import logsumexp
 
 from ridgebayes.evidence.changed_prior import Changed, Scaling, found_anew, weighted_draws
+from ridgebayes.evidence.error_models import OUT_OF_REACH
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.inference.pareto_smoothing import K_MAX
@@ -19,7 +20,7 @@ from ridgebayes.runtime.pool import map_ordered
 
 SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
 _SURE, _LEAST_SURE = 0.1, 0.4  # standard errors of ln evidence: of a form's, of a pair's at most
-_OUT_OF_REACH, _ROUGH = 12.0, 1.0  # of a form so far behind, a change is told to this
+_ROUGH = 1.0  # of a form that is out of reach
 _LOW = 1.0  # in ln evidence: by which draws that do not reach a prior may be low
 
 _Task = TypeVar("_Task", Scaling, Changed)
@@ -108,7 +109,7 @@ def _sure_enough(
     The largest where the form is ruled out.
     """
     form, noise = key
-    if used.loc[form].max() < used.max() - _OUT_OF_REACH:
+    if used.loc[form].max() < used.max() - OUT_OF_REACH:
         return _ROUGH
     highest = max(
         value + _changes(found, form, str(other)).get(change, 0.0)
