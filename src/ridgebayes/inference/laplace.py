@@ -261,11 +261,12 @@ def several_modes(model: Model, laplace: Laplace) -> tuple[str, ...]:
     *Validity.* A mode that none of the searches ends at is not found.
     """
     contradicted = bool(np.abs(laplace.mode[: model.n_parameter]).max() > _CONFLICT)
-    if type(model.form) in FORMS.values() and not contradicted:
+    is_own = type(model.form) in FORMS.values()
+    if is_own and not contradicted:
         return ()
     k = model.n_coefficient
-    # Where coefficients are at their mean given the error model, searches differ in this alone.
-    n_search = _N_SEARCH if model.is_iid_gaussian else 1
+    # Of a rate that rises or falls, coefficients follow from the error model: few starts do then.
+    n_search = 1 if is_own and not model.is_iid_gaussian else _N_SEARCH
     starts = np.random.default_rng(0).standard_normal((n_search, k))
     for start in np.concatenate([np.zeros((1, k)), starts, -starts]):
         u = np.append(start, np.zeros(model.n_parameter - k))
