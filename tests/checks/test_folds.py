@@ -64,6 +64,35 @@ def test_folds_of__refuses_unknown_words_and_a_single_fold(data):
         folds_of(data.take(data.texture == 0), Hybrid(), IID)
 
 
+def test_folds_of__leaves_out_a_tenth_at_a_time_of_more_than_fifty(observed):
+    textures = [(0.01 + 0.0001 * i, 0.03) for i in range(51)]
+    texture = np.repeat(np.arange(51), 2)
+    many = observed(texture, np.tile([4, 6], 51), np.tile([-6.3, -4.8], 51), textures=textures)
+    folds = folds_of(many, Hybrid(), IID)
+    assert [fold.name for fold in folds] == [f"group {i} of 10" for i in range(1, 11)]
+    np.testing.assert_array_equal(sum(fold.left.astype(int) for fold in folds), np.ones(102))
+    n_left = [len(set(texture[fold.left])) for fold in folds]
+    assert sum(n_left) == 51  # whole textures
+    assert set(n_left) == {5, 6}
+    # Not one stretch of the table each, and the same ones for each form.
+    assert len(set(np.flatnonzero(folds[0].left[::2]) % 10)) > 1
+    others = folds_of(many, Modified(), IID)
+    assert all((a.left == b.left).all() for a, b in zip(folds, others, strict=True))
+    fifty = many.take(texture < 50)
+    assert len(folds_of(fifty, Hybrid(), IID)) == 50
+
+
+def test_refit__draws_a_power_law_of_very_many_textures_exactly(observed):
+    textures = [(0.01 + 0.0001 * i, 0.03) for i in range(51)]
+    texture = np.repeat(np.arange(51), 2)
+    load = np.random.default_rng(1).normal(-5, 0.3, 102)
+    many = observed(texture, np.tile([4, 6], 51), load, textures=textures)
+    fit, evidence = folds_of(many, PowerLaw(), IID)[0].refit()
+    assert evidence.method == "quadrature"
+    assert fit.sampler == "exact"
+    assert len(fit.model.data.textures) < 51
+
+
 def test_refit__is_the_fit_of_the_rows_that_stay(data):
     fold = folds_of(data, Modified(), IID, seed=3, effort=QUICK)[1]
     fit, evidence = pickle.loads(pickle.dumps(fold)).refit()

@@ -64,6 +64,8 @@ def coverage(
 ) -> pd.DataFrame:
     """Leave each texture out in turn, predict its transitions, and count those inside the bands.
 
+    Of more than fifty textures a tenth is left out at a time.
+
     Parameters
     ----------
     table : ContactTable

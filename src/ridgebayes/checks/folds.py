@@ -1,5 +1,6 @@
 """Rows left out in turn: what a fold leaves out, and its posterior given the rest.
 
+Of very many textures, counts or rows a fold leaves out a tenth, drawn at random.
 Where the posterior given all rows is known, its draws are weighted by what the rows left out took
 from them; only where too few of them count, or their density is only estimated, is a fold fitted
 anew. Its draws come from a proposal fitted to that posterior then, as long as weights allow it.
@@ -16,13 +17,14 @@ from scipy.special import logsumexp
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.evidence import LogEvidence
+from ridgebayes.evidence import LogEvidence, power_law_evidence
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import Laplace, fit_laplace
 from ridgebayes.inference.moves import Independence
 from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_smoothed
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
+from ridgebayes.inference.sampling import sample_posterior
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
 from ridgebayes.model.likelihood_latent import SampledOffsets
@@ -36,6 +38,8 @@ from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import stream
 
 LEAVES = ("texture", "step", "row")
+_MOST_FOLDS = 50  # each takes a fit for every form: above, ten folds of many tell as much
+_N_GROUP = 10
 # Less than `importance_posterior` takes by itself: a share of 41 rows asks for no second digit.
 EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 256, "n_point": 16}
 N_CRPS = 10_240  # draws behind a CRPS; its standard error is about 1 % of a predictive sd
@@ -101,7 +105,7 @@ class Fold:
     Parameters
     ----------
     name : str
-        The texture's label, ``Q = 8`` or ``row 3``.
+        The texture's label, ``Q = 8``, ``row 3``; or ``group 2 of 10``.
     data : Observations
         All rows.
     left : ndarray of bool, shape (n_obs,)
@@ -146,6 +150,8 @@ class Fold:
         if self.left.all():
             raise ComputationError("no row is left to fit")
         model, known = self._model(), self.known
+        if drawn_exactly(model):
+            return sample_posterior(model, seed=self.seed), power_law_evidence(model)
         if known is not None and known.laplace is not None:
             u = known.coordinates[:: max(len(known.coordinates) // _N_PROPOSAL, 1)]
             u = u[:, np.isin(known.names, model.parameter_names)]
@@ -210,7 +216,7 @@ def folds_of(
     effort: Mapping[str, int] | None = None,
     priors: ResolvedPriors | None = None,
 ) -> list[Fold]:
-    """Return one fold per texture, count Q or row.
+    """Return one fold per texture, count Q or row; ten of a tenth each where these are over fifty.
 
     Parameters
     ----------
@@ -237,6 +243,9 @@ def folds_of(
     if leave not in LEAVES:
         raise InputError(f"leave: expected one of {', '.join(LEAVES)}, got {leave!r}")
     codes, names = _codes(data, leave)
+    if len(names) > _MOST_FOLDS:
+        dealt = stream(seed, f"groups of {leave}").permutation(len(names)) % _N_GROUP
+        codes, names = dealt[codes], [f"group {i + 1} of {_N_GROUP}" for i in range(_N_GROUP)]
     if len(names) < 2:
         raise InputError(f"leave: expected rows of at least two, to leave one out, got {leave!r}")
     known = None

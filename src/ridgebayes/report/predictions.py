@@ -18,6 +18,7 @@ from ridgebayes.report.wording import (
     with_error,
 )
 from ridgebayes.runtime.text import count
+from ridgebayes.table.table import ContactTable
 
 MOST_ROWS = 30
 _NEW = {
@@ -233,7 +234,7 @@ def score_section(data: ReportData) -> list[Block]:
         for leave, part in left_out.groupby("leave", sort=False):
             if part["log_score"].notna().any():
                 leaders[str(leave)] = _leaders(part, "log_score")
-        blocks.append(Folded("Textures and steps left out", [_left_out_table(left_out)]))
+        blocks.append(Folded("Textures and steps left out", [_left_out_table(left_out, data.comparison.table)]))
     if blocks:
         words = (
             "Expected log predictive density (elpd) of held-out data, higher is better, and the "
@@ -295,21 +296,26 @@ def _rows_table(scores: pd.DataFrame) -> Table:
     )
 
 
-def _left_out_table(scores: pd.DataFrame) -> Table:
+def _left_out_table(scores: pd.DataFrame, table: ContactTable) -> Table:
     records = scores.to_dict("records")
+    fitted = table.calibration
+    n_left = {"texture": len(fitted.textures), "step": len(np.unique(fitted.column("Q")))}
     failed = "; ".join(f"{row['form']}, {row['failed']}" for row in records if row["failed"])
     return Table(
         ["Left out", "Form", "Log score ± standard error", "CRPS of log load", "Weight"],
-        [_left_out_row(row) for row in records],
-        "Each texture, or each count of edges, is left out in turn and predicted from the rest. "
+        [_left_out_row(row, n_left[str(row["leave"])]) for row in records],
+        "Each texture, or each count of edges, is left out in turn and predicted from the rest; "
+        "of more than 50 a tenth at a time. "
         "Log score: log density of the rows of a fold together. CRPS: 0.01 is about 1 % in load."
         + (f" Not fitted: {failed}." if failed else ""),
         text=(0, 1),
     )
 
 
-def _left_out_row(row: dict[Any, Any]) -> list[str]:
-    what = [f"{int(row['n_fold'])} {row['leave']}s in turn", form_name(row["form"])]
+def _left_out_row(row: dict[Any, Any], n_left: int) -> list[str]:
+    n_fold = int(row["n_fold"])
+    how = "in turn" if n_fold == n_left else f"in {n_fold} groups"
+    what = [f"{n_left} {row['leave']}s {how}", form_name(row["form"])]
     if pd.isna(row["log_score"]):
         return [*what, ABSENT, ABSENT, ABSENT]
     return [
