@@ -2,16 +2,15 @@
 
 import numpy as np
 import pytest
-from scipy import linalg, stats
+from scipy import stats
 
+from ridgebayes.model.cholesky import DenseFactor
 from ridgebayes.model.conditional_offsets import (
     Design,
     DiagonalRoot,
     FullRoot,
-    cholesky_or_nan,
     given_rows,
-    precision_root,
-    solve_lower,
+    square_sum,
 )
 
 BATCH, N_LEVEL, N_ROW = (2, 3), 5, 12
@@ -47,6 +46,24 @@ def t(matrix):
     return np.swapaxes(matrix, -1, -2)
 
 
+def whole(blocks):
+    """The matrix of a diagonal, a border and a corner, with its zeros."""
+    first, border, corner = blocks
+    top = [first[..., None] * np.eye(first.shape[-1]), t(border)]
+    top, bottom = (np.concatenate(row, axis=-1) for row in (top, [border, corner]))
+    return np.concatenate([top, bottom], axis=-2)
+
+
+def dense(factor):
+    """A lower factor with its zeros."""
+    if isinstance(factor, DenseFactor):
+        return factor.factor
+    found = whole((factor.diagonal, factor.border, factor.corner))
+    n = factor.diagonal.shape[-1]
+    found[..., :n, n:] = 0
+    return found
+
+
 def times(matrix, vector):
     return np.einsum("...ij,...j->...i", matrix, vector)
 
@@ -58,15 +75,13 @@ def test_design__and_roots_are_the_products_with_dense_matrices(case):
     np.testing.assert_array_equal(design.transposed, Z.T)
     np.testing.assert_allclose(design.spread(b), b @ Z.T, rtol=1e-13)  # rounding, and below
     np.testing.assert_allclose(design.gather(x), x @ Z, rtol=1e-12, atol=1e-14)
-    gram, dense = design.gram(WEIGHT), t(Z) @ (WEIGHT[..., None] * Z)
-    as_dense = gram[..., None] * np.eye(N_LEVEL) if design.diagonal else gram
-    np.testing.assert_allclose(as_dense, dense, rtol=1e-13)
+    dense = t(Z) @ (WEIGHT[..., None] * Z)
+    np.testing.assert_allclose(whole(design.gram(WEIGHT)), dense, rtol=1e-13)
     np.testing.assert_allclose(root.times(b), times(L, b), rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(root.transposed_times(b), times(t(L), b), rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(root.loading(design), t(Z @ L), rtol=1e-13)
     precision = root.precision(design, WEIGHT)
-    diagonal = precision.ndim == b.ndim
-    found = precision[..., None] * np.eye(N_LEVEL) if diagonal else precision
+    found = precision if isinstance(root, FullRoot) else whole(precision)
     np.testing.assert_allclose(found, t(L) @ dense @ L, rtol=1e-11, atol=1e-12)
 
 
@@ -82,8 +97,8 @@ def test_given_rows__has_mean_precision_and_variances_of_dense_algebra(case):
     loading = rng.standard_normal((*BATCH, N_LEVEL, 4))
     covariance = t(loading) @ np.linalg.inv(M) @ loading
     expected = np.diagonal(covariance, axis1=-2, axis2=-1)
-    np.testing.assert_allclose(given.variance(loading), expected, rtol=1e-10)
-    np.testing.assert_allclose(given.inverted().variance(loading), expected, rtol=1e-10)
+    for factor in (given.factor, given.factor.inverted()):
+        np.testing.assert_allclose(square_sum(factor.solve(loading)), expected, rtol=1e-10)
 
 
 def test_given_rows__covariances_of_rows_offsets_are_those_of_dense_algebra(case):
@@ -116,8 +131,7 @@ def test_scores_given__at_is_the_inverse_of_normals_and_has_the_covariance(case)
     scores = given.at(normal)
     # The normals that scores stand for, by the factor of their precision.
     off = scores - given.mean
-    is_diagonal = given.root.ndim == given.mean.ndim
-    back = off * given.root if is_diagonal else (t(given.root) @ off[..., None])[..., 0]
+    back = times(t(dense(given.factor)), off)
     np.testing.assert_allclose(back, normal, rtol=1e-10, atol=1e-12)
     design = Z @ L
     M = np.eye(N_LEVEL) + t(design) @ (WEIGHT[..., None] * design)
@@ -127,50 +141,10 @@ def test_scores_given__at_is_the_inverse_of_normals_and_has_the_covariance(case)
     np.testing.assert_allclose(spread @ t(spread), np.linalg.inv(M), rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize("most", [0, 64])
-def test_full_root__solve_is_the_inverse_of_times(monkeypatch, most):
-    monkeypatch.setattr("ridgebayes.model.conditional_offsets._INVERTED", most)
-    rng = np.random.default_rng(2)
-    x = rng.standard_normal((*BATCH, N_LEVEL, 2))
-    found = FullRoot(FACTOR).inverted().solve(x)
-    np.testing.assert_allclose(FACTOR @ found, x, rtol=1e-11, atol=1e-12)  # rounding
-
-
-def test_precision_root__of_very_many_levels_of_a_factor_is_the_dense_factor():
-    rng, n_first, n_second = np.random.default_rng(3), 40, 5
-    codes = np.stack([np.repeat(np.arange(n_first), 4), n_first + rng.integers(0, n_second, 160)])
-    design = Design(codes, n_first + n_second)
-    root = DiagonalRoot(rng.uniform(0.5, 2.0, (3, n_first + n_second)))
-    weight = rng.uniform(0.5, 2.0, (3, 160))
-    dense = root.precision(design, weight) + np.eye(n_first + n_second)
-    found = precision_root(design, root, weight)
-    np.testing.assert_allclose(found, np.linalg.cholesky(dense), rtol=0, atol=1e-13)  # rounding
-    assert design.n_first >= n_first > 32  # the threshold of what is factorised apart
-
-
-def test_cholesky_or_nan__marks_what_is_not_definite_and_keeps_the_rest():
-    good = FACTOR @ t(FACTOR)
-    matrices = good.copy()
-    matrices[0, 1] -= 100 * np.eye(N_LEVEL)
-    matrices[1, 2, 0, 0] = np.nan
-    found = cholesky_or_nan(matrices)
-    bad = np.zeros(BATCH, bool)
-    bad[0, 1] = bad[1, 2] = True
-    assert np.isnan(found[bad]).any(axis=(-2, -1)).all()
-    np.testing.assert_allclose(found[~bad] @ t(found[~bad]), good[~bad], rtol=1e-11, atol=1e-12)
-    np.testing.assert_array_equal(cholesky_or_nan(good)[~bad], found[~bad])
-
-
-@pytest.mark.parametrize("transposed", [False, True])
-@pytest.mark.parametrize(("n", "n_batch"), [(1, 50), (5, 50), (5, 3), (30, 4)])
-def test_solve_lower__is_scipys_system_by_system_however_many_there_are(n, n_batch, transposed):
-    rng = np.random.default_rng(n)
-    factor = np.tril(rng.standard_normal((2, n_batch, n, n))) + 3 * np.eye(n)
-    right = rng.standard_normal((n_batch, n, 2))
-    found = solve_lower(factor, right, transposed=transposed)
-    for i, j in np.ndindex(2, n_batch):
-        expected = linalg.solve_triangular(
-            factor[i, j], right[j], trans=int(transposed), lower=True
-        )
-        scale = np.abs(expected).max()
-        np.testing.assert_allclose(found[i, j], expected, rtol=0, atol=1e-11 * scale)  # rounding
+def test_row_variance__is_that_of_each_rows_loading(case):
+    design, root, Z, L, given = case
+    expected = square_sum(given.half(t(Z @ L)))
+    np.testing.assert_allclose(given.row_variance(root, design), expected, rtol=1e-11)  # rounding
+    # Rows of which only one is asked for have fewer levels of their own.
+    one = Design(design.codes[:, [3]], N_LEVEL)
+    np.testing.assert_allclose(given.row_variance(root, one)[..., 0], expected[..., 3], rtol=1e-11)

@@ -8,8 +8,9 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
+from ridgebayes.errors import ComputationError
 from ridgebayes.model.forms import Modified
-from ridgebayes.model.likelihood_latent import SampledOffsets
+from ridgebayes.model.likelihood_latent import MOST_OFFSETS, SampledOffsets
 from ridgebayes.model.likelihood_marginal import IntegratedOffsets
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -229,6 +230,16 @@ def test_joint__does_not_mind_the_order_of_rows(structure, observed):
         latent = np.random.default_rng(7).standard_normal((3, likelihood.n_latent))
         found.append(likelihood.joint(rates, eta, latent))
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9)  # rounding: order of summation
+
+
+def test_sampled__refuses_more_offsets_than_points_can_serve_but_not_of_one_factor(observed):
+    texture = np.arange(MOST_OFFSETS)
+    widths = tuple((0.01 + 1e-5 * j, 0.02) for j in range(MOST_OFFSETS))
+    many = observed(texture, np.full_like(texture, 4), -8.0, textures=widths)
+    assert sampled("texture", many).is_product
+    rule = f"{MOST_OFFSETS + 1} offsets of rows with Student errors, brackets or counts; expected"
+    with pytest.raises(ComputationError, match=rule):
+        sampled("texture+step", many)
 
 
 def brute_force_line(data, tail, scale):

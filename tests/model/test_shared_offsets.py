@@ -114,7 +114,7 @@ def test_loading__of_any_axes_of_draws_is_that_of_each(structure, lead, data):
     offsets, one = offsets_of(Noise(structure), data), eta_of(structure)
     eta, at = np.broadcast_to(one, (*lead, len(one))), np.array([4, 14])
     loading, rest = offsets.loading(eta, (0.02, 0.02), at, offsets.root(eta))
-    assert loading.shape == (*lead, offsets.n_level, 2)
+    assert loading.shape == (*lead, len(offsets.levels_of((0.02, 0.02))), 2)
     assert rest.shape == (*lead, 2)
     expected = offsets.loading(one[None], (0.02, 0.02), at, offsets.root(one[None]))
     for i in np.ndindex(lead):
@@ -149,7 +149,10 @@ def test_loading__of_a_calibrated_place_is_its_own_level_and_of_a_new_one_the_pr
         loading, rest = offsets.loading(eta, WIDTHS[TEXTURE[i]], Q[i : i + 1], root)
         # A smooth place is known but for its nugget, tau x 1e-4; the others exactly.
         atol = 1e-4 * 0.04 if "step-smooth" in structure else 0
-        np.testing.assert_allclose(loading[0, :, 0], at_rows[:, i], rtol=0, atol=1.01 * atol)
+        levels = offsets.levels_of(WIDTHS[TEXTURE[i]])
+        np.testing.assert_allclose(loading[0, :, 0], at_rows[levels, i], rtol=0, atol=1.01 * atol)
+        others = np.setdiff1d(np.arange(offsets.n_level), levels)
+        assert not at_rows[others, i].any()  # of other textures
         assert new_series <= rest[0, 0] <= new_series + 1.01 * atol**2
     if "step-smooth" not in structure:
         loading, rest = offsets.loading(eta, (0.02, 0.02), np.array([4, 14]), root)
@@ -254,11 +257,10 @@ def test_root__of_smooth_offsets_has_the_nugget_that_the_error_model_says(data):
 
 
 def test_offsets_of__refuses_more_offsets_of_two_factors_than_it_can_serve(observed):
-    texture = np.arange(LARGEST_CROSSED)
-    widths = tuple((0.01 + 1e-5 * j, 0.02) for j in range(LARGEST_CROSSED))
-    many = observed(texture, np.full_like(texture, 4), -8.0, textures=widths)
-    assert offsets_of(Noise("texture"), many).n_level == LARGEST_CROSSED
-    rule = f"texture\\+step: {LARGEST_CROSSED + 1} offsets of textures, steps and series"
+    steps = 2 * np.arange(2, LARGEST_CROSSED + 3)
+    many = observed(np.zeros_like(steps), steps, -8.0)
+    assert offsets_of(Noise("step"), many).n_level == LARGEST_CROSSED + 1
+    rule = f"texture\\+step: {LARGEST_CROSSED + 1} offsets of steps; expected at most"
     with pytest.raises(ComputationError, match=rule):
         offsets_of(Noise("texture+step"), many)
 

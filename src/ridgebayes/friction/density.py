@@ -20,7 +20,7 @@ from ridgebayes.friction.terms import PARAMETERS, coefficients
 from ridgebayes.inference.coordinates import NoCoefficients
 from ridgebayes.inference.laplace import Laplace
 from ridgebayes.inference.mode_search import hessian, searched
-from ridgebayes.model.conditional_offsets import cholesky_or_nan, solve_lower
+from ridgebayes.model.cholesky import cholesky_or_nan, solve_lower
 from ridgebayes.table.rules import row_codes
 
 _LOG_2PI = math.log(2 * math.pi)

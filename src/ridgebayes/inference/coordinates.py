@@ -37,7 +37,7 @@ import numpy as np
 from scipy import linalg
 
 from ridgebayes._types import FloatArray
-from ridgebayes.model.conditional_offsets import cholesky_or_nan, solve_lower
+from ridgebayes.model.cholesky import cholesky_or_nan, solve_lower
 from ridgebayes.model.model import Model
 
 

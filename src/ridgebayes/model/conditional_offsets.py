@@ -11,18 +11,22 @@ in which no large numbers cancel. M has the size of the offsets, not of the rows
 """
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import blas
 
 from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.model.cholesky import (
+    BorderedFactor,
+    DenseFactor,
+    Factor,
+    InverseFactor,
+    cholesky_or_nan,
+    solve_lower,
+)
 
-_SMALL = 16  # unknowns: of fewer, a batch is solved faster than system by system
-_MANY = 32  # levels of one factor, of which its block is factorised apart from the others'
-_INVERTED = 64  # levels up to which ten products with an inverse are quicker than ten solves
+Blocks = tuple[FloatArray, FloatArray, FloatArray]  # of a matrix: diagonal first, border, corner
 
 
 class Design:
@@ -47,12 +51,14 @@ class Design:
         rows, ones = np.tile(np.arange(n_row), n_factor), np.ones(n_factor * n_row)
         shape = (n_level, n_row)
         self._gather = sparse.csr_array((ones, (codes.ravel(), rows)), shape=shape)
-        if not self.diagonal:
-            first, second = np.repeat(codes, n_factor, axis=0), np.tile(codes, (n_factor, 1))
-            pairs = (first * n_level + second).ravel()
-            rows, ones = np.tile(np.arange(n_row), n_factor**2), np.ones(n_factor**2 * n_row)
-            shape = (n_level**2, n_row)
-            self._pairs = sparse.csr_array((ones, (pairs, rows)), shape=shape)
+        # Pairs of a further level with any: the border, then the corner.
+        n_rest = n_level - self.n_first
+        first, second = np.repeat(codes, n_factor, axis=0), np.tile(codes, (n_factor, 1))
+        pairs = ((first - self.n_first) * n_level + second).ravel()
+        rows = np.tile(np.arange(n_row), n_factor**2)[pairs >= 0]
+        shape = (n_rest * n_level, n_row)
+        pairs = pairs[pairs >= 0]
+        self._pairs = sparse.csr_array((np.ones(len(rows)), (pairs, rows)), shape=shape)
 
     @property
     def transposed(self) -> FloatArray:
@@ -68,11 +74,15 @@ class Design:
         """Return Z' x, from (..., n_row) to (..., n_level)."""
         return _apply(self._gather, x)
 
-    def gram(self, weight: FloatArray) -> FloatArray:
-        """Return Z' W Z; only its diagonal, (..., n_level), where it has nothing else."""
-        if self.diagonal:
-            return self.gather(weight)
-        return _apply(self._pairs, weight).reshape(*weight.shape[:-1], *(2 * (self.n_level,)))
+    def gram(self, weight: FloatArray) -> Blocks:
+        """Return Z' W Z: its first levels' diagonal, the further levels' border and corner."""
+        n, n_rest = self.n_first, self.n_level - self.n_first
+        first = self.gather(weight)
+        if not n_rest:
+            border, corner = (np.empty((*weight.shape[:-1], 0, size)) for size in (n, 0))
+            return first, border, corner
+        pairs = _apply(self._pairs, weight).reshape(*weight.shape[:-1], n_rest, self.n_level)
+        return first[..., :n], pairs[..., :n], pairs[..., n:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,21 +93,17 @@ class OffsetPosterior:
     ----------
     mean : ndarray of float, shape (..., n_level)
         Means.
-    root : ndarray of float, shape (..., n_level) or (..., n_level, n_level)
-        Lower Cholesky factor of the precision M; its diagonal alone where M is diagonal.
+    factor : DenseFactor or BorderedFactor
+        Lower Cholesky factor R of the precision M.
     """
 
     mean: FloatArray
-    root: FloatArray
-
-    @property
-    def _diagonal(self) -> bool:
-        return self.root.ndim == self.mean.ndim
+    factor: Factor
 
     @property
     def pivots(self) -> FloatArray:
         """Diagonal of the factor, shape (..., n_level): 1 of scores that rows say nothing of."""
-        return self.root if self._diagonal else np.diagonal(self.root, axis1=-2, axis2=-1)
+        return self.factor.pivots
 
     @property
     def log_det(self) -> FloatArray:
@@ -107,24 +113,29 @@ class OffsetPosterior:
 
     def at(self, normal: FloatArray) -> FloatArray:
         """Return the scores that standard normals (..., n_level) stand for."""
-        if self._diagonal:
-            return self.mean + normal / self.root
-        return self.mean + solve_lower(self.root, normal[..., None], transposed=True)[..., 0]
-
-    def variance(self, loading: FloatArray) -> FloatArray:
-        """Return the variance of scores' combinations (..., n_level, n), shape (..., n)."""
-        value: FloatArray = (self.half(loading) ** 2).sum(axis=-2)
-        return value
-
-    def inverted(self) -> "OffsetPosterior | InverseFactor":
-        """Return what `variance` may be asked of again and again, and takes less memory."""
-        if self._diagonal or self.root.shape[-1] > _INVERTED:
-            return self
-        return InverseFactor(_inverse(self.root))
+        return self.mean + self.factor.solve_transposed(normal[..., None])[..., 0]
 
     def half(self, right: FloatArray) -> FloatArray:
-        """Return R^-1 x of the factor M = R R', shape (..., n_level, n)."""
-        return right / self.root[..., None] if self._diagonal else solve_lower(self.root, right)
+        """Return R^-1 x, shape (..., n_level, n)."""
+        return self.factor.solve(right)
+
+    def row_variance(self, root: "Root", design: Design) -> FloatArray:
+        """Return the variance of each row's offset, shape (..., n_row)."""
+        if isinstance(self.factor, DenseFactor):
+            return square_sum(self.half(root.loading(design)))
+        # A row is of one of the first levels: nothing has the size of levels x rows.
+        assert isinstance(root, DiagonalRoot)
+        n, first = self.factor.diagonal.shape[-1], design.codes[0]
+        own = root.scale[..., first] / self.factor.diagonal[..., first]
+        right = root.scale[..., n:, None] * design.transposed[n:]
+        right = right - self.factor.border[..., first] * own[..., None, :]
+        return own**2 + square_sum(solve_lower(self.factor.corner, right))
+
+
+def square_sum(half: FloatArray) -> FloatArray:
+    """Return the sum of squares over levels, (..., n) from (..., n_level, n)."""
+    value: FloatArray = (half * half).sum(axis=-2)
+    return value
 
 
 class DiagonalRoot:
@@ -137,26 +148,33 @@ class DiagonalRoot:
     """
 
     def __init__(self, scale: FloatArray) -> None:
-        self._scale = scale
+        self.scale = scale
 
     def times(self, scores: FloatArray) -> FloatArray:
         """Return L s, shape (..., n_level)."""
-        return self._scale * scores
+        return self.scale * scores
 
     def transposed_times(self, x: FloatArray) -> FloatArray:
         """Return L' x, shape (..., n_level)."""
-        return self._scale * x
+        return self.scale * x
 
-    def precision(self, design: Design, weight: FloatArray) -> FloatArray:
-        """Return L' Z' W Z L; its diagonal alone, (..., n_level), where it has nothing else."""
-        gram = design.gram(weight)
-        if gram.ndim == weight.ndim:
-            return self._scale**2 * gram
-        return self._scale[..., :, None] * gram * self._scale[..., None, :]
+    def precision(self, design: Design, weight: FloatArray) -> Blocks:
+        """Return L' Z' W Z L in the blocks of `Design.gram`."""
+        first, border, corner = design.gram(weight)
+        n = design.n_first
+        own, rest = self.scale[..., :n], self.scale[..., n:]
+        if not rest.shape[-1]:
+            return own**2 * first, border, corner
+        further = rest[..., None]
+        return (
+            own**2 * first,
+            further * border * own[..., None, :],
+            further * corner * rest[..., None, :],
+        )
 
     def loading(self, design: Design) -> FloatArray:
         """Return (Z L)', shape (..., n_level, n_row)."""
-        return self._scale[..., None] * design.transposed
+        return self.scale[..., None] * design.transposed
 
 
 class FullRoot:
@@ -196,44 +214,20 @@ class FullRoot:
             self._loading = design, sum(others, start=self._transposed[..., design.codes[0]])
         return self._loading[1]
 
-    def inverted(self) -> "FullRoot | InverseFactor":
+    def inverted(self) -> DenseFactor | InverseFactor:
         """Return what `solve` may be asked of again and again, and takes less memory."""
-        if self._factor.shape[-1] > _INVERTED:
-            return self
-        return InverseFactor(_inverse(self._factor))
+        return DenseFactor(self._factor).inverted()
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Return L^-1 x, from (..., n_level, m)."""
         return solve_lower(self._factor, right)
 
 
-@dataclass(frozen=True, eq=False)
-class InverseFactor:
-    """A lower Cholesky factor, L or that of M, by its inverse: all that predictions ask of it.
-
-    Parameters
-    ----------
-    inverse : ndarray of float, shape (..., n_level, n_level)
-        The inverse.
-    """
-
-    inverse: FloatArray
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        """Return the inverse times x, from (..., n_level, m)."""
-        return self.inverse @ right
-
-    def variance(self, loading: FloatArray) -> FloatArray:
-        """Return the variance of scores' combinations (..., n_level, n), shape (..., n)."""
-        value: FloatArray = (self.solve(loading) ** 2).sum(axis=-2)
-        return value
-
-
 Root = DiagonalRoot | FullRoot
 
 
-def precision_root(design: Design, root: Root, weight: FloatArray) -> FloatArray:
-    """Return the Cholesky factor of M = I + L' Z' W Z L, its diagonal alone where M is diagonal.
+def precision_root(design: Design, root: Root, weight: FloatArray) -> Factor:
+    """Return the Cholesky factor of M = I + L' Z' W Z L.
 
     Parameters
     ----------
@@ -246,17 +240,26 @@ def precision_root(design: Design, root: Root, weight: FloatArray) -> FloatArray
 
     Returns
     -------
-    ndarray of float, shape (..., n_level) or (..., n_level, n_level)
+    DenseFactor or BorderedFactor
         NaN for draws whose weights are not finite, or so large that M cannot be factorised.
+
+    Notes
+    -----
+    *Cost.* Of independent offsets it grows with the levels of the first factor, and with the cube
+    of the others' number.
     """
-    precision = root.precision(design, weight)
-    if precision.ndim == weight.ndim:
-        return np.sqrt(precision + 1)
-    levels = np.arange(design.n_level)
-    precision[..., levels, levels] += 1
-    if isinstance(root, DiagonalRoot) and design.n_first > _MANY:
-        return _bordered_cholesky(precision, design.n_first)
-    return cholesky_or_nan(precision)
+    if isinstance(root, FullRoot):
+        precision = root.precision(design, weight)
+        levels = np.arange(design.n_level)
+        precision[..., levels, levels] += 1
+        return DenseFactor(cholesky_or_nan(precision))
+    first, border, corner = root.precision(design, weight)
+    diagonal = np.sqrt(first + 1)
+    if not corner.shape[-1]:
+        return BorderedFactor(diagonal, border, corner)
+    border = border / diagonal[..., None, :]
+    corner = corner + np.eye(corner.shape[-1]) - border @ np.swapaxes(border, -1, -2)
+    return BorderedFactor(diagonal, border, cholesky_or_nan(corner))
 
 
 def given_rows(
@@ -264,7 +267,7 @@ def given_rows(
     root: Root,
     weight: FloatArray,
     residual: FloatArray,
-    factor: FloatArray | None = None,
+    factor: Factor | None = None,
 ) -> OffsetPosterior:
     """Return the scores' distribution given rows.
 
@@ -276,15 +279,13 @@ def given_rows(
         L.
     weight, residual : ndarray of float, shape (..., n_row)
         W and r; a row may stand for several with one mean.
-    factor : ndarray of float, optional
+    factor : DenseFactor or BorderedFactor, optional
         What `precision_root` returns for the same arguments, where it is known.
     """
     factor = precision_root(design, root, weight) if factor is None else factor
     pull = root.transposed_times(design.gather(weight * residual))
-    if factor.ndim == pull.ndim:
-        return OffsetPosterior(pull / factor**2, factor)
-    half = solve_lower(factor, pull[..., None])
-    return OffsetPosterior(solve_lower(factor, half, transposed=True)[..., 0], factor)
+    half = factor.solve(pull[..., None])
+    return OffsetPosterior(factor.solve_transposed(half)[..., 0], factor)
 
 
 def products_given(
@@ -292,7 +293,7 @@ def products_given(
     root: Root,
     weight: FloatArray,
     columns: FloatArray,
-    factor: FloatArray | None = None,
+    factor: Factor | None = None,
 ) -> FloatArray:
     """Return X' inverse(Sigma) X of fixed columns X of the rows, Sigma = Z L L' Z' + 1/W.
 
@@ -312,7 +313,7 @@ def products_given(
     gathered = design.gather(weight[..., None, :] * columns.T)
     each = np.moveaxis(gathered, -2, 0)
     pulls = np.stack([root.transposed_times(pull) for pull in each], axis=-1)
-    half = pulls / factor[..., None] if factor.ndim == weight.ndim else solve_lower(factor, pulls)
+    half = factor.solve(pulls)
     return weighted_products(weight, columns) - np.swapaxes(half, -1, -2) @ half
 
 
@@ -321,66 +322,6 @@ def weighted_products(weight: FloatArray, columns: FloatArray) -> FloatArray:
     m = columns.shape[1]
     pairs = (columns[:, :, None] * columns[:, None, :]).reshape(len(columns), m * m)
     return (weight @ pairs).reshape(*weight.shape[:-1], m, m)
-
-
-def _bordered_cholesky(matrix: FloatArray, n: int) -> FloatArray:
-    """Return what `cholesky_or_nan` does of matrices whose first n rows and columns are diagonal.
-
-    The cost grows with n, not with its cube.
-    """
-    first = np.arange(n)
-    diagonal = np.sqrt(matrix[..., first, first])
-    border = matrix[..., n:, :n] / diagonal[..., None, :]
-    factor = np.zeros_like(matrix)
-    factor[..., first, first] = diagonal
-    factor[..., n:, :n] = border
-    corner = matrix[..., n:, n:] - border @ np.swapaxes(border, -1, -2)
-    factor[..., n:, n:] = cholesky_or_nan(corner)
-    return factor
-
-
-def cholesky_or_nan(matrix: FloatArray) -> FloatArray:
-    """Return lower Cholesky factors of a batch; NaN where a matrix is not positive definite."""
-    with suppress(np.linalg.LinAlgError):
-        return np.linalg.cholesky(matrix).astype(np.float64, copy=False)
-    factors = np.full(matrix.shape, np.nan)
-    for place in np.ndindex(matrix.shape[:-2]):
-        try:
-            factors[place] = np.linalg.cholesky(matrix[place])
-        except np.linalg.LinAlgError:
-            continue
-    return factors
-
-
-def solve_lower(factor: FloatArray, right: FloatArray, *, transposed: bool = False) -> FloatArray:
-    """Solve lower triangular systems of a batch, (..., n, n) and (..., n, m)."""
-    n, m = right.shape[-2:]
-    batch = np.broadcast_shapes(factor.shape[:-2], right.shape[:-2])
-    n_batch = math.prod(batch)
-    left = np.broadcast_to(factor, (*batch, n, n)).reshape(n_batch, n, n)
-    many = np.broadcast_to(right, (*batch, n, m)).reshape(n_batch, n, m)
-    if n <= _SMALL < n_batch:
-        return _substituted(left, many, transposed).reshape(*batch, n, m)
-    out = many.copy(order="C")
-    for each, x in zip(left, out, strict=True):
-        # BLAS takes columns first: rows of both are the transposed equation, solved in place.
-        blas.dtrsm(1.0, each.T, x.T, side=1, trans_a=int(transposed), overwrite_b=1)
-    return out.reshape(*batch, n, m)
-
-
-def _inverse(factor: FloatArray) -> FloatArray:
-    return solve_lower(factor, np.broadcast_to(np.eye(factor.shape[-1]), factor.shape))
-
-
-def _substituted(factor: FloatArray, right: FloatArray, transposed: bool) -> FloatArray:
-    """Solve by substitution, unknown by unknown for the whole batch at once."""
-    n, out = right.shape[1], right.copy()
-    for i in reversed(range(n)) if transposed else range(n):
-        known = slice(i + 1, n) if transposed else slice(0, i)
-        row = factor[:, known, i] if transposed else factor[:, i, known]
-        out[:, i] -= (row[:, None, :] @ out[:, known])[:, 0]
-        out[:, i] /= factor[:, i, i, None]
-    return out
 
 
 def _apply(matrix: sparse.csr_array, x: FloatArray) -> FloatArray:

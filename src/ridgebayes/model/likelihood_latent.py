@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.errors import ComputationError
 from ridgebayes.model.conditional_offsets import Design, products_given
 from ridgebayes.model.normal_rows import NormalRows
 from ridgebayes.model.rows import Rows
@@ -41,6 +42,7 @@ _STRETCH_POINTS, _WIDER = 0.5, 0.8
 _NARROW = 1e-3  # least share of it
 _STEP, _HALF = 0.25, 24  # the one-dimensional rule: 49 nodes, to 47 sds
 _HUGE = 1e300
+MOST_OFFSETS = 600  # of points: all offsets move all rows there
 # Numbers at a time where draws x points x rows are needed: caches hold them.
 _CHUNK = 200_000
 
@@ -74,6 +76,11 @@ class SampledOffsets:
         What they share.
     tail : Tail
         Distribution of the rows' own errors.
+
+    Raises
+    ------
+    ComputationError
+        If points would be drawn of too many offsets.
     """
 
     def __init__(self, rows: Rows, offsets: Offsets, tail: Tail) -> None:
@@ -83,6 +90,12 @@ class SampledOffsets:
         independent = self._design.diagonal and not isinstance(offsets, SmoothOffsets)
         self.is_product = independent and not len(self._normal.counts)
         self.n_latent = offsets.n_level
+        if not self.is_product and offsets.n_level > MOST_OFFSETS:
+            raise ComputationError(
+                f"{offsets.n_level} offsets of rows with Student errors, brackets or counts; "
+                f"expected at most {MOST_OFFSETS}, since what a likelihood call takes grows with "
+                "offsets times rows"
+            )
         # Numbers that `marginal` holds at a time for each draw.
         self.n_held = (2 * _HALF + 1) * len(rows.upper) if self.is_product else 1
 
@@ -128,12 +141,12 @@ class SampledOffsets:
         _, given, *_ = self._normal.given(self._residual(log_rates), eta)
         t: FloatArray = _STEP * (np.arange(-_HALF, _HALF + 1.0)[:, None] + shift)
         xi, log_volume = _stretched(t, _STRETCH)
-        scores = given.mean[..., None, :] + xi / given.root[..., None, :]
+        scores = given.mean[..., None, :] + xi / given.pivots[..., None, :]
         each = eta[..., None, :]
         offsets = self._offsets.root(each).times(scores)
         rows = self._rows_given(log_rates[..., None, :], each, offsets)
         log_joint = self._design.gather(rows) - 0.5 * (scores * scores + _LOG_2PI)
-        log_weight = log_joint + log_volume + math.log(_STEP) - np.log(given.root)[..., None, :]
+        log_weight = log_joint + log_volume + math.log(_STEP) - np.log(given.pivots)[..., None, :]
         nodes, joint, weight = (np.swapaxes(x, -1, -2) for x in (scores, log_joint, log_weight))
         return nodes, joint, weight
 

@@ -6,15 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from ridgebayes._types import FloatArray
+from ridgebayes.model.cholesky import Factor, cholesky_or_nan, solve_lower
 from ridgebayes.model.conditional_offsets import (
     Design,
     OffsetPosterior,
     Root,
-    cholesky_or_nan,
     given_rows,
     precision_root,
     products_given,
-    solve_lower,
 )
 from ridgebayes.model.rows import RowGroups, Rows
 from ridgebayes.model.shared_offsets import Offsets, OffsetsGiven, SmoothOffsets
@@ -27,7 +26,7 @@ _CHUNK = 2_000_000  # numbers held at a time where draws x levels x rows are nee
 
 
 class IntegratedOffsets:
-    """Closed-form likelihood; its cost grows with (levels)^3, not with the rows.
+    """Closed-form likelihood; its cost grows with levels, not with the rows: see `precision_root`.
 
     Parameters
     ----------
@@ -44,7 +43,7 @@ class IntegratedOffsets:
         self._groups = RowGroups.of(rows, offsets.codes)
         self._design = Design(offsets.codes[:, self._groups.row], offsets.n_level)
         # Coordinates and density ask for the same factors one after the other.
-        self._last: tuple[object, Root, FloatArray] | None = None
+        self._last: tuple[object, Root, Factor] | None = None
         # And products are asked for of the same columns again and again.
         self._means: tuple[FloatArray, FloatArray] | None = None
 
@@ -91,9 +90,9 @@ class IntegratedOffsets:
     def given(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> OffsetsGiven:
         """Return what the rows tell of the offsets, for each of many draws."""
         root, given = self._given(log_rates, eta)
-        return OffsetsGiven(self._offsets, eta, root, given.mean, given)
+        return OffsetsGiven(self._offsets, eta, root, given.mean, given.factor)
 
-    def _factors(self, eta: FloatArray) -> tuple[Root, FloatArray]:
+    def _factors(self, eta: FloatArray) -> tuple[Root, Factor]:
         """Return L and the Cholesky factor of the scores' precision."""
         key = eta.shape, eta.tobytes()
         if self._last is not None and self._last[0] == key:
@@ -113,7 +112,7 @@ class IntegratedOffsets:
         about = replace(given, mean=np.zeros_like(given.mean))
         step = about.at(given.half(amiss[..., None])[..., 0])
         left = left - self._design.spread(root.times(step))
-        share = 1 - given.variance(root.loading(self._design)) / variance
+        share = 1 - given.row_variance(root, self._design) / variance
         precision, pull = share / variance, left / variance
         # Of an offset that one row tells of, next to nothing is left of the 1; row and offset
         # cancel too. Such a row is scored by what the others tell of its offset.
@@ -136,7 +135,7 @@ class IntegratedOffsets:
         others = given_rows(self._design, root, weight, residual)
         own = Design(self._design.codes[:, [group]], self._offsets.n_level)
         error = residual[:, group] - own.spread(root.times(others.mean))[:, 0]
-        return error, variance[:, group] + others.variance(root.loading(own))[:, 0]
+        return error, variance[:, group] + others.row_variance(root, own)[:, 0]
 
     def _given(self, log_rates: FloatArray, eta: FloatArray) -> tuple[Root, OffsetPosterior]:
         root, factor = self._factors(eta)

@@ -155,9 +155,9 @@ class Model:
         Fewer where textures are many, or each draw has a covariance of many places: arrays stay in
         the processor's cache, and memory does not grow with the draws.
         """
-        per_draw, is_smooth = len(self._a), isinstance(self.offsets, SmoothOffsets)
-        if self.offsets is not None and (is_smooth or len(self.noise.factors) > 1):
-            per_draw = max(per_draw, self.offsets.n_level**2 // _COVARIANCE)
+        per_draw = len(self._a)
+        if self.offsets is not None:
+            per_draw = max(per_draw, self.offsets.n_held // _COVARIANCE)
         if isinstance(self.likelihood, SampledOffsets):
             per_draw = max(per_draw, self.likelihood.n_held)
         return max(_CACHED // per_draw, 1)

@@ -15,19 +15,14 @@ import numpy as np
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.model.conditional_offsets import (
-    DiagonalRoot,
-    FullRoot,
-    InverseFactor,
-    OffsetPosterior,
-    Root,
-    cholesky_or_nan,
-)
+from ridgebayes.model.cholesky import DenseFactor, Factor, InverseFactor, cholesky_or_nan
+from ridgebayes.model.conditional_offsets import DiagonalRoot, FullRoot, Root, square_sum
 from ridgebayes.model.noise import SERIES, Noise
 from ridgebayes.model.observations import Observations
 
 LARGEST_SMOOTH = 600  # places; the cost of a likelihood call grows with their cube
-LARGEST_CROSSED = 600  # offsets of several factors; the same
+LARGEST_CROSSED = 600  # offsets of steps and series beside others; the same
+AnyRoot = Root | DenseFactor | InverseFactor
 
 
 class Offsets(ABC):
@@ -46,15 +41,19 @@ class Offsets(ABC):
         """Return L for each draw of `eta`."""
 
     @abstractmethod
+    def levels_of(self, texture: Texture) -> IntArray:
+        """Return the levels whose scores tell of a texture's offsets; given these no others do."""
+
+    @abstractmethod
     def loading(
-        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root | InverseFactor
+        self, eta: FloatArray, texture: Texture, Q: IntArray, root: AnyRoot
     ) -> tuple[FloatArray, FloatArray]:
         """Return how offsets of one texture follow from the scores, given L of the same draws.
 
         Returns
         -------
-        loading : ndarray of float, shape (..., n_level, n_Q)
-            The offset's mean is the scores times this.
+        loading : ndarray of float, shape (..., n, n_Q)
+            The offset's mean is the scores of the levels `levels_of` times this.
         rest : ndarray of float, shape (..., n_Q)
             Variance of the offset that the scores say nothing of.
         """
@@ -81,11 +80,13 @@ class GroupedOffsets(Offsets):
         self._sizes = [sizes[factor] for factor in self._factors]
         self._first = np.concatenate([[0], np.cumsum(self._sizes)[:-1]])
         self.n_level = sum(self._sizes)
-        self.n_held = self.n_level ** min(len(self._factors), 2)
-        if len(self._factors) > 1 and self.n_level > LARGEST_CROSSED:
+        n_first, n_rest = self._sizes[0], sum(self._sizes[1:])
+        self.n_held = n_first * (1 + n_rest) + n_rest**2
+        if n_rest > LARGEST_CROSSED:
+            beside = " and ".join({SERIES: "series", "step": "steps"}[f] for f in self._factors[1:])
             raise ComputationError(
-                f"{noise.name}: {self.n_level} offsets of textures, steps and series; expected at "
-                f"most {LARGEST_CROSSED}, since the cost of a likelihood call grows with their cube"
+                f"{noise.name}: {n_rest} offsets of {beside}; expected at most {LARGEST_CROSSED}, "
+                "since the cost of a likelihood call grows with their cube"
             )
         later = np.where(data.is_count, data.Q + 2, data.Q)
         self.codes_next = self._codes(data.texture, later, data.series)
@@ -98,19 +99,28 @@ class GroupedOffsets(Offsets):
         return DiagonalRoot(np.concatenate(scale, axis=-1))
 
     def loading(
-        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root | InverseFactor
+        self, eta: FloatArray, texture: Texture, Q: IntArray, root: AnyRoot
     ) -> tuple[FloatArray, FloatArray]:
-        loading = np.zeros((*eta.shape[:-1], self.n_level, len(Q)))
+        levels = self.levels_of(texture)
+        loading = np.zeros((*eta.shape[:-1], len(levels), len(Q)))
         rest = np.zeros((*eta.shape[:-1], len(Q)))
         index = np.full(len(Q), self._texture.get(texture, -1))
         codes = self._codes(index, Q, np.full(len(Q), -1))  # what is predicted is a new series
-        for tau, levels in zip(self._taus, codes, strict=True):
-            for i, level in enumerate(levels.tolist()):
+        for tau, own in zip(self._taus, codes, strict=True):
+            for i, level in enumerate(own.tolist()):
                 if level >= 0:
-                    loading[..., level, i] = eta[..., tau]
+                    loading[..., np.searchsorted(levels, level), i] = eta[..., tau]
                 else:
                     rest[..., i] += eta[..., tau] ** 2
         return loading, rest
+
+    def levels_of(self, texture: Texture) -> IntArray:
+        levels, n_first = np.arange(self.n_level), self._sizes[0]
+        if self._factors[0] != "texture":
+            return levels
+        own = self._texture.get(texture, -1)
+        value: IntArray = levels[(levels >= n_first) | (levels == own)]
+        return value
 
     def _codes(self, texture: IntArray, Q: IntArray, series: IntArray) -> IntArray:
         step = np.searchsorted(self._steps, Q)
@@ -190,7 +200,7 @@ class SmoothOffsets(Offsets):
         return FullRoot(whole)
 
     def loading(
-        self, eta: FloatArray, texture: Texture, Q: IntArray, root: Root | InverseFactor
+        self, eta: FloatArray, texture: Texture, Q: IntArray, root: AnyRoot
     ) -> tuple[FloatArray, FloatArray]:
         at = _coordinates(Q, np.full(len(Q), texture[0] / (texture[0] + texture[1])))
         variance, lengths = eta[..., self._tau] ** 2, eta[..., self._lengths]
@@ -200,7 +210,7 @@ class SmoothOffsets(Offsets):
         with np.errstate(over="ignore", under="ignore"):
             correlation = np.exp(-0.5 * np.einsum("lqx,...x->...lq", squares, lengths**-2.0))
             widening = -np.expm1(-0.5 * np.einsum("qx,...x->...q", beyond**2, lengths**-2.0))
-        assert not isinstance(root, DiagonalRoot)
+        assert not isinstance(root, DiagonalRoot)  # it varies together
         shared = np.zeros((*eta.shape[:-1], self.n_level, len(Q)))
         shared[..., : len(self._places), :] = variance[..., None, None] * correlation
         loading = root.solve(shared)
@@ -209,6 +219,9 @@ class SmoothOffsets(Offsets):
         if self._tau_series is not None:  # what is predicted is a new series
             rest = rest + eta[..., self._tau_series, None] ** 2
         return loading, rest
+
+    def levels_of(self, texture: Texture) -> IntArray:
+        return np.arange(self.n_level)
 
     def covariance(self, eta: FloatArray, codes: IntArray) -> FloatArray:
         """Return the covariance a priori of rows' offsets, shape (..., n, n).
@@ -252,34 +265,37 @@ class OffsetsGiven:
         Structure.
     eta : ndarray of float, shape (n_draw, n_noise)
         The error model's parameters.
-    root : DiagonalRoot, FullRoot or InverseFactor
+    root : DiagonalRoot, FullRoot, DenseFactor or InverseFactor
         L of the same draws.
     mean : ndarray of float, shape (n_draw, n_level)
         Scores: their mean, or the scores themselves where they were sampled.
-    spread : OffsetPosterior, InverseFactor or None
-        How they vary about the mean; None where they were sampled.
+    factor : DenseFactor, BorderedFactor, InverseFactor or None
+        Of their precision; None where they were sampled.
     """
 
     offsets: Offsets
     eta: FloatArray
-    root: Root | InverseFactor
+    root: AnyRoot
     mean: FloatArray
-    spread: OffsetPosterior | InverseFactor | None
+    factor: Factor | InverseFactor | None
 
     def inverted(self) -> "OffsetsGiven":
         """Return the same in half the memory, quicker to ask for many textures."""
         root = self.root.inverted() if isinstance(self.root, FullRoot) else self.root
-        spread = self.spread
-        if isinstance(spread, OffsetPosterior):
-            spread = spread.inverted()
-        return replace(self, root=root, spread=spread)
+        factor = self.factor
+        if factor is not None and not isinstance(factor, InverseFactor):
+            factor = factor.inverted()
+        return replace(self, root=root, factor=factor)
 
     def at(self, texture: Texture, Q: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
         loading, variance = self.offsets.loading(self.eta, texture, Q, self.root)
-        if self.spread is not None:
-            variance = variance + self.spread.variance(loading)
-        return np.einsum("dl,dlq->dq", self.mean, loading), variance
+        levels, mean, factor = self.offsets.levels_of(texture), self.mean, self.factor
+        if len(levels) < self.offsets.n_level:
+            mean, factor = mean[:, levels], None if factor is None else factor.of(levels)
+        if factor is not None:
+            variance = variance + square_sum(factor.solve(loading))
+        return np.einsum("dl,dlq->dq", mean, loading), variance
 
 
 @dataclass(frozen=True, eq=False)

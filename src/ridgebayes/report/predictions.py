@@ -234,7 +234,11 @@ def score_section(data: ReportData) -> list[Block]:
         for leave, part in left_out.groupby("leave", sort=False):
             if part["log_score"].notna().any():
                 leaders[str(leave)] = _leaders(part, "log_score")
-        blocks.append(Folded("Textures and steps left out", [_left_out_table(left_out, data.comparison.table)]))
+        blocks.append(
+            Folded(
+                "Textures and steps left out", [_left_out_table(left_out, data.comparison.table)]
+            )
+        )
     if blocks:
         words = (
             "Expected log predictive density (elpd) of held-out data, higher is better, and the "
