@@ -7,6 +7,7 @@ import pytest
 import ridgebayes as rb
 from ridgebayes.checks.report_data import Consequence, consequence_of, report_data
 from ridgebayes.model.forms import form_named
+from ridgebayes.report.figures.gallery import figures_of
 
 
 def test_panels__of_counts_alone_go_beyond_each_textures_loads():
@@ -22,6 +23,27 @@ def test_panels__of_counts_alone_go_beyond_each_textures_loads():
     # Definition: a panel ends 1.6 times beyond its texture's highest load.
     assert highest.tolist() == pytest.approx([1.6 * 0.016] * 2, rel=1e-12)
     assert bands["q_mean"].notna().all()
+
+
+def test_panels__of_more_textures_than_a_figure_holds_have_those_shown_first():
+    form, rng = form_named("modified"), np.random.default_rng(1)
+    # Of b/a the middle ones first: the narrowest, the widest and the middle come last.
+    b = np.r_[np.linspace(0.012, 0.018, 6), np.linspace(0.022, 0.028, 6), 0.005, 0.05, 0.02]
+    columns = {
+        "a_over_R": np.repeat(0.02, 30),
+        "b_over_R": np.repeat(b, 2),
+        "Q": np.tile([4, 6], 15),
+    }
+    loads = form.load(columns["Q"], columns["a_over_R"], columns["b_over_R"], np.array([1.38]))
+    columns["p_over_E"] = loads * np.exp(0.01 * rng.standard_normal(30))
+    table = rb.read_table(pd.DataFrame(columns))
+    settings = rb.SampleSettings(n_walker=16, n_step_max=100)
+    data = report_data(rb.compare(table, [form], noise="iid", settings=settings))
+    drawn = list(dict.fromkeys(data.bands["b_over_R"]))
+    assert [b for _, b in data.textures] == [0.005, 0.05, 0.02]
+    assert drawn == [*b[:9], *b[12:]]  # in the table's order
+    first = figures_of(data)["bands-first"]()
+    assert sum(axes.get_visible() for axes in first.axes) == 3
 
 
 def test_consequence_of__is_that_of_fitted_textures_up_to_their_largest_loads():

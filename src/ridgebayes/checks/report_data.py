@@ -1,5 +1,6 @@
 """All that a report shows: computed here once, before a figure is drawn or a page is written."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -186,7 +187,7 @@ def report_data(comparison: Comparison) -> ReportData:
     textures = shown_textures(comparison)
     ranked, verdict = forms_by_probability(comparison), comparison.verdict
     over = verdict.over if verdict is not None else ""
-    bands = _panel_bands(comparison, [shown, *([over] if over else [])], seen)
+    bands = _panel_bands(comparison, [shown, *([over] if over else [])], seen, textures)
     own_bands = bands[bands["form"] == shown]
     is_exact = bool(fit.model.data.is_exact.any())
     return ReportData(
@@ -246,10 +247,15 @@ def consequence_of(bands: pd.DataFrame, shown: str, over: str, seen: pd.DataFram
     return Consequence(n_texture, over, int(apart), int((own["q_upper"] - own["q_lower"]).max()))
 
 
-def _panel_bands(comparison: Comparison, forms: list[str], seen: pd.DataFrame) -> pd.DataFrame:
+def _panel_bands(
+    comparison: Comparison, forms: list[str], seen: pd.DataFrame, first: Sequence[Texture]
+) -> pd.DataFrame:
     """Return the bands of some forms at loads that suit each texture's panel, counts alone too."""
-    # One figure holds so many panels: textures beyond are in the run folder's bands.csv.
-    textures = comparison.table.textures[:MOST_TEXTURES]
+    # One figure holds so many panels, of which those shown first are: textures beyond are in the
+    # run folder's bands.csv.
+    every = comparison.table.textures
+    kept = list(dict.fromkeys([*first, *every]))[:MOST_TEXTURES]
+    textures = [texture for texture in every if texture in kept]
     loads = []
     for a, b in textures:
         own = seen[(seen["a_over_R"] == a) & (seen["b_over_R"] == b)]
