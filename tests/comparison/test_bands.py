@@ -209,6 +209,14 @@ def test_default_loads__pass_over_rows_that_are_not_ok(comparison, paper):
     assert math.isclose(p[-1], frame.loc[frame["status"] == "ok", "p_over_E"].max())
 
 
+@pytest.mark.parametrize(("kept", "n_load"), [(10_000, 200), (500, 50), (20, 10)])
+def test_bands__of_very_many_textures_are_at_fewer_loads(comparison, monkeypatch, kept, n_load):
+    monkeypatch.setattr("ridgebayes.comparison.bands._KEPT", kept)
+    found = bands_table(comparison, forms=["modified"], kinds=["curve"])
+    n_texture = len(comparison.table.textures)
+    assert len(found) == n_load * n_texture == n_load * 10
+
+
 @pytest.mark.parametrize(
     "forms", [["average"], ["hybrid"], ["average", "classic"], ["modified", "hybrid"]]
 )

@@ -22,9 +22,10 @@ from ridgebayes.table.table import ContactTable
 
 AVERAGE = "average"
 _KEPT = 100_000  # bands of each posterior up to which all are kept; of more, some are made twice
+_N_LOAD, _FEWEST = 200, 10  # loads of a texture: fewer where bands would be more than are kept
 
 
-def default_loads(comparison: Comparison, n: int = 200) -> FloatArray:
+def default_loads(comparison: Comparison, n: int = _N_LOAD) -> FloatArray:
     """Return log-spaced loads over the range of a comparison's table, shape (n,)."""
     p = comparison.table.column("p_over_E")[comparison.table.column("status") == "ok"]
     return np.geomspace(p.min(), p.max(), n)
@@ -52,7 +53,8 @@ def bands_table(
     textures : sequence of (float, float), optional
         (a/R, b/R); those of the table if not given.
     loads : ndarray of float, shape (n_load,) or (n_texture, n_load), dimensionless, optional
-        p/E, of each texture its own or of all; 200 log-spaced over the table's range if not given.
+        p/E, of each texture its own or of all; 200 log-spaced over the table's range if not given,
+        of more than 500 textures as many fewer as keep bands to 100,000 places, at least ten.
     nu : float, optional
         Poisson's ratio; if not given each texture's own in the table, 0.5 where it has none.
     forms : sequence of str, optional
@@ -90,7 +92,10 @@ def bands_table(
     a, b = np.array(chosen).T[:, :, None]
     own = _nu_of_textures(comparison) if nu is None else {}
     poisson = np.array([[own.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
-    p = np.atleast_2d(default_loads(comparison) if loads is None else loads).astype(float)
+    if loads is None:
+        n_load = int(np.clip(_KEPT // len(chosen), _FEWEST, _N_LOAD))
+        loads = default_loads(comparison, n_load)
+    p = np.atleast_2d(loads).astype(float)
     mixtures = _mixtures(comparison, wanted)
     where = {"a_over_R": a, "b_over_R": b, "p_over_E": p, "nu": poisson, "compressed": True}
     known: dict[int, dict[str, QDistribution]] = {}
