@@ -11,6 +11,7 @@ from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
 from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.inference.power_law_exact import conditional_log_k
 from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -89,8 +90,11 @@ def test_refit__draws_a_power_law_of_very_many_textures_exactly(observed):
     many = observed(texture, np.tile([4, 6], 51), load, textures=textures)
     fit, evidence = folds_of(many, PowerLaw(), IID)[0].refit()
     assert evidence.method == "quadrature"
-    assert fit.sampler == "exact"
-    assert len(fit.model.data.textures) < 51
+    assert len(fit.model.data.textures) == 45
+    expected, drawn = conditional_log_k(fit.model, fit.draws[:, -1])[0], np.log(fit.draws[:, :-1])
+    # Monte Carlo: five standard errors of a mean, of independent draws.
+    se = (drawn - expected).std(axis=0) / np.sqrt(len(drawn))
+    assert (np.abs((drawn - expected).mean(axis=0)) < 5 * se).all()
 
 
 def test_refit__is_the_fit_of_the_rows_that_stay(data):

@@ -24,7 +24,7 @@ from ridgebayes.inference.laplace import Laplace, fit_laplace
 from ridgebayes.inference.moves import Independence
 from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_smoothed
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
-from ridgebayes.inference.sampling import sample_posterior
+from ridgebayes.inference.power_law_exact import sample_power_law
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
 from ridgebayes.model.likelihood_latent import SampledOffsets
@@ -42,7 +42,9 @@ _MOST_FOLDS = 50  # each takes a fit for every form: above, ten folds of many te
 _N_GROUP = 10
 # Less than `importance_posterior` takes by itself: a share of 41 rows asks for no second digit.
 EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 256, "n_point": 16}
-N_CRPS = 10_240  # draws behind a CRPS; its standard error is about 1 % of a predictive sd
+# Draws behind a CRPS, whose standard error is about 1 % of a predictive sd; of very many rows,
+# whose mean is looked at, fewer.
+N_CRPS, _LEAST_CRPS, _MOST_CRPS = 10_240, 1_024, 2**22
 _N_WEIGHTED, _N_WEIGHTED_LATENT, _N_RESAMPLED = 2_048, 512, 1_024
 _N_PROPOSAL = 512  # draws that a proposal is fitted to
 _LEAST_EFFECTIVE = 100  # weighted draws: a log score is then known to about 0.1
@@ -150,8 +152,11 @@ class Fold:
         if self.left.all():
             raise ComputationError("no row is left to fit")
         model, known = self._model(), self.known
-        if drawn_exactly(model):
-            return sample_posterior(model, seed=self.seed), power_law_evidence(model)
+        if drawn_exactly(model):  # of independent draws there is nothing to diagnose
+            chains = sample_power_law(model, seed=self.seed)
+            return Posterior(model, chains, pd.DataFrame(), (), self.seed), power_law_evidence(
+                model
+            )
         if known is not None and known.laplace is not None:
             u = known.coordinates[:: max(len(known.coordinates) // _N_PROPOSAL, 1)]
             u = u[:, np.isin(known.names, model.parameter_names)]
@@ -312,8 +317,9 @@ def row_crps(fit: Posterior, data: Observations, rng: np.random.Generator) -> Fl
     """
     # A count of 2 needs no load to be reached; 4 stands in its place and is not looked at.
     load = row_loads(fit, data, np.maximum(data.Q, 4))
+    n = int(np.clip(_MOST_CRPS // max(len(data), 1), _LEAST_CRPS, N_CRPS))
     with np.errstate(all="ignore"):
-        crps = crps_of_draws(np.log(load.rvs(N_CRPS, rng)), data.log_load)
+        crps = crps_of_draws(np.log(load.rvs(n, rng)), data.log_load)
     return np.where(data.is_exact, crps, np.nan)
 
 

@@ -314,7 +314,9 @@ def _draw(task: _PrintedFit) -> _Drawn:
     """
     model, accuracy, found = task.model, task.execution.accuracy, task.candidate
     laplace, walks = found.laplace, accuracy.walks and not task.model.is_latent
-    if not drawn_exactly(model) and (task.is_negligible or not walks):
+    if drawn_exactly(model):
+        return found.posterior or sample_posterior(model, seed=task.seed), [found.evidence]
+    if task.is_negligible or not walks:
         posterior, evidence = found.posterior, found.evidence
         if posterior is None or not (posterior.converged or task.is_negligible):
             posterior, evidence = importance_posterior(
