@@ -175,9 +175,11 @@ class PosteriorLoads:
         """Return the form and its draws for a texture; a new one draws its K from the prior."""
         fit = self.fit
         theta = self.theta[:, : fit.model.n_coefficient]
-        if not isinstance(fit.form, PowerLaw) or texture in fit.form.textures:
+        if not isinstance(fit.form, PowerLaw):
             return fit.form, theta
         form = PowerLaw().bind((texture,))
+        if texture in fit.form.textures:  # its own K alone: there may be thousands
+            return form, theta[:, [fit.form.textures.index(texture)]]
         prior = default_priors(form)[form.parameter_names[0]]
         rng = stream(fit.seed, "new texture", form.parameter_names[0])
         if self.uniform is None:

@@ -6,6 +6,7 @@ which task: here each worker is such an executor of its own, and a thread waits 
 """
 
 import ctypes
+import gc
 import itertools
 import multiprocessing
 import os
@@ -368,6 +369,7 @@ def _begin(pipe: Connection) -> None:
     """Leave Ctrl-C to the parent, and end when it does, however that ended: in a fresh worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     ask_malloc(*ONE_ARENA)
+    gc.freeze()  # a collection would write to all that it shares with the server, and copy it
     Relay(pipe)
     threading.Thread(target=_follow, daemon=True).start()
 
