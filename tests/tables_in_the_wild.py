@@ -243,6 +243,14 @@ def _large() -> Iterator[tuple[str, Rows, str]]:
     a, b = (share * pitch).round(5), ((1 - share) * pitch).round(5)
     rows = Rows.of("hybrid", grid(a.tolist(), b.tolist(), range(4, 24, 2)))
     yield "two-hundred-rows", rows.iid(np.random.default_rng(29), PERCENT), "20 textures, 10 counts"
+    share, pitch = (
+        np.tile(np.linspace(0.25, 0.75, 12), 5),
+        np.repeat(np.linspace(0.02, 0.06, 5), 12),
+    )
+    a, b = (share * pitch).round(5), ((1 - share) * pitch).round(5)
+    places = grid(a.tolist(), b.tolist(), (4, 6)).iloc[np.arange(60) * 2 + np.arange(60) % 2]
+    rows = Rows.of("hybrid", places).iid(np.random.default_rng(32), PERCENT)
+    yield "sixty-textures", rows, "one row of each texture"
 
 
 def _replicates() -> Iterator[tuple[str, Rows, str]]:

@@ -6,7 +6,7 @@ import pytest
 import ridgebayes as rb
 from tests.tables_in_the_wild import tables
 
-N_TABLE = 28  # made when the first test asks, not when tests are collected
+N_TABLE = 29  # made when the first test asks, not when tests are collected
 SHORT = rb.SampleSettings(n_walker=16, n_step_max=100)
 
 
@@ -19,6 +19,7 @@ def test_tables__are_of_what_their_notes_say():
     assert len(named("millimetres").table) == 24
     assert named("millimetres").table.textures[0] == (0.03125, 0.03125)
     assert len(named("two-hundred-rows").table.textures) == 20
+    assert len(named("sixty-textures").table.textures) == len(named("sixty-textures").table) == 60
     kinds = named("all-kinds").table.frame
     assert set(kinds["kind"]) == {"transition", "count"}
     assert 0 < kinds["p_over_E_lower"].notna().sum() < len(kinds)

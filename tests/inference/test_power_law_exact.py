@@ -166,3 +166,12 @@ def test_sample_power_law__same_seed_same_draws_other_seed_others(fits):
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
     assert first[0] != pytest.approx(first[1])  # ensembles have streams of their own
+
+
+def test_log_evidence_given_sigma__is_the_same_however_many_are_worked_out_together(
+    model, monkeypatch
+):
+    sigma = np.geomspace(1e-3, 1.0, 7)
+    whole = log_evidence_given_sigma(model, sigma)
+    monkeypatch.setattr("ridgebayes.inference.power_law_exact._AT_ONCE", 12)  # three of four groups
+    np.testing.assert_array_equal(log_evidence_given_sigma(model, sigma), whole)

@@ -22,6 +22,7 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.rows import RowGroups
 from ridgebayes.runtime.randomness import stream
 
+_AT_ONCE = 2**20  # numbers at a time, of sigma x textures
 _SHAPE = (4, 20, 128)  # ensembles, steps and walkers of the chains that the draws are laid out as
 
 
@@ -97,30 +98,30 @@ def log_evidence_given_sigma(model: Model, sigma: FloatArray) -> FloatArray:
     ndarray of float, shape (n,)
         Exact to rounding.
     """
-    return sum(
-        (_texture_evidence(model, j, sigma) for j in range(model.n_coefficient)),
-        start=np.zeros(len(sigma)),
-    )
+    at_once = max(_AT_ONCE // len(_groups(model).n), 1)
+    parts = [_evidence(model, sigma[i : i + at_once]) for i in range(0, len(sigma), at_once)]
+    return np.concatenate(parts)
 
 
 def conditional_log_k(model: Model, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and sd of each log K given sigma, both of shape (n, n_texture)."""
-    parts = [_conditional(model, j, sigma) for j in range(model.n_coefficient)]
-    mean = np.stack([part[0] for part in parts], axis=-1)
-    return mean, np.stack([part[1] for part in parts], axis=-1)
+    """Return mean and sd of each log K given sigma, both of shape (n, n_texture).
 
-
-def _conditional(model: Model, texture: int, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Posterior of x = log K: each row says 2 x = -z with the row's variance."""
-    prior = list(model.priors.values())[texture]
-    assert isinstance(prior, LogNormal)
-    groups = _groups(model)
-    mine = groups.texture == texture
-    weight = groups.n[mine] / (sigma[:, None] ** 2 + groups.rel_se[mine] ** 2)
-    precision = 1 / prior.log_sd**2 + 4 * weight.sum(axis=1)
-    linear = math.log(prior.median) / prior.log_sd**2
-    linear = linear - 2 * (weight * groups.mean[mine]).sum(axis=1)
+    With x = log K each row says 2 x = -z with the row's variance.
+    """
+    groups, median, log_sd = _groups(model), *_priors(model)
+    weight = groups.n / (sigma[:, None] ** 2 + groups.rel_se**2)
+    precision = 1 / log_sd**2 + 4 * _by_texture(groups, weight)
+    linear = np.log(median) / log_sd**2 - 2 * _by_texture(groups, weight * groups.mean)
     return linear / precision, 1 / np.sqrt(precision)
+
+
+def _priors(model: Model) -> tuple[FloatArray, FloatArray]:
+    """Return the median and log-sd of each K."""
+    priors = list(model.priors.values())[: model.n_coefficient]
+    pairs = [(prior.median, prior.log_sd) for prior in priors if isinstance(prior, LogNormal)]
+    assert len(pairs) == len(priors)
+    median, log_sd = np.array(pairs).T
+    return median, log_sd
 
 
 def _groups(model: Model) -> RowGroups:
@@ -132,19 +133,24 @@ def _groups(model: Model) -> RowGroups:
     return model.likelihood.groups
 
 
-def _texture_evidence(model: Model, texture: int, sigma: FloatArray) -> FloatArray:
-    """Evidence by Bayes' rule at the conditional mean: likelihood x prior / posterior."""
-    prior = list(model.priors.values())[texture]
-    assert isinstance(prior, LogNormal)
-    mean, sd = _conditional(model, texture, sigma)
-    groups = _groups(model)
-    mine = groups.texture == texture
-    n = groups.n[mine]
-    variance = sigma[:, None] ** 2 + groups.rel_se[mine] ** 2
-    squares = groups.sum_of_squares[mine] + n * (groups.mean[mine] + 2 * mean[:, None]) ** 2
-    fit = -0.5 * (n * np.log(2 * math.pi * variance) + squares / variance).sum(axis=1)
-    off = (mean - math.log(prior.median)) / prior.log_sd
-    value: FloatArray = fit - 0.5 * off**2 - math.log(prior.log_sd) + np.log(sd)
+def _by_texture(groups: RowGroups, values: FloatArray) -> FloatArray:
+    """Return sums over the groups of each texture, (n, n_texture) from (n, n_group)."""
+    # Groups are in the order of their textures, of which each has one at least.
+    starts = np.flatnonzero(np.diff(groups.texture, prepend=-1))
+    value: FloatArray = np.add.reduceat(values, starts, axis=1)
+    return value
+
+
+def _evidence(model: Model, sigma: FloatArray) -> FloatArray:
+    """Evidence by Bayes' rule at the conditional means: likelihood x prior / posterior."""
+    groups, median, log_sd = _groups(model), *_priors(model)
+    mean, sd = conditional_log_k(model, sigma)
+    variance = sigma[:, None] ** 2 + groups.rel_se**2
+    squares = groups.sum_of_squares
+    squares = squares + groups.n * (groups.mean + 2 * mean[:, groups.texture]) ** 2
+    fit = -0.5 * (groups.n * np.log(2 * math.pi * variance) + squares / variance).sum(axis=1)
+    off = (mean - np.log(median)) / log_sd
+    value: FloatArray = fit + (np.log(sd / log_sd) - 0.5 * off**2).sum(axis=1)
     return value
 
 
