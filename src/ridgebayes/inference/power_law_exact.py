@@ -23,6 +23,7 @@ from ridgebayes.model.rows import RowGroups
 from ridgebayes.runtime.randomness import stream
 
 _AT_ONCE = 2**20  # numbers at a time, of sigma x textures
+_NEGLIGIBLE = 50.0  # in log density
 _SHAPE = (4, 20, 128)  # ensembles, steps and walkers of the chains that the draws are laid out as
 
 
@@ -63,9 +64,9 @@ def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:
     for name, prior in list(model.priors.items())[:-1]:
         if not isinstance(prior, LogNormal):
             raise InputError(f"prior of {name!r}: expected log-normal, got {prior}")
-    step, before = 0.5, math.nan
+    low, high, step, before = -60.0, 20.0, 0.5, math.nan
     while step > 1e-4:
-        log_sigma = np.arange(-60.0, 20.0, step)
+        log_sigma = np.arange(low, high, step)
         sigma = np.exp(log_sigma)
         values = log_evidence_given_sigma(model, sigma) + log_sigma
         values = values + model.priors["sigma"].log_pdf(sigma)
@@ -74,7 +75,10 @@ def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:
         value = float(logsumexp(values)) + math.log(step)
         if abs(value - before) < tol:
             return LogEvidence("quadrature", value, max(abs(value - before), 1e-12))
-        step, before = step / 2, value
+        # Of many rows the peak is narrow: between two points it may be as much higher than both.
+        margin = _NEGLIGIBLE + len(model.data) * step**2
+        near = log_sigma[values > values.max() - margin]
+        low, high, step, before = near[0] - step, near[-1] + 1.5 * step, step / 2, value
     return LogEvidence("quadrature", math.nan, math.nan, f"not settled to {tol:g}")
 
 
@@ -185,7 +189,7 @@ def sample_power_law(model: Model, *, seed: int) -> Chains:
     coarse = _sigma_log_density(model, log_sigma)
     if np.exp(log_sigma[np.argmax(coarse)]) < rounding(model):
         raise no_mode(model)
-    near = log_sigma[coarse > coarse.max() - 40]
+    near = log_sigma[coarse > coarse.max() - _NEGLIGIBLE]
     beyond = 0.05 if near[0] > -20 else 0.25
     log_sigma = np.arange(near[0] - beyond, near[-1] + beyond, 0.001)
     density = np.exp((fine := _sigma_log_density(model, log_sigma)) - fine.max())

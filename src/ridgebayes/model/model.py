@@ -78,6 +78,8 @@ class Model:
         self.data = data
         self.form = form.bind(data.textures, data.labels)
         self.noise = noise or Noise()
+        # Coefficients of the form; the error model's parameters follow them, sigma first.
+        self.n_coefficient = len(self.form.parameter_names)
         known = default_priors(self.form, self.noise, priors)
         self.priors = known | dict(priors or {})
         for name, prior in (priors or {}).items():
@@ -127,11 +129,6 @@ class Model:
     def n_parameter(self) -> int:
         """Length of the last axis of `theta`."""
         return len(self.priors)
-
-    @property
-    def n_coefficient(self) -> int:
-        """Coefficients of the form; the error model's parameters follow them, sigma first."""
-        return len(self.form.parameter_names)
 
     @property
     def is_latent(self) -> bool:

@@ -268,14 +268,15 @@ def predict_load(
 
 
 def _in_parts(fit: Posterior, kind: str, n: int) -> list[FloatArray]:
-    """Return about n draws in parts, by their coordinates; one where all need little memory.
+    """Return about n draws in parts, by their coordinates; none where offsets are not asked for.
 
     What rows tell of many shared offsets is matrices for each draw, which are held at once.
     """
-    offsets, stride = fit.model.offsets, -(-len(fit.draws) // n)
-    u = fit.coordinates[::stride]
-    n_held = 1 if offsets is None or kind == "curve" else offsets.n_held
-    return np.array_split(u, -(-len(u) // max(_HELD // n_held, 1)))
+    offsets = fit.model.offsets
+    if offsets is None or kind == "curve":
+        return []
+    u = fit.coordinates[:: -(-len(fit.draws) // n)]
+    return np.array_split(u, -(-len(u) // max(_HELD // offsets.n_held, 1)))
 
 
 def _columns(
