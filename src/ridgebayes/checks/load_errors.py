@@ -14,6 +14,7 @@ from ridgebayes.model.forms import PowerLaw
 PAPER_TEXTURES: tuple[Texture, ...] = ((0.032, 0.01), (0.012, 0.03), (0.012, 0.09))
 _SHOWN = len(PAPER_TEXTURES)
 _PROB = 0.9
+_AT_ONCE = 256  # textures
 
 
 def held_out_loads(comparison: Comparison) -> pd.DataFrame:
@@ -139,9 +140,13 @@ def slopes_table(comparison: Comparison) -> pd.DataFrame:
         if name == "half-plane":
             continue
         theta = fit.draws[:, : fit.model.n_coefficient]
-        for a, b in fit.model.data.textures:
+        textures = np.array(fit.model.data.textures)
+        for a, b in (
+            part.T for part in np.split(textures, range(_AT_ONCE, len(textures), _AT_ONCE))
+        ):
             slope = fit.form.slope(a, b, theta)
-            lower, upper = np.quantile(slope, [0.5 - _PROB / 2, 0.5 + _PROB / 2])
-            rows.append((name, a, b, a + b, float(slope.mean()), lower, upper, _PROB))
+            lower, upper = np.quantile(slope, [0.5 - _PROB / 2, 0.5 + _PROB / 2], axis=0)
+            each = zip(a, b, a + b, slope.mean(axis=0), lower, upper, strict=True)
+            rows += [(name, *values, _PROB) for values in each]
     columns = ["form", "a_over_R", "b_over_R", "pitch", "K", "K_lower", "K_upper", "prob"]
     return pd.DataFrame(rows, columns=columns)
