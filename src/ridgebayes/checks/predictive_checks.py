@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy import sparse
 
 from ridgebayes._types import FloatArray, IntArray, Rng
 from ridgebayes.errors import InputError
@@ -27,6 +28,7 @@ QUANTITIES = {
 }
 CHECK_COLUMNS = ["quantity", "observed", "lower", "upper", "prob", "p_value", "two_sided"]
 BAND_COLUMNS = ["texture", "a_over_R", "b_over_R", "Q", "lower", "median", "upper", "prob"]
+_MOST, _LEAST = 10_000_000, 200  # draws times rows that are held at a time; draws
 _AT_ONCE = 500  # prior draws whose covariances of rows are there whole
 
 
@@ -82,7 +84,8 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
     rng : int or numpy.random.Generator, optional
         Seed.
     n_draw : int, optional
-        Posterior draws, one replicate each; at most those that the fit keeps.
+        Posterior draws, one replicate each; at most those that the fit keeps, and of more than
+        5,000 rows as many fewer as keep draws times rows to ten million.
 
     Returns
     -------
@@ -112,7 +115,8 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
         raise InputError("fit: no row gives its load exactly; expected at least one")
     seed = seed_of(rng)
     # Evenly over the ensembles, whichever number is asked for.
-    places = np.linspace(0, len(fit.draws) - 1, min(n_draw, len(fit.draws))).astype(int)
+    n = min(n_draw, len(fit.draws), max(_MOST // len(model.data), _LEAST))
+    places = np.linspace(0, len(fit.draws) - 1, n).astype(int)
     theta = fit.draws[places]
     curve = form_log_loads(model, theta)[:, exact]
     loads = simulate_log_loads(model, theta, stream(seed, "replicate"))[0][:, exact]
@@ -138,7 +142,7 @@ def prior_bands(
     rng : int or numpy.random.Generator, optional
         Seed.
     n_draw : int, optional
-        Draws from the prior.
+        Draws from the prior; fewer of more than 2,500 rows, likewise.
     prob : float, optional
         Probability of the equal-tailed interval.
 
@@ -154,8 +158,9 @@ def prior_bands(
         If hardly any prior draw has positive rates.
     """
     data, seed = model.data, seed_of(rng)
-    theta = prior_draws(model, stream(seed, "prior"), n_draw)
-    errors, parts = stream(seed, "rows"), np.array_split(theta, 1 + n_draw // _AT_ONCE)
+    n = min(n_draw, max(_MOST // len(data), _LEAST))
+    theta = prior_draws(model, stream(seed, "prior"), n)
+    errors, parts = stream(seed, "rows"), np.array_split(theta, 1 + n // _AT_ONCE)
     loads = np.concatenate([simulate_log_loads(model, part, errors)[0] for part in parts])
     ends = np.quantile(loads, [0.5 - prob / 2, 0.5, 0.5 + prob / 2], axis=0)
     labels = data.labels or tuple(f"a{a!r}_b{b!r}" for a, b in data.textures)
@@ -169,7 +174,7 @@ def prior_bands(
 
 
 class _Quantities:
-    """The test quantities of residuals (..., n_obs) at the places of some rows."""
+    """The test quantities of residuals (n_draw, n_obs) at the places of some rows."""
 
     def __init__(self, data: Observations) -> None:
         self._log_h = np.log(data.Q / 2 - 1)
@@ -186,10 +191,10 @@ class _Quantities:
         if np.ptp(x) > 0:
             found["trend"] = residual @ x / (x @ x)
         for name, means in (("texture spread", self._textures), ("step spread", self._steps)):
-            if len(means) > 1:
-                found[name] = (residual @ means.T).std(axis=-1, ddof=1)
+            if means.shape[0] > 1:
+                found[name] = (means @ residual.T).std(axis=0, ddof=1)
         # Cells are sorted by texture and then by Q: neighbours follow each other.
-        cell = residual @ self._cells.T
+        cell = (self._cells @ residual.T).T
         near = np.flatnonzero(np.diff(self._texture_of_cell) == 0)
         if len(near) > 1:
             cell = cell - cell.mean(axis=-1, keepdims=True)
@@ -198,9 +203,8 @@ class _Quantities:
         return found
 
 
-def _mean_matrix(code: IntArray) -> FloatArray:
+def _mean_matrix(code: IntArray) -> sparse.csr_array:
     """Return the matrix that takes rows to the mean of each code, in sorted order of the codes."""
-    _, group = np.unique(code, return_inverse=True)
-    member = np.eye(group.max() + 1)[:, group.reshape(-1)]
-    value: FloatArray = member / member.sum(axis=1, keepdims=True)
-    return value
+    _, group, n = np.unique(code, return_inverse=True, return_counts=True)
+    group = group.reshape(-1)
+    return sparse.csr_array((1 / n[group], (group, np.arange(len(group)))))
