@@ -27,6 +27,7 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import Preset
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.noise import Noise
+from ridgebayes.predict.predict import KINDS
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.runtime.memory import watched_memory
 from ridgebayes.runtime.pool import RETURN_FREED, ask_malloc, executor_for, n_cpu, submit_or_defer
@@ -214,11 +215,11 @@ def _write(
 ) -> Gallery | None:
     """Write a comparison and its predictions; return its figures, which are begun meanwhile."""
     data, begun = submit_or_defer(executor, _shown, comparison), None
-    loads = submit_or_defer(executor, loads_table, comparison)
+    loads = [submit_or_defer(executor, loads_table, comparison, kinds=[kind]) for kind in KINDS]
     with progress.stage("bands"):
         bands = bands_table(comparison, executor=executor)
         write_csv(bands, folder / "bands.csv")
-        write_csv(loads(), folder / "loads.csv")
+        write_csv(pd.concat([kind() for kind in loads], ignore_index=True), folder / "loads.csv")
     with progress.stage("what the report shows"):
         if drawing is not None:  # else it is computed when it is drawn
             begun = Gallery(replace(data(), comparison=comparison), drawing)

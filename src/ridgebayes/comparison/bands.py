@@ -121,7 +121,9 @@ def bands_table(
     return bands
 
 
-def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
+def loads_table(
+    comparison: Comparison, *, prob: float = 0.9, kinds: Sequence[str] = KINDS
+) -> pd.DataFrame:
     """Return the predicted load of each transition in the table beside the observed one.
 
     Parameters
@@ -130,6 +132,8 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
         Fits and model probabilities.
     prob : float, optional
         Probability inside the band.
+    kinds : sequence of str, optional
+        ``curve``, ``simulation`` or both.
 
     Returns
     -------
@@ -143,7 +147,7 @@ def loads_table(comparison: Comparison, *, prob: float = 0.9) -> pd.DataFrame:
     frame = predicted_rows(comparison.table)
     blocks = []
     a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
-    for kind in KINDS:
+    for kind in kinds:
         known = frame["rel_se"].to_numpy() * (kind == "simulation")
         predicted = cache(partial(_loads_of, a_over_R=a, b_over_R=b, Q=q, nu=nu, kind=kind))
         for name, parts in _mixtures(comparison, [*comparison.fits, AVERAGE]).items():

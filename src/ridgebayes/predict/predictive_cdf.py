@@ -210,6 +210,7 @@ _AT_ONCE = 500  # loads, which bounds memory
 _EXACT, _CLOSE = 1e-14, 1e-8  # errors of tables: of normal errors over draws, and of all others
 _SHIFTED = 3e-14  # of log loads: two counts' means are one but for a shift
 _N_KNOT = 256  # of a curve's table
+_OF_RANGE = 0.02  # of a curve's nodes: of the size of their kernel's width
 _SMOOTHED = 0.2  # of a curve's spread: width of the kernel that nodes are smoothed by
 _Table = Callable[[FloatArray], FloatArray]  # of log loads
 
@@ -264,10 +265,11 @@ class Average:
         finite = np.isfinite(mean)
         if not len(here) or not finite.any():
             return result
-        middle, width = np.median(mean[finite]), np.median(scale)
         means = partial(self._mean, mean=mean, scale=scale)
 
         def table() -> _Table:
+            middle, width = np.median(mean[finite]), np.median(scale)
+
             # Tails reach every load: in this coordinate they are no longer than the rest.
             def along(x: FloatArray) -> FloatArray:
                 return means(middle + width * np.sinh(x))
@@ -281,22 +283,29 @@ class Average:
 
     def _steps(self, y: FloatArray, mean: FloatArray) -> FloatArray:
         """Return the mean of smoothed steps at each y, shape (n,)."""
-        width = _SMOOTHED * self._spread(mean) if np.isfinite(mean).all() else 0.0
-        if not width:
-            return self._answer(self._draws.average((y >= mean[:, None]).astype(float)))
-        low, high = mean.min() - _SATURATED * width, mean.max() + _SATURATED * width
+        if not np.isfinite(mean).all():
+            return self._unsmoothed(y, mean)
 
         def table() -> _Table:
+            width = _SMOOTHED * self._spread(mean)
+            if not width:
+                return partial(self._unsmoothed, mean=mean)
+            low, high = mean.min() - _SATURATED * width, mean.max() + _SATURATED * width
             knots = np.linspace(low, high, _N_KNOT)
             with np.errstate(over="ignore"):  # slopes far in a tail, whose inverse it takes
-                found: _Table = interpolate.PchipInterpolator(
-                    knots, self._smoothed(knots, mean, width)
-                )
-            return found
+                smooth = interpolate.PchipInterpolator(knots, self._smoothed(knots, mean, width))
 
-        known, shift = self._shared(mean, np.array([width]), table)
-        value = np.clip(known(np.clip(y, low, high) - shift), 0.0, 1.0)
-        return np.where(y > high, 1.0, np.where(y < low, 0.0, value))
+            def at(y: FloatArray) -> FloatArray:
+                value = np.clip(smooth(np.clip(y, low, high)), 0.0, 1.0)
+                return np.where(y > high, 1.0, np.where(y < low, 0.0, value))
+
+            return at
+
+        known, shift = self._shared(mean, np.array([_OF_RANGE * np.ptp(mean)]), table)
+        return known(y - shift)
+
+    def _unsmoothed(self, y: FloatArray, mean: FloatArray) -> FloatArray:
+        return self._answer(self._draws.average((y >= mean[:, None]).astype(float)))
 
     def _shared(
         self, mean: FloatArray, scale: FloatArray, make: Callable[[], _Table]
