@@ -29,7 +29,6 @@ QUANTITIES = {
 CHECK_COLUMNS = ["quantity", "observed", "lower", "upper", "prob", "p_value", "two_sided"]
 BAND_COLUMNS = ["texture", "a_over_R", "b_over_R", "Q", "lower", "median", "upper", "prob"]
 _MOST, _LEAST = 10_000_000, 200  # draws times rows that are held at a time; draws
-_AT_ONCE = 500  # prior draws whose covariances of rows are there whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +159,7 @@ def prior_bands(
     data, seed = model.data, seed_of(rng)
     n = min(n_draw, max(_MOST // len(data), _LEAST))
     theta = prior_draws(model, stream(seed, "prior"), n)
-    errors, parts = stream(seed, "rows"), np.array_split(theta, 1 + n // _AT_ONCE)
-    loads = np.concatenate([simulate_log_loads(model, part, errors)[0] for part in parts])
+    loads = simulate_log_loads(model, theta, stream(seed, "rows"))[0]
     ends = np.quantile(loads, [0.5 - prob / 2, 0.5, 0.5 + prob / 2], axis=0)
     labels = data.labels or tuple(f"a{a!r}_b{b!r}" for a, b in data.textures)
     cells, first = np.unique(np.stack([data.texture, data.Q]), axis=1, return_index=True)

@@ -6,7 +6,9 @@ from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.joint_prior import JointPrior
 from ridgebayes.model.model import Model
+from ridgebayes.model.shared_offsets import Offsets
 
+_AT_ONCE = 2**20  # numbers of covariances: 8 MB
 _ROUNDS_MAX = 1_000  # of prior draws, before the form is said to fit no such draw
 
 
@@ -58,7 +60,7 @@ def simulate_log_loads(
     log_load = form_log_loads(model, theta) + np.zeros((n,) + (1,) * theta.ndim)
     if model.offsets is not None:
         scores = rng.standard_normal((*log_load.shape[:-1], model.offsets.n_level))
-        offset = model.offsets.root(eta).times(scores)
+        offset = _offsets(model.offsets, eta, scores)
         for level in model.offsets.codes:
             log_load += offset[..., level]
     df = eta[..., -1:] if model.noise.tail == "student" else None
@@ -83,10 +85,19 @@ def is_possible(model: Model, theta: FloatArray) -> BoolArray:
     """
     possible = np.isfinite(model.log_rates(theta)).all(axis=-1)
     if model.offsets is not None:
-        root = model.offsets.root(theta[..., model.n_coefficient :])
         ones = np.ones((*theta.shape[:-1], model.offsets.n_level))
-        possible = possible & np.isfinite(root.times(ones)).all(axis=-1)
+        offset = _offsets(model.offsets, theta[..., model.n_coefficient :], ones)
+        possible = possible & np.isfinite(offset).all(axis=-1)
     return np.asarray(possible)
+
+
+def _offsets(offsets: Offsets, eta: FloatArray, scores: FloatArray) -> FloatArray:
+    """Return L s of each draw, some draws at a time: their covariances are not there whole."""
+    if eta.ndim == 1:
+        return offsets.root(eta).times(scores)
+    n = max(_AT_ONCE // offsets.n_held, 1)
+    parts = [np.s_[..., i : i + n, :] for i in range(0, eta.shape[-2], n)]
+    return np.concatenate([offsets.root(eta[p]).times(scores[p]) for p in parts], axis=-2)
 
 
 def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:
