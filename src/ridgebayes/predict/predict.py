@@ -29,6 +29,7 @@ KINDS = ("curve", "simulation")
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
 _STORED = 2**19  # draws times places up to which a load distribution keeps them: 8 MB
 _HELD = 2**22  # numbers that rows tell of offsets, of all draws, up to which they are held at once
+_MANY_TEXTURES = 500  # each so many more hold as much again: parts go through all of them
 _LARGEST_Q = 20_000
 _BLOCK = 8  # counts worked out at a time
 _MANY = 4 + 2 * _BLOCK * 16  # the first count before which it is asked whether counts end at all
@@ -276,7 +277,8 @@ def _in_parts(fit: Posterior, kind: str, n: int) -> list[FloatArray]:
     if offsets is None or kind == "curve":
         return []
     u = fit.coordinates[:: -(-len(fit.draws) // n)]
-    return np.array_split(u, -(-len(u) // max(_HELD // offsets.n_held, 1)))
+    held = _HELD * max(len(fit.model.data.textures) // _MANY_TEXTURES, 1)
+    return np.array_split(u, -(-len(u) // max(held // offsets.n_held, 1)))
 
 
 def _columns(
