@@ -22,7 +22,7 @@ from ridgebayes.commands.run_files import REFERENCE, write_comparison, write_run
 from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.comparison.bands import bands_table, loads_table
-from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.comparison import NEGLIGIBLE, Comparison
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import Preset
 from ridgebayes.model.forms import FORMS, form_named
@@ -192,17 +192,21 @@ def _compared(
 
 
 def _thinned(comparison: Comparison) -> Comparison:
-    """Keep the draws that files keep: they go to every task, and summaries are there already."""
+    """Keep the draws that files keep: they go to every task, and summaries are there already.
+
+    Of a form that the rows rule out, whose bands are in no average, an eighth.
+    """
     n = Preset.named(comparison.accuracy).n_kept
 
     @cache  # several error models may share one posterior
-    def thinned(one: Posterior) -> Posterior:
+    def thinned(one: Posterior, n: int) -> Posterior:
         return one.thinned(n)
 
-    fits = {}
+    fits, shares = {}, comparison.probabilities
     for name, fit in comparison.fits.items():
-        others = {noise: thinned(one) for noise, one in fit.others.items()}
-        fits[name] = replace(fit.thinned(n), others=others)
+        own = n if shares.get(name, 1.0) >= NEGLIGIBLE else n // 8
+        others = {noise: thinned(one, own) for noise, one in fit.others.items()}
+        fits[name] = replace(fit.thinned(own), others=others)
     return replace(comparison, fits=fits)
 
 
