@@ -1,6 +1,7 @@
 """Exact draws of the power law: the moments of the walked posterior, and of closed forms."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -8,13 +9,16 @@ import pytest
 from scipy import integrate, stats
 
 from ridgebayes.distributions.distribution import Normal
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import bridge_evidence, power_law_evidence, quadrature_evidence
+from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.posterior import drawn_exactly
 from ridgebayes.inference.power_law_exact import (
     conditional_log_k,
     log_evidence_given_sigma,
     sample_power_law,
 )
+from ridgebayes.inference.sampling import sample_posterior
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
@@ -175,3 +179,20 @@ def test_log_evidence_given_sigma__is_the_same_however_many_are_worked_out_toget
     whole = log_evidence_given_sigma(model, sigma)
     monkeypatch.setattr("ridgebayes.inference.power_law_exact._AT_ONCE", 12)  # three of four groups
     np.testing.assert_array_equal(log_evidence_given_sigma(model, sigma), whole)
+
+
+def test_drawn_exactly__are_rows_whose_known_errors_differ_of_which_one_may_leave_no_mode(observed):
+    load, rel_se = [-5.1, -4.0, -1.8, -3.6, -1.5], [0.0, 0.1, 0.1, 0.02, 0.005]
+    textures = [(0.05, 0.06), (0.07, 0.11), (0.11, 0.15), (0.14, 0.08), (0.16, 0.19)]
+    rows = observed(np.arange(5), [4, 4, 6, 4, 6], load, rel_se=rel_se, textures=textures)
+    model = Model(rows, PowerLaw())
+    with pytest.raises(ComputationError, match="no interior mode"):
+        fit_laplace(model)
+    fit = sample_posterior(model, seed=1)
+    assert (fit.sampler, fit.convergence_failures) == ("exact", ())
+    # Each texture has a row of its own: sigma is known by the prior and by how far K is off.
+    values = [brute(model, j, 0.03, 0) for j in range(5)]
+    found = log_evidence_given_sigma(model, np.array([0.03]))[0]
+    assert found == pytest.approx(np.log(values).sum(), rel=1e-9)  # of adaptive quadrature
+    alike = Model(replace(rows, rel_se=np.full(5, 0.02)), PowerLaw())
+    assert not drawn_exactly(alike)

@@ -265,5 +265,11 @@ def posterior_of(
 
 
 def drawn_exactly(model: Model) -> bool:
-    """Return whether a posterior is drawn from exactly: a power law of very many textures."""
-    return is_conjugate(model) and model.n_coefficient > N_TEXTURE_WALKED
+    """Return whether a posterior is drawn from exactly.
+
+    So is a power law of very many textures, and one of rows whose known errors differ: the only row
+    of a texture, without a known error, then leaves no mode, as sigma may fall to zero there alone.
+    """
+    if not is_conjugate(model):
+        return False
+    return model.n_coefficient > N_TEXTURE_WALKED or bool(np.ptp(model.rows.rel_se) > 0)
