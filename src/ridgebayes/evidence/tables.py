@@ -45,7 +45,7 @@ def evidences(fit: Posterior, *, n_bridge: int | None = None) -> list[LogEvidenc
     list of LogEvidence
         bridge, quadrature where there are at most four parameters or the form is the power law,
         laplace. Where offsets are drawn beside the parameters, importance and laplace. A power law
-        of very many textures has its exact evidence alone. Of a posterior of several modes each is
+        that is drawn exactly has its exact evidence alone. Of a posterior of several modes each is
         of one of them, and its status says so.
     """
     if drawn_exactly(fit.model):
