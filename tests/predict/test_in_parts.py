@@ -17,20 +17,25 @@ P = np.geomspace(1e-3, 0.02, 7)[:, None]
 EFFORT = {"n_draw": 128, "n_round": 1, "n_per_round": 200, "n_point": 4}
 
 
+@pytest.mark.parametrize("tabulated", [True, False])
 @pytest.mark.parametrize("noise", ["step-smooth", "texture+step"])
-def test_predictions__from_some_draws_at_a_time_are_those_of_all(paper, monkeypatch, noise):
+def test_predictions__from_some_draws_at_a_time_are_those_of_all(
+    paper, monkeypatch, noise, tabulated
+):
     model = Model(Observations.from_table(paper), Hybrid(), Noise.named(noise))
     fit = importance_posterior(model, seed=1, **EFFORT)[0]
     whole = predict_q(fit, A, B, P), predict_load(fit, A, B, 6)
     held, worked_out = 100 * model.offsets.n_held, []
     monkeypatch.setattr(predict, "_HELD", held)
-    kept = Posterior.offsets_given
+    kept = Model.offsets_given
 
-    def noted(self, stride):
-        worked_out.append(len(self.draws[::stride]))
-        return kept(self, stride)
+    def noted(self, u):
+        worked_out.append(len(u))
+        return kept(self, u)
 
-    monkeypatch.setattr(Posterior, "offsets_given", noted)
+    monkeypatch.setattr(Model, "offsets_given", noted)
+    # By a table of all textures, or part by part where that would be too large.
+    monkeypatch.setattr(predict, "_TABULATED", 2**23 if tabulated else 0)
     q, load = predict_q(fit, A, B, P), predict_load(fit, A, B, 6)
     assert max(worked_out) <= 100 < len(fit.draws)
     # Algebra: the same mean; what falls with a further count is cut part by part, under 1e-6.

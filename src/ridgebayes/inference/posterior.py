@@ -1,13 +1,15 @@
 """The posterior of a model: draws with their diagnostics."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray
+from ridgebayes.contact.scaling import Texture
 from ridgebayes.inference.chains import N_KEPT, Chains
 from ridgebayes.inference.diagnostics import failed_diagnostics, summarise, values_text
 from ridgebayes.inference.laplace import Laplace, fit_laplace
@@ -17,7 +19,7 @@ from ridgebayes.inference.qmc_nodes import Nodes, compress
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.shared_offsets import OffsetsInParts
+from ridgebayes.model.offsets_given import OffsetsGiven, OffsetsInParts, TabulatedOffsets
 
 N_TEXTURE_WALKED = 40  # a power law of more textures is drawn from exactly, without a walk
 _AT_ONCE = 256  # draws whose covariances of offsets are there whole, of which predictions keep half
@@ -211,7 +213,7 @@ class Posterior:
         value: Nodes | None = self._derived[n]
         return value
 
-    def offsets_given(self, stride: int) -> tuple[int, OffsetsInParts | None]:
+    def offsets_given(self, stride: int) -> tuple[int, OffsetsInParts | TabulatedOffsets | None]:
         """Return what the rows tell of shared offsets at every n-th draw; kept for the next call.
 
         Parameters
@@ -223,7 +225,7 @@ class Posterior:
         -------
         n : int
             `stride`, or more where fewer draws have been worked out before.
-        given : OffsetsInParts or None
+        given : OffsetsInParts, TabulatedOffsets or None
             Conditional means and factors; None where the error model has no shared offsets.
         """
         kept = self._derived.get("offsets")
@@ -232,21 +234,40 @@ class Posterior:
             self._derived["offsets"] = kept
         return kept
 
+    def tabulate_offsets(self, stride: int, n_part: int, textures: Sequence[Texture]) -> None:
+        """Have `offsets_given` return a table of some textures, until that is forgotten.
+
+        Parameters
+        ----------
+        stride : int
+            Every n-th draw.
+        n_part : int
+            Parts of the draws, of which what the rows tell is held one at a time.
+        textures : sequence of (float, float)
+            Those that will be asked for.
+        """
+        u = np.array_split(self.coordinates[::stride], n_part)
+        parts = [partial(_ready, self.model, part) for part in u]
+        self._derived["offsets"] = stride, TabulatedOffsets(parts, textures)
+
     def forget_offsets(self) -> None:
         """Let go of what `offsets_given` keeps."""
         self._derived.pop("offsets", None)
 
 
 def _offsets_given(model: Model, u: FloatArray) -> OffsetsInParts | None:
-    """Return what rows tell of offsets, ready for many textures."""
+    """Return the same at any number of draws; None where rows share no offsets."""
     if model.offsets is None:
         return None
-    parts = []
-    for i in range(0, len(u), _AT_ONCE):
-        given = model.offsets_given(u[i : i + _AT_ONCE])
-        assert given is not None  # there are offsets
-        parts.append(given.inverted())
-    return OffsetsInParts(tuple(parts))
+    starts = range(0, len(u), _AT_ONCE)
+    return OffsetsInParts(tuple(_ready(model, u[i : i + _AT_ONCE]) for i in starts))
+
+
+def _ready(model: Model, u: FloatArray) -> OffsetsGiven:
+    """Return what rows tell of offsets at some draws, ready for many textures."""
+    given = model.offsets_given(u)
+    assert given is not None  # there are offsets
+    return given.inverted()
 
 
 def posterior_of(

@@ -29,8 +29,9 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.model.conditional_offsets import Design, products_given
 from ridgebayes.model.normal_rows import NormalRows
+from ridgebayes.model.offsets_given import OffsetsGiven
 from ridgebayes.model.rows import Rows
-from ridgebayes.model.shared_offsets import Offsets, OffsetsGiven, SmoothOffsets
+from ridgebayes.model.shared_offsets import Offsets, SmoothOffsets
 from ridgebayes.model.tails import Tail
 
 _LOG_2PI = math.log(2 * math.pi)

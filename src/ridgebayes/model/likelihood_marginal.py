@@ -15,8 +15,9 @@ from ridgebayes.model.conditional_offsets import (
     precision_root,
     products_given,
 )
+from ridgebayes.model.offsets_given import OffsetsGiven
 from ridgebayes.model.rows import RowGroups, Rows
-from ridgebayes.model.shared_offsets import Offsets, OffsetsGiven, SmoothOffsets
+from ridgebayes.model.shared_offsets import Offsets, SmoothOffsets
 
 _LOG_2PI = math.log(2 * math.pi)
 _WORKED_OUT = ("_last", "_means", "_last_whole")

@@ -25,8 +25,9 @@ from ridgebayes.model.likelihood_latent import Estimate, SampledOffsets
 from ridgebayes.model.likelihood_marginal import IntegratedOffsets, IntegratedSmoothOffsets
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
+from ridgebayes.model.offsets_given import OffsetsGiven
 from ridgebayes.model.rows import Rows
-from ridgebayes.model.shared_offsets import OffsetsGiven, SmoothOffsets, offsets_of
+from ridgebayes.model.shared_offsets import SmoothOffsets, offsets_of
 
 _CACHED = 100_000  # textures times draws whose arrays fit in a processor's cache
 _COVARIANCE = 5  # numbers of a covariance that count as one texture

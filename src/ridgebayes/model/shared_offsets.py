@@ -8,15 +8,14 @@ data but where the rows are.
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.model.cholesky import DenseFactor, Factor, InverseFactor, cholesky_or_nan
-from ridgebayes.model.conditional_offsets import DiagonalRoot, FullRoot, Root, square_sum
+from ridgebayes.model.cholesky import DenseFactor, InverseFactor, cholesky_or_nan
+from ridgebayes.model.conditional_offsets import DiagonalRoot, FullRoot, Root
 from ridgebayes.model.noise import SERIES, Noise
 from ridgebayes.model.observations import Observations
 
@@ -202,7 +201,15 @@ class SmoothOffsets(Offsets):
     def loading(
         self, eta: FloatArray, texture: Texture, Q: IntArray, root: AnyRoot
     ) -> tuple[FloatArray, FloatArray]:
-        at = _coordinates(Q, np.full(len(Q), texture[0] / (texture[0] + texture[1])))
+        return self.loading_at(
+            eta, np.full(len(Q), texture[0] / (texture[0] + texture[1])), Q, root
+        )
+
+    def loading_at(
+        self, eta: FloatArray, ratio: FloatArray, Q: IntArray, root: AnyRoot
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what `loading` does at places of any textures, a/pitch and count of each."""
+        at = _coordinates(Q, ratio)
         variance, lengths = eta[..., self._tau] ** 2, eta[..., self._lengths]
         squares = (self._places[:, None] - at) ** 2
         low, high = self._places.min(axis=0), self._places.max(axis=0)
@@ -253,67 +260,6 @@ class SmoothOffsets(Offsets):
             covariance *= np.take(factor, pairs, axis=-1)
         covariance[..., :: n + 1] *= 1 + self._nugget
         return covariance.reshape(*lead, n, n)
-
-
-@dataclass(frozen=True, eq=False)
-class OffsetsGiven:
-    """What rows tell of shared offsets, for each of many draws of the parameters.
-
-    Parameters
-    ----------
-    offsets : Offsets
-        Structure.
-    eta : ndarray of float, shape (n_draw, n_noise)
-        The error model's parameters.
-    root : DiagonalRoot, FullRoot, DenseFactor or InverseFactor
-        L of the same draws.
-    mean : ndarray of float, shape (n_draw, n_level)
-        Scores: their mean, or the scores themselves where they were sampled.
-    factor : DenseFactor, BorderedFactor, InverseFactor or None
-        Of their precision; None where they were sampled.
-    """
-
-    offsets: Offsets
-    eta: FloatArray
-    root: AnyRoot
-    mean: FloatArray
-    factor: Factor | InverseFactor | None
-
-    def inverted(self) -> "OffsetsGiven":
-        """Return the same in half the memory, quicker to ask for many textures."""
-        root = self.root.inverted() if isinstance(self.root, FullRoot) else self.root
-        factor = self.factor
-        if factor is not None and not isinstance(factor, InverseFactor):
-            factor = factor.inverted()
-        return replace(self, root=root, factor=factor)
-
-    def at(self, texture: Texture, Q: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
-        loading, variance = self.offsets.loading(self.eta, texture, Q, self.root)
-        levels, mean, factor = self.offsets.levels_of(texture), self.mean, self.factor
-        if len(levels) < self.offsets.n_level:
-            mean, factor = mean[:, levels], None if factor is None else factor.of(levels)
-        if factor is not None:
-            variance = variance + square_sum(factor.solve(loading))
-        return np.einsum("dl,dlq->dq", mean, loading), variance
-
-
-@dataclass(frozen=True, eq=False)
-class OffsetsInParts:
-    """What rows tell of offsets for draws of which some are worked out at a time.
-
-    Parameters
-    ----------
-    parts : tuple of OffsetsGiven
-        Of some draws, then of the next.
-    """
-
-    parts: tuple[OffsetsGiven, ...]
-
-    def at(self, texture: Texture, Q: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
-        mean, variance = zip(*(one.at(texture, Q) for one in self.parts), strict=True)
-        return np.concatenate(mean), np.concatenate(variance)
 
 
 def offsets_of(noise: Noise, data: Observations) -> Offsets | None:

@@ -30,6 +30,7 @@ NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is c
 _STORED = 2**19  # draws times places up to which a load distribution keeps them: 8 MB
 _HELD = 2**22  # numbers that rows tell of offsets, of all draws, up to which they are held at once
 _MANY_TEXTURES = 500  # each so many more hold as much again: parts go through all of them
+_TABULATED = 2**23  # numbers of offsets at all textures up to which they are held: 64 MB
 _LARGEST_Q = 20_000
 _BLOCK = 8  # counts worked out at a time
 _MANY = 4 + 2 * _BLOCK * 16  # the first count before which it is asked whether counts end at all
@@ -188,25 +189,34 @@ def predict_q(
         Of the broadcast shape.
     """
     _check_kind(kind)
-    parts = _in_parts(fit, kind, N_LOAD_DRAWS // (1 + (fit.noise.tail != "normal")))
-    if len(parts) > 1:
+    places = _broadcast(*widths(a_over_R, b_over_R), nu, p_over_E=loads(p_over_E))
+    a, b, poisson, p = places.values()
+    first, place = distinct(a, b)
+    own_a, own_b = a.ravel()[first], b.ravel()[first]
+    textures = list(zip(own_a.tolist(), own_b.tolist(), strict=True))
+    calibrated = CalibratedRange.of(fit)
+    n_draw = N_LOAD_DRAWS // (1 + (fit.noise.tail != "normal"))
+    parts = _in_parts(fit, kind, n_draw)
+    n_known = len(textures) * n_draw * (calibrated.Q_max + 4 * _BLOCK)  # means and variances
+    if len(parts) > 1 and n_known > _TABULATED:
         predicted = partial(predict_q, nu=nu, kind=kind, compressed=compressed)
         each = (fit.at_draws(u, fit.seed + i) for i, u in enumerate(parts))
         found = (predicted(one, a_over_R, b_over_R, p_over_E) for one in each)
         return mix_q(found, [len(u) for u in parts])
-    places = _broadcast(*widths(a_over_R, b_over_R), nu, p_over_E=loads(p_over_E))
-    a, b, poisson, p = places.values()
+    if len(parts) > 1:
+        fit.tabulate_offsets(-(-len(fit.draws) // n_draw), len(parts), textures)
     flat_p, flat_nu = p.ravel(), poisson.ravel()
-    calibrated = CalibratedRange.of(fit)
     flags = calibrated.load_flags(flat_p, flat_nu)
-    first, place = distinct(a, b)
-    own_a, own_b = a.ravel()[first], b.ravel()[first]
     flags |= calibrated.texture_flags(own_a, own_b)[place]
     groups = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place))[:-1])
-    ladders = [
-        _survival(fit, (x, y), flat_p[here], flat_nu[here], kind, compressed)
-        for x, y, here in zip(own_a.tolist(), own_b.tolist(), groups, strict=False)
-    ]
+    try:
+        ladders = [
+            _survival(fit, texture, flat_p[here], flat_nu[here], kind, compressed)
+            for texture, here in zip(textures, groups, strict=False)
+        ]
+    finally:
+        if len(parts) > 1:
+            fit.forget_offsets()
     n_step = max((ladder.shape[-1] for ladder, _ in ladders), default=1)
     survival = np.zeros((p.size, n_step))
     for here, (ladder, _) in zip(groups, ladders, strict=False):

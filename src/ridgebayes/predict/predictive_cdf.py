@@ -20,7 +20,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form, PowerLaw
-from ridgebayes.model.shared_offsets import OffsetsInParts
+from ridgebayes.model.offsets_given import OffsetsInParts, TabulatedOffsets
 from ridgebayes.predict.interpolant import Interpolant
 from ridgebayes.runtime.randomness import stream
 
@@ -41,7 +41,7 @@ class PosteriorLoads:
         Posterior.
     theta : ndarray of float, shape (n_draw, n_parameter)
         Parameters.
-    offsets : OffsetsInParts or None
+    offsets : OffsetsInParts, TabulatedOffsets or None
         Of the same draws.
     weight : ndarray of float, shape (n_draw, 2), or None
         Of nodes, see `ridgebayes.inference.qmc_nodes.Nodes`; draws have none.
@@ -51,7 +51,7 @@ class PosteriorLoads:
 
     fit: Posterior
     theta: FloatArray
-    offsets: OffsetsInParts | None
+    offsets: OffsetsInParts | TabulatedOffsets | None
     weight: FloatArray | None = None
     uniform: FloatArray | None = None
 
