@@ -74,6 +74,7 @@ class Posterior:
     ([1.0, 1.0], (3,))
     >>> fit.offsets_given(2)  # independent rows share none
     (2, None)
+    >>> fit.tabulate_offsets(2, 1, [(0.022, 0.02)])  # until they are forgotten
     >>> fit.forget_offsets()
     """
 
