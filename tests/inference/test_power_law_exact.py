@@ -190,6 +190,7 @@ def test_drawn_exactly__are_rows_whose_known_errors_differ_of_which_one_may_leav
         fit_laplace(model)
     fit = sample_posterior(model, seed=1)
     assert (fit.sampler, fit.convergence_failures) == ("exact", ())
+    assert fit.nodes(100) is None  # they would need a mode: draws predict
     # Each texture has a row of its own: sigma is known by the prior and by how far K is off.
     values = [brute(model, j, 0.03, 0) for j in range(5)]
     found = log_evidence_given_sigma(model, np.array([0.03]))[0]

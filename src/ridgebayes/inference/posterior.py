@@ -209,8 +209,10 @@ class Posterior:
             As `ridgebayes.inference.qmc_nodes.compress` returns them; None where none will do.
         """
         if n not in self._derived:
-            model, coordinates = self.model, self.coordinates
-            self._derived[n] = compress(model, self.laplace, coordinates, n, seed=self.seed)
+            found = None
+            if not drawn_exactly(self.model):  # which may have no mode to start from
+                found = compress(self.model, self.laplace, self.coordinates, n, seed=self.seed)
+            self._derived[n] = found
         value: Nodes | None = self._derived[n]
         return value
 
