@@ -154,9 +154,8 @@ class Fold:
         model, known = self._model(), self.known
         if drawn_exactly(model):  # of independent draws there is nothing to diagnose
             chains = sample_power_law(model, seed=self.seed)
-            return Posterior(model, chains, pd.DataFrame(), (), self.seed), power_law_evidence(
-                model
-            )
+            drawn = Posterior(model, chains, pd.DataFrame(), (), self.seed)
+            return drawn, power_law_evidence(model)
         if known is not None and known.laplace is not None:
             u = known.coordinates[:: max(len(known.coordinates) // _N_PROPOSAL, 1)]
             u = u[:, np.isin(known.names, model.parameter_names)]

@@ -141,9 +141,8 @@ def slopes_table(comparison: Comparison) -> pd.DataFrame:
             continue
         theta = fit.draws[:, : fit.model.n_coefficient]
         textures = np.array(fit.model.data.textures)
-        for a, b in (
-            part.T for part in np.split(textures, range(_AT_ONCE, len(textures), _AT_ONCE))
-        ):
+        for i in range(0, len(textures), _AT_ONCE):
+            a, b = textures[i : i + _AT_ONCE].T
             slope = fit.form.slope(a, b, theta)
             lower, upper = np.quantile(slope, [0.5 - _PROB / 2, 0.5 + _PROB / 2], axis=0)
             each = zip(a, b, a + b, slope.mean(axis=0), lower, upper, strict=True)

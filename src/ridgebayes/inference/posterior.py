@@ -74,7 +74,7 @@ class Posterior:
     ([1.0, 1.0], (3,))
     >>> fit.offsets_given(2)  # independent rows share none
     (2, None)
-    >>> fit.tabulate_offsets(2, 1, [(0.022, 0.02)])  # until they are forgotten
+    >>> fit.tabulate_offsets(2, [fit.coordinates[::2]], [(0.022, 0.02)])  # until they are forgotten
     >>> fit.forget_offsets()
     """
 
@@ -237,20 +237,21 @@ class Posterior:
             self._derived["offsets"] = kept
         return kept
 
-    def tabulate_offsets(self, stride: int, n_part: int, textures: Sequence[Texture]) -> None:
+    def tabulate_offsets(
+        self, stride: int, draws: Sequence[FloatArray], textures: Sequence[Texture]
+    ) -> None:
         """Have `offsets_given` return a table of some textures, until that is forgotten.
 
         Parameters
         ----------
         stride : int
             Every n-th draw.
-        n_part : int
-            Parts of the draws, of which what the rows tell is held one at a time.
+        draws : sequence of ndarray of float, shape (n, n_coordinate)
+            Their coordinates in parts, of which what the rows tell is held one at a time.
         textures : sequence of (float, float)
             Those that will be asked for.
         """
-        u = np.array_split(self.coordinates[::stride], n_part)
-        parts = [partial(_ready, self.model, part) for part in u]
+        parts = [partial(_ready, self.model, u) for u in draws]
         self._derived["offsets"] = stride, TabulatedOffsets(parts, textures)
 
     def forget_offsets(self) -> None:

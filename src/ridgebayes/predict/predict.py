@@ -204,7 +204,7 @@ def predict_q(
         found = (predicted(one, a_over_R, b_over_R, p_over_E) for one in each)
         return mix_q(found, [len(u) for u in parts])
     if len(parts) > 1:
-        fit.tabulate_offsets(-(-len(fit.draws) // n_draw), len(parts), textures)
+        fit.tabulate_offsets(-(-len(fit.draws) // n_draw), parts, textures)
     flat_p, flat_nu = p.ravel(), poisson.ravel()
     flags = calibrated.load_flags(flat_p, flat_nu)
     flags |= calibrated.texture_flags(own_a, own_b)[place]

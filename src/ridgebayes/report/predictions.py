@@ -234,11 +234,8 @@ def score_section(data: ReportData) -> list[Block]:
         for leave, part in left_out.groupby("leave", sort=False):
             if part["log_score"].notna().any():
                 leaders[str(leave)] = _leaders(part, "log_score")
-        blocks.append(
-            Folded(
-                "Textures and steps left out", [_left_out_table(left_out, data.comparison.table)]
-            )
-        )
+        scored = _left_out_table(left_out, data.comparison.table.calibration)
+        blocks.append(Folded("Textures and steps left out", [scored]))
     if blocks:
         words = (
             "Expected log predictive density (elpd) of held-out data, higher is better, and the "
@@ -300,10 +297,10 @@ def _rows_table(scores: pd.DataFrame) -> Table:
     )
 
 
-def _left_out_table(scores: pd.DataFrame, table: ContactTable) -> Table:
+def _left_out_table(scores: pd.DataFrame, fitted: ContactTable) -> Table:
     records = scores.to_dict("records")
-    fitted = table.calibration
-    n_left = {"texture": len(fitted.textures), "step": len(np.unique(fitted.column("Q")))}
+    n_step = len(np.unique(fitted.column("Q")))
+    n_left = {"texture": len(fitted.textures), "step": n_step, "row": len(fitted)}
     failed = "; ".join(f"{row['form']}, {row['failed']}" for row in records if row["failed"])
     return Table(
         ["Left out", "Form", "Log score ± standard error", "CRPS of log load", "Weight"],
