@@ -25,6 +25,7 @@ from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import N_KEPT
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
+from ridgebayes.predict.predict import predict_load, predict_q
 
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
 QUICK = rb.SampleSettings(n_walker=16, n_step_max=100)
@@ -522,10 +523,12 @@ def test_predict__is_the_mix_by_probability(comparison):
     fits, shares = comparison.fits, {"classic": 0.25, "hybrid": 0.75}
     p = np.geomspace(1e-4, 0.02, 7)
     q = mixed(comparison, **shares).predict(0.022, 0.02, p)
+    # Each with so many of its draws as it weighs.
+    alone = {f: predict_q(fits[f], 0.022, 0.02, p, share=w) for f, w in shares.items()}
     for n in (4, 6, 8, 10, 12):
-        parts = [w * fits[f].predict(0.022, 0.02, p).at_least(n) for f, w in shares.items()]
+        parts = [w * alone[f].at_least(n) for f, w in shares.items()]
         np.testing.assert_allclose(q.at_least(n), sum(parts), rtol=1e-13, atol=0)  # algebra
-    parts = [w * fits[f].predict(0.022, 0.02, p).mean() for f, w in shares.items()]
+    parts = [w * alone[f].mean() for f, w in shares.items()]
     np.testing.assert_allclose(q.mean(), sum(parts), rtol=1e-13)
 
 
@@ -541,8 +544,9 @@ def test_predict__passes_kind_and_poissons_ratio_on(comparison):
 def test_predict_load__is_the_mix_by_probability(comparison):
     fits, shares = comparison.fits, {"classic": 0.25, "hybrid": 0.75}
     load = mixed(comparison, **shares).predict_load(0.022, 0.02, Q=8)
+    alone = {f: predict_load(fits[f], 0.022, 0.02, 8, share=w) for f, w in shares.items()}
     for p in (0.004, 0.006, 0.008, 0.012):
-        parts = [w * fits[f].predict_load(0.022, 0.02, Q=8).cdf(p) for f, w in shares.items()]
+        parts = [w * alone[f].cdf(p) for f, w in shares.items()]
         assert math.isclose(load.cdf(p), sum(parts), rel_tol=1e-12)  # algebra
 
 

@@ -325,10 +325,11 @@ def test_calibrate__predictions_are_the_mixture_of_its_posteriors(fit):
     where = (0.03, 0.02)
     load = fit.predict_load(*where, 8)
     for p in load.interval(0.6):
-        parts = [w * predict_load(one, *where, 8).cdf(p) for one, w in fit.averaged]
+        parts = [w * predict_load(one, *where, 8, share=w).cdf(p) for one, w in fit.averaged]
         assert len(parts) > 1
         assert float(load.cdf(p)) == pytest.approx(float(sum(parts)), rel=1e-12)  # algebra
     p = np.geomspace(1e-3, 0.01, 5)
     for kind in ("curve", "simulation"):
-        parts = [w * predict_q(one, *where, p, kind=kind).mean() for one, w in fit.averaged]
+        predicted = [predict_q(one, *where, p, kind=kind, share=w) for one, w in fit.averaged]
+        parts = [w * q.mean() for q, (_, w) in zip(predicted, fit.averaged, strict=True)]
         np.testing.assert_allclose(fit.predict(*where, p, kind=kind).mean(), sum(parts), rtol=1e-12)

@@ -16,6 +16,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.predict import KINDS, NEGLIGIBLE, predict_load, predict_q
+from ridgebayes.predict.predictive_cdf import N_LOAD_DRAWS
 from ridgebayes.predict.q_distribution import QDistribution, mix_q
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.table.table import ContactTable
@@ -23,6 +24,7 @@ from ridgebayes.table.table import ContactTable
 AVERAGE = "average"
 _KEPT = 100_000  # bands of each posterior up to which all are kept; of more, some are made twice
 _N_LOAD, _FEWEST = 200, 10  # loads of a texture: fewer where bands would be more than are kept
+_DRAWN = 2**24  # draws times rows of a form's loads, beyond which there are fewer draws
 
 
 def default_loads(comparison: Comparison, n: int = _N_LOAD) -> FloatArray:
@@ -98,19 +100,23 @@ def bands_table(
     p = np.atleast_2d(loads).astype(float)
     mixtures = _mixtures(comparison, wanted)
     where = {"a_over_R": a, "b_over_R": b, "p_over_E": p, "nu": poisson, "compressed": True}
+    shares = _shares(mixtures)
     known: dict[int, dict[str, QDistribution]] = {}
     if np.broadcast(a, p).size <= _KEPT:
         # A form's own mixture and the average share posteriors.
         every = itertools.chain.from_iterable(mixtures.values())
         posteriors = list({id(one): one for one, _ in every}.values())
+        tasks = [(one, shares[id(one)]) for one in posteriors]
         predicted = partial(_bands_of, kinds=kinds, where=where)
-        found = map_ordered(predicted, posteriors, executor, name=lambda one: one.form.name)
+        found = map_ordered(predicted, tasks, executor, name=lambda task: task[0].form.name)
         known = {id(one): bands for one, bands in zip(posteriors, found, strict=True)}
     blocks, errors = [], []
     for kind in kinds:
         for name, parts in mixtures.items():
             each = (
-                known[id(one)][kind] if known else _bands_of(one, [kind], where)[kind]
+                known[id(one)][kind]
+                if known
+                else _bands_of((one, shares[id(one)]), [kind], where)[kind]
                 for one, _ in parts
             )
             q = mix_q(each, [weight for _, weight in parts])
@@ -147,12 +153,21 @@ def loads_table(
     frame = predicted_rows(comparison.table)
     blocks = []
     a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
+    mixtures = _mixtures(comparison, [*comparison.fits, AVERAGE])
+    shares, few = _shares(mixtures), min(_DRAWN / (N_LOAD_DRAWS * max(len(frame), 1)), 1.0)
+
+    @cache
+    def predicted(one: Posterior, kind: str) -> LoadDistribution:
+        share = few * shares[id(one)]
+        load = predict_load(one, a, b, q, nu=nu, kind=kind, share=share)
+        one.forget_offsets()
+        return load
+
     for kind in kinds:
         known = frame["rel_se"].to_numpy() * (kind == "simulation")
-        predicted = cache(partial(_loads_of, a_over_R=a, b_over_R=b, Q=q, nu=nu, kind=kind))
-        for name, parts in _mixtures(comparison, [*comparison.fits, AVERAGE]).items():
-            shares = [weight for _, weight in parts]
-            load = mix_loads([predicted(one).widened(known) for one, _ in parts], shares)
+        for name, parts in mixtures.items():
+            weights = [weight for _, weight in parts]
+            load = mix_loads([predicted(one, kind).widened(known) for one, _ in parts], weights)
             blocks.append(_of_form(name, parts, load.to_dataframe(prob)))
             blocks[-1]["p_over_E_observed"] = frame["p_over_E"].to_numpy()
     return pd.concat(blocks, ignore_index=True)
@@ -173,17 +188,11 @@ def _nu_of_textures(comparison: Comparison) -> dict[Texture, float]:
 
 
 def _bands_of(
-    posterior: Posterior, kinds: Sequence[str], where: dict[str, Any]
+    task: tuple[Posterior, float], kinds: Sequence[str], where: dict[str, Any]
 ) -> dict[str, QDistribution]:
     """Predict, and let go of what was worked out for it: of all fits that would be gigabytes."""
-    found = {kind: predict_q(posterior, kind=kind, **where) for kind in kinds}
-    posterior.forget_offsets()
-    return found
-
-
-def _loads_of(posterior: Posterior, **where: Any) -> LoadDistribution:
-    """Do so of loads."""
-    found = predict_load(posterior, **where)
+    posterior, share = task
+    found = {kind: predict_q(posterior, kind=kind, share=share, **where) for kind in kinds}
     posterior.forget_offsets()
     return found
 
@@ -199,6 +208,16 @@ def _mixtures(comparison: Comparison, wanted: Sequence[str]) -> dict[str, _Mixtu
             found[name] = comparison.fits[name].averaged
         elif comparison.probabilities:  # else there is no evidence to weigh forms by
             found[AVERAGE] = comparison.averaged
+    return found
+
+
+def _shares(mixtures: dict[str, _Mixture]) -> dict[int, float]:
+    """Return the largest weight that each posterior has in a mixture."""
+    found: dict[int, float] = {}
+    for parts in mixtures.values():
+        total = sum(weight for _, weight in parts)
+        for one, weight in parts:
+            found[id(one)] = max(found.get(id(one), 0.0), weight / total)
     return found
 
 

@@ -21,6 +21,7 @@ from ridgebayes.runtime.pool import map_ordered
 SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
 _SURE, _LEAST_SURE = 0.1, 0.4  # standard errors of ln evidence: of a form's, of a pair's at most
 _ROUGH = 1.0  # of a form that is out of reach
+_K_ROUGH = 1.0  # Pareto k above which weights have no mean: enough for a rough answer
 _LOW = 1.0  # in ln evidence: by which draws that do not reach a prior may be low
 
 _Task = TypeVar("_Task", Scaling, Changed)
@@ -66,14 +67,14 @@ def prior_sensitivity(
         task.key: {change: look.value for change, look in one.items()}
         for task, one in zip(tasks, looks, strict=True)
     }
-    again = [
-        Changed(task, *change, float(used[task.key]), _sure_enough(used, found, task.key, change))
-        for task, one in zip(tasks, looks, strict=True)
-        for change, look in one.items()
-        if not look.k <= K_MAX
-    ]
-    for one, value in zip(again, _in_parallel(found_anew, again, executor), strict=True):
-        found[one.scaling.key][one.prior, one.factor] = value
+    again = []
+    for task, one in zip(tasks, looks, strict=True):
+        for change, look in one.items():
+            se = _sure_enough(used, found, task.key, change)
+            if not look.k <= (_K_ROUGH if se == _ROUGH else K_MAX):
+                again.append(Changed(task, *change, float(used[task.key]), se))
+    for changed, value in zip(again, _in_parallel(found_anew, again, executor), strict=True):
+        found[changed.scaling.key][changed.prior, changed.factor] = value
     factors: dict[str, dict[float, None]] = {}
     for prior, factor in (change for one in looks for change in one):
         factors.setdefault(prior, {})[factor] = None

@@ -22,8 +22,15 @@ from ridgebayes.model.forms.arguments import common_shape, even_counts, loads, n
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.load_draws import LoadDraws
-from ridgebayes.predict.predictive_cdf import N_LOAD_DRAWS, Average, PosteriorLoads, distinct
-from ridgebayes.predict.q_distribution import QDistribution, mix_q
+from ridgebayes.predict.predictive_cdf import (
+    N_LOAD_DRAWS,
+    Average,
+    PosteriorLoads,
+    distinct,
+    n_draws,
+    of_share,
+)
+from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
 
 KINDS = ("curve", "simulation")
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
@@ -85,8 +92,8 @@ class Predictive(ABC):
         Under Student errors no further count than that of a body in contact over its whole width
         is given a probability.
         *Accuracy.* Monte Carlo error of a probability under 0.005 (10,240 draws of independent
-        rows; 2,560 where rows share offsets, 1,280 under Student errors; where there are many
-        offsets, so many at a time as take 32 MiB).
+        rows; 2,560 where rows share offsets; half as many under Student errors). Posteriors that
+        are averaged have as many in all, each by its weight, but no less than a sixteenth.
         *Cost.* Some 0.3 s for 100,000 loads of one texture: means over draws are tabulated, to
         1e-13, where more than 1,000 loads need one; of Student errors to 1e-7, also where counts
         share them.
@@ -100,7 +107,9 @@ class Predictive(ABC):
         [4, 8]
         """
         parts, weights = zip(*self.averaged, strict=True)
-        found = (predict_q(one, a_over_R, b_over_R, p_over_E, nu=nu, kind=kind) for one in parts)
+        each = zip(parts, shares(weights).tolist(), strict=True)
+        predicted = partial(predict_q, nu=nu, kind=kind)
+        found = (predicted(one, a_over_R, b_over_R, p_over_E, share=w) for one, w in each)
         return mix_q(found, weights)
 
     def predict_load(
@@ -156,7 +165,9 @@ class Predictive(ABC):
         True
         """
         parts, weights = zip(*self.averaged, strict=True)
-        found = (predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in parts)
+        each = zip(parts, shares(weights).tolist(), strict=True)
+        predicted = partial(predict_load, nu=nu, kind=kind)
+        found = (predicted(one, a_over_R, b_over_R, Q, share=w) for one, w in each)
         return mix_loads(found, weights)
 
 
@@ -169,6 +180,7 @@ def predict_q(
     nu: ArrayLike = 0.5,
     kind: str = "simulation",
     compressed: bool = False,
+    share: float = 1.0,
 ) -> QDistribution:
     """Return the predictive distribution of Q of one posterior, see `Predictive.predict`.
 
@@ -182,6 +194,8 @@ def predict_q(
         Whether weighted nodes stand for the posterior where they can, see `inference.qmc_nodes`:
         faster, some 4 s for a million loads of a thousand textures, and with an error of their
         own, under 0.001 on the paper's sweep.
+    share : float, optional
+        Of an average that it is for, the weight of this posterior: it has so many of the draws.
 
     Returns
     -------
@@ -195,11 +209,11 @@ def predict_q(
     own_a, own_b = a.ravel()[first], b.ravel()[first]
     textures = list(zip(own_a.tolist(), own_b.tolist(), strict=True))
     calibrated = CalibratedRange.of(fit)
-    n_draw = N_LOAD_DRAWS // (1 + (fit.noise.tail != "normal"))
+    n_draw = n_draws(fit, share)
     parts = _in_parts(fit, kind, n_draw)
     n_known = len(textures) * n_draw * (calibrated.Q_max + 4 * _BLOCK)  # means and variances
     if len(parts) > 1 and n_known > _TABULATED:
-        predicted = partial(predict_q, nu=nu, kind=kind, compressed=compressed)
+        predicted = partial(predict_q, nu=nu, kind=kind)
         each = (fit.at_draws(u, fit.seed + i) for i, u in enumerate(parts))
         found = (predicted(one, a_over_R, b_over_R, p_over_E) for one in each)
         return mix_q(found, [len(u) for u in parts])
@@ -211,7 +225,7 @@ def predict_q(
     groups = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place))[:-1])
     try:
         ladders = [
-            _survival(fit, texture, flat_p[here], flat_nu[here], kind, compressed)
+            _survival(fit, texture, flat_p[here], flat_nu[here], kind, n_draw, compressed)
             for texture, here in zip(textures, groups, strict=False)
         ]
     finally:
@@ -239,6 +253,7 @@ def predict_load(
     *,
     nu: ArrayLike = 0.5,
     kind: str = "simulation",
+    share: float = 1.0,
 ) -> LoadDistribution:
     """Return the predictive distribution of loads of one posterior, see `Predictive.predict_load`.
 
@@ -248,6 +263,8 @@ def predict_load(
         Posterior.
     a_over_R, b_over_R, Q, nu, kind
         As there.
+    share : float, optional
+        As of `predict_q`.
 
     Returns
     -------
@@ -255,8 +272,9 @@ def predict_load(
         Of the broadcast shape.
     """
     _check_kind(kind)
-    parts = _in_parts(fit, kind, N_LOAD_DRAWS)
-    if len(parts) > 1 and N_LOAD_DRAWS * np.broadcast(a_over_R, b_over_R, Q, nu).size <= _STORED:
+    n = of_share(N_LOAD_DRAWS, share)
+    parts = _in_parts(fit, kind, n)
+    if len(parts) > 1 and n * np.broadcast(a_over_R, b_over_R, Q, nu).size <= _STORED:
         each = (fit.at_draws(u, fit.seed + i) for i, u in enumerate(parts))
         found = (predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in each)
         return mix_loads(found, [len(u) for u in parts])
@@ -267,7 +285,7 @@ def predict_load(
     calibrated = CalibratedRange.of(fit)
     flags = calibrated.texture_flags(a, b) | calibrated.count_flags(q)
     highest = calibrated.highest_load(a, b, q, poisson)
-    part = PosteriorLoads.of(fit, N_LOAD_DRAWS, kind)
+    part = PosteriorLoads.of(fit, n, kind)
     n_draw = len(part.theta)
     make = partial(_columns, part, own, kind)
     draws = LoadDraws(np.full(n_draw, 1 / n_draw), part.df, make)
@@ -300,7 +318,13 @@ def _columns(
 
 
 def _survival(
-    fit: Posterior, texture: Texture, p: FloatArray, nu: FloatArray, kind: str, compressed: bool
+    fit: Posterior,
+    texture: Texture,
+    p: FloatArray,
+    nu: FloatArray,
+    kind: str,
+    n_draw: int,
+    compressed: bool,
 ) -> tuple[FloatArray, float]:
     """Return P(Q >= 2), P(Q >= 4), ... at loads p of one texture, (n_load, n_step), and its error.
 
@@ -308,8 +332,6 @@ def _survival(
     """
     draws = PosteriorLoads.nodes(fit, kind) if compressed else None
     if draws is None:
-        n_draw = len(fit.draws) if fit.model.offsets is None else N_LOAD_DRAWS
-        n_draw = n_draw if fit.noise.tail == "normal" else N_LOAD_DRAWS // 2
         draws = PosteriorLoads.of(fit, n_draw, kind)
     average = Average(draws, kind)
     columns = [np.ones(len(p))]

@@ -29,6 +29,7 @@ _FEW = 4  # coordinates that a thousand nodes fill
 _N_NODE, _N_MANY = 1_024, 4_096
 _N_CURVE = 16_384
 N_LOAD_DRAWS = 2_560  # draws behind a load distribution; its quantiles move by 0.02 sd at most
+_LEAST_SHARE = 16  # part of these that a posterior of no weight in an average has
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,10 +188,21 @@ class PosteriorLoads:
         return form, prior.value_at(ndtri(self.uniform))[:, None]
 
 
-def n_draws(fit: Posterior) -> int:
-    """Return how many draws probabilities of counts are averaged over, if the fit has as many."""
+def n_draws(fit: Posterior, share: float = 1.0) -> int:
+    """Return how many draws probabilities of counts are averaged over, if the fit has as many.
+
+    `share`: the fit's own weight where several are averaged, see `of_share`.
+    """
     n = N_LOAD_DRAWS if fit.model.offsets is not None else len(fit.draws)
-    return n if fit.noise.tail == "normal" else n // 2
+    return of_share(n if fit.noise.tail == "normal" else n // 2, share)
+
+
+def of_share(n: int, share: float) -> int:
+    """Return how many of n draws are one posterior's by its weight in an average, n / 16 at least.
+
+    In proportion to weights draws of all posteriors tell as much as n of a single one.
+    """
+    return max(round(n * min(share, 1.0)), n // _LEAST_SHARE, 1)
 
 
 def _or_infinite(load: FloatArray) -> FloatArray:
