@@ -1,5 +1,7 @@
 import math
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import ridgebayes as rb
@@ -7,25 +9,32 @@ from ridgebayes.evidence import candidates
 from ridgebayes.evidence.candidates import Candidate, Weighing, evaluate
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.inference.moves import Independence
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 
 
+def draws_of(model):
+    rng = np.random.default_rng(1)
+    return SimpleNamespace(coordinates=rng.standard_normal((256, model.n_coordinate)))
+
+
 @pytest.mark.parametrize(
-    ("noise", "se_most", "n_tried"),
-    [("step:student", 0.1, 1), ("step:student", 0.01, 2), ("step", 0.01, 1)],
+    ("noise", "se_most", "expected"),
+    [("step:student", 0.1, [128]), ("step:student", 0.01, [128, 128, 256]), ("step", 0.01, [128])],
 )
 def test_evaluate__draws_again_where_drawn_offsets_leave_an_evidence_unsure(
-    monkeypatch, noise, se_most, n_tried
+    monkeypatch, noise, se_most, expected
 ):
     data = Observations.from_table(rb.paper_sweep())
-    laplace = fit_laplace(Model(data, rb.Modified(), Noise()))
-    tried = []
+    laplace = fit_laplace(Model(data, rb.Modified(), Noise.named(noise)))
+    tried, proposals = [], []
 
-    def drawn(model, laplace, *, seed, n_draw):
+    def drawn(model, laplace, proposal, *, seed, n_draw):
         tried.append(n_draw)
-        return None, LogEvidence("importance", float(n_draw), 6.4 / n_draw)
+        proposals.append(proposal)
+        return draws_of(model), LogEvidence("importance", float(n_draw), 6.4 / n_draw)
 
     monkeypatch.setattr(candidates, "importance_posterior", drawn)
     monkeypatch.setattr(candidates, "several_modes", lambda model, laplace: ())
@@ -42,16 +51,18 @@ def test_evaluate__draws_again_where_drawn_offsets_leave_an_evidence_unsure(
         se_most=se_most,
     )
     assert evaluate(task).evidence.value == tried[-1]
-    assert len(tried) == n_tried
+    assert tried == expected
+    assert proposals[0] is None
+    assert all(isinstance(one, Independence) for one in proposals[1:])  # fitted to the draws before
 
 
 def test_evaluate__keeps_what_fewer_draws_found_where_more_fail(monkeypatch):
     data = Observations.from_table(rb.paper_sweep())
-    laplace = fit_laplace(Model(data, rb.Modified(), Noise()))
+    laplace = fit_laplace(Model(data, rb.Modified(), Noise.named("step:student")))
 
-    def drawn(model, laplace, *, seed, n_draw):
+    def drawn(model, laplace, proposal, *, seed, n_draw):
         status = "ok" if n_draw == 128 else "importance weights: Pareto k 0.78, above 0.7"
-        return None, LogEvidence("importance", float(n_draw), 0.05, status)
+        return draws_of(model), LogEvidence("importance", float(n_draw), 0.05, status)
 
     monkeypatch.setattr(candidates, "importance_posterior", drawn)
     monkeypatch.setattr(candidates, "several_modes", lambda model, laplace: ())

@@ -16,6 +16,7 @@ from ridgebayes.evidence.student_gain import student_gain
 from ridgebayes.inference.funnel_mode import no_mode
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
+from ridgebayes.inference.moves import Independence
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.inference.power_law_exact import is_conjugate
 from ridgebayes.inference.sampling import sample_posterior
@@ -156,9 +157,18 @@ def _screened(model: Model, laplace: Laplace) -> LogEvidence:
 
 def _drawn(task: Weighing, model: Model, screened: LogEvidence, laplace: Laplace) -> Candidate:
     laplace = replace(laplace, other_modes=several_modes(model, laplace))
-    tried = []
-    for effort in task.efforts:
-        tried.append(importance_posterior(model, laplace, seed=task.own_seed, **effort))
+    tried: list[tuple[Posterior, LogEvidence]] = []
+    # Where densities are estimates these are dear: a proposal fitted to all draws comes before more.
+    again = model.is_latent and len(task.efforts) > 1
+    efforts = task.efforts[: int(again)] + task.efforts
+    for i, effort in enumerate(efforts):
+        frame, proposal = laplace, None
+        if tried and model.is_latent:
+            frame = laplace.bound_to(model)
+            draws = frame.whiten(tried[-1][0].coordinates[:, : model.n_parameter])[0]
+            rng = stream(task.own_seed, f"proposal {i}")
+            proposal = Independence.fitted(draws, frame.n_curved, rng)
+        tried.append(importance_posterior(model, frame, proposal, seed=task.own_seed, **effort))
         evidence = tried[-1][1]
         if evidence.ok and (evidence.se <= task.se_most or not model.is_latent):
             break

@@ -124,11 +124,15 @@ class NormalRows:
         return OffsetsOfNormals(now.root, given, now.weight, now.mean)
 
     def weights(self, residual: FloatArray, eta: FloatArray) -> tuple[Root, FloatArray]:
-        """Return L, and the normals' weights after one pass: for what need not be settled."""
+        """Return L, and the weights of normals that outliers stand aside of: not settled ones."""
         now = self._begun(residual, eta)
+        if not self._is_student:
+            return now.root, now.weight
         given = given_rows(self.design, now.root, now.weight, now.mean)
-        now = self._renewed(residual, eta, now, given, is_first=True)
-        return now.root, now.weight
+        at = self.design.spread(now.root.times(given.mean))
+        weight = now.weight.copy()
+        weight[..., : self._n_row] = 1 / self._of_missed(residual, eta, now, at)
+        return now.root, weight
 
     def _begun(self, residual: FloatArray, eta: FloatArray) -> _Normals:
         # A count is at first a normal of its middle, and says nothing at its other end.
@@ -158,12 +162,7 @@ class NormalRows:
         variance = now.variance
         sites = self._sites(residual, now, _Scores(at, half, spread))
         if self._is_student and is_first:
-            # Rows that offsets miss begin as if they lay as far off as a priori: outliers never
-            # pull at their neighbours then. The others begin with their own variance, which is
-            # soon settled.
-            missed = residual * residual + now.prior[..., :n]
-            is_off = square > _OFF**2 * (own + self._rows.centre[1])
-            variance = np.where(is_off, (df * own + missed) / (df + 1), variance)
+            variance = self._of_missed(residual, eta, now, at)
         elif self._is_student:
             for rows, _, site in sites:
                 square[..., rows], share[..., rows] = site.error_square, site.error_share
@@ -177,6 +176,19 @@ class NormalRows:
             for place, one, precision in zip(places, site.mean, site.precision, strict=True):
                 mean[..., place], weight[..., place] = one, precision
         return now._replace(variance=variance, mean=mean, weight=weight)
+
+    def _of_missed(
+        self, residual: FloatArray, eta: FloatArray, now: _Normals, at: FloatArray
+    ) -> FloatArray:
+        """Return the variances of Student rows' errors, of those that offsets miss a priori ones.
+
+        Outliers never pull at their neighbours then. The others begin with their own variance,
+        which is soon settled.
+        """
+        n, df, own = self._n_row, eta[..., -1:], now.own
+        missed = residual * residual + now.prior[..., :n]
+        is_off = ((now.mean - at) ** 2)[..., :n] > _OFF**2 * (own + self._rows.centre[1])
+        return np.where(is_off, (df * own + missed) / (df + 1), now.variance)
 
     def _sites(
         self, residual: FloatArray, now: _Normals, scores: _Scores
