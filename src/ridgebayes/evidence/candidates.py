@@ -160,7 +160,7 @@ def _drawn(task: Weighing, model: Model, screened: LogEvidence, laplace: Laplace
     tried: list[tuple[Posterior, LogEvidence]] = []
     # Where densities are estimates these are dear: a proposal fitted to all draws comes before more.
     again = model.is_latent and len(task.efforts) > 1
-    efforts = task.efforts[: int(again)] + task.efforts
+    efforts = (*task.efforts[: int(again)], *task.efforts)
     for i, effort in enumerate(efforts):
         frame, proposal = laplace, None
         if tried and model.is_latent:
