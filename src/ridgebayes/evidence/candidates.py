@@ -158,7 +158,7 @@ def _screened(model: Model, laplace: Laplace) -> LogEvidence:
 def _drawn(task: Weighing, model: Model, screened: LogEvidence, laplace: Laplace) -> Candidate:
     laplace = replace(laplace, other_modes=several_modes(model, laplace))
     tried: list[tuple[Posterior, LogEvidence]] = []
-    # Where densities are estimates these are dear: a proposal fitted to all draws comes before more.
+    # Estimated densities are dear: a proposal fitted to all draws comes before more draws.
     again = model.is_latent and len(task.efforts) > 1
     efforts = (*task.efforts[: int(again)], *task.efforts)
     for i, effort in enumerate(efforts):
