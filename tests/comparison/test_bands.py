@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
+from ridgebayes.comparison import bands as module
 from ridgebayes.comparison.bands import bands_table, default_loads, loads_table
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.errors import InputError
@@ -420,6 +421,17 @@ def test_loads__simulation_bands_hold_the_rows_known_error(paper, fits):
     np.testing.assert_allclose(width, expected, rtol=0.02)
     same = np.tile(known, 2) == 0
     np.testing.assert_allclose(width[same], other[same], rtol=1e-7)  # solved for to 1e-10
+
+
+def test_loads__of_very_many_rows_take_fewer_draws(paper, fits, monkeypatch):
+    comparison = compared(paper, fits, {"modified": 1.0})
+    many = loads_table(comparison)
+    monkeypatch.setattr(module, "_DRAWN", 44 * 320)  # rows times draws
+    few = loads_table(comparison)
+    error = np.log(few["p_over_E_median"] / many["p_over_E_median"])
+    width = np.log(many["p_over_E_upper"] / many["p_over_E_lower"]) / (2 * 1.645)
+    # A median of 320 draws has a standard error of 0.07 sd; those of a curve are all of it.
+    assert 1e-6 < np.abs(error / width).max() < 5 * 0.07
 
 
 def test_loads__each_row_at_its_own_poissons_ratio(paper, fits):

@@ -14,6 +14,7 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.predict.predict import predict_load, predict_q
+from ridgebayes.predict.predictive_cdf import n_draws
 from ridgebayes.predict.q_distribution import mix_q
 
 A, B = 0.022, 0.02
@@ -127,6 +128,23 @@ def test_predict_q__of_very_many_loads_is_that_of_each(paper, noise):
     # Discretisation: means over draws are tabulated to 1e-13, of Student errors to 1e-7.
     atol = 1e-7 if ":student" in noise else 1e-12
     np.testing.assert_allclose(many.survival[::600, :n], few.survival, rtol=0, atol=atol)
+
+
+def test_predict_q__by_a_share_of_an_average_takes_that_share_of_the_draws(fits):
+    fit = fits["hybrid"]
+    whole = predict_q(fit, A, B, LOADS)
+    np.testing.assert_array_equal(predict_q(fit, A, B, LOADS, share=1.0).survival, whole.survival)
+    for share, n in ((0.25, len(fit.draws) // 4), (0.0, len(fit.draws) // 16)):
+        assert n_draws(fit, share) == n
+        error = predict_q(fit, A, B, LOADS, share=share).mean() - whole.mean()
+        spread = whole.std().max() / np.sqrt(n)  # Monte Carlo standard error at most
+        assert 1e-6 < np.abs(error).max() < 5 * spread
+
+
+def test_predict_load__by_a_share_of_an_average_takes_that_share_of_the_draws(fits):
+    assert len(predict_load(fits["hybrid"], A, B, 8).weight) == 2_560
+    assert len(predict_load(fits["hybrid"], A, B, 8, share=0.25).weight) == 640
+    assert len(predict_load(fits["hybrid"], A, B, 8, share=0.0).weight) == 160
 
 
 def peak_of(work):
