@@ -65,7 +65,7 @@ def test_folds_of__refuses_unknown_words_and_a_single_fold(data):
         folds_of(data.take(data.texture == 0), Hybrid(), IID)
 
 
-def test_folds_of__leaves_out_a_tenth_at_a_time_of_more_than_fifty(observed):
+def test_folds_of__leaves_out_a_tenth_at_a_time_of_many_textures(observed):
     textures = [(0.01 + 0.0001 * i, 0.03) for i in range(51)]
     texture = np.repeat(np.arange(51), 2)
     many = observed(texture, np.tile([4, 6], 51), np.tile([-6.3, -4.8], 51), textures=textures)
@@ -79,8 +79,8 @@ def test_folds_of__leaves_out_a_tenth_at_a_time_of_more_than_fifty(observed):
     assert len(set(np.flatnonzero(folds[0].left[::2]) % 10)) > 1
     others = folds_of(many, Modified(), IID)
     assert all((a.left == b.left).all() for a, b in zip(folds, others, strict=True))
-    fifty = many.take(texture < 50)
-    assert len(folds_of(fifty, Hybrid(), IID)) == 50
+    for leave, keep, n_fold in (("texture", texture < 24, 24), ("row", np.arange(102) < 50, 50)):
+        assert len(folds_of(many.take(keep), Hybrid(), IID, leave=leave)) == n_fold
 
 
 def test_refit__draws_a_power_law_of_very_many_textures_exactly(observed):

@@ -64,7 +64,7 @@ def coverage(
 ) -> pd.DataFrame:
     """Leave each texture out in turn, predict its transitions, and count those inside the bands.
 
-    Of more than fifty textures a tenth is left out at a time.
+    Of more than 24 textures a tenth is left out at a time.
 
     Parameters
     ----------

@@ -109,7 +109,7 @@ def cross_validate(
     effort: Mapping[str, int] | None = None,
     priors: ResolvedPriors | None = None,
 ) -> CrossValidation:
-    """Predict each texture (or count, or row) from all others; of over fifty a tenth at a time.
+    """Predict each texture (or count, or row) from all others; of many a tenth at a time.
 
     Parameters
     ----------

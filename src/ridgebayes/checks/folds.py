@@ -38,7 +38,8 @@ from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import stream
 
 LEAVES = ("texture", "step", "row")
-_MOST_FOLDS = 50  # each takes a fit for every form: above, ten folds of many tell as much
+# Each takes a fit for every form: above, ten folds of many tell as much.
+_MOST_FOLDS = {"texture": 24, "step": 24, "row": 50}
 _N_GROUP = 10
 # Less than `importance_posterior` takes by itself: a share of 41 rows asks for no second digit.
 EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 256, "n_point": 16}
@@ -220,7 +221,9 @@ def folds_of(
     effort: Mapping[str, int] | None = None,
     priors: ResolvedPriors | None = None,
 ) -> list[Fold]:
-    """Return one fold per texture, count Q or row; ten of a tenth each where these are over fifty.
+    """Return one fold per texture, count Q or row, or ten of a tenth each where there are many.
+
+    Above 24 textures or counts, or 50 rows.
 
     Parameters
     ----------
@@ -247,7 +250,7 @@ def folds_of(
     if leave not in LEAVES:
         raise InputError(f"leave: expected one of {', '.join(LEAVES)}, got {leave!r}")
     codes, names = _codes(data, leave)
-    if len(names) > _MOST_FOLDS:
+    if len(names) > _MOST_FOLDS[leave]:
         dealt = stream(seed, f"groups of {leave}").permutation(len(names)) % _N_GROUP
         codes, names = dealt[codes], [f"group {i + 1} of {_N_GROUP}" for i in range(_N_GROUP)]
     if len(names) < 2:

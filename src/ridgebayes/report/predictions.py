@@ -306,7 +306,7 @@ def _left_out_table(scores: pd.DataFrame, fitted: ContactTable) -> Table:
         ["Left out", "Form", "Log score ± standard error", "CRPS of log load", "Weight"],
         [_left_out_row(row, n_left[str(row["leave"])]) for row in records],
         "Each texture, or each count of edges, is left out in turn and predicted from the rest; "
-        "of more than 50 a tenth at a time. "
+        "of more than 24 a tenth at a time. "
         "Log score: log density of the rows of a fold together. CRPS: 0.01 is about 1 % in load."
         + (f" Not fitted: {failed}." if failed else ""),
         text=(0, 1),
