@@ -42,6 +42,9 @@ _STRETCH = 0.7  # a of sinh(a t) / a: tails that outliers need, for nodes
 _STRETCH_POINTS, _WIDER = 0.5, 0.8
 _NARROW = 1e-3  # least share of it
 _STEP, _HALF = 0.25, 24  # the one-dimensional rule: 49 nodes, to 47 sds
+# Of estimates that no more than so many points are asked for, every second one: of a posterior's
+# draws 256 were mostly within 0.01, of outliers within 0.3.
+_FEW_POINTS = 8
 _HUGE = 1e300
 MOST_OFFSETS = 600  # of points: all offsets move all rows there
 # Numbers at a time where draws x points x rows are needed: caches hold them.
@@ -107,7 +110,7 @@ class SampledOffsets:
         applies, else Laplace's approximation.
         """
         if self.is_product:
-            top, share = _shares(self._lines(log_rates, eta, 0.0)[2])
+            top, share = _shares(self._lines(log_rates, eta)[2])
             value: FloatArray = (top + np.log(share.sum(axis=-1))).sum(axis=-1)
             return value
         if eta.ndim == 2 and len(log_rates) == len(eta):
@@ -136,18 +139,23 @@ class SampledOffsets:
         return value
 
     def _lines(
-        self, log_rates: FloatArray, eta: FloatArray, shift: FloatArray | float
+        self,
+        log_rates: FloatArray,
+        eta: FloatArray,
+        shift: FloatArray | float = 0.0,
+        every: int = 1,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return scores at nodes of each level, log densities, log weights: (..., level, node)."""
         _, given, *_ = self._normal.given(self._residual(log_rates), eta)
-        t: FloatArray = _STEP * (np.arange(-_HALF, _HALF + 1.0)[:, None] + shift)
+        step, half = every * _STEP, _HALF // every
+        t: FloatArray = step * (np.arange(-half, half + 1.0)[:, None] + shift)
         xi, log_volume = _stretched(t, _STRETCH)
         scores = given.mean[..., None, :] + xi / given.pivots[..., None, :]
         each = eta[..., None, :]
         offsets = self._offsets.root(each).times(scores)
         rows = self._rows_given(log_rates[..., None, :], each, offsets)
         log_joint = self._design.gather(rows) - 0.5 * (scores * scores + _LOG_2PI)
-        log_weight = log_joint + log_volume + math.log(_STEP) - np.log(given.pivots)[..., None, :]
+        log_weight = log_joint + log_volume + math.log(step) - np.log(given.pivots)[..., None, :]
         nodes, joint, weight = (np.swapaxes(x, -1, -2) for x in (scores, log_joint, log_weight))
         return nodes, joint, weight
 
@@ -156,7 +164,8 @@ class SampledOffsets:
     ) -> Estimate:
         """Estimate level by level, by nodes shifted at random."""
         shift = rng.random((len(eta), 1, self.n_latent)) - 0.5
-        scores, log_joint, log_weight = self._lines(log_rates, eta, shift)
+        every = 2 if n_point <= _FEW_POINTS else 1
+        scores, log_joint, log_weight = self._lines(log_rates, eta, shift, every)
         top, share = _shares(log_weight)
         place = _picked(share, rng)[..., None]
         latent, joint = (np.take_along_axis(x, place, axis=-1)[..., 0] for x in (scores, log_joint))
