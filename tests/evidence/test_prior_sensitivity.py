@@ -11,6 +11,7 @@ from ridgebayes.evidence import LogEvidence, quadrature_evidence
 from ridgebayes.evidence.changed_prior import (
     NUGGET,
     _log_ratio,
+    _of_rounds,
     prior_of,
     scale_factors,
 )
@@ -141,6 +142,14 @@ def test_log_ratio__where_the_old_prior_is_zero_no_draw_counts(observed):
     # Half-normals of sds 0.09 and 0.03: algebra.
     expected = -math.log(3) + 0.5 * (1 - 1 / 9)
     np.testing.assert_allclose(ratio, [expected, -np.inf, -np.inf], rtol=1e-12)
+
+
+def test_of_rounds__is_the_mean_of_those_that_leave_the_least_variance():
+    value, variance = _of_rounds([(9.0, 5.0), (1.0, 0.1), (2.0, 0.1)])
+    # By hand: the first would bring 5 / 9 of its own.
+    assert math.isclose(value, math.log((math.e + math.e**2) / 2), rel_tol=1e-14)
+    assert math.isclose(variance, 0.05, rel_tol=1e-14)
+    assert _of_rounds([(1.0, 0.1), (3.0, 0.01)]) == pytest.approx((3.0, 0.01), rel=1e-14)
 
 
 def test_nugget__changes_the_evidence_as_two_evidences_say(observed):

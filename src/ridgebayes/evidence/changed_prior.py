@@ -1,6 +1,7 @@
 """The change of an evidence where a prior has another scale, or a smooth offset another nugget."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -27,7 +28,7 @@ _LEAST = 0.3  # factor of the coefficients' scales
 _N_LIKELIHOOD = 512  # draws that are weighted by a ratio of likelihoods
 _REACHED = 0.1  # share of a posterior's draws that count: of fewer a new mode is searched for
 _N_DRAW, _N_POINT, _ENOUGH = 256, 8, 0.5  # of importance sampling anew
-_N_TRY = 6  # rounds of it
+_N_ROUND = 12
 
 
 def prior_of(parameter: str) -> str:
@@ -146,12 +147,13 @@ def _sampled(task: Changed, other: Model) -> float:
     ratio = _log_ratio(other, model, posterior.draws)
     laplace, draws = posterior.laplace, None
     reached = Weighted(posterior.draws, ratio, ratio)
-    is_near = reached.effective > _REACHED
+    is_near, u = reached.effective > _REACHED, posterior.coordinates[:, : model.n_parameter]
     if is_near:  # in coordinates of the posterior as it was
-        z = laplace.whiten(posterior.coordinates[:, : model.n_parameter])[0]
-        draws = replace(reached, z=z)
+        draws = replace(reached, z=laplace.whiten(u)[0])
     else:
-        laplace = fit_laplace(other, near=model.to_theta(laplace.mode))
+        # The nearer draws come, the shorter is the search.
+        lead = reached.relative @ u / len(u) if np.isfinite(ratio).any() else laplace.mode
+        laplace = fit_laplace(other, near=model.to_theta(lead))
 
     def log_density(u: FloatArray) -> FloatArray:
         if task.prior == NUGGET or not is_near:
@@ -160,14 +162,28 @@ def _sampled(task: Changed, other: Model) -> float:
         return ratio + model.estimated(u, rng, _N_POINT).log_density
 
     in_z, k = laplace.whitened(log_density), laplace.n_curved
-    for _ in range(_N_TRY):
+    rounds: list[tuple[float, float]] = []
+    for _ in range(_N_ROUND):
         _, draws = adapted(
-            in_z, k, model.n_parameter - k, rng, n_round=2, n=_N_DRAW, start=draws, enough=_ENOUGH
+            in_z, k, model.n_parameter - k, rng, n_round=1, n=_N_DRAW, start=draws, enough=_ENOUGH
         )
-        log_evidence = draws.log_mean
-        if (1 / draws.effective - 1) / _N_DRAW < task.se**2:
+        rounds.append((draws.log_mean, (1 / draws.effective - 1) / _N_DRAW))
+        log_evidence, variance = _of_rounds(rounds)
+        if variance < task.se**2:
             break
     return log_evidence
+
+
+def _of_rounds(rounds: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return the log of the mean evidence of the last rounds, and its relative variance.
+
+    Each round's mean of weights is unbiased. So many are taken as leave the least variance.
+    """
+    values, variances = np.array(rounds)[::-1].T
+    n = np.arange(1, len(values) + 1)
+    of_last = np.cumsum(variances) / n**2
+    most = int(np.argmin(of_last)) + 1
+    return float(logsumexp(values[:most])) - math.log(most), float(of_last[most - 1])
 
 
 def _change(log_weight: FloatArray) -> Change:
