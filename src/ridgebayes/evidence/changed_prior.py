@@ -28,7 +28,7 @@ _LEAST = 0.3  # factor of the coefficients' scales
 _N_LIKELIHOOD = 512  # draws that are weighted by a ratio of likelihoods
 _REACHED = 0.1  # share of a posterior's draws that count: of fewer a new mode is searched for
 _N_DRAW, _N_POINT, _ENOUGH = 256, 8, 0.5  # of importance sampling anew
-_N_ROUND = 12
+_N_ROUND = 12  # of that, at most
 
 
 def prior_of(parameter: str) -> str:
