@@ -17,7 +17,7 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.predict import KINDS, NEGLIGIBLE, predict_load, predict_q
 from ridgebayes.predict.predictive_cdf import N_LOAD_DRAWS
-from ridgebayes.predict.q_distribution import QDistribution, mix_q
+from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.table.table import ContactTable
 
@@ -100,13 +100,13 @@ def bands_table(
     p = np.atleast_2d(loads).astype(float)
     mixtures = _mixtures(comparison, wanted)
     where = {"a_over_R": a, "b_over_R": b, "p_over_E": p, "nu": poisson, "compressed": True}
-    shares = _shares(mixtures)
+    share_of = _largest_shares(mixtures)
     known: dict[int, dict[str, QDistribution]] = {}
     if np.broadcast(a, p).size <= _KEPT:
         # A form's own mixture and the average share posteriors.
         every = itertools.chain.from_iterable(mixtures.values())
         posteriors = list({id(one): one for one, _ in every}.values())
-        tasks = [(one, shares[id(one)]) for one in posteriors]
+        tasks = [(one, share_of[id(one)]) for one in posteriors]
         predicted = partial(_bands_of, kinds=kinds, where=where)
         found = map_ordered(predicted, tasks, executor, name=lambda task: task[0].form.name)
         known = {id(one): bands for one, bands in zip(posteriors, found, strict=True)}
@@ -116,7 +116,7 @@ def bands_table(
             each = (
                 known[id(one)][kind]
                 if known
-                else _bands_of((one, shares[id(one)]), [kind], where)[kind]
+                else _bands_of((one, share_of[id(one)]), [kind], where)[kind]
                 for one, _ in parts
             )
             q = mix_q(each, [weight for _, weight in parts])
@@ -154,11 +154,12 @@ def loads_table(
     blocks = []
     a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
     mixtures = _mixtures(comparison, [*comparison.fits, AVERAGE])
-    shares, few = _shares(mixtures), min(_DRAWN / (N_LOAD_DRAWS * max(len(frame), 1)), 1.0)
+    share_of = _largest_shares(mixtures)
+    few = min(_DRAWN / (N_LOAD_DRAWS * max(len(frame), 1)), 1.0)
 
     @cache
     def predicted(one: Posterior, kind: str) -> LoadDistribution:
-        share = few * shares[id(one)]
+        share = few * share_of[id(one)]
         load = predict_load(one, a, b, q, nu=nu, kind=kind, share=share)
         one.forget_offsets()
         return load
@@ -211,13 +212,12 @@ def _mixtures(comparison: Comparison, wanted: Sequence[str]) -> dict[str, _Mixtu
     return found
 
 
-def _shares(mixtures: dict[str, _Mixture]) -> dict[int, float]:
+def _largest_shares(mixtures: dict[str, _Mixture]) -> dict[int, float]:
     """Return the largest weight that each posterior has in a mixture."""
     found: dict[int, float] = {}
     for parts in mixtures.values():
-        total = sum(weight for _, weight in parts)
-        for one, weight in parts:
-            found[id(one)] = max(found.get(id(one), 0.0), weight / total)
+        for (one, _), share in zip(parts, shares([w for _, w in parts]).tolist(), strict=True):
+            found[id(one)] = max(found.get(id(one), 0.0), share)
     return found
 
 
