@@ -105,10 +105,14 @@ class Changed:
 
 
 class Change(NamedTuple):
-    """A change of ln evidence by weighted draws, and the Pareto shape of the weights."""
+    """A change of ln evidence by weighted draws, the Pareto shape of the weights, and their spread.
+
+    That is the standard error, of independent draws whose weights have a variance.
+    """
 
     value: float
     k: float
+    se: float
 
 
 def weighted_draws(task: Scaling) -> dict[tuple[str, float], Change]:
@@ -188,9 +192,10 @@ def _of_rounds(rounds: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 def _change(log_weight: FloatArray) -> Change:
     if not log_weight.any():
-        return Change(0.0, -math.inf)
-    value = float(logsumexp(log_weight)) - math.log(len(log_weight))
-    return Change(value, pareto_k(log_weight))
+        return Change(0.0, -math.inf, 0.0)
+    root = math.sqrt(len(log_weight))
+    value = float(logsumexp(log_weight)) - 2 * math.log(root)
+    return Change(value, pareto_k(log_weight), float(np.exp(log_weight - value).std()) / root)
 
 
 def _log_ratio(other: Model, model: Model, theta: FloatArray) -> FloatArray:

@@ -31,9 +31,10 @@ from ridgebayes.runtime.pool import map_ordered
 LEAST_WEIGHT = 0.01  # of a pair of form and error model that predictions are averaged over
 AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apart by simplicity
 # In ln evidence. Laplace's approximation is low by up to two; e^-6.6 is a tenth of the weight that
-# counts. Behind the best by more than `_HEAVY` a pair is part of a mixture, and takes fewer draws.
+# counts, e^-1.6 enough to matter in the average of a form that is ruled out.
 _CLOSE = 6.6
 _HEAVY = 1.6
+_LARGE = 0.3  # share of its form's average below which a pair that is not printed takes fewer draws
 OUT_OF_REACH = 12.0  # of a form that has less than 1e-4 of the best one's evidence, whatever errs
 _MORE = STANDARD.effort | {"n_draw": 2_560, "n_round": 5, "n_per_round": 1_024, "n_point": 32}
 # Standard error of a ln evidence, times the pair's probability, above which a pair whose offsets
@@ -181,12 +182,13 @@ def weigh_error_models(
     best = max(filter(math.isfinite, (_best(found, f.name) for f in forms)), default=math.inf)
     total = float(logsumexp([-math.inf, *(e.value for e in screened.values() if e.ok)]))
     unsure = max(_UNSURE, accuracy.evidence_error)
+    main = _main_pairs(WeighedErrorModels(found).evidence)
     close = [
         replace(
             task,
             screened=one,
-            efforts=_efforts(one, _best(found, one.form), best, accuracy),
-            se_most=unsure * math.exp(min(total - one.evidence.value, OUT_OF_REACH)),
+            efforts=_efforts(one, _best(found, one.form), best, accuracy, is_main=one.key in main),
+            se_most=unsure * math.exp(min(total - one.evidence.value, OUT_OF_REACH) / 2),
         )
         for task, one in zip(tasks, found.values(), strict=True)
         if not one.left_to and _counts(one, _best(found, one.form), best)
@@ -218,11 +220,23 @@ def _counts(one: Candidate, own: float, best: float) -> bool:
     return one.evidence.value > own - within
 
 
-def _efforts(one: Candidate, own: float, best: float, accuracy: Preset) -> tuple[Effort, ...]:
+def _main_pairs(evidence: pd.DataFrame) -> set[tuple[str, str]]:
+    """Return the pairs that are printed, or are much of their form's average."""
+    used = used_evidence(evidence)
+    if used.empty:
+        return set()
+    share = used["model_probability"] / used.groupby("form")["model_probability"].transform("sum")
+    main = used[(share > _LARGE) | (used["noise"] == printed_error_model(evidence).name)]
+    return set(zip(main["form"], main["noise"], strict=True))
+
+
+def _efforts(
+    one: Candidate, own: float, best: float, accuracy: Preset, *, is_main: bool
+) -> tuple[Effort, ...]:
     """Return how many draws to take, and how many if weights turn out too uneven."""
     if own < best - OUT_OF_REACH:
         return (QUICK.effort | {"n_round": 1},)
-    if one.evidence.value < own - _HEAVY or own < best - _CLOSE:
+    if not is_main or own < best - _CLOSE:
         return (QUICK.effort, STANDARD.effort)
     return (accuracy.effort, _MORE if accuracy.walks else STANDARD.effort)
 

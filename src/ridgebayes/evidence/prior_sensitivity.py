@@ -10,7 +10,6 @@ import pandas as pd
 from scipy.special import logsumexp
 
 from ridgebayes.evidence.changed_prior import Changed, Scaling, found_anew, weighted_draws
-from ridgebayes.evidence.error_models import OUT_OF_REACH
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.inference.pareto_smoothing import K_MAX
@@ -20,8 +19,11 @@ from ridgebayes.runtime.pool import map_ordered
 
 SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
 _SURE, _LEAST_SURE = 0.1, 0.4  # standard errors of ln evidence: of a form's, of a pair's at most
-_ROUGH = 1.0  # of a form that is out of reach
-_K_ROUGH = 1.0  # Pareto k above which weights have no mean: enough for a rough answer
+_ROUGH = 1.0  # of a form that is ruled out
+_RULED_OUT = math.log(1e4)  # behind the best
+# Pareto k above which weights have no mean. Below it they are enough for a rough answer, and where
+# their spread promises a third of the standard error that is borne: heavy tails make it more.
+_K_ROUGH, _SPREAD = 1.0, 1 / 3
 _LOW = 1.0  # in ln evidence: by which draws that do not reach a prior may be low
 
 _Task = TypeVar("_Task", Scaling, Changed)
@@ -71,7 +73,8 @@ def prior_sensitivity(
     for task, one in zip(tasks, looks, strict=True):
         for change, look in one.items():
             se = _sure_enough(used, found, task.key, change)
-            if not look.k <= (_K_ROUGH if se == _ROUGH else K_MAX):
+            is_enough = se == _ROUGH or look.se < _SPREAD * se
+            if not look.k <= (_K_ROUGH if is_enough else K_MAX):
                 again.append(Changed(task, *change, float(used[task.key]), se))
     for changed, value in zip(again, _in_parallel(found_anew, again, executor), strict=True):
         found[changed.scaling.key][changed.prior, changed.factor] = value
@@ -110,7 +113,7 @@ def _sure_enough(
     The largest where the form is ruled out.
     """
     form, noise = key
-    if used.loc[form].max() < used.max() - OUT_OF_REACH:
+    if used.loc[form].max() < used.max() - _RULED_OUT:
         return _ROUGH
     highest = max(
         value + _changes(found, form, str(other)).get(change, 0.0)

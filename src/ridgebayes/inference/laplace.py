@@ -343,7 +343,7 @@ def _fit_conditional(model: Model, start: FloatArray, near: FloatArray | None = 
         if not np.all(np.abs(noise) < _RUNAWAY):
             raise no_mode(model)
         reference = frame.forward(np.zeros(k), noise)[0]
-    precision = hessian(negative, noise)
+    precision = hessian(negative, noise, smooth=not model.is_latent)
     values = linalg.eigvalsh(precision)
     is_mode = bool(np.all((values > 0) & (values < _SHARP)))
     if not is_mode:

@@ -1,7 +1,6 @@
 """Search for the minimum of a function of a few numbers by its values, many points in one call."""
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from scipy import optimize
@@ -13,16 +12,21 @@ _STEP = 0.02  # of numerical derivatives by an error model's parameters, in prio
 WIDTH = 5 * _STEP  # of steps between slopes, where the function bends little
 
 
-def _value_and_slope(
-    function: Callable[[FloatArray], FloatArray], x: FloatArray, order: int = 4
-) -> tuple[float, FloatArray]:
-    """Value, and gradient by central differences of second or fourth order, all in one call."""
-    steps = np.array([1.0, -1.0, 2.0, -2.0])[:order, None, None] * _STEP * np.eye(len(x))
-    values = function(np.concatenate([x[None], (x + steps).reshape(-1, len(x))]))
-    ahead, behind, *far = values[1:].reshape(order, len(x))
+def _values_and_slopes(
+    function: Callable[[FloatArray], FloatArray], x: FloatArray, order: int
+) -> tuple[FloatArray, FloatArray]:
+    """Values and gradients at points (n, d), by central differences of second or fourth order.
+
+    All in one call.
+    """
+    n, d = x.shape
+    steps = np.array([1.0, -1.0, 2.0, -2.0])[:order, None, None] * _STEP * np.eye(d)
+    points = x[:, None] + np.concatenate([np.zeros((1, d)), steps.reshape(-1, d)])
+    values = function(points.reshape(-1, d)).reshape(n, -1)
+    ahead, behind, *far = np.swapaxes(values[:, 1:].reshape(n, order, d), 0, 1)
     if not far:
-        return float(values[0]), (ahead - behind) / (2 * _STEP)
-    return float(values[0]), (8 * (ahead - behind) - (far[0] - far[1])) / (12 * _STEP)
+        return values[:, 0], (ahead - behind) / (2 * _STEP)
+    return values[:, 0], (8 * (ahead - behind) - (far[0] - far[1])) / (12 * _STEP)
 
 
 def searched(
@@ -42,8 +46,12 @@ def searched(
     def scaled(y: FloatArray) -> FloatArray:
         return function(start + factors * y)
 
+    def value_and_slope(y: FloatArray) -> tuple[float, FloatArray]:
+        values, slopes = _values_and_slopes(scaled, y[None], _order(smooth))
+        return float(values[0]), slopes[0]
+
     found = optimize.minimize(
-        partial(_value_and_slope, scaled, order=4 if smooth else 2),
+        value_and_slope,
         np.zeros(len(start)),
         jac=True,
         method="BFGS",
@@ -71,7 +79,9 @@ def scale(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatA
     return factors
 
 
-def hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+def hessian(
+    function: Callable[[FloatArray], FloatArray], x: FloatArray, *, smooth: bool = True
+) -> FloatArray:
     """Hessian by central differences of gradients, with steps that rounding and bends allow."""
     factors = scale(function, x)
 
@@ -79,10 +89,14 @@ def hessian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> Floa
         return function(x + factors * y)
 
     steps = WIDTH * np.eye(len(x))
-    slopes = [[_value_and_slope(scaled, s)[1] for s in (step, -step)] for step in steps]
-    rows = np.array([(ahead - behind) / (2 * WIDTH) for ahead, behind in slopes])
+    _, slopes = _values_and_slopes(scaled, np.concatenate([steps, -steps]), _order(smooth))
+    rows = (slopes[: len(x)] - slopes[len(x) :]) / (2 * WIDTH)
     value: FloatArray = 0.5 * (rows + rows.T) / np.outer(factors, factors)
     return value
+
+
+def _order(smooth: bool) -> int:
+    return 4 if smooth else 2
 
 
 def widths(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
