@@ -12,6 +12,7 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence
 from ridgebayes.evidence.error_models import (
     AS_GOOD,
+    _main_pairs,
     error_model_weights,
     mean_evidence,
     printed_error_model,
@@ -131,6 +132,17 @@ def test_drawn__a_form_out_of_reach_takes_the_draws_of_a_quick_run():
     assert best["classic"] < best["modified"] - 12
 
 
+def test_main_pairs__are_printed_or_much_of_their_forms_average():
+    values = {"iid": 0.0, "texture": 0.5, "step": -0.5, "texture+step": -3.0}
+    found = {("a", noise): [LogEvidence("laplace", v, 0.1)] for noise, v in values.items()}
+    found |= {("b", noise): [LogEvidence("laplace", -20.0, 0.1)] for noise in values}
+    # By hand: shares of a are 0.31, 0.50, 0.19, 0.02, of b a quarter each; iid is printed.
+    expected = {("a", "iid"), ("a", "texture"), ("b", "iid")}
+    assert _main_pairs(evidence_table(found)) == expected
+    none = {key: [LogEvidence("laplace", math.nan, math.nan, "no mode")] for key in found}
+    assert _main_pairs(evidence_table(none)) == set()
+
+
 # --- Student errors with shared offsets -----------------------------------------------------------
 
 
@@ -219,8 +231,14 @@ def test_printed__forms_are_summed_out():
     assert printed_error_model(evidence_of(values)).name == "iid"
 
 
+def test_printed__says_why_there_is_none():
+    found = {("a", "iid"): [LogEvidence("laplace", math.nan, math.nan, "no interior mode")]}
+    with pytest.raises(ComputationError, match="under any error model: no interior mode"):
+        printed_error_model(evidence_table(found))
+
+
 @pytest.mark.long
-def test_printed__of_rows_without_misfit_says_why_there_is_none():
+def test_printed__rows_without_misfit_have_shared_offsets_of_no_size():
     textures = [(0.012, 0.01), (0.022, 0.02), (0.032, 0.03)]
     rows = [
         {"a_over_R": a, "b_over_R": b, "Q": q, "p_over_E": float(rb.Modified().load(q, a, b))}
@@ -228,8 +246,10 @@ def test_printed__of_rows_without_misfit_says_why_there_is_none():
         for q in (4, 6, 8)
     ]
     table = rb.ContactTable.from_frame(pd.DataFrame(rows))
-    with pytest.raises(ComputationError, match=r"under any error model: .*no interior mode"):
-        rb.calibrate(table, rb.Modified())
+    fit = rb.calibrate(table, rb.Modified())
+    # Loads are taken to have a relative error of at least 1e-8; c is the root of one.
+    assert fit.noise.factors
+    assert abs(fit.draws[:, 0].mean() - 1.38) < 5e-8
 
 
 # --- which are weighed, under which priors --------------------------------------------------------

@@ -7,9 +7,12 @@ import pytest
 from scipy.special import logsumexp
 
 import ridgebayes as rb
+import ridgebayes.evidence.prior_sensitivity as prior_sensitivity_module
 from ridgebayes.evidence import LogEvidence, quadrature_evidence
 from ridgebayes.evidence.changed_prior import (
     NUGGET,
+    Change,
+    _change,
     _log_ratio,
     _of_rounds,
     prior_of,
@@ -131,6 +134,28 @@ def test_heavy_weights__of_a_form_that_is_far_behind_are_sampled_all_the_same(ob
     other = model.with_priors({"tau_texture": model.priors["tau_texture"].stretched(0.1)})
     truth = by_quadrature(other) - by_quadrature(model)
     assert abs(told - evidence.value - truth) < 5 * 0.1  # Monte Carlo: standard error of 0.1
+
+
+@pytest.mark.parametrize(
+    ("k", "se", "is_anew"), [(0.6, 0.09, False), (0.9, 0.03, False), (0.9, 0.04, True)]
+)
+def test_heavy_weights__that_spread_little_are_enough(observed, monkeypatch, k, se, is_anew):
+    posterior, evidence = drawn(rows(observed), Noise("texture"))
+    look = {("c", 1.0): Change(0.0, -math.inf, 0.0), ("c", 3.0): Change(-0.2, k, se)}
+    monkeypatch.setattr(prior_sensitivity_module, "weighted_draws", lambda task: look)
+    monkeypatch.setattr(prior_sensitivity_module, "found_anew", lambda changed: -9.0)
+    told = changes_of(posterior, evidence.value, "c")
+    # The error that is borne is 0.1, the spread that is believed a third of it.
+    assert told[3.0] == pytest.approx(-9.0 if is_anew else -0.2, rel=1e-12)
+
+
+def test_change__tells_the_spread_of_weights():
+    weights = np.array([1.0, 2.0, 3.0] * 20)
+    # By hand: mean 2, sd sqrt(2/3).
+    change = _change(np.log(weights))
+    assert change.value == pytest.approx(math.log(2), rel=1e-14)
+    assert change.se == pytest.approx(math.sqrt(2 / 3) / 2 / math.sqrt(60), rel=1e-13)
+    assert _change(np.zeros(60)) == (0.0, -math.inf, 0.0)
 
 
 def test_log_ratio__where_the_old_prior_is_zero_no_draw_counts(observed):
