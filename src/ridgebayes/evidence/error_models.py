@@ -37,8 +37,8 @@ _HEAVY = 1.6
 _LARGE = 0.3  # share of its form's average below which a pair that is not printed takes fewer draws
 OUT_OF_REACH = 12.0  # of a form that has less than 1e-4 of the best one's evidence, whatever errs
 _MORE = STANDARD.effort | {"n_draw": 2_560, "n_round": 5, "n_per_round": 1_024, "n_point": 32}
-# Standard error of a ln evidence, times the pair's probability, above which a pair whose offsets
-# are drawn takes more draws; of others a walk or quadrature makes sure.
+# Standard error of a ln evidence, times the root of the pair's probability, above which a pair
+# whose offsets are drawn takes more draws; of others a walk or quadrature makes sure.
 _UNSURE = 0.02
 
 
@@ -150,7 +150,7 @@ def weigh_error_models(
     evidence: their predictions then agree. A form that the rows rule out takes few draws, under
     its best error models alone; an error model that is a small part of its form's average takes
     few, too. Where offsets are drawn, more draws are taken if the standard error of the evidence
-    times the pair's probability is above 0.025.
+    times the square root of the pair's probability is above 0.02.
     """
     tasks = [
         Weighing(data, form, noise, priors_of(priors, form, noise), seed)

@@ -88,9 +88,10 @@ def hessian(
     def scaled(y: FloatArray) -> FloatArray:
         return function(x + factors * y)
 
-    steps = WIDTH * np.eye(len(x))
-    _, slopes = _values_and_slopes(scaled, np.concatenate([steps, -steps]), _order(smooth))
-    rows = (slopes[: len(x)] - slopes[len(x) :]) / (2 * WIDTH)
+    # Not all steps in one call: many textures' coefficients take memory at each point.
+    pairs = [np.stack([step, -step]) for step in WIDTH * np.eye(len(x))]
+    slopes = np.array([_values_and_slopes(scaled, pair, _order(smooth))[1] for pair in pairs])
+    rows = (slopes[:, 0] - slopes[:, 1]) / (2 * WIDTH)
     value: FloatArray = 0.5 * (rows + rows.T) / np.outer(factors, factors)
     return value
 
