@@ -174,6 +174,8 @@ class SmoothOffsets(Offsets):
             self.n_level += data.n_series
             self.codes, self.codes_next = (np.stack([one, n_place + data.series]) for one in codes)
         self.n_held = 2 * self.n_level**2
+        if self._tau_series is not None:  # rows of two levels each: their loadings, and a copy
+            self.n_held += 2 * self.n_level * len(data)
         if n_place > LARGEST_SMOOTH:
             raise ComputationError(
                 f"step-smooth: {n_place} places of Q and a/pitch; expected at most "
