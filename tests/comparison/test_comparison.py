@@ -455,7 +455,7 @@ def test_prior_sensitivity__a_posterior_without_mode_is_nan_and_not_an_error(
     monkeypatch.setattr("ridgebayes.evidence.changed_prior.fit_laplace", no_mode)
     monkeypatch.setattr("ridgebayes.evidence.changed_prior.adapted", no_mode)
     # As if no draws reached the other prior.
-    monkeypatch.setattr("ridgebayes.evidence.changed_prior.pareto_k", lambda log_weight: 1.0)
+    monkeypatch.setattr("ridgebayes.evidence.changed_prior.pareto_k", lambda log_weight: math.inf)
     frame = prior_sensitivity({"modified": {"iid": fits["modified"]}}, comparison.evidence)
     assert frame["prior"].drop_duplicates().tolist() == ["c", "sigma"]
     assert frame.loc[frame["factor"] != 1, "log_evidence"].isna().all()
