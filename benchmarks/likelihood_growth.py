@@ -29,7 +29,8 @@ def observations(n: int, rng: np.random.Generator) -> Observations:
     a, b = np.array(textures)[index].T
     log_load = np.log(rb.Hybrid().load(Q, a, b)) + 0.03 * rng.standard_normal(n)
     labels = tuple(f"texture {j}" for j in range(len(textures)))
-    return Observations(textures, index, Q, log_load, np.zeros(n), labels)
+    known, bracket, is_count = np.zeros(n), np.full(n, np.nan), np.zeros(n, dtype=bool)
+    return Observations(textures, index, Q, log_load, known, bracket, is_count, labels)
 
 
 def main() -> None:

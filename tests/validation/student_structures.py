@@ -78,7 +78,7 @@ def fitted(structure: str, seed: int) -> dict[str, object]:
     task = Weighing(observations(), rb.Hybrid(), noise, {}, seed)
     screened = evaluate(task)
     own = screened.evidence.value
-    efforts = _efforts(screened, own, own, STANDARD)
+    efforts = _efforts(screened, own, own, STANDARD, is_main=True)
     task = replace(task, screened=screened, efforts=efforts, se_most=_UNSURE)
     with mock.patch("ridgebayes.inference.importance_sampling.pareto_k", noted):
         found = evaluate(task)
