@@ -19,7 +19,7 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence, quadrature_evidence
 from ridgebayes.evidence.changed_prior import scale_factors
 from ridgebayes.evidence.error_models import WeighedErrorModels, weigh_error_models
-from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
+from ridgebayes.evidence.prior_sensitivity import BOUNDS, SENSITIVITY_COLUMNS, prior_sensitivity
 from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import N_KEPT
@@ -45,7 +45,7 @@ def compared(paper, fits, forms, noise="iid", **replaced):
 
 
 def no_sensitivity(posteriors, evidence, **known):
-    return pd.DataFrame()
+    return pd.DataFrame(columns=SENSITIVITY_COLUMNS + BOUNDS)
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from ridgebayes.evidence.changed_prior import (
     prior_of,
     scale_factors,
 )
-from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
+from ridgebayes.evidence.prior_sensitivity import BOUNDS, SENSITIVITY_COLUMNS, prior_sensitivity
 from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
@@ -51,7 +51,7 @@ def changes_of(posterior, value, prior):
     key = ("modified", posterior.noise.name)
     table = evidence_table({key: [LogEvidence("importance", value, 0.01)]})
     found = prior_sensitivity({key[0]: {key[1]: posterior}}, table)
-    assert list(found) == SENSITIVITY_COLUMNS
+    assert list(found) == SENSITIVITY_COLUMNS + BOUNDS
     part = found[found["prior"] == prior].set_index("factor")["log_evidence"]
     assert part[1.0] == pytest.approx(value, rel=1e-14)
     return part - value
@@ -220,6 +220,24 @@ def test_student__without_draws_changes_as_its_normal_twin_does(observed):
     found = prior_sensitivity({"modified": {"texture": posterior}}, table)
     for row in found[found["prior"] == "tau_texture"].itertuples():
         assert row.log_evidence == pytest.approx(evidence.value + alone[row.factor], rel=1e-13)
+
+
+def test_bounds__are_of_what_was_not_drawn(observed):
+    posterior, evidence = drawn(rows(observed), Noise("texture"))
+    fall = changes_of(posterior, evidence.value, "sigma")[0.1]
+    assert fall < -0.5  # which is seen
+    names = ("texture", "texture:student", "iid")
+    table = evidence_table(
+        {("modified", name): [LogEvidence("importance", evidence.value, 0.0)] for name in names}
+    )
+    found = prior_sensitivity({"modified": {"texture": posterior}}, table)
+    row = found.set_index(["prior", "factor"]).loc["sigma", 0.1]
+    # By hand, of three error models: iid is without a change, Student tails have that of normal
+    # ones; left out; and nothing but what is drawn is changed.
+    by_hand = {"log_evidence": [fall, fall, 0], "lower": [fall, fall], "upper": [fall, 0, 0]}
+    for name, changes in by_hand.items():
+        expected = evidence.value + logsumexp(changes) - math.log(3)
+        assert row[name] == pytest.approx(expected, rel=1e-13), name
 
 
 def test_prior_of__c1_is_c_and_all_factors_of_a_power_law_are_one():

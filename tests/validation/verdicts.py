@@ -26,6 +26,7 @@ import pandas as pd
 
 import ridgebayes as rb
 from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
+from ridgebayes.comparison.deciding_priors import with_deciding_priors
 from ridgebayes.comparison.verdict import GRADES, Verdict, verdict_of
 from ridgebayes.drawing.style import as_bytes
 from ridgebayes.errors import RidgebayesError
@@ -35,6 +36,7 @@ from ridgebayes.evidence.error_models import (
     weigh_error_models,
 )
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
+from ridgebayes.evidence.weighed_anew import WeighingAnew
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import QUICK, STANDARD
 from ridgebayes.model.noise import AUTO, error_models_for
@@ -134,7 +136,9 @@ def verdict_on(table: rb.ContactTable, seed: int) -> Verdict:
         found = weighed.posteriors(form)
         weights = error_model_weights(weighed.evidence, form, found)
         drawn[form] = {name: found[name] for name in weights if found[name].noise.name == name}
-    sensitivity = prior_sensitivity(drawn, weighed.evidence)
+    anew = WeighingAnew(data, DEFAULT_FORMS, noises, {}, seed)
+    by_draws = prior_sensitivity(drawn, weighed.evidence)
+    sensitivity = with_deciding_priors(weighed.evidence, by_draws, anew.evidences)
     printed = printed_error_model(weighed.evidence)
     return verdict_of(weighed.evidence, sensitivity, printed, len(data.textures))
 

@@ -13,6 +13,7 @@ import pandas as pd
 from ridgebayes._types import Rng
 from ridgebayes.comparison.bayes_factors import bayes_factor_table, summed_bayes_factors
 from ridgebayes.comparison.comparison import NEGLIGIBLE, Comparison
+from ridgebayes.comparison.deciding_priors import with_deciding_priors
 from ridgebayes.comparison.scores import LOO_COLUMNS, loo_table
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence, laplace_evidence
@@ -26,6 +27,7 @@ from ridgebayes.evidence.error_models import (
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
 from ridgebayes.evidence.savage_dickey import savage_dickey
 from ridgebayes.evidence.tables import evidence_table, evidences
+from ridgebayes.evidence.weighed_anew import WeighingAnew
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
@@ -195,7 +197,8 @@ def compare_with(
     drawn, found, failures = _fit_forms(execution, tasks, weighed)
     evidence = evidence_table(found)
     fits = {name: _averaged(fit, weighed, evidence) for name, fit in drawn.items()}
-    factors, loo, sensitivity = _scored(execution, fits, evidence, printed)
+    anew = WeighingAnew(data, known, noises, known_priors, seed, execution.executor, progress)
+    factors, loo, sensitivity = _scored(execution, fits, evidence, printed, anew)
     accuracy = execution.accuracy.name
     return Comparison(
         table, printed, fits, evidence, factors, loo, sensitivity, failures, accuracy=accuracy
@@ -203,7 +206,11 @@ def compare_with(
 
 
 def _scored(
-    execution: Execution, fits: dict[str, Fit], evidence: pd.DataFrame, printed: Noise
+    execution: Execution,
+    fits: dict[str, Fit],
+    evidence: pd.DataFrame,
+    printed: Noise,
+    anew: WeighingAnew,
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Return Bayes factors, and where they are asked for leave-one-out scores and sensitivity."""
     executor, stage = execution.executor, execution.stage
@@ -217,7 +224,8 @@ def _scored(
         loo_later = submit_or_defer(executor, loo_table, fits)
         with stage("prior sensitivity"):
             posteriors = {name: fit.posteriors for name, fit in fits.items()}
-            sensitivity = prior_sensitivity(posteriors, evidence, executor=executor)
+            by_draws = prior_sensitivity(posteriors, evidence, executor=executor)
+            sensitivity = with_deciding_priors(evidence, by_draws, anew.evidences)
     with stage("savage-dickey and Bayes factors"):
         nested = None if nested_later is None else nested_later()
         factors = bayes_factor_table(evidence, list(fits), printed, nested)

@@ -16,6 +16,7 @@ from ridgebayes.model.noise import SERIES, Noise
 
 GRADES = ("decisive", "supports", "leans", "undecided")
 LEANS = 2.0  # in ln BF, the least that decides anything
+DECISIVE, LEAD = 5.0, 3.0  # in ln BF, of what is decisive: at least, and more over all changes
 _OF_ERRORS = ("sigma", "tau_", "length_", "df", NUGGET)  # priors of the error model, in all forms
 _SURE = 0.95  # posterior probability that counts as decisive for a reader's own prior
 # Forms that predict the same at one texture alone: each has a free factor there.
@@ -107,16 +108,11 @@ def verdict_of(
     Verdict or None
         None where fewer than two forms have an evidence.
     """
-    one = used_evidence(evidence)
-    forms = one.groupby("form", sort=False)["log_evidence"].agg(lambda x: float(logsumexp(x)))
-    forms -= math.log(max(one["noise"].nunique(), 1))
-    if len(forms) < 2:
+    ranked = ranked_forms(evidence)
+    if len(ranked) < 2:
         return None
-    ranked = forms.sort_values(ascending=False, kind="stable")
     (best, over), ln_bf = ranked.index[:2], float(ranked.iloc[0] - ranked.iloc[1])
-    changes = [*_perturbed(one, forms, sensitivity), *_unusable(evidence, one, forms)]
-    leads = {what: _lead(values, best) for what, values in changes}
-    factors = {what: lead for what, lead in leads.items() if not math.isnan(lead)}
+    factors = leads(evidence, sensitivity)
     low, high = min([ln_bf, *factors.values()]), max([ln_bf, *factors.values()])
     weights = mean_evidence(evidence).set_index("noise")["probability"]
     shared = {"texture", SERIES} if series_are_textures else {"texture"}
@@ -140,6 +136,27 @@ def verdict_of(
     )
 
 
+def ranked_forms(evidence: pd.DataFrame) -> pd.Series:
+    """Return ln evidence by form, error models summed out, the highest first."""
+    one = used_evidence(evidence)
+    forms = one.groupby("form", sort=False)["log_evidence"].agg(lambda x: float(logsumexp(x)))
+    forms -= math.log(max(one["noise"].nunique(), 1))
+    return forms.sort_values(ascending=False, kind="stable")
+
+
+def leads(evidence: pd.DataFrame, sensitivity: pd.DataFrame) -> dict[str, float]:
+    """Return ln BF of the best form over the strongest other one, by what is changed."""
+    one, forms = used_evidence(evidence), ranked_forms(evidence)
+    changes = [*_perturbed(one, forms, sensitivity), *_unusable(evidence, one, forms)]
+    found = {what: _lead(values, forms.index[0]) for what, values in changes}
+    return {what: lead for what, lead in found.items() if not math.isnan(lead)}
+
+
+def of_errors(prior: str) -> bool:
+    """Return whether a prior is of the error models, and moves in all forms together."""
+    return prior.startswith(_OF_ERRORS)
+
+
 def _perturbed(
     one: pd.DataFrame, forms: pd.Series, sensitivity: pd.DataFrame
 ) -> Iterator[tuple[str, pd.Series]]:
@@ -151,7 +168,7 @@ def _perturbed(
             if prior != NUGGET
             else (f"nugget times {factor:g}")
         )
-        if str(prior).startswith(_OF_ERRORS):
+        if of_errors(str(prior)):
             yield what, new
         else:
             for form in forms.index.intersection(list(part["form"])):
@@ -189,7 +206,7 @@ def _lead(values: pd.Series, best: str) -> float:
 
 
 def _grade(ln_bf: float, low: float) -> str:
-    if ln_bf >= 5 and low > 3:
+    if ln_bf >= DECISIVE and low > LEAD:
         return "decisive"
     if ln_bf >= 3 and low > 0:
         return "supports"

@@ -18,6 +18,7 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.runtime.pool import map_ordered
 
 SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
+BOUNDS = ["lower", "upper"]  # without error models that have no draws, and if nothing changed these
 _SURE, _LEAST_SURE = 0.1, 0.4  # standard errors of ln evidence: of a form's, of a pair's at most
 _ROUGH = 1.0  # of a form that is ruled out
 _RULED_OUT = math.log(1e4)  # behind the best
@@ -51,11 +52,12 @@ def prior_sensitivity(
     -------
     pandas.DataFrame
         Columns prior (c, which is also c1; c2, K, sigma, tau_..., length_..., df; nugget), factor,
-        form, log_evidence. One prior is changed at a time: a posterior's draws are weighted by new
-        over old prior (for the nugget: likelihood). Where too few of them count (Pareto k above
-        0.7) independent normal rows are integrated anew, and others sampled by importance from
-        where these draws lead. An error model without draws keeps its evidence; a Student tail
-        without any changes as its normal twin does.
+        form, log_evidence, and bounds on it, lower and upper. One prior is changed at a time: a
+        posterior's draws are weighted by new over old prior (for the nugget: likelihood). Where too
+        few of them count (Pareto k above 0.7) independent normal rows are integrated anew, and
+        others sampled by importance from where these draws lead. An error model without draws keeps
+        its evidence; a Student tail without any changes as its normal twin does. The lower bound is
+        without the former, in the upper one all without draws keep their evidence.
     """
     used = used_evidence(evidence).set_index(["form", "noise"])["log_evidence"]
     tasks = [
@@ -82,13 +84,13 @@ def prior_sensitivity(
     for prior, factor in (change for one in looks for change in one):
         factors.setdefault(prior, {})[factor] = None
     rows = [
-        (prior, factor, form, _summed(used, found, form, prior, factor))
+        (prior, factor, form, *_summed(used, found, form, (prior, factor)))
         for prior, looked_at in factors.items()
         for form in posteriors
         if any(one == form for one, _ in found)
         for factor in looked_at
     ]
-    return pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS)
+    return pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS + BOUNDS)
 
 
 def _in_parallel(
@@ -129,15 +131,20 @@ def _summed(
     used: pd.Series,
     found: Mapping[tuple[str, str], Mapping[tuple[str, float], float]],
     form: str,
-    prior: str,
-    factor: float,
-) -> float:
-    values = [
-        value + _changes(found, form, str(noise)).get((prior, factor), 0.0)
-        for noise, value in used.loc[form].items()
-    ]
+    change: tuple[str, float],
+) -> tuple[float, float, float]:
+    """Return a form's ln evidence under another prior, and its bounds."""
+    told, lower, upper = [], [-math.inf], []
+    for noise, value in used.loc[form].items():
+        changes = _changes(found, form, str(noise))
+        changed = value + changes.get(change, 0.0)
+        told.append(changed)
+        if changes:
+            lower.append(changed)
+        upper.append(changed if (form, noise) in found else max(changed, value))
     n_noise = used.index.get_level_values("noise").nunique()
-    return float(logsumexp(values)) - math.log(n_noise)
+    log_n = math.log(n_noise)
+    return float(logsumexp(told)) - log_n, logsumexp(lower) - log_n, logsumexp(upper) - log_n
 
 
 def _changes(
