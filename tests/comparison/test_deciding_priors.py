@@ -45,6 +45,8 @@ def asked(ln_bf, changes, anew=(), noises=("iid", "step")):
     assert list(told) == SENSITIVITY_COLUMNS
     assert len(told) == len(frame)
     value = told.set_index(["form", "prior", "factor"])["log_evidence"]
+    for prior, factor, *_ in calls:  # error models summed out: their mean, not their sum
+        assert value["classic", prior, factor] == pytest.approx(50.0, rel=1e-12)
     return calls, (value["classic"] - value["hybrid"]).to_dict()
 
 

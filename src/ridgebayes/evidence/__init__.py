@@ -13,8 +13,8 @@
 The densities are of the log loads, so evidences of one table compare across all forms. `tables`
 applies every method that suits a `Posterior`, `error_models` weighs every form under every error
 model, and `prior_sensitivity` says how far evidences depend on priors and on a smooth offset's
-nugget, error models summed out. The room knows `inference` and `model`. How each method works:
-docs/derivations/evidence.md.
+nugget, error models summed out; `weighed_anew` weighs all again under one other prior. The room
+knows `inference` and `model`. How each method works: docs/derivations/evidence.md.
 
 >>> from ridgebayes.inference.laplace import fit_laplace
 >>> from ridgebayes.model.forms import Modified
