@@ -80,6 +80,7 @@ class Weighing:
     screened: Candidate | None = None
     efforts: tuple[Effort, ...] = ()  # of drawing, one after the other until weights are even
     se_most: float = math.inf  # and, where offsets are drawn, the evidence is as sure
+    seeks_modes: bool = True  # before drawing, beside the one that is known
     twin: Candidate | None = None
     is_tame: bool = False
 
@@ -156,7 +157,8 @@ def _screened(model: Model, laplace: Laplace) -> LogEvidence:
 
 
 def _drawn(task: Weighing, model: Model, screened: LogEvidence, laplace: Laplace) -> Candidate:
-    laplace = replace(laplace, other_modes=several_modes(model, laplace))
+    if task.seeks_modes:
+        laplace = replace(laplace, other_modes=several_modes(model, laplace))
     tried: list[tuple[Posterior, LogEvidence]] = []
     # Estimated densities are dear: a proposal fitted to all draws comes before more draws.
     again = model.is_latent and len(task.efforts) > 1

@@ -21,7 +21,7 @@ from ridgebayes.evidence.candidates import GAIN, Candidate, Effort, Weighing, ev
 from ridgebayes.evidence.tables import evidence_table, used_evidence
 from ridgebayes.inference.chains import ProgressCallback
 from ridgebayes.inference.posterior import Posterior
-from ridgebayes.inference.presets import QUICK, STANDARD, Preset
+from ridgebayes.inference.presets import QUICK, ROUGH, STANDARD, Preset
 from ridgebayes.model.forms import Form
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
@@ -189,6 +189,7 @@ def weigh_error_models(
             screened=one,
             efforts=_efforts(one, _best(found, one.form), best, accuracy, is_main=one.key in main),
             se_most=unsure * math.exp(min(total - one.evidence.value, OUT_OF_REACH) / 2),
+            seeks_modes=accuracy != ROUGH,
         )
         for task, one in zip(tasks, found.values(), strict=True)
         if not one.left_to and _counts(one, _best(found, one.form), best)
@@ -234,8 +235,8 @@ def _efforts(
     one: Candidate, own: float, best: float, accuracy: Preset, *, is_main: bool
 ) -> tuple[Effort, ...]:
     """Return how many draws to take, and how many if weights turn out too uneven."""
-    if own < best - OUT_OF_REACH:
-        return (QUICK.effort | {"n_round": 1},)
+    if own < best - OUT_OF_REACH or accuracy == ROUGH:
+        return (ROUGH.effort,)
     if not is_main or own < best - _CLOSE:
         return (QUICK.effort, STANDARD.effort)
     return (accuracy.effort, _MORE if accuracy.walks else STANDARD.effort)

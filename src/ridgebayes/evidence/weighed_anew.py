@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 from ridgebayes.evidence.error_models import weigh_error_models
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.chains import ProgressCallback
-from ridgebayes.inference.presets import QUICK
+from ridgebayes.inference.presets import ROUGH
 from ridgebayes.model.default_priors import NOISE_PRIORS
 from ridgebayes.model.forms import Form
 from ridgebayes.model.noise import Noise
@@ -62,7 +62,7 @@ class WeighingAnew:
         Returns
         -------
         dict of str to float
-            By form, of those that have one; with the draws of a quick run.
+            By form, of those that have one, to some tenths.
         """
         of_errors = self.priors.get(OF_ERRORS, {})
         scaled = of_errors.get(prior, NOISE_PRIORS[prior]).stretched(factor)
@@ -74,7 +74,7 @@ class WeighingAnew:
             seed=self.seed,
             executor=self.executor,
             progress=self.progress,
-            accuracy=QUICK,
+            accuracy=ROUGH,
         )
         by_form = used_evidence(weighed.evidence).groupby("form")["log_evidence"]
         return {str(form): float(logsumexp(values)) for form, values in by_form}

@@ -84,6 +84,10 @@ class Preset:
         return SampleSettings(n_tau=self.n_tau)
 
 
+# Of what decides nothing unless it is far off: forms that the rows rule out.
+ROUGH = Preset(
+    "rough", 0.5, 0.5, walks=False, n_draw=512, n_round=1, n_per_round=256, extras=False, n_kept=512
+)
 QUICK = Preset(
     "quick", 0.2, 0.1, walks=False, n_draw=512, n_round=3, n_per_round=256, extras=False, n_kept=512
 )
