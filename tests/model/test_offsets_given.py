@@ -1,5 +1,7 @@
 """What rows tell of offsets at many textures is what they tell at each."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -48,3 +50,21 @@ def test_tabulated__of_some_draws_at_a_time_is_that_of_all(given):
         for found, expected in zip(table.at(texture, Q), whole.at(texture, Q), strict=True):
             np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-12)  # rounding
     assert len(asked) == 2  # each part was worked out once, for all textures
+
+
+@pytest.mark.parametrize("name", ["texture+step", "step-smooth"])
+def test_what_was_asked_for__is_not_kept_by_the_model(observed, name):
+    texture, counts = np.repeat(np.arange(3), 8), np.tile(np.arange(4, 20, 2), 3)
+    model = Model(observed(texture, counts, -6.3 + 0.1 * counts), Modified(), Noise.named(name))
+    u = np.random.default_rng(1).standard_normal((256, model.n_coordinate))
+    model.offsets_given(u[:2])  # what is the same for all draws
+    tracemalloc.start()
+    try:
+        given = model.offsets_given(u)
+        held = tracemalloc.get_traced_memory()[0]
+        del given
+        kept = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    assert held > 100_000  # bytes; a root and a factor of 256 draws
+    assert kept < held / 20

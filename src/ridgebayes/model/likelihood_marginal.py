@@ -91,6 +91,7 @@ class IntegratedOffsets:
     def given(self, log_rates: FloatArray, eta: FloatArray, latent: FloatArray) -> OffsetsGiven:
         """Return what the rows tell of the offsets, for each of many draws."""
         root, given = self._given(log_rates, eta)
+        self._last = None  # who asked holds them, and no density is asked for next
         return OffsetsGiven(self._offsets, eta, root, given.mean, given.factor)
 
     def _factors(self, eta: FloatArray) -> tuple[Root, Factor]:
