@@ -99,6 +99,13 @@ def test_a_sure_change__that_costs_the_grade_spares_the_others():
     assert asked(10.0, changes)[0] == []
 
 
+def test_evidences_anew__never_fall_below_what_draws_tell():
+    # Of Hybrid draws tell 10 - 1; what is found anew, 50 - 43, is less.
+    calls, leads = asked(10.0, {LOST: (9.0, -2.0, 1.0)}, [43.0])
+    assert [call[:2] for call in calls] == [LOST]
+    assert leads[LOST] == pytest.approx(50.0 - 9.0, rel=1e-12)
+
+
 @pytest.mark.parametrize("prior", ["c", "K", "nugget"])
 def test_priors_of_coefficients_and_the_nugget__stay_as_draws_tell(prior):
     assert asked(10.0, {(prior, 0.1): (9.0, -5.0, 9.0)})[0] == []

@@ -57,7 +57,8 @@ def with_deciding_priors(
         names = {best, *bounds.index[near]}
         for form, value in evidences(prior, factor, names).items():
             here = told[["prior", "factor", "form"]].eq([prior, factor, form]).all(axis=1)
-            told.loc[here, "log_evidence"] = value - log_n
+            # A search from the start may miss the mode that draws led to: it finds too little.
+            told.loc[here, "log_evidence"] = max(value - log_n, bounds["lower"][form])
         del open_[prior, factor]
     return told
 
