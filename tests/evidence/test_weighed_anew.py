@@ -1,5 +1,7 @@
 """Forms weighed anew under another prior of the error models, against one dimension by hand."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.special import logsumexp
@@ -7,7 +9,8 @@ from scipy.special import logsumexp
 import ridgebayes as rb
 from ridgebayes.distributions.distribution import HalfNormal
 from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.evidence.weighed_anew import WeighingAnew
+from ridgebayes.evidence.error_models import weigh_error_models
+from ridgebayes.evidence.weighed_anew import weighed_anew
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
@@ -18,8 +21,8 @@ from ridgebayes.model.observations import Observations
 def test_evidences__are_those_of_models_with_that_prior(priors):
     data = Observations.from_table(rb.paper_sweep())
     forms, noises = [rb.Classic(), rb.Modified()], [Noise("iid"), Noise("texture")]
-    anew = WeighingAnew(data, forms, noises, priors, seed=2)
-    found = anew.evidences("sigma", 0.3, ["modified"])
+    weigh = partial(weigh_error_models, data, noises=noises, seed=2)
+    found = weighed_anew(weigh, forms, priors, "sigma", 0.3, ["modified"])
     assert list(found) == ["modified"]
     scale = 0.3 * (0.02 if priors else 0.05)
     values = []

@@ -19,6 +19,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ from ridgebayes.evidence.error_models import (
     weigh_error_models,
 )
 from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
-from ridgebayes.evidence.weighed_anew import WeighingAnew
+from ridgebayes.evidence.weighed_anew import weighed_anew
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import QUICK, STANDARD
 from ridgebayes.model.noise import AUTO, error_models_for
@@ -130,15 +131,16 @@ def verdict_on(table: rb.ContactTable, seed: int) -> Verdict:
     """Return what a comparison says of the default forms, with draws of a quick run."""
     data = Observations.from_table(table)
     noises = error_models_for(AUTO, data.n_series)
-    weighed = weigh_error_models(data, DEFAULT_FORMS, noises, seed=seed, accuracy=QUICK)
+    weigh = partial(weigh_error_models, data, noises=noises, seed=seed)
+    weighed = weigh(forms=DEFAULT_FORMS, accuracy=QUICK)
     drawn: dict[str, dict[str, Posterior]] = {}
     for form in (one.name for one in DEFAULT_FORMS):
         found = weighed.posteriors(form)
         weights = error_model_weights(weighed.evidence, form, found)
         drawn[form] = {name: found[name] for name in weights if found[name].noise.name == name}
-    anew = WeighingAnew(data, DEFAULT_FORMS, noises, {}, seed)
+    anew = partial(weighed_anew, weigh, DEFAULT_FORMS, {})
     by_draws = prior_sensitivity(drawn, weighed.evidence)
-    sensitivity = with_deciding_priors(weighed.evidence, by_draws, anew.evidences)
+    sensitivity = with_deciding_priors(weighed.evidence, by_draws, anew)
     printed = printed_error_model(weighed.evidence)
     return verdict_of(weighed.evidence, sensitivity, printed, len(data.textures))
 

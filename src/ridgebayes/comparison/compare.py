@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -13,7 +14,7 @@ import pandas as pd
 from ridgebayes._types import Rng
 from ridgebayes.comparison.bayes_factors import bayes_factor_table, summed_bayes_factors
 from ridgebayes.comparison.comparison import NEGLIGIBLE, Comparison
-from ridgebayes.comparison.deciding_priors import with_deciding_priors
+from ridgebayes.comparison.deciding_priors import EvidencesAnew, with_deciding_priors
 from ridgebayes.comparison.scores import LOO_COLUMNS, loo_table
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence, laplace_evidence
@@ -27,7 +28,7 @@ from ridgebayes.evidence.error_models import (
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
 from ridgebayes.evidence.savage_dickey import savage_dickey
 from ridgebayes.evidence.tables import evidence_table, evidences
-from ridgebayes.evidence.weighed_anew import WeighingAnew
+from ridgebayes.evidence.weighed_anew import weighed_anew
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
@@ -168,14 +169,11 @@ def compare_with(
         noises = [each for each in noises if each.tail == "normal"]
     known_priors = resolve_priors(priors, known, noises, data)
     seed = seed_of(rng)
+    weigh = partial(weigh_error_models, data, noises=noises, seed=seed, executor=execution.executor)
     with execution.stage("error models"):
-        weighed = weigh_error_models(
-            data,
-            known,
-            noises,
+        weighed = weigh(
+            forms=known,
             priors=known_priors,
-            seed=seed,
-            executor=execution.executor,
             progress=execution.progress,
             accuracy=execution.accuracy,
         )
@@ -197,7 +195,7 @@ def compare_with(
     drawn, found, failures = _fit_forms(execution, tasks, weighed)
     evidence = evidence_table(found)
     fits = {name: _averaged(fit, weighed, evidence) for name, fit in drawn.items()}
-    anew = WeighingAnew(data, known, noises, known_priors, seed, execution.executor, progress)
+    anew = partial(weighed_anew, partial(weigh, progress=progress), known, known_priors)
     factors, loo, sensitivity = _scored(execution, fits, evidence, printed, anew)
     accuracy = execution.accuracy.name
     return Comparison(
@@ -210,7 +208,7 @@ def _scored(
     fits: dict[str, Fit],
     evidence: pd.DataFrame,
     printed: Noise,
-    anew: WeighingAnew,
+    anew: EvidencesAnew,
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Return Bayes factors, and where they are asked for leave-one-out scores and sensitivity."""
     executor, stage = execution.executor, execution.stage
@@ -225,7 +223,7 @@ def _scored(
         with stage("prior sensitivity"):
             posteriors = {name: fit.posteriors for name, fit in fits.items()}
             by_draws = prior_sensitivity(posteriors, evidence, executor=executor)
-            sensitivity = with_deciding_priors(evidence, by_draws, anew.evidences)
+            sensitivity = with_deciding_priors(evidence, by_draws, anew)
     with stage("savage-dickey and Bayes factors"):
         nested = None if nested_later is None else nested_later()
         factors = bayes_factor_table(evidence, list(fits), printed, nested)

@@ -6,7 +6,7 @@ form, but only under the default priors: under others it may be the largest.
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import pandas as pd
 
@@ -16,11 +16,11 @@ from ridgebayes.evidence.prior_sensitivity import BOUNDS, SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import used_evidence
 
 _OPEN = 0.5  # in ln BF: by which what was not drawn may change a lead
-Evidences: TypeAlias = Callable[[str, float, Collection[str]], Mapping[str, float]]
+EvidencesAnew: TypeAlias = Callable[[str, float, Collection[str]], Mapping[str, float]]
 
 
 def with_deciding_priors(
-    evidence: pd.DataFrame, sensitivity: pd.DataFrame, evidences: Evidences
+    evidence: pd.DataFrame, sensitivity: pd.DataFrame, evidences: EvidencesAnew
 ) -> pd.DataFrame:
     """Return `prior_sensitivity.csv`, with evidences found anew where they may decide the grade.
 
@@ -67,9 +67,9 @@ def _open_changes(
     sensitivity: pd.DataFrame, best: str
 ) -> dict[tuple[str, float], tuple[pd.DataFrame, float]]:
     """Return bounds by form, and the best form's least lead, where what was not drawn matters."""
-    found: dict[tuple[str, float], tuple[pd.DataFrame, float]] = {}
+    found: dict[tuple[Any, Any], tuple[pd.DataFrame, float]] = {}  # pandas knows no types of keys
     its = sensitivity[sensitivity["prior"].map(of_errors) & (sensitivity["prior"] != NUGGET)]
-    for change, part in its.groupby(["prior", "factor"], sort=False):
+    for (prior, factor), part in its.groupby(["prior", "factor"], sort=False):
         # What could not be found from draws may be anything.
         bounds = part.set_index("form")[BOUNDS].fillna({"lower": -math.inf, "upper": math.inf})
         others = bounds.drop(best, errors="ignore")
@@ -78,7 +78,7 @@ def _open_changes(
         least = float(bounds["lower"][best] - others["upper"].max())
         most = float(bounds["upper"][best] - others["lower"].max())
         if least < most - _OPEN:
-            found[str(change[0]), float(str(change[1]))] = bounds, least
+            found[prior, factor] = bounds, least
     return found
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
+from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.evidence.changed_prior import NUGGET
 from ridgebayes.evidence.error_models import LEAST_WEIGHT, mean_evidence
 from ridgebayes.evidence.tables import used_evidence
@@ -138,10 +139,8 @@ def verdict_of(
 
 def ranked_forms(evidence: pd.DataFrame) -> pd.Series:
     """Return ln evidence by form, error models summed out, the highest first."""
-    one = used_evidence(evidence)
-    forms = one.groupby("form", sort=False)["log_evidence"].agg(lambda x: float(logsumexp(x)))
-    forms -= math.log(max(one["noise"].nunique(), 1))
-    return forms.sort_values(ascending=False, kind="stable")
+    forms = {form: value for form, (value, _) in summed_evidence(evidence).items()}
+    return pd.Series(forms, dtype=float).sort_values(ascending=False, kind="stable")
 
 
 def leads(evidence: pd.DataFrame, sensitivity: pd.DataFrame) -> dict[str, float]:
