@@ -146,7 +146,7 @@ class Inputs:
 
         def stage(name: str) -> AbstractContextManager[Callable[[float], None]]:
             # From here on this process often waits for workers: time for what figures import.
-            if executor is not None and name.startswith("calibrate") and drawing.ident is None:
+            if executor is not None and drawing.ident is None:
                 drawing.start()
             return progress.stage(name)
 

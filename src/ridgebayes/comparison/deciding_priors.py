@@ -43,7 +43,8 @@ def with_deciding_priors(
     ranked = ranked_forms(evidence)
     if len(ranked) < 2 or not len(told):
         return told
-    best, ln_bf = str(ranked.index[0]), float(ranked.iloc[0] - ranked.iloc[1])
+    (best, first), (_, second), *_ = ranked.items()
+    ln_bf = first - second
     log_n = math.log(used_evidence(evidence)["noise"].nunique())
     open_ = _open_changes(sensitivity, best)
     while open_:

@@ -112,7 +112,8 @@ def verdict_of(
     ranked = ranked_forms(evidence)
     if len(ranked) < 2:
         return None
-    (best, over), ln_bf = ranked.index[:2], float(ranked.iloc[0] - ranked.iloc[1])
+    (best, first), (over, second), *_ = ranked.items()
+    ln_bf = first - second
     factors = leads(evidence, sensitivity)
     low, high = min([ln_bf, *factors.values()]), max([ln_bf, *factors.values()])
     weights = mean_evidence(evidence).set_index("noise")["probability"]
@@ -123,12 +124,12 @@ def verdict_of(
     open_ = _unfitted(failed) or _alike(best, over, n_texture, with_offsets)
     grade = "undecided" if open_ else _grade(ln_bf, low)
     return Verdict(
-        form=str(best),
+        form=best,
         grade=grade,
         ln_bf=ln_bf,
         ln_bf_range=(low, high),
-        over=str(over),
-        min_prior_probability=_min_prior_probability(ranked),
+        over=over,
+        min_prior_probability=_min_prior_probability(*ranked.values()),
         error_model=printed.name,
         error_model_weights={
             str(name): float(w) for name, w in weights.items() if w > LEAST_WEIGHT
@@ -137,17 +138,17 @@ def verdict_of(
     )
 
 
-def ranked_forms(evidence: pd.DataFrame) -> pd.Series:
+def ranked_forms(evidence: pd.DataFrame) -> dict[str, float]:
     """Return ln evidence by form, error models summed out, the highest first."""
     forms = {form: value for form, (value, _) in summed_evidence(evidence).items()}
-    return pd.Series(forms, dtype=float).sort_values(ascending=False, kind="stable")
+    return dict(sorted(forms.items(), key=lambda item: -item[1]))
 
 
 def leads(evidence: pd.DataFrame, sensitivity: pd.DataFrame) -> dict[str, float]:
     """Return ln BF of the best form over the strongest other one, by what is changed."""
     one, forms = used_evidence(evidence), ranked_forms(evidence)
     changes = [*_perturbed(one, forms, sensitivity), *_unusable(evidence, one, forms)]
-    found = {what: _lead(values, forms.index[0]) for what, values in changes}
+    found = {what: _lead(values, next(iter(forms))) for what, values in changes}
     return {what: lead for what, lead in found.items() if not math.isnan(lead)}
 
 
@@ -157,33 +158,28 @@ def of_errors(prior: str) -> bool:
 
 
 def _perturbed(
-    one: pd.DataFrame, forms: pd.Series, sensitivity: pd.DataFrame
-) -> Iterator[tuple[str, pd.Series]]:
+    one: pd.DataFrame, forms: dict[str, float], sensitivity: pd.DataFrame
+) -> Iterator[tuple[str, dict[str, float]]]:
     """Give ln evidences by form under each change of a prior, and under each error model alone."""
     for (prior, factor), part in sensitivity.groupby(["prior", "factor"], sort=False):
-        new = part.set_index("form")["log_evidence"].reindex(forms.index).fillna(forms)
-        what = (
-            f"{prior} prior's scale times {factor:g}"
-            if prior != NUGGET
-            else (f"nugget times {factor:g}")
-        )
+        found = zip(part["form"], part["log_evidence"], strict=True)
+        new = {form: value for form, value in found if form in forms and not math.isnan(value)}
+        of = "nugget" if prior == NUGGET else f"{prior} prior's scale"
+        what = f"{of} times {factor:g}"
         if of_errors(str(prior)):
-            yield what, new
+            yield what, forms | new
         else:
-            for form in forms.index.intersection(list(part["form"])):
-                values = forms.copy()
-                values[form] = new[form]
-                yield f"{form}'s {what}", values
+            yield from ((f"{form}'s {what}", forms | {form: new[form]}) for form in new)
     share = np.exp(one["log_evidence"] - logsumexp(one["log_evidence"]))
     by_noise = share.groupby(one["noise"]).sum()
     for noise in by_noise.index[by_noise > LEAST_WEIGHT]:
         alone = one[one["noise"] == noise].set_index("form")["log_evidence"]
-        yield f"error model {noise} alone", alone.reindex(forms.index).dropna()
+        yield f"error model {noise} alone", alone.dropna().to_dict()
 
 
 def _unusable(
-    evidence: pd.DataFrame, one: pd.DataFrame, forms: pd.Series
-) -> Iterator[tuple[str, pd.Series]]:
+    evidence: pd.DataFrame, one: pd.DataFrame, forms: dict[str, float]
+) -> Iterator[tuple[str, dict[str, float]]]:
     """Give ln evidences with what is known of a pair whose own could not be used."""
     known = pd.MultiIndex.from_frame(one[["form", "noise"]])
     pairs = pd.MultiIndex.from_frame(evidence[["form", "noise"]])
@@ -191,17 +187,17 @@ def _unusable(
     n_noise = max(one["noise"].nunique(), 1)
     for (form, noise), value in lost.groupby(["form", "noise"])["log_evidence"].max().items():
         if form in forms:
-            values = forms.copy()
-            values[form] = np.logaddexp(values[form], value - math.log(n_noise))
-            yield f"{form} under {noise}, whose evidence is uncertain", values
+            known_too = float(np.logaddexp(forms[form], value - math.log(n_noise)))
+            what = f"{form} under {noise}, whose evidence is uncertain"
+            yield what, forms | {form: known_too}
 
 
-def _lead(values: pd.Series, best: str) -> float:
+def _lead(values: Mapping[str, float], best: str) -> float:
     """Return ln BF of a form over the strongest of the others."""
+    others = [value for form, value in values.items() if form != best]
     if best not in values:
         return -math.inf
-    others = values.drop(best)
-    return float(values[best] - others.max()) if len(others) else math.inf
+    return values[best] - max(others) if others else math.inf
 
 
 def _grade(ln_bf: float, low: float) -> str:
@@ -242,7 +238,7 @@ def _why(grade: str, ln_bf: float, low: float, weakest: str) -> str:
     return f"ln BF {ln_bf:.1f}, but another form is ahead under another prior or error model{at}"
 
 
-def _min_prior_probability(ranked: pd.Series) -> float:
-    others = float(logsumexp(ranked.iloc[1:])) - math.log(len(ranked) - 1)
-    odds = _SURE / (1 - _SURE) * math.exp(min(others - float(ranked.iloc[0]), 700.0))
+def _min_prior_probability(best: float, *others: float) -> float:
+    mean = float(logsumexp(others)) - math.log(len(others))
+    odds = _SURE / (1 - _SURE) * math.exp(min(mean - best, 700.0))
     return odds / (1 + odds)
