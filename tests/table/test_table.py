@@ -335,7 +335,8 @@ CELL = {
     "equal loads": (
         HEADER,
         "0.01,0.01,4,0.002\n0.01,0.01,6,0.002",
-        "row 2 (line 3): p_over_E = '0.002': must rise with Q along a curve: row 1 has a lower Q",
+        "row 2 (line 3): p_over_E = '0.002': must rise with Q along a curve: row 1 has a lower Q "
+        "and this load; of one load step, keep the lowest Q",
     ),
     "identical row": (
         HEADER,

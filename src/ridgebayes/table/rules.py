@@ -215,8 +215,11 @@ def check_curves(typed: dict[str, Any], texture: IntArray, found: Findings) -> N
 
     tell(identical, "Q", "identical row of one curve twice: row {other} is the same")
     tell(same_Q, "Q", "each Q must stand once in a curve, and row {other} has it too")
-    falling = same_curve & ~same_Q & ~(p[now] > p[before])
-    tell(falling, "p_over_E", "must rise with Q along a curve: row {other} has a lower Q")
+    rises, reached = same_curve & ~same_Q, "must rise with Q along a curve: row {other} has"
+    tell(rises & (p[now] < p[before]), "p_over_E", f"{reached} a lower Q")
+    # A load step went over two corners: that it was here is known of the first one alone.
+    both = f"{reached} a lower Q and this load; of one load step, keep the lowest Q"
+    tell(rises & (p[now] == p[before]), "p_over_E", both)
 
 
 # What a person means by a number; `float` alone would also take "1_000" and non-Latin digits.
