@@ -11,7 +11,7 @@ from ridgebayes.evidence import laplace_evidence
 from ridgebayes.inference.coordinates import Funnel
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import Laplace, fit_laplace, several_modes
-from ridgebayes.model.forms import Hybrid, Modified
+from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
@@ -289,3 +289,22 @@ def test_fit_laplace__of_rows_without_relation_to_the_form_ends_on_the_hump_that
     assert evidence.ok
     # Laplace's method, of a posterior with several humps.
     assert found.log_evidence == pytest.approx(evidence.value, abs=10)
+
+
+@pytest.mark.parametrize("noise", ["step:student", "step-smooth:student", "texture+step:student"])
+def test_fit_laplace__of_a_k_for_each_row_is_no_denser_than_its_prior(noise):
+    """From the prior's centre all rows are outliers, where sigma is small by any factor."""
+    n, rng = 100, np.random.default_rng(5)
+    share, pitch = rng.uniform(0.2, 0.8, n), rng.uniform(0.01, 0.05, n)
+    Q = 4 + 2 * (np.arange(n) % 6)
+    frame = pd.DataFrame({"a_over_R": share * pitch, "b_over_R": (1 - share) * pitch, "Q": Q})
+    error = 0.01 * rng.standard_t(2, n) + 0.03 * rng.standard_normal(6)[np.arange(n) % 6]
+    exact = Hybrid().load(Q, *frame[["a_over_R", "b_over_R"]].to_numpy().T, [1.348, 0.01583])
+    frame["p_over_E"] = exact * np.exp(error)
+    data = Observations.from_table(ContactTable.from_frame(frame))
+    model = Model(data, PowerLaw(), Noise.named(noise))
+    # Whatever errors and offsets are, each row's log load has its K's prior among its causes.
+    sd_log_k = np.array([model.priors[name].log_sd for name in model.parameter_names[:n]])
+    bound = -np.log(2 * sd_log_k * np.sqrt(2 * np.pi)).sum()
+    # Tolerance: Laplace's own error, of a Student row seen through its K.
+    assert fit_laplace(model).log_evidence < bound + 0.1 * n

@@ -42,7 +42,7 @@ LEAVES = ("texture", "step", "row")
 _MOST_FOLDS = {"texture": 24, "step": 24, "row": 50}
 _N_GROUP = 10
 # Less than `importance_posterior` takes by itself: a share of 41 rows asks for no second digit.
-EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 256, "n_point": 16}
+EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 128, "n_point": 16}
 # Draws behind a CRPS, whose standard error is about 1 % of a predictive sd; of very many rows,
 # whose mean is looked at, fewer.
 N_CRPS, _LEAST_CRPS, _MOST_CRPS = 10_240, 1_024, 2**22

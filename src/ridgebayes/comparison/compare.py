@@ -32,7 +32,7 @@ from ridgebayes.evidence.weighed_anew import weighed_anew
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
-from ridgebayes.inference.presets import STANDARD, Preset
+from ridgebayes.inference.presets import QUICK, STANDARD, Preset
 from ridgebayes.inference.sampling import sample_posterior
 from ridgebayes.model.forms import Classic, Form, Hybrid, Modified, PowerLaw, as_form
 from ridgebayes.model.model import Model
@@ -325,9 +325,8 @@ def _draw(task: _PrintedFit) -> _Drawn:
     if task.is_negligible or not walks:
         posterior, evidence = found.posterior, found.evidence
         if posterior is None or not (posterior.converged or task.is_negligible):
-            posterior, evidence = importance_posterior(
-                model, laplace, seed=task.seed, **STANDARD.effort
-            )
+            effort = (QUICK if task.is_negligible else STANDARD).effort
+            posterior, evidence = importance_posterior(model, laplace, seed=task.seed, **effort)
         if found.evidence.method == "quadrature":
             evidence = found.evidence
         if task.is_negligible or (posterior.converged and evidence.ok):

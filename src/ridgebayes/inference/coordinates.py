@@ -38,6 +38,7 @@ from scipy import linalg
 
 from ridgebayes._types import FloatArray
 from ridgebayes.model.cholesky import cholesky_or_nan, solve_lower
+from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.model import Model
 
 
@@ -65,7 +66,13 @@ class Conditional:
 
     @classmethod
     def of(cls, model: Model, reference: FloatArray) -> "Conditional":
-        """Linearise a model's rows about coefficients."""
+        """Linearise a model's rows about coefficients.
+
+        Of a power law with weights of rows it is about each K that lies amid its own rows: from
+        elsewhere all of them look like outliers, the more so the smaller sigma.
+        """
+        if model.is_latent and isinstance(model.form, PowerLaw):
+            reference = _amid_rows(model, reference)
         columns = model.linearised(reference)
         return cls(reference, columns, model.products, model.n_at_once)
 
@@ -98,6 +105,15 @@ class Conditional:
             step = solve_lower(factor[here], half, transposed=True)[..., 0]
             mean[here] = self.reference - step
         return factor.reshape(*lead, k, k), mean.reshape(*lead, k)
+
+
+def _amid_rows(model: Model, reference: FloatArray) -> FloatArray:
+    """Return coordinates of K at which the residuals of each texture have the median 0."""
+    linear, step = model.linearised(reference), np.zeros_like(reference)
+    for j in range(len(reference)):
+        its = linear[model.data.texture == j]
+        step[j] = np.median(its[:, -1]) / its[0, j]
+    return reference - step
 
 
 class NoCoefficients:
