@@ -64,7 +64,7 @@ def by_quadrature(model):
 @pytest.mark.parametrize(
     ("noise", "prior", "factors"),
     [
-        (Noise("texture"), "tau_texture", (3.0, 10.0)),
+        (Noise("texture"), "tau_texture", (3.0,)),
         (Noise("texture"), "c", (10.0,)),
         (Noise("iid", "student"), "df", (0.1,)),
         (Noise("iid", "student"), "sigma", (10.0,)),

@@ -16,9 +16,40 @@ def bowl(x):
 
 
 def test_searched__finds_the_centre_of_a_bowl_that_is_sharp_in_one_direction():
-    found = searched(bowl, np.zeros(3), 1e-3)
+    found, _ = searched(bowl, np.zeros(3), 1e-3)
     # The slope at which the search ends, over the least curvature.
     assert np.all(np.abs(found - CENTRE) < 2e-3)
+
+
+def counted(function):
+    calls = []
+
+    def called(x):
+        calls.append(x)
+        return function(x)
+
+    return called, calls
+
+
+def test_searched__from_a_known_spread_takes_fewer_calls():
+    first, spread = searched(bowl, np.zeros(3), 1e-3)
+    again, calls = counted(bowl)
+    found, _ = searched(again, first + 0.05, 1e-3, spread=spread)
+    plain, calls_without = counted(bowl)
+    searched(plain, first + 0.05, 1e-3)
+    assert np.all(np.abs(found - CENTRE) < 2e-3)
+    assert len(calls) < len(calls_without)
+
+
+def test_searched__of_a_rough_function_does_not_look_for_digits_that_it_has_not():
+    def rough(x):
+        return 1e-3 * bowl(x) + 2e-3 * np.sin(1e4 * x).sum(axis=-1)
+
+    seen, calls = counted(rough)
+    found, _ = searched(seen, np.zeros(3), 1e-6, smooth=False)
+    assert rough(found) <= rough(np.zeros(3)) + 1e-9
+    # Each call is one point with its slope, or a step that tells the scale: it was 51.
+    assert len(calls) < 40
 
 
 def test_hessian__of_a_bowl_is_its_curvature():

@@ -333,7 +333,10 @@ def _score_fold(fold: Fold) -> _Scores | str:
             joint, method = _log_mean(joint_log_densities(fit, fold.data)), "draws"
     status, crps = (*fit.convergence_failures, "ok")[0], _NO_CRPS
     if fold.left.any():
-        crps = row_crps(fit, fold.data.take(fold.left), stream(fold.seed, "draws of a CRPS"))
+        rows = fold.data.take(fold.left)
+        crps = np.full(len(rows), np.nan)
+        if rows.is_exact.any():
+            crps = row_crps(fit, rows, stream(fold.seed, "draws of a CRPS"))
     return _Scores(crps, joint, method, evidence, status)
 
 

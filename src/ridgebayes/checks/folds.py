@@ -46,7 +46,9 @@ EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 128, "n_point": 16}
 # Draws behind a CRPS, whose standard error is about 1 % of a predictive sd; of very many rows,
 # whose mean is looked at, fewer.
 N_CRPS, _LEAST_CRPS, _MOST_CRPS = 10_240, 1_024, 2**22
-_N_WEIGHTED, _N_WEIGHTED_LATENT, _N_RESAMPLED = 2_048, 512, 1_024
+# Draws that a fold's posterior is weighted from, and resampled to: fewer where each has offsets.
+_N_WEIGHTED, _N_RESAMPLED = 2_048, 1_024
+_N_WEIGHTED_LATENT, _N_RESAMPLED_LATENT = 512, 256
 _N_PROPOSAL = 512  # draws that a proposal is fitted to
 _LEAST_EFFECTIVE = 100  # weighted draws: a log score is then known to about 0.1
 _BATCH = 512  # draws at a time, so that memory stays bounded
@@ -193,7 +195,8 @@ class Fold:
         mean = float(weight @ density)
         se = float(np.sqrt((weight**2) @ (density - mean) ** 2)) / mean
         ladder = np.cumsum(weight)
-        middles = (np.arange(_N_RESAMPLED) + 0.5) / _N_RESAMPLED * ladder[-1]
+        n = _N_RESAMPLED_LATENT if model.is_latent else _N_RESAMPLED
+        middles = (np.arange(n) + 0.5) / n * ladder[-1]
         u = self.known.coordinates[np.searchsorted(ladder, middles)]
         if model.is_latent:
             offsets = model.estimated(u, stream(self.seed, "offsets"), 1).latent

@@ -50,6 +50,8 @@ class Candidate:
         Draws by importance sampling, where the pair carries weight.
     left_to : str
         Error model of normal tail whose draws stand for those of a Student tail; else empty.
+    is_latent : bool
+        Whether its densities are estimates, about offsets that are drawn.
     """
 
     form: str
@@ -58,6 +60,7 @@ class Candidate:
     laplace: Laplace | None = None
     posterior: Posterior | None = None
     left_to: str = ""
+    is_latent: bool = False
 
     @property
     def key(self) -> tuple[str, str]:
@@ -123,7 +126,7 @@ def evaluate(task: Weighing) -> Candidate:
         screened = _screened(model, laplace)
         if task.twin is not None and screened.value - task.twin.evidence.value < GAIN:
             return Candidate(*names, screened, left_to=task.twin.noise)
-        return Candidate(*names, screened, laplace)
+        return Candidate(*names, screened, laplace, is_latent=model.is_latent)
     except ComputationError as error:
         return Candidate(*names, LogEvidence("laplace", math.nan, math.nan, str(error)))
 

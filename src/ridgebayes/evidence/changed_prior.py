@@ -27,7 +27,7 @@ _OF_NUGGET = (0.1, 1.0, 10.0)
 _LEAST = 0.3  # factor of the coefficients' scales
 _N_LIKELIHOOD = 512  # draws that are weighted by a ratio of likelihoods
 _REACHED = 0.1  # share of a posterior's draws that count: of fewer a new mode is searched for
-_N_DRAW, _N_POINT, _ENOUGH = 256, 8, 0.5  # of importance sampling anew
+_N_DRAW, _N_POINT, _ENOUGH = 256, 8, 0.5  # of importance sampling anew; half of a rough one
 _N_ROUND = 12  # of that, at most
 
 
@@ -166,12 +166,13 @@ def _sampled(task: Changed, other: Model) -> float:
         return ratio + model.estimated(u, rng, _N_POINT).log_density
 
     in_z, k = laplace.whitened(log_density), laplace.n_curved
+    n = _N_DRAW if task.se < 1 else _N_DRAW // 2
     rounds: list[tuple[float, float]] = []
     for _ in range(_N_ROUND):
         _, draws = adapted(
-            in_z, k, model.n_parameter - k, rng, n_round=1, n=_N_DRAW, start=draws, enough=_ENOUGH
+            in_z, k, model.n_parameter - k, rng, n_round=1, n=n, start=draws, enough=_ENOUGH
         )
-        rounds.append((draws.log_mean, (1 / draws.effective - 1) / _N_DRAW))
+        rounds.append((draws.log_mean, (1 / draws.effective - 1) / n))
         log_evidence, variance = _of_rounds(rounds)
         if variance < task.se**2:
             break

@@ -36,6 +36,8 @@ _CLOSE = 6.6
 _HEAVY = 1.6
 _LARGE = 0.3  # share of its form's average below which a pair that is not printed takes fewer draws
 OUT_OF_REACH = 12.0  # of a form that has less than 1e-4 of the best one's evidence, whatever errs
+# Of such a form, where densities are dear estimates: nothing rests on its draws.
+_FEWEST = ROUGH.effort | {"n_draw": 128, "n_per_round": 128}
 _MORE = STANDARD.effort | {"n_draw": 2_560, "n_round": 5, "n_per_round": 1_024, "n_point": 32}
 # Standard error of a ln evidence, times the root of the pair's probability, above which a pair
 # whose offsets are drawn takes more draws; of others a walk or quadrature makes sure.
@@ -235,8 +237,10 @@ def _efforts(
     one: Candidate, own: float, best: float, accuracy: Preset, *, is_main: bool
 ) -> tuple[Effort, ...]:
     """Return how many draws to take, and how many if weights turn out too uneven."""
-    if own < best - OUT_OF_REACH or accuracy == ROUGH:
+    if accuracy == ROUGH:
         return (ROUGH.effort,)
+    if own < best - OUT_OF_REACH:
+        return (_FEWEST if one.is_latent else ROUGH.effort,)
     if not is_main or own < best - _CLOSE:
         return (QUICK.effort, STANDARD.effort)
     return (accuracy.effort, _MORE if accuracy.walks else STANDARD.effort)

@@ -145,7 +145,7 @@ class FrictionDensity:
             return np.minimum(-self.log_density(u.reshape(-1, k)), _FAR).reshape(u.shape[:-1])
 
         k = len(self.model.unknown)
-        mode = searched(negative, np.zeros(k), 1e-3)
+        mode, _ = searched(negative, np.zeros(k), 1e-3)
         value, vector = np.linalg.eigh(hessian(negative, mode))
         covariance = (vector / np.maximum(value, _FLATTEST)) @ vector.T
         factor = np.linalg.cholesky(covariance)

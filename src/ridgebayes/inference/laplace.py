@@ -320,6 +320,7 @@ def _fit_conditional(model: Model, start: FloatArray, near: FloatArray | None = 
     """Search the error model's parameters, each with the coefficients at their mean given them."""
     k, n_noise = model.n_coefficient, model.n_parameter - model.n_coefficient
     reference, noise = start[:k], np.zeros(n_noise) if near is None else near
+    spread: FloatArray | None = None
     exact = TabulatedConditional.of(model) if TabulatedConditional.serves(model) else None
     # Linearised about the prior's centre, then about where that led: the last search counts.
     # Where offsets are drawn densities are rough: there are no digits that a third would find.
@@ -339,7 +340,7 @@ def _fit_conditional(model: Model, start: FloatArray, near: FloatArray | None = 
             tried = np.random.default_rng(0).standard_normal((_N_TRIED, n_noise))
             tried[0] = noise
             noise = tried[np.argmin(negative(tried))]
-        noise = searched(negative, noise, flat, smooth=not model.is_latent)
+        noise, spread = searched(negative, noise, flat, smooth=not model.is_latent, spread=spread)
         if not np.all(np.abs(noise) < _RUNAWAY):
             raise no_mode(model)
         reference = frame.forward(np.zeros(k), noise)[0]
