@@ -15,8 +15,8 @@ _STEP = 0.02  # of numerical derivatives by an error model's parameters, in prio
 WIDTH = 5 * _STEP  # of steps between slopes, where the function bends little
 
 
-class _Rough(Exception):
-    """No step leads further."""
+class _RoughError(Exception):
+    """No step of a search leads further."""
 
 
 def _values_and_slopes(
@@ -61,7 +61,7 @@ def searched(
         nonlocal n_tried
         n_tried += 1
         if not smooth and n_tried > _TRIES:
-            raise _Rough
+            raise _RoughError
         values, slopes = _values_and_slopes(scaled, y[None], _order(smooth))
         return float(values[0]), slopes[0]
 
@@ -83,7 +83,7 @@ def searched(
             callback=stepped,
             options=options,
         )
-    except _Rough:
+    except _RoughError:
         return start + factors * reached[1], spread
     spread = 0.5 * (found.hess_inv + found.hess_inv.T) * units
     if smooth and not found.success:
