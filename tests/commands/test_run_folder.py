@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
@@ -232,6 +233,15 @@ def test_new_folder__resume_without_anything_left_is_a_fresh_start(tmp_path):
     with new_folder(tmp_path / "out", resume=True) as partial:
         assert names(partial) == []
     assert names(tmp_path) == ["out"]
+
+
+@pytest.mark.parametrize("n_row", [0, 1, 70_000])
+def test_write_csv__in_pieces_that_workers_make_is_the_same_text(tmp_path, n_row):
+    x = np.random.default_rng(3).standard_normal((n_row, 4))
+    frame = pd.DataFrame(x, columns=list("abcd")).assign(form="a,b", n=np.arange(n_row))
+    with ThreadPoolExecutor(2) as executor:
+        write_csv(frame, tmp_path / "x.csv", executor)
+    assert (tmp_path / "x.csv").read_bytes() == frame.to_csv(index=False).encode()
 
 
 def test_write_csv__in_full_and_with_plain_line_ends(tmp_path):

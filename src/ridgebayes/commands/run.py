@@ -222,7 +222,7 @@ def _write(
     loads = [submit_or_defer(executor, loads_table, comparison, kinds=[kind]) for kind in KINDS]
     with progress.stage("bands"):
         bands = bands_table(comparison, executor=executor)
-        write_csv(bands, folder / "bands.csv")
+        write_csv(bands, folder / "bands.csv", executor)
         write_csv(pd.concat([kind() for kind in loads], ignore_index=True), folder / "loads.csv")
     with progress.stage("what the report shows"):
         if drawing is not None:  # else it is computed when it is drawn

@@ -122,7 +122,8 @@ def bands_table(
             q = mix_q(each, [weight for _, weight in parts])
             blocks.append(_of_form(name, parts, q.to_dataframe(prob)))
             errors.append(q.error)
-    bands = _trimmed(pd.concat(blocks, ignore_index=True))
+    known.clear()  # as large as the frame, which is held twice while it is put together
+    bands = _joined(blocks)
     bands.attrs["error"] = float(np.max(errors))
     return bands
 
@@ -233,10 +234,15 @@ def _of_form(name: str, parts: _Mixture, rows: pd.DataFrame) -> pd.DataFrame:
     return rows
 
 
-def _trimmed(frame: pd.DataFrame) -> pd.DataFrame:
-    """Fill the tails that other forms have with zeros, and end at the first negligible column."""
-    names = [str(column) for column in frame.columns]
-    tail = sorted((c for c in names if c.startswith("p_q_ge_")), key=lambda c: int(c[7:]))
-    frame = frame.fillna(dict.fromkeys(tail, 0.0))
-    kept = next((i for i, c in enumerate(tail) if frame[c].max() < NEGLIGIBLE), len(tail) - 1)
-    return frame[[c for c in names if c not in tail] + tail[: kept + 1]]
+def _joined(blocks: list[pd.DataFrame]) -> pd.DataFrame:
+    """Join forms, zeros for the tails that others have, up to the first negligible column."""
+    highest: dict[str, float] = {}
+    for block in blocks:
+        own = block.filter(regex="^p_q_ge_").max()
+        highest |= {name: max(value, highest.get(name, 0.0)) for name, value in own.items()}
+    tail = sorted(highest, key=lambda name: int(name.removeprefix("p_q_ge_")))
+    kept = next((i for i, c in enumerate(tail) if highest[c] < NEGLIGIBLE), len(tail) - 1)
+    names = [name for name in blocks[0] if name not in highest] + tail[: kept + 1]
+    for i, block in enumerate(blocks):
+        blocks[i] = block.reindex(columns=names, fill_value=0.0)
+    return pd.concat(blocks, ignore_index=True)
