@@ -238,8 +238,8 @@ def _joined(blocks: list[pd.DataFrame]) -> pd.DataFrame:
     """Join forms, zeros for the tails that others have, up to the first negligible column."""
     highest: dict[str, float] = {}
     for block in blocks:
-        own = block.filter(regex="^p_q_ge_").max()
-        highest |= {name: max(value, highest.get(name, 0.0)) for name, value in own.items()}
+        for name, value in block.filter(regex="^p_q_ge_").max().items():
+            highest[str(name)] = max(float(value), highest.get(str(name), 0.0))
     tail = sorted(highest, key=lambda name: int(name.removeprefix("p_q_ge_")))
     kept = next((i for i, c in enumerate(tail) if highest[c] < NEGLIGIBLE), len(tail) - 1)
     names = [name for name in blocks[0] if name not in highest] + tail[: kept + 1]
