@@ -325,7 +325,8 @@ def _draw(task: _PrintedFit) -> _Drawn:
     if task.is_negligible or not walks:
         posterior, evidence = found.posterior, found.evidence
         if posterior is None or not (posterior.converged or task.is_negligible):
-            effort = (QUICK if task.is_negligible else STANDARD).effort
+            is_dear = model.is_latent and task.is_negligible
+            effort = (QUICK if is_dear else STANDARD).effort
             posterior, evidence = importance_posterior(model, laplace, seed=task.seed, **effort)
         if found.evidence.method == "quadrature":
             evidence = found.evidence
