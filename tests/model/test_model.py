@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -325,6 +327,21 @@ def test_log_likelihood__of_a_few_draws_at_a_time_is_that_of_all(paper, monkeypa
     monkeypatch.setattr("ridgebayes.model.model._CACHED", 1)
     # Rounding: a product of a vector, not of a matrix, sums in another order.
     np.testing.assert_allclose(model.log_likelihood(theta), whole, rtol=1e-14)
+
+
+def test_log_likelihood__of_rows_one_by_one_holds_a_few_draws_at_a_time(observed):
+    n_draw, n_row = 16_384, 200
+    rows = np.arange(n_row)
+    data = observed(rows % 4, 4 + 2 * (rows // 4), np.full(n_row, -5.0), is_count=True)
+    model = Model(data, Modified(), Noise())
+    theta = np.tile([1.38, 0.03], (n_draw, 1))
+    tracemalloc.start()
+    try:
+        model.log_likelihood(theta)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 8 * n_draw * n_row  # a single array of draws times rows
 
 
 @pytest.mark.parametrize("noise", ["texture", "step", "iid:student"])

@@ -16,7 +16,6 @@ from ridgebayes.checks.folds import (
     clustered_se,
     folds_of,
     has_exact_likelihood,
-    log_likelihoods,
     row_crps,
 )
 from ridgebayes.errors import ComputationError
@@ -292,7 +291,7 @@ def joint_log_densities(fit: Posterior, data: Observations) -> FloatArray:
         exact, see `_by_draws`.
     """
     whole = Model(data, fit.form, fit.noise)
-    return log_likelihoods(whole, fit.draws) - log_likelihoods(fit.model, fit.draws)
+    return whole.log_likelihood(fit.draws) - fit.model.log_likelihood(fit.draws)
 
 
 _NO_CRPS = np.empty(0)

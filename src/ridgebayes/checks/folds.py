@@ -51,7 +51,6 @@ _N_WEIGHTED, _N_RESAMPLED = 2_048, 1_024
 _N_WEIGHTED_LATENT, _N_RESAMPLED_LATENT = 512, 256
 _N_PROPOSAL = 512  # draws that a proposal is fitted to
 _LEAST_EFFECTIVE = 100  # weighted draws: a log score is then known to about 0.1
-_BATCH = 512  # draws at a time, so that memory stays bounded
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +87,7 @@ class AllRows:
         exact = has_exact_likelihood(model)
         most = _N_WEIGHTED_LATENT if model.is_latent and exact else _N_WEIGHTED
         u = u[:: -(-len(u) // most)]
-        log_likelihood = log_likelihoods(model, model.to_theta(u)) if exact else np.empty(0)
+        log_likelihood = model.log_likelihood(model.to_theta(u)) if exact else np.empty(0)
         laplace = None if drawn_exactly(model) else posterior.approximation
         failures, evidence = posterior.convergence_failures, posterior.evidence
         return cls(u, log_likelihood, failures, evidence, model.parameter_names, laplace)
@@ -184,7 +183,7 @@ class Fold:
         model = self._model()
         if model.parameter_names != self.known.names:
             return None  # a coefficient of the rows left out alone
-        given_rest = log_likelihoods(model, model.to_theta(self.known.coordinates))
+        given_rest = model.log_likelihood(model.to_theta(self.known.coordinates))
         log_weight, shape = pareto_smoothed(given_rest - self.known.log_likelihood)
         weight = np.exp(log_weight - logsumexp(log_weight))
         if not (shape <= K_MAX and 1 / (weight**2).sum() >= _LEAST_EFFECTIVE):
@@ -273,12 +272,6 @@ def folds_of(
 def has_exact_likelihood(model: Model) -> bool:
     """Return whether `Model.log_likelihood` integrates shared offsets out exactly."""
     return not isinstance(model.likelihood, SampledOffsets) or model.likelihood.is_product
-
-
-def log_likelihoods(model: Model, theta: FloatArray) -> FloatArray:
-    """Return the log-likelihood of draws (n_draw, n_parameter) of the parameters."""
-    parts = np.split(theta, range(_BATCH, len(theta), _BATCH))
-    return np.concatenate([model.log_likelihood(part) for part in parts])
 
 
 def row_loads(fit: Posterior, data: Observations, Q: IntArray | None = None) -> LoadDistribution:

@@ -19,12 +19,18 @@ class IndependentRows:
         Rows.
     tail : Tail
         Distribution of their errors.
+
+    Attributes
+    ----------
+    n_held : int
+        Numbers that each draw of the parameters takes.
     """
 
     n_latent = 0
 
     def __init__(self, rows: Rows, tail: Tail) -> None:
         self._rows, self._tail = rows, tail
+        self.n_held = len(rows.upper)
 
     def marginal(self, log_rates: FloatArray, eta: FloatArray) -> FloatArray:
         """Return the log-likelihood, shape (...), from (..., n_texture) and (..., n_noise)."""
@@ -61,6 +67,7 @@ class IndependentNormalRows(IndependentRows):
     def __init__(self, rows: Rows, tail: Tail) -> None:
         super().__init__(rows, tail)
         self.groups = groups = RowGroups.of(rows)
+        self.n_held = len(groups.n)
         # Groups by known error: of those alike in it only sums are needed, draw by draw.
         rel_se, level = np.unique(groups.rel_se, return_inverse=True)
         order = np.argsort(level, kind="stable")

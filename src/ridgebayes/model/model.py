@@ -29,7 +29,7 @@ from ridgebayes.model.offsets_given import OffsetsGiven
 from ridgebayes.model.rows import Rows
 from ridgebayes.model.shared_offsets import SmoothOffsets, offsets_of
 
-_CACHED = 100_000  # textures times draws whose arrays fit in a processor's cache
+_CACHED = 100_000  # textures, or rows, times draws whose arrays fit in a processor's cache
 _COVARIANCE = 5  # numbers of a covariance that count as one texture
 _COEFFICIENTS_MAX = 100  # with errors that leave them no closed-form posterior
 _LATENT_ROWS_MAX = 2_000  # of which a call takes some hundredths of a second
@@ -150,13 +150,13 @@ class Model:
     def n_at_once(self) -> int:
         """Draws whose likelihoods are worked out together.
 
-        Fewer where textures are many, or each draw has a covariance of many places: arrays stay in
-        the processor's cache, and memory does not grow with the draws.
+        Fewer where textures are many, rows count one by one, or each draw has a covariance of many
+        places: arrays stay in the processor's cache, and memory does not grow with the draws.
         """
         per_draw = len(self._a)
         if self.offsets is not None:
             per_draw = max(per_draw, self.offsets.n_held // _COVARIANCE)
-        if isinstance(self.likelihood, SampledOffsets):
+        if isinstance(self.likelihood, SampledOffsets | IndependentRows):
             per_draw = max(per_draw, self.likelihood.n_held)
         return max(_CACHED // per_draw, 1)
 

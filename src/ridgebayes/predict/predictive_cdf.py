@@ -218,7 +218,7 @@ def distinct(*columns: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 _SATURATED = 8.3  # standard deviations beyond which a normal distribution function is 0 or 1
-_AT_ONCE = 500  # loads, which bounds memory
+_AT_ONCE = 2**20  # draws times loads, which bounds memory
 _EXACT, _CLOSE = 1e-14, 1e-8  # errors of tables: of normal errors over draws, and of all others
 _SHIFTED = 3e-14  # of log loads: two counts' means are one but for a shift
 _N_KNOT = 256  # of a curve's table
@@ -338,9 +338,9 @@ class Average:
 
     def _mean(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
         """Return the mean at each y, shape (n,), evaluated there."""
-        parts = []
-        for i in range(0, len(y), _AT_ONCE):
-            z = (y[i : i + _AT_ONCE] - mean[:, None]) / scale[:, None]
+        parts, n = [], max(_AT_ONCE // len(mean), 1)
+        for i in range(0, len(y), n):
+            z = (y[i : i + n] - mean[:, None]) / scale[:, None]
             parts.append(self._draws.average(self._draws.cdf(z)))
         return self._answer(np.concatenate(parts, axis=1))
 
