@@ -19,72 +19,26 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import math
 import time
-from collections.abc import Callable
 
 import emcee
 import numpy as np
 
 import ridgebayes as rb
+from peers.target import Target
 from ridgebayes.inference.diagnostics import effective_sample_size
 from ridgebayes.results import Fit
 
 ROUNDS = 3
 N_WALKER, N_BURN, N_STEP = 32, 300, 5_000
 WANTED = 20.0
+COLUMNS = ("a_over_R", "b_over_R", "Q", "p_over_E")
 
 
-def plain_log_probability() -> Callable[[np.ndarray], float]:
-    """Return the log posterior of one (c1, c2, sigma), written from the model, row by row."""
+def target() -> Target:
+    """Return the same posterior in NumPy alone."""
     rows = rb.paper_sweep().calibration.frame
-    pitch = (rows["a_over_R"] + rows["b_over_R"]).to_numpy()
-    ridge = rows["a_over_R"].to_numpy()
-    pairs = rows["Q"].to_numpy() / 2 - 1
-    log_load = np.log(rows["p_over_E"].to_numpy())
-
-    def log_probability(theta: np.ndarray) -> float:
-        c1, c2, sigma = theta
-        if c1 <= 0 or sigma <= 0:
-            return -math.inf
-        rate = c1 / pitch + c2 / ridge
-        if np.any(rate <= 0):
-            return -math.inf
-        residual = log_load - 2 * np.log(pairs / rate)
-        log_likelihood = np.sum(
-            -0.5 * (residual / sigma) ** 2 - np.log(sigma) - 0.5 * np.log(2 * np.pi)
-        )
-        log_prior = (
-            -0.5 * (np.log(c1 / 1.382) / 0.1) ** 2
-            - np.log(c1)
-            - 0.5 * (c2 / 0.05) ** 2
-            - 0.5 * (sigma / 0.05) ** 2
-        )
-        return float(log_likelihood + log_prior)
-
-    return log_probability
-
-
-def vectorised_log_probability() -> Callable[[np.ndarray], np.ndarray]:
-    """Return the same for all walkers at once."""
-    rows = rb.paper_sweep().calibration.frame
-    pitch = (rows["a_over_R"] + rows["b_over_R"]).to_numpy()
-    ridge = rows["a_over_R"].to_numpy()
-    pairs = rows["Q"].to_numpy() / 2 - 1
-    log_load = np.log(rows["p_over_E"].to_numpy())
-
-    def log_probability(theta: np.ndarray) -> np.ndarray:
-        c1, c2, sigma = theta.T
-        rate = c1[:, None] / pitch + c2[:, None] / ridge
-        inside = (c1 > 0) & (sigma > 0) & np.all(rate > 0, axis=1)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            residual = log_load - 2 * np.log(pairs / rate)
-            value = -0.5 * np.sum(residual**2, axis=1) / sigma**2 - len(pitch) * np.log(sigma)
-            value += -0.5 * (np.log(c1 / 1.382) / 0.1) ** 2 - np.log(c1)
-        value += -0.5 * (c2 / 0.05) ** 2 - 0.5 * (sigma / 0.05) ** 2
-        return np.where(inside, value, -np.inf)
-
-    return log_probability
+    return Target("hybrid", {name: rows[name].to_numpy() for name in COLUMNS})
 
 
 def run_ridgebayes(seed: int) -> tuple[float, float, float]:
@@ -104,7 +58,8 @@ def run_emcee(seed: int, *, vectorised: bool, centre: Fit) -> tuple[float, float
     draws = centre.draws
     rng = np.random.default_rng(seed)
     start_points = draws[rng.choice(len(draws), N_WALKER, replace=False)]
-    log_probability = vectorised_log_probability() if vectorised else plain_log_probability()
+    plain = target()
+    log_probability = plain.log_probability if vectorised else plain.log_probability_of_one
     initial = emcee.State(start_points)
     initial.random_state = np.random.RandomState(seed).get_state()
     start = time.process_time()
@@ -147,8 +102,9 @@ def check_same_posterior(fit: Fit) -> None:
     """Stop if the three densities are not one: they may differ by a constant only."""
     theta = fit.draws[::500]
     in_theta = fit.model.log_prior(theta) + fit.model.log_likelihood(theta)
-    plain = plain_log_probability()
-    for other in (np.array([plain(t) for t in theta]), vectorised_log_probability()(theta)):
+    plain = target()
+    one_by_one = np.array([plain.log_probability_of_one(t) for t in theta])
+    for other in (one_by_one, plain.log_probability(theta)):
         apart = other - in_theta
         if np.ptp(apart) > 1e-8:
             raise SystemExit(f"the densities differ by {np.ptp(apart):.2g}")

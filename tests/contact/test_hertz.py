@@ -12,10 +12,10 @@ def test_constant_is_the_printed_one():
     assert round(float(hertz.hertz_constant()), 3) == 1.382
 
 
-def test_contact_length_is_equation_1():
+def test_half_width_is_half_of_equation_1():
     p, nu = np.array([1e-4, 0.02]), np.array([[0.0], [0.3], [0.5]])
-    expected = 4.0 * np.sqrt(2.0 / np.pi * (1.0 - nu**2) * p)
-    np.testing.assert_allclose(hertz.contact_length(p, nu=nu), expected, rtol=ROUNDING)
+    expected = 2.0 * np.sqrt(2.0 / np.pi * (1.0 - nu**2) * p)
+    np.testing.assert_allclose(hertz.half_width(p, nu=nu), expected, rtol=ROUNDING)
 
 
 def test_half_width_and_load_invert_each_other():
@@ -49,7 +49,6 @@ def test_first_touch_of_a_smooth_body_is_half_a_groove_wide():
     ("function", "arguments"),
     [
         (hertz.half_width, (0.01,)),
-        (hertz.contact_length, (0.01,)),
         (hertz.load_of_half_width, (0.1,)),
         (hertz.ridge_units, (0.01, 0.02, 0.03)),
         (hertz.transition_load, (6, 0.02, 0.03)),

@@ -2,8 +2,7 @@
 
 import functools
 import math
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -31,25 +30,8 @@ from tests.hard_cases.likelihood import (
     modified_residuals,
     summed_over_grid,
 )
+from tests.model.forms.even import Even
 from tests.validation.thermodynamic import thermodynamic_evidence
-
-
-@dataclass(frozen=True)
-class Even(rb.Modified):
-    """A form with c2^2 in place of c: the rows cannot tell c2 from -c2."""
-
-    name: ClassVar[str] = "even"
-
-    @property
-    def parameter_names(self):
-        return ("c2",)
-
-    def rate(self, theta, a_over_R, b_over_R):
-        return (super().rate(theta, a_over_R, b_over_R) / 0.05) ** 2
-
-    def log_rate_gradient(self, theta, a_over_R, b_over_R):
-        with np.errstate(divide="ignore"):
-            return 2 * super().log_rate_gradient(theta, a_over_R, b_over_R)
 
 
 @hard_case(

@@ -16,6 +16,7 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.table.table import ContactTable
+from tests.model.forms.even import Even
 
 FACTOR = np.array([[0.3, 0, 0], [-0.04, 0.02, 0], [0.1, 0.2, 0.15]])
 MODE = np.array([0.3, 0.02, -0.5])
@@ -243,23 +244,6 @@ def test_fit_laplace__refuses_data_without_misfit(n_count, noise):
 def test_fit_laplace__takes_rows_that_agree_nearly_or_have_errors_of_their_own(load, columns):
     found = fit_laplace(Model(table_of(np.array(load), **columns), Hybrid(), Noise.named("iid")))
     assert found.is_mode
-
-
-class Even(Modified):
-    """Modified with the square of c2/0.05 for c: rows cannot tell c2 from -c2."""
-
-    name = "even"
-
-    @property
-    def parameter_names(self):
-        return ("c2",)
-
-    def rate(self, theta, a_over_R, b_over_R):
-        return (super().rate(theta, a_over_R, b_over_R) / 0.05) ** 2
-
-    def log_rate_gradient(self, theta, a_over_R, b_over_R):
-        with np.errstate(divide="ignore"):
-            return 2 * super().log_rate_gradient(theta, a_over_R, b_over_R)
 
 
 def test_several_modes__of_plain_rows_finds_the_mirror_image(observed):

@@ -36,8 +36,7 @@ def held_out_loads(comparison: Comparison) -> pd.DataFrame:
     # Without a usable evidence there are no weights to average the forms with.
     if not comparison.probabilities or predicted_rows(held_out).empty:
         return pd.DataFrame()
-    loads = loads_table(replace(comparison, table=held_out))
-    loads = loads[loads["kind_of_band"] == "simulation"].reset_index(drop=True)
+    loads = loads_table(replace(comparison, table=held_out), kinds=("simulation",))
     observed, power_law = loads["p_over_E_observed"], comparison.fits.get("power-law")
     known = list(power_law.model.data.textures) if power_law is not None else []
     has_k = pd.MultiIndex.from_frame(loads[["a_over_R", "b_over_R"]]).isin(known)

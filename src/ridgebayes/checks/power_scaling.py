@@ -82,8 +82,7 @@ def sensitivities(draws: FloatArray, log_component: FloatArray) -> FloatArray:
     total = np.zeros(draws.shape[1])
     for alpha in (1 + _STEP, 1 / (1 + _STEP)):
         log_weight, _ = pareto_smoothed((alpha - 1) * log_component)
-        weight = np.exp(log_weight - log_weight.max())
-        weight /= weight.sum()
+        weight = np.exp(log_weight)
         # The distance is not symmetric: the larger of those of x and of -x counts.
         moved = [max(cumulative_distance(sign * x, weight) for sign in (1, -1)) for x in draws.T]
         total += np.array(moved) / abs(math.log2(alpha))

@@ -7,10 +7,11 @@ import pandas as pd
 
 from ridgebayes.commands import options
 from ridgebayes.commands.run_files import read_run
-from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.errors import InputError
 from ridgebayes.report.design_page import design_page, drawn_design
+from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.text import percent
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.units import Body

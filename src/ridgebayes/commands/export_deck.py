@@ -2,10 +2,10 @@
 
 from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import refuse_existing, refuse_suffix
-from ridgebayes.commands.run_folder import write_text
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
+from ridgebayes.runtime.atomic import write_text
 from ridgebayes.scene.scene import Scene
 
 

@@ -16,7 +16,7 @@ from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import executor_for, map_ordered
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.text import count
-from ridgebayes.scene.effects import Plan, beyond_reach
+from ridgebayes.scene.effects import beyond_reach
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene
 from ridgebayes.simulate import generation
@@ -156,13 +156,9 @@ def _neglected_effects(
     return [
         f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}: {effect.name} not "
         f"simulated: estimated load change {effect.estimate:.1e}, accuracy {scene.relative:g}"
-        for one in map_ordered(_first_plan, each, executor)
+        for (one,) in map_ordered(plan, each, executor)
         for effect in one.left_out
     ]
-
-
-def _first_plan(scene: Scene) -> Plan:
-    return plan(scene)[0]
 
 
 @contextmanager

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import parse_numbers, parse_texture, refuse_existing
-from ridgebayes.commands.run_folder import write_text
 from ridgebayes.commands.shared_options import FLAGS
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
 from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.read import Given, import_files
+from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.text import count
 
 

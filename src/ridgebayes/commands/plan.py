@@ -10,9 +10,10 @@ from ridgebayes import drawing
 from ridgebayes.checks.plan_check import check_plans, sobol_scenes
 from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import medians_taken, refuse_existing, refuse_suffix
-from ridgebayes.commands.run_folder import new_folder, write_csv, write_page, write_text
+from ridgebayes.commands.run_folder import new_folder, write_csv, write_page
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError
+from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.text import duration, percent
 from ridgebayes.scene.effects import Plan, beyond_reach, plan_table

@@ -20,7 +20,7 @@ from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
 from ridgebayes.predict.extrapolation import NAMES
 from ridgebayes.predict.predict import KINDS
-from ridgebayes.runtime.atomic import replacing
+from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import count
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.units import Body, number_and_unit
@@ -109,8 +109,8 @@ def _draw(
 ) -> None:
     rows = run.table.frame
     figure = drawing.predictions.plot_bands(bands, rows[rows["status"] == "ok"], form, unit=unit)
-    with replacing(path) as partial:
-        partial.write_bytes(drawing.style.as_bytes(figure, path.suffix.lower().removeprefix(".")))
+    kind = path.suffix.lower().removeprefix(".")
+    write_bytes(drawing.style.as_bytes(figure, kind), path)
 
 
 def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] | None) -> Answer:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from ridgebayes.errors import InputError, OutputError, RidgebayesError
-from ridgebayes.runtime.atomic import exclusive_lock, replacing
+from ridgebayes.runtime.atomic import exclusive_lock, replacing, write_text
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.templates import rendered
 
@@ -157,12 +157,6 @@ def _csv(frame: pd.DataFrame, *, header: bool = False) -> str:
 def write_json(content: object, path: Path) -> None:
     """Write plain values as JSON, whole or not at all."""
     write_text(json.dumps(content, indent=2) + "\n", path)
-
-
-def write_text(text: str, path: Path) -> None:
-    """Write a text file whole or not at all."""
-    with replacing(path) as partial:
-        partial.write_text(text, encoding="utf-8", newline="\n")
 
 
 def write_page(path: Path, template: str, **values: object) -> None:

@@ -68,33 +68,6 @@ def half_width(p_over_E: ArrayLike, *, nu: ArrayLike = 0.5) -> FloatArray:
     return hertz_constant(nu) * np.sqrt(np.asarray(p_over_E, dtype=np.float64))
 
 
-def contact_length(p_over_E: ArrayLike, *, nu: ArrayLike = 0.5) -> FloatArray:
-    """Compute the contact length over R, eq. (1): d/R = 4 sqrt((2/pi)(1-nu^2) p/E).
-
-    Parameters
-    ----------
-    p_over_E : array_like of float, shape (...), dimensionless
-        Load per projected area over Young's modulus.
-    nu : array_like of float, shape (...), dimensionless
-        Poisson's ratio.
-
-    Returns
-    -------
-    ndarray of float, shape (...), dimensionless
-        d/R = 2 w/R.
-
-    References
-    ----------
-    doi:10.1016/j.ijssolstr.2019.06.026, eq. (1).
-
-    Examples
-    --------
-    >>> round(float(contact_length(np.pi / 32.0, nu=0.0)), 12)  # 4 sqrt(1/16)
-    1.0
-    """
-    return 2.0 * half_width(p_over_E, nu=nu)
-
-
 def load_of_half_width(half_width_over_R: ArrayLike, *, nu: ArrayLike = 0.5) -> FloatArray:
     """Compute the load that makes a contact half-width: p/E = (w/R)^2 / c^2.
 
@@ -121,7 +94,7 @@ def load_of_half_width(half_width_over_R: ArrayLike, *, nu: ArrayLike = 0.5) -> 
 def ridge_units(
     p_over_E: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike, *, nu: ArrayLike = 0.5
 ) -> FloatArray:
-    """Express the smooth contact length in ridges, eq. (2): Q' = 2 + (d-b)/(a+b).
+    """Express the smooth contact length d in ridges, eqs (1, 2): Q' = 2 + (d-b)/(a+b).
 
     Parameters
     ----------
@@ -139,7 +112,7 @@ def ridge_units(
 
     References
     ----------
-    doi:10.1016/j.ijssolstr.2019.06.026, eq. (2).
+    doi:10.1016/j.ijssolstr.2019.06.026, eqs (1, 2).
 
     Examples
     --------
@@ -149,7 +122,7 @@ def ridge_units(
     32.0
     """
     a, b = np.asarray(a_over_R, dtype=np.float64), np.asarray(b_over_R, dtype=np.float64)
-    return 2.0 + (contact_length(p_over_E, nu=nu) - b) / (a + b)
+    return 2.0 + (2.0 * half_width(p_over_E, nu=nu) - b) / (a + b)
 
 
 def transition_load(

@@ -17,7 +17,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 
-from ridgebayes.runtime.atomic import replacing
+from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import short_label, visible
 
 # Okabe and Ito's palette: told apart with every common kind of colour blindness.
@@ -244,8 +244,7 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as PNG and SVG, each whole or not at all; `path` has no suffix."""
     for kind in ("png", "svg"):
-        with replacing(path.with_name(f"{path.name}.{kind}")) as partial:
-            partial.write_bytes(as_bytes(figure, kind))
+        write_bytes(as_bytes(figure, kind), path.with_name(f"{path.name}.{kind}"))
 
 
 def lay_out(figure: Figure) -> None:

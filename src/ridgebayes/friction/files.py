@@ -12,6 +12,7 @@ import xarray as xr
 from ridgebayes.errors import InputError
 from ridgebayes.friction.inputs import joined
 from ridgebayes.runtime.atomic import replacing
+from ridgebayes.runtime.reading import extra
 
 _GROUP = 100_000  # rows
 SUFFIXES = (".nc", ".parquet", ".csv")
@@ -69,13 +70,9 @@ def _bounded(parts: Iterable[xr.Dataset], path: Path) -> Iterator[xr.Dataset]:
 
 
 def _write_parquet(parts: Iterable[xr.Dataset], path: Path) -> None:
-    try:
-        import pyarrow as pa  # heavy, and an extra
-        from pyarrow import parquet
-    except ImportError:
-        raise InputError(
-            f"{path}: Parquet needs pyarrow: pip install 'ridgebayes[parquet]'"
-        ) from None
+    parquet = extra("pyarrow.parquet", "parquet", f"{path}: Parquet needs pyarrow")
+    import pyarrow as pa  # heavy, and an extra
+
     writer: Any = None
     with ExitStack() as open_files:
         held: list[Any] = []

@@ -16,7 +16,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.runtime.atomic import replacing
+from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import one_line_message
 
 _RANDOM = ("random_keys", "random_rest")
@@ -84,9 +84,7 @@ class Checkpoint:
 
     def save(self, walk: Walk) -> None:
         """Write a walk in place of the one before it."""
-        content = self._content(walk)
-        with replacing(self.path) as partial:
-            partial.write_bytes(content)
+        write_bytes(self._content(walk), self.path)
 
     def _content(self, walk: Walk) -> bytes:
         """Return the file, made in memory: a full disk ends HDF5 on a file.

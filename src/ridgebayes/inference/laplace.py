@@ -211,10 +211,7 @@ def fit_laplace(
     model.check_gradient(start)
     if reproduces_rows(model, start):
         raise no_mode(model)
-    if near is None or model.is_iid_gaussian:
-        found = _fit(model, start)
-    else:
-        found = _fit_conditional(model, start, start[model.n_coefficient :])
+    found = _fit(model, start, near=None if near is None else start[model.n_coefficient :])
     found = replace(found, valley=_valley(model, found))
     return replace(found, other_modes=several_modes(model, found)) if search_others else found
 

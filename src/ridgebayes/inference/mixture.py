@@ -26,7 +26,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.inference.mixture_code import mixture_code
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.joint_prior import JointPrior
-from ridgebayes.runtime.atomic import replacing
+from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.randomness import seeded, stream
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_text
 from ridgebayes.runtime.text import one_line_message
@@ -183,8 +183,7 @@ class PosteriorMixture:
         path : path
             File, whole or not at all; one that is there is replaced.
         """
-        with replacing(Path(path)) as partial:
-            partial.write_text(json.dumps(self.to_dict(), indent=1) + "\n", encoding="utf-8")
+        write_text(json.dumps(self.to_dict(), indent=1) + "\n", Path(path))
 
     @classmethod
     def from_json(cls, path: str | os.PathLike[str]) -> "PosteriorMixture":

@@ -20,6 +20,7 @@ from ridgebayes._types import FloatArray
 _N = 16  # coefficients of a cell
 _NODES = chebpts1(_N)
 _TO_SERIES = np.linalg.inv(chebvander(_NODES, _N - 1))
+_WIDEST = 3.0  # of the cells that are tried first
 _FINEST = 40  # halvings of a cell: what is rough then has a step there
 _AT_ONCE = 4_096  # arguments evaluated together, which bounds memory
 _UNKNOWN, _ROUGH = np.full((2, _N), [[np.nan], [np.inf]])  # in place of a series
@@ -37,23 +38,16 @@ class Interpolant:
         From ndarray of float, shape (n,), to the same; of size 1.
     tolerance : float
         Of the last three coefficients of each cell.
-    width : float, optional
-        Of the cells that are tried first.
     """
 
-    def __init__(
-        self,
-        function: Callable[[FloatArray], FloatArray],
-        tolerance: float,
-        width: float = 3.0,
-    ) -> None:
-        self._function, self._tolerance, self._width = function, tolerance, width
+    def __init__(self, function: Callable[[FloatArray], FloatArray], tolerance: float) -> None:
+        self._function, self._tolerance = function, tolerance
         self._series: dict[tuple[float, float], FloatArray] = {}  # by a cell's width and number
 
     def __call__(self, y: FloatArray) -> FloatArray:
         """Return the values at finite y, shape (n,)."""
         value, pending = np.empty(len(y)), np.arange(len(y))
-        few, width = [pending[:0]], self._width
+        few, width = [pending[:0]], _WIDEST
         for _ in range(_FINEST):
             if not len(pending):
                 break

@@ -26,7 +26,7 @@ from ridgebayes.report.exports import links
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
 from ridgebayes.report.sections import contents
-from ridgebayes.runtime.atomic import replacing
+from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.templates import environment_of
 from ridgebayes.runtime.text import visible
 
@@ -85,7 +85,7 @@ def write_report(
     suffix = target.suffix.lower()
     if suffix not in _TEMPLATES:
         raise InputError(f"{target}: expected a report that ends in .html or .md")
-    _write(target, render_report(comparison, suffix, reference=reference))
+    write_text(render_report(comparison, suffix, reference=reference), target)
 
 
 def render_report(
@@ -129,7 +129,7 @@ def write_reports(
     """
     pages = _rendered(gallery, reference, list(_TEMPLATES), command=command, in_folder=True)
     for suffix, page in zip(_TEMPLATES, pages, strict=True):
-        _write(folder / f"report{suffix}", page)
+        write_text(page, folder / f"report{suffix}")
 
 
 def checklist_of(comparison: Comparison) -> list[tuple[str, bool, str]]:
@@ -186,11 +186,6 @@ def _rendered(
         environment.filters["badge"] = _badge
         pages.append(environment.get_template(_TEMPLATES[suffix]).render(filled))
     return pages
-
-
-def _write(path: Path, content: str) -> None:
-    with replacing(path) as partial:
-        partial.write_text(content, encoding="utf-8", newline="\n")
 
 
 def _tied(value: object) -> object:

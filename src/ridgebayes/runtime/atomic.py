@@ -58,6 +58,17 @@ def replacing(path: Path) -> Iterator[Path]:
             partial.unlink(missing_ok=True)
 
 
+def write_text(text: str, path: Path) -> None:
+    """Write a text file whole or not at all, in UTF-8, lines ended alike on all systems."""
+    write_bytes(text.encode(), path)
+
+
+def write_bytes(content: bytes, path: Path) -> None:
+    """Write a file whole or not at all."""
+    with replacing(path) as partial:
+        partial.write_bytes(content)
+
+
 def cannot_write(path: Path, error: OSError) -> RidgebayesError:
     """Return the error of a file that the system would not have written.
 

@@ -10,7 +10,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from ridgebayes.runtime.atomic import cannot_write, replacing
+from ridgebayes.runtime.atomic import cannot_write, write_text
 
 
 class Journal:
@@ -92,8 +92,7 @@ class Journal:
             self.folder.mkdir(exist_ok=True)
         except OSError as error:
             raise cannot_write(path, error) from None
-        with replacing(path) as partial:
-            partial.write_text(json.dumps(content) + "\n", encoding="utf-8", newline="\n")
+        write_text(json.dumps(content) + "\n", path)
         self.n_kept += 1
 
     def remove(self) -> None:

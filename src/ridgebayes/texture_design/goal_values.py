@@ -179,14 +179,6 @@ class GoalValues:
                 values.append(Value(*found, case, corner))
         return min(values, key=lambda one: goal.margin(one.value))
 
-    def counts(self, a: float, b: float, load: Load) -> dict[int, float]:
-        """Return P(Q >= n) at a texture as asked for, by n."""
-        shares: dict[int, float] = {2: 1.0}
-        for part in self.parts:
-            for n, reached in PlacedPart(part, a, b, (0.0, 0.0)).reached(load):
-                shares[n] = shares.get(n, 0.0) + part.weight * float(reached.mean())
-        return shares
-
     def _mean(self, placed: Sequence[PlacedPart], case: Case) -> tuple[float, float]:
         return self._average([one.probability(case) for one in placed])
 

@@ -209,13 +209,7 @@ def _moments(theta: FloatArray, weight: FloatArray | None = None) -> dict[str, F
     if weight is None:
         tail = np.quantile(theta, _TAIL, axis=0)
     else:
-        order = np.argsort(theta, axis=0)
-        tail = np.array(
-            [
-                np.interp(_TAIL, np.cumsum(weight[i]) - 0.5 * weight[i], column[i])
-                for i, column in zip(order.T, theta.T, strict=True)
-            ]
-        )
+        tail = np.quantile(theta, _TAIL, axis=0, weights=weight, method="inverted_cdf")
     mean = np.average(theta, axis=0, weights=weight)
     sd = np.sqrt(np.average((theta - mean) ** 2, axis=0, weights=weight))
     return {"mean": mean, "sd": sd, "5 % quantile": tail}

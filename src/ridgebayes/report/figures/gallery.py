@@ -20,7 +20,7 @@ from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
 from ridgebayes.model.observations import Observations
 from ridgebayes.results import Fit
-from ridgebayes.runtime.atomic import cannot_write, replacing
+from ridgebayes.runtime.atomic import cannot_write, write_bytes
 from ridgebayes.runtime.pool import submit_or_defer
 from ridgebayes.runtime.progress import tell_count
 
@@ -106,8 +106,7 @@ class Gallery(Mapping[str, "Figure"]):
             raise cannot_write(target, error) from None
         for n_done, name in enumerate(self, start=1):
             for kind in KINDS:
-                with replacing(target / f"{name}.{kind}") as file:
-                    file.write_bytes(self.file(name, kind))
+                write_bytes(self.file(name, kind), target / f"{name}.{kind}")
             tell_count(n_done, len(self))
         return tuple(f"{name}.{kind}" for name in self for kind in KINDS)
 
