@@ -28,3 +28,19 @@ def test_pareto_smoothed__leaves_weights_without_a_tail_as_they_are(log_weights)
 
 def test_pareto_k__of_weights_that_are_not_numbers_is_not_to_be_trusted():
     assert not pareto_k(np.array([*range(99), np.nan], dtype=float)) <= 0.7
+
+
+@pytest.mark.parametrize("apart", [720.0, 760.0, 2_000.0])
+def test_pareto_k__of_one_weight_beside_which_all_others_are_nothing_is_infinite(apart):
+    log_weights = np.append(np.random.default_rng(1).standard_normal(500), apart)
+    smoothed, k = pareto_smoothed(log_weights)
+    assert k == pareto_k(log_weights) == np.inf
+    # Their differences stay, and the one that dominates has all the weight.
+    np.testing.assert_allclose(np.diff(smoothed), np.diff(log_weights), atol=1e-12)  # rounding
+    assert smoothed[-1] == 0
+
+
+@pytest.mark.parametrize("sd", [10, 100, 200, 400, 800, 1e5])
+@pytest.mark.parametrize("n", [30, 500, 4_096])
+def test_pareto_k__of_weights_ever_further_apart_never_comes_out_as_harmless(n, sd):
+    assert pareto_k(sd * np.random.default_rng(2).standard_normal(n)) > 1

@@ -40,7 +40,8 @@ def pareto_smoothed(log_weights: FloatArray, reff: float = 1.0) -> tuple[FloatAr
     smoothed : ndarray of float, shape (n_draw,)
         Logarithms of smoothed weights, which sum to 1.
     shape : float
-        As `pareto_k` returns it; infinite where all weights of the tail are alike.
+        As `pareto_k` returns it; infinite where all weights of the tail are alike, or where most of
+        them are 0 beside the largest.
 
     References
     ----------
@@ -56,5 +57,8 @@ def pareto_smoothed(log_weights: FloatArray, reff: float = 1.0) -> tuple[FloatAr
         except ValueError as error:
             if "tail" not in str(error):  # all alike, or under five
                 raise
-            smoothed, shape = weights - logsumexp(weights), math.inf
+            return weights - logsumexp(weights), math.inf
+        if np.isnan(smoothed).any():
+            # Beside the largest weight the tail underflows. Its shape came out as near 0.
+            return weights - logsumexp(weights), math.inf
     return np.asarray(smoothed), float(shape)
