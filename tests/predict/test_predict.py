@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from ridgebayes.distributions.bounded import Uniform
 from ridgebayes.errors import InputError
 from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.model.forms import Hybrid
+from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
@@ -19,6 +20,7 @@ from ridgebayes.predict.q_distribution import mix_q
 
 A, B = 0.022, 0.02
 LOADS = np.geomspace(5e-4, 0.02, 25)
+STUDENT = Noise.named("iid:student")
 
 
 def counts_of_draws(fit, a, b, p):
@@ -128,6 +130,20 @@ def test_predict_q__of_very_many_loads_is_that_of_each(paper, noise):
     # Discretisation: means over draws are tabulated to 1e-13, of Student errors to 1e-7.
     atol = 1e-7 if ":student" in noise else 1e-12
     np.testing.assert_allclose(many.survival[::600, :n], few.survival, rtol=0, atol=atol)
+
+
+def test_predict_q__of_student_errors_has_no_count_of_more_than_the_whole_width(observed):
+    wide = ((0.3, 0.3), (0.2, 0.3))
+    data = observed([0, 0, 1, 1], [4, 6, 4, 6], [-1.6, -0.2, -2.0, -0.6], textures=wide)
+    priors = {"df": Uniform(0.3, 0.6)}  # tails that reach any count
+    model = Model(data, Modified(), STUDENT, priors)
+    fit = importance_posterior(model, seed=1, n_draw=128, n_round=1, n_per_round=200)[0]
+    q = predict_q(fit, 0.3, 0.3, [0.01, 1.0])  # a groove, and a ridge and half a groove beside it
+    assert q.q.tolist() == [2, 4]
+    assert np.all(q.at_least(4) > 0.01)
+    assert predict_q(fit, 0.9, 1.0, 1.0).q.tolist() == [2]
+    # A narrow texture's last count lies within the second block of eight.
+    assert predict_q(fit, 0.04, 0.04, 5.0).q[-1] == 26
 
 
 def test_predict_q__by_a_share_of_an_average_takes_that_share_of_the_draws(fits):

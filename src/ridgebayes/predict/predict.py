@@ -347,7 +347,9 @@ def _survival(
     for first in range(4, last + 2, 2 * _BLOCK):
         if first == _MANY and draws.df is None and reaching(np.array([last])).max() >= NEGLIGIBLE:
             break
-        found = reaching(np.arange(first, first + 2 * _BLOCK, 2))
+        counts = np.arange(first, first + 2 * _BLOCK, 2)
+        # Student errors end at `last`; of normal ones a count beyond it tells whether they do.
+        found = reaching(counts if draws.df is None else counts[counts <= last])
         for column in found.T:
             # One noise draw cannot reach a further ridge before a nearer one.
             columns.append(np.minimum(column, columns[-1]))
