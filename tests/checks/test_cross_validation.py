@@ -18,11 +18,14 @@ from ridgebayes.checks.cross_validation import (
     stacked,
 )
 from ridgebayes.checks.folds import Fold, crps_of_draws
+from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.chains import Chains
-from ridgebayes.model.forms import Hybrid, Modified
+from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
 from ridgebayes.results import Fit
 
 QUICK = {"n_round": 3, "n_per_round": 300, "n_draw": 512}
@@ -158,6 +161,57 @@ def test_cross_validate__two_ways_to_a_joint_score_agree(three, done, monkeypatc
     assert (abs(done.folds["log_score"] - other.folds["log_score"]) < 5 * error).all()
     assert error.max() < 0.2
     np.testing.assert_array_equal(done.crps, other.crps)
+
+
+class Own(Modified):
+    """Modified, whose coefficient has a name without a default prior."""
+
+    @property
+    def parameter_names(self):
+        return ("d",)
+
+
+@pytest.mark.parametrize("leave", ["texture", "step"])
+def test_cross_validate__takes_an_own_form_under_its_given_priors(data, leave):
+    table, own = table_of(data), {"modified": {"d": LogNormal(1.382, 0.1)}}
+    known = {"modified": {"c": LogNormal(1.382, 0.1)}}
+    for form, other, methods in [
+        (Own(), Modified(), {"draws"}),
+        (fit_to(data, Own(), own), fit_to(data, Modified(), known), {"draws", "weights"}),
+    ]:
+        found = cross_validate(table, form, leave=leave, rng=1, effort=QUICK, priors=own)
+        expected = cross_validate(table, other, leave=leave, rng=1, effort=QUICK, priors=known)
+        assert set(found.folds["method"]) <= methods
+        assert found.failures == {}
+        # The same formula, draws and priors: rounding.
+        np.testing.assert_allclose(found.folds["log_score"], expected.folds["log_score"], rtol=1e-9)
+
+
+def test_cross_validate__of_a_power_law_takes_a_given_prior_of_each_texture(data):
+    table, texture = table_of(data), Observations.from_table(table_of(data))
+    names = Model(texture, PowerLaw()).form.parameter_names
+    wide = {"power-law": dict.fromkeys(names, LogNormal(70.0, 0.5)), "noise": SIGMA}
+    for leave, method in [("texture", "evidences"), ("step", "draws")]:
+        found = cross_validate(table, PowerLaw(), leave=leave, rng=1, effort=QUICK, priors=wide)
+        assert set(found.folds["method"]) == {method}
+        assert found.failures == {}
+
+
+SIGMA = {"sigma": HalfNormal(0.1)}
+
+
+def table_of(data):
+    """The rows as a table."""
+    a, b = data.a_over_R[data.texture], data.b_over_R[data.texture]
+    load = np.exp(data.log_load)
+    columns = {"a_over_R": a, "b_over_R": b, "Q": data.Q, "p_over_E": load, "rel_se": data.rel_se}
+    return rb.ContactTable.from_frame(pd.DataFrame(columns))
+
+
+def fit_to(data, form, priors):
+    """The fit to all rows of a table of theirs."""
+    model = Model(Observations.from_table(table_of(data)), form, Noise(), priors["modified"])
+    return Fit.of(importance_posterior(model, seed=1, **QUICK)[0])
 
 
 class Backwards(Executor):

@@ -290,7 +290,7 @@ def joint_log_densities(fit: Posterior, data: Observations) -> FloatArray:
         What all rows' log-likelihood has over that of the fitted ones, offsets integrated out:
         exact, see `_by_draws`.
     """
-    whole = Model(data, fit.form, fit.noise)
+    whole = Model(data, fit.form, fit.noise, fit.model.priors)
     return whole.log_likelihood(fit.draws) - fit.model.log_likelihood(fit.draws)
 
 
@@ -309,11 +309,8 @@ class _Scores:
 
 
 def _by_draws(fold: Fold) -> bool:
-    whole = Model(fold.data, fold.form, fold.noise)
-    rest = fold.data.take(~fold.left)
-    return has_exact_likelihood(whole) and (
-        whole.parameter_names == Model(rest, fold.form, fold.noise).parameter_names
-    )
+    whole, rest = fold.model(fold.data), fold.model(fold.data.take(~fold.left))
+    return has_exact_likelihood(whole) and whole.parameter_names == rest.parameter_names
 
 
 def _score_fold(fold: Fold) -> _Scores | str:

@@ -152,7 +152,7 @@ class Fold:
         """
         if self.left.all():
             raise ComputationError("no row is left to fit")
-        model, known = self._model(), self.known
+        model, known = self.model(self.data.take(~self.left)), self.known
         if drawn_exactly(model):  # of independent draws there is nothing to diagnose
             chains = sample_power_law(model, seed=self.seed)
             drawn = Posterior(model, chains, pd.DataFrame(), (), self.seed)
@@ -179,7 +179,7 @@ class Fold:
         """
         if self.known is None or not len(self.known.log_likelihood) or self.left.all():
             return None
-        model = self._model()
+        model = self.model(self.data.take(~self.left))
         if model.parameter_names != self.known.names:
             return None  # a coefficient of the rows left out alone
         given_rest = model.log_likelihood(model.to_theta(self.known.coordinates))
@@ -205,11 +205,11 @@ class Fold:
         posterior = Posterior(model, chains, pd.DataFrame(), self.known.failures, self.seed)
         return Weighted(posterior, float(top) + math.log(mean), se)
 
-    def _model(self) -> Model:
-        rest = self.data.take(~self.left)
-        known = default_priors(self.form.bind(rest.textures, rest.labels), self.noise, self.priors)
+    def model(self, rows: Observations) -> Model:
+        """Return the model of some of the rows, under the given priors of its parameters."""
+        known = default_priors(self.form.bind(rows.textures, rows.labels), self.noise, self.priors)
         own = {name: prior for name, prior in self.priors.items() if name in known}
-        return Model(rest, self.form, self.noise, own)
+        return Model(rows, self.form, self.noise, own)
 
 
 def folds_of(
