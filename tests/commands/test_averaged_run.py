@@ -162,7 +162,7 @@ def test_winner__each_error_model_is_printed_written_and_read_back(
 @pytest.mark.parametrize(
     ("forms", "n_texture", "noise", "why"),
     [
-        (FORMS, 1, "iid", "hybrid and modified make the same predictions at one texture"),
+        (FORMS, 1, "iid", "hybrid and modified can predict the same loads"),
         (["modified", "power-law"], 3, "texture", "the same where each texture has an offset"),
     ],
 )

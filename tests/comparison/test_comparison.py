@@ -23,6 +23,7 @@ from ridgebayes.evidence.prior_sensitivity import BOUNDS, SENSITIVITY_COLUMNS, p
 from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.posterior import N_KEPT
+from ridgebayes.inference.presets import QUICK as LOOK
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.predict.predict import predict_load, predict_q
@@ -689,3 +690,24 @@ def test_compare__refuses_what_is_no_form_and_takes_a_single_name(paper):
             compare(paper, bad)
     with pytest.raises(InputError, match="form 'nope': unknown; expected one of classic"):
         compare(paper, "nope")
+
+
+@pytest.mark.parametrize(
+    ("forms", "best", "c", "counts"),
+    [
+        # c1 + c2 pitch/a is the one number that loads of one a/pitch tell of; a prior is wider.
+        ([rb.Modified(), rb.Hybrid()], "hybrid", 1.95, (4, 6, 8, 10)),
+        ([rb.Modified(), rb.Classic()], "classic", 0.96, (4,)),
+    ],
+)
+def test_verdict__of_forms_that_reach_the_same_loads_is_undecided(forms, best, c, counts):
+    a, Q = np.meshgrid([0.012, 0.006, 0.009], counts, indexing="ij")
+    errors = 0.02 * np.sin(7.0 + np.arange(a.size)).reshape(a.shape)
+    load = rb.Modified().load(Q, a, 8 * a, [c]) * np.exp(errors)
+    rows = {"a_over_R": a.ravel(), "b_over_R": 8 * a.ravel(), "Q": Q.ravel()}
+    table = rb.read_table(pd.DataFrame(rows | {"p_over_E": load.ravel()}))
+    found = rb.compare(table, forms, noise="iid", rng=1, accuracy=LOOK)
+    assert found.best == best
+    assert found.verdict.ln_bf > 3  # at which it would be `supports`
+    assert found.verdict.grade == "undecided"
+    assert found.verdict.why.endswith("the same loads at all fitted rows: only their priors differ")

@@ -10,6 +10,7 @@ import pandas as pd
 from ridgebayes import drawing
 from ridgebayes._types import Tabular
 from ridgebayes.comparison.bayes_factors import summed_evidence
+from ridgebayes.comparison.same_loads import same_loads
 from ridgebayes.comparison.verdict import Verdict, verdict_of
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence.error_models import LEAST_WEIGHT
@@ -164,7 +165,7 @@ class Comparison(Predictive, Tabular):
             self.evidence,
             self.prior_sensitivity,
             self.noise,
-            len(data.textures),
+            lambda one, other: same_loads(self.fits[one], self.fits[other]),
             self.failures,
             series_are_textures=data.one_texture_per_series,
         )

@@ -1,7 +1,7 @@
 """The verdict of a comparison: which form, how surely, and what would change it."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -20,8 +20,7 @@ LEANS = 2.0  # in ln BF, the least that decides anything
 DECISIVE, LEAD = 5.0, 3.0  # in ln BF, of what is decisive: at least, and more over all changes
 _OF_ERRORS = ("sigma", "tau_", "length_", "df", NUGGET)  # priors of the error model, in all forms
 _SURE = 0.95  # posterior probability that counts as decisive for a reader's own prior
-# Forms that predict the same at one texture alone: each has a free factor there.
-_ALIKE_AT_ONE = frozenset({"modified", "power-law", "hybrid"})
+# Forms that are the same where a texture has a free factor of its own beside them.
 _ALIKE_WITH_OFFSETS = frozenset({"modified", "power-law"})
 
 
@@ -82,7 +81,7 @@ def verdict_of(
     evidence: pd.DataFrame,
     sensitivity: pd.DataFrame,
     printed: Noise,
-    n_texture: int,
+    same_loads: Callable[[str, str], bool],
     failed: Collection[str] = (),
     *,
     series_are_textures: bool = False,
@@ -97,8 +96,9 @@ def verdict_of(
         `prior_sensitivity.csv`; may be empty.
     printed : Noise
         Error model of the printed fits.
-    n_texture : int
-        Textures that were fitted.
+    same_loads : callable
+        Whether two forms, by name, can reach the same loads at all fitted rows, see
+        `ridgebayes.comparison.same_loads`.
     failed : collection of str, optional
         Forms that could not be fitted: any of them may be the best one, so that nothing is decided.
     series_are_textures : bool, optional
@@ -121,7 +121,7 @@ def verdict_of(
     with_offsets = sum(
         w for name, w in weights.items() if shared & set(Noise.named(str(name)).factors)
     )
-    open_ = _unfitted(failed) or _alike(best, over, n_texture, with_offsets)
+    open_ = _unfitted(failed) or _alike(best, over, same_loads, with_offsets)
     grade = "undecided" if open_ else _grade(ln_bf, low)
     return Verdict(
         form=best,
@@ -213,15 +213,17 @@ def _unfitted(failed: Collection[str]) -> str:
     return f"{' and '.join(failed)} could not be fitted, and may be better" if failed else ""
 
 
-def _alike(best: str, over: str, n_texture: int, with_offsets: float) -> str:
+def _alike(
+    best: str, over: str, same_loads: Callable[[str, str], bool], with_offsets: float
+) -> str:
     """Say why two forms cannot be told apart by any rows of this table; empty if they can.
 
     `with_offsets` is the probability that each texture has an offset.
     """
     pair = {best, over}
     names = " and ".join(sorted(pair))
-    if n_texture == 1 and pair <= _ALIKE_AT_ONE:
-        return f"{names} make the same predictions at one texture: only their priors differ"
+    if same_loads(best, over):
+        return f"{names} can predict the same loads at all fitted rows: only their priors differ"
     if with_offsets > 0.5 and pair == _ALIKE_WITH_OFFSETS:
         return f"{names} are the same where each texture has an offset: only their priors differ"
     return ""
