@@ -4,7 +4,7 @@ from scipy import integrate, stats
 
 from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.inference.laplace import fit_laplace
-from ridgebayes.model.forms import Hybrid
+from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
 
@@ -49,6 +49,31 @@ def test_quadrature_evidence__is_scipys_double_integral(fe_models, fe_laplaces, 
     found = quadrature_evidence(model.log_density, laplace)
     # Discretisation: 1e-6 each, and what lies beyond the limits.
     assert found.value == pytest.approx(peak + np.log(total), abs=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_quadrature_evidence__of_one_row_without_known_error_is_the_closed_form_over_sigma(
+    observed, seed
+):
+    # That row alone lets sigma go to zero, where it alone says what c is.
+    rng = np.random.default_rng(seed)
+    Q = np.array([4, 6, 8])
+    rel_se = np.where(np.arange(3) == rng.integers(3), 0.0, 0.03)
+    log_shape = 2 * np.log((Q / 2 - 1) * 0.042)
+    log_load = log_shape - 2 * np.log(1.35) + 0.03 * rng.standard_normal(3)
+    model = Model(observed(0 * Q, Q, log_load, rel_se=rel_se), Modified())
+    found = quadrature_evidence(model.log_density, fit_laplace(model))
+    # log c is normal, and so are the rows given sigma, which is summed over in its logarithm.
+    log_sigma = np.arange(-18.0, 0.5, 0.01)
+    sigma = np.exp(log_sigma)
+    centre, prior = log_shape - 2 * np.log(1.382), stats.halfnorm(scale=0.05).pdf(sigma)
+    given = [
+        stats.multivariate_normal(centre, 4 * 0.1**2 + np.diag(s * s + rel_se**2)).pdf(log_load)
+        for s in sigma
+    ]
+    exact = np.log(0.01 * (given * prior * sigma).sum())
+    # Discretisation: 1e-6 of the quadrature, 1e-7 of the sum and the tail below exp(-18).
+    assert found.value == pytest.approx(exact, abs=2e-6)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])

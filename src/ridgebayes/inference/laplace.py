@@ -1,9 +1,9 @@
 r"""The normal approximation of a posterior, in coordinates that suit it.
 
 Coefficients are known the better the smaller the errors are: in unconstrained coordinates a
-posterior is a funnel. Coordinates w take that out, by `Funnel` where rows are exact, independent
-and normal, by `Conditional` otherwise. In w a posterior is nearly normal: there its mode and
-curvature are found, proposals are fitted, evidences integrated.
+posterior is a funnel. Coordinates w take that out, by `Funnel` where rows are exact, independent,
+normal and alike in their known errors, by `Conditional` otherwise. In w a posterior is nearly
+normal: there its mode and curvature are found, proposals are fitted, evidences integrated.
 """
 
 import math
@@ -229,7 +229,8 @@ def _fit(
 
     `near`: parameters of the error model that a search among these begins at.
     """
-    if model.is_iid_gaussian:
+    # A funnel has one width at each sigma: of known errors that differ, a mean is nobody's.
+    if model.is_iid_gaussian and np.ptp(model.rows.rel_se) == 0:
         return _fit_iid_gaussian(model, tol, start)
     return _fit_conditional(model, start, near)
 
