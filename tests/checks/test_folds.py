@@ -12,9 +12,11 @@ from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.power_law_exact import conditional_log_k
+from ridgebayes.model.default_priors import slope_prior
 from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
+from ridgebayes.model.prior_files import resolve_priors
 from ridgebayes.predict.predict import predict_load
 from ridgebayes.results import Fit
 
@@ -44,6 +46,15 @@ def test_folds_of__leave_out_each_row_once(data, leave, names, sizes):
     np.testing.assert_array_equal(sum(fold.left.astype(int) for fold in folds), np.ones(6))
     by = {"texture": data.texture, "step": data.Q, "row": np.arange(6)}[leave]
     assert all(len(set(by[fold.left])) == 1 for fold in folds)
+
+
+def test_model__of_a_fold_keeps_the_prior_of_every_slope(data):
+    priors = resolve_priors({"power-law": {"K": "lognormal(auto, 5 %)"}}, [PowerLaw()], [IID], data)
+    fold = folds_of(data, PowerLaw(), IID, priors=priors)[0]
+    model = fold.model(data.take(~fold.left))
+    assert model.parameter_names[:-1] == ("K[a0.032_b0.01]", "K[a0.022_b0.02]")
+    assert model.priors["K[a0.032_b0.01]"].log_sd == 0.05
+    assert slope_prior(data.textures[0], model.prior_of_slopes).log_sd == 0.05
 
 
 def test_folds_of__gives_each_a_seed_of_its_own_names(data, observed):

@@ -9,6 +9,7 @@ from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
+from ridgebayes.model.default_priors import slope_prior
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.prior_files import resolve_priors
@@ -58,10 +59,38 @@ def test_resolve__is_by_form_and_parameter_and_k_is_of_every_texture(data, tmp_p
     assert found["hybrid"]["c1"] == rb.Truncated(rb.Normal(1.5, 0.15), 0.0, 2.0)
     assert found["modified"]["c"].source == "c of s.csv"
     a, b = np.array(TEXTURES).T
-    for prior, median in zip(found["power-law"].values(), 2 * 1.382 / (a + b), strict=True):
+    slopes = [found["power-law"][f"K[{label}]"] for label in data.labels]
+    for prior, median in zip(slopes, 2 * 1.382 / (a + b), strict=True):
         assert prior.median == pytest.approx(median, rel=1e-14)
         assert prior.log_sd == 0.5
     assert resolve_priors(found, ALL, [Noise()], data) == found  # a second time is no change
+
+
+@pytest.mark.parametrize("order", [["K", "K[y]"], ["K[y]", "K"]])
+def test_resolve__k_of_every_texture_is_kept_for_new_ones_beside_that_of_one(data, order):
+    texts = {"K": "truncated(lognormal(auto, 5 %), 30, 90)", "K[y]": "lognormal(60, 1 %)"}
+    given = {"power-law": {name: texts[name] for name in order}}
+    found = resolve_priors(given, ALL, [Noise()], data)
+    own = found["power-law"]
+    assert own["K[y]"] == rb.LogNormal(60.0, 0.01)
+    assert own["K[x]"].base == rb.LogNormal(2 * 1.382 / (0.012 + 0.03), 0.05)
+    assert resolve_priors(found, ALL, [Noise()], data) == found  # a second time is no change
+    model = Model(data, rb.PowerLaw(), Noise(), own)
+    assert model.parameter_names == ("K[x]", "K[y]", "K[z]", "sigma")
+    assert [model.priors[f"K[{label}]"] for label in "xyz"] == [own[f"K[{x}]"] for x in "xyz"]
+    again = model.with_priors({"sigma": rb.HalfNormal(0.1)})
+    new = slope_prior((0.02, 0.02), again.prior_of_slopes)
+    assert new == rb.Truncated(rb.LogNormal(2 * 1.382 / 0.04, 0.05), 30.0, 90.0)
+    assert slope_prior((0.02, 0.02), Model(data, rb.PowerLaw()).prior_of_slopes).log_sd == 0.3
+
+
+def test_resolve__k_of_one_texture_alone_is_not_that_of_new_ones(data):
+    given = {"power-law": {"K[y]": "lognormal(60, 1 %)"}}
+    model = Model(
+        data, rb.PowerLaw(), priors=resolve_priors(given, ALL, [Noise()], data)["power-law"]
+    )
+    assert not model.prior_of_slopes
+    assert slope_prior((0.02, 0.02), model.prior_of_slopes).log_sd == 0.3
 
 
 BAD = {

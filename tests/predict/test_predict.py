@@ -7,15 +7,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ridgebayes.distributions.bounded import Uniform
+from ridgebayes.distributions.bounded import Truncated, Uniform
+from ridgebayes.distributions.distribution import LogNormal
 from ridgebayes.errors import InputError
 from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.model.forms import Hybrid, Modified
+from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
+from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
+from ridgebayes.model.prior_files import resolve_priors
 from ridgebayes.predict.predict import predict_load, predict_q
-from ridgebayes.predict.predictive_cdf import n_draws
+from ridgebayes.predict.predictive_cdf import PosteriorLoads, n_draws
 from ridgebayes.predict.q_distribution import mix_q
 
 A, B = 0.022, 0.02
@@ -257,6 +260,59 @@ def test_predict_q__power_law_draws_a_new_textures_K_from_its_prior(fits):
     assert np.all(np.abs(q.at_least(6) - exact) <= 5 * se + 1e-4)
     again = predict_q(fit, a, b, LOADS, kind="curve")
     np.testing.assert_array_equal(q.survival, again.survival)
+
+
+K_PRIORS = {
+    "lognormal(auto, 5 %)": LogNormal(2 * 1.382 / 0.045, 0.05),
+    "lognormal(40, 1 %)": LogNormal(40.0, 0.01),
+    "truncated(lognormal(auto, 20 %), 60, 65)": Truncated(
+        LogNormal(2 * 1.382 / 0.045, 0.2), 60.0, 65.0
+    ),
+}
+
+
+def power_law(data, given):
+    """Return a power law's posterior under priors of K."""
+    priors = resolve_priors({"power-law": given}, [PowerLaw()], [Noise()], data)["power-law"]
+    model = Model(data, PowerLaw(), priors=priors)
+    return importance_posterior(model, seed=1, n_draw=2_560, n_round=1, n_per_round=200)[0]
+
+
+@pytest.fixture(scope="module")
+def two_textures(observed):
+    data = observed([0, 0, 1, 1], [4, 6, 4, 6], [-6.9, -5.5, -7.0, -5.6])
+    return replace(data, labels=("x", "y"))
+
+
+@pytest.mark.parametrize("text", K_PRIORS)
+def test_predict_q__power_law_draws_a_new_textures_K_from_the_prior_that_was_given(
+    two_textures, tmp_path, text
+):
+    fit = power_law(two_textures, {"K": text})
+    write_netcdf(fit, tmp_path / "p.nc")
+    a, b = 0.02, 0.025
+    prior = K_PRIORS[text]
+    K = prior.value_at(np.linspace(-2.0, 2.0, 9))
+    loads, exact = (4 / K) ** 2, stats.norm.sf(prior.score(K))  # Q >= 6 where K sqrt(p) >= 4
+    se = np.sqrt(exact * (1 - exact) / len(fit.draws))
+    for one in (fit, read_netcdf(tmp_path / "p.nc")):
+        q = predict_q(one, a, b, loads, kind="curve")
+        # Monte Carlo: five standard errors of a share of the draws.
+        assert np.all(np.abs(q.at_least(6) - exact) <= 5 * se + 2e-3)
+        assert all("texture" in names for names in q.extrapolation_of())
+    one = predict_q(power_law(two_textures, {"K[x]": text}), a, b, loads, kind="curve")
+    default = stats.norm.cdf((np.log(2 * 1.382 / (a + b) * np.sqrt(loads) / 4)) / 0.3)
+    se = np.sqrt(default * (1 - default) / len(fit.draws))
+    assert np.all(np.abs(one.at_least(6) - default) <= 5 * se)
+
+
+def test_loads_of_new_ones__go_with_the_pitch_only_if_the_prior_of_K_does(two_textures):
+    for given in ({}, {"K": "lognormal(auto, 5 %)"}):
+        assert PosteriorLoads.of_new_ones(power_law(two_textures, given), 0.4).theta.ndim == 2
+    for text in ("lognormal(40, 1 %)", "truncated(lognormal(auto, 20 %), 60, 65)"):
+        fit = power_law(two_textures, {"K": text})
+        with pytest.raises(InputError, match="prior of K that goes with the pitch"):
+            PosteriorLoads.of_new_ones(fit, 0.4)
 
 
 def cdf_at(load, loads):

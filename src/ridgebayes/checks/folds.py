@@ -3,7 +3,8 @@
 Of very many textures, counts or rows a fold leaves out a tenth, drawn at random.
 Where the posterior given all rows is known, its draws are weighted by what the rows left out took
 from them; only where too few of them count, or their density is only estimated, is a fold fitted
-anew. Its draws come from a proposal fitted to that posterior then, as long as weights allow it.
+anew. Its draws come from a proposal fitted to those given all rows then, as long as weights allow
+it, and no row left out tells most of them apart.
 """
 
 import math
@@ -24,7 +25,7 @@ from ridgebayes.inference.moves import Independence
 from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_smoothed
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.inference.power_law_exact import sample_power_law
-from ridgebayes.model.default_priors import default_priors
+from ridgebayes.model.default_priors import SLOPES, default_priors
 from ridgebayes.model.forms import Form
 from ridgebayes.model.likelihood_latent import SampledOffsets
 from ridgebayes.model.model import Model
@@ -208,7 +209,8 @@ class Fold:
     def model(self, rows: Observations) -> Model:
         """Return the model of some of the rows, under the given priors of its parameters."""
         known = default_priors(self.form.bind(rows.textures, rows.labels), self.noise, self.priors)
-        own = {name: prior for name, prior in self.priors.items() if name in known}
+        names = {*known, SLOPES}
+        own = {name: prior for name, prior in self.priors.items() if name in names}
         return Model(rows, self.form, self.noise, own)
 
 

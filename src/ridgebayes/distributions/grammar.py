@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ridgebayes._types import Json
+from ridgebayes.distributions.auto import AutoLogNormal
 from ridgebayes.distributions.bounded import Truncated, Uniform
 from ridgebayes.distributions.distribution import Distribution, Gamma, HalfNormal, LogNormal, Normal
 from ridgebayes.distributions.empirical import Empirical, read_sample
@@ -35,7 +36,7 @@ CLOSED: dict[str, type[Distribution]] = {
 USAGE = {
     name: f"{name}({', '.join(f.name for f in fields(kind))})" for name, kind in CLOSED.items()
 } | {"truncated": "truncated(DIST, low, high)", "empirical": "empirical(FILE.csv, COLUMN)"}
-_ALL: tuple[type[Distribution], ...] = (*CLOSED.values(), Truncated, Empirical)
+_ALL: tuple[type[Distribution], ...] = (*CLOSED.values(), AutoLogNormal, Truncated, Empirical)
 _KINDS = {kind.kind: kind for kind in _ALL}
 _WITHOUT_UNIT = ("log_sd", "shape", "rate")
 _CALL = re.compile(r"\s*(\w+)\s*\((.*)\)\s*", flags=re.DOTALL)

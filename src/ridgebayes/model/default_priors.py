@@ -2,11 +2,14 @@
 
 from collections.abc import Mapping
 
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.distributions.auto import at_place
 from ridgebayes.distributions.distribution import Distribution, Gamma, HalfNormal, LogNormal, Normal
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.noise import Noise
 
+SLOPES = "K"  # names the prior of every slope of the power law, also at new textures
 HERTZ = 1.382  # the smooth Hertz coefficient at nu = 0.5, as the paper prints it
 REASONS = {
     "c": "Smooth Hertz at nu = 0.5, known to 10 %; for the half-plane form 1 is theory.",
@@ -88,12 +91,68 @@ def coefficient_priors(form: Form) -> dict[str, Distribution | None]:
         A form; PowerLaw bound to its textures.
     """
     if isinstance(form, PowerLaw):
-        # K = 2 c / L: smooth Hertz at the texture's pitch, known to 30 %.
-        widths = zip(form.parameter_names, form.textures, strict=True)
-        return {name: LogNormal(2 * HERTZ / (a + b), 0.3) for name, (a, b) in widths}
+        names = zip(form.parameter_names, form.textures, strict=True)
+        return {name: slope_prior(texture, {}) for name, texture in names}
     known: dict[str, Distribution] = {
         "c": LogNormal(1.0 if form.name == "half-plane" else HERTZ, 0.1),
         "c1": LogNormal(HERTZ, 0.1),
         "c2": Normal(0.0, 0.05),
     }
     return {name: known.get(name) for name in form.parameter_names}
+
+
+def replaced_priors(
+    form: Form, noise: Noise, given: Mapping[str, Distribution] | None
+) -> tuple[dict[str, Distribution], dict[str, Distribution]]:
+    """Return the prior of each parameter, some replaced, and the given one of every slope.
+
+    Parameters
+    ----------
+    form : Form
+        A form; PowerLaw bound to its textures.
+    noise : Noise
+        Error model.
+    given : mapping of str to Distribution, optional
+        By parameter; for PowerLaw also by `SLOPES`, of all slopes that have none of their own.
+
+    Returns
+    -------
+    tuple of dict of str to Distribution
+        By parameter; and by `SLOPES`, empty where that is not given.
+
+    Raises
+    ------
+    InputError
+        If a prior is of no parameter, or has another support than the default.
+    """
+    own = dict(given or {})
+    slopes = {}
+    if isinstance(form, PowerLaw) and SLOPES in own:
+        slopes = {SLOPES: own.pop(SLOPES)}
+        names = zip(form.parameter_names, form.textures, strict=True)
+        own = {name: slope_prior(texture, slopes) for name, texture in names} | own
+    known = default_priors(form, noise, own)
+    for name, prior in own.items():
+        default = known.get(name)
+        if default is None or prior.support[0] < default.support[0]:
+            raise InputError(
+                f"prior of {name!r}: expected one of {', '.join(known)}, with the support of "
+                f"its default, got {prior}"
+            )
+    return known | own, slopes
+
+
+def slope_prior(texture: Texture, slopes: Mapping[str, Distribution]) -> Distribution:
+    """Return the prior of the power law's K at a texture.
+
+    Parameters
+    ----------
+    texture : tuple of (float, float)
+        a/R and b/R.
+    slopes : mapping of str to Distribution
+        By `SLOPES` the one of every texture; the default if it is not given.
+    """
+    a, b = texture
+    # K = 2 c / L: smooth Hertz at the texture's pitch, known to 30 %.
+    default = LogNormal(2 * HERTZ / (a + b), 0.3)
+    return at_place(slopes[SLOPES], default.median) if SLOPES in slopes else default

@@ -17,7 +17,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.model.default_priors import default_priors
+from ridgebayes.model.default_priors import replaced_priors
 from ridgebayes.model.forms import Form
 from ridgebayes.model.joint_prior import JointPrior
 from ridgebayes.model.likelihood_independent import IndependentNormalRows, IndependentRows
@@ -51,7 +51,7 @@ class Model:
         Error model.
     priors : mapping of str to Distribution, optional
         Replacements for some of the default priors, by parameter name; the priors of coefficients
-        that have no default.
+        that have no default. ``K`` is that of the power law's slopes, also at new textures.
 
     Raises
     ------
@@ -81,15 +81,7 @@ class Model:
         self.noise = noise or Noise()
         # Coefficients of the form; the error model's parameters follow them, sigma first.
         self.n_coefficient = len(self.form.parameter_names)
-        known = default_priors(self.form, self.noise, priors)
-        self.priors = known | dict(priors or {})
-        for name, prior in (priors or {}).items():
-            default = known.get(name)
-            if default is None or prior.support[0] < default.support[0]:
-                raise InputError(
-                    f"prior of {name!r}: expected one of {', '.join(known)}, with the support of "
-                    f"its default, got {prior}"
-                )
+        self.priors, self.prior_of_slopes = replaced_priors(self.form, self.noise, priors)
         self._joint = JointPrior(self.priors.values())
         self._of_noise = JointPrior(list(self.priors.values())[self.n_coefficient :])
         self._a, self._b = data.a_over_R, data.b_over_R
@@ -127,6 +119,11 @@ class Model:
         return tuple(self.priors)
 
     @property
+    def given_priors(self) -> dict[str, Distribution]:
+        """The priors that make this model again: of all parameters, and of slopes if given."""
+        return {**self.priors, **self.prior_of_slopes}
+
+    @property
     def n_parameter(self) -> int:
         """Length of the last axis of `theta`."""
         return len(self.priors)
@@ -162,7 +159,7 @@ class Model:
 
     def with_priors(self, priors: Mapping[str, Distribution]) -> "Model":
         """Return the model with some priors replaced."""
-        return Model(self.data, self.form, self.noise, {**self.priors, **priors})
+        return Model(self.data, self.form, self.noise, {**self.given_priors, **priors})
 
     def log_prior(self, theta: FloatArray) -> FloatArray:
         """Return the log prior density in theta, shape ``theta.shape[:-1]``."""

@@ -16,10 +16,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
+from ridgebayes.distributions.auto import at_place, of_any_place
 from ridgebayes.distributions.distribution import Distribution, LogNormal
 from ridgebayes.distributions.grammar import parse_distribution
 from ridgebayes.errors import InputError
-from ridgebayes.model.default_priors import NOISE_PRIORS, coefficient_priors
+from ridgebayes.model.default_priors import NOISE_PRIORS, SLOPES, coefficient_priors
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
@@ -45,7 +46,8 @@ def resolve_priors(
     Parameters
     ----------
     given : mapping, optional
-        By form name, or ``noise``, and parameter name; K of the power law is that of every texture.
+        By form name, or ``noise``, and parameter name; K of the power law is that of every texture
+        without a K of its own. What was returned before may be given again.
     forms : sequence of Form
         What is fitted.
     noises : sequence of Noise
@@ -75,10 +77,11 @@ def resolve_priors(
             known = ", ".join(sorted(defaults))
             raise InputError(f"{where}: expected one of {known}, got {clipped(str(owner))}")
         found[owner] = {}
-        for name, value in own.items():
-            every = [name]
-            if owner == PowerLaw.name and name == "K":
+        for name in sorted(own, key=lambda name: name != SLOPES):  # that of one slope comes later
+            value, every = own[name], [name]
+            if owner == PowerLaw.name and name == SLOPES:
                 every = list(defaults[owner])
+                value = found[owner][name] = _of_any_texture(value, f"{where}: [{owner}]", folder)
             elif name not in defaults[owner]:
                 known = ", ".join(dict.fromkeys(one.partition("[")[0] for one in defaults[owner]))
                 shown = clipped(str(name))
@@ -100,9 +103,20 @@ def priors_of(priors: ResolvedPriors | None, form: Form, noise: Noise) -> dict[s
 def _resolved(
     value: object, default: Distribution | None, where: str, folder: Path
 ) -> Distribution:
+    auto = float(default.median) if isinstance(default, LogNormal) else None
     if not isinstance(value, Distribution):
-        auto = float(default.median) if isinstance(default, LogNormal) else None
         value = parse_distribution(value, where, folder=folder, auto=auto)
+    elif auto is not None:
+        value = at_place(value, auto)
     if default is not None and value.support[0] < default.support[0]:
         raise InputError(f"{where}: expected a distribution above 0, got {value.words}")
     return value
+
+
+def _of_any_texture(value: object, where: str, folder: Path) -> Distribution:
+    """Return the prior of slopes, in which the median of a texture is still open."""
+    if isinstance(value, Distribution):
+        return value
+    at = f"{where} {SLOPES}"
+    one, other = (parse_distribution(value, at, folder=folder, auto=auto) for auto in (1.0, 2.0))
+    return of_any_place(one, other)

@@ -18,7 +18,7 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
-from ridgebayes.model.default_priors import default_priors
+from ridgebayes.model.default_priors import slope_prior
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.offsets_given import OffsetsInParts, TabulatedOffsets
 from ridgebayes.predict.interpolant import Interpolant
@@ -83,6 +83,7 @@ class PosteriorLoads:
         """
         own, x, Q = cls.of(fit, n_draws(fit), "simulation"), ratio, np.array([4, 6])
         if isinstance(fit.form, PowerLaw):
+            _check_scaling(fit, ratio)
             return own
         twice = own.load((2 * x, 2 - 2 * x), Q, 0.5) / own.load((x, 1 - x), Q, 0.5)
         if not np.allclose(twice[np.isfinite(twice)], 4):
@@ -181,11 +182,23 @@ class PosteriorLoads:
         form = PowerLaw().bind((texture,))
         if texture in fit.form.textures:  # its own K alone: there may be thousands
             return form, theta[:, [fit.form.textures.index(texture)]]
-        prior = default_priors(form)[form.parameter_names[0]]
+        prior = slope_prior(texture, fit.model.prior_of_slopes)
         rng = stream(fit.seed, "new texture", form.parameter_names[0])
         if self.uniform is None:
             return form, prior.rvs(rng, len(theta))[:, None]
         return form, prior.value_at(ndtri(self.uniform))[:, None]
+
+
+def _check_scaling(fit: Posterior, ratio: float) -> None:
+    """Raise InputError if the prior of a new texture's K does not go with one over the pitch."""
+    slopes = fit.model.prior_of_slopes
+    one, twice = (slope_prior((k * ratio, k - k * ratio), slopes) for k in (1, 2))
+    score = np.array([-1.0, 0.0, 1.0])
+    if not np.allclose(one.value_at(score), 2 * twice.value_at(score)):
+        raise InputError(
+            f"{fit.form.name}: expected a prior of K that goes with the pitch, so that its median "
+            f"is auto and it has no bounds, got {one.words}"
+        )
 
 
 def n_draws(fit: Posterior, share: float = 1.0) -> int:
