@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from ridgebayes.distributions.distribution import HalfNormal
+from ridgebayes.distributions.bounded import Uniform
+from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence import laplace_evidence
 from ridgebayes.inference.coordinates import Funnel
@@ -224,6 +225,14 @@ def table_of(load, n_count=2, **columns):
     known = frame["Q"].to_numpy(), frame["a_over_R"].to_numpy(), frame["b_over_R"].to_numpy()
     frame["p_over_E"] = Hybrid().load(*known, [1.09, 0.06]) * load
     return Observations.from_table(ContactTable.from_frame(frame))
+
+
+@pytest.mark.parametrize("sigma", [LogNormal(0.03, 0.3), Uniform(0.005, 0.1)])
+def test_fit_laplace__takes_data_without_misfit_where_the_prior_keeps_sigma_from_zero(sigma):
+    model = Model(table_of(1.0, 5), Hybrid(), priors={"sigma": sigma})
+    found = fit_laplace(model)
+    assert found.is_mode
+    assert model.to_theta(found.mode)[-1] > 0.004
 
 
 @pytest.mark.parametrize("n_count", [2, 5])

@@ -1,24 +1,22 @@
 """Exact draws of the power law: the moments of the walked posterior, and of closed forms."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy import integrate, stats
 
-from ridgebayes.distributions.distribution import Normal
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.distributions.bounded import Uniform
+from ridgebayes.distributions.distribution import HalfNormal, Normal
+from ridgebayes.errors import InputError
 from ridgebayes.evidence import bridge_evidence, power_law_evidence, quadrature_evidence
-from ridgebayes.inference.laplace import fit_laplace
-from ridgebayes.inference.posterior import drawn_exactly
+from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.power_law_exact import (
     conditional_log_k,
     log_evidence_given_sigma,
     sample_power_law,
 )
-from ridgebayes.inference.sampling import sample_posterior
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
@@ -181,19 +179,38 @@ def test_log_evidence_given_sigma__is_the_same_however_many_are_worked_out_toget
     np.testing.assert_array_equal(log_evidence_given_sigma(model, sigma), whole)
 
 
-def test_drawn_exactly__are_rows_whose_known_errors_differ_of_which_one_may_leave_no_mode(observed):
+@pytest.mark.parametrize("sigma", [HalfNormal(0.05), Uniform(0.0, 0.1), Uniform(0.0300, 0.0304)])
+def test_power_law_evidence__is_that_of_importance_sampling_under_priors_with_edges(
+    observed, sigma
+):
+    # The only row of a texture without a known error leaves sigma free to fall to zero there alone.
     load, rel_se = [-5.1, -4.0, -1.8, -3.6, -1.5], [0.0, 0.1, 0.1, 0.02, 0.005]
     textures = [(0.05, 0.06), (0.07, 0.11), (0.11, 0.15), (0.14, 0.08), (0.16, 0.19)]
     rows = observed(np.arange(5), [4, 4, 6, 4, 6], load, rel_se=rel_se, textures=textures)
-    model = Model(rows, PowerLaw())
-    with pytest.raises(ComputationError, match="no interior mode"):
-        fit_laplace(model)
-    fit = sample_posterior(model, seed=1)
-    assert (fit.sampler, fit.convergence_failures) == ("exact", ())
-    assert fit.nodes(100) is None  # they would need a mode: draws predict
+    model = Model(rows, PowerLaw(), priors={"sigma": sigma})
+    found = power_law_evidence(model)
+    _, sampled = importance_posterior(model, seed=1, n_draw=2_048)
+    assert found.ok
+    assert found.se < 1e-5
+    assert sampled.se < 0.02
+    assert abs(found.value - sampled.value) < 4 * sampled.se  # Monte Carlo
     # Each texture has a row of its own: sigma is known by the prior and by how far K is off.
     values = [brute(model, j, 0.03, 0) for j in range(5)]
-    found = log_evidence_given_sigma(model, np.array([0.03]))[0]
-    assert found == pytest.approx(np.log(values).sum(), rel=1e-9)  # of adaptive quadrature
-    alike = Model(replace(rows, rel_se=np.full(5, 0.02)), PowerLaw())
-    assert not drawn_exactly(alike)
+    given = log_evidence_given_sigma(model, np.array([0.03]))[0]
+    assert given == pytest.approx(np.log(values).sum(), rel=1e-9)  # of adaptive quadrature
+
+
+@pytest.mark.parametrize("sigma", [HalfNormal(0.05), Uniform(0.0300, 0.0304)])
+def test_sample_power_law__draws_sigma_from_its_own_distribution(model, sigma):
+    narrow = model.with_priors({"sigma": sigma})
+    chains = sample_power_law(narrow, seed=1)
+    drawn = narrow.to_theta(chains.u)[..., -1].ravel()
+    # Reference: its density on a grid of sigma itself.
+    grid = sigma.value_at(np.linspace(-6, 6, 20_001))
+    density = np.exp(log_evidence_given_sigma(narrow, grid)) * np.exp(sigma.log_pdf(grid))
+    steps = 0.5 * (density[1:] + density[:-1]) * np.diff(grid)
+    cdf = np.append(0, np.cumsum(steps)) / steps.sum()
+    # Monte Carlo: 1.95 / sqrt(n) is passed by one sample in a thousand.
+    assert (
+        stats.kstest(drawn, lambda x: np.interp(x, grid, cdf)).statistic < 1.95 / len(drawn) ** 0.5
+    )

@@ -12,8 +12,9 @@ their residuals at a reference c0, c is then normal with precision P and mean c0
 Coefficients are measured from that mean, in units of P's Cholesky factor: what is left to search,
 and to fit proposals to, is the error model's few parameters.
 
-`Funnel` serves exact, independent, normal rows of one known error. Given sigma, a direction of the coefficients about
-which the rows hold the information d (at error variance 1) has the standard deviation
+`Funnel` serves exact, independent, normal rows of one known error. Given sigma, a direction of the
+coefficients about which the rows hold the information d (at error variance 1) has the standard
+deviation
 
     s = (d / t^2 + 1)^(-1/2),      t^2 = sigma^2 + the rows' known variance,
 

@@ -11,6 +11,7 @@ from ridgebayes.inference.coordinates import Funnel
 from ridgebayes.model.model import Model
 
 _ROUNDING = 2e-14  # of log loads less log shapes, some 5 to 20: a few of their last digits
+_LOWEST = -8.0  # of sigma's normal scores
 _STEPS = 30  # of Gauss and Newton, which take fewer than ten from the prior's centre
 _COEFFICIENTS = 100  # of more, each texture has its own: they are not drawn about a mode
 
@@ -28,7 +29,8 @@ def reproduces_rows(model: Model, u: FloatArray) -> bool:
     """Return whether some coefficients give all rows to their last digits.
 
     Where independent rows are more than coefficients, the posterior is improper then: near
-    sigma = 0 the likelihood grows faster than the coefficients' volume shrinks.
+    sigma = 0 the likelihood grows faster than the coefficients' volume shrinks. A prior that keeps
+    sigma away from there leaves it proper.
 
     Parameters
     ----------
@@ -41,6 +43,8 @@ def reproduces_rows(model: Model, u: FloatArray) -> bool:
     known = np.flatnonzero(model.rows.exact & (model.rows.rel_se == 0))
     texture, first = np.unique(model.rows.texture[known], return_index=True)
     if not k < len(known) or k > _COEFFICIENTS:
+        return False
+    if model.priors["sigma"].value_at(_LOWEST) > _ROUNDING:
         return False
     position = np.searchsorted(texture, model.rows.texture[known])
     if not np.abs(centre[known] - centre[known[first]][position]).max() < _ROUNDING:

@@ -210,7 +210,7 @@ class Posterior:
         """
         if n not in self._derived:
             found = None
-            if not drawn_exactly(self.model):  # which may have no mode to start from
+            if not drawn_exactly(self.model):  # which has more coordinates than nodes can fill
                 found = compress(self.model, self.laplace, self.coordinates, n, seed=self.seed)
             self._derived[n] = found
         value: Nodes | None = self._derived[n]
@@ -290,11 +290,5 @@ def posterior_of(
 
 
 def drawn_exactly(model: Model) -> bool:
-    """Return whether a posterior is drawn from exactly.
-
-    So is a power law of very many textures, and one of rows whose known errors differ: the only row
-    of a texture, without a known error, then leaves no mode, as sigma may fall to zero there alone.
-    """
-    if not is_conjugate(model):
-        return False
-    return model.n_coefficient > N_TEXTURE_WALKED or bool(np.ptp(model.rows.rel_se) > 0)
+    """Return whether a posterior is drawn from exactly: a power law's of very many textures."""
+    return model.n_coefficient > N_TEXTURE_WALKED and is_conjugate(model)

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from scipy.special import logsumexp
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.distributions.distribution import LogNormal
 from ridgebayes.errors import InputError
 from ridgebayes.inference.chains import Chains
@@ -24,6 +24,8 @@ from ridgebayes.runtime.randomness import stream
 
 _AT_ONCE = 2**20  # numbers at a time, of sigma x textures
 _NEGLIGIBLE = 50.0  # in log density
+_FAR = 37.0  # normal scores of sigma: beyond, no probability is left
+_N_SCORE = 1_000  # points of sigma's distribution that draws are made from, at least
 _SHAPE = (4, 20, 128)  # ensembles, steps and walkers of the chains that the draws are laid out as
 
 
@@ -44,7 +46,7 @@ def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:
     model : Model
         With form PowerLaw and log-normal priors of K.
     tol : float, optional
-        The step in log sigma is halved until the log evidence changes by less.
+        The step in sigma's normal score is halved until the log evidence changes by less.
 
     Returns
     -------
@@ -64,20 +66,16 @@ def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:
     for name, prior in list(model.priors.items())[:-1]:
         if not isinstance(prior, LogNormal):
             raise InputError(f"prior of {name!r}: expected log-normal, got {prior}")
-    low, high, step, before = -60.0, 20.0, 0.5, math.nan
-    while step > 1e-4:
-        log_sigma = np.arange(low, high, step)
-        sigma = np.exp(log_sigma)
-        values = log_evidence_given_sigma(model, sigma) + log_sigma
-        values = values + model.priors["sigma"].log_pdf(sigma)
+    low, high, step, before = -_FAR, _FAR, 0.5, math.nan
+    while step > 1e-5:
+        score = np.arange(low, high, step)
+        sigma, values = _given_score(model, score)
         if sigma[np.argmax(values)] < rounding(model):
             return LogEvidence("quadrature", math.nan, math.nan, "no misfit beyond rounding")
         value = float(logsumexp(values)) + math.log(step)
         if abs(value - before) < tol:
             return LogEvidence("quadrature", value, max(abs(value - before), 1e-12))
-        # Of many rows the peak is narrow: between two points it may be as much higher than both.
-        margin = _NEGLIGIBLE + len(model.data) * step**2
-        near = log_sigma[values > values.max() - margin]
+        near = score[_may_matter(model, sigma, values)]
         low, high, step, before = near[0] - step, near[-1] + 1.5 * step, step / 2, value
     return LogEvidence("quadrature", math.nan, math.nan, f"not settled to {tol:g}")
 
@@ -181,37 +179,50 @@ def sample_power_law(model: Model, *, seed: int) -> Chains:
     Notes
     -----
     *Validity.* Rows with misfit beyond rounding, or with known errors.
-    *Accuracy.* sigma by inversion of its distribution function on a grid of 0.001 in log sigma;
-    log K exactly.
+    *Accuracy.* sigma by inversion of its distribution function on a grid of its normal score, 1,000
+    points or more; log K exactly.
     *Cost.* O(draws x textures).
     """
-    log_sigma = np.concatenate([np.arange(-60.0, -20.0, 0.25), np.arange(-20.0, 20.0, 0.05)])
-    coarse = _sigma_log_density(model, log_sigma)
-    if np.exp(log_sigma[np.argmax(coarse)]) < rounding(model):
-        raise no_mode(model)
-    near = log_sigma[coarse > coarse.max() - _NEGLIGIBLE]
-    beyond = 0.05 if near[0] > -20 else 0.25
-    log_sigma = np.arange(near[0] - beyond, near[-1] + beyond, 0.001)
-    density = np.exp((fine := _sigma_log_density(model, log_sigma)) - fine.max())
+    score, step = np.arange(-_FAR, _FAR, 0.5), 0.5
+    while True:
+        sigma, values = _given_score(model, score)
+        if sigma[np.argmax(values)] < rounding(model):
+            raise no_mode(model)
+        near = score[_may_matter(model, sigma, values)]
+        if len(near) >= _N_SCORE:
+            break
+        step /= 2
+        score = np.arange(near[0] - 2 * step, near[-1] + 3 * step, step)
+    density = np.exp(values - values.max())
     cdf = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
 
     u = np.empty((*_SHAPE, model.n_parameter))
     for ensemble in range(_SHAPE[0]):
         rng = stream(seed, f"ensemble {ensemble}")
-        drawn = np.interp(rng.random(_SHAPE[1:]) * cdf[-1], cdf, log_sigma)
+        drawn = np.interp(rng.random(_SHAPE[1:]) * cdf[-1], cdf, score)
         for step in range(_SHAPE[1]):  # a step at a time bounds the memory
-            mean, sd = conditional_log_k(model, np.exp(drawn[step]))
+            sigma = model.priors["sigma"].value_at(drawn[step])
+            mean, sd = conditional_log_k(model, sigma)
             log_k = mean + sd * rng.standard_normal(mean.shape)
-            theta = np.concatenate([np.exp(log_k), np.exp(drawn[step])[:, None]], axis=1)
+            theta = np.concatenate([np.exp(log_k), sigma[:, None]], axis=1)
             u[ensemble, step] = model.to_unconstrained(theta)
     log_density = np.stack([[model.log_density(step) for step in ensemble] for ensemble in u])
     tau = np.ones(model.n_parameter + 1)
     return Chains(u, log_density, np.ones(_SHAPE[0]), tau, ())
 
 
-def _sigma_log_density(model: Model, log_sigma: np.ndarray) -> np.ndarray:
-    sigma = np.exp(log_sigma)
-    value: np.ndarray = (
-        log_evidence_given_sigma(model, sigma) + model.priors["sigma"].log_pdf(sigma) + log_sigma
-    )
-    return value
+def _given_score(model: Model, score: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return sigma at its normal score, and the log density of the score with the rows."""
+    with np.errstate(all="ignore"):  # far out sigma is 0 or infinite
+        sigma = model.priors["sigma"].value_at(score)
+        values = log_evidence_given_sigma(model, sigma) - 0.5 * (score**2 + math.log(2 * math.pi))
+    return sigma, np.where(np.isfinite(values), values, -np.inf)
+
+
+def _may_matter(model: Model, sigma: FloatArray, values: FloatArray) -> BoolArray:
+    """Return where the density, or that up to the next point, may not be negligible."""
+    with np.errstate(all="ignore"):
+        apart = np.nan_to_num(np.abs(np.gradient(np.log(sigma))), posinf=0.0)
+    # Of many rows the peak is narrow: between two points it may be as much higher than both.
+    near: BoolArray = values + len(model.data) * apart**2 > values.max() - _NEGLIGIBLE
+    return near
