@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import gammaln, logsumexp, ndtr, ndtri
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError
 from ridgebayes.inference.pareto_smoothing import pareto_k
 
 # In the mixture nearly all steps are the fitted proposal's; differential evolution carries the
@@ -268,13 +268,13 @@ def weighted(
 
     Raises
     ------
-    InputError
+    ComputationError
         If the density is positive at none of them.
     """
     z = proposal.rvs(rng, n)
     target = np.concatenate([log_density(z[i : i + _BATCH]) for i in range(0, n, _BATCH)])
     if not np.isfinite(target).any():
-        raise InputError("sample: expected starting points of positive density, got too few")
+        raise ComputationError(f"importance sampling: density 0 at all of {n} draws; expected some")
     return Weighted(z, target, target - proposal.log_pdf(z))
 
 
