@@ -9,7 +9,7 @@ from scipy.special import softmax
 
 import ridgebayes as rb
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.evidence import LogEvidence
+from ridgebayes.evidence import LogEvidence, candidates
 from ridgebayes.evidence.error_models import (
     AS_GOOD,
     _main_pairs,
@@ -179,6 +179,23 @@ def test_student__without_its_twin_is_not_left():
     noises = [Noise("texture", "student"), Noise("iid")]
     found = weigh_error_models(observations("texture"), [rb.Modified()], noises)
     assert found.candidates["modified", "texture:student"].left_to == ""
+
+
+def test_student__left_to_a_twin_that_cannot_be_drawn_says_why(monkeypatch):
+    def refuse(task, model, *_):
+        if task.noise.name == "texture":
+            raise ComputationError("no draws")
+        return drawn(task, model, *_)
+
+    drawn = candidates._drawn
+    monkeypatch.setattr(candidates, "_drawn", refuse)
+    noises = [Noise("texture"), Noise("texture", "student"), Noise()]
+    found = weigh_error_models(observations("texture"), [rb.Modified()], noises, seed=3)
+    left = found.candidates["modified", "texture:student"]
+    assert (left.left_to, left.evidence.status) == ("texture", "no draws")
+    used = found.evidence.query("used")
+    assert used["noise"].tolist() == ["iid"]
+    assert np.isfinite(used["model_probability"]).all()
 
 
 # --- a power law of many textures -----------------------------------------------------------------

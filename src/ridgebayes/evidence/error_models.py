@@ -199,9 +199,10 @@ def weigh_error_models(
     found |= {one.key: one for one in evaluated(close)}
     for key, one in found.items():
         if one.left_to:  # what the twin's draws found is common to both
-            twin = key[0], one.left_to
-            value = one.evidence.value + found[twin].evidence.value - screened[twin].value
-            found[key] = replace(one, evidence=replace(one.evidence, value=value))
+            twin = found[key[0], one.left_to].evidence
+            value = one.evidence.value + twin.value - screened[key[0], one.left_to].value
+            status = one.evidence.status if twin.ok else twin.status
+            found[key] = replace(one, evidence=replace(one.evidence, value=value, status=status))
     return WeighedErrorModels(found)
 
 
