@@ -137,16 +137,43 @@ def test_heavy_weights__of_a_form_that_is_far_behind_are_sampled_all_the_same(ob
 
 
 @pytest.mark.parametrize(
-    ("k", "se", "is_anew"), [(0.6, 0.09, False), (0.9, 0.03, False), (0.9, 0.04, True)]
+    ("k", "se", "share", "is_anew"),
+    [
+        (0.2, 0.09, 0.05, False),  # light tails, as those of a narrower half-normal
+        (0.2, 0.11, 0.05, True),
+        (0.4, 0.02, 0.45, True),
+        (0.6, 0.01, 0.55, False),
+        (0.9, 0.01, 0.55, False),
+        (1.1, 0.01, 0.55, True),
+        (math.inf, 0.01, 0.55, True),
+    ],
 )
-def test_heavy_weights__that_spread_little_are_enough(observed, monkeypatch, k, se, is_anew):
+def test_heavy_weights__are_enough_where_many_draws_count(
+    observed, monkeypatch, k, se, share, is_anew
+):
     posterior, evidence = drawn(rows(observed), Noise("texture"))
-    look = {("c", 1.0): Change(0.0, -math.inf, 0.0), ("c", 3.0): Change(-0.2, k, se)}
+    look = {("c", 1.0): Change(0.0, -math.inf, 0.0, 1.0), ("c", 3.0): Change(-0.2, k, se, share)}
     monkeypatch.setattr(prior_sensitivity_module, "weighted_draws", lambda task: look)
     monkeypatch.setattr(prior_sensitivity_module, "found_anew", lambda changed: -9.0)
     told = changes_of(posterior, evidence.value, "c")
-    # The error that is borne is 0.1, the spread that is believed a third of it.
+    # The error that is borne is 0.1.
     assert told[3.0] == pytest.approx(-9.0 if is_anew else -0.2, rel=1e-12)
+
+
+def test_widened_prior__beyond_what_draws_reach_is_sampled_anew(observed):
+    rng = np.random.default_rng(26)
+    texture, Q = np.repeat([0, 1], 2), np.tile([4, 6], 2)
+    a, b = np.array(TEXTURES)[texture].T
+    load = 2 * np.log((Q / 2 - 1) * (a + b) / 1.4) + 0.02 * rng.standard_normal(4)
+    posterior, evidence = drawn(observed(texture, Q, load), Noise("texture"))
+    told, model = changes_of(posterior, evidence.value, "tau_texture"), posterior.model
+    prior, base = model.priors["tau_texture"], by_quadrature(model)
+    x = posterior.draws[:, model.parameter_names.index("tau_texture")]
+    for factor in (3.0, 10.0):
+        wide = prior.stretched(factor)
+        assert pareto_k(wide.log_pdf(x) - prior.log_pdf(x)) < K_MAX  # which shows nothing
+        truth = by_quadrature(model.with_priors({"tau_texture": wide})) - base
+        assert abs(told[factor] - truth) < 3 * 0.1, factor  # Monte Carlo: standard error of 0.1
 
 
 def test_change__tells_the_spread_of_weights():
@@ -155,7 +182,8 @@ def test_change__tells_the_spread_of_weights():
     change = _change(np.log(weights))
     assert change.value == pytest.approx(math.log(2), rel=1e-14)
     assert change.se == pytest.approx(math.sqrt(2 / 3) / 2 / math.sqrt(60), rel=1e-13)
-    assert _change(np.zeros(60)) == (0.0, -math.inf, 0.0)
+    assert change.share == pytest.approx(4 / (14 / 3), rel=1e-14)  # mean squared over mean square
+    assert _change(np.zeros(60)) == (0.0, -math.inf, 0.0, 1.0)
 
 
 def test_log_ratio__where_the_old_prior_is_zero_no_draw_counts(observed):

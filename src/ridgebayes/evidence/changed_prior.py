@@ -105,14 +105,16 @@ class Changed:
 
 
 class Change(NamedTuple):
-    """A change of ln evidence by weighted draws, the Pareto shape of the weights, and their spread.
+    """A change of ln evidence by weighted draws, and how far these tell it.
 
-    That is the standard error, of independent draws whose weights have a variance.
+    With the Pareto shape of the weights, the standard error that their spread promises, and the
+    share of the draws that count.
     """
 
     value: float
     k: float
     se: float
+    share: float
 
 
 def weighted_draws(task: Scaling) -> dict[tuple[str, float], Change]:
@@ -193,10 +195,11 @@ def _of_rounds(rounds: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 def _change(log_weight: FloatArray) -> Change:
     if not log_weight.any():
-        return Change(0.0, -math.inf, 0.0)
-    root = math.sqrt(len(log_weight))
-    value = float(logsumexp(log_weight)) - 2 * math.log(root)
-    return Change(value, pareto_k(log_weight), float(np.exp(log_weight - value).std()) / root)
+        return Change(0.0, -math.inf, 0.0, 1.0)
+    n = len(log_weight)
+    value = float(logsumexp(log_weight)) - math.log(n)
+    variance = float(np.exp(log_weight - value).var())  # of relative weights, whose mean is 1
+    return Change(value, pareto_k(log_weight), math.sqrt(variance / n), 1 / (1 + variance))
 
 
 def _log_ratio(other: Model, model: Model, theta: FloatArray) -> FloatArray:

@@ -9,10 +9,15 @@ from typing import TypeVar
 import pandas as pd
 from scipy.special import logsumexp
 
-from ridgebayes.evidence.changed_prior import Changed, Scaling, found_anew, weighted_draws
+from ridgebayes.evidence.changed_prior import (
+    Change,
+    Changed,
+    Scaling,
+    found_anew,
+    weighted_draws,
+)
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.chains import N_KEPT
-from ridgebayes.inference.pareto_smoothing import K_MAX
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.noise import Noise
 from ridgebayes.runtime.pool import map_ordered
@@ -22,9 +27,10 @@ BOUNDS = ["lower", "upper"]  # without error models that have no draws, and if n
 _SURE, _LEAST_SURE = 0.1, 0.4  # standard errors of ln evidence: of a form's, of a pair's at most
 _ROUGH = 1.0  # of a form that is ruled out
 _RULED_OUT = math.log(1e4)  # behind the best
-# Pareto k above which weights have no mean. Below it they are enough for a rough answer, and where
-# their spread promises a third of the standard error that is borne: heavy tails make it more.
-_K_ROUGH, _SPREAD = 1.0, 1 / 3
+# Pareto k above which weights have no mean; below it they are enough for a rough answer. Those of a
+# wider half-normal have a k near 1, but draws that do not reach its tail do not show that, and ln
+# evidences come out low by tenths. So unless k is small, this share of the draws has to count.
+_K_MEAN, _K_LIGHT, _LEAST_SHARE = 1.0, 0.3, 0.5
 _LOW = 1.0  # in ln evidence: by which draws that do not reach a prior may be low
 
 _Task = TypeVar("_Task", Scaling, Changed)
@@ -54,10 +60,11 @@ def prior_sensitivity(
         Columns prior (c, which is also c1; c2, K, sigma, tau_..., length_..., df; nugget), factor,
         form, log_evidence, and bounds on it, lower and upper. One prior is changed at a time: a
         posterior's draws are weighted by new over old prior (for the nugget: likelihood). Where too
-        few of them count (Pareto k above 0.7) independent normal rows are integrated anew, and
-        others sampled by importance from where these draws lead. An error model without draws keeps
-        its evidence; a Student tail without any changes as its normal twin does. The lower bound is
-        without the former, in the upper one all without draws keep their evidence.
+        few of them count (under half, unless weights have a light tail: Pareto k up to 0.3)
+        independent normal rows are integrated anew, and others sampled by importance from where
+        these draws lead. An error model without draws keeps its evidence; a Student tail without
+        any changes as its normal twin does. The lower bound is without the former, in the upper one
+        all without draws keep their evidence.
     """
     used = used_evidence(evidence).set_index(["form", "noise"])["log_evidence"]
     tasks = [
@@ -75,8 +82,7 @@ def prior_sensitivity(
     for task, one in zip(tasks, looks, strict=True):
         for change, look in one.items():
             se = _sure_enough(used, found, task.key, change)
-            is_enough = se == _ROUGH or look.se < _SPREAD * se
-            if not look.k <= (_K_ROUGH if is_enough else K_MAX):
+            if not _is_told(look, se):
                 again.append(Changed(task, *change, float(used[task.key]), se))
     for changed, value in zip(again, _in_parallel(found_anew, again, executor), strict=True):
         found[changed.scaling.key][changed.prior, changed.factor] = value
@@ -125,6 +131,14 @@ def _sure_enough(
     own = used[form, noise] + found[key][change] + _LOW
     share = math.exp(min(own - highest, 0.0))
     return _SURE / max(share, _SURE / _LEAST_SURE)
+
+
+def _is_told(look: Change, se: float) -> bool:
+    """Return whether weighted draws tell a change as surely as its form's evidence asks for."""
+    if se == _ROUGH:
+        return look.k <= _K_MEAN
+    is_even = look.k <= _K_LIGHT or (look.k <= _K_MEAN and look.share >= _LEAST_SHARE)
+    return is_even and look.se < se
 
 
 def _summed(
