@@ -10,7 +10,9 @@ from ridgebayes.checks.cross_validation import joint_log_densities
 from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
 from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.evidence import quadrature_evidence
 from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.power_law_exact import conditional_log_k
 from ridgebayes.model.default_priors import slope_prior
 from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
@@ -152,6 +154,56 @@ def test_weighted__is_the_fit_of_the_rows_that_stay(rows):
         assert abs(off) < 4 * np.hypot(se, found.log_score_se)
         away = found.posterior.draws.mean(axis=0) - fit.draws.mean(axis=0)
         assert (np.abs(away) < 0.3 * fit.draws.std(axis=0)).all()
+
+
+TWO = ((0.022, 0.02), (0.012, 0.09))
+TEXTURE = Noise("texture")
+
+
+@pytest.fixture(scope="module")
+def few(observed):
+    """Six loads of two textures: without those of a count the posterior is far wider."""
+    rng = np.random.default_rng(11)
+    texture, Q = np.repeat([0, 1], 3), np.tile([4, 6, 8], 2)
+    a, b = np.array(TWO)[texture].T
+    load = np.log(Modified().load(Q, a, b, [1.4]))
+    load += 0.02 * rng.standard_normal(6) + 0.02 * rng.standard_normal(2)[texture]
+    return observed(texture, Q, load, textures=TWO)
+
+
+def test_weighted__is_none_where_the_rest_tells_far_less(few):
+    effort = {"n_draw": 512, "n_round": 3, "n_per_round": 512}
+    full, _ = importance_posterior(Model(few, Modified(), TEXTURE), seed=1, **effort)
+    by_draws = []
+    for fold in folds_of(few, Fit.of(full), TEXTURE, leave="step", effort=effort):
+        found, truth = (
+            fold.weighted(),
+            by_quadrature(full.model) - by_quadrature(fold.model(few.take(~fold.left))),
+        )
+        if found is None:
+            density = np.exp(joint_log_densities(fold.refit()[0], few))
+            value = np.log(density.mean())
+            se = density.std() / density.mean() / np.sqrt(len(density))
+        else:
+            value, se = found.log_score, found.log_score_se
+        by_draws.append(found is None)
+        # Monte Carlo: four standard errors, of independent draws.
+        assert abs(value - truth) < 4 * se + 0.02, fold.name
+    assert by_draws[0]
+
+
+def test_refit__searches_where_few_draws_given_all_rows_count(few, monkeypatch):
+    full, _ = importance_posterior(Model(few, Modified(), TEXTURE), seed=1, **QUICK)
+    fold = folds_of(few, Fit.of(full), TEXTURE, leave="step", effort=QUICK)[1]
+    told = fold.told
+    for share, is_search in [(0.19, True), (0.21, False)]:
+        monkeypatch.setattr(Fold, "told", replace(told, share=share))
+        found, anew = (replace(fold, known=one).refit()[0] for one in (fold.known, None))
+        assert np.array_equal(found.draws, anew.draws) == is_search
+
+
+def by_quadrature(model):
+    return quadrature_evidence(model.log_density, fit_laplace(model), tol=1e-3).value
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray, Rng
+from ridgebayes.checks.all_rows import has_exact_likelihood
 from ridgebayes.checks.folds import (
     EFFORT,
     Fold,
     clustered_se,
     folds_of,
-    has_exact_likelihood,
     row_crps,
 )
 from ridgebayes.errors import ComputationError
@@ -116,7 +116,7 @@ def cross_validate(
         Rows of role calibration and status ok are used.
     form : Form or Fit
         Contact form; or its fit to all rows under the same priors: folds are then scored by its
-        draws, weighted, and refitted only where too few of these count (Pareto k above 0.7).
+        draws, weighted, and refitted only where too few of these count (under 35 %).
     noise : str or Noise, optional
         Error model.
     leave : str, optional

@@ -3,31 +3,31 @@
 Of very many textures, counts or rows a fold leaves out a tenth, drawn at random.
 Where the posterior given all rows is known, its draws are weighted by what the rows left out took
 from them; only where too few of them count, or their density is only estimated, is a fold fitted
-anew. Its draws come from a proposal fitted to those given all rows then, as long as weights allow
-it, and no row left out tells most of them apart.
+anew. Its draws come from a proposal fitted to those given all rows then, unless hardly any of them
+count or weights have a heavy tail: then its posterior is searched for.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes.checks.all_rows import AllRows, Told
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import LogEvidence, power_law_evidence
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.laplace import Laplace, fit_laplace
+from ridgebayes.inference.laplace import fit_laplace
 from ridgebayes.inference.moves import Independence
-from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_smoothed
 from ridgebayes.inference.posterior import Posterior, drawn_exactly
 from ridgebayes.inference.power_law_exact import sample_power_law
 from ridgebayes.model.default_priors import SLOPES, default_priors
 from ridgebayes.model.forms import Form
-from ridgebayes.model.likelihood_latent import SampledOffsets
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
@@ -46,51 +46,11 @@ EFFORT = {"n_round": 2, "n_per_round": 256, "n_draw": 128, "n_point": 16}
 # Draws behind a CRPS, whose standard error is about 1 % of a predictive sd; of very many rows,
 # whose mean is looked at, fewer.
 N_CRPS, _LEAST_CRPS, _MOST_CRPS = 10_240, 1_024, 2**22
-# Draws that a fold's posterior is weighted from, and resampled to: fewer where each has offsets.
-_N_WEIGHTED, _N_RESAMPLED = 2_048, 1_024
-_N_WEIGHTED_LATENT, _N_RESAMPLED_LATENT = 512, 256
+# Draws that a fold's posterior is resampled to: fewer where each has offsets.
+_N_RESAMPLED, _N_RESAMPLED_LATENT = 1_024, 256
 _N_PROPOSAL = 512  # draws that a proposal is fitted to
-_LEAST_EFFECTIVE = 100  # weighted draws: a log score is then known to about 0.1
-
-
-@dataclass(frozen=True, eq=False)
-class AllRows:
-    """What folds take from the posterior given all rows.
-
-    Parameters
-    ----------
-    coordinates : ndarray of float, shape (n_draw, n_parameter)
-        Some of its draws.
-    log_likelihood : ndarray of float, shape (n_draw,) or (0,)
-        Of all rows; nothing where it is only estimated.
-    failures : tuple of str
-        What it lacks of convergence.
-    evidence : LogEvidence or None
-        Its evidence, where importance sampling found one.
-    names : tuple of str
-        Parameters.
-    laplace : Laplace or None
-        Its normal approximation, where its draws may serve to fit a proposal.
-    """
-
-    coordinates: FloatArray
-    log_likelihood: FloatArray
-    failures: tuple[str, ...]
-    evidence: LogEvidence | None = None
-    names: tuple[str, ...] = ()
-    laplace: Laplace | None = None
-
-    @classmethod
-    def of(cls, posterior: Posterior) -> "AllRows":
-        """Take about two thousand draws, evenly; fewer where their density takes quadrature."""
-        model, u = posterior.model, posterior.coordinates[:, : posterior.model.n_parameter]
-        exact = has_exact_likelihood(model)
-        most = _N_WEIGHTED_LATENT if model.is_latent and exact else _N_WEIGHTED
-        u = u[:: -(-len(u) // most)]
-        log_likelihood = model.log_likelihood(model.to_theta(u)) if exact else np.empty(0)
-        laplace = None if drawn_exactly(model) else posterior.approximation
-        failures, evidence = posterior.convergence_failures, posterior.evidence
-        return cls(u, log_likelihood, failures, evidence, model.parameter_names, laplace)
+# A proposal fitted to draws of which a smaller share counts does not reach what the rest allows.
+_LEAST_NEAR = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,12 +113,13 @@ class Fold:
         """
         if self.left.all():
             raise ComputationError("no row is left to fit")
-        model, known = self.model(self.data.take(~self.left)), self.known
+        model, known, told = self.model(self.data.take(~self.left)), self.known, self.told
         if drawn_exactly(model):  # of independent draws there is nothing to diagnose
             chains = sample_power_law(model, seed=self.seed)
             drawn = Posterior(model, chains, pd.DataFrame(), (), self.seed)
             return drawn, power_law_evidence(model)
-        if known is not None and known.laplace is not None:
+        is_near = told is None or told.share >= _LEAST_NEAR
+        if known is not None and known.laplace is not None and is_near:
             u = known.coordinates[:: max(len(known.coordinates) // _N_PROPOSAL, 1)]
             u = u[:, np.isin(known.names, model.parameter_names)]
             laplace = known.laplace
@@ -172,25 +133,25 @@ class Fold:
                 return found
         return importance_posterior(model, seed=self.seed, **self.effort)
 
+    @cached_property
+    def told(self) -> Told | None:
+        """What draws given all rows tell; None where their densities or parameters are others."""
+        if self.known is None or self.left.all():
+            return None
+        return self.known.told(self.model(self.data.take(~self.left)))
+
     def weighted(self) -> Weighted | None:
         """Return the posterior given the rows that stay, from draws given all; None if too few.
 
         A draw's weight is one over the density of the rows left out given the others. Their joint
         score is the mean of that density by these weights, whose tail is smoothed.
         """
-        if self.known is None or not len(self.known.log_likelihood) or self.left.all():
+        told = self.told
+        if self.known is None or told is None or not told.is_enough:
             return None
-        model = self.model(self.data.take(~self.left))
-        if model.parameter_names != self.known.names:
-            return None  # a coefficient of the rows left out alone
-        given_rest = model.log_likelihood(model.to_theta(self.known.coordinates))
-        log_weight, shape = pareto_smoothed(given_rest - self.known.log_likelihood)
-        weight = np.exp(log_weight)
-        if not (shape <= K_MAX and 1 / (weight**2).sum() >= _LEAST_EFFECTIVE):
-            return None
-        joint = self.known.log_likelihood - given_rest
-        top = joint.max()
-        density = np.exp(joint - top)
+        weight, model = told.weight, self.model(self.data.take(~self.left))
+        top = told.joint.max()
+        density = np.exp(told.joint - top)
         mean = float(weight @ density)
         se = float(np.sqrt((weight**2) @ (density - mean) ** 2)) / mean
         ladder = np.cumsum(weight)
@@ -268,11 +229,6 @@ def folds_of(
         left = codes == code
         folds.append(Fold(name, data, left, form, noise, own, effort or {}, replaced, known))
     return folds
-
-
-def has_exact_likelihood(model: Model) -> bool:
-    """Return whether `Model.log_likelihood` integrates shared offsets out exactly."""
-    return not isinstance(model.likelihood, SampledOffsets) or model.likelihood.is_product
 
 
 def row_loads(fit: Posterior, data: Observations, Q: IntArray | None = None) -> LoadDistribution:
