@@ -2,31 +2,33 @@
 
 Modified is Hybrid at c2 = 0, with the same prior of the other coefficient, so the Bayes factor is
 the prior density at c2 = 0 over the posterior density there. Zero lies several posterior sds out,
-where no draws fall: the density is averaged from conditional marginals, each normalised by
+where no draws fall: the density is averaged from conditional densities, each normalised by
 quadrature, not from a kernel estimate.
 """
 
 import math
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from ridgebayes._types import FloatArray
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import InputError
-from ridgebayes.inference.diagnostics import effective_sample_size
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.pareto_smoothing import pareto_k
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Modified
+from ridgebayes.model.model import Model
 
-_STEPS = 48  # grid points per integrated coordinate, sixteen sds wide
 _STEADY = 0.5  # Pareto shape from which on averages have no variance: their error means nothing
+_EVEN = 1e-3  # relative sd of densities below which the error of their integrals is their shape
 _FAR = 200  # posterior sds of c2 beyond which its value 0 is not reached
-_WIDENED = 20  # times that the grid of sigma may be widened
-_NEGLIGIBLE = 30.0  # log density relative to the peak at which that grid may end
-_N_DRAW = 128  # draws of each ensemble that the error model's parameters are taken from
+_NARROWEST = 1e-8  # posterior sds of c2 down to which steps from a draw shrink
+_WIDEST = 16.0  # prior sds of c2 up to which they grow
+_STEP = 1 / 3  # of the steps' logarithm
+_N_DRAW = 128  # least draws of each ensemble that densities are averaged over
+_AT_ONCE = 64  # draws
 
 
 def savage_dickey(fit: Posterior, nested: Distribution | None = None) -> LogEvidence:
@@ -54,10 +56,11 @@ def savage_dickey(fit: Posterior, nested: Distribution | None = None) -> LogEvid
 
     Notes
     -----
-    With u1, u2 the coordinates of c1 and c2 and w = u1 + beta u2, beta chosen so that w and u2 are
-    uncorrelated, the density p(c2 = 0 | w) hardly depends on w, and its average over the draws of
-    w is the marginal density with little Monte Carlo error. Given w, c2 and sigma are integrated
-    on a grid; with more parameters of the error model than sigma, c2 alone, given all of them.
+    With u2 the coordinate of c2 and v all others, the density p(c2 = 0 | w), w = v - slope u2, is
+    averaged over draws. Given w, all lie on a line, along which c2 is integrated in steps that grow
+    with the distance from the draw: these suit a conditional density of any width. The first slope
+    makes w and u2 uncorrelated. The second leads to where v lie at c2 = 0: then the density hardly
+    depends on w, and its average has little Monte Carlo error. It is tried where the first will do.
 
     References
     ----------
@@ -74,120 +77,98 @@ def savage_dickey(fit: Posterior, nested: Distribution | None = None) -> LogEvid
         return _impossible("prior of c2: no density at 0")
     if model.is_latent:
         return _impossible("offsets are sampled: no conditional density of c2 alone")
-    if not model.is_iid_gaussian:
-        return _given_error_model(fit)
-    chains = fit.kept_chains
-    u = chains.u  # coordinates of c1, c2, sigma
-    flat = u.reshape(-1, 3)
-    covariance = np.cov(flat.T)
-    beta = -covariance[0, 1] / covariance[1, 1]
-    w = u[..., 0] + beta * u[..., 1]
-    if _far(flat[:, 1], _zero(fit)):
-        return _too_far()
-    sigma = _sigma_grid(fit, float(np.median(w)), beta)
-    density = np.array([_log_density_at_zero(fit, value, beta, sigma) for value in _nodes(w)])
-    # log p(c2 = 0 | w) is a smooth function of w: interpolate it to all draws.
-    return _averaged(np.interp(w, _nodes(w), density), _zero(fit))
+    c2 = fit.kept_chains.u[..., 1]
+    zero = float(model.priors["c2"].score(0.0))
+    if abs(zero - c2.mean()) > _FAR * c2.std():
+        return _impossible(f"c2 = 0 lies more than {_FAR} posterior sds out")
+    # As many draws as cost little: the dearer a density is, the fewer.
+    u = _draws(fit, max(model.n_at_once // len(c2), _N_DRAW))
+    slope = _regression(u)
+    log_density = _log_density_at_zero(model, u, slope, zero)
+    found = _averaged(log_density, zero)
+    if not found.ok:
+        return found
+    slope = _turned(slope, u, log_density, zero)
+    again = _averaged(_log_density_at_zero(model, u, slope, zero), zero)
+    return again if again.ok and again.se < found.se else found
+
+
+def _draws(fit: Posterior, n: int) -> FloatArray:
+    """Return about n draws of each ensemble, shape (n_ensemble, n_step, n_walker, n_coordinate)."""
+    u = fit.kept_chains.u
+    n_ensemble, n_step, n_walker, n_coordinate = u.shape
+    stride = n_step * n_walker // n
+    return u if stride < 2 else u.reshape(n_ensemble, -1, 1, n_coordinate)[:, ::stride]
+
+
+def _regression(u: FloatArray) -> FloatArray:
+    """Return how all coordinates move with that of c2 in the posterior."""
+    covariance = np.cov(u.reshape(-1, u.shape[-1]).T)[1]
+    slope: FloatArray = covariance / covariance[1]
+    return slope
+
+
+def _turned(slope: FloatArray, u: FloatArray, log_density: FloatArray, zero: float) -> FloatArray:
+    """Return the slope of lines that lead to where other parameters lie at c2 = 0.
+
+    Weighted by the density at c2 = 0, the points there that lines of the old slope lead to tell.
+    """
+    flat = u.reshape(-1, u.shape[-1])
+    at_zero = flat + (zero - flat[:, 1:2]) * slope
+    moved = softmax(log_density.ravel()) @ at_zero - at_zero.mean(axis=0)
+    apart = zero - flat[:, 1].mean()
+    # Inside the posterior of c2 there is nowhere to lead: then hardly turn.
+    turn: FloatArray = moved * apart / (apart**2 + flat[:, 1].var())
+    return slope + turn
+
+
+def _log_density_at_zero(model: Model, u: FloatArray, slope: FloatArray, zero: float) -> FloatArray:
+    """Return log p(c2 = 0 | the line of each draw), shape ``u.shape[:-1]``."""
+    flat = u.reshape(-1, u.shape[-1])
+    least = _NARROWEST * flat[:, 1].std()
+    n = math.ceil(math.asinh(_WIDEST / least) / _STEP)
+    x = _STEP * np.arange(-n, n + 1)
+    log_width = np.log(_STEP * least * np.cosh(x))
+    values = []
+    for part in np.split(flat, range(_AT_ONCE, len(flat), _AT_ONCE)):
+        step = np.tile(np.append(least * np.sinh(x), 0.0), (len(part), 1))
+        step[:, -1] = zero - part[:, 1]
+        points = part[:, None] + step[..., None] * slope
+        value = model.log_density(points.reshape(-1, u.shape[-1])).reshape(step.shape)
+        values.append(value[:, -1] - logsumexp(value[:, :-1] + log_width, axis=1))
+    return np.concatenate(values).reshape(u.shape[:-1])
 
 
 def _averaged(log_density: FloatArray, zero: float) -> LogEvidence:
     """Return the ratio from log p(c2 = 0 | a draw), shape (n_ensemble, n_step, n_walker)."""
-    shifted = np.exp(log_density - log_density.max())
-    log_posterior = math.log(shifted.mean()) + log_density.max()
-    relative = shifted.std() / shifted.mean()
-    se = relative / math.sqrt(float(effective_sample_size(shifted))) if relative else 0.0
+    top = log_density.max()
+    with np.errstate(invalid="ignore"):  # of no density at all, which the status tells
+        density = np.exp(log_density - top)
+        mean = density.mean()
+        within = density.std() / math.sqrt(density.size)
+        # Draws of a slow walk are alike: the scatter of its ensembles tells.
+        between = density.mean(axis=(1, 2)).std() / math.sqrt(max(len(density) - 1, 1))
+        se = max(within, between) / mean
     # Prior and posterior density are both of the coordinate of c2: its Jacobian cancels.
     log_prior = -0.5 * zero**2 - 0.5 * math.log(2 * math.pi)
-    status = _status(log_density.ravel()) if relative else "ok"
-    return LogEvidence("savage-dickey", log_prior - log_posterior, max(se, 1e-12), status)
-
-
-def _far(draws: FloatArray, zero: float) -> bool:
-    return bool(abs(zero - draws.mean()) > _FAR * draws.std())
-
-
-def _too_far() -> LogEvidence:
-    return _impossible(f"c2 = 0 lies more than {_FAR} posterior sds out")
+    value = log_prior - top - float(np.log(mean))
+    is_even = density.std() < _EVEN * mean
+    return LogEvidence("savage-dickey", value, se, _status(log_density.ravel(), se, is_even))
 
 
 def _impossible(reason: str) -> LogEvidence:
     return LogEvidence("savage-dickey", math.nan, math.nan, reason)
 
 
-def _status(log_density: FloatArray) -> str:
+def _status(log_density: FloatArray, se: float, is_even: bool) -> str:
     """Say whether draws come near what suits c2 = 0.
 
     Without c2 the errors may be wider, and the other parameters lie elsewhere: draws of which
     hardly any comes near say nothing of the density there.
     """
+    if not math.isfinite(se):
+        return "densities at c2 = 0: no finite standard error"
     heavy = pareto_k(log_density)
-    if heavy <= _STEADY:
+    if is_even or heavy <= _STEADY:
         return "ok"
     return f"densities at c2 = 0: Pareto k {heavy:.2f}, above {_STEADY}"
-
-
-def _given_error_model(fit: Posterior) -> LogEvidence:
-    """Average p(c2 = 0 | w, the error model's parameters) over draws."""
-    u = fit.kept_chains.u
-    stride = max(u[..., 0].size // _N_DRAW // u.shape[0], 1)
-    u = u.reshape(len(u), -1, u.shape[-1])[:, ::stride]
-    flat = u.reshape(-1, u.shape[-1])
-    covariance = np.cov(flat[:, :2].T)
-    beta = -covariance[0, 1] / covariance[1, 1]
-    zero = _zero(fit)
-    if _far(flat[:, 1], zero):
-        return _too_far()
-    c2 = np.append(_grid(flat[:, 1], include=zero), zero)
-    points = np.repeat(flat[:, None], len(c2), axis=1)
-    points[..., 1] = c2
-    points[..., 0] = (flat[:, 0] + beta * flat[:, 1])[:, None] - beta * c2
-    values = np.concatenate([fit.model.log_density(part) for part in np.array_split(points, 64)])
-    log_density = values[:, -1] - logsumexp(values[:, :-1], axis=1) - math.log(c2[1] - c2[0])
-    return _averaged(log_density.reshape(len(u), -1, 1), zero)
-
-
-def _nodes(w: FloatArray) -> FloatArray:
-    return np.linspace(w.min(), w.max(), 201)
-
-
-def _log_density_at_zero(fit: Posterior, w: float, beta: float, sigma: FloatArray) -> float:
-    """Return log p(c2 = 0 | w), sigma integrated out."""
-    flat = fit.chains.u.reshape(-1, 3)
-    zero = _zero(fit)
-    c2 = _grid(flat[:, 1], include=zero)
-    c2_mesh, sigma_mesh = np.meshgrid(c2, sigma, indexing="ij")
-    points = np.stack([w - beta * c2_mesh, c2_mesh, sigma_mesh], axis=-1)
-    values = fit.model.log_density(points)
-    at_zero = np.empty((len(sigma), 3))
-    at_zero[:, 0], at_zero[:, 1], at_zero[:, 2] = w - beta * zero, zero, sigma
-    numerator = logsumexp(fit.model.log_density(at_zero))
-    return float(numerator - logsumexp(values) - math.log(c2[1] - c2[0]))
-
-
-def _sigma_grid(fit: Posterior, w: float, beta: float) -> FloatArray:
-    """Equal steps over what sigma may be in the posterior, and at c2 = 0, where it is larger."""
-    sigma, zero = _grid(fit.chains.u.reshape(-1, 3)[:, 2], include=None), _zero(fit)
-    step = sigma[1] - sigma[0]
-    for _ in range(_WIDENED):
-        points = np.stack([np.full_like(sigma, w - beta * zero), np.full_like(sigma, zero), sigma])
-        density = fit.model.log_density(points.T)
-        if density[-1] < density.max() - _NEGLIGIBLE:
-            break
-        sigma = np.append(sigma, sigma[-1] + step * np.arange(1, _STEPS))
-    return sigma
-
-
-def _zero(fit: Posterior) -> float:
-    """Return the coordinate of c2 = 0."""
-    return float(fit.model.priors["c2"].score(0.0))
-
-
-def _grid(draws: FloatArray, include: float | None) -> FloatArray:
-    """Equal steps over eight sds about the mean, and out to a value that has to be inside."""
-    low, high = draws.mean() - 8 * draws.std(), draws.mean() + 8 * draws.std()
-    n_step = _STEPS
-    if include is not None:
-        low, high = min(low, include - draws.std()), max(high, include + draws.std())
-        # Steps stay a third of an sd, however far out the value lies.
-        n_step = max(math.ceil((high - low) / (16 * draws.std()) * _STEPS), _STEPS)
-    return np.linspace(low, high, n_step)
