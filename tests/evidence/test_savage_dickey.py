@@ -151,12 +151,14 @@ def test_savage_dickey__of_precise_rows_that_share_offsets_is_the_ratio_of_evide
 class _Normal:
     """A density of u1 and u2 that is normal in both, and in u2 given the line."""
 
+    n_at_once = 1_000
+
     def __init__(self, slope, sd):
         self.slope, self.sd = slope, sd
 
     def log_density(self, u):
-        across = u[:, 0] - self.slope * u[:, 1]
-        return 7.0 - 0.5 * across**2 - 0.5 * ((u[:, 1] - 0.1 * across) / self.sd) ** 2
+        across = u[..., 0] - self.slope * u[..., 1]
+        return 7.0 - 0.5 * across**2 - 0.5 * ((u[..., 1] - 0.1 * across) / self.sd) ** 2
 
 
 @pytest.mark.parametrize("sd", [1e-6, 1e-3, 1.0])

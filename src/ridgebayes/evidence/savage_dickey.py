@@ -28,7 +28,7 @@ _NARROWEST = 1e-8  # posterior sds of c2 down to which steps from a draw shrink
 _WIDEST = 16.0  # prior sds of c2 up to which they grow
 _STEP = 1 / 3  # of the steps' logarithm
 _N_DRAW = 128  # least draws of each ensemble that densities are averaged over
-_AT_ONCE = 64  # draws
+_AT_ONCE = 8  # least draws whose lines are worked out together
 
 
 def savage_dickey(fit: Posterior, nested: Distribution | None = None) -> LogEvidence:
@@ -59,8 +59,9 @@ def savage_dickey(fit: Posterior, nested: Distribution | None = None) -> LogEvid
     With u2 the coordinate of c2 and v all others, the density p(c2 = 0 | w), w = v - slope u2, is
     averaged over draws. Given w, all lie on a line, along which c2 is integrated in steps that grow
     with the distance from the draw: these suit a conditional density of any width. The first slope
-    makes w and u2 uncorrelated. The second leads to where v lie at c2 = 0: then the density hardly
-    depends on w, and its average has little Monte Carlo error. It is tried where the first will do.
+    makes w and u2 uncorrelated for c1, and is 0 for the error model. The second leads to where v
+    lie at c2 = 0: then the density hardly depends on w, and its average has little Monte Carlo
+    error. It is tried where rows are independent and the first will do.
 
     References
     ----------
@@ -86,7 +87,7 @@ def savage_dickey(fit: Posterior, nested: Distribution | None = None) -> LogEvid
     slope = _regression(u)
     log_density = _log_density_at_zero(model, u, slope, zero)
     found = _averaged(log_density, zero)
-    if not found.ok:
+    if not found.ok or model.offsets is not None:
         return found
     slope = _turned(slope, u, log_density, zero)
     again = _averaged(_log_density_at_zero(model, u, slope, zero), zero)
@@ -102,9 +103,13 @@ def _draws(fit: Posterior, n: int) -> FloatArray:
 
 
 def _regression(u: FloatArray) -> FloatArray:
-    """Return how all coordinates move with that of c2 in the posterior."""
-    covariance = np.cov(u.reshape(-1, u.shape[-1]).T)[1]
-    slope: FloatArray = covariance / covariance[1]
+    """Return how c1's coordinate moves with that of c2 in the posterior.
+
+    The error model stays: one factor of a covariance then serves a whole line.
+    """
+    covariance = np.cov(u[..., :2].reshape(-1, 2).T)[1]
+    slope = np.zeros(u.shape[-1])
+    slope[:2] = covariance / covariance[1]
     return slope
 
 
@@ -130,11 +135,12 @@ def _log_density_at_zero(model: Model, u: FloatArray, slope: FloatArray, zero: f
     x = _STEP * np.arange(-n, n + 1)
     log_width = np.log(_STEP * least * np.cosh(x))
     values = []
-    for part in np.split(flat, range(_AT_ONCE, len(flat), _AT_ONCE)):
+    n_at_once = max(model.n_at_once // len(x), _AT_ONCE)
+    for part in np.split(flat, range(n_at_once, len(flat), n_at_once)):
         step = np.tile(np.append(least * np.sinh(x), 0.0), (len(part), 1))
         step[:, -1] = zero - part[:, 1]
         points = part[:, None] + step[..., None] * slope
-        value = model.log_density(points.reshape(-1, u.shape[-1])).reshape(step.shape)
+        value = model.log_density(points)
         values.append(value[:, -1] - logsumexp(value[:, :-1] + log_width, axis=1))
     return np.concatenate(values).reshape(u.shape[:-1])
 
