@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError
 from ridgebayes.inference.chains import N_WALKER, Chains, ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint, Walk
 from ridgebayes.inference.diagnostics import autocorrelation_time
@@ -228,7 +228,7 @@ def _start(draws: Weighted, rng: np.random.Generator, n_walker: int) -> FloatArr
     by_weight = np.unique(draws.resampled(rng, n_walker))[: n_walker // 2]
     rest = np.setdiff1d(feasible, by_weight)
     if len(by_weight) + len(rest) < n_walker:
-        raise InputError("sample: expected starting points of positive density, got too few")
+        raise ComputationError("sample: expected starting points of positive density, got too few")
     others = rng.permutation(rest)[: n_walker - len(by_weight)]
     value: FloatArray = draws.z[np.concatenate([by_weight, others])]
     return value

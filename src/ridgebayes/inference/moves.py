@@ -274,7 +274,7 @@ def weighted(
     z = proposal.rvs(rng, n)
     target = np.concatenate([log_density(z[i : i + _BATCH]) for i in range(0, n, _BATCH)])
     if not np.isfinite(target).any():
-        raise ComputationError(f"importance sampling: density 0 at all of {n} draws; expected some")
+        raise ComputationError(f"expected draws of positive density, got none of {n}")
     return Weighted(z, target, target - proposal.log_pdf(z))
 
 
