@@ -158,7 +158,7 @@ def _averaged(log_density: FloatArray, zero: float) -> LogEvidence:
     # Prior and posterior density are both of the coordinate of c2: its Jacobian cancels.
     log_prior = -0.5 * zero**2 - 0.5 * math.log(2 * math.pi)
     value = log_prior - top - float(np.log(mean))
-    is_even = density.std() < _EVEN * mean
+    is_even = bool(density.std() < _EVEN * mean)
     return LogEvidence("savage-dickey", value, se, _status(log_density.ravel(), se, is_even))
 
 

@@ -327,7 +327,7 @@ def _chosen(
             break
     best = scores[int(np.argmax([one.mean() for one in scores]))]
     behind = [best - one for one in scores]
-    near = [gap.mean() <= gap.std() / math.sqrt(len(gap)) for gap in behind]
+    near = [bool(gap.mean() <= gap.std() / math.sqrt(len(gap))) for gap in behind]
     return 1 + near.index(True), {str(k): float(one.mean()) for k, one in enumerate(scores, 1)}
 
 

@@ -2,6 +2,7 @@
 
 import os
 import warnings
+from importlib import import_module
 from tempfile import TemporaryDirectory
 from types import ModuleType
 from unittest.mock import patch
@@ -14,9 +15,8 @@ def import_arviz() -> ModuleType:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", _ANNOUNCEMENT, FutureWarning)
         try:
-            import arviz
+            return import_module("arviz")
         except OSError:  # it notes the day in the user's cache folder, which may be read-only
             cache = "XDG_CACHE_HOME"
             with TemporaryDirectory() as folder, patch.dict(os.environ, {cache: folder}):
-                import arviz
-    return arviz
+                return import_module("arviz")
