@@ -58,7 +58,7 @@ def pareto_smoothed(log_weights: FloatArray, reff: float = 1.0) -> tuple[FloatAr
             if "tail" not in str(error):  # all alike, or under five
                 raise
             return weights - logsumexp(weights), math.inf
-        if np.isnan(smoothed).any():
-            # Beside the largest weight the tail underflows. Its shape came out as near 0.
+        if np.isnan(shape) or np.isnan(smoothed).any():
+            # Beside the largest weight the tail underflows. Its shape is NaN or came out as near 0.
             return weights - logsumexp(weights), math.inf
     return np.asarray(smoothed), float(shape)
