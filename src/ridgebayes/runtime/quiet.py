@@ -2,7 +2,6 @@
 
 import os
 import warnings
-from importlib import import_module
 from tempfile import TemporaryDirectory
 from types import ModuleType
 from unittest.mock import patch
@@ -15,8 +14,10 @@ def import_arviz() -> ModuleType:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", _ANNOUNCEMENT, FutureWarning)
         try:
-            return import_module("arviz")
+            import arviz
         except OSError:  # it notes the day in the user's cache folder, which may be read-only
             cache = "XDG_CACHE_HOME"
             with TemporaryDirectory() as folder, patch.dict(os.environ, {cache: folder}):
-                return import_module("arviz")
+                import arviz
+    module: ModuleType = arviz  # which of its two lines has types, the other none
+    return module
