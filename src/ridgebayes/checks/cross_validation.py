@@ -309,8 +309,8 @@ class _Scores:
 
 
 def _by_draws(fold: Fold) -> bool:
-    whole, rest = fold.model(fold.data), fold.model(fold.data.take(~fold.left))
-    return has_exact_likelihood(whole) and whole.parameter_names == rest.parameter_names
+    whole = fold.model(fold.data)
+    return has_exact_likelihood(whole) and whole.parameter_names == fold.rest.parameter_names
 
 
 def _score_fold(fold: Fold) -> _Scores | str:

@@ -113,7 +113,7 @@ class Fold:
         """
         if self.left.all():
             raise ComputationError("no row is left to fit")
-        model, known, told = self.model(self.data.take(~self.left)), self.known, self.told
+        model, known, told = self.rest, self.known, self.told
         if drawn_exactly(model):  # of independent draws there is nothing to diagnose
             chains = sample_power_law(model, seed=self.seed)
             drawn = Posterior(model, chains, pd.DataFrame(), (), self.seed)
@@ -134,11 +134,16 @@ class Fold:
         return importance_posterior(model, seed=self.seed, **self.effort)
 
     @cached_property
+    def rest(self) -> Model:
+        """The model of the rows that stay."""
+        return self.model(self.data.take(~self.left))
+
+    @cached_property
     def told(self) -> Told | None:
         """What draws given all rows tell; None where their densities or parameters are others."""
         if self.known is None or self.left.all():
             return None
-        return self.known.told(self.model(self.data.take(~self.left)))
+        return self.known.told(self.rest)
 
     def weighted(self) -> Weighted | None:
         """Return the posterior given the rows that stay, from draws given all; None if too few.
@@ -149,7 +154,7 @@ class Fold:
         told = self.told
         if self.known is None or told is None or not told.is_enough:
             return None
-        weight, model = told.weight, self.model(self.data.take(~self.left))
+        weight, model = told.weight, self.rest
         top = told.joint.max()
         density = np.exp(told.joint - top)
         mean = float(weight @ density)

@@ -6,13 +6,15 @@ many textures, where a walk in as many dimensions gets slow.
 """
 
 import math
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
 from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.distributions.distribution import LogNormal
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.funnel_mode import no_mode
 from ridgebayes.inference.log_evidence import LogEvidence
@@ -25,6 +27,7 @@ from ridgebayes.runtime.randomness import stream
 _AT_ONCE = 2**20  # numbers at a time, of sigma x textures
 _NEGLIGIBLE = 50.0  # in log density
 _FAR = 37.0  # normal scores of sigma: beyond, no probability is left
+_FINEST = 1e-5  # step of these scores
 _N_SCORE = 1_000  # points of sigma's distribution that draws are made from, at least
 _SHAPE = (4, 20, 128)  # ensembles, steps and walkers of the chains that the draws are laid out as
 
@@ -66,17 +69,15 @@ def power_law_evidence(model: Model, *, tol: float = 1e-6) -> LogEvidence:
     for name, prior in list(model.priors.items())[:-1]:
         if not isinstance(prior, LogNormal):
             raise InputError(f"prior of {name!r}: expected log-normal, got {prior}")
-    low, high, step, before = -_FAR, _FAR, 0.5, math.nan
-    while step > 1e-5:
-        score = np.arange(low, high, step)
-        sigma, values = _given_score(model, score)
-        if sigma[np.argmax(values)] < rounding(model):
-            return LogEvidence("quadrature", math.nan, math.nan, "no misfit beyond rounding")
-        value = float(logsumexp(values)) + math.log(step)
-        if abs(value - before) < tol:
-            return LogEvidence("quadrature", value, max(abs(value - before), 1e-12))
-        near = score[_may_matter(model, sigma, values)]
-        low, high, step, before = near[0] - step, near[-1] + 1.5 * step, step / 2, value
+    before = math.nan
+    try:
+        for grid in _refined(model):
+            value = float(logsumexp(grid.log_density)) + math.log(grid.step)
+            if abs(value - before) < tol:
+                return LogEvidence("quadrature", value, max(abs(value - before), 1e-12))
+            before = value
+    except ComputationError:
+        return LogEvidence("quadrature", math.nan, math.nan, "no misfit beyond rounding")
     return LogEvidence("quadrature", math.nan, math.nan, f"not settled to {tol:g}")
 
 
@@ -183,23 +184,16 @@ def sample_power_law(model: Model, *, seed: int) -> Chains:
     points or more; log K exactly.
     *Cost.* O(draws x textures).
     """
-    score, step = np.arange(-_FAR, _FAR, 0.5), 0.5
-    while True:
-        sigma, values = _given_score(model, score)
-        if sigma[np.argmax(values)] < rounding(model):
-            raise no_mode(model)
-        near = score[_may_matter(model, sigma, values)]
-        if len(near) >= _N_SCORE:
+    for grid in _refined(model):
+        if grid.n_near >= _N_SCORE:
             break
-        step /= 2
-        score = np.arange(near[0] - 2 * step, near[-1] + 3 * step, step)
-    density = np.exp(values - values.max())
+    density = np.exp(grid.log_density - grid.log_density.max())
     cdf = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
 
     u = np.empty((*_SHAPE, model.n_parameter))
     for ensemble in range(_SHAPE[0]):
         rng = stream(seed, f"ensemble {ensemble}")
-        drawn = np.interp(rng.random(_SHAPE[1:]) * cdf[-1], cdf, score)
+        drawn = np.interp(rng.random(_SHAPE[1:]) * cdf[-1], cdf, grid.score)
         for step in range(_SHAPE[1]):  # a step at a time bounds the memory
             sigma = model.priors["sigma"].value_at(drawn[step])
             mean, sd = conditional_log_k(model, sigma)
@@ -209,6 +203,28 @@ def sample_power_law(model: Model, *, seed: int) -> Chains:
     log_density = np.stack([[model.log_density(step) for step in ensemble] for ensemble in u])
     tau = np.ones(model.n_parameter + 1)
     return Chains(u, log_density, np.ones(_SHAPE[0]), tau, ())
+
+
+class _Grid(NamedTuple):
+    """Evenly spaced normal scores of sigma, and the log density of these with the rows."""
+
+    step: float
+    score: FloatArray
+    log_density: FloatArray
+    n_near: int  # where the density is not negligible
+
+
+def _refined(model: Model) -> Iterator[_Grid]:
+    """Yield grids of ever smaller steps, the first over all scores; `no_mode` if rounding rules."""
+    low, high, step = -_FAR, _FAR, 0.5
+    while step > _FINEST:
+        score = np.arange(low, high, step)
+        sigma, values = _given_score(model, score)
+        if sigma[np.argmax(values)] < rounding(model):
+            raise no_mode(model)
+        near = score[_may_matter(model, sigma, values)]
+        yield _Grid(step, score, values, len(near))
+        low, high, step = near[0] - step, near[-1] + 1.5 * step, step / 2
 
 
 def _given_score(model: Model, score: FloatArray) -> tuple[FloatArray, FloatArray]:
