@@ -96,8 +96,16 @@ class Tail(ABC):
         """Return draws of the shape `size`, against which `df` broadcasts."""
 
     @abstractmethod
-    def site_variance(self, df: Any) -> FloatArray:
-        """Return the variance of the normal with the same Fisher information of its location."""
+    def score(self, z: Any, df: Any) -> FloatArray:
+        """Return minus the derivative of the log density."""
+
+    @abstractmethod
+    def curvature(self, z: Any, df: Any) -> FloatArray:
+        """Return minus the second derivative of the log density."""
+
+    @abstractmethod
+    def weight(self, z: Any, df: Any) -> FloatArray:
+        """Return ``score(z) / z``: curvature of the parabola at `z` that the density stays above."""
 
     @abstractmethod
     def _fixed(self, df: Any) -> tuple[FloatArray, ...]:
@@ -168,8 +176,14 @@ class NormalTail(Tail):
     def rvs(self, rng: np.random.Generator, df: Any, size: Any) -> FloatArray:
         return np.asarray(rng.standard_normal(size))
 
-    def site_variance(self, df: Any) -> FloatArray:
-        return np.array(1.0)
+    def score(self, z: Any, df: Any) -> FloatArray:
+        return np.asarray(z, float)
+
+    def curvature(self, z: Any, df: Any) -> FloatArray:
+        return np.ones(np.shape(z))
+
+    def weight(self, z: Any, df: Any) -> FloatArray:
+        return np.ones(np.shape(z))
 
     def _fixed(self, df: Any) -> tuple[FloatArray, ...]:
         return ()
@@ -219,9 +233,16 @@ class StudentTail(Tail):
     def rvs(self, rng: np.random.Generator, df: Any, size: Any) -> FloatArray:
         return np.asarray(rng.standard_t(df, size))
 
-    def site_variance(self, df: Any) -> FloatArray:
-        df = np.asarray(df, float)
-        value: FloatArray = (df + 3) / (df + 1)
+    def score(self, z: Any, df: Any) -> FloatArray:
+        return np.asarray(z * self.weight(z, df))
+
+    def curvature(self, z: Any, df: Any) -> FloatArray:
+        square = np.square(np.asarray(z, float))
+        value: FloatArray = (df + 1) * (df - square) / np.square(df + square)
+        return value
+
+    def weight(self, z: Any, df: Any) -> FloatArray:
+        value: FloatArray = (df + 1) / (df + np.square(np.asarray(z, float)))
         return value
 
     def _fixed(self, df: Any) -> tuple[FloatArray, ...]:

@@ -1,0 +1,186 @@
+r"""Coordinates in which the coefficients hardly depend on the error model's parameters.
+
+Given the error model's parameters phi, log loads are nearly linear in the coefficients' normal
+scores: with J the derivatives of the rows' errors and r their residuals at a reference u*, the
+coefficients are normal with precision and mean
+
+.. math:: A = I + J' S^{-1} J = R R', \qquad \hat u = -A^{-1} J' S^{-1} (r - J u^*).
+
+A *chart* measures them as ``z = R'(u - u_hat)``: the smaller the errors, the better coefficients are
+known, and z does not shrink with them. A posterior with several modes in the coefficients has a
+chart about each.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import optimize
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.inference.latent import LatentIntegral, Prepared
+from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
+
+_LEAST_SCALE = 1e-9  # of residuals, relative: below it loads agree to rounding
+_ROBUST_SCALE = 1.4826  # of the median absolute residual: the standard deviation of a normal
+_CANDIDATES = 24  # subsets of rows that references of outlier models are looked for with
+_LOWER_SHARE = 0.3  # of the rows, that a group of its own has at least
+_APART = 4.0  # largest residuals of a group, by which its fit differs from those of others
+_MOST_GROUPS = 2
+
+
+class Conditional(NamedTuple):
+    """The normal approximation of the coefficients given error model parameters, of many draws.
+
+    Parameters
+    ----------
+    centre : ndarray of float, shape (n_draw, k)
+        Mean u_hat.
+    factor : ndarray of float, shape (n_draw, k, k)
+        Lower Cholesky factor R of the precision.
+    """
+
+    centre: FloatArray
+    factor: FloatArray
+
+    @property
+    def log_jacobian(self) -> FloatArray:
+        """log |du/dq|, shape (n_draw,)."""
+        value: FloatArray = -np.log(np.diagonal(self.factor, axis1=-2, axis2=-1)).sum(axis=-1)
+        return value
+
+    def to_scores(self, q: FloatArray) -> FloatArray:
+        """Return normal scores (n_draw, n_outer) of coordinates."""
+        k = self.centre.shape[1]
+        step = solve_lower(self.factor, q[:, :k, None], transposed=True)[..., 0]
+        return np.concatenate([self.centre + step, q[:, k:]], axis=1)
+
+    def from_scores(self, u: FloatArray) -> FloatArray:
+        """Return coordinates (n_draw, n_outer) of normal scores."""
+        k = self.centre.shape[1]
+        z = np.einsum("dji,dj->di", self.factor, u[:, :k] - self.centre)
+        return np.concatenate([z, u[:, k:]], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """Coordinates about a reference.
+
+    Parameters
+    ----------
+    integral : LatentIntegral
+        Of the model.
+    reference : ndarray of float, shape (n_outer_coefficient,)
+        u*.
+    columns : ndarray of float, shape (n_row, n_outer_coefficient + 1)
+        J, and last r.
+    """
+
+    integral: LatentIntegral
+    reference: FloatArray
+    columns: FloatArray
+
+    @classmethod
+    def about(cls, integral: LatentIntegral, reference: FloatArray) -> "Chart":
+        """Linearise the rows about coefficients."""
+        jacobian, residual = _linearised(integral, reference)
+        return cls(integral, reference, np.column_stack([jacobian, residual]))
+
+    def conditional(self, prepared: Prepared) -> Conditional:
+        """Return u_hat and R for each draw of the error model's parameters."""
+        k = len(self.reference)
+        if not k:
+            return Conditional(np.empty((len(prepared.eta), 0)), np.empty((len(prepared.eta), 0, 0)))
+        products = self.integral.products(self.columns, prepared)
+        information, pull = products[:, :k, :k], products[:, :k, k]
+        factor = cholesky_or_nan(information + np.eye(k))
+        pull = information @ self.reference - pull
+        half = solve_lower(factor, pull[..., None])
+        return Conditional(solve_lower(factor, half, transposed=True)[..., 0], factor)
+
+
+def _linearised(integral: LatentIntegral, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the derivatives of the rows' errors by the coefficients' scores, and residuals."""
+    model = integral.model
+    whole = np.concatenate([u, np.zeros(model.n_outer - len(u))])
+    log_rates = model.outer_log_rates(model.outer_theta(whole))
+    return model.jacobian(whole)[model.rows.texture], integral.middles(log_rates)
+
+
+def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]:
+    """Return a chart about the rows' least squares, and one about each group of rows that differs.
+
+    Groups are looked for where errors are Student's: one group's rows are the other's outliers.
+    Normal errors have one mode in the coefficients.
+
+    Parameters
+    ----------
+    integral : LatentIntegral
+        Of the model.
+    rng : numpy.random.Generator
+        Picks the subsets of rows that candidates are fitted to.
+    """
+    model, k = integral.model, integral.model.n_outer_coefficient
+    if not k:
+        return [Chart.about(integral, np.zeros(0))]
+    base = _least_squares(integral, np.zeros(k))
+    references = [base]
+    if model.noise.tail != "normal":
+        references += _groups(integral, base, rng)
+    return [Chart.about(integral, reference) for reference in references]
+
+
+def _least_squares(
+    integral: LatentIntegral, start: FloatArray, rows: IntArray | None = None
+) -> FloatArray:
+    """Return the coefficients' scores of the penalised least squares of some rows.
+
+    The penalty is the prior at the scale of the residuals themselves: with a wider one the
+    reference of nearly exact rows is far off in their own units.
+    """
+    every = slice(None) if rows is None else rows
+
+    def residual(u: FloatArray) -> FloatArray:
+        return np.append(_linearised(integral, u)[1][every], scale * u)
+
+    def jacobian(u: FloatArray) -> FloatArray:
+        return np.vstack([_linearised(integral, u)[0][every], scale * np.eye(len(u))])
+
+    u, scale = start, 0.1
+    for _ in range(3):
+        with np.errstate(all="ignore"):
+            try:
+                u = optimize.least_squares(residual, u, jacobian, x_scale="jac", max_nfev=50).x
+            except ValueError:  # a reference without positive rates: the start serves as well
+                return u
+            left = _linearised(integral, u)[1][every]
+        scale = max(math.sqrt(float(np.mean(left**2))), _LEAST_SCALE)
+    return u
+
+
+def _groups(
+    integral: LatentIntegral, base: FloatArray, rng: np.random.Generator
+) -> list[FloatArray]:
+    """Return references of groups of rows that lie closer to a form than to the least squares."""
+    k, n = len(base), len(integral.rows.upper)
+    n_near = max(math.ceil(_LOWER_SHARE * n), k + 1)
+    jacobian, residual = _linearised(integral, base)
+    if n < 2 * (k + 1) or not np.isfinite(residual).all():
+        return []
+    found: list[tuple[float, FloatArray, IntArray]] = []
+    for _ in range(_CANDIDATES):
+        rows = rng.choice(n, k + 1, replace=False)
+        for _ in range(4):  # the nearest rows and their own fit, until these settle
+            step = np.linalg.lstsq(jacobian[rows], -residual[rows], rcond=None)[0]
+            rows = np.argsort(np.abs(residual + jacobian @ step), kind="stable")[:n_near]
+        found.append((float(np.abs(residual + jacobian @ step)[rows].max()), step, rows))
+    largest = _ROBUST_SCALE * float(np.median(np.abs(residual)))
+    steps = [np.zeros(k)]
+    references = []
+    for size, step, rows in sorted(found, key=lambda candidate: candidate[0]):
+        apart = [np.sqrt(np.mean((jacobian @ (step - other)) ** 2)) for other in steps]
+        if len(steps) <= _MOST_GROUPS and size < largest and min(apart) > _APART * size:
+            steps.append(step)
+            references.append(_least_squares(integral, base + step, rows))
+    return references

@@ -1,0 +1,135 @@
+"""Modes of a posterior in the coordinates of its charts, from many starts."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+
+N_START = 64
+_N_SEARCHED = 8  # of the starts, the best of them
+_N_STEP = 30
+_STEP = 1e-3  # of differences, in normal scores: half the digits of the density
+_LONGEST = 2.0  # step, in normal scores
+_LENGTHS = (1.0, 0.4, 0.1, 0.01)  # of a step that are tried side by side
+_SETTLED = 1e-4  # nats that a step gains
+_DIP = 1.0  # nats that the density falls by between two modes
+_MOST_MODES = 3
+_FLATTEST = 0.25  # curvature: the prior alone has 1
+Density = Callable[[FloatArray], FloatArray]
+
+
+class FoundMode(NamedTuple):
+    """A mode, and the normal approximation there.
+
+    Parameters
+    ----------
+    centre : ndarray of float, shape (d,)
+        Coordinates.
+    factor : ndarray of float, shape (d, d)
+        Lower Cholesky factor of the covariance.
+    log_mass : float
+        Log of the integral by Laplace's approximation.
+    """
+
+    centre: FloatArray
+    factor: FloatArray
+    log_mass: float
+
+
+def find_modes(log_density: Density, starts: FloatArray) -> list[FoundMode]:
+    """Return the modes that a quasi-Newton search reaches, the heaviest first.
+
+    Parameters
+    ----------
+    log_density : callable
+        (n, d) to (n,), smooth; all points of a step are asked for in one call.
+    starts : ndarray of float, shape (n, d)
+        Points; the best of them are searched from.
+    """
+    values = log_density(starts)
+    order = np.argsort(-np.where(np.isfinite(values), values, -np.inf), kind="stable")
+    best = order[: _N_SEARCHED]
+    best = best[np.isfinite(values[best])]
+    if not len(best):
+        return []
+    x, value = _searched(log_density, starts[best], values[best])
+    summits: list[int] = []
+    for i in np.argsort(-value, kind="stable").tolist():
+        if value[i] == -np.inf or len(summits) == _MOST_MODES:
+            break
+        if summits:  # no dip on the way to a higher summit: the same mode
+            middles = log_density(0.5 * (x[i] + x[summits]))
+            if np.any(middles > value[i] - _DIP):
+                continue
+        summits.append(i)
+    modes = [_approximated(log_density, x[i], float(value[i])) for i in summits]
+    return sorted(modes, key=lambda mode: -mode.log_mass)
+
+
+def _searched(
+    log_density: Density, x: FloatArray, value: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Climb from every point at once by BFGS with differences for gradients."""
+    n, d = x.shape
+    inverse = np.repeat(np.eye(d)[None], n, axis=0)
+    gradient = _gradients(log_density, x)
+    active = np.arange(n)
+    for _ in range(_N_STEP):
+        step = np.einsum("nij,nj->ni", inverse[active], gradient[active])
+        longest = np.abs(step).max(axis=1, keepdims=True)
+        step *= np.minimum(1, _LONGEST / np.maximum(longest, 1e-300))
+        tried = x[active] + np.array(_LENGTHS)[:, None, None] * step
+        found = log_density(tried.reshape(-1, d)).reshape(len(_LENGTHS), -1)
+        found = np.where(np.isnan(found), -np.inf, found)
+        which, each = found.argmax(axis=0), np.arange(len(active))
+        gain = found[which, each] - value[active]
+        moved = gain > 0
+        here = active[moved]
+        if not len(here):
+            break
+        new = tried[which, each][moved]
+        change, before = new - x[here], gradient[here]
+        x[here], value[here] = new, found[which, each][moved]
+        gradient[here] = _gradients(log_density, new)
+        inverse[here] = _updated(inverse[here], change, before - gradient[here])
+        active = here[gain[moved] > _SETTLED]
+        # Starts far below the best need not be climbed to the end.
+        active = active[value[active] > value.max() - 30]
+        if not len(active):
+            break
+    return x, value
+
+
+def _updated(inverse: FloatArray, s: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the inverse Hessians after a BFGS update; as they were where curvature is negative."""
+    product = (s * y).sum(axis=1)
+    good = product > 1e-10
+    rho = np.where(good, 1 / np.where(good, product, 1.0), 0.0)[:, None, None]
+    eye = np.eye(s.shape[1])
+    left = eye - rho * s[:, :, None] * y[:, None, :]
+    value = left @ inverse @ np.swapaxes(left, 1, 2) + rho * s[:, :, None] * s[:, None, :]
+    return np.where(good[:, None, None], value, inverse)
+
+
+def _gradients(log_density: Density, x: FloatArray) -> FloatArray:
+    n, d = x.shape
+    ahead, behind = x[:, None] + _STEP * np.eye(d), x[:, None] - _STEP * np.eye(d)
+    values = log_density(np.concatenate([ahead, behind]).reshape(-1, d)).reshape(2, n, d)
+    return np.nan_to_num((values[0] - values[1]) / (2 * _STEP), posinf=0.0, neginf=0.0)
+
+
+def _approximated(log_density: Density, x: FloatArray, value: float) -> FoundMode:
+    d, size = len(x), 0.02
+    eye = size * np.eye(d)
+    corners = [a * eye[i] + b * eye[j] for a in (1, -1) for b in (1, -1)
+               for i in range(d) for j in range(d)]
+    found = log_density(x + np.array(corners)).reshape(2, 2, d, d)
+    found = np.where(np.isfinite(found), found, value - 1.0)
+    hessian = (found[0, 0] - found[0, 1] - found[1, 0] + found[1, 1]) / (4 * size**2)
+    curvature, vectors = np.linalg.eigh(-0.5 * (hessian + hessian.T))
+    variance = 1 / np.maximum(curvature, _FLATTEST)
+    factor = np.linalg.cholesky((vectors * variance) @ vectors.T)
+    log_mass = value + 0.5 * np.log(2 * np.pi * variance).sum()
+    return FoundMode(x, factor, float(log_mass))

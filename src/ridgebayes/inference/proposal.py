@@ -1,0 +1,158 @@
+"""A proposal for importance sampling: a mixture of multivariate Student t in charts."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammaln
+
+from ridgebayes._types import FloatArray, IntArray
+
+DF = 5.0  # tails that those of a posterior in normal scores do not pass
+_STEPS = 8  # of expectation maximisation: a proposal need not be the last digit's mixture
+_COMMON = 8.0  # draws' worth of the common shape in that of each component
+_RIDGE = 1e-6  # least variance of a component, of the common one
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """Components in the coordinates of their charts.
+
+    Parameters
+    ----------
+    weights : ndarray of float, shape (n_component,)
+        Weights, sum 1.
+    charts : ndarray of int, shape (n_component,)
+        Number of each component's chart.
+    centres : ndarray of float, shape (n_component, d)
+        Centres.
+    factors : ndarray of float, shape (n_component, d, d)
+        Lower Cholesky factors of the shapes.
+    """
+
+    weights: FloatArray
+    charts: IntArray
+    centres: FloatArray
+    factors: FloatArray
+
+    @classmethod
+    def prior(cls, d: int) -> "Mixture":
+        """Return one component of unit shape at the origin of the first chart."""
+        return cls(np.ones(1), np.zeros(1, np.int64), np.zeros((1, d)), np.eye(d)[None])
+
+    def beside(self, other: "Mixture", share: float) -> "Mixture":
+        """Return this mixture with a share of another one."""
+        return Mixture(
+            np.concatenate([(1 - share) * self.weights, share * other.weights]),
+            np.concatenate([self.charts, other.charts]),
+            np.concatenate([self.centres, other.centres]),
+            np.concatenate([self.factors, other.factors]),
+        )
+
+    def draw(self, rng: np.random.Generator, n: int) -> tuple[IntArray, FloatArray]:
+        """Return each draw's chart, shape (n,), and coordinates there, shape (n, d).
+
+        Components get their shares of the draws evenly, in random order.
+        """
+        ladder = np.cumsum(self.weights)
+        places = (np.arange(n) + rng.random()) / n * ladder[-1]
+        component = rng.permutation(np.minimum(np.searchsorted(ladder, places), len(ladder) - 1))
+        d = self.centres.shape[1]
+        steps = rng.standard_normal((n, d)) * np.sqrt(DF / rng.chisquare(DF, size=(n, 1)))
+        moved = np.einsum("nij,nj->ni", self.factors[component], steps)
+        return self.charts[component], self.centres[component] + moved
+
+    def log_density(self, coordinates: FloatArray, log_jacobian: FloatArray) -> FloatArray:
+        """Return the log density in normal scores, shape (n,).
+
+        Parameters
+        ----------
+        coordinates : ndarray of float, shape (n_chart, n, d)
+            Coordinates of the draws in every chart.
+        log_jacobian : ndarray of float, shape (n_chart, n)
+            log |du/dq| of each chart.
+        """
+        terms, _ = self._terms(coordinates, log_jacobian)
+        return _log_sum(terms)
+
+    def _terms(
+        self, coordinates: FloatArray, log_jacobian: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return log weight and density of each component, and squared distances, (c, n)."""
+        d = self.centres.shape[1]
+        peak = gammaln(0.5 * (DF + d)) - gammaln(0.5 * DF) - 0.5 * d * math.log(DF * math.pi)
+        inverse = np.linalg.inv(self.factors)
+        log_volumes = np.log(np.diagonal(self.factors, axis1=1, axis2=2)).sum(axis=1)
+        off = coordinates[self.charts] - self.centres[:, None]
+        squares = ((off @ np.swapaxes(inverse, 1, 2)) ** 2).sum(axis=-1)
+        with np.errstate(divide="ignore"):
+            constant = np.log(self.weights) + peak - log_volumes
+        value = constant[:, None] - 0.5 * (DF + d) * np.log1p(squares / DF)
+        return value - log_jacobian[self.charts], squares
+
+    def fitted(
+        self, coordinates: FloatArray, log_jacobian: FloatArray, weights: FloatArray
+    ) -> "Mixture":
+        """Return the mixture after some steps of expectation maximisation on weighted draws.
+
+        Parameters
+        ----------
+        coordinates, log_jacobian
+            As for `log_density`.
+        weights : ndarray of float, shape (n,)
+            Normalised weights of the draws.
+
+        References
+        ----------
+        Cappe et al. (2008), doi:10.1007/s11222-008-9059-x, section 3.
+        """
+        some = weights > 0
+        coordinates, log_jacobian = coordinates[:, some], log_jacobian[:, some]
+        weights = weights[some]
+        d, n_effective = self.centres.shape[1], 1 / (weights**2).sum()
+        own = coordinates[self.charts]
+        mixture, shapes = self, self._common_shapes(coordinates, log_jacobian, weights)
+        for _ in range(_STEPS):
+            terms, squares = mixture._terms(coordinates, log_jacobian)
+            share = np.exp(terms - _log_sum(terms)) * weights
+            mass = share.sum(axis=1)
+            narrow = share * (DF + d) / (DF + squares)
+            total = np.maximum(narrow.sum(axis=1), 1e-300)
+            centres = (narrow[:, None] @ own)[:, 0] / total[:, None]
+            centres = np.where(mass[:, None] > 1e-12, centres, mixture.centres)
+            off = own - centres[:, None]
+            scatter = np.swapaxes(narrow[..., None] * off, 1, 2) @ off
+            prior = _COMMON / n_effective
+            scatter = (scatter + prior * shapes) / (mass + prior)[:, None, None]
+            mixture = Mixture(mass / mass.sum(), self.charts, centres, np.linalg.cholesky(scatter))
+        kept = mixture.weights > 1e-4
+        return Mixture(
+            mixture.weights[kept] / mixture.weights[kept].sum(),
+            self.charts[kept],
+            mixture.centres[kept],
+            mixture.factors[kept],
+        )
+
+
+    def _common_shapes(
+        self, coordinates: FloatArray, log_jacobian: FloatArray, weights: FloatArray
+    ) -> FloatArray:
+        """Return for each component the covariance of the draws that its chart accounts for."""
+        terms, _ = self._terms(coordinates, log_jacobian)
+        share = np.exp(terms - _log_sum(terms)) * weights
+        d, shapes = self.centres.shape[1], np.empty_like(self.factors)
+        for chart in np.unique(self.charts).tolist():
+            here = self.charts == chart
+            own = share[here].sum(axis=0)
+            own = own / max(own.sum(), 1e-300)
+            off = coordinates[chart] - own @ coordinates[chart]
+            shape = (own[:, None] * off).T @ off
+            shapes[here] = shape + _RIDGE * (np.trace(shape) / d + 1e-12) * np.eye(d)
+        return shapes
+
+
+def _log_sum(terms: FloatArray) -> FloatArray:
+    """Return log sum exp over the first axis: SciPy's own takes longer to begin than to add."""
+    top = terms.max(axis=0)
+    value: FloatArray = np.where(np.isfinite(top), top, 0.0)
+    return value + np.log(np.exp(terms - value).sum(axis=0))

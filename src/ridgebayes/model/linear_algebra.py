@@ -1,0 +1,51 @@
+"""Cholesky factors and triangular systems of many small matrices at once."""
+
+import math
+from contextlib import suppress
+
+import numpy as np
+from scipy.linalg import blas
+
+from ridgebayes._types import FloatArray
+
+_SMALL = 16  # unknowns: systems of fewer are solved faster as a batch than one by one
+
+
+def cholesky_or_nan(matrix: FloatArray) -> FloatArray:
+    """Return lower Cholesky factors of a batch; NaN where a matrix is not positive definite."""
+    with suppress(np.linalg.LinAlgError):
+        return np.linalg.cholesky(matrix).astype(np.float64, copy=False)
+    factors = np.full(matrix.shape, np.nan)
+    for place in np.ndindex(matrix.shape[:-2]):
+        with suppress(np.linalg.LinAlgError):
+            factors[place] = np.linalg.cholesky(matrix[place])
+    return factors
+
+
+def solve_lower(factor: FloatArray, right: FloatArray, *, transposed: bool = False) -> FloatArray:
+    """Solve lower triangular systems of a batch, (..., n, n) and (..., n, m)."""
+    n, m = right.shape[-2:]
+    batch = np.broadcast_shapes(factor.shape[:-2], right.shape[:-2])
+    n_batch = math.prod(batch)
+    left = np.broadcast_to(factor, (*batch, n, n)).reshape(n_batch, n, n)
+    many = np.broadcast_to(right, (*batch, n, m)).reshape(n_batch, n, m)
+    if not many.size:
+        return np.zeros((*batch, n, m))
+    if n <= _SMALL < n_batch:
+        return _substituted(left, many, transposed).reshape(*batch, n, m)
+    out = many.copy(order="C")
+    for matrix, x in zip(left, out, strict=True):
+        # BLAS takes columns first: rows of both are the transposed equation, solved in place.
+        blas.dtrsm(1.0, matrix.T, x.T, side=1, trans_a=int(transposed), overwrite_b=1)
+    return out.reshape(*batch, n, m)
+
+
+def _substituted(factor: FloatArray, right: FloatArray, transposed: bool) -> FloatArray:
+    """Solve by substitution, unknown by unknown for the whole batch at once."""
+    n, out = right.shape[1], right.copy()
+    for i in reversed(range(n)) if transposed else range(n):
+        before = slice(i + 1, n) if transposed else slice(0, i)
+        row = factor[:, before, i] if transposed else factor[:, i, before]
+        out[:, i] -= (row[:, None, :] @ out[:, before])[:, 0]
+        out[:, i] /= factor[:, i, i, None]
+    return out

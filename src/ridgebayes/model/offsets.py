@@ -1,0 +1,407 @@
+r"""Offsets that rows share: which rows share which, and how they vary a priori.
+
+Offsets enter a row's log load linearly: ``eta = mean + Z x``, with ``x = L s`` and standard normal
+scores s. Levels are of two blocks. The *first* has one level for each texture, and L is diagonal
+there; the power law's log K stands in it beside the texture offset, since both shift all rows of a
+texture alike. The *rest* holds steps, series, or the places of a smooth function.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
+from ridgebayes.model.noise import SERIES, SMOOTH, Noise
+from ridgebayes.model.observations import Observations
+
+LARGEST_REST = 600  # levels beside textures; the cost of a likelihood call grows with their cube
+
+
+class Design:
+    """Levels of each linear predictor: the matrix Z, without its zeros.
+
+    Parameters
+    ----------
+    first : ndarray of int, shape (n,), or None
+        Level of each predictor in the first block; None where there is no such block.
+    n_first : int
+        Levels of the first block.
+    rest : ndarray of int, shape (n_factor, n)
+        Levels in the rest, counted over all its factors; -1 where a predictor has none.
+    n_rest : int
+        Levels of the rest.
+    pairs : (ndarray of int, ndarray of int), optional
+        Predictors that stand in one row's density together: the two ends of counts.
+    """
+
+    def __init__(
+        self,
+        first: IntArray | None,
+        n_first: int,
+        rest: IntArray,
+        n_rest: int,
+        pairs: tuple[IntArray, IntArray] | None = None,
+    ) -> None:
+        self.first, self.n_first = first, n_first
+        self.rest, self.n_rest = rest, n_rest
+        self.n = rest.shape[1] if first is None else len(first)
+        columns = np.arange(self.n)
+        factor, column = np.nonzero(rest >= 0)
+        # Z' x by sparse products: rows are many, levels few.
+        self._to_first = None if first is None else _selector(first, columns, n_first)
+        self._to_rest = _selector(rest[factor, column], column, n_rest, self.n)
+        # Elements of W: its diagonal, then both orders of the two ends of counts.
+        ends = (columns[:0], columns[:0]) if pairs is None else pairs
+        self._one = np.concatenate([columns, ends[0], ends[1]])
+        self._other = np.concatenate([columns, ends[1], ends[0]])
+        self._is_diagonal = len(rest) == 1 and not len(ends[0])
+        self._first, self._border, self._corner = self._products()
+
+    def _products(self) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
+        """Return the maps from elements of W to the blocks of Z' W Z."""
+        n_element, element = len(self._one), np.arange(len(self._one))
+        corner_at, corner_of, border_at, border_of = [], [], [], []
+        for mine in self.rest[:, self._one]:
+            for its in self.rest[:, self._other]:
+                has = (mine >= 0) & (its >= 0)
+                corner_at.append(mine[has] * self.n_rest + its[has])
+                corner_of.append(element[has])
+            if self.first is not None:
+                has = mine >= 0
+                border_at.append(mine[has] * self.n_first + self.first[self._other][has])
+                border_of.append(element[has])
+        corner = _selector(_joined(corner_at), _joined(corner_of), self.n_rest**2, n_element)
+        size = self.n_rest * self.n_first
+        border = _selector(_joined(border_at), _joined(border_of), size, n_element)
+        # Both ends of a count are of one texture, so that the first block stays diagonal.
+        level = element[:0] if self.first is None else self.first[self._one]
+        first = _selector(level, element[: len(level)], self.n_first, n_element)
+        return first, border, corner
+
+    def gather(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return Z' x, from (..., n) to (..., n_first) and (..., n_rest)."""
+        first = np.empty((*x.shape[:-1], 0)) if self._to_first is None else _times(self._to_first, x)
+        return first, _times(self._to_rest, x)
+
+    def spread(self, first: FloatArray, rest: FloatArray) -> FloatArray:
+        """Return Z x: the offset of each predictor, shape (..., n)."""
+        value = np.zeros((*rest.shape[:-1], self.n))
+        if self.first is not None:
+            value += first[..., self.first]
+        for levels in self.rest:
+            if (levels >= 0).all():
+                value += rest[..., levels]
+            else:
+                value[..., levels >= 0] += rest[..., levels[levels >= 0]]
+        return value
+
+    def gram(
+        self, weight: FloatArray, crossed: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return Z' W Z: the first block's diagonal, the border, the corner.
+
+        Parameters
+        ----------
+        weight : ndarray of float, shape (..., n)
+            Diagonal of W.
+        crossed : ndarray of float, shape (..., n_pair), optional
+            Elements of W between the two ends of counts.
+
+        Returns
+        -------
+        first : ndarray of float, shape (..., n_first)
+            Diagonal: a predictor has one level there.
+        border : ndarray of float, shape (..., n_rest, n_first)
+            Rest by first block.
+        corner : ndarray of float, shape (..., n_rest, n_rest), or (..., n_rest) of a diagonal
+            Rest: diagonal where a predictor has one level there, too.
+        """
+        lead, r = weight.shape[:-1], self.n_rest
+        if crossed is not None:
+            weight = np.concatenate([weight, crossed, crossed], axis=-1)
+        elif len(self._one) > self.n:
+            weight = np.concatenate([weight, np.zeros((*lead, len(self._one) - self.n))], axis=-1)
+        first = _times(self._first, weight)
+        border = _times(self._border, weight).reshape(*lead, r, self.n_first)
+        if self._is_diagonal:
+            return first, border, _times(self._to_rest, weight)
+        return first, border, _times(self._corner, weight).reshape(*lead, r, r)
+
+
+@dataclass(frozen=True, eq=False)
+class Root:
+    """L of many draws: offsets are L times standard normal scores.
+
+    Parameters
+    ----------
+    first : ndarray of float, shape (..., n_first)
+        Standard deviations of the first block.
+    rest : ndarray of float, shape (..., n_rest) or (..., n_rest, n_rest)
+        Standard deviations of the rest, or its lower Cholesky factor where it varies together.
+    is_dense : bool
+        Which of the two `rest` is.
+    """
+
+    first: FloatArray
+    rest: FloatArray
+    is_dense: bool
+
+    def times(self, first: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return L s."""
+        if not self.is_dense:
+            return self.first * first, self.rest * rest
+        return self.first * first, (self.rest @ rest[..., None])[..., 0]
+
+    def transposed_times(self, first: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return L' x."""
+        if not self.is_dense:
+            return self.first * first, self.rest * rest
+        return self.first * first, (rest[..., None, :] @ self.rest)[..., 0, :]
+
+    def inside(self, border: FloatArray, corner: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return border and corner of L' G L, G as `Design.gram` returns it."""
+        border = border * self.first[..., None, :]
+        is_diagonal = corner.ndim < border.ndim
+        if not self.is_dense:
+            if is_diagonal:
+                corner = corner[..., None] * np.eye(corner.shape[-1])
+            inside = self.rest[..., None] * corner * self.rest[..., None, :]
+            return self.rest[..., None] * border, inside
+        turned = np.swapaxes(self.rest, -1, -2)
+        right = corner[..., None] * self.rest if is_diagonal else corner @ self.rest
+        return turned @ border, turned @ right
+
+
+class Offsets:
+    """Offsets of an error model, and of the power law's log K, at the places of some rows.
+
+    Parameters
+    ----------
+    noise : Noise
+        Error model.
+    data : Observations
+        Rows.
+    slope_sd : ndarray of float, shape (n_texture,), optional
+        Standard deviation of each texture's log load by the prior of its K.
+
+    Raises
+    ------
+    InputError
+        If the error model has series and the rows are all of one.
+    ComputationError
+        If there are more than 600 levels beside the textures'.
+    """
+
+    def __init__(
+        self, noise: Noise, data: Observations, slope_sd: FloatArray | None = None
+    ) -> None:
+        factors, names = noise.factors, noise.parameter_names
+        if SERIES in factors and data.n_series < 2:
+            raise InputError(
+                f"noise {noise.name!r}: expected rows of at least two series or sources, got one"
+            )
+        self.slope_sd = slope_sd
+        self.nugget = noise.nugget
+        self._at = {name: i for i, name in enumerate(names)}
+        self._has = {name: name in factors for name in ("texture", "step", SMOOTH, SERIES)}
+        self._texture = {texture: j for j, texture in enumerate(data.textures)}
+        self._steps = _steps(data)
+        ratio = data.a_over_R / (data.a_over_R + data.b_over_R)
+        # The lower end of a count is the load of Q + 2, with offsets of its own.
+        counts = np.flatnonzero(data.is_count)
+        texture = np.concatenate([data.texture, data.texture[counts]])
+        series = np.concatenate([data.series, data.series[counts]])
+        # A count of 2 says nothing of load(2): its own level is a dummy of infinite load.
+        own = np.where(data.is_count & (data.Q == 2), data.Q + 2, data.Q)
+        Q = np.concatenate([own, data.Q[counts] + 2])
+        levels: list[IntArray] = []
+        self.n_smooth = self.n_rest = 0
+        if self._has["step"]:
+            levels.append(np.searchsorted(self._steps, Q))
+            self.n_rest = len(self._steps)
+        if self._has[SMOOTH]:
+            places = _coordinates(Q, ratio[texture])
+            _, first, codes = np.unique(
+                places.round(9), axis=0, return_index=True, return_inverse=True
+            )
+            self._places = places[first]
+            self.n_smooth = self.n_rest = len(first)
+            levels.append(codes.reshape(-1))
+            self._axes = [_squares(column) for column in self._places.T]
+        if self._has[SERIES]:
+            levels.append(self.n_rest + series)
+            self.n_rest += data.n_series
+        if self.n_rest > LARGEST_REST:
+            raise ComputationError(
+                f"{noise.name}: {self.n_rest} offsets of steps, places and series; expected at "
+                f"most {LARGEST_REST}, since the cost of a likelihood call grows with their cube"
+            )
+        has_first = self._has["texture"] or slope_sd is not None
+        self.n_first = len(data.textures) if has_first else 0
+        self.n_level = self.n_first + self.n_rest
+        rest = np.array(levels, dtype=np.int64).reshape(len(levels), len(Q))
+        ends = (counts, len(data) + np.arange(len(counts))) if len(counts) else None
+        self.design = Design(texture if has_first else None, self.n_first, rest, self.n_rest, ends)
+
+    def tau(self, name: str, eta: FloatArray) -> FloatArray:
+        """Return the scale of a factor's offsets, shape (...); 0 where it has none."""
+        if not self._has[SMOOTH if name == "step" and self._has[SMOOTH] else name]:
+            return np.zeros(eta.shape[:-1])
+        value: FloatArray = eta[..., self._at[f"tau_{name}"]]
+        return value
+
+    def root(self, eta: FloatArray) -> Root:
+        """Return L at error model parameters (..., n_noise)."""
+        return Root(self._first_root(eta), *self._rest_root(eta))
+
+    def _first_root(self, eta: FloatArray) -> FloatArray:
+        tau = self.tau("texture", eta)[..., None]
+        if self.slope_sd is None:
+            return np.broadcast_to(tau, (*eta.shape[:-1], self.n_first))
+        return np.hypot(tau, self.slope_sd)
+
+    def _rest_root(self, eta: FloatArray) -> tuple[FloatArray, bool]:
+        lead, n, r = eta.shape[:-1], self.n_smooth, self.n_rest
+        if not n:
+            scale = np.empty((*lead, r))
+            n_step = len(self._steps) if self._has["step"] else 0
+            scale[..., :n_step] = self.tau("step", eta)[..., None]
+            scale[..., n_step:] = self.tau(SERIES, eta)[..., None]
+            return scale, False
+        factor = cholesky_or_nan(self._covariance(eta))
+        if n == r:
+            return factor, True
+        whole = np.zeros((*lead, r, r))
+        whole[..., :n, :n] = factor
+        series = np.arange(n, r)
+        whole[..., series, series] = self.tau(SERIES, eta)[..., None]
+        return whole, True
+
+    def _covariance(self, eta: FloatArray) -> FloatArray:
+        """Return the smooth offset's covariance at its places, shape (..., n_place, n_place)."""
+        lead, n = eta.shape[:-1], self.n_smooth
+        covariance = np.empty((*lead, n * n))
+        covariance[...] = self.tau("step", eta)[..., None] ** 2
+        for (squares, pairs), length in zip(self._axes, self._lengths(eta), strict=True):
+            with np.errstate(over="ignore", under="ignore", divide="ignore"):
+                factor = np.exp(-0.5 * squares / length[..., None] ** 2)
+            covariance *= np.take(factor, pairs, axis=-1)
+        covariance[..., :: n + 1] *= 1 + self.nugget
+        return covariance.reshape(*lead, n, n)
+
+    def _lengths(self, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return eta[..., self._at["length_h"]], eta[..., self._at["length_ratio"]]
+
+    def prior_variance(self, eta: FloatArray) -> FloatArray:
+        """Return the variance a priori of each predictor's offset, shape (..., n)."""
+        grouped = np.zeros((*eta.shape[:-1], self.design.n))
+        if self.design.first is not None:
+            grouped += self._first_root(eta)[..., self.design.first] ** 2
+        others = self.tau("step", eta) ** 2 + self.tau(SERIES, eta) ** 2
+        value: FloatArray = grouped + others[..., None]
+        return value
+
+    def at(
+        self, texture: Texture, Q: IntArray, eta: FloatArray, root: Root, scores: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return mean and variance of a texture's offsets given the scores of all levels.
+
+        Parameters
+        ----------
+        texture : (float, float)
+            a/R and b/R.
+        Q : ndarray of int, shape (n_Q,)
+            Counts.
+        eta : ndarray of float, shape (n_draw, n_noise)
+            Error model parameters.
+        root : Root
+            L of the same draws.
+        scores : ndarray of float, shape (n_draw, n_level)
+            Scores.
+
+        Returns
+        -------
+        tuple of ndarray of float, both of shape (n_draw, n_Q)
+            A texture, a step or a place with rows keeps its offset; a new one, and the new series
+            that is predicted, draws its own. Beyond the calibrated range of log h or a/pitch
+            nothing has tested the smoothness: there a second, independent process with the variance
+            ``tau^2 (1 - exp(-d^2/2))`` widens the offset, d being the distance from the range in
+            lengths.
+        """
+        mean = np.zeros((len(eta), len(Q)))
+        variance = np.zeros((len(eta), len(Q))) + self.tau(SERIES, eta)[:, None] ** 2
+        first, rest = scores[:, : self.n_first], scores[:, self.n_first :]
+        if self._has["texture"]:
+            tau, j = self.tau("texture", eta)[:, None], self._texture.get(texture)
+            mean, variance = (mean, variance + tau**2) if j is None else (
+                mean + tau * first[:, [j]], variance
+            )
+        if self._has["step"]:
+            place = np.searchsorted(self._steps, Q)
+            known = np.append(self._steps, -1)[place] == Q
+            tau = self.tau("step", eta)[:, None]
+            mean = mean + np.where(known, tau * rest[:, np.where(known, place, 0)], 0.0)
+            variance = variance + np.where(known, 0.0, tau**2)
+        if self._has[SMOOTH]:
+            more = self._smooth_at(texture, Q, eta, root, rest[:, : self.n_smooth])
+            mean, variance = mean + more[0], variance + more[1]
+        return mean, variance
+
+    def _smooth_at(
+        self, texture: Texture, Q: IntArray, eta: FloatArray, root: Root, scores: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        n, variance = self.n_smooth, self.tau("step", eta)[:, None] ** 2
+        at = _coordinates(Q, np.full(len(Q), texture[0] / (texture[0] + texture[1])))
+        squares = (self._places[:, None] - at) ** 2
+        low, high = self._places.min(axis=0), self._places.max(axis=0)
+        beyond = np.maximum(np.maximum(low - at, at - high) - 1e-9, 0)
+        with np.errstate(over="ignore", under="ignore"):
+            scale = np.stack(self._lengths(eta), axis=-1) ** -2.0
+            correlation = np.exp(-0.5 * np.einsum("lqx,dx->dlq", squares, scale))
+            widening = -np.expm1(-0.5 * np.einsum("qx,dx->dq", beyond**2, scale))
+        loading = solve_lower(root.rest[:, :n, :n], variance[..., None] * correlation)
+        rest = np.maximum(variance - (loading**2).sum(axis=-2), 0) + variance * widening
+        return np.einsum("dl,dlq->dq", scores, loading), rest
+
+
+def _steps(data: Observations) -> IntArray:
+    """Return every count at which a row depends on a load."""
+    own = data.Q[~data.is_count | (data.Q >= 4)]
+    return np.unique(np.concatenate([own, data.Q[data.is_count] + 2]))
+
+
+def _coordinates(Q: IntArray, ratio: FloatArray) -> FloatArray:
+    """Return log h and a/pitch, shape (n, 2)."""
+    return np.stack([np.log(Q / 2 - 1), ratio], axis=-1)
+
+
+def _squares(column: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return squared distances of distinct values, and where each pair of places finds its own.
+
+    The kernel is a product: each factor is computed at its own few values.
+    """
+    _, first, code = np.unique(column.round(9), return_index=True, return_inverse=True)
+    values = column[first]
+    squares = ((values[:, None] - values) ** 2).ravel()
+    return squares, (code[:, None] * len(values) + code).ravel()
+
+
+def _selector(
+    rows: IntArray, columns: IntArray, n_row: int, n_column: int | None = None
+) -> sparse.csr_array:
+    ones, n_column = np.ones(len(rows)), len(columns) if n_column is None else n_column
+    return sparse.csr_array((ones, (rows, columns)), shape=(n_row, n_column))
+
+
+def _joined(parts: list[IntArray]) -> IntArray:
+    return np.concatenate(parts) if parts else np.empty(0, np.int64)
+
+
+def _times(matrix: sparse.csr_array, x: FloatArray) -> FloatArray:
+    """Return a sparse matrix times vectors on the last axis."""
+    flat = x.reshape(-1, x.shape[-1])
+    return np.ascontiguousarray((matrix @ flat.T).T).reshape(*x.shape[:-1], matrix.shape[0])
