@@ -23,7 +23,6 @@ from ridgebayes.distributions.bounded import Truncated, Uniform
 from ridgebayes.distributions.distribution import Distribution, HalfNormal, LogNormal, Normal
 from ridgebayes.distributions.grammar import from_dict, to_dict
 from ridgebayes.errors import InputError
-from ridgebayes.inference.mixture_code import mixture_code
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.joint_prior import JointPrior
 from ridgebayes.runtime.atomic import write_text
@@ -67,8 +66,8 @@ class PosteriorMixture:
     >>> mixture = fit.to_mixture()
     >>> mixture.names, mixture.rvs(1000, rng=1).mean(axis=0).round(2).tolist()
     (('c', 'sigma'), [1.37, 0.03])
-    >>> mixture.log_pdf(fit.draws).shape == (len(fit.draws),), "model {" in mixture.code("stan")
-    (True, True)
+    >>> mixture.log_pdf(fit.draws).shape == (len(fit.draws),)
+    True
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     mixture.to_json(f"{folder}/m.json")
@@ -135,27 +134,6 @@ class PosteriorMixture:
             found = _component_log_densities(z, self.weights, self.means, self.covariances)
             value = special.logsumexp(found, axis=-1) + joint.log_pdf(theta) - normal
         return np.where(inside, value, -np.inf)
-
-    def code(self, program: str) -> str:
-        """Return source code that uses the mixture as the prior of a new model.
-
-        Parameters
-        ----------
-        program : {"pymc", "numpyro", "stan"}
-            What the text is for: a Python function to call in a model of PyMC or NumPyro, or a
-            program of Stan to which data and a likelihood can be added.
-
-        Returns
-        -------
-        str
-            Text. Names of parameters have underscores for what is no letter or digit.
-
-        Raises
-        ------
-        InputError
-            If `program` is another.
-        """
-        return mixture_code(self.to_dict(), self.transforms, program)
 
     def to_dict(self) -> Json:
         """Return plain values.
