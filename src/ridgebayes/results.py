@@ -220,7 +220,8 @@ class Fit(Posterior, Predictive, Tabular):
     def to_mixture(self, n_component: int | None = None) -> PosteriorMixture:
         """Return the posterior of the printed error model as a Gaussian mixture.
 
-        For use as a prior elsewhere: it writes JSON, and text for PyMC, NumPyro and Stan.
+        For use as a prior elsewhere: it writes JSON that PyMC, NumPyro and Stan can use, see
+        docs/reuse.md.
 
         Parameters
         ----------

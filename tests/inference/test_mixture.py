@@ -2,13 +2,17 @@
 
 import json
 import math
+import re
 import subprocess
+import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import special, stats
 
 import ridgebayes as rb
 from ridgebayes.distributions.bounded import Truncated, Uniform
@@ -16,8 +20,11 @@ from ridgebayes.distributions.distribution import Gamma, HalfNormal, LogNormal, 
 from ridgebayes.errors import InputError
 from ridgebayes.inference.mixture import PosteriorMixture
 from ridgebayes.model.joint_prior import JointPrior
+from tests.test_pages import DOCS, blocks_of
 
+PAGE = DOCS / "reuse.md"
 PROGRAMS = ("pymc", "numpyro", "stan")
+EXAMPLES = {block.what: block.code for block in blocks_of(PAGE, "python") if block.what in PROGRAMS}
 TRANSFORMS = (
     Normal(0.0, 0.05),
     LogNormal(1.382, 0.1),
@@ -40,13 +47,8 @@ def every_transform():
     d = len(TRANSFORMS)
     weights, means = np.array([0.3, 0.7]), np.stack([np.full(d, -0.5), np.full(d, 0.4)])
     correlated = 0.09 * (0.5 * np.eye(d) + 0.5)
-    distance = {"sd_ratio": {}, "mean_shift_in_sd": {}, "largest_correlation_difference": 0.0}
-    about = {
-        "form": "hybrid", "noise": "iid", "converged": False, "validity": {}, "fitted_rows": 1,
-        "fitted_rows_digest": "0", "ridgebayes_version": "0", "distance": distance,
-    }  # fmt: skip
+    about = {"form": "hybrid", "noise": "iid"}
     names = tuple(f"K[t{i}]" for i in range(d))
-    about["distance"] = distance | {k: dict.fromkeys(names, 1.0) for k in list(distance)[:2]}
     return PosteriorMixture(
         names, TRANSFORMS, weights, means, np.stack([correlated, 2 * correlated]), about
     )
@@ -128,11 +130,28 @@ def test_json__comes_back(mixtures, tmp_path):
         PosteriorMixture.from_json(tmp_path / "z.json")
 
 
-def test_to_mixture__refuses(fits, mixtures, monkeypatch):
+def test_json__of_the_first_version_is_read(tmp_path):
+    """A standard normal of the scores: the transforms' own densities."""
+    given = {
+        "format": "ridgebayes posterior mixture 1", "names": ["c", "sigma"],
+        "transforms": [
+            {"kind": "log-normal", "median": 1.382, "log_sd": 0.1},
+            {"kind": "half-normal", "sd": 0.05},
+        ],
+        "weights": [1.0], "means": [[0.0, 0.0]], "covariances": [[[1.0, 0.0], [0.0, 1.0]]],
+        "form": "modified", "noise": "iid", "converged": True, "distance": {"n_compared": 100000},
+    }  # fmt: skip
+    (tmp_path / "x.json").write_text(json.dumps(given))
+    mixture = PosteriorMixture.from_json(tmp_path / "x.json")
+    expected = stats.lognorm(0.1, scale=1.382).logpdf(1.3) + stats.halfnorm(scale=0.05).logpdf(0.02)
+    assert mixture.log_pdf(np.array([1.3, 0.02])) == pytest.approx(expected, rel=1e-12)
+    assert mixture.about["distance"] == {"n_compared": 100000}
+    assert mixture.to_dict() == given
+
+
+def test_to_mixture__refuses(fits, monkeypatch):
     with pytest.raises(InputError, match="n_component: expected 1 to 8, got 9"):
         fits["hybrid"].to_mixture(9)
-    with pytest.raises(InputError, match="code: expected one of pymc, numpyro, stan, got 'bugs'"):
-        mixtures["hybrid"].code("bugs")
     monkeypatch.setattr("ridgebayes.inference.mixture._MOST_PARAMETERS", 2)
     with pytest.raises(InputError, match="hybrid: 3 parameters; expected at most 2"):
         fits["hybrid"].to_mixture()
@@ -148,60 +167,106 @@ def test_transforms__stand_in_for_priors_without_a_closed_form(paper):
     assert_like(mixture.rvs(100_000, rng=1), fit.draws)
 
 
+def test_examples__are_python_for_each_program():
+    assert set(EXAMPLES) == set(PROGRAMS)
+    for block in blocks_of(PAGE, "python"):
+        compile(block.code, PAGE.name, "exec")
+
+
+@pytest.fixture
+def run_example(tmp_path, monkeypatch):
+    """Run an example of the page on the file of a mixture; return its names."""
+
+    def run(program, mixture, modules=()):
+        monkeypatch.chdir(tmp_path)
+        mixture.to_json("hybrid.json")
+        space = {}
+        with monkeypatch.context() as patch:
+            for name, module in dict(modules).items():
+                patch.setitem(sys.modules, name, module)
+            exec(compile(EXAMPLES[program], program, "exec"), space)
+        return space
+
+    return run
+
+
+class StandIn:
+    """NumPy in place of PyMC, NumPyro or PyStan: it gives coordinates and keeps what is made."""
+
+    def __init__(self):
+        self.x, self.values = None, []
+        pymc, numpyro, jax = MagicMock(), MagicMock(), MagicMock(numpy=np)
+        pymc.math.exp, pymc.math.dot = np.exp, np.dot
+        pymc.math.invprobit, pymc.math.probit = special.ndtr, special.ndtri
+        pymc.MvNormal.dist = lambda mu, chol: (mu, chol)
+        pymc.Mixture = lambda name, w, comp_dists: self.sample(name, (w, *comp_dists))
+        pymc.Deterministic = numpyro.deterministic = self.deterministic
+        numpyro.distributions.Categorical = lambda probs: probs
+        numpyro.distributions.MultivariateNormal = lambda loc, scale_tril: (loc, scale_tril)
+        numpyro.distributions.MixtureSameFamily = lambda w, parts: (w, *parts)
+        numpyro.sample = self.sample
+        self.modules = {
+            "pymc": pymc, "stan": MagicMock(), "numpyro": numpyro, "numpyro.infer": numpyro.infer,
+            "numpyro.distributions": numpyro.distributions, "jax": jax, "jax.numpy": np,
+            "jax.scipy": jax.scipy, "jax.scipy.special": special,
+        }  # fmt: skip
+
+    def sample(self, name, mixture):
+        self.mixture, self.values = mixture, []
+        return self.x
+
+    def deterministic(self, name, value):
+        self.values.append(value)
+        return value
+
+    def log_density(self):
+        """Return the log density of the coordinates."""
+        logs = [
+            math.log(weight) + stats.multivariate_normal.logpdf(self.x, mean, factor @ factor.T)
+            for weight, mean, factor in zip(*self.mixture, strict=True)
+        ]
+        return special.logsumexp(logs)
+
+    def parameters(self, program, run, x):
+        """Return the parameters that an example makes of the coordinates."""
+        self.x = x
+        space = run()
+        if program == "numpyro":
+            space["model"]()
+        if program == "stan":
+            data, (text,) = space["data"], re.findall(r"found = (\[.*\])';", space["program"])
+            self.mixture = data["w"], data["means"], data["factors"]
+            z = [None, *(data["origin"] + data["S"] @ x)]
+            names = {"z": z, "exp": np.exp, "Phi": special.ndtr, "inv_Phi": special.ndtri}
+            self.values = eval(text, names)
+        return np.array(self.values)
+
+
 @pytest.mark.parametrize("program", PROGRAMS)
-def test_code__names_are_identifiers_and_python_compiles(mixtures, every_transform, program):
-    for mixture in (*mixtures.values(), every_transform):
-        text = mixture.code(program)
-        if program != "stan":
-            compile(text, program, "exec")
-    assert "K_t0" in text
-    assert "NOT converged" in text
+def test_examples__have_the_density_of_the_mixture(every_transform, run_example, program):
+    """By the formula: the density of coordinates over the volume that derivatives tell."""
+    stand_in, step = StandIn(), 1e-5
+    run = partial(run_example, program, every_transform, stand_in.modules)
+    for x in np.random.default_rng(1).normal(0, 1.5, size=(4, len(TRANSFORMS))):
+        theta = stand_in.parameters(program, run, x)
+        log_density = stand_in.log_density()
+        slopes = [
+            stand_in.parameters(program, run, x + h) - stand_in.parameters(program, run, x - h)
+            for h in step * np.eye(len(x))
+        ]
+        log_volume = np.linalg.slogdet(np.array(slopes) / (2 * step))[1]
+        assert log_density - log_volume == pytest.approx(every_transform.log_pdf(theta), abs=1e-6)
 
 
-def test_code__of_stan_is_balanced(every_transform):
-    text = every_transform.code("stan")
-    for pair in ("{}", "[]", "()"):
-        assert text.count(pair[0]) == text.count(pair[1])
-    assert text.count("real K_t") == len(TRANSFORMS)
-
-
-def test_code__of_stan_is_translated_by_its_compiler(every_transform, tmp_path):
+def test_example_of_stan__is_translated_by_its_compiler(every_transform, run_example, tmp_path):
     httpstan = pytest.importorskip("httpstan", reason="of the extra samplers")
+    text = run_example("stan", every_transform, StandIn().modules)["program"]
     stanc, program = Path(httpstan.__file__).parent / "stanc", tmp_path / "x.stan"
     command = [stanc, f"--o={tmp_path / 'x.hpp'}", program]
-    program.write_text(every_transform.code("stan"))
+    program.write_text(text)
     assert subprocess.run(command, check=False).returncode == 0
-    program.write_text(every_transform.code("stan").replace("inv_Phi", "quantile"))
+    program.write_text(text.replace("inv_Phi", "quantile"))
     assert subprocess.run(command, check=False).returncode != 0
-
-
-class Functions:
-    """The functions that the generated expressions call, by SciPy."""
-
-    exp = staticmethod(np.exp)
-    erfc = staticmethod(lambda x: 2 * stats.norm.cdf(-math.sqrt(2) * x))
-    erfcinv = staticmethod(lambda p: -stats.norm.ppf(p / 2) / math.sqrt(2))
-
-
-@pytest.mark.parametrize("program", PROGRAMS)
-def test_code__values_are_those_of_the_transforms(every_transform, program):
-    """Algebra: closed forms of the quantile functions, at scores up to 3."""
-    text = every_transform.code(program)
-    z = np.random.default_rng(1).uniform(-3, 3, size=(50, len(TRANSFORMS)))
-    names = {
-        "np": np, "pt": Functions, "jnp": Functions, "exp": np.exp, "found": {},
-        "ndtr": stats.norm.cdf, "ndtri": stats.norm.ppf,
-        "Phi": stats.norm.cdf, "inv_Phi": stats.norm.ppf,
-        "_cdf": stats.norm.cdf, "_quantile": stats.norm.ppf,
-    }  # fmt: skip
-    start = "  real " if program == "stan" else "    found["
-    lines = [line for line in text.splitlines() if line.startswith(start)]
-    found = np.empty_like(z)
-    for i, line in enumerate(lines):
-        expression = line.split(" = ", 1)[1].rstrip(";")
-        at = {"z": [None, *z.T]} if program == "stan" else {"z": z}
-        found[:, i] = eval(expression, names | at)
-    np.testing.assert_allclose(found, JointPrior(TRANSFORMS).at_scores(z), rtol=1e-9, atol=1e-12)
 
 
 @pytest.fixture(scope="module", params=["hybrid", "texture"])
@@ -214,44 +279,35 @@ def fit(request, fits, paper):
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("default")
-def test_code__samples_the_posterior_in_pymc(fit):
+def test_example_of_pymc__samples_the_posterior(fit, run_example, monkeypatch):
     pymc = pytest.importorskip("pymc", reason="of the extra samplers")
-    space = {}
-    exec(fit.to_mixture().code("pymc"), space)
-    with pymc.Model():
-        found = space["ridgebayes_prior"]()
-        drawn = pymc.sample(
-            10_000, tune=1_000, chains=4, cores=1, random_seed=1, progressbar=False
-        ).posterior
-    assert_like(np.stack([drawn[key].values.ravel() for key in found], axis=1), fit.draws)
+    settings = {"tune": 1_000, "chains": 4, "cores": 1, "random_seed": 1, "progressbar": False}
+    monkeypatch.setattr(pymc, "sample", partial(pymc.sample, 10_000, **settings))
+    drawn = run_example("pymc", fit.to_mixture())["draws"].posterior
+    names = fit.model.parameter_names
+    assert_like(np.stack([drawn[name].values.ravel() for name in names], axis=1), fit.draws)
 
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("default")
-def test_code__samples_the_posterior_in_numpyro(fit):
-    numpyro = pytest.importorskip("numpyro", reason="of the extra samplers")
+def test_example_of_numpyro__samples_the_posterior(fit, run_example):
+    pytest.importorskip("numpyro", reason="of the extra samplers")
     from jax import random
     from numpyro.infer import MCMC, NUTS
 
-    space = {}
-    exec(fit.to_mixture().code("numpyro"), space)
     walk = MCMC(
-        NUTS(space["ridgebayes_prior"]), num_warmup=1_000, num_samples=10_000, num_chains=4,
-        chain_method="sequential", progress_bar=False,
+        NUTS(run_example("numpyro", fit.to_mixture())["model"]), num_warmup=1_000,
+        num_samples=10_000, num_chains=4, chain_method="sequential", progress_bar=False,
     )  # fmt: skip
     walk.run(random.PRNGKey(1))
-    drawn = walk.get_samples()
-    assert numpyro
-    names = [key for key in drawn if key != "ridgebayes_x"]
-    order = [name for name in fit.model.parameter_names if name in names]
-    assert_like(np.stack([np.asarray(drawn[key]) for key in order], axis=1), fit.draws)
+    drawn, names = walk.get_samples(), fit.model.parameter_names
+    assert_like(np.stack([np.asarray(drawn[name]) for name in names], axis=1), fit.draws)
 
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("default")
-def test_code__compiles_and_samples_the_posterior_in_stan(fit):
-    stan = pytest.importorskip("stan", reason="of the extra samplers")
-    found = stan.build(fit.to_mixture().code("stan"), random_seed=1)
-    drawn = found.sample(num_chains=4, num_warmup=1_000, num_samples=10_000)
-    names = fit.model.parameter_names
-    assert_like(np.stack([drawn[key].ravel() for key in names], axis=1), fit.draws)
+def test_example_of_stan__samples_the_posterior(fit, run_example):
+    pytest.importorskip("stan", reason="of the extra samplers")
+    posterior = run_example("stan", fit.to_mixture())["posterior"]
+    drawn = posterior.sample(num_chains=4, num_warmup=1_000, num_samples=10_000)
+    assert_like(drawn["found"].T, fit.draws)
