@@ -57,7 +57,7 @@ def power_scaling(fit: Posterior) -> pd.DataFrame:
     """
     model, theta = fit.model, fit.draws
     by_prior = sensitivities(theta, model.log_prior(theta))
-    by_likelihood = sensitivities(theta, model.log_likelihood(theta))
+    by_likelihood = sensitivities(theta, fit.log_likelihood_of_rows)
     names = model.parameter_names
     frame = pd.DataFrame({"parameter": names, "prior": by_prior, "likelihood": by_likelihood})
     alone = np.where(by_likelihood >= THRESHOLD, CONFLICT, STRONG_PRIOR)

@@ -99,7 +99,7 @@ def bands_table(
         loads = default_loads(comparison, n_load)
     p = np.atleast_2d(loads).astype(float)
     mixtures = _mixtures(comparison, wanted)
-    where = {"a_over_R": a, "b_over_R": b, "p_over_E": p, "nu": poisson, "compressed": True}
+    where = {"a_over_R": a, "b_over_R": b, "p_over_E": p, "nu": poisson}
     share_of = _largest_shares(mixtures)
     known: dict[int, dict[str, QDistribution]] = {}
     if np.broadcast(a, p).size <= _KEPT:
@@ -162,7 +162,6 @@ def loads_table(
     def predicted(one: Posterior, kind: str) -> LoadDistribution:
         share = few * share_of[id(one)]
         load = predict_load(one, a, b, q, nu=nu, kind=kind, share=share)
-        one.forget_offsets()
         return load
 
     for kind in kinds:
@@ -195,7 +194,6 @@ def _bands_of(
     """Predict, and let go of what was worked out for it: of all fits that would be gigabytes."""
     posterior, share = task
     found = {kind: predict_q(posterior, kind=kind, share=share, **where) for kind in kinds}
-    posterior.forget_offsets()
     return found
 
 

@@ -9,7 +9,6 @@ import pandas as pd
 from scipy.special import logsumexp
 
 from ridgebayes.evidence.tables import used_evidence
-from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.noise import Noise
 
 SUMMED = "summed out"  # the noise column of Bayes factors that hold for no error model alone
@@ -83,9 +82,9 @@ def factor_row(
 
 
 def bayes_factor_table(
-    evidence: pd.DataFrame, forms: Sequence[str], noise: Noise, nested: LogEvidence | None
+    evidence: pd.DataFrame, forms: Sequence[str], noise: Noise
 ) -> pd.DataFrame:
-    """Return the Bayes factor of each pair of forms, and of Hybrid over Modified as `nested`."""
+    """Return the Bayes factor of each pair of forms under an error model."""
     mine = evidence[evidence["used"] & (evidence["noise"] == noise.name)]
     used = {row["form"]: row for row in mine.to_dict("records")}
     rows: list[dict[str, object]] = []
@@ -96,12 +95,9 @@ def bayes_factor_table(
     for a, b in itertools.combinations(forms, 2):
         if a in used and b in used:
             methods = dict.fromkeys([used[a]["method"], used[b]["method"]])
-            # A method without a Monte Carlo error has none to add.
-            errors = [np.nan_to_num(used[form]["log_evidence_se"]) for form in (a, b)]
+            errors = [used[form]["log_evidence_se"] for form in (a, b)]
             ln_bf = used[a]["log_evidence"] - used[b]["log_evidence"]
             add(a, b, "/".join(methods), ln_bf, math.hypot(*errors))
-    if nested is not None and nested.ok:
-        add("modified", "hybrid", nested.method, -nested.value, nested.se)
     return pd.DataFrame(rows, columns=BAYES_FACTOR_COLUMNS)
 
 

@@ -1,12 +1,12 @@
 """Which form does the evidence support: each is fitted, weighed against the others, and scored."""
 
+import math
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -14,37 +14,27 @@ import pandas as pd
 from ridgebayes._types import Rng
 from ridgebayes.comparison.bayes_factors import bayes_factor_table, summed_bayes_factors
 from ridgebayes.comparison.comparison import NEGLIGIBLE, Comparison
-from ridgebayes.comparison.deciding_priors import EvidencesAnew, with_deciding_priors
 from ridgebayes.comparison.scores import LOO_COLUMNS, loo_table
-from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.evidence import LogEvidence, laplace_evidence
-from ridgebayes.evidence.candidates import Candidate
-from ridgebayes.evidence.error_models import (
-    WeighedErrorModels,
-    error_model_weights,
-    printed_error_model,
-    weigh_error_models,
-)
+from ridgebayes.errors import InputError
+from ridgebayes.evidence.pairs import Pair, WeighedPairs, selected_error_model, weigh_pairs
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
-from ridgebayes.evidence.savage_dickey import savage_dickey
-from ridgebayes.evidence.tables import evidence_table, evidences
-from ridgebayes.evidence.weighed_anew import weighed_anew
+from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
-from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.posterior import Posterior, drawn_exactly
-from ridgebayes.inference.presets import QUICK, STANDARD, Preset
-from ridgebayes.inference.sampling import sample_posterior
+from ridgebayes.inference.importance import Drawn
+from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import Classic, Form, Hybrid, Modified, PowerLaw, as_form
-from ridgebayes.model.model import Model
 from ridgebayes.model.noise import AUTO, Noise, error_models_for
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.model.prior_files import Priors, priors_of, resolve_priors
-from ridgebayes.results import Fit, chain_checkpoint
+from ridgebayes.model.prior_files import Priors, resolve_priors
+from ridgebayes.results import Fit, chain_checkpoint, walk_pair
 from ridgebayes.runtime.pool import map_ordered, submit_or_defer
 from ridgebayes.runtime.progress import untimed
-from ridgebayes.runtime.randomness import seed_of, stream
+from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable, read_table
 
+MOST_APART = 4.0  # joint standard errors of a posterior's two evidences
 DEFAULT_FORMS: tuple[Form, ...] = (Classic(), PowerLaw(), Modified(), Hybrid())
 StageTimer = Callable[[str], AbstractContextManager[Callable[[float], None]]]
 
@@ -169,181 +159,150 @@ def compare_with(
         noises = [each for each in noises if each.tail == "normal"]
     known_priors = resolve_priors(priors, known, noises, data)
     seed = seed_of(rng)
-    weigh = partial(weigh_error_models, data, noises=noises, seed=seed, executor=execution.executor)
-    with execution.stage("error models"):
-        weighed = weigh(
-            forms=known,
+    executor, stage = execution.executor, execution.stage
+    with stage("evidences"):
+        weighed = weigh_pairs(
+            data,
+            known,
+            noises,
             priors=known_priors,
+            seed=seed,
+            executor=executor,
             progress=execution.progress,
             accuracy=execution.accuracy,
         )
-    printed = printed_error_model(weighed.evidence)
-    # What tells of progress cannot be sent to another process.
-    progress = None if execution.executor else execution.progress
-    digest = table.calibration.digest()
-    tasks = [
-        _PrintedFit(
-            model=Model(data, form, printed, priors_of(known_priors, form, printed)),
-            candidate=weighed.candidates[form.name, printed.name],
-            is_negligible=weighed.form_share(form.name) < NEGLIGIBLE,
-            seed=int(stream(seed, form.name).integers(2**63)),
-            table_digest=digest,
-            execution=replace(execution, executor=None, stage=untimed, progress=progress),
-        )
-        for form in known
-    ]
-    drawn, found, failures = _fit_forms(execution, tasks, weighed)
+        selected = selected_error_model(weighed.evidence)
+    with stage("posteriors"):
+        posteriors = weighed.posteriors(names, selected.name, execution.accuracy.n_kept, executor)
+    found = {key: [one.evidence] for key, one in weighed.weighed.items()}
+    failures = {
+        name: weighed.weighed[name, selected.name].evidence.status
+        for name in names
+        if selected.name not in posteriors[name]
+    }
+    for key in [key for key in found if key[0] in failures]:
+        del found[key]
+    checked = _walked(execution, weighed, posteriors, selected, table.calibration.digest())
+    for name, (posterior, evidence) in checked.items():
+        posteriors[name][selected.name] = posterior
+        found[name, selected.name].append(evidence)
     evidence = evidence_table(found)
-    fits = {name: _averaged(fit, weighed, evidence) for name, fit in drawn.items()}
-    anew = partial(weighed_anew, partial(weigh, progress=progress), known, known_priors)
-    factors, loo, sensitivity = _scored(execution, fits, evidence, printed, anew)
-    accuracy = execution.accuracy.name
-    return Comparison(
-        table, printed, fits, evidence, factors, loo, sensitivity, failures, accuracy=accuracy
-    )
-
-
-def _scored(
-    execution: Execution,
-    fits: dict[str, Fit],
-    evidence: pd.DataFrame,
-    printed: Noise,
-    anew: EvidencesAnew,
-) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Return Bayes factors, and where they are asked for leave-one-out scores and sensitivity."""
-    executor, stage = execution.executor, execution.stage
-    nested_later = None  # begun beside the scores, where there are workers
-    if {"modified", "hybrid"} <= set(fits):
-        nested_prior = fits["modified"].model.priors["c"]
-        nested_later = submit_or_defer(executor, savage_dickey, fits["hybrid"], nested_prior)
+    fits = {
+        name: _averaged(own, selected.name, weighed)
+        for name, own in posteriors.items()
+        if name not in failures
+    }
+    factors = bayes_factor_table(evidence, list(fits), selected)
+    summed = summed_bayes_factors(evidence)
+    if len(summed):
+        factors = pd.concat([factors, summed], ignore_index=True)
     loo = pd.DataFrame(columns=LOO_COLUMNS)
     sensitivity = pd.DataFrame(columns=SENSITIVITY_COLUMNS)
     if execution.scores:
         loo_later = submit_or_defer(executor, loo_table, fits)
         with stage("prior sensitivity"):
-            posteriors = {name: fit.posteriors for name, fit in fits.items()}
-            by_draws = prior_sensitivity(posteriors, evidence, executor=executor)
-            sensitivity = with_deciding_priors(evidence, by_draws, anew)
-    with stage("savage-dickey and Bayes factors"):
-        nested = None if nested_later is None else nested_later()
-        factors = bayes_factor_table(evidence, list(fits), printed, nested)
-        summed = summed_bayes_factors(evidence)
-        if len(summed):
-            factors = pd.concat([factors, summed], ignore_index=True)
-    if execution.scores:
+            sensitivity = prior_sensitivity(weighed, executor=executor)
         with stage("leave-one-out"):
             loo = loo_later()
-    return factors, loo, sensitivity
-
-
-def chain_file(form: str) -> str:
-    """Return the name of the file that a form's growing chains are kept in."""
-    return f"chains-{form}.h5"
+    accuracy = execution.accuracy.name
+    return Comparison(
+        table, selected, fits, evidence, factors, loo, sensitivity, failures, accuracy=accuracy
+    )
 
 
 @dataclass(frozen=True, eq=False)
-class _PrintedFit:
-    """A fit under the printed error model; holds all that a process of its own needs."""
+class _Check:
+    """A walk of a posterior that is printed; holds all that a process of its own needs."""
 
-    model: Model
-    candidate: Candidate
-    is_negligible: bool
-    seed: int
+    pair: Pair
+    drawn: Drawn
+    posterior: Posterior
     table_digest: str
     execution: Execution
 
     @property
     def name(self) -> str:
-        return f"posterior of {self.model.form.name}"
+        return f"walk of {self.pair.form.name}"
 
 
-_LONG_WALK = 4_000_000  # numbers of a walk that is thinned to what files keep, 32 MB
-_Drawn = tuple[Posterior, list[LogEvidence]]
-
-
-def _fit_forms(
-    execution: Execution, tasks: Sequence[_PrintedFit], weighed: WeighedErrorModels
-) -> tuple[dict[str, Posterior], dict[tuple[str, str], list[LogEvidence]], dict[str, str]]:
-    """Return posteriors, evidences of every pair, and why forms could not be fitted."""
-    posteriors: dict[str, Posterior] = {}
-    failures: dict[str, str] = {}
-    found = {key: [one.evidence] for key, one in weighed.candidates.items()}
-    results = map_ordered(_printed_fit, tasks, execution.executor, name=lambda task: task.name)
+def _walked(
+    execution: Execution,
+    weighed: WeighedPairs,
+    posteriors: Mapping[str, Mapping[str, Posterior]],
+    selected: Noise,
+    table_digest: str,
+) -> dict[str, tuple[Posterior, LogEvidence]]:
+    """Walk what is printed and not negligible; return posteriors and evidences by form."""
+    if not (execution.accuracy.walks or execution.settings):
+        return {}
+    # What tells of progress cannot be sent to another process.
+    progress = None if execution.executor else execution.progress
+    alone = replace(execution, executor=None, stage=untimed, progress=progress)
+    tasks = []
+    for form, own in posteriors.items():
+        drawn = weighed.weighed[form, selected.name].drawn
+        if drawn is None or weighed.form_share(form) < NEGLIGIBLE:
+            continue
+        pair = weighed.pairs[form, selected.name]
+        tasks.append(_Check(pair, drawn, own[selected.name], table_digest, alone))
+    found = {}
+    results = map_ordered(_check, tasks, execution.executor, name=lambda task: task.name)
     for task in tasks:
-        form, noise = task.model.form.name, task.model.noise.name
-        with execution.stage(f"calibrate {form}") as add_cpu:
-            drawn, seconds = next(results)
+        form = task.pair.form.name
+        with execution.stage(f"walk {form}") as add_cpu:
+            (posterior, evidence), seconds = next(results)
             if execution.executor is not None:
                 add_cpu(seconds)
-        if isinstance(drawn, str):
-            failures[form] = drawn
-            for key in [key for key in found if key[0] == form]:
-                del found[key]
-            continue
-        posteriors[form], own = drawn
-        # What a first look found by the same method is the same number again.
-        first = [e for e in found[form, noise] if e.method not in {one.method for one in own}]
-        found[form, noise] = own + first
-    if not posteriors:
-        raise ComputationError("no form could be fitted: " + "; ".join(failures.values()))
-    return posteriors, found, failures
+        found[form] = posterior, evidence
+    return found
 
 
-def _averaged(printed: Posterior, weighed: WeighedErrorModels, evidence: pd.DataFrame) -> Fit:
-    """Return a fit with the posteriors that its predictions are averaged over."""
-    name, noise = printed.form.name, printed.noise.name
-    drawn = weighed.posteriors(name)
-    return Fit.of(printed, error_model_weights(evidence, name, {noise, *drawn}), drawn)
+def _check(task: _Check) -> tuple[tuple[Posterior, LogEvidence], float]:
+    """Walk a posterior and bridge it, with the CPU seconds it took.
 
-
-def _printed_fit(task: _PrintedFit) -> tuple[_Drawn | str, float]:
-    """Draw and weigh, with the CPU seconds it took; an error is one form's, not the others'."""
-    began = time.process_time()
-    try:
-        posterior, found = _draw(task)
-        # What evidence needed whole is not carried from process to process where it is long, or
-        # where nothing asks for it again: Savage and Dickey's ratio, of independent rows, does.
-        if posterior.chains.u.size > _LONG_WALK or not task.model.is_iid_gaussian:
-            posterior = replace(posterior, chains=posterior.kept_chains)
-        if task.execution.scores:  # and for the fit's file, which is written elsewhere
-            posterior = posterior.with_log_likelihood()
-        drawn: _Drawn | str = posterior, found
-    except ComputationError as error:
-        drawn = str(error)
-    return drawn, time.process_time() - began
-
-
-def _draw(task: _PrintedFit) -> _Drawn:
-    """Walk where the form counts; a negligible form, and any in a quick run, is only sampled.
-
-    So is one whose offsets are drawn beside the parameters: nothing walks over these.
+    The posterior keeps its importance draws. It does not count as converged if the walk did not
+    meet its rules, or if both evidences differ by more than four joint standard errors.
     """
-    model, accuracy, found = task.model, task.execution.accuracy, task.candidate
-    laplace, walks = found.laplace, accuracy.walks and not task.model.is_latent
-    if drawn_exactly(model):
-        return found.posterior or sample_posterior(model, seed=task.seed), [found.evidence]
-    if task.is_negligible or not walks:
-        posterior, evidence = found.posterior, found.evidence
-        if posterior is None or not (posterior.converged or task.is_negligible):
-            is_dear = model.is_latent and task.is_negligible
-            effort = (QUICK if is_dear else STANDARD).effort
-            posterior, evidence = importance_posterior(model, laplace, seed=task.seed, **effort)
-        if found.evidence.method == "quadrature":
-            evidence = found.evidence
-        if task.is_negligible or (posterior.converged and evidence.ok):
-            return posterior, [evidence, laplace_evidence(posterior.laplace)]
-    settings = task.execution.settings or accuracy.settings
-    folder = task.execution.checkpoints
-    path = folder and folder / chain_file(model.form.name)
-    posterior = sample_posterior(
-        model,
-        seed=task.seed,
-        settings=settings,
-        laplace=laplace,
-        progress=task.execution.progress and _labelled(task.execution.progress, model.form.name),
-        checkpoint=chain_checkpoint(path, task.table_digest, model, task.seed, settings),
+    began, execution, form = time.process_time(), task.execution, task.pair.form.name
+    settings = execution.settings or execution.accuracy.settings
+    path = execution.checkpoints and execution.checkpoints / chain_file(form)
+    model, progress = task.posterior.model, execution.progress
+    checkpoint = chain_checkpoint(path, task.table_digest, model, task.pair.own_seed, settings)
+    posterior, bridge = walk_pair(
+        task.pair,
+        task.drawn,
+        settings,
+        progress=progress and _labelled(progress, form),
+        checkpoint=checkpoint,
     )
-    return posterior, evidences(posterior, n_bridge=accuracy.n_bridge)
+    failures = [f"walk: {failure}" for failure in posterior.convergence_failures]
+    own = task.drawn.evidence
+    apart = abs(bridge.value - own.value) / math.hypot(bridge.se, own.se)
+    if bridge.ok and apart > MOST_APART:
+        failures.append(
+            f"evidences of the walk and of importance sampling differ by {apart:.1f} joint "
+            f"standard errors, above {MOST_APART:g}"
+        )
+    elif not bridge.ok:
+        failures.append(f"bridge: {bridge.status}")
+    both = task.posterior.convergence_failures + tuple(failures)
+    checked = replace(task.posterior, convergence_failures=both)
+    if execution.scores:  # and for the fit's file, which is written elsewhere
+        checked = checked.with_log_likelihood()
+    return (checked, bridge), time.process_time() - began
+
+
+def _averaged(
+    posteriors: Mapping[str, Posterior], selected: str, weighed: WeighedPairs
+) -> Fit:
+    """Return a fit with the posteriors that its predictions are averaged over."""
+    printed = posteriors[selected]
+    return Fit.of(printed, weighed.weights(printed.form.name), posteriors)
+
+
+def chain_file(form: str) -> str:
+    """Return the name of the file that a form's growing chains are kept in."""
+    return f"chains-{form}.h5"
 
 
 def _labelled(progress: ProgressCallback, name: str) -> ProgressCallback:

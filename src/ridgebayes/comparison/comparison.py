@@ -13,7 +13,7 @@ from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.comparison.same_loads import same_loads
 from ridgebayes.comparison.verdict import Verdict, verdict_of
 from ridgebayes.errors import ComputationError
-from ridgebayes.evidence.error_models import LEAST_WEIGHT
+from ridgebayes.evidence.pairs import MIN_WEIGHT
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.model.noise import Noise
@@ -219,5 +219,5 @@ class Comparison(Predictive, Tabular):
             if name in shares
             for posterior, weight in fit.averaged
         ]
-        least = min(LEAST_WEIGHT, max(weight for _, weight in parts))
+        least = min(MIN_WEIGHT, max(weight for _, weight in parts))
         return [(posterior, weight) for posterior, weight in parts if weight >= least]

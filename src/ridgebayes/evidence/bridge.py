@@ -1,48 +1,46 @@
 """Evidence by bridge sampling between a posterior's draws and a normal proposal.
 
-The estimate compares posterior draws with draws of a normal of the same mean and covariance, in
-whitened coordinates. The normal is fitted to one half of the ensembles and bridged to the other,
+The estimate compares posterior draws with draws of a normal of the same mean and covariance, in the
+coordinates of a chart. The normal is fitted to one half of the ensembles and bridged to the other,
 and then with the halves swapped: ensembles are independent, so no draw is used against itself.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit
 
 from ridgebayes._types import FloatArray
-from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import effective_sample_size
-from ridgebayes.inference.laplace import Laplace
+from ridgebayes.inference.emcee_sampling import Walked
 from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.inference.target import Target
 
-_BATCH = 1_024  # points whose densities are asked for at a time
 _ROUNDING = 100 * np.finfo(float).eps  # of a mean or covariance of up to 100,000 points, relative
 
 
 def bridge_evidence(
-    log_density: Callable[[FloatArray], FloatArray],
-    chains: Chains,
-    laplace: Laplace,
+    target: Target,
+    walked: Walked,
     *,
     rng: np.random.Generator,
+    n_point: int = 32,
     iterations_max: int = 1000,
-    draws_max: int = 100_000,
+    draws_max: int = 20_000,
 ) -> LogEvidence:
     """Estimate the log evidence from the draws of several ensembles.
 
     Parameters
     ----------
-    log_density : callable
-        (n, n_parameter) to (n,): log posterior density in unconstrained coordinates.
-    chains : Chains
+    target : Target
+        Posterior density; the coordinates of its first chart are used.
+    walked : Walked
         Draws of an even number of independent ensembles.
-    laplace : Laplace
-        Its whitened coordinates are used.
     rng : numpy.random.Generator
         For the proposal's draws.
+    n_point : int, optional
+        Points of densities that are estimates.
     iterations_max : int, optional
         Steps of the fixed-point iteration after which it counts as not converged.
     draws_max : int, optional
@@ -66,12 +64,18 @@ def bridge_evidence(
     Meng & Wong (1996); Gronau et al. (2017), doi:10.1016/j.jmp.2017.09.005, eq. 15;
     Micaletto & Vehtari (2025), arXiv:2508.14487, for the Monte Carlo error.
     """
-    n_ensemble, n_step, n_walker, n_parameter = chains.u.shape
+    n_ensemble, n_step, n_walker, n_parameter = walked.coordinates.shape
     half = n_ensemble // 2
     stride = max(math.ceil(half * n_step * n_walker / draws_max), 1)
-    z, log_jacobian = laplace.whiten(chains.u[:, ::stride])
-    in_z = chains.log_density[:, ::stride] + log_jacobian + laplace.log_volume
-    log_target = laplace.whitened(log_density)
+    z = walked.coordinates[:, ::stride]
+    in_z = walked.chains.log_density[:, ::stride] + walked.log_jacobian[:, ::stride]
+
+    def log_target(q: FloatArray) -> FloatArray:
+        draws = target.evaluate(np.zeros(len(q), np.int64), q, rng, n_point)
+        with np.errstate(invalid="ignore"):
+            value = draws.log_density + draws.log_jacobian[0]
+        return np.where(np.isnan(value), -np.inf, value)
+
     halves = z[:half], z[half:]
     proposals = [_Normal.fitted(part.reshape(-1, n_parameter)) for part in halves]
     results = []
@@ -81,8 +85,7 @@ def bridge_evidence(
             reason = "the draws of half of the ensembles do not move in every direction"
             return LogEvidence("bridge", math.nan, math.nan, reason)
         candidates = proposal.rvs(rng, draws[..., 0].size)
-        batches = range(0, len(candidates), _BATCH)
-        at_candidates = np.concatenate([log_target(candidates[i : i + _BATCH]) for i in batches])
+        at_candidates = log_target(candidates)
         at_draws = in_z[half:] if k else in_z[:half]
         result = _bridge(
             at_draws - proposal.log_pdf(draws),

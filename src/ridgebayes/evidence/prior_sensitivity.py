@@ -1,168 +1,238 @@
-"""How far evidences depend on the priors' scales, and on the nugget of a smooth offset."""
+"""How far evidences depend on the priors' scales, and on the nugget of a smooth offset.
+
+Draws of every pair are weighed by new over old prior. Where too few of them count, the pair is
+weighed anew under the new prior, with the old proposal to begin with.
+"""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import replace
-from typing import TypeVar
+from dataclasses import dataclass, replace
 
+import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from ridgebayes.evidence.changed_prior import (
-    Change,
-    Changed,
-    Scaling,
-    found_anew,
-    weighted_draws,
-)
+from ridgebayes._types import FloatArray
+from ridgebayes.distributions.distribution import Distribution
+from ridgebayes.evidence.pairs import MAX_GAP, Pair, Weighed, WeighedPairs, in_parallel, weigh
 from ridgebayes.evidence.tables import used_evidence
-from ridgebayes.inference.chains import N_KEPT
-from ridgebayes.inference.posterior import Posterior
-from ridgebayes.model.noise import Noise
-from ridgebayes.runtime.pool import map_ordered
+from ridgebayes.inference.importance import Drawn, Effort, log_mean
+from ridgebayes.inference.pareto_smoothing import pareto_k
+from ridgebayes.inference.presets import QUICK
+from ridgebayes.inference.proposal import Mixture
+from ridgebayes.inference.target import ModelTarget
+from ridgebayes.model.default_priors import SLOPES
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import SMOOTH
+from ridgebayes.runtime.randomness import stream
 
 SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
-BOUNDS = ["lower", "upper"]  # without error models that have no draws, and if nothing changed these
-_SURE, _LEAST_SURE = 0.1, 0.4  # standard errors of ln evidence: of a form's, of a pair's at most
-_ROUGH = 1.0  # of a form that is ruled out
-_RULED_OUT = math.log(1e4)  # behind the best
-# Pareto k above which weights have no mean; below it they are enough for a rough answer. Those of a
-# wider half-normal have a k near 1, but draws that do not reach its tail do not show that, and ln
-# evidences come out low by tenths. So unless k is small, this share of the draws has to count.
-_K_MEAN, _K_LIGHT, _LEAST_SHARE = 1.0, 0.3, 0.5
-_LOW = 1.0  # in ln evidence: by which draws that do not reach a prior may be low
+NUGGET = "nugget"
+COEFFICIENTS = ("c", "c2")  # whose priors hold what is known of mechanics: shrunk less
+_FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
+_NUGGET_FACTORS = (0.1, 1.0, 10.0)
+_LEAST_COEFFICIENT = 0.3  # factor of the coefficients' scales
+# Pareto k of weights up to which their mean is taken: their variance is finite below 0.5.
+MAX_REWEIGHTED_K = 0.5
+# In ln evidence below a form's best pair under a change: e^-5 of the form's evidence decides
+# nothing. Weights that miss a new mode are too low by less than this, mostly.
+_MIN_GAP, _MISSED = 5.0, 3.0
+_EFFORT = Effort(n_round=2, n_per_round=384, n_draw=256, n_point=16)
+_NUGGET_DRAWS = 512  # whose likelihoods are computed again
 
-_Task = TypeVar("_Task", Scaling, Changed)
-_Found = TypeVar("_Found")
+
+def prior_of(parameter: str) -> str:
+    """Return the name under which a parameter's prior is scaled: c and c1 alike, all K together."""
+    return {"c1": "c"}.get(parameter, parameter.partition("[")[0])
+
+
+def scale_factors(prior: str) -> tuple[float, ...]:
+    """Return the multiples of a prior's scale that are looked at."""
+    if prior == NUGGET:
+        return _NUGGET_FACTORS
+    return tuple(f for f in _FACTORS if prior not in COEFFICIENTS or f >= _LEAST_COEFFICIENT)
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """A pair whose priors are scaled."""
+
+    pair: Pair
+    drawn: Drawn
+
+    @property
+    def name(self) -> str:
+        return f"prior sensitivity of {self.pair.form.name}, {self.pair.noise.name}"
 
 
 def prior_sensitivity(
-    posteriors: Mapping[str, Mapping[str, Posterior]],
-    evidence: pd.DataFrame,
-    *,
-    executor: Executor | None = None,
+    weighed: WeighedPairs, *, executor: Executor | None = None
 ) -> pd.DataFrame:
     """Return log evidences as each prior's scale is multiplied, error models summed out.
 
     Parameters
     ----------
-    posteriors : mapping of str to mapping of str to Posterior
-        By names of form and error model.
-    evidence : pandas.DataFrame
-        `evidence.csv`, under the default priors.
+    weighed : WeighedPairs
+        Pairs under the default priors, with their draws.
     executor : concurrent.futures.Executor, optional
-        Runs the posteriors; one after the other in this process if not given.
+        Runs the pairs; one after the other in this process if not given.
 
     Returns
     -------
     pandas.DataFrame
         Columns prior (c, which is also c1; c2, K, sigma, tau_..., length_..., df; nugget), factor,
-        form, log_evidence, and bounds on it, lower and upper. One prior is changed at a time: a
-        posterior's draws are weighted by new over old prior (for the nugget: likelihood). Where too
-        few of them count (under half, unless weights have a light tail: Pareto k up to 0.3)
-        independent normal rows are integrated anew, and others sampled by importance from where
-        these draws lead. An error model without draws keeps its evidence; a Student tail without
-        any changes as its normal twin does. The lower bound is without the former, in the upper one
-        all without draws keep their evidence.
+        form, log_evidence. One prior is changed at a time, in all pairs that have it. Pairs are
+        weighed anew where the Pareto k of the weights is above 0.5 and the pair may hold more than
+        e^-5 of its form's evidence; forms more than 12 below the best keep the weights' answer.
     """
-    used = used_evidence(evidence).set_index(["form", "noise"])["log_evidence"]
-    tasks = [
-        Scaling(form, noise, posterior.thinned(N_KEPT))  # what `draws` are of
-        for form, by_noise in posteriors.items()
-        for noise, posterior in by_noise.items()
-        if (form, noise) in used.index
-    ]
-    looks = _in_parallel(weighted_draws, tasks, executor)
-    found = {
-        task.key: {change: look.value for change, look in one.items()}
-        for task, one in zip(tasks, looks, strict=True)
-    }
-    again = []
-    for task, one in zip(tasks, looks, strict=True):
-        for change, look in one.items():
-            se = _sure_enough(used, found, task.key, change)
-            if not _is_told(look, se):
-                again.append(Changed(task, *change, float(used[task.key]), se))
-    for changed, value in zip(again, _in_parallel(found_anew, again, executor), strict=True):
-        found[changed.scaling.key][changed.prior, changed.factor] = value
-    factors: dict[str, dict[float, None]] = {}
-    for prior, factor in (change for one in looks for change in one):
-        factors.setdefault(prior, {})[factor] = None
-    rows = [
-        (prior, factor, form, *_summed(used, found, form, (prior, factor)))
-        for prior, looked_at in factors.items()
-        for form in posteriors
-        if any(one == form for one, _ in found)
-        for factor in looked_at
-    ]
-    return pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS + BOUNDS)
-
-
-def _in_parallel(
-    function: Callable[[_Task], _Found], tasks: Sequence[_Task], executor: Executor | None
-) -> list[_Found]:
-    # Posteriors of many parameters take longest: begun last they would keep one worker busy.
-    longest = sorted(range(len(tasks)), key=lambda i: tasks[i].n_parameter, reverse=True)
-    begun = [tasks[i] for i in longest]
-    results = map_ordered(function, begun, executor, name=lambda task: task.name)
-    by_place = dict(zip(longest, results, strict=True))
-    return [by_place[i] for i in range(len(tasks))]
-
-
-def _sure_enough(
-    used: pd.Series,
-    found: Mapping[tuple[str, str], Mapping[tuple[str, float], float]],
-    key: tuple[str, str],
-    change: tuple[str, float],
-) -> float:
-    """Return the standard error that a pair bears: the larger, the less of its form it is.
-
-    The largest where the form is ruled out.
-    """
-    form, noise = key
-    if used.loc[form].max() < used.max() - _RULED_OUT:
-        return _ROUGH
-    highest = max(
-        value + _changes(found, form, str(other)).get(change, 0.0)
-        for other, value in used.loc[form].items()
+    used = used_evidence(weighed.evidence).set_index(["form", "noise"])["log_evidence"]
+    tasks = []
+    for key in used.index:
+        drawn = weighed.weighed[key].drawn
+        if drawn is not None:
+            tasks.append(_Scaled(weighed.pairs[key], drawn))
+    looks = dict(
+        zip((task.pair.key for task in tasks), in_parallel(_reweighted, tasks, executor), strict=True)
     )
-    # Draws that do not reach a prior tell too little: no pair counts for less than this says.
-    own = used[form, noise] + found[key][change] + _LOW
-    share = math.exp(min(own - highest, 0.0))
-    return _SURE / max(share, _SURE / _LEAST_SURE)
+    values = {
+        (key, change): float(used[key]) + difference
+        for key, look in looks.items()
+        for change, (difference, _) in look.items()
+    }
+    again = _open_pairs(used, looks, values)
+    pairs = [_changed(weighed.pairs[key], weighed.weighed[key], change) for key, change in again]
+    found = in_parallel(weigh, pairs, executor)
+    # Where the old proposal leads nowhere, modes are searched for.
+    lost = [i for i, one in enumerate(found) if not one.evidence.ok]
+    searched = [replace(pairs[i], start=None, effort=QUICK.effort) for i in lost]
+    for i, one in zip(lost, in_parallel(weigh, searched, executor), strict=True):
+        found[i] = one
+    for place, one in zip(again, found, strict=True):
+        if math.isfinite(one.evidence.value):
+            values[place] = one.evidence.value
+    changes = dict.fromkeys(change for look in looks.values() for change in look)
+    log_n = math.log(used.index.get_level_values("noise").nunique())
+    rows = []
+    for prior, factor in changes:
+        for form in used.index.get_level_values("form").unique():
+            own = [(form, noise) for noise in used.loc[form].index]
+            summed = [values.get((key, (prior, factor)), float(used[key])) for key in own]
+            rows.append((prior, factor, form, float(logsumexp(summed)) - log_n))
+    return pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS)
 
 
-def _is_told(look: Change, se: float) -> bool:
-    """Return whether weighted draws tell a change as surely as its form's evidence asks for."""
-    if se == _ROUGH:
-        return look.k <= _K_MEAN
-    is_even = look.k <= _K_LIGHT or (look.k <= _K_MEAN and look.share >= _LEAST_SHARE)
-    return is_even and look.se < se
+_Key = tuple[str, str]
+_Change = tuple[str, float]
 
 
-def _summed(
+def _open_pairs(
     used: pd.Series,
-    found: Mapping[tuple[str, str], Mapping[tuple[str, float], float]],
-    form: str,
-    change: tuple[str, float],
-) -> tuple[float, float, float]:
-    """Return a form's ln evidence under another prior, and its bounds."""
-    told, lower, upper = [], [-math.inf], []
-    for noise, value in used.loc[form].items():
-        changes = _changes(found, form, str(noise))
-        changed = value + changes.get(change, 0.0)
-        told.append(changed)
-        if changes:
-            lower.append(changed)
-        upper.append(changed if (form, noise) in found else max(changed, value))
-    n_noise = used.index.get_level_values("noise").nunique()
-    log_n = math.log(n_noise)
-    return float(logsumexp(told)) - log_n, logsumexp(lower) - log_n, logsumexp(upper) - log_n
+    looks: Mapping[_Key, Mapping[_Change, tuple[float, float]]],
+    values: Mapping[tuple[_Key, _Change], float],
+) -> list[tuple[_Key, _Change]]:
+    """Return the pairs and changes that weights cannot tell, and that may matter."""
+    by_form = used.groupby(level="form").agg(lambda x: float(logsumexp(x)))
+    near = set(by_form[by_form > by_form.max() - MAX_GAP].index)
+    found = []
+    for (form, noise), look in looks.items():
+        if form not in near:
+            continue
+        for change, (_, k) in look.items():
+            others = [values.get(((form, other), change), float(v)) for other, v in used[form].items()]
+            value = values[(form, noise), change]
+            if k > MAX_REWEIGHTED_K and value + _MISSED > max(others) - _MIN_GAP:
+                found.append(((form, noise), change))
+    return found
 
 
-def _changes(
-    found: Mapping[tuple[str, str], Mapping[tuple[str, float], float]], form: str, noise: str
-) -> Mapping[tuple[str, float], float]:
-    twin = replace(Noise.named(noise), tail="normal").name
-    return found.get((form, noise), found.get((form, twin), {}))
+def _reweighted(task: _Scaled) -> dict[_Change, tuple[float, float]]:
+    """Return changes of ln evidence by prior and factor, each with the Pareto k of its weights."""
+    pair, drawn = task.pair, task.drawn
+    model = Model(pair.data, pair.form, pair.noise, pair.priors)
+    u = drawn.u.reshape(-1, drawn.u.shape[-1])
+    theta = model.outer_theta(u)
+    found: dict[_Change, tuple[float, float]] = {}
+    for prior, names in _scaled_priors(model).items():
+        for factor in scale_factors(prior):
+            if factor == 1:
+                found[prior, factor] = 0.0, -math.inf
+                continue
+            if prior == SLOPES:  # log K is integrated out: no draws to be weighed
+                found[prior, factor] = 0.0, math.inf
+                continue
+            ratio = np.zeros(len(u))
+            for name in names:
+                place, old = model.outer_names.index(name), model.priors[name]
+                x = theta[:, place]
+                ratio += old.stretched(factor).log_pdf(x) - old.log_pdf(x)
+            found[prior, factor] = _told(ratio)
+    if SMOOTH in pair.noise.factors:
+        found |= _nuggets(pair, u)
+    return found
+
+
+def _nuggets(pair: Pair, u: FloatArray) -> dict[_Change, tuple[float, float]]:
+    """Return changes by the nugget, whose likelihoods are computed again at some draws."""
+    some = u[:: max(len(u) // _NUGGET_DRAWS, 1)]
+    densities = {}
+    for factor in scale_factors(NUGGET):
+        noise = replace(pair.noise, nugget=factor * pair.noise.nugget)
+        target = ModelTarget(Model(pair.data, pair.form, noise, pair.priors), pair.own_seed)
+        rng = stream(pair.own_seed, "nugget")  # the same points for every nugget
+        densities[factor] = target.integral.estimated(some, rng, _EFFORT.n_point).log_density
+    return {
+        (NUGGET, factor): _told(density - densities[1.0]) for factor, density in densities.items()
+    }
+
+
+def _told(ratio: FloatArray) -> tuple[float, float]:
+    if not ratio.any():
+        return 0.0, -math.inf
+    ratio = np.where(np.isnan(ratio), -np.inf, ratio)
+    return log_mean(ratio), pareto_k(ratio)
+
+
+def _scaled_priors(model: Model) -> dict[str, list[str]]:
+    """Return the parameters of each prior that has a scale."""
+    owned: dict[str, list[str]] = {}
+    for name in model.parameter_names:
+        owned.setdefault(prior_of(name), []).append(name)
+    return {
+        prior: names
+        for prior, names in owned.items()
+        if all(model.priors[name].scale_name for name in names)
+    }
+
+
+def _changed(pair: Pair, weighed: Weighed, change: _Change) -> Pair:
+    """Return a pair under another prior, to be weighed with its old proposal to begin with."""
+    prior, factor = change
+    assert weighed.drawn is not None
+    pair = replace(pair, effort=_EFFORT, start=weighed.drawn.proposal)
+    if prior == NUGGET:
+        return replace(pair, noise=replace(pair.noise, nugget=factor * pair.noise.nugget))
+    model = Model(pair.data, pair.form, pair.noise, pair.priors)
+    scaled = {
+        name: model.priors[name].stretched(factor) for name in _scaled_priors(model)[prior]
+    }
+    start = weighed.drawn.proposal
+    for name, new in scaled.items():
+        if name in model.outer_names[model.n_outer_coefficient :]:
+            place = model.outer_names.index(name)
+            start = _moved(start, place, model.priors[name], new)
+    return replace(pair, priors={**model.given_priors, **scaled}, start=start)
+
+
+def _moved(mixture: Mixture, place: int, old: Distribution, new: Distribution) -> Mixture:
+    """Return a proposal in the scores of a parameter's new prior.
+
+    Coefficients need no such change: charts measure them in their own posterior units.
+    """
+    centres, factors = mixture.centres.copy(), mixture.factors.copy()
+    at = centres[:, place]
+    low, middle, high = (new.score(old.value_at(at + step)) for step in (-0.1, 0.0, 0.1))
+    centres[:, place] = middle
+    factors[:, place] *= ((high - low) / 0.2)[:, None]
+    shapes = factors @ np.swapaxes(factors, 1, 2)
+    return replace(mixture, centres=centres, factors=np.linalg.cholesky(shapes))

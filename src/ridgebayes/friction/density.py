@@ -17,17 +17,13 @@ from scipy import sparse
 from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.friction.friction_model import FrictionModel
 from ridgebayes.friction.terms import PARAMETERS, coefficients
-from ridgebayes.inference.coordinates import NoCoefficients
-from ridgebayes.inference.laplace import Laplace
-from ridgebayes.inference.mode_search import hessian, searched
-from ridgebayes.model.cholesky import cholesky_or_nan, solve_lower
+from ridgebayes.inference.target import PlainTarget
+from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.table.rules import row_codes
 
 _LOG_2PI = math.log(2 * math.pi)
 _LEAST_VARIANCE = 1e-10  # of ln mu: nothing is measured to 1e-5; below, rounding would show
 _AT_ONCE = 2_000_000  # numbers in arrays that are held at a time
-_FAR = 1e100  # stands for minus the log density where there is none
-_FLATTEST = 0.1  # curvature: the prior alone has 1
 _GROUPED = slice(PARAMETERS.index("tau_subject"), PARAMETERS.index("sigma"))
 
 
@@ -137,16 +133,7 @@ class FrictionDensity:
         value = -0.5 * (square + constant) - log_volume
         return np.where(usable & np.isfinite(value), value, -np.inf)
 
-    @cached_property
-    def laplace(self) -> Laplace:
-        """The normal approximation about the mode."""
-
-        def negative(u: FloatArray) -> FloatArray:
-            return np.minimum(-self.log_density(u.reshape(-1, k)), _FAR).reshape(u.shape[:-1])
-
-        k = len(self.model.unknown)
-        mode, _ = searched(negative, np.zeros(k), 1e-3)
-        value, vector = np.linalg.eigh(hessian(negative, mode))
-        covariance = (vector / np.maximum(value, _FLATTEST)) @ vector.T
-        factor = np.linalg.cholesky(covariance)
-        return Laplace(mode, factor, -float(negative(mode)), NoCoefficients(), k)
+    @property
+    def target(self) -> PlainTarget:
+        """What importance sampling and walks need to know."""
+        return PlainTarget("friction model", self.model.unknown, self.log_density)

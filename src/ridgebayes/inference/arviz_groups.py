@@ -15,7 +15,6 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.replicated import prior_draws, simulate_log_loads
-from ridgebayes.model.shared_offsets import SmoothOffsets
 from ridgebayes.runtime.randomness import stream
 
 if TYPE_CHECKING:
@@ -146,9 +145,9 @@ def _variables(fit: Posterior) -> dict[str, Variables]:
     if rows is not None:
         rows = rows.reshape(*log_density.shape, len(data))
         groups["log_likelihood"] = {"log_load": ((*SAMPLE, "row"), rows)}
-        if fit.model.offsets is not None and not fit.model.is_latent:
+        if fit.model.offsets.n_level:
             # Rows are scored given the others: their sum is not the likelihood, which this is.
-            joint = log_density - fit.model.log_prior_density(u)
+            joint = fit.log_likelihood_of_rows.reshape(log_density.shape)
             groups["sample_stats"]["log_likelihood_joint"] = (SAMPLE, joint)
     return groups
 
@@ -191,8 +190,7 @@ def _log_prior(fit: Posterior) -> Variables:
 def _predictive(fit: Posterior) -> dict[str, Variables]:
     """Return prior, prior_predictive and posterior_predictive, as far as they take little."""
     model, rng = fit.model, stream(fit.seed, "predictive")
-    n_level = model.offsets.n_level if isinstance(model.offsets, SmoothOffsets) else 0
-    if N_PREDICTIVE * n_level**2 > _LARGEST_FACTORS:
+    if N_PREDICTIVE * model.offsets.n_smooth**2 > _LARGEST_FACTORS:
         return {}
     try:
         prior = prior_draws(model, rng, N_PREDICTIVE)[None]

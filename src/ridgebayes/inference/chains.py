@@ -7,13 +7,20 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.inference.moves import MOVES
 
 ProgressCallback = Callable[[str], None]  # takes a line of text
-N_WALKER = 64
+# Shares of the moves of a walk: from the fitted proposal, differential evolution, stretch. Nearly
+# all steps of "mixture" are the proposal's; differential evolution carries walkers where its fit is
+# wrong. The others are there to be measured against it.
+MOVES = {
+    "mixture": (0.9, 0.1, 0.0),
+    "independence": (1.0, 0.0, 0.0),
+    "differential evolution": (0.0, 1.0, 0.0),
+    "stretch": (0.0, 0.0, 1.0),
+}
+N_WALKER = 24  # of densities that cost the same for each walker
 N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
-_MANY, _FEW = 512, 32  # many: four times the draws per CPU second of 32
-_CHEAP, _COSTLY = 100, 2_000  # textures of exact rows with independent normal errors
+N_WALKER_CHEAP = 512  # of densities that hardly cost more for many walkers than for one
 
 
 @dataclass(frozen=True)
@@ -25,9 +32,8 @@ class SampleSettings:
     n_ensemble : int
         Independently started ensembles; at least four, so that they can disagree.
     n_walker : int or None
-        Walkers of each; raised to four per coordinate where that is more. None takes many where a
-        density of many points costs little more than one of few, and few where textures are many:
-        see `walkers_for`.
+        Walkers of each; raised to four per coordinate where that is more. None takes 512 where
+        rows are independent with normal errors and textures few, else 24.
     n_burn : int
         Steps thrown away.
     n_step_max : int
@@ -81,21 +87,6 @@ class SampleSettings:
             raise InputError(f"moves: expected {', '.join(MOVES)}, got {self.moves!r}")
         if self.n_walker is not None and (self.n_walker < 4 or self.n_walker % 2):
             raise InputError(f"n_walker: expected even and at least 4, got {self.n_walker}")
-
-
-def walkers_for(n_texture: int, is_iid_gaussian: bool) -> int:
-    """Return how many walkers suit a density.
-
-    Parameters
-    ----------
-    n_texture : int
-        Textures with rows.
-    is_iid_gaussian : bool
-        Whether rows are exact with independent normal errors.
-    """
-    if n_texture > _COSTLY:
-        return _FEW
-    return _MANY if is_iid_gaussian and n_texture <= _CHEAP else N_WALKER
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from scipy import optimize
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.inference.latent import LatentIntegral, Prepared
+from ridgebayes.model.noise import SMOOTH
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 
 _LEAST_SCALE = 1e-9  # of residuals, relative: below it loads agree to rounding
@@ -112,7 +113,8 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
     """Return a chart about the rows' least squares, and one about each group of rows that differs.
 
     Groups are looked for where errors are Student's: one group's rows are the other's outliers.
-    Normal errors have one mode in the coefficients.
+    Normal errors have one mode in the coefficients, and offsets of steps take up much of what
+    rows differ by.
 
     Parameters
     ----------
@@ -126,7 +128,7 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
         return [Chart.about(integral, np.zeros(0))]
     base = _least_squares(integral, np.zeros(k))
     references = [base]
-    if model.noise.tail != "normal":
+    if model.noise.tail != "normal" and not {"step", SMOOTH} & set(model.noise.factors):
         references += _groups(integral, base, rng)
     return [Chart.about(integral, reference) for reference in references]
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import one_line_message
@@ -28,34 +28,36 @@ class Walk:
 
     Parameters
     ----------
-    u : ndarray of float, shape (n_ensemble, n_step, n_walker, n_coordinate)
-        Steps so far, unconstrained coordinates.
+    u : ndarray of float, shape (n_ensemble, n_step, n_walker, d)
+        Steps so far, normal scores.
     log_density : ndarray of float, shape (n_ensemble, n_step, n_walker)
         Log density of those.
+    extras : ndarray of float, shape (n_ensemble, n_step, n_walker, n_extra)
+        What is kept beside each step, see `ridgebayes.inference.emcee_sampling`.
     accepted : ndarray of float, shape (n_ensemble,)
         Accepted moves of all walkers so far.
-    coordinates : ndarray of float, shape (n_ensemble, n_walker, n_coordinate)
-        Where the walkers are, whitened coordinates z.
-    last_log_density : ndarray of float, shape (n_ensemble, n_walker)
-        Log density of z there.
-    tau : ndarray of float, shape (n_coordinate + 1,)
+    last_u, last_log_density, last_extras : ndarray of float, first axes (n_ensemble, n_walker)
+        The same where the walkers are.
+    tau : ndarray of float, shape (d + 1,)
         Autocorrelation times at the last check.
-    weights, centres, factors, rest : ndarray of float, first axis n_ensemble
-        Each ensemble's independence proposal, see `ridgebayes.inference.moves.Independence`.
+    weights, charts, centres, factors : ndarray
+        Proposal, see `ridgebayes.inference.proposal.Mixture`.
     random_states : tuple
         State of each ensemble's `numpy.random.RandomState`, as `get_state` returns it.
     """
 
     u: FloatArray
     log_density: FloatArray
+    extras: FloatArray
     accepted: FloatArray
-    coordinates: FloatArray
+    last_u: FloatArray
     last_log_density: FloatArray
+    last_extras: FloatArray
     tau: FloatArray
     weights: FloatArray
+    charts: IntArray
     centres: FloatArray
     factors: FloatArray
-    rest: FloatArray
     random_states: tuple[Any, ...]
 
     @property

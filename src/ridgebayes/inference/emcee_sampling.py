@@ -1,23 +1,29 @@
-"""Sampling with emcee: independent ensembles, whitened coordinates, the rule that stops them.
+"""Walks by emcee: independent ensembles, and the rule that stops them.
+
+A walk is the second, independent way to a posterior: nothing but the fitted proposal of its main
+move is taken from importance sampling. Where densities are unbiased estimates, each walker keeps
+the estimate of its place, so that the walk's draws are those of the exact posterior
+(Andrieu & Roberts 2009, doi:10.1214/07-AOS574).
 
 This is the only module that imports emcee, when something is sampled.
 """
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import ComputationError
-from ridgebayes.inference.chains import N_WALKER, Chains, ProgressCallback, SampleSettings
+from ridgebayes.inference.chains import MOVES, N_WALKER, Chains, ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint, Walk
 from ridgebayes.inference.diagnostics import autocorrelation_time
-from ridgebayes.inference.laplace import Laplace
-from ridgebayes.inference.moves import MOVES, Independence, Weighted, adapted
+from ridgebayes.inference.proposal import Mixture
+from ridgebayes.inference.target import Evaluated, Target
 from ridgebayes.runtime.randomness import stream
 
 # A walk so many times longer than asked is long enough were tau that many times larger: of ten
@@ -27,75 +33,111 @@ _KEPT_MAX = 2**26  # numbers of a walk, half a GiB
 _FIRST = 100  # steps before the first check
 
 
-def _ensemble(
-    log_density: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
-    n_walker: int,
-    n_coordinate: int,
-    proposal: Independence,
-    moves: str,
-) -> Any:
-    """Return emcee's ensemble, moving by the three kinds in the shares of `MOVES[moves]`.
+@dataclass(frozen=True, eq=False)
+class Walked:
+    """Draws of a walk.
 
-    What `log_density` returns beside the densities is kept of each step as its blobs.
+    Parameters
+    ----------
+    chains : Chains
+        Draws of the outer parameters' normal scores, with what the stopping rule lacked.
+    coordinates : ndarray of float, shape (n_ensemble, n_step, n_walker, d)
+        The same in the first chart.
+    log_jacobian : ndarray of float, shape (n_ensemble, n_step, n_walker)
+        log |du/dq| there.
+    scores : ndarray of float, shape (n_ensemble, n_step, n_walker, n_level)
+        Scores of the offsets, where densities are estimates.
     """
+
+    chains: Chains
+    coordinates: FloatArray
+    log_jacobian: FloatArray
+    scores: FloatArray
+
+
+class _Density:
+    """Density of a target as emcee asks for it; beside each value it returns what a walk keeps.
+
+    The extras are the log density of the proposal, log |du/dq| and the coordinates of the first
+    chart, and the scores of the offsets.
+    """
+
+    def __init__(self, target: Target, proposal: Mixture, n_point: int) -> None:
+        self.target, self.proposal, self.n_point = target, proposal, n_point
+
+    def __call__(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        # Points that depend on the places alone: a walk that is resumed takes the same steps.
+        rng = np.random.default_rng(zlib.crc32(np.ascontiguousarray(u).tobytes()))
+        return self.values(self.target.evaluate_scores(u, rng, self.n_point))
+
+    def values(self, draws: Evaluated) -> tuple[FloatArray, FloatArray]:
+        """Return log densities and extras of draws."""
+        with np.errstate(all="ignore"):
+            log_q = self.proposal.log_density(draws.coordinates, draws.log_jacobian)
+        usable = np.isfinite(log_q) & np.isfinite(draws.coordinates[0]).all(axis=1)
+        extras = np.column_stack([log_q, draws.log_jacobian[0], draws.coordinates[0], draws.scores])
+        return np.where(usable, draws.log_density, -np.inf), np.nan_to_num(extras)
+
+
+def _independence(density: _Density) -> Any:
+    """Return a move to draws of the proposal, whatever the walkers' places."""
+    import emcee
+
+    class Independence(emcee.moves.Move):  # type: ignore[misc]
+        def propose(self, model: Any, state: Any) -> tuple[Any, Any]:
+            rng = np.random.default_rng(model.random.randint(2**31, size=4))
+            n = len(state.coords)
+            draws = density.target.evaluate(*density.proposal.draw(rng, n), rng, density.n_point)
+            value, extras = density.values(draws)
+            ratio = value - extras[:, 0] - state.log_prob + state.blobs[:, 0]
+            accepted = np.log(model.random.rand(n)) < ratio
+            new = emcee.State(draws.u, log_prob=value, blobs=extras)
+            return self.update(state, new, accepted), accepted
+
+    return Independence()
+
+
+def _ensemble(density: _Density, n_walker: int, moves: str) -> Any:
+    """Return emcee's ensemble, moving by the three kinds in the shares of `MOVES[moves]`."""
     import emcee  # loads scipy.stats
 
-    def compute_log_prob(z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def compute_log_prob(u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what emcee's own does, which takes densities one walker at a time, in Python."""
-        if not np.isfinite(z).all():
-            raise ValueError("a walker's coordinate is not finite")
-        value, kept = log_density(z)
-        if np.isnan(value).any():
-            raise ValueError("the log density is NaN")
-        return value, kept
+        return density(u)
 
-    kinds = (emcee.moves.MHMove(proposal), emcee.moves.DEMove(), emcee.moves.StretchMove())
+    kinds = (_independence(density), emcee.moves.DEMove(), emcee.moves.StretchMove())
     shares = [one for one in zip(kinds, MOVES[moves], strict=True) if one[1] > 0]
-    ensemble = emcee.EnsembleSampler(
-        n_walker, n_coordinate, log_density, vectorize=True, moves=shares
-    )
+    d = len(density.target.names)
+    ensemble = emcee.EnsembleSampler(n_walker, d, density, vectorize=True, moves=shares)
     ensemble.compute_log_prob = compute_log_prob
-    ensemble.log_prob_fn = log_density  # emcee's own wrapper prints a traceback on Ctrl-C
+    ensemble.log_prob_fn = density  # emcee's own wrapper prints a traceback on Ctrl-C
     return ensemble
 
 
-def _state_at(
-    z: FloatArray,
-    random_state: Any,
-    log_density: FloatArray | None = None,
-    kept: FloatArray | None = None,
-) -> Any:
-    """Return walkers at `z`, (n_walker, n_coordinate), with the state of a `RandomState`."""
-    import emcee
-
-    # emcee takes the state of a RandomState; such an object it would silently ignore.
-    return emcee.State(z, log_prob=log_density, blobs=kept, random_state=random_state)
-
-
-def sample(
-    log_density: Callable[[FloatArray], FloatArray],
-    laplace: Laplace,
+def walk(
+    target: Target,
+    proposal: Mixture,
     *,
     seed: int,
-    names: tuple[str, ...],
     settings: SampleSettings | None = None,
+    n_point: int = 32,
     progress: ProgressCallback | None = None,
     checkpoint: Checkpoint | None = None,
-) -> Chains:
+) -> Walked:
     """Sample a density with independently started emcee ensembles until the stopping rule is met.
 
     Parameters
     ----------
-    log_density : callable
-        (n, n_coordinate) to (n,): log density in unconstrained coordinates.
-    laplace : Laplace
-        Normal approximation: its whitened coordinates are sampled in, and started in.
+    target : Target
+        Posterior density.
+    proposal : Mixture
+        Proposal fitted to it, which walkers start from and move by.
     seed : int
         Each ensemble gets a stream of its own from it.
-    names : tuple of str
-        Names of the coordinates, for messages.
     settings : SampleSettings, optional
         Lengths and thresholds.
+    n_point : int, optional
+        Points of estimates.
     progress : callable, optional
         Called with a line of text now and then.
     checkpoint : Checkpoint, optional
@@ -103,14 +145,13 @@ def sample(
 
     Returns
     -------
-    Chains
-        All draws after burn-in; `convergence_failures` tells what the stopping rule lacked.
+    Walked
+        All draws after burn-in; `chains.convergence_failures` tells what the stopping rule lacked.
 
-    Notes
-    -----
-    *Accuracy.* Moves: an independence move from a mixture of Student t, fitted by each ensemble on
-    its own (90 %), and differential evolution (10 %). emcee's `DESnookerMove` is not used:
-    in 3.1.6 its draws are too narrow.
+    Raises
+    ------
+    ComputationError
+        If too few starting points have a positive density.
 
     References
     ----------
@@ -118,120 +159,115 @@ def sample(
     doi:10.1007/s11222-008-9104-9, for differential evolution.
     """
     settings = settings or SampleSettings()
-    n_coordinate = len(laplace.mode)
-    n_walker = max(settings.n_walker or N_WALKER, 4 * n_coordinate)
-
-    def in_z(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the log density of z, and u and its own, which a walk keeps."""
-        u, log_jacobian = laplace.unwhiten(z)
-        value = log_density(u)
-        return value + log_jacobian, np.column_stack([u, value])
-
-    begun, limit = time.monotonic(), settings.time_limit or math.inf
-    walk = checkpoint.load() if checkpoint is not None else None
-    if walk is None:
-        walk = _burnt_in(in_z, n_walker, n_coordinate, laplace.n_curved, seed, settings)
-    samplers = [
-        _ensemble(in_z, n_walker, n_coordinate, Independence(*proposal), settings.moves)
-        for proposal in zip(walk.weights, walk.centres, walk.factors, walk.rest, strict=True)
-    ]
+    d = len(target.names)
+    n_walker = max(settings.n_walker or N_WALKER, 4 * d)
+    began, limit = time.monotonic(), settings.time_limit or math.inf
+    now = checkpoint.load() if checkpoint is not None else None
+    if now is None:
+        now = _burnt_in(_Density(target, proposal, n_point), n_walker, seed, settings)
+    kept = Mixture(now.weights, now.charts, now.centres, now.factors)
+    density = _Density(target, kept, n_point)
+    samplers = [_ensemble(density, n_walker, settings.moves) for _ in range(settings.n_ensemble)]
     # The whole walk is kept: one that mixes badly has to end before it fills the memory.
-    n_kept = settings.n_ensemble * n_walker * (n_coordinate + 1)
+    n_kept = settings.n_ensemble * n_walker * (d + 1 + now.extras.shape[-1])
     n_step_max = min(settings.n_step_max, max(_KEPT_MAX // n_kept, _FIRST))
     while True:
-        before, tau = walk.tau, _mean_tau(walk.u, walk.log_density)
-        unmet = _unmet_rules(walk.n_step, tau, before, (*names, "log posterior"), settings)
-        if progress is not None and walk.n_step:
-            progress(
-                f"{walk.n_step} steps x {settings.n_ensemble} ensembles, tau {np.max(tau):.2f}"
-            )
-        if not unmet or walk.n_step >= n_step_max:
+        before, tau = now.tau, _mean_tau(now.u, now.log_density)
+        unmet = _unmet_rules(now.n_step, tau, before, (*target.names, "log posterior"), settings)
+        if progress is not None and now.n_step:
+            progress(f"{now.n_step} steps x {settings.n_ensemble} ensembles, tau {np.max(tau):.2f}")
+        if not unmet or now.n_step >= n_step_max:
             break
-        if walk.n_step and time.monotonic() > begun + limit:
-            unmet = [f"time limit of {limit:g} s: stopped after {walk.n_step} steps; {unmet[0]}"]
+        if now.n_step and time.monotonic() > began + limit:
+            unmet = [f"time limit of {limit:g} s: stopped after {now.n_step} steps; {unmet[0]}"]
             break
         # A function of the walk alone, so that one that is resumed takes the same steps. Each check
         # costs as much as many steps: a walk far too short takes half as many again.
         needed = float(np.nan_to_num(settings.n_tau * tau.max(), posinf=0.0))
-        target = max(int(1.05 * walk.n_step) + 20, _FIRST, int(min(needed, 1.5 * walk.n_step)))
-        target = min(target, n_step_max)
-        walk = _walked_on(walk, samplers, target - walk.n_step, tau)
+        goal = max(int(1.05 * now.n_step) + 20, _FIRST, int(min(needed, 1.5 * now.n_step)))
+        now = _walked_on(now, samplers, min(goal, n_step_max) - now.n_step, tau)
         if checkpoint is not None:
-            checkpoint.save(walk)
-    acceptance = walk.accepted / (walk.n_step * n_walker)
-    return Chains(walk.u, walk.log_density, acceptance, tau, tuple(unmet))
+            checkpoint.save(now)
+    acceptance = now.accepted / (now.n_step * n_walker)
+    chains = Chains(now.u, now.log_density, acceptance, tau, tuple(unmet))
+    extras = now.extras
+    return Walked(chains, extras[..., 2 : 2 + d], extras[..., 1], extras[..., 2 + d :])
 
 
-def _burnt_in(
-    in_z: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
-    n_walker: int,
-    n_coordinate: int,
-    n_curved: int,
-    seed: int,
-    settings: SampleSettings,
-) -> Walk:
-    """Fit each ensemble's own proposal, start its walkers from it, and burn them in."""
-    states, proposals = [], []
+def _burnt_in(density: _Density, n_walker: int, seed: int, settings: SampleSettings) -> Walk:
+    """Start each ensemble's walkers from the proposal, and burn them in."""
+    import emcee
+
+    states = []
     for i in range(settings.n_ensemble):
         rng = stream(seed, f"ensemble {i}")
-        rest = n_coordinate - n_curved
-        n = max(1_000, 3 * n_walker // 2)  # walkers start from different ones of them
-        proposal, draws = adapted(lambda z: in_z(z)[0], n_curved, rest, rng, n_round=4, n=n)
-        z = _start(draws, rng, n_walker)
-        start = _state_at(z, np.random.RandomState(rng.integers(2**32)).get_state())
-        sampler = _ensemble(in_z, n_walker, n_coordinate, proposal, settings.moves)
-        states.append(sampler.run_mcmc(start, settings.n_burn))
-        proposals.append(proposal)
+        u = _start(density, rng, n_walker)
+        random_state = np.random.RandomState(rng.integers(2**32)).get_state()
+        # emcee takes the state of a RandomState; such an object it would silently ignore.
+        start = emcee.State(u, random_state=random_state)
+        states.append(_ensemble(density, n_walker, settings.moves).run_mcmc(start, settings.n_burn))
+    d, n_extra = states[0].coords.shape[1], states[0].blobs.shape[1]
+    shape = (settings.n_ensemble, 0, n_walker)
     return Walk(
-        u=np.empty((settings.n_ensemble, 0, n_walker, n_coordinate)),
-        log_density=np.empty((settings.n_ensemble, 0, n_walker)),
+        u=np.empty((*shape, d)),
+        log_density=np.empty(shape),
+        extras=np.empty((*shape, n_extra)),
         accepted=np.zeros(settings.n_ensemble),
-        coordinates=np.stack([state.coords for state in states]),
+        last_u=np.stack([state.coords for state in states]),
         last_log_density=np.stack([state.log_prob for state in states]),
-        tau=np.full(n_coordinate + 1, np.inf),
+        last_extras=np.stack([state.blobs for state in states]),
+        tau=np.full(d + 1, np.inf),
         **{
-            name: np.stack([getattr(proposal, name) for proposal in proposals])
-            for name in ("weights", "centres", "factors", "rest")
+            name: getattr(density.proposal, name)
+            for name in ("weights", "charts", "centres", "factors")
         },
         random_states=tuple(state.random_state for state in states),
     )
 
 
-def _walked_on(walk: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray) -> Walk:
+def _walked_on(now: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray) -> Walk:
     """Let every ensemble take `n_step` more steps from where it is."""
+    import emcee
+
     ends = []
     for i, sampler in enumerate(samplers):
         sampler.reset()
-        known: tuple[FloatArray, ...] = ()  # at first all is worked out anew
-        if walk.n_step:
-            last = np.column_stack([walk.u[i, -1], walk.log_density[i, -1]])
-            known = walk.last_log_density[i], last
-        here = _state_at(walk.coordinates[i], walk.random_states[i], *known)
+        here = emcee.State(
+            now.last_u[i],
+            log_prob=now.last_log_density[i],
+            blobs=now.last_extras[i],
+            random_state=now.random_states[i],
+        )
         ends.append(sampler.run_mcmc(here, n_step))
-    kept = np.stack([sampler.get_blobs() for sampler in samplers])
+    parts = {
+        "u": np.stack([sampler.get_chain() for sampler in samplers]),
+        "log_density": np.stack([sampler.get_log_prob() for sampler in samplers]),
+        "extras": np.stack([sampler.get_blobs() for sampler in samplers]),
+    }
     accepted = np.array([sampler.backend.accepted.sum() for sampler in samplers])
     return replace(
-        walk,
-        u=np.concatenate([walk.u, kept[..., :-1]], axis=1),
-        log_density=np.concatenate([walk.log_density, kept[..., -1]], axis=1),
-        accepted=walk.accepted + accepted,
-        coordinates=np.stack([end.coords for end in ends]),
+        now,
+        **{name: np.concatenate([getattr(now, name), new], axis=1) for name, new in parts.items()},
+        accepted=now.accepted + accepted,
+        last_u=np.stack([end.coords for end in ends]),
         last_log_density=np.stack([end.log_prob for end in ends]),
+        last_extras=np.stack([end.blobs for end in ends]),
         tau=tau,
         random_states=tuple(end.random_state for end in ends),
     )
 
 
-def _start(draws: Weighted, rng: np.random.Generator, n_walker: int) -> FloatArray:
-    """Pick different points of positive density, half by weight and half as proposed: wider."""
-    feasible = np.flatnonzero(np.isfinite(draws.log_density))
-    by_weight = np.unique(draws.resampled(rng, n_walker))[: n_walker // 2]
-    rest = np.setdiff1d(feasible, by_weight)
-    if len(by_weight) + len(rest) < n_walker:
-        raise ComputationError("sample: expected starting points of positive density, got too few")
-    others = rng.permutation(rest)[: n_walker - len(by_weight)]
-    value: FloatArray = draws.z[np.concatenate([by_weight, others])]
-    return value
+def _start(density: _Density, rng: np.random.Generator, n_walker: int) -> FloatArray:
+    """Return different points of positive density, drawn from the proposal."""
+    for _ in range(5):
+        charts, q = density.proposal.draw(rng, 2 * n_walker)
+        draws = density.target.evaluate(charts, q, rng, density.n_point)
+        feasible = np.flatnonzero(np.isfinite(density.values(draws)[0]))
+        if len(feasible) >= n_walker:
+            return draws.u[feasible[:n_walker]]
+    raise ComputationError(
+        f"{density.target.name}: expected starting points of positive density, got too few"
+    )
 
 
 def _mean_tau(u: FloatArray, log_density: FloatArray) -> FloatArray:

@@ -1,8 +1,9 @@
 """Posteriors and evidences by adaptive importance sampling: the one sampler of all models.
 
 Modes are searched for from many starts. A mixture of Student t in charts is fitted, round by round,
-to all draws so far, weighed by density over the mixture of all proposals so far. Four repeats are
-made independently of each other, so that they can disagree.
+to all draws so far, weighed by density over the mixture of all proposals so far. Then four sets of
+draws are made from the last proposal, independently of each other. Only these count: given the
+proposal their mean weight is unbiased.
 
 References
 ----------
@@ -14,26 +15,31 @@ doi:10.1111/j.1467-9469.2011.00756.x; Vehtari et al. (2024), Journal of Machine 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import ComputationError
-from ridgebayes.inference.charts import Chart, charts_of
-from ridgebayes.inference.latent import LatentIntegral
+from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.modes import N_START, find_modes
-from ridgebayes.inference.proposal import Mixture, _log_sum
-from ridgebayes.model.model import Model
+from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_k
+from ridgebayes.inference.proposal import Mixture, log_sum
+from ridgebayes.inference.target import Evaluated, Target, joined
 from ridgebayes.runtime.randomness import stream
 
 N_REPEAT = 4
+BLOCK = 128  # draws: files keep whole blocks of them
+MAX_SE = 0.05  # of a ln evidence: a Bayes factor to 7 %
+MAX_HALF_GAP = 0.1  # of ln evidences by all and by half of the points
 _DEFENSIVE, _DEFENSIVE_FIRST = 0.05, 0.3  # share of the prior in proposals, and in the first one
-_LEAST_LOG_MASS = 8.0  # below the heaviest mode's: nothing rests on such a mode
+_LEAST_LOG_MASS = 8.0  # below the heaviest mode's: a thousandth of the posterior has no component
 _DRAWS_PER_PARAMETER = 20  # effective draws that a proposal is fitted to, at least
-_MOST_COMPONENTS = 4  # of a mixture of few modes
+_MOST_COMPONENTS = 6  # of a mixture of few modes
 _FEWER_POINTS = 2  # times fewer points while proposals are fitted
-_ENOUGH = 0.5  # share of a round's draws that count, at which the proposal is good enough
+# Share of a round's draws that count, at which the proposal is good enough: of exact densities, and
+# of estimates, whose noise takes a part.
+_ENOUGH, _ENOUGH_ESTIMATES = 0.5, 0.4
+_EXACT_DRAWS = 4  # times more draws where a density is exact: each costs a tenth of an estimate
 _SPREAD_OF_STARTS = 1.5  # prior sds
 
 
@@ -44,159 +50,236 @@ class Effort:
     Parameters
     ----------
     n_round, n_per_round : int
-        Rounds of adaptation of each repeat, and draws of each round.
+        Rounds of adaptation at most, and draws of each.
     n_draw : int
-        Draws of each repeat's last proposal.
+        Draws of each of the four sets, a multiple of 128; four times as many where densities are
+        exact.
     n_point : int
-        Points for the scores of rows that are not normal, for each draw; a multiple of four.
+        Points for the offsets of rows that are not normal, for each draw; a multiple of eight.
     """
 
     n_round: int = 4
     n_per_round: int = 512
-    n_draw: int = 512
+    n_draw: int = 256
     n_point: int = 32
 
     @property
     def doubled(self) -> "Effort":
         """Twice the draws and points."""
+        n_per_round, n_draw, n_point = self.n_per_round, self.n_draw, self.n_point
         return replace(
-            self, n_per_round=2 * self.n_per_round, n_draw=2 * self.n_draw, n_point=2 * self.n_point
+            self, n_per_round=2 * n_per_round, n_draw=2 * n_draw, n_point=2 * n_point
         )
 
 
-class Evaluated(NamedTuple):
-    """Draws of outer parameters with their densities and coordinates."""
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Draws of a posterior with its evidence.
 
-    u: FloatArray  # (n, n_outer)
-    log_density: FloatArray  # (n,)
-    from_half: FloatArray  # (n,)
-    scores: FloatArray  # (n, n_level)
-    coordinates: FloatArray  # (n_chart, n, n_outer)
-    log_jacobian: FloatArray  # (n_chart, n)
+    Parameters
+    ----------
+    u : ndarray of float, shape (n_repeat, n_draw, d)
+        Normal scores of the outer parameters, of equal weight.
+    log_density : ndarray of float, shape (n_repeat, n_draw)
+        Their log posterior density, not normalised.
+    scores : ndarray of float, shape (n_repeat, n_draw, n_level)
+        Scores of the offsets, where rows are not normal; else none.
+    evidence : LogEvidence
+        By the same draws.
+    share : float
+        Share of the draws that count.
+    proposal : Mixture
+        What they were drawn from.
+    """
+
+    u: FloatArray
+    log_density: FloatArray
+    scores: FloatArray
+    evidence: LogEvidence
+    share: float
+    proposal: Mixture
 
 
-class Target:
-    """A model's posterior of the outer parameters in charts."""
+def importance_sample(
+    target: Target, effort: Effort, seed: int, start: Mixture | None = None
+) -> Drawn:
+    """Draw from a posterior and estimate its evidence.
 
-    def __init__(self, model: Model, rng: np.random.Generator) -> None:
-        self.model = model
-        self.integral = LatentIntegral(model)
-        self.charts: Sequence[Chart] = charts_of(self.integral, rng)
+    Parameters
+    ----------
+    target : Target
+        Posterior density.
+    effort : Effort
+        Numbers of draws.
+    seed : int
+        Seed.
+    start : Mixture, optional
+        Proposal to begin with, such as that of nearly the same posterior; modes are searched for
+        if not given.
 
-    def evaluate(
-        self, charts: IntArray, q: FloatArray, rng: np.random.Generator, n_point: int
-    ) -> Evaluated:
-        """Return the draws at coordinates q of their charts."""
-        n = self.integral.n_at_once(n_point)
-        parts = [
-            self._evaluate(charts[i : i + n], q[i : i + n], rng, n_point)
-            for i in range(0, len(q), n)
-        ]
-        return joined(parts)
+    Raises
+    ------
+    ComputationError
+        If no start or no draw has a positive density.
+    """
+    proposal = adapted(target, effort, stream(seed, "adaptation"), start)
+    return draw_from(target, proposal, effort, seed)
 
-    def _evaluate(
-        self, charts: IntArray, q: FloatArray, rng: np.random.Generator, n_point: int
-    ) -> Evaluated:
-        k = self.model.n_outer_coefficient
-        theta = self.model.outer_theta(np.concatenate([np.zeros((len(q), k)), q[:, k:]], axis=1))
-        prepared = self.integral.prepared(theta[:, k:])
-        with np.errstate(all="ignore"):
-            each = [chart.conditional(prepared) for chart in self.charts]
-            u = np.choose(charts[:, None], [one.to_scores(q) for one in each])
-            coordinates = np.stack([q] if len(each) == 1 else [one.from_scores(u) for one in each])
-            log_jacobian = np.stack([one.log_jacobian for one in each])
-            usable = np.isfinite(u).all(axis=1)
-            found = self.integral.estimated(
-                np.where(usable[:, None], u, 0.0), rng, n_point, prepared
-            )
-        return Evaluated(
-            u,
-            np.where(usable, found.log_density, -np.inf),
-            np.where(usable, found.from_half, -np.inf),
-            found.scores,
-            coordinates,
-            log_jacobian,
+
+def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) -> Drawn:
+    """Return draws by the same proposal, with at least about n of them; the evidence stays."""
+    if drawn.u.shape[0] * drawn.u.shape[1] >= n:
+        return drawn
+    factor = _EXACT_DRAWS if target.is_exact else 1
+    n_draw = math.ceil(n / (N_REPEAT * factor * BLOCK)) * BLOCK
+    more = draw_from(target, drawn.proposal, replace(effort, n_draw=n_draw), seed)
+    return replace(more, evidence=drawn.evidence)
+
+
+def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> Drawn:
+    """Draw from a posterior by a proposal that is fitted to it already.
+
+    Parameters
+    ----------
+    target, effort, seed
+        As for `importance_sample`.
+    proposal : Mixture
+        Proposal.
+
+    Raises
+    ------
+    ComputationError
+        If no draw has a positive density.
+    """
+    sets, weights, halves = [], [], []
+    n_draw = effort.n_draw * (_EXACT_DRAWS if target.is_exact else 1)
+    for i in range(N_REPEAT):
+        rng = stream(seed, f"set {i}")
+        draws = target.evaluate(*proposal.draw(rng, n_draw), rng, effort.n_point)
+        log_weight, half = log_weights(draws, [proposal])
+        sets.append(draws)
+        weights.append(log_weight)
+        halves.append(half)
+    evidence = _evidence(target, weights, halves)
+    chosen = [
+        _resampled(log_weight, stream(seed, f"resampling {i}"))
+        for i, log_weight in enumerate(weights)
+    ]
+    u, log_density, scores = (
+        np.stack([column[index] for column, index in zip(columns, chosen, strict=True)])
+        for columns in (
+            [draws.u for draws in sets],
+            [draws.log_density for draws in sets],
+            [draws.scores for draws in sets],
         )
+    )
+    share = effective_share(np.concatenate(weights))
+    return Drawn(u, log_density, scores, evidence, share, proposal)
 
-    def approximate(self, chart: int, q: FloatArray) -> FloatArray:
-        """Return the log density in a chart's coordinates, smooth, shape (n,)."""
-        n = self.integral.n_at_once(4)
-        parts = [self._approximate(chart, q[i : i + n]) for i in range(0, len(q), n)]
-        return np.concatenate(parts)
 
-    def _approximate(self, chart: int, q: FloatArray) -> FloatArray:
-        k = self.model.n_outer_coefficient
-        theta = self.model.outer_theta(np.concatenate([np.zeros((len(q), k)), q[:, k:]], axis=1))
-        prepared = self.integral.prepared(theta[:, k:])
-        with np.errstate(all="ignore"):
-            conditional = self.charts[chart].conditional(prepared)
-            u = conditional.to_scores(q)
-            usable = np.isfinite(u).all(axis=1)
-            value = self.integral.approximate(np.where(usable[:, None], u, 0.0), prepared)
-            value = value + conditional.log_jacobian
-        return np.where(usable & ~np.isnan(value), value, -np.inf)
-
-    def start(self, rng: np.random.Generator) -> Mixture:
-        """Return a mixture of the normal approximations at the modes."""
-        k, d = self.model.n_outer_coefficient, self.model.n_outer
-        found = []
-        for i in range(len(self.charts)):
-            starts = _SPREAD_OF_STARTS * rng.standard_normal((N_START, d))
-            starts[:, :k] = 0.0  # the centre of the coefficients given all else
-            starts[: N_START // 4, :k] = rng.standard_normal((N_START // 4, k))
-            modes = find_modes(lambda q, i=i: self.approximate(i, q), starts)
-            found += [(i, mode) for mode in modes]
-        if not found:
-            raise ComputationError(
-                f"{self.model.form.name}: expected starts of positive density, got none of "
-                f"{N_START}"
-            )
-        heaviest = max(mode.log_mass for _, mode in found)
-        kept = [(i, mode) for i, mode in found if mode.log_mass > heaviest - _LEAST_LOG_MASS]
-        # Tempered: Laplace's masses are rough.
-        mass = np.exp([0.5 * (mode.log_mass - heaviest) for _, mode in kept])
-        return Mixture(
-            mass / mass.sum(),
-            np.array([i for i, _ in kept]),
-            np.stack([mode.centre for _, mode in kept]),
-            np.stack([mode.factor for _, mode in kept]),
+def _evidence(
+    target: Target, weights: Sequence[FloatArray], halves: Sequence[FloatArray]
+) -> LogEvidence:
+    """Return the log evidence; its status says what is wrong with the weights."""
+    together = np.concatenate(weights)
+    value = log_mean(together)
+    if not math.isfinite(value):
+        n = len(together)
+        raise ComputationError(
+            f"{target.name}: expected draws of positive density, got none of {n}"
         )
+    relative = np.exp(together - value)
+    within = float(relative.std()) / math.sqrt(len(relative))
+    between = np.exp([log_mean(one) - value for one in weights])
+    # The larger of what the weights and what the scatter of the four sets say.
+    se = max(within, float(between.std(ddof=1)) / math.sqrt(len(weights)))
+    gap = abs(log_mean(np.concatenate(halves)) - value)
+    k, failed = pareto_k(together), []
+    if not k <= K_MAX:
+        failed.append(f"Pareto k {k:.2f}, above {K_MAX}")
+    if not se <= MAX_SE:
+        failed.append(f"standard error {se:.2g}, above {MAX_SE:g}")
+    if not gap <= MAX_HALF_GAP:
+        failed.append(f"half of the points give {gap:.2g} less or more, above {MAX_HALF_GAP:g}")
+    status = "importance weights: " + "; ".join(failed) if failed else "ok"
+    return LogEvidence("importance", value, se, status)
 
 
-def joined(parts: Sequence[Evaluated]) -> Evaluated:
-    """Return several sets of draws as one."""
-    axes = (0, 0, 0, 0, 1, 1)
-    columns = zip(zip(*parts, strict=True), axes, strict=True)
-    return Evaluated(*(np.concatenate(arrays, axis=axis) for arrays, axis in columns))
-
-
-def adapted(target: Target, effort: Effort, rng: np.random.Generator) -> Mixture:
+def adapted(
+    target: Target, effort: Effort, rng: np.random.Generator, start: Mixture | None = None
+) -> Mixture:
     """Return a proposal fitted to a target, round by round."""
-    shape = _split(target.start(rng), rng)
-    prior = Mixture.prior(target.model.n_outer)
-    proposals = [shape.beside(prior, _DEFENSIVE_FIRST)]
+    shape = _split(_modes(target, rng), rng) if start is None else start
+    prior = Mixture.prior(len(target.names))
+    share = _DEFENSIVE_FIRST if start is None else _DEFENSIVE
+    proposals = [shape.beside(prior, share)]
     parts: list[Evaluated] = []
     n, few = effort.n_per_round, max(effort.n_point // _FEWER_POINTS, 4)
+    enough = _ENOUGH if target.is_exact else _ENOUGH_ESTIMATES
     for i in range(effort.n_round):
         parts.append(target.evaluate(*proposals[-1].draw(rng, n), rng, few))
         draws = joined(parts)
         log_weight, _ = log_weights(draws, proposals)
         if np.isfinite(log_weight).any():
-            weights = _tempered(log_weight, _DRAWS_PER_PARAMETER * target.model.n_outer)
+            weights = _tempered(log_weight, _DRAWS_PER_PARAMETER * len(target.names))
             shape = shape.fitted(draws.coordinates, draws.log_jacobian, weights)
         proposals.append(shape.beside(prior, _DEFENSIVE))
-        if i and effective_share(log_weight[-n:]) > _ENOUGH:
+        is_fitted = i > 0 or start is not None
+        if is_fitted and effective_share(log_weight[-n:]) > enough:
             break
     return proposals[-1]
+
+
+def _modes(target: Target, rng: np.random.Generator) -> Mixture:
+    """Return a mixture of the normal approximations at the modes."""
+    k, d = target.n_centred, len(target.names)
+    found = []
+    for chart in range(target.n_chart):
+        starts = _SPREAD_OF_STARTS * rng.standard_normal((N_START, d))
+        starts[:, :k] = 0.0  # the centre of the coefficients given all else
+        starts[: N_START // 4, :k] = rng.standard_normal((N_START // 4, k))
+        modes = find_modes(lambda q, chart=chart: target.approximate(chart, q), starts)
+        found += [(chart, mode) for mode in modes]
+    if not found:
+        raise ComputationError(
+            f"{target.name}: expected starts of positive density, got none of {N_START}"
+        )
+    heaviest = max(mode.log_mass for _, mode in found)
+    kept = [(chart, mode) for chart, mode in found if mode.log_mass > heaviest - _LEAST_LOG_MASS]
+    # Tempered, since Laplace's masses are rough.
+    mass = np.exp([0.5 * (mode.log_mass - heaviest) for _, mode in kept])
+    return Mixture(
+        mass / mass.sum(),
+        np.array([chart for chart, _ in kept]),
+        np.stack([mode.centre for _, mode in kept]),
+        np.stack([mode.factor for _, mode in kept]),
+    )
+
+
+def _split(start: Mixture, rng: np.random.Generator) -> Mixture:
+    """Return several components beside each mode, for shapes that are not normal."""
+    d = start.centres.shape[1]
+    copies = max(_MOST_COMPONENTS // len(start.weights), 1)
+    moved = rng.standard_normal((copies, *start.centres.shape))
+    centres = start.centres + 0.7 * np.einsum("cij,rcj->rci", start.factors, moved)
+    return Mixture(
+        np.tile(start.weights, copies) / copies,
+        np.tile(start.charts, copies),
+        centres.reshape(-1, d),
+        np.tile(start.factors, (copies, 1, 1)),
+    )
 
 
 def log_weights(
     draws: Evaluated, proposals: Sequence[Mixture]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return log weights of density over the mixture of proposals that made equal numbers."""
+    """Return log weights, by all points and by half of them.
+
+    Weights are of density over the mixture of the proposals, which made equal numbers of draws.
+    """
     with np.errstate(all="ignore"):
         terms = [one.log_density(draws.coordinates, draws.log_jacobian) for one in proposals]
-        log_q = _log_sum(np.stack(terms)) - math.log(len(terms))
+        log_q = log_sum(np.stack(terms)) - math.log(len(terms))
         usable = np.isfinite(log_q) & np.isfinite(draws.coordinates).all(axis=(0, 2))
         both = np.where(usable, np.stack([draws.log_density, draws.from_half]) - log_q, -np.inf)
     return both[0], both[1]
@@ -211,61 +294,43 @@ def effective_share(log_weight: FloatArray) -> float:
     return float(weights.sum() ** 2 / (weights**2).sum() / len(weights))
 
 
+def log_mean(log_weight: FloatArray) -> float:
+    """Return the log of the mean of weights."""
+    top = log_weight.max()
+    if not np.isfinite(top):
+        return -math.inf
+    return float(top + math.log(np.exp(log_weight - top).mean()))
+
+
 def _tempered(log_weight: FloatArray, n_effective: float) -> FloatArray:
     """Return normalised weights, raised to the power up to 1 that leaves so many effective draws.
 
     Few draws of large weight would make the next proposal narrower than the posterior.
     """
-    log_weight = log_weight - log_weight.max()
+    usable = np.isfinite(log_weight)
+    n_effective = min(n_effective, 0.5 * usable.sum())
+    log_weight = np.where(usable, log_weight - log_weight.max(), -np.inf)
+
+    def weights(power: float) -> FloatArray:
+        value = np.where(usable, np.exp(power * np.where(usable, log_weight, 0.0)), 0.0)
+        return np.asarray(value / value.sum())
+
+    if 1 / (weights(1.0) ** 2).sum() >= n_effective:
+        return weights(1.0)
     low, high = 0.0, 1.0
-    n_effective = min(n_effective, 0.5 * np.isfinite(log_weight).sum())
-    for _ in range(12):
-        power = high if low == 0.0 and high == 1.0 else 0.5 * (low + high)
-        with np.errstate(invalid="ignore"):
-            weights = np.where(np.isfinite(log_weight), np.exp(power * log_weight), 0.0)
-        weights /= weights.sum()
-        if 1 / (weights**2).sum() >= n_effective:
-            if power == 1.0:
-                break
-            low = power
-        else:
-            high = power if power < 1.0 else 0.999
-    return weights
+    for _ in range(10):
+        middle = 0.5 * (low + high)
+        is_enough = 1 / (weights(middle) ** 2).sum() >= n_effective
+        low, high = (middle, high) if is_enough else (low, middle)
+    return weights(low)
 
 
-def _split(start: Mixture, rng: np.random.Generator) -> Mixture:
-    """Return components beside each mode, for shapes that are not normal."""
-    d = start.centres.shape[1]
-    copies = max(_MOST_COMPONENTS // len(start.weights), 1)
-    moved = rng.standard_normal((copies, *start.centres.shape))
-    centres = start.centres + 0.7 * np.einsum("cij,rcj->rci", start.factors, moved)
-    return Mixture(
-        np.tile(start.weights, copies) / copies,
-        np.tile(start.charts, copies),
-        centres.reshape(-1, d),
-        np.tile(start.factors, (copies, 1, 1)),
-    )
-
-
-def log_mean(log_weight: FloatArray) -> float:
+def _resampled(log_weight: FloatArray, rng: np.random.Generator) -> IntArray:
+    """Return as many indices by weight, evenly along the ladder of weights, in random order."""
+    n = len(log_weight)
     top = log_weight.max()
-    if top == -np.inf:
-        return -math.inf
-    return float(top + math.log(np.exp(log_weight - top).mean()))
-
-
-def sample(model, seed, effort=Effort()):
-    rng = stream(seed, "importance")
-    target = Target(model, rng)
-    proposal = adapted(target, effort, rng)
-    R=[]
-    for i in range(N_REPEAT):
-        d = target.evaluate(*proposal.draw(rng, effort.n_draw), rng, effort.n_point)
-        a, b = log_weights(d, [proposal])
-        R.append(Repeat(d, a, b, proposal))
-    return target, R
-class Repeat(NamedTuple):
-    draws: Evaluated
-    log_weight: FloatArray
-    half_log_weight: FloatArray  # by half of the points
-    last: Mixture
+    if not np.isfinite(top):
+        return np.arange(n)
+    ladder = np.cumsum(np.exp(log_weight - top))
+    index = np.searchsorted(ladder, (np.arange(n) + rng.random()) / n * ladder[-1])
+    return rng.permutation(np.minimum(index, n - 1))

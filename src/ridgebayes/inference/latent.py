@@ -377,15 +377,13 @@ class LatentIntegral:
         weight = self.tail.weight(residual / np.sqrt(far), df) / variance
         return np.concatenate([weight, np.zeros((len(eta), self.design.n - n))], axis=-1)
 
-    def rows_given_others(self, u: FloatArray, rng: np.random.Generator) -> FloatArray:
+    def rows_given_others(self, u: FloatArray) -> FloatArray:
         """Return each row's log density given the outer parameters and all other rows.
 
         Parameters
         ----------
         u : ndarray of float, shape (n_draw, n_outer)
             Normal scores.
-        rng : numpy.random.Generator
-            Not used by normal rows.
 
         Returns
         -------
@@ -403,6 +401,26 @@ class LatentIntegral:
         n = max(_NUMBERS_AT_ONCE // (self.design.n * max(self.design.n_rest, 1)), 1)
         parts = [self._given_others(u[i : i + n]) for i in range(0, len(u), n)]
         return np.concatenate(parts)
+
+    def rows_given_offsets(self, theta: FloatArray, scores: FloatArray) -> FloatArray:
+        """Return each row's log density given parameters and offsets, shape (n_draw, n_row).
+
+        Parameters
+        ----------
+        theta : ndarray of float, shape (n_draw, n_parameter)
+            All parameters, K included.
+        scores : ndarray of float, shape (n_draw, n_level)
+            Scores of the error model's own offsets.
+        """
+        eta, own = theta[:, self.model.n_coefficient :], self.model.offsets.own()
+        with np.errstate(all="ignore"):
+            offset = 0.0
+            if own.n_level:
+                first, rest = scores[:, : own.n_first], scores[:, own.n_first :]
+                offset = own.design.spread(*own.root(eta).times(first, rest))
+            error = self.rows.errors(self.model.log_rates(theta), offset)
+            df = eta[:, -1:] if self.tail.parameter_names else None
+            return self.rows.log_density(error, self.rows.scale(eta[:, 0]), self.tail, df)
 
     def _given_others(self, u: FloatArray) -> FloatArray:
         with np.errstate(all="ignore"):

@@ -1,10 +1,8 @@
-"""What every method returns, and the quickest of them."""
+"""A log evidence with its error, as every method returns it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import numpy as np
-
-from ridgebayes.inference.laplace import Laplace
+KEPT = "first pass: "  # begins the status of an evidence that decides nothing, and is not refined
 
 
 @dataclass(frozen=True)
@@ -14,13 +12,14 @@ class LogEvidence:
     Parameters
     ----------
     method : str
-        ``bridge``, ``importance``, ``quadrature``, ``laplace``, ``dynesty``.
+        ``importance`` or ``bridge``.
     value : float
         Natural log; NaN where the method failed.
     se : float
-        Standard error; NaN where the method has none to give.
+        Standard error; NaN where the method failed.
     status : str
-        ``ok``, or what failed.
+        ``ok``; ``first pass: ...`` where the error is larger than asked for and decides nothing,
+        since the evidence is far below the best; else what failed.
     """
 
     method: str
@@ -31,22 +30,8 @@ class LogEvidence:
     @property
     def ok(self) -> bool:
         """Whether the value can be used."""
-        return self.status == "ok"
+        return self.status == "ok" or self.status.startswith(KEPT)
 
-
-def laplace_evidence(laplace: Laplace) -> LogEvidence:
-    """Return Laplace's approximation: a first look, without an error.
-
-    Parameters
-    ----------
-    laplace : Laplace
-        Normal approximation of the posterior.
-
-    Returns
-    -------
-    LogEvidence
-        With standard error NaN. The status is not ok where no mode was found.
-    """
-    if not laplace.is_mode:
-        return LogEvidence("laplace", laplace.log_evidence, np.nan, "several humps, no mode")
-    return LogEvidence("laplace", laplace.log_evidence, np.nan)
+    def kept(self) -> "LogEvidence":
+        """Return the same as one that decides nothing."""
+        return replace(self, status=KEPT + self.status)

@@ -38,10 +38,10 @@ ATTRIBUTES = {
     "missing": "JSON: rules of convergence that were not met",
     "stopping_rule_missing": "JSON: those of them that the walk itself found",
     "seed": "seed of the run",
-    "sampler": "`emcee`, `importance` or `exact`",
+    "sampler": "`emcee` or `importance`",
     "n_walker": "walkers of an ensemble: draws of one step stand side by side",
     "series": "JSON: labels of the series, where there are several",
-    "nugget": "relative error of all loads, where it is not the default",
+    "nugget": "variance of a smooth offset that is its place's own, where it is not the default",
 }
 _READ = ("constant_data", "observed_data", "sample_stats")
 Read = TypeVar("Read")
@@ -164,7 +164,7 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[[Stored], Read]) ->
             f"{path}: not a readable NetCDF file ({one_line_message(error)})"
         ) from None
     if "ridgebayes_version" not in attrs:
-        raise InputError(f"{path}: expected written by ridgebayes, got no ridgebayes_version")
+        raise InputError(f"{path}: not a ridgebayes file")
     try:
         return fit_of(Stored(attrs, groups))
     except Exception as error:

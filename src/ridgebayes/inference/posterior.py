@@ -1,28 +1,25 @@
 """The posterior of a model: draws with their diagnostics."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.inference.chains import N_KEPT, Chains
 from ridgebayes.inference.diagnostics import failed_diagnostics, summarise, values_text
-from ridgebayes.inference.laplace import Laplace, fit_laplace
+from ridgebayes.inference.emcee_sampling import Walked
+from ridgebayes.inference.importance import BLOCK, Drawn
+from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.inference.log_evidence import LogEvidence
-from ridgebayes.inference.power_law_exact import is_conjugate
-from ridgebayes.inference.qmc_nodes import Nodes, compress
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.offsets_given import OffsetsGiven, OffsetsInParts, TabulatedOffsets
+from ridgebayes.runtime.randomness import stream
 
-N_TEXTURE_WALKED = 40  # a power law of more textures is drawn from exactly, without a walk
-_AT_ONCE = 256  # draws whose covariances of offsets are there whole, of which predictions keep half
 SAMPLERS = ("emcee", "importance", "exact")
 LARGEST_LOG_LIKELIHOOD = 30_000_000  # numbers; beyond it there is none, and LOO says so
 _SMALL_LOG_LIKELIHOOD = 1_000_000  # numbers that go with draws from process to process
@@ -37,19 +34,17 @@ class Posterior:
     model : Model
         What was sampled: data, form, error model, priors.
     chains : Chains
-        Draws in unconstrained coordinates.
+        Draws: normal scores of the parameters, then of the offsets that rows share.
     summary : pandas.DataFrame
         One row per parameter, as `ridgebayes.inference.diagnostics.summarise` returns it.
     convergence_failures : tuple of str
         What the fit lacks of convergence; empty if it converged.
     seed : int
         Seed of the run.
-    approximation : Laplace, optional
-        The normal approximation that it was sampled by; a posterior read from a file has none.
     sampler : str, optional
-        What drew it: ``emcee``, ``importance`` or ``exact``.
+        What drew it: ``emcee`` or ``importance``.
     evidence : LogEvidence, optional
-        Evidence that importance sampling found with the draws; a posterior from a file has none.
+        Evidence by the same draws; a posterior from a file has none.
     log_likelihood : ndarray of float, shape (n_draw, n_obs), optional
         Of each row at `draws`, where `with_log_likelihood` has worked it out.
 
@@ -70,12 +65,8 @@ class Posterior:
     True
     >>> fit.at_draws(fit.coordinates[:10], seed=1).draws.shape
     (10, 3)
-    >>> fit.nodes(256).weight.sum(axis=0).round(9).tolist(), fit.laplace.mode.shape
-    ([1.0, 1.0], (3,))
-    >>> fit.offsets_given(2)  # independent rows share none
-    (2, None)
-    >>> fit.tabulate_offsets(2, [fit.coordinates[::2]], [(0.022, 0.02)])  # until they are forgotten
-    >>> fit.forget_offsets()
+    >>> fit.shared_offsets(2) is None  # independent rows share none
+    True
     """
 
     model: Model
@@ -83,14 +74,14 @@ class Posterior:
     summary: pd.DataFrame
     convergence_failures: tuple[str, ...]
     seed: int
-    approximation: Laplace | None = field(default=None, repr=False)
-    sampler: str = "emcee"
+    sampler: str = "importance"
     evidence: LogEvidence | None = field(default=None, repr=False)
     log_likelihood: FloatArray | None = field(default=None, repr=False)
     _kept: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_kept", self.model.to_theta(self.kept_chains.u))
+        u = self.kept_chains.u[..., : self.model.n_parameter]
+        object.__setattr__(self, "_kept", self.model.to_theta(u))
 
     def __getstate__(self) -> dict[str, object]:
         """Leave behind what can be worked out again: it may be many times the rest."""
@@ -128,8 +119,18 @@ class Posterior:
 
     @property
     def coordinates(self) -> FloatArray:
-        """The same draws in unconstrained coordinates, shape (n_draw, n_coordinate)."""
-        return self.kept_chains.u.reshape(-1, self.model.n_coordinate)
+        """The same draws as normal scores, those of offsets last, shape (n_draw, n_coordinate)."""
+        kept = self.kept_chains.u
+        return kept.reshape(-1, kept.shape[-1])
+
+    @property
+    def log_likelihood_of_rows(self) -> FloatArray:
+        """Log-likelihood of all rows at the thinned draws, log K and offsets integrated out.
+
+        Shape (n_draw,); an unbiased estimate where rows that are not normal share offsets.
+        """
+        u = self.coordinates[:, self.model.outer]
+        return self.kept_chains.log_density.ravel() - self.model.log_outer_prior(u)
 
     def thinned(self, n: int) -> Self:
         """Return the same with fewer draws; the summary stays that of all.
@@ -154,14 +155,20 @@ class Posterior:
             return None
         if self.log_likelihood is not None:
             return self.log_likelihood
-        return self.model.pointwise_log_likelihood(self.coordinates)
+        return self._rows_log_likelihood()
 
     def with_log_likelihood(self) -> Self:
         """Return the same with the rows' log-likelihood, for scores and files, if it is small."""
         if len(self.draws) * len(self.model.data) > _SMALL_LOG_LIKELIHOOD:
             return self
-        rows = self.model.pointwise_log_likelihood(self.coordinates)
-        return replace(self, log_likelihood=rows)
+        return replace(self, log_likelihood=self._rows_log_likelihood())
+
+    def _rows_log_likelihood(self) -> FloatArray:
+        """Return each row's log-likelihood: of normal rows given the others, else given offsets."""
+        integral, u, k = LatentIntegral(self.model), self.coordinates, self.model.n_parameter
+        if integral.is_exact:
+            return integral.rows_given_others(u[:, self.model.outer])
+        return integral.rows_given_offsets(self.draws, u[:, k:])
 
     def at_draws(self, u: FloatArray, seed: int) -> "Posterior":
         """Return the posterior that some draws stand for.
@@ -181,114 +188,134 @@ class Posterior:
         each, ones = u[None, :, None], np.ones(u.shape[1] + 1)
         chains = Chains(each, np.zeros(each.shape[:-1]), ones[:1], ones, ())
         of_all = self.summary, self.convergence_failures
-        return Posterior(self.model, chains, *of_all, seed, self.approximation, self.sampler)
+        return Posterior(self.model, chains, *of_all, seed, self.sampler)
 
     @cached_property
-    def laplace(self) -> Laplace:
-        """The normal approximation, with other modes searched for; found once.
-
-        ComputationError if there is no interior mode.
-        """
-        return self.approximation or fit_laplace(self.model, search_others=True)
-
-    @cached_property
-    def _derived(self) -> dict[object, Any]:
+    def _derived(self) -> dict[int, "SharedOffsets | None"]:
         return {}
 
-    def nodes(self, n: int) -> Nodes | None:
-        """Return weighted nodes that stand for the draws; kept for the next call.
-
-        Parameters
-        ----------
-        n : int
-            Nodes.
-
-        Returns
-        -------
-        Nodes or None
-            As `ridgebayes.inference.qmc_nodes.compress` returns them; None where none will do.
-        """
-        if n not in self._derived:
-            found = None
-            if not drawn_exactly(self.model):  # which has more coordinates than nodes can fill
-                found = compress(self.model, self.laplace, self.coordinates, n, seed=self.seed)
-            self._derived[n] = found
-        value: Nodes | None = self._derived[n]
-        return value
-
-    def offsets_given(self, stride: int) -> tuple[int, OffsetsInParts | TabulatedOffsets | None]:
-        """Return what the rows tell of shared offsets at every n-th draw; kept for the next call.
+    def shared_offsets(self, stride: int) -> "SharedOffsets | None":
+        """Return the offsets that rows share at every n-th draw; kept for the next call.
 
         Parameters
         ----------
         stride : int
-            The least n that is wanted.
+            n.
 
         Returns
         -------
-        n : int
-            `stride`, or more where fewer draws have been worked out before.
-        given : OffsetsInParts, TabulatedOffsets or None
-            Conditional means and factors; None where the error model has no shared offsets.
+        SharedOffsets or None
+            None where the error model has none.
         """
-        kept = self._derived.get("offsets")
-        if kept is None or kept[0] < stride:
-            kept = stride, _offsets_given(self.model, self.coordinates[::stride])
-            self._derived["offsets"] = kept
-        return kept
-
-    def tabulate_offsets(
-        self, stride: int, draws: Sequence[FloatArray], textures: Sequence[Texture]
-    ) -> None:
-        """Have `offsets_given` return a table of some textures, until that is forgotten.
-
-        Parameters
-        ----------
-        stride : int
-            Every n-th draw.
-        draws : sequence of ndarray of float, shape (n, n_coordinate)
-            Their coordinates in parts, of which what the rows tell is held one at a time.
-        textures : sequence of (float, float)
-            Those that will be asked for.
-        """
-        parts = [partial(_ready, self.model, u) for u in draws]
-        self._derived["offsets"] = stride, TabulatedOffsets(parts, textures)
-
-    def forget_offsets(self) -> None:
-        """Let go of what `offsets_given` keeps."""
-        self._derived.pop("offsets", None)
+        if not self.noise.factors:
+            return None
+        if stride not in self._derived:
+            u, k = self.coordinates[::stride], self.model.n_parameter
+            eta = self.draws[::stride, self.model.n_coefficient :]
+            self._derived[stride] = SharedOffsets(self.model, eta, u[:, k:])
+        return self._derived[stride]
 
 
-def _offsets_given(model: Model, u: FloatArray) -> OffsetsInParts | None:
-    """Return the same at any number of draws; None where rows share no offsets."""
-    if model.offsets is None:
-        return None
-    starts = range(0, len(u), _AT_ONCE)
-    return OffsetsInParts(tuple(_ready(model, u[i : i + _AT_ONCE]) for i in starts))
+class SharedOffsets:
+    """Offsets at draws of a posterior, for the textures and counts that predictions ask for.
+
+    Parameters
+    ----------
+    model : Model
+        Model.
+    eta : ndarray of float, shape (n_draw, n_noise)
+        Error model parameters.
+    scores : ndarray of float, shape (n_draw, n_level)
+        Scores of the error model's own offsets.
+    """
+
+    def __init__(self, model: Model, eta: FloatArray, scores: FloatArray) -> None:
+        self._offsets, self._eta, self._scores = model.offsets.own(), eta, scores
+        self._prepared = self._offsets.prepared(eta, scores)
+
+    def at(self, texture: Texture, Q: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return mean and variance of a texture's offsets, both of shape (n_draw, n_Q)."""
+        return self._offsets.at(texture, Q, self._eta, self._scores, self._prepared)
 
 
-def _ready(model: Model, u: FloatArray) -> OffsetsGiven:
-    """Return what rows tell of offsets at some draws, ready for many textures."""
-    given = model.offsets_given(u)
-    assert given is not None  # there are offsets
-    return given.inverted()
+def posterior_of(model: Model, drawn: Drawn, seed: int) -> Posterior:
+    """Return the posterior that importance draws of a model stand for, with their diagnostics.
+
+    Parameters
+    ----------
+    model : Model
+        Model.
+    drawn : Drawn
+        Draws of the outer parameters.
+    seed : int
+        Seed of the draws of offsets and of log K.
+    """
+    n_repeat, n, d = drawn.u.shape
+    u, scores = drawn.u.reshape(-1, d), drawn.scores.reshape(n_repeat * n, drawn.scores.shape[-1])
+    whole = completed(model, u, scores, stream(seed, "offsets"))
+    shape = (n_repeat, n // BLOCK, BLOCK)
+    ones = np.ones(whole.shape[1] + 1)
+    failures = () if drawn.evidence.ok else (drawn.evidence.status,)
+    chains = Chains(
+        whole.reshape(*shape, -1),
+        drawn.log_density.reshape(shape),
+        np.full(n_repeat, drawn.share),
+        ones,
+        failures,
+    )
+    return _posterior(model, chains, seed, "importance", drawn.evidence)
 
 
-def posterior_of(
-    model: Model,
-    chains: Chains,
-    laplace: Laplace | None,
-    *,
-    seed: int,
-    sampler: str,
-    evidence: LogEvidence | None = None,
+def walked_posterior(
+    model: Model, walked: Walked, seed: int, evidence: LogEvidence | None
 ) -> Posterior:
-    """Return the posterior that draws of a model stand for, with their diagnostics."""
-    summary = summarise(model.to_theta(chains.u), model.parameter_names)
-    convergence_failures = chains.convergence_failures + failed_diagnostics(summary)
-    return Posterior(model, chains, summary, convergence_failures, seed, laplace, sampler, evidence)
+    """Return the posterior that a walk's draws stand for, with their diagnostics."""
+    chains = walked.chains
+    *shape, d = chains.u.shape
+    u, n_level = chains.u.reshape(-1, d), walked.scores.shape[-1]
+    scores = walked.scores.reshape(len(u), n_level)
+    whole = completed(model, u, scores, stream(seed, "offsets"))
+    chains = replace(chains, u=whole.reshape(*shape, -1))
+    return _posterior(model, chains, seed, "emcee", evidence)
 
 
-def drawn_exactly(model: Model) -> bool:
-    """Return whether a posterior is drawn from exactly: a power law's of very many textures."""
-    return model.n_coefficient > N_TEXTURE_WALKED and is_conjugate(model)
+def _posterior(
+    model: Model, chains: Chains, seed: int, sampler: str, evidence: LogEvidence | None
+) -> Posterior:
+    theta = model.to_theta(chains.u[..., : model.n_parameter])
+    summary = summarise(theta, model.parameter_names)
+    failures = chains.convergence_failures + failed_diagnostics(summary)
+    return Posterior(model, chains, summary, failures, seed, sampler, evidence)
+
+
+def completed(
+    model: Model, u: FloatArray, scores: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """Return normal scores of all parameters, K included, and of the error model's offsets.
+
+    Parameters
+    ----------
+    model : Model
+        Model.
+    u : ndarray of float, shape (n_draw, n_outer)
+        Normal scores of the outer parameters.
+    scores : ndarray of float, shape (n_draw, n_level) or (n_draw, 0)
+        Scores of all offsets; drawn here where rows are normal.
+    rng : numpy.random.Generator
+        Source of the draws.
+    """
+    if not model.offsets.n_level:
+        return u
+    if not scores.shape[1]:
+        scores = LatentIntegral(model).draw(u, rng)
+    n_first = model.offsets.n_first
+    first, rest = scores[:, :n_first], scores[:, n_first:]
+    if not model.has_slopes:
+        return np.concatenate([u, first, rest], axis=1)
+    eta = model.outer_theta(u)
+    total = model.offsets.first_root(eta) * first
+    slopes, own = model.slopes_given(total, eta, rng)
+    parts = [slopes, u]
+    if "texture" in model.noise.factors:
+        parts.append(own / model.offsets.tau("texture", eta)[:, None])
+    return np.concatenate([*parts, rest], axis=1)

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from ridgebayes.errors import InputError
 from ridgebayes.inference.chains import N_KEPT, SampleSettings
-
-_N_POINT = 16  # of offsets that are drawn: the estimates' variance is 0.05 to 0.1 at eight
+from ridgebayes.inference.importance import Effort
 
 
 @dataclass(frozen=True)
@@ -25,35 +24,27 @@ class Preset:
         errors of a quantile of the draws.
     evidence_error : float
         Promised error of a log evidence.
+    effort : Effort
+        Draws of importance sampling for each pair of form and error model.
+    n_kept : int
+        Draws of a form's posteriors together, shared out by the error models' probabilities.
     walks : bool
-        Whether posteriors are walked by emcee; if not, importance sampling draws from them and
-        emcee serves where its weights have too heavy a tail.
-    n_draw : int
-        Importance draws of each of four proposals.
-    n_round, n_per_round : int
-        Rounds of fitting each proposal, and draws of each round.
+        Whether emcee walks the posteriors that are printed, as a second way to their evidences.
     n_tau : float
         Autocorrelation times that a walk takes at least.
-    n_bridge : int or None
-        Draws of the evidence's bridge; None for as many as 0.002 takes.
     extras : bool
         Whether a run also leaves textures out, counts coverage, compares finite-element rows,
         measures what accuracy costs and draws every figure.
-    n_kept : int
-        Draws of each posterior that a run keeps, for predictions and files.
     """
 
     name: str
     moment_error: float
     evidence_error: float
+    effort: Effort
+    n_kept: int
     walks: bool = True
-    n_draw: int = 1_024
-    n_round: int = 3
-    n_per_round: int = 512
     n_tau: float = 50.0
-    n_bridge: int | None = None
     extras: bool = True
-    n_kept: int = N_KEPT
 
     @classmethod
     def named(cls, name: str) -> "Preset":
@@ -69,28 +60,27 @@ class Preset:
         return PRESETS[name]
 
     @property
-    def effort(self) -> dict[str, int]:
-        """What importance sampling is told."""
-        return {
-            "n_draw": self.n_draw,
-            "n_round": self.n_round,
-            "n_per_round": self.n_per_round,
-            "n_point": _N_POINT,
-        }
-
-    @property
     def settings(self) -> SampleSettings:
         """How long to walk."""
         return SampleSettings(n_tau=self.n_tau)
 
 
-# Of what decides nothing unless it is far off: forms that the rows rule out.
-ROUGH = Preset(
-    "rough", 0.5, 0.5, walks=False, n_draw=512, n_round=1, n_per_round=256, extras=False, n_kept=512
-)
 QUICK = Preset(
-    "quick", 0.2, 0.1, walks=False, n_draw=512, n_round=3, n_per_round=256, extras=False, n_kept=512
+    "quick",
+    0.25,
+    0.1,
+    Effort(n_round=3, n_per_round=384, n_draw=128, n_point=16),
+    n_kept=1_024,
+    walks=False,
+    extras=False,
 )
-STANDARD = Preset("standard", 0.02, 0.01)
-REFERENCE = Preset("reference", 0.01, 0.003, n_tau=200.0, n_bridge=400_000)
-PRESETS = {one.name: one for one in (QUICK, STANDARD, REFERENCE)}
+STANDARD = Preset("standard", 0.1, 0.05, Effort(), N_KEPT)
+REFERENCE = Preset(
+    "reference",
+    0.08,
+    0.01,
+    Effort(n_per_round=2_048, n_draw=4_096, n_point=64),
+    N_KEPT,
+    n_tau=200.0,
+)
+PRESETS = {preset.name: preset for preset in (QUICK, STANDARD, REFERENCE)}

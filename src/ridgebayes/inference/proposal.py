@@ -73,7 +73,7 @@ class Mixture:
             log |du/dq| of each chart.
         """
         terms, _ = self._terms(coordinates, log_jacobian)
-        return _log_sum(terms)
+        return log_sum(terms)
 
     def _terms(
         self, coordinates: FloatArray, log_jacobian: FloatArray
@@ -114,7 +114,7 @@ class Mixture:
         mixture, shapes = self, self._common_shapes(coordinates, log_jacobian, weights)
         for _ in range(_STEPS):
             terms, squares = mixture._terms(coordinates, log_jacobian)
-            share = np.exp(terms - _log_sum(terms)) * weights
+            share = np.exp(terms - log_sum(terms)) * weights
             mass = share.sum(axis=1)
             narrow = share * (DF + d) / (DF + squares)
             total = np.maximum(narrow.sum(axis=1), 1e-300)
@@ -139,7 +139,7 @@ class Mixture:
     ) -> FloatArray:
         """Return for each component the covariance of the draws that its chart accounts for."""
         terms, _ = self._terms(coordinates, log_jacobian)
-        share = np.exp(terms - _log_sum(terms)) * weights
+        share = np.exp(terms - log_sum(terms)) * weights
         d, shapes = self.centres.shape[1], np.empty_like(self.factors)
         for chart in np.unique(self.charts).tolist():
             here = self.charts == chart
@@ -151,7 +151,7 @@ class Mixture:
         return shapes
 
 
-def _log_sum(terms: FloatArray) -> FloatArray:
+def log_sum(terms: FloatArray) -> FloatArray:
     """Return log sum exp over the first axis: SciPy's own takes longer to begin than to add."""
     top = terms.max(axis=0)
     value: FloatArray = np.where(np.isfinite(top), top, 0.0)

@@ -200,6 +200,7 @@ class Offsets:
         self, noise: Noise, data: Observations, slope_sd: FloatArray | None = None
     ) -> None:
         factors, names = noise.factors, noise.parameter_names
+        self._made_of = noise, data
         if SERIES in factors and data.n_series < 2:
             raise InputError(
                 f"noise {noise.name!r}: expected rows of at least two series or sources, got one"
@@ -247,6 +248,10 @@ class Offsets:
         ends = (counts, len(data) + np.arange(len(counts))) if len(counts) else None
         self.design = Design(texture if has_first else None, self.n_first, rest, self.n_rest, ends)
 
+    def own(self) -> "Offsets":
+        """Return the error model's offsets alone, without the power law's log K."""
+        return self if self.slope_sd is None else Offsets(*self._made_of)
+
     def tau(self, name: str, eta: FloatArray) -> FloatArray:
         """Return the scale of a factor's offsets, shape (...); 0 where it has none."""
         if not self._has[SMOOTH if name == "step" and self._has[SMOOTH] else name]:
@@ -256,9 +261,10 @@ class Offsets:
 
     def root(self, eta: FloatArray) -> Root:
         """Return L at error model parameters (..., n_noise)."""
-        return Root(self._first_root(eta), *self._rest_root(eta))
+        return Root(self.first_root(eta), *self._rest_root(eta))
 
-    def _first_root(self, eta: FloatArray) -> FloatArray:
+    def first_root(self, eta: FloatArray) -> FloatArray:
+        """Return the standard deviations of the first block, shape (..., n_first)."""
         tau = self.tau("texture", eta)[..., None]
         if self.slope_sd is None:
             return np.broadcast_to(tau, (*eta.shape[:-1], self.n_first))
@@ -300,13 +306,43 @@ class Offsets:
         """Return the variance a priori of each predictor's offset, shape (..., n)."""
         grouped = np.zeros((*eta.shape[:-1], self.design.n))
         if self.design.first is not None:
-            grouped += self._first_root(eta)[..., self.design.first] ** 2
+            grouped += self.first_root(eta)[..., self.design.first] ** 2
         others = self.tau("step", eta) ** 2 + self.tau(SERIES, eta) ** 2
         value: FloatArray = grouped + others[..., None]
         return value
 
+    def prepared(self, eta: FloatArray, scores: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return what smooth offsets at new places follow from; None without these.
+
+        Parameters
+        ----------
+        eta : ndarray of float, shape (n_draw, n_noise)
+            Error model parameters.
+        scores : ndarray of float, shape (n_draw, n_level)
+            Scores of all levels.
+
+        Returns
+        -------
+        inverse : ndarray of float, shape (n_draw, n_place, n_place)
+            L^-1 of the places.
+        weights : ndarray of float, shape (n_draw, n_place)
+            Their offsets times the inverse covariance.
+        """
+        n = self.n_smooth
+        if not n:
+            return None
+        factor = self._rest_root(eta)[0][:, :n, :n]
+        inverse = solve_lower(factor, np.broadcast_to(np.eye(n), factor.shape))
+        own = scores[:, self.n_first : self.n_first + n]
+        return inverse, np.einsum("dml,dm->dl", inverse, own)
+
     def at(
-        self, texture: Texture, Q: IntArray, eta: FloatArray, root: Root, scores: FloatArray
+        self,
+        texture: Texture,
+        Q: IntArray,
+        eta: FloatArray,
+        scores: FloatArray,
+        prepared: tuple[FloatArray, FloatArray] | None,
     ) -> tuple[FloatArray, FloatArray]:
         """Return mean and variance of a texture's offsets given the scores of all levels.
 
@@ -318,14 +354,14 @@ class Offsets:
             Counts.
         eta : ndarray of float, shape (n_draw, n_noise)
             Error model parameters.
-        root : Root
-            L of the same draws.
         scores : ndarray of float, shape (n_draw, n_level)
             Scores.
+        prepared : tuple or None
+            What `prepared` returns for the same draws.
 
         Returns
         -------
-        tuple of ndarray of float, both of shape (n_draw, n_Q)
+        mean, variance : ndarray of float, both of shape (n_draw, n_Q)
             A texture, a step or a place with rows keeps its offset; a new one, and the new series
             that is predicted, draws its own. Beyond the calibrated range of log h or a/pitch
             nothing has tested the smoothness: there a second, independent process with the variance
@@ -337,24 +373,25 @@ class Offsets:
         first, rest = scores[:, : self.n_first], scores[:, self.n_first :]
         if self._has["texture"]:
             tau, j = self.tau("texture", eta)[:, None], self._texture.get(texture)
-            mean, variance = (mean, variance + tau**2) if j is None else (
-                mean + tau * first[:, [j]], variance
-            )
+            if j is None:
+                variance = variance + tau**2
+            else:
+                mean = mean + tau * first[:, [j]]
         if self._has["step"]:
             place = np.searchsorted(self._steps, Q)
             known = np.append(self._steps, -1)[place] == Q
             tau = self.tau("step", eta)[:, None]
             mean = mean + np.where(known, tau * rest[:, np.where(known, place, 0)], 0.0)
             variance = variance + np.where(known, 0.0, tau**2)
-        if self._has[SMOOTH]:
-            more = self._smooth_at(texture, Q, eta, root, rest[:, : self.n_smooth])
+        if prepared is not None:
+            more = self._smooth_at(texture, Q, eta, *prepared)
             mean, variance = mean + more[0], variance + more[1]
         return mean, variance
 
     def _smooth_at(
-        self, texture: Texture, Q: IntArray, eta: FloatArray, root: Root, scores: FloatArray
+        self, texture: Texture, Q: IntArray, eta: FloatArray, inverse: FloatArray, weights: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        n, variance = self.n_smooth, self.tau("step", eta)[:, None] ** 2
+        variance = self.tau("step", eta)[:, None] ** 2
         at = _coordinates(Q, np.full(len(Q), texture[0] / (texture[0] + texture[1])))
         squares = (self._places[:, None] - at) ** 2
         low, high = self._places.min(axis=0), self._places.max(axis=0)
@@ -363,9 +400,9 @@ class Offsets:
             scale = np.stack(self._lengths(eta), axis=-1) ** -2.0
             correlation = np.exp(-0.5 * np.einsum("lqx,dx->dlq", squares, scale))
             widening = -np.expm1(-0.5 * np.einsum("qx,dx->dq", beyond**2, scale))
-        loading = solve_lower(root.rest[:, :n, :n], variance[..., None] * correlation)
-        rest = np.maximum(variance - (loading**2).sum(axis=-2), 0) + variance * widening
-        return np.einsum("dl,dlq->dq", scores, loading), rest
+        shared = variance[..., None] * correlation
+        rest = np.maximum(variance - ((inverse @ shared) ** 2).sum(axis=-2), 0)
+        return np.einsum("dl,dlq->dq", weights, shared), rest + variance * widening
 
 
 def _steps(data: Observations) -> IntArray:

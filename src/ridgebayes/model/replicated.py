@@ -6,7 +6,7 @@ from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.joint_prior import JointPrior
 from ridgebayes.model.model import Model
-from ridgebayes.model.shared_offsets import Offsets
+from ridgebayes.model.offsets import Offsets
 
 _AT_ONCE = 2**20  # numbers of covariances: 8 MB
 _ROUNDS_MAX = 1_000  # of prior draws, before the form is said to fit no such draw
@@ -58,11 +58,10 @@ def simulate_log_loads(
         )
     eta = theta[..., model.n_coefficient :]
     log_load = form_log_loads(model, theta) + np.zeros((n,) + (1,) * theta.ndim)
-    if model.offsets is not None:
-        scores = rng.standard_normal((*log_load.shape[:-1], model.offsets.n_level))
-        offset = _offsets(model.offsets, eta, scores)
-        for level in model.offsets.codes:
-            log_load += offset[..., level]
+    offsets = model.offsets.own()
+    if offsets.n_level:
+        scores = rng.standard_normal((*log_load.shape[:-1], offsets.n_level))
+        log_load += _offsets(offsets, eta, scores)[..., : len(model.data)]
     df = eta[..., -1:] if model.noise.tail == "student" else None
     scale = np.sqrt(eta[..., :1] ** 2 + model.data.rel_se**2)
     return log_load + scale * model.noise.distribution.rvs(rng, df, log_load.shape)
@@ -84,20 +83,32 @@ def is_possible(model: Model, theta: FloatArray) -> BoolArray:
     Every rate is positive, and a smooth offset's covariance can be factorised.
     """
     possible = np.isfinite(model.log_rates(theta)).all(axis=-1)
-    if model.offsets is not None:
-        ones = np.ones((*theta.shape[:-1], model.offsets.n_level))
-        offset = _offsets(model.offsets, theta[..., model.n_coefficient :], ones)
+    offsets = model.offsets.own()
+    if offsets.n_smooth:
+        ones = np.ones((*theta.shape[:-1], offsets.n_level))
+        offset = _offsets(offsets, theta[..., model.n_coefficient :], ones)
         possible = possible & np.isfinite(offset).all(axis=-1)
     return np.asarray(possible)
 
 
 def _offsets(offsets: Offsets, eta: FloatArray, scores: FloatArray) -> FloatArray:
-    """Return L s of each draw, some draws at a time: their covariances are not there whole."""
-    if eta.ndim == 1:
-        return offsets.root(eta).times(scores)
-    n = max(_AT_ONCE // offsets.n_held, 1)
-    parts = [np.s_[..., i : i + n, :] for i in range(0, eta.shape[-2], n)]
-    return np.concatenate([offsets.root(eta[p]).times(scores[p]) for p in parts], axis=-2)
+    """Return each predictor's offset, some draws at a time: their covariances are not there whole.
+
+    `eta` has shape (..., n_noise), `scores` (n, ..., n_level).
+    """
+    lead, flat = eta.shape[:-1], eta.reshape(-1, eta.shape[-1])
+    scores = scores.reshape(scores.shape[0], len(flat), offsets.n_level) if lead else scores
+    step = max(_AT_ONCE // max(offsets.n_smooth**2, 1), 1)
+    parts = []
+    for i in range(0, len(flat), step):
+        part = scores if not lead else scores[:, i : i + step]
+        first, rest = part[..., : offsets.n_first], part[..., offsets.n_first :]
+        root = offsets.root(flat[i : i + step] if lead else eta)
+        parts.append(offsets.design.spread(*root.times(first, rest)))
+    if not lead:
+        return parts[0]
+    value = np.concatenate(parts, axis=1)
+    return value.reshape(value.shape[0], *lead, value.shape[-1])
 
 
 def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:

@@ -68,8 +68,6 @@ class PredictiveSampler:
 
     def __init__(self, fit: Posterior, seen: Spread) -> None:
         self._fit, self._stride = fit, -(-len(fit.draws) // n_draws(fit))
-        if fit.model.offsets is not None:
-            self._stride = fit.offsets_given(self._stride)[0]
         self._range, self._seen = CalibratedRange.of(fit), seen
         self._axis: Axis | None = None
         if seen.distinct is not None:

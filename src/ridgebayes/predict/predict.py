@@ -35,9 +35,7 @@ from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
 KINDS = ("curve", "simulation")
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
 _STORED = 2**19  # draws times places up to which a load distribution keeps them: 8 MB
-_HELD = 2**22  # numbers that rows tell of offsets, of all draws, up to which they are held at once
-_MANY_TEXTURES = 500  # each so many more hold as much again: parts go through all of them
-_TABULATED = 2**23  # numbers of offsets at all textures up to which they are held: 64 MB
+_HELD = 2**23  # numbers of smooth offsets' matrices that are held at once: 64 MB
 _LARGEST_Q = 20_000
 _BLOCK = 8  # counts worked out at a time
 _MANY = 4 + 2 * _BLOCK * 16  # the first count before which it is asked whether counts end at all
@@ -179,7 +177,6 @@ def predict_q(
     *,
     nu: ArrayLike = 0.5,
     kind: str = "simulation",
-    compressed: bool = False,
     share: float = 1.0,
 ) -> QDistribution:
     """Return the predictive distribution of Q of one posterior, see `Predictive.predict`.
@@ -190,10 +187,6 @@ def predict_q(
         Posterior.
     a_over_R, b_over_R, p_over_E, nu, kind
         As there.
-    compressed : bool, optional
-        Whether weighted nodes stand for the posterior where they can, see `inference.qmc_nodes`:
-        faster, some 4 s for a million loads of a thousand textures, and with an error of their
-        own, under 0.001 on the paper's sweep.
     share : float, optional
         Of an average that it is for, the weight of this posterior: it has so many of the draws.
 
@@ -211,36 +204,29 @@ def predict_q(
     calibrated = CalibratedRange.of(fit)
     n_draw = n_draws(fit, share)
     parts = _in_parts(fit, kind, n_draw)
-    n_known = len(textures) * n_draw * (calibrated.Q_max + 4 * _BLOCK)  # means and variances
-    if len(parts) > 1 and n_known > _TABULATED:
+    if len(parts) > 1:
         predicted = partial(predict_q, nu=nu, kind=kind)
         each = (fit.at_draws(u, fit.seed + i) for i, u in enumerate(parts))
         found = (predicted(one, a_over_R, b_over_R, p_over_E) for one in each)
         return mix_q(found, [len(u) for u in parts])
-    if len(parts) > 1:
-        fit.tabulate_offsets(-(-len(fit.draws) // n_draw), parts, textures)
     flat_p, flat_nu = p.ravel(), poisson.ravel()
     flags = calibrated.load_flags(flat_p, flat_nu)
     flags |= calibrated.texture_flags(own_a, own_b)[place]
     groups = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place))[:-1])
-    try:
-        ladders = [
-            _survival(fit, texture, flat_p[here], flat_nu[here], kind, n_draw, compressed)
-            for texture, here in zip(textures, groups, strict=False)
-        ]
-    finally:
-        if len(parts) > 1:
-            fit.forget_offsets()
-    n_step = max((ladder.shape[-1] for ladder, _ in ladders), default=1)
+    ladders = [
+        _survival(fit, texture, flat_p[here], flat_nu[here], kind, n_draw)
+        for texture, here in zip(textures, groups, strict=False)
+    ]
+    n_step = max((ladder.shape[-1] for ladder in ladders), default=1)
     survival = np.zeros((p.size, n_step))
-    for here, (ladder, _) in zip(groups, ladders, strict=False):
+    for here, ladder in zip(groups, ladders, strict=False):
         survival[here, : ladder.shape[1]] = ladder
     return QDistribution(
         survival.reshape(*p.shape, n_step),
         flags.reshape(p.shape),
         calibrated.Q_max,
         kind,
-        float(np.max([0.0, *(error for _, error in ladders)])),
+        np.nan,
         places,
     )
 
@@ -274,7 +260,7 @@ def predict_load(
     _check_kind(kind)
     n = of_share(N_LOAD_DRAWS, share)
     parts = _in_parts(fit, kind, n)
-    if len(parts) > 1 and n * np.broadcast(a_over_R, b_over_R, Q, nu).size <= _STORED:
+    if len(parts) > 1:
         each = (fit.at_draws(u, fit.seed + i) for i, u in enumerate(parts))
         found = (predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in each)
         return mix_loads(found, [len(u) for u in parts])
@@ -301,12 +287,11 @@ def _in_parts(fit: Posterior, kind: str, n: int) -> list[FloatArray]:
 
     What rows tell of many shared offsets is matrices for each draw, which are held at once.
     """
-    offsets = fit.model.offsets
-    if offsets is None or kind == "curve":
+    n_place = fit.model.offsets.n_smooth
+    if not n_place or kind == "curve":
         return []
     u = fit.coordinates[:: -(-len(fit.draws) // n)]
-    held = _HELD * max(len(fit.model.data.textures) // _MANY_TEXTURES, 1)
-    return np.array_split(u, -(-len(u) // max(held // offsets.n_held, 1)))
+    return np.array_split(u, -(-len(u) * n_place**2 // _HELD))
 
 
 def _columns(
@@ -324,15 +309,9 @@ def _survival(
     nu: FloatArray,
     kind: str,
     n_draw: int,
-    compressed: bool,
-) -> tuple[FloatArray, float]:
-    """Return P(Q >= 2), P(Q >= 4), ... at loads p of one texture, (n_load, n_step), and its error.
-
-    The error is NaN for draws.
-    """
-    draws = PosteriorLoads.nodes(fit, kind) if compressed else None
-    if draws is None:
-        draws = PosteriorLoads.of(fit, n_draw, kind)
+) -> FloatArray:
+    """Return P(Q >= 2), P(Q >= 4), ... at loads p of one texture, shape (n_load, n_step)."""
+    draws = PosteriorLoads.of(fit, n_draw, kind)
     average = Average(draws, kind)
     columns = [np.ones(len(p))]
     last = _LARGEST_Q if draws.df is None else _widest(texture)
@@ -354,9 +333,9 @@ def _survival(
             # One noise draw cannot reach a further ridge before a nearer one.
             columns.append(np.minimum(column, columns[-1]))
             if columns[-1].max() < NEGLIGIBLE:
-                return np.stack(columns, axis=-1), average.error
+                return np.stack(columns, axis=-1)
     if draws.df is not None:
-        return np.stack(columns, axis=-1), average.error
+        return np.stack(columns, axis=-1)
     raise InputError(
         f"p_over_E: expected counts up to {_LARGEST_Q}, got more at a/R, b/R = {texture}"
     )

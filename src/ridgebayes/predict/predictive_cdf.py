@@ -1,8 +1,7 @@
 """Loads at which each draw of a posterior reaches a count, and the shares that reach it by a load.
 
 `PosteriorLoads` gives location and scale of each draw's log load; `Average` averages
-P(load(Q) <= p) of one texture over draws, or over the weighted nodes of
-`ridgebayes.inference.qmc_nodes`.
+P(load(Q) <= p) of one texture over draws.
 """
 
 from collections.abc import Callable
@@ -11,30 +10,25 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from scipy import interpolate
-from scipy.special import ndtr, ndtri, stdtr
+from scipy.special import ndtr, stdtr
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
-from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.posterior import Posterior, SharedOffsets
 from ridgebayes.model.default_priors import slope_prior
 from ridgebayes.model.forms import Form, PowerLaw
-from ridgebayes.model.offsets_given import OffsetsInParts, TabulatedOffsets
 from ridgebayes.predict.interpolant import Interpolant
 from ridgebayes.runtime.randomness import stream
 
 Counts = IntArray | FloatArray
-_FEW = 4  # coordinates that a thousand nodes fill
-_N_NODE, _N_MANY = 1_024, 4_096
-_N_CURVE = 16_384
 N_LOAD_DRAWS = 2_560  # draws behind a load distribution; its quantiles move by 0.02 sd at most
 _LEAST_SHARE = 16  # part of these that a posterior of no weight in an average has
 
 
 @dataclass(frozen=True, eq=False)
 class PosteriorLoads:
-    """Some draws of a fit, or nodes, with what their rows tell of shared offsets.
+    """Some draws of a fit, with the offsets that rows share.
 
     Parameters
     ----------
@@ -42,27 +36,19 @@ class PosteriorLoads:
         Posterior.
     theta : ndarray of float, shape (n_draw, n_parameter)
         Parameters.
-    offsets : OffsetsInParts, TabulatedOffsets or None
+    offsets : SharedOffsets or None
         Of the same draws.
-    weight : ndarray of float, shape (n_draw, 2), or None
-        Of nodes, see `ridgebayes.inference.qmc_nodes.Nodes`; draws have none.
-    uniform : ndarray of float, shape (n_draw,), or None
-        Of nodes: a further coordinate, uniform from 0 to 1, for what is not in the posterior.
     """
 
     fit: Posterior
     theta: FloatArray
-    offsets: OffsetsInParts | TabulatedOffsets | None
-    weight: FloatArray | None = None
-    uniform: FloatArray | None = None
+    offsets: SharedOffsets | None
 
     @classmethod
     def of(cls, fit: Posterior, n: int, kind: str) -> "PosteriorLoads":
         """Take about n of a fit's draws, evenly; a form's own curve needs no offsets."""
         stride = -(-len(fit.draws) // n)
-        if fit.model.offsets is None or kind == "curve":
-            return cls(fit, fit.draws[::stride], None)
-        stride, offsets = fit.offsets_given(stride)
+        offsets = None if kind == "curve" else fit.shared_offsets(stride)
         return cls(fit, fit.draws[::stride], offsets)
 
     @classmethod
@@ -91,30 +77,6 @@ class PosteriorLoads:
                 f"{fit.form.name}: expected loads that go with the square of the pitch, got others"
             )
         return own
-
-    @classmethod
-    def nodes(cls, fit: Posterior, kind: str) -> "PosteriorLoads | None":
-        """Return the nodes that stand for a fit of rows without shared offsets, if any can.
-
-        With offsets a density costs so much that nodes would gain nothing over draws.
-        """
-        if fit.model.offsets is not None:
-            return None
-        n = _N_NODE if fit.model.n_coordinate <= _FEW else _N_MANY
-        found = fit.nodes(_N_CURVE if kind == "curve" else n)
-        if found is None:
-            return None
-        return cls(fit, found.theta, None, found.weight, found.uniform)
-
-    def average(self, values: FloatArray) -> FloatArray:
-        """Return the mean over draws of values (n_draw, ...), shape (n_answer, ...).
-
-        One answer of draws, two of nodes.
-        """
-        if self.weight is None:
-            value: FloatArray = values.mean(axis=0)[None]
-            return value
-        return np.tensordot(self.weight, values, axes=(0, 0))
 
     @property
     def df(self) -> FloatArray | None:
@@ -184,9 +146,7 @@ class PosteriorLoads:
             return form, theta[:, [fit.form.textures.index(texture)]]
         prior = slope_prior(texture, fit.model.prior_of_slopes)
         rng = stream(fit.seed, "new texture", form.parameter_names[0])
-        if self.uniform is None:
-            return form, prior.rvs(rng, len(theta))[:, None]
-        return form, prior.value_at(ndtri(self.uniform))[:, None]
+        return form, prior.rvs(rng, len(theta))[:, None]
 
 
 def _check_scaling(fit: Posterior, ratio: float) -> None:
@@ -206,7 +166,7 @@ def n_draws(fit: Posterior, share: float = 1.0) -> int:
 
     `share`: the fit's own weight where several are averaged, see `of_share`.
     """
-    n = N_LOAD_DRAWS if fit.model.offsets is not None else len(fit.draws)
+    n = N_LOAD_DRAWS if fit.noise.factors else len(fit.draws)
     return of_share(n if fit.noise.tail == "normal" else n // 2, share)
 
 
@@ -232,43 +192,30 @@ def distinct(*columns: FloatArray) -> tuple[IntArray, IntArray]:
 
 _SATURATED = 8.3  # standard deviations beyond which a normal distribution function is 0 or 1
 _AT_ONCE = 2**20  # draws times loads, which bounds memory
-_EXACT, _CLOSE = 1e-14, 1e-8  # errors of tables: of normal errors over draws, and of all others
+_EXACT, _CLOSE = 1e-14, 1e-8  # errors of tables: of normal errors, and of Student errors
 _SHIFTED = 3e-14  # of log loads: two counts' means are one but for a shift
-_N_KNOT = 256  # of a curve's table
-_OF_RANGE = 0.02  # of a curve's nodes: of the size of their kernel's width
-_SMOOTHED = 0.2  # of a curve's spread: width of the kernel that nodes are smoothed by
 _Table = Callable[[FloatArray], FloatArray]  # of log loads
 
 
 class Average:
-    """Means of P(load(Q) <= p) over draws, or over the two halves of weighted nodes.
+    """Means of P(load(Q) <= p) over draws.
 
     Parameters
     ----------
     draws : PosteriorLoads
-        Draws or nodes.
+        Draws.
     kind : str
-        ``simulation`` or ``curve``. By nodes a curve's distribution is a step at each of them: it
-        is smoothed by a kernel of fourth order, and the error holds what a kernel twice as wide
-        would change.
-
-    Attributes
-    ----------
-    error : float
-        Largest error of a mean, by what the halves of the nodes differ by; NaN of draws, which
-        alone do not tell it.
+        ``simulation`` or ``curve``.
     """
 
     def __init__(self, draws: PosteriorLoads, kind: str) -> None:
         self._draws, self._kind = draws, kind
-        self.error = np.nan if draws.weight is None else 0.0
-        self._is_exact = draws.weight is None and draws.df is None
         self._known: tuple[FloatArray, FloatArray, _Table] | None = None
 
     def at(self, texture: Texture, Q: IntArray, p: FloatArray, nu: float) -> FloatArray:
         """Return P(load(Q) <= p), shape (n_load, n_Q)."""
-        draws, is_curve = self._draws, self._kind == "curve"
-        if is_curve and draws.weight is None:
+        draws = self._draws
+        if self._kind == "curve":
             # Compared as loads, so that a draw's own transition load counts as reached.
             load = np.sort(draws.load(texture, Q, nu), axis=0)
             shares = [np.searchsorted(one, p, side="right") / len(one) for one in load.T]
@@ -277,8 +224,7 @@ class Average:
         with np.errstate(divide="ignore"):
             y = np.log(p)
         columns = zip(mean.T, scale.T, strict=True)
-        found = [self._steps(y, m) if is_curve else self._errors(y, m, s) for m, s in columns]
-        return np.stack(found, axis=1)
+        return np.stack([self._errors(y, m, s) for m, s in columns], axis=1)
 
     def _errors(self, y: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
         """Return the mean of distribution functions of errors at each y, shape (n,)."""
@@ -299,38 +245,12 @@ class Average:
             def along(x: FloatArray) -> FloatArray:
                 return means(middle + width * np.sinh(x))
 
-            tabulated = Interpolant(along, _EXACT if self._is_exact else _CLOSE)
+            tabulated = Interpolant(along, _EXACT if self._draws.df is None else _CLOSE)
             return lambda y: tabulated(np.arcsinh((y - middle) / width))
 
         known, shift = self._shared(mean, scale, table)
         result[here] = np.clip(known(y[here] - shift), 0.0, 1.0)
         return result
-
-    def _steps(self, y: FloatArray, mean: FloatArray) -> FloatArray:
-        """Return the mean of smoothed steps at each y, shape (n,)."""
-        if not np.isfinite(mean).all():
-            return self._unsmoothed(y, mean)
-
-        def table() -> _Table:
-            width = _SMOOTHED * self._spread(mean)
-            if not width:
-                return partial(self._unsmoothed, mean=mean)
-            low, high = mean.min() - _SATURATED * width, mean.max() + _SATURATED * width
-            knots = np.linspace(low, high, _N_KNOT)
-            with np.errstate(over="ignore"):  # slopes far in a tail, whose inverse it takes
-                smooth = interpolate.PchipInterpolator(knots, self._smoothed(knots, mean, width))
-
-            def at(y: FloatArray) -> FloatArray:
-                value = np.clip(smooth(np.clip(y, low, high)), 0.0, 1.0)
-                return np.where(y > high, 1.0, np.where(y < low, 0.0, value))
-
-            return at
-
-        known, shift = self._shared(mean, np.array([_OF_RANGE * np.ptp(mean)]), table)
-        return known(y - shift)
-
-    def _unsmoothed(self, y: FloatArray, mean: FloatArray) -> FloatArray:
-        return self._answer(self._draws.average((y >= mean[:, None]).astype(float)))
 
     def _shared(
         self, mean: FloatArray, scale: FloatArray, make: Callable[[], _Table]
@@ -354,47 +274,5 @@ class Average:
         parts, n = [], max(_AT_ONCE // len(mean), 1)
         for i in range(0, len(y), n):
             z = (y[i : i + n] - mean[:, None]) / scale[:, None]
-            parts.append(self._draws.average(self._draws.cdf(z)))
-        return self._answer(np.concatenate(parts, axis=1))
-
-    def _answer(self, found: FloatArray, bias: FloatArray | float = 0.0) -> FloatArray:
-        """Return the one answer of draws, or the mean of two halves, whose error is kept."""
-        value: FloatArray = found.mean(axis=0)
-        if len(found) > 1:
-            error = 0.5 * np.abs(found[0] - found[1]) + np.abs(bias)
-            self.error = max(self.error, float(error.max(initial=0.0)))
-        return value
-
-    def _smoothed(self, knots: FloatArray, mean: FloatArray, width: float) -> FloatArray:
-        """Return a curve's distribution at evenly spaced knots."""
-        weight = self._draws.weight
-        assert weight is not None
-        # Each node's weight is shared out to the two knots beside it.
-        place = (mean - knots[0]) / (knots[1] - knots[0])
-        left = np.clip(place.astype(int), 0, len(knots) - 2)
-        right = place - left
-        found = np.stack(
-            [
-                np.bincount(left, (1 - right) * w, len(knots))
-                + np.bincount(left + 1, right * w, len(knots))
-                for w in weight.T
-            ]
-        )
-        value, wider = (found @ _kernel(knots, k * width) for k in (1, 2))
-        # An error of fourth order in the width is a fifteenth of what doubling it changes.
-        return self._answer(value, (wider - value).mean(axis=0) / 15)
-
-    def _spread(self, mean: FloatArray) -> float:
-        weight = self._draws.weight
-        assert weight is not None
-        share = weight.mean(axis=1)
-        # Not by BLAS, whose threads would change the order of the sum and so its last digits.
-        centre = (share * mean).sum()
-        return float(np.sqrt((share * (mean - centre) ** 2).sum()))
-
-
-def _kernel(knots: FloatArray, width: float) -> FloatArray:
-    """Return the distribution function of a normal kernel of fourth order, [from knot, at knot]."""
-    t = (knots - knots[:, None]) / width
-    value: FloatArray = ndtr(t) + 0.5 * t * np.exp(-0.5 * t * t) / np.sqrt(2 * np.pi)
-    return value
+            parts.append(self._draws.cdf(z).mean(axis=0))
+        return np.concatenate(parts)

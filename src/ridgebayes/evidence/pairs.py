@@ -1,0 +1,396 @@
+"""Every form under every error model, weighed alike, and draws of the pairs that carry weight.
+
+Nobody knows which error model holds, so predictions and model probabilities are averaged over all
+of them. One is selected for what is printed: the simplest whose evidence, forms summed out, is
+within 1.1 of the highest.
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+import pandas as pd
+from scipy.special import logsumexp
+
+from ridgebayes.distributions.distribution import Distribution
+from ridgebayes.errors import ComputationError
+from ridgebayes.evidence.tables import evidence_table, used_evidence
+from ridgebayes.inference.chains import ProgressCallback
+from ridgebayes.inference.importance import Drawn, Effort, at_least, importance_sample
+from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.inference.posterior import Posterior, posterior_of
+from ridgebayes.inference.presets import STANDARD, Preset
+from ridgebayes.inference.proposal import Mixture
+from ridgebayes.inference.target import ModelTarget
+from ridgebayes.model.forms import Form
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.prior_files import ResolvedPriors, priors_of
+from ridgebayes.runtime.pool import map_ordered
+from ridgebayes.runtime.randomness import stream
+
+MIN_WEIGHT = 0.01  # of a pair of form and error model that predictions are averaged over
+AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apart by simplicity
+MAX_GAP = 12.0  # in ln evidence below the best, from where an evidence decides nothing
+_FEWER_ESTIMATES = 4  # times fewer draws are kept of densities that are dear estimates
+_MOST_REFINED = 2  # times that draws and points are doubled
+_Task = TypeVar("_Task")
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """A form under an error model; holds all that a process of its own needs.
+
+    Parameters
+    ----------
+    data : Observations
+        Rows.
+    form : Form
+        Contact form.
+    noise : Noise
+        Error model.
+    priors : mapping of str to Distribution
+        Replacements for default priors.
+    seed : int
+        Seed; a pair's draws depend on it and on the pair's names.
+    effort : Effort
+        Numbers of draws.
+    start : Mixture, optional
+        Proposal to begin with.
+    """
+
+    data: Observations
+    form: Form
+    noise: Noise
+    priors: Mapping[str, Distribution]
+    seed: int
+    effort: Effort
+    start: Mixture | None = None
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Names of form and error model."""
+        return self.form.name, self.noise.name
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+        return f"evidence of {self.form.name}, {self.noise.name}"
+
+    @property
+    def own_seed(self) -> int:
+        """Seed of this pair alone."""
+        return int(stream(self.seed, *self.key).integers(2**63))
+
+    def target(self) -> ModelTarget:
+        """Return the pair's posterior density."""
+        model = Model(self.data, self.form, self.noise, self.priors)
+        return ModelTarget(model, self.own_seed)
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """A pair with its evidence.
+
+    Parameters
+    ----------
+    evidence : LogEvidence
+        Log evidence; NaN with the reason in its status where the posterior could not be drawn from.
+    drawn : Drawn, optional
+        Draws of its posterior.
+    """
+
+    evidence: LogEvidence
+    drawn: Drawn | None = field(default=None, repr=False)
+
+
+def weigh(pair: Pair) -> Weighed:
+    """Return a pair's evidence and draws; the reason where there are none."""
+    try:
+        drawn = importance_sample(pair.target(), pair.effort, pair.own_seed, pair.start)
+    except ComputationError as error:
+        return Weighed(LogEvidence("importance", math.nan, math.nan, str(error)))
+    return Weighed(drawn.evidence, drawn)
+
+
+@dataclass(frozen=True, eq=False)
+class WeighedPairs:
+    """Forms under error models, weighed against each other.
+
+    Parameters
+    ----------
+    pairs : dict of (str, str) to Pair
+        By names of form and error model.
+    weighed : dict of (str, str) to Weighed
+        The same, with their evidences.
+    """
+
+    pairs: dict[tuple[str, str], Pair] = field(repr=False)
+    weighed: dict[tuple[str, str], Weighed] = field(repr=False)
+
+    @cached_property
+    def evidence(self) -> pd.DataFrame:
+        """Columns of `evidence.csv`, a row for each pair."""
+        return evidence_table({key: [one.evidence] for key, one in self.weighed.items()})
+
+    def form_share(self, form: str) -> float:
+        """Return a form's posterior probability, error models summed out."""
+        used = used_evidence(self.evidence)
+        return float(used.loc[used["form"] == form, "model_probability"].sum())
+
+    def weights(self, form: str) -> dict[str, float]:
+        """Return the weights of the error models that a form's predictions are averaged over."""
+        return error_model_weights(self.evidence, form)
+
+    def posteriors(
+        self,
+        forms: Sequence[str],
+        selected: str,
+        n_kept: int,
+        executor: Executor | None = None,
+    ) -> dict[str, dict[str, Posterior]]:
+        """Return posteriors by form and error model: of what carries weight, or is printed.
+
+        Parameters
+        ----------
+        forms : sequence of str
+            Names of forms.
+        selected : str
+            Error model that is printed.
+        n_kept : int
+            Draws of a form's posteriors together, shared out by their weights. More are drawn where
+            the evidence took fewer.
+        executor : concurrent.futures.Executor, optional
+            Where they are drawn.
+        """
+        tasks = []
+        for form in forms:
+            weights = {selected: 0.0} | self.weights(form)
+            for noise, weight in weights.items():
+                drawn = self.weighed[form, noise].drawn
+                if drawn is None:
+                    continue
+                tasks.append(_Completion(self.pairs[form, noise], drawn, round(weight * n_kept)))
+        found: dict[str, dict[str, Posterior]] = {form: {} for form in forms}
+        for task, posterior in zip(tasks, in_parallel(_completed, tasks, executor), strict=True):
+            form, noise = task.pair.key
+            found[form][noise] = posterior
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Completion:
+    """A pair whose posterior is wanted, with so many draws."""
+
+    pair: Pair
+    drawn: Drawn
+    n_draw: int
+
+    @property
+    def name(self) -> str:
+        return f"posterior of {self.pair.form.name}, {self.pair.noise.name}"
+
+    @property
+    def cost(self) -> int:
+        """What the order of tasks goes by."""
+        return self.n_draw * len(self.pair.noise.parameter_names)
+
+
+def _completed(task: _Completion) -> Posterior:
+    """Return a posterior, with more draws where there are too few."""
+    target, drawn, seed = task.pair.target(), task.drawn, task.pair.own_seed
+    n = task.n_draw if target.is_exact else task.n_draw // _FEWER_ESTIMATES
+    drawn = at_least(drawn, target, n, task.pair.effort, seed)
+    return posterior_of(target.model, drawn, seed)
+
+
+def error_model_weights(evidence: pd.DataFrame, form: str) -> dict[str, float]:
+    """Return the weights of the error models that a form's predictions are averaged over.
+
+    Parameters
+    ----------
+    evidence : pandas.DataFrame
+        `evidence.csv` of a run.
+    form : str
+        Name.
+
+    Returns
+    -------
+    dict of str to float
+        Posterior probabilities given the form, of those above one per cent; they sum to 1.
+    """
+    used = used_evidence(evidence)
+    own = used[used["form"] == form].set_index("noise")["log_evidence"]
+    if own.empty:
+        return {}
+    share = np.exp(own - logsumexp(own))
+    heavy = share[share >= MIN_WEIGHT]
+    return {str(name): float(weight) for name, weight in (heavy / heavy.sum()).items()}
+
+
+def weigh_pairs(
+    data: Observations,
+    forms: Sequence[Form],
+    noises: Sequence[Noise],
+    *,
+    priors: ResolvedPriors | None = None,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: ProgressCallback | None = None,
+    accuracy: Preset = STANDARD,
+) -> WeighedPairs:
+    """Weigh every form under every error model, with the same effort.
+
+    Parameters
+    ----------
+    data : Observations
+        Rows.
+    forms : sequence of Form
+        Contact forms.
+    noises : sequence of Noise
+        Error models.
+    priors : mapping of str to mapping of str to Distribution, optional
+        Replacements for default priors, as `model.prior_files.resolve_priors` returns them.
+    seed : int, optional
+        Each pair draws from a stream of its own.
+    executor : concurrent.futures.Executor, optional
+        Runs the pairs; one after the other in this process if not given.
+    progress : callable, optional
+        Called with a line of text now and then.
+    accuracy : Preset, optional
+        How many draws importance sampling takes.
+
+    Returns
+    -------
+    WeighedPairs
+        A pair without a usable evidence says why in its status.
+
+    Raises
+    ------
+    ComputationError
+        If workers die, so that an evidence cannot be found; it is named.
+
+    Notes
+    -----
+    A pair whose weights fail a check is drawn again with twice the draws and points, at most twice.
+    Pairs more than 12 in ln evidence below the best keep the first pass, and are marked so.
+    """
+    pairs = {
+        pair.key: pair
+        for form, noise in itertools.product(forms, noises)
+        for pair in [
+            Pair(data, form, noise, priors_of(priors, form, noise), seed, accuracy.effort)
+        ]
+    }
+    if progress is not None:
+        progress(f"{len(pairs)} evidences")
+    found = dict(zip(pairs, in_parallel(weigh, list(pairs.values()), executor), strict=True))
+    for _ in range(_MOST_REFINED):
+        again = [key for key in pairs if not found[key].evidence.ok and _counts(found, key)]
+        if not again:
+            break
+        if progress is not None:
+            progress(f"{len(again)} evidences again, with more draws")
+        for key in again:
+            pairs[key] = replace(pairs[key], effort=pairs[key].effort.doubled)
+        results = in_parallel(weigh, [pairs[key] for key in again], executor)
+        found |= dict(zip(again, results, strict=True))
+    for key, one in found.items():
+        if one.drawn is not None and not one.evidence.ok and not _counts(found, key):
+            found[key] = replace(one, evidence=one.evidence.kept())
+    return WeighedPairs(pairs, found)
+
+
+def _counts(found: Mapping[tuple[str, str], Weighed], key: tuple[str, str]) -> bool:
+    """Return whether a pair's evidence is near enough to the best for its error to matter."""
+    values = [one.evidence.value for one in found.values()]
+    best = max((value for value in values if math.isfinite(value)), default=math.nan)
+    return bool(found[key].evidence.value > best - MAX_GAP)
+
+
+def in_parallel(
+    function: Callable[[_Task], _Result], tasks: Sequence[_Task], executor: Executor | None
+) -> list[_Result]:
+    """Return results in the order of the tasks; those of many parameters are begun first.
+
+    Begun last they would keep one worker busy while the others have nothing to do.
+    """
+    order = sorted(range(len(tasks)), key=lambda i: _cost(tasks[i]), reverse=True)
+    begun = [tasks[i] for i in order]
+    results = map_ordered(function, begun, executor, name=lambda task: task.name)
+    by_place = dict(zip(order, results, strict=True))
+    return [by_place[i] for i in range(len(tasks))]
+
+
+def _cost(task: object) -> float:
+    if isinstance(task, Pair):
+        is_normal = task.noise.tail == "normal"
+        return len(task.noise.parameter_names) * (1 if is_normal else 4)
+    return float(getattr(task, "cost", 0))
+
+
+def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:
+    """Return the log of the mean evidence over the forms, by error model, highest first.
+
+    Parameters
+    ----------
+    evidence : pandas.DataFrame
+        `evidence.csv` of a run.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns noise, log_mean_evidence, probability (at equal prior), n_form. A form without an
+        evidence under an error model counts there as evidence zero.
+
+    Examples
+    --------
+    >>> rows = pd.DataFrame({"form": ["a", "b"] * 2, "noise": ["iid", "iid", "step", "step"],
+    ...     "method": "importance", "log_evidence": [0.0, 0.0, 1.0, 1.0], "used": True})
+    >>> mean_evidence(rows)["noise"].tolist()
+    ['step', 'iid']
+    """
+    used = used_evidence(evidence)
+    n_form = used["form"].nunique()
+    rows = [
+        (noise, float(logsumexp(part["log_evidence"])) - math.log(n_form), len(part))
+        for noise, part in used.groupby("noise", sort=False)
+    ]
+    frame = pd.DataFrame(rows, columns=["noise", "log_mean_evidence", "n_form"])
+    share = np.exp(frame["log_mean_evidence"] - logsumexp(frame["log_mean_evidence"]))
+    frame.insert(2, "probability", share)
+    return frame.sort_values("log_mean_evidence", ascending=False, kind="stable", ignore_index=True)
+
+
+def selected_error_model(evidence: pd.DataFrame) -> Noise:
+    """Return the simplest error model whose mean evidence is as good as the highest.
+
+    Parameters
+    ----------
+    evidence : pandas.DataFrame
+        `evidence.csv` of a run.
+
+    Returns
+    -------
+    Noise
+        Of the fewest parameters within `AS_GOOD`; of several the one with the most evidence.
+
+    Raises
+    ------
+    ComputationError
+        If no form has an evidence under any.
+    """
+    if used_evidence(evidence).empty:
+        why = "; ".join(dict.fromkeys(evidence["status"]))
+        raise ComputationError(f"no form has an evidence under any error model: {why}")
+    means = mean_evidence(evidence)
+    good = means[means["log_mean_evidence"] >= means["log_mean_evidence"].max() - AS_GOOD]
+    noises = [Noise.named(name) for name in good["noise"]]
+    return min(noises, key=lambda noise: len(noise.parameter_names))
