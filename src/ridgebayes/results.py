@@ -20,7 +20,7 @@ from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.chains import N_WALKER_CHEAP, ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import arviz_object
-from ridgebayes.inference.emcee_sampling import walk
+from ridgebayes.inference.emcee_sampling import Walked, walk
 from ridgebayes.inference.importance import Drawn
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.mixture import PosteriorMixture, fit_mixture
@@ -353,7 +353,8 @@ def calibrate(
         assert drawn is not None  # it is selected by its evidence
         digest = table.calibration.digest()
         file = chain_checkpoint(checkpoint, digest, posterior.model, seed, settings)
-        posterior, _ = walk_pair(pair, drawn, settings, progress=progress, checkpoint=file)
+        walked, _ = walk_pair(pair, drawn, settings, progress=progress, checkpoint=file)
+        posterior = walked_posterior(posterior.model, walked, pair.own_seed, drawn.evidence)
     return Fit.of(posterior, weighed.weights(form.name), posteriors)
 
 
@@ -364,7 +365,7 @@ def walk_pair(
     *,
     progress: ProgressCallback | None = None,
     checkpoint: Checkpoint | None = None,
-) -> tuple[Posterior, LogEvidence]:
+) -> tuple[Walked, LogEvidence]:
     """Walk a pair's posterior by emcee, and bridge the walk to its evidence.
 
     Parameters
@@ -380,8 +381,8 @@ def walk_pair(
 
     Returns
     -------
-    posterior : Posterior
-        Of the walk's draws.
+    walked : Walked
+        Draws of the outer parameters.
     evidence : LogEvidence
         By bridge sampling.
     """
@@ -401,7 +402,7 @@ def walk_pair(
     evidence = bridge_evidence(
         target, walked, rng=stream(seed, "bridge"), n_point=pair.effort.n_point
     )
-    return walked_posterior(model, walked, seed, drawn.evidence), evidence
+    return walked, evidence
 
 
 def chain_checkpoint(

@@ -22,7 +22,7 @@ from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.importance import Drawn
 from ridgebayes.inference.log_evidence import LogEvidence
-from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.posterior import Posterior, failed_walk
 from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import Classic, Form, Hybrid, Modified, PowerLaw, as_form
 from ridgebayes.model.noise import AUTO, Noise, error_models_for
@@ -268,14 +268,14 @@ def _check(task: _Check) -> tuple[tuple[Posterior, LogEvidence], float]:
     path = execution.checkpoints and execution.checkpoints / chain_file(form)
     model, progress = task.posterior.model, execution.progress
     checkpoint = chain_checkpoint(path, task.table_digest, model, task.pair.own_seed, settings)
-    posterior, bridge = walk_pair(
+    walked, bridge = walk_pair(
         task.pair,
         task.drawn,
         settings,
         progress=progress and _labelled(progress, form),
         checkpoint=checkpoint,
     )
-    failures = [f"walk: {failure}" for failure in posterior.convergence_failures]
+    failures = [f"walk: {failure}" for failure in failed_walk(model, walked)]
     own = task.drawn.evidence
     apart = abs(bridge.value - own.value) / math.hypot(bridge.se, own.se)
     if bridge.ok and apart > MOST_APART:

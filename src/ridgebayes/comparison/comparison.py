@@ -13,7 +13,7 @@ from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.comparison.same_loads import same_loads
 from ridgebayes.comparison.verdict import Verdict, verdict_of
 from ridgebayes.errors import ComputationError
-from ridgebayes.evidence.pairs import MIN_WEIGHT
+from ridgebayes.evidence.pairs import MIN_WEIGHT, NEGLIGIBLE
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.model.noise import Noise
@@ -25,7 +25,6 @@ from ridgebayes.table.table import ContactTable
 if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
 
-NEGLIGIBLE = 1e-4  # of a form's probability: it is not walked, and need not converge
 
 
 @dataclass(frozen=True, eq=False, repr=False)

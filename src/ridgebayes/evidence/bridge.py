@@ -27,7 +27,7 @@ def bridge_evidence(
     rng: np.random.Generator,
     n_point: int = 32,
     iterations_max: int = 1000,
-    draws_max: int = 20_000,
+    draws_max: int = 5_000,
 ) -> LogEvidence:
     """Estimate the log evidence from the draws of several ensembles.
 

@@ -37,6 +37,7 @@ from ridgebayes.runtime.randomness import stream
 
 MIN_WEIGHT = 0.01  # of a pair of form and error model that predictions are averaged over
 AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apart by simplicity
+NEGLIGIBLE = 1e-4  # of a form's probability: it is not walked, and need not converge
 MAX_GAP = 12.0  # in ln evidence below the best, from where an evidence decides nothing
 _FEWER_ESTIMATES = 4  # times fewer draws are kept of densities that are dear estimates
 _MOST_REFINED = 2  # times that draws and points are doubled
@@ -166,14 +167,16 @@ class WeighedPairs:
             Error model that is printed.
         n_kept : int
             Draws of a form's posteriors together, shared out by their weights. More are drawn where
-            the evidence took fewer.
+            the evidence took fewer, unless the form is negligible.
         executor : concurrent.futures.Executor, optional
             Where they are drawn.
         """
         tasks = []
         for form in forms:
             weights = {selected: 0.0} | self.weights(form)
+            share = self.form_share(form)
             for noise, weight in weights.items():
+                weight = weight if share > NEGLIGIBLE else 0.0
                 drawn = self.weighed[form, noise].drawn
                 if drawn is None:
                     continue

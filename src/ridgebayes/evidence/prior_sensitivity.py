@@ -15,13 +15,12 @@ from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
 from ridgebayes.distributions.distribution import Distribution
-from ridgebayes.evidence.pairs import MAX_GAP, Pair, Weighed, WeighedPairs, in_parallel, weigh
+from ridgebayes.evidence.pairs import MAX_GAP, Pair, WeighedPairs, in_parallel, weigh
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.importance import Drawn, Effort, log_mean
 from ridgebayes.inference.pareto_smoothing import pareto_k
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.inference.proposal import Mixture
-from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.default_priors import SLOPES
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import SMOOTH
@@ -39,7 +38,7 @@ MAX_REWEIGHTED_K = 0.5
 # nothing. Weights that miss a new mode are too low by less than this, mostly.
 _MIN_GAP, _MISSED = 5.0, 3.0
 _EFFORT = Effort(n_round=2, n_per_round=384, n_draw=256, n_point=16)
-_NUGGET_DRAWS = 512  # whose likelihoods are computed again
+_LATENT_DRAWS = 256  # whose likelihoods are computed again
 
 
 def prior_of(parameter: str) -> str:
@@ -101,7 +100,11 @@ def prior_sensitivity(
         for change, (difference, _) in look.items()
     }
     again = _open_pairs(used, looks, values)
-    pairs = [_changed(weighed.pairs[key], weighed.weighed[key], change) for key, change in again]
+    pairs = []
+    for key, change in again:
+        drawn = weighed.weighed[key].drawn
+        assert drawn is not None  # it was weighed by its draws
+        pairs.append(_changed(weighed.pairs[key], drawn.proposal, change))
     found = in_parallel(weigh, pairs, executor)
     # Where the old proposal leads nowhere, modes are searched for.
     lost = [i for i, one in enumerate(found) if not one.evidence.ok]
@@ -153,13 +156,14 @@ def _reweighted(task: _Scaled) -> dict[_Change, tuple[float, float]]:
     u = drawn.u.reshape(-1, drawn.u.shape[-1])
     theta = model.outer_theta(u)
     found: dict[_Change, tuple[float, float]] = {}
-    for prior, names in _scaled_priors(model).items():
+    priors = _scaled_priors(model)
+    # Log K and smooth offsets are integrated out: there are no draws of them to be weighed.
+    latent = [SLOPES] * (priors.pop(SLOPES, None) is not None)
+    latent += [NUGGET] * (SMOOTH in pair.noise.factors)
+    for prior, names in priors.items():
         for factor in scale_factors(prior):
             if factor == 1:
                 found[prior, factor] = 0.0, -math.inf
-                continue
-            if prior == SLOPES:  # log K is integrated out: no draws to be weighed
-                found[prior, factor] = 0.0, math.inf
                 continue
             ratio = np.zeros(len(u))
             for name in names:
@@ -167,23 +171,21 @@ def _reweighted(task: _Scaled) -> dict[_Change, tuple[float, float]]:
                 x = theta[:, place]
                 ratio += old.stretched(factor).log_pdf(x) - old.log_pdf(x)
             found[prior, factor] = _told(ratio)
-    if SMOOTH in pair.noise.factors:
-        found |= _nuggets(pair, u)
+    for prior in latent:
+        found |= _by_likelihoods(pair, u, prior)
     return found
 
 
-def _nuggets(pair: Pair, u: FloatArray) -> dict[_Change, tuple[float, float]]:
-    """Return changes by the nugget, whose likelihoods are computed again at some draws."""
-    some = u[:: max(len(u) // _NUGGET_DRAWS, 1)]
+def _by_likelihoods(pair: Pair, u: FloatArray, prior: str) -> dict[_Change, tuple[float, float]]:
+    """Return changes by a prior of what is integrated out, whose likelihoods are computed again."""
+    some = u[:: max(len(u) // _LATENT_DRAWS, 1)]
     densities = {}
-    for factor in scale_factors(NUGGET):
-        noise = replace(pair.noise, nugget=factor * pair.noise.nugget)
-        target = ModelTarget(Model(pair.data, pair.form, noise, pair.priors), pair.own_seed)
-        rng = stream(pair.own_seed, "nugget")  # the same points for every nugget
-        densities[factor] = target.integral.estimated(some, rng, _EFFORT.n_point).log_density
-    return {
-        (NUGGET, factor): _told(density - densities[1.0]) for factor, density in densities.items()
-    }
+    for factor in scale_factors(prior):
+        changed = _changed(pair, None, (prior, factor))
+        rng = stream(pair.own_seed, "changed likelihood")  # the same points for every factor
+        integral = changed.target().integral
+        densities[factor] = integral.estimated(some, rng, _EFFORT.n_point).log_density
+    return {(prior, factor): _told(value - densities[1.0]) for factor, value in densities.items()}
 
 
 def _told(ratio: FloatArray) -> tuple[float, float]:
@@ -205,20 +207,18 @@ def _scaled_priors(model: Model) -> dict[str, list[str]]:
     }
 
 
-def _changed(pair: Pair, weighed: Weighed, change: _Change) -> Pair:
-    """Return a pair under another prior, to be weighed with its old proposal to begin with."""
+def _changed(pair: Pair, start: Mixture | None, change: _Change) -> Pair:
+    """Return a pair under another prior, to be weighed with an old proposal to begin with."""
     prior, factor = change
-    assert weighed.drawn is not None
-    pair = replace(pair, effort=_EFFORT, start=weighed.drawn.proposal)
+    pair = replace(pair, effort=_EFFORT, start=start)
     if prior == NUGGET:
         return replace(pair, noise=replace(pair.noise, nugget=factor * pair.noise.nugget))
     model = Model(pair.data, pair.form, pair.noise, pair.priors)
     scaled = {
         name: model.priors[name].stretched(factor) for name in _scaled_priors(model)[prior]
     }
-    start = weighed.drawn.proposal
     for name, new in scaled.items():
-        if name in model.outer_names[model.n_outer_coefficient :]:
+        if start is not None and name in model.outer_names[model.n_outer_coefficient :]:
             place = model.outer_names.index(name)
             start = _moved(start, place, model.priors[name], new)
     return replace(pair, priors={**model.given_priors, **scaled}, start=start)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 
 ProgressCallback = Callable[[str], None]  # takes a line of text
@@ -18,7 +18,7 @@ MOVES = {
     "differential evolution": (0.0, 1.0, 0.0),
     "stretch": (0.0, 0.0, 1.0),
 }
-N_WALKER = 24  # of densities that cost the same for each walker
+N_WALKER = 64  # of fewer a step takes as long, and autocorrelation times settle later
 N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
 N_WALKER_CHEAP = 512  # of densities that hardly cost more for many walkers than for one
 
@@ -33,7 +33,7 @@ class SampleSettings:
         Independently started ensembles; at least four, so that they can disagree.
     n_walker : int or None
         Walkers of each; raised to four per coordinate where that is more. None takes 512 where
-        rows are independent with normal errors and textures few, else 24.
+        rows are independent with normal errors, else 64.
     n_burn : int
         Steps thrown away.
     n_step_max : int
@@ -118,9 +118,13 @@ class Chains:
         """Steps kept of each ensemble."""
         return int(self.u.shape[1])
 
-    def thinned(self, n: int) -> "Chains":
-        """Return at most about `n` draws, whole steps at a time, evenly."""
+    def kept_steps(self, n: int) -> IntArray:
+        """Return the steps that at most about `n` draws have, evenly."""
         n_ensemble, n_step, n_walker, _ = self.u.shape
         n_keep = max(n // (n_ensemble * n_walker), 1)
-        steps = np.unique(np.linspace(0, n_step - 1, min(n_keep, n_step)).astype(int))
+        return np.unique(np.linspace(0, n_step - 1, min(n_keep, n_step)).astype(np.int64))
+
+    def thinned(self, n: int) -> "Chains":
+        """Return at most about `n` draws, whole steps at a time, evenly."""
+        steps = self.kept_steps(n)
         return replace(self, u=self.u[:, steps], log_density=self.log_density[:, steps])

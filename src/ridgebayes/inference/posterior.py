@@ -266,15 +266,28 @@ def posterior_of(model: Model, drawn: Drawn, seed: int) -> Posterior:
     return _posterior(model, chains, seed, "importance", drawn.evidence)
 
 
+def failed_walk(model: Model, walked: Walked) -> tuple[str, ...]:
+    """Return what a walk lacks of convergence: its stopping rule and the outer parameters'."""
+    theta = model.outer_theta(walked.chains.u)
+    summary = summarise(theta, model.outer_names)
+    return walked.chains.convergence_failures + failed_diagnostics(summary)
+
+
 def walked_posterior(
     model: Model, walked: Walked, seed: int, evidence: LogEvidence | None
 ) -> Posterior:
-    """Return the posterior that a walk's draws stand for, with their diagnostics."""
-    chains = walked.chains
+    """Return the posterior that a walk's draws stand for, with their diagnostics.
+
+    Where offsets or log K have to be drawn beside the parameters, of at most `N_KEPT` draws.
+    """
+    chains, scores = walked.chains, walked.scores
+    if model.offsets.n_level:
+        steps = chains.kept_steps(N_KEPT)
+        chains = replace(chains, u=chains.u[:, steps], log_density=chains.log_density[:, steps])
+        scores = scores[:, steps]
     *shape, d = chains.u.shape
-    u, n_level = chains.u.reshape(-1, d), walked.scores.shape[-1]
-    scores = walked.scores.reshape(len(u), n_level)
-    whole = completed(model, u, scores, stream(seed, "offsets"))
+    u, n_level = chains.u.reshape(-1, d), scores.shape[-1]
+    whole = completed(model, u, scores.reshape(len(u), n_level), stream(seed, "offsets"))
     chains = replace(chains, u=whole.reshape(*shape, -1))
     return _posterior(model, chains, seed, "emcee", evidence)
 
