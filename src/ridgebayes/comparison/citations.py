@@ -33,8 +33,6 @@ _OF_EVIDENCES = {
         ("bridge sampling", "Gronau et al. (2017)", "10.1016/j.jmp.2017.09.005"),
         ("its error", "Micaletto & Vehtari (2025)", "arXiv:2508.14487"),
     ),
-    "savage-dickey": (("Savage-Dickey ratio", "Dickey (1971)", "10.1214/aoms/1177693507"),),
-    "dynesty": (("nested sampling", "Speagle (2020), dynesty", "10.1093/mnras/staa278"),),
 }
 _OF_FACTORS = (
     ("words for Bayes factors", "Kass & Raftery (1995)", "10.1080/01621459.1995.10476572"),
