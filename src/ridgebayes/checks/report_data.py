@@ -34,7 +34,7 @@ from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.drawing import MOST_TEXTURES
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.evidence.error_models import mean_evidence
+from ridgebayes.evidence.pairs import mean_evidence
 from ridgebayes.inference.presets import Preset
 from ridgebayes.results import Fit
 
