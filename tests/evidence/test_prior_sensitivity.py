@@ -1,0 +1,132 @@
+"""Changes of evidences with priors, against pairs that are weighed under the changed priors."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+import ridgebayes as rb
+from ridgebayes.evidence.pairs import weigh_pairs
+from ridgebayes.evidence.prior_sensitivity import (
+    NUGGET,
+    SENSITIVITY_COLUMNS,
+    prior_of,
+    prior_sensitivity,
+    scale_factors,
+)
+from ridgebayes.inference.presets import STANDARD
+from ridgebayes.model.default_priors import NOISE_PRIORS, coefficient_priors
+from ridgebayes.model.noise import Noise
+
+TEXTURES = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02))
+FORMS = {form.name: form for form in (rb.Modified(), rb.Hybrid(), rb.PowerLaw())}
+
+
+@pytest.fixture(scope="module")
+def data(observed):
+    """Textures 20 % apart, so that a narrow prior of their offsets is far from the rows."""
+    rng = np.random.default_rng(26)
+    texture, Q = np.repeat(np.arange(3), 4), np.tile([4, 6, 8, 10], 3)
+    a, b = np.array(TEXTURES)[texture].T
+    errors = 0.2 * np.array([1, -1, 0.3])[texture] + 0.02 * rng.standard_normal(12)
+    return observed(texture, Q, 2 * np.log((Q / 2 - 1) * (a + b) / 1.4) + errors, textures=TEXTURES)
+
+
+CASES = [  # weights of draws serve for the first ones, and not for those of a narrower tau
+    ("modified", "texture", "sigma", 3.0),
+    ("modified", "texture", "c", 10.0),
+    ("modified", "iid:student", "df", 0.1),
+    ("hybrid", "texture", "c2", 10.0),
+    ("modified", "texture", "tau_texture", 0.1),
+    ("modified", "texture", "tau_texture", 10.0),
+    ("modified", "step-smooth", "tau_step", 0.1),
+    ("power-law", "texture", "K", 0.3),
+]
+
+
+@pytest.fixture(scope="module")
+def told(data):
+    found = {}
+
+    def tell(form, noise):
+        if (form, noise) not in found:
+            weighed = weigh_pairs(data, [FORMS[form]], [Noise.named(noise)], seed=1)
+            found[form, noise] = weighed, prior_sensitivity(weighed)
+        return found[form, noise]
+
+    return tell
+
+
+def changed(form, prior, factor, data):
+    """Return priors with one of them stretched."""
+    if prior in NOISE_PRIORS:
+        return {"noise": {prior: NOISE_PRIORS[prior].stretched(factor)}}
+    own = coefficient_priors(FORMS[form].bind(data.textures, data.labels))
+    return {form: {n: one.stretched(factor) for n, one in own.items() if prior_of(n) == prior}}
+
+
+@pytest.mark.parametrize(("form", "noise", "prior", "factor"), CASES)
+def test_changes__are_those_of_pairs_weighed_under_the_changed_prior(
+    told, data, form, noise, prior, factor
+):
+    weighed, table = told(form, noise)
+    assert table.columns.tolist() == SENSITIVITY_COLUMNS
+    value = table.set_index(["prior", "factor"])["log_evidence"]
+    before = weighed.weighed[form, noise].evidence
+    assert value[prior, 1.0] == pytest.approx(before.value, rel=1e-12)
+    priors = changed(form, prior, factor, data)
+    truth = weigh_pairs(data, [FORMS[form]], [Noise.named(noise)], priors=priors, seed=2)
+    found = next(iter(truth.weighed.values())).evidence
+    # Monte Carlo: of both evidences, and 0.03 of a thousand draws weighed or drawn anew.
+    error = math.hypot(before.se, found.se, 0.03)
+    assert found.ok
+    assert abs(value[prior, factor] - found.value) < 4 * error
+    assert abs(found.value - before.value) > 0.05  # there is something to be seen
+
+
+def test_nugget__changes_the_evidence_as_two_evidences_say(observed):
+    texture, Q = np.repeat(np.arange(3), 4), np.tile([4, 6, 8, 10], 3)
+    a, b = np.array(TEXTURES)[texture].T
+    errors = 0.05 * np.sin(np.log(Q / 2 - 1) + 3 * a / (a + b))
+    errors += 2e-6 * np.random.default_rng(2).standard_normal(12)
+    load = 2 * np.log((Q / 2 - 1) * (a + b) / 1.4) + errors
+    rows = observed(texture, Q, load, textures=TEXTURES)
+
+    def weighed(nugget):
+        noise = Noise("step-smooth", nugget=nugget)
+        return weigh_pairs(rows, [rb.Modified()], [noise], seed=3)
+
+    base = weighed(1e-5)
+    found = prior_sensitivity(base).set_index(["prior", "factor"])["log_evidence"]
+    for factor in (0.1, 10.0):
+        truth = weighed(factor * 1e-5).weighed["modified", "step-smooth"].evidence
+        assert truth.ok
+        assert abs(found[NUGGET, factor] - truth.value) < 4 * math.hypot(truth.se, 0.03)
+    assert abs(found[NUGGET, 10.0] - found[NUGGET, 1.0]) > 0.3
+
+
+def test_error_models__are_summed_out(data):
+    noises = [Noise("texture"), Noise("step")]
+    weighed = weigh_pairs(data, [rb.Modified()], noises, seed=1)
+    both = prior_sensitivity(weighed).set_index(["prior", "factor"])["log_evidence"]
+    alone = [
+        prior_sensitivity(weigh_pairs(data, [rb.Modified()], [noise], seed=1))
+        .set_index(["prior", "factor"])["log_evidence"]
+        for noise in noises
+    ]
+    step = weighed.weighed["modified", "step"].evidence.value
+    # By hand: step has no tau_texture.
+    expected = logsumexp([alone[0]["tau_texture", 3.0], step]) - math.log(2)
+    assert both["tau_texture", 3.0] == pytest.approx(expected, rel=1e-12)
+    assert STANDARD.effort == weighed.pairs["modified", "step"].effort
+
+
+def test_prior_of__c1_is_c_and_all_factors_of_a_power_law_are_one():
+    names = ["c", "c1", "c2", "K[a b]", "K[x[1]]", "sigma", "tau_texture", "length_ratio", "df"]
+    expected = ["c", "c", "c2", "K", "K", "sigma", "tau_texture", "length_ratio", "df"]
+    assert [prior_of(name) for name in names] == expected
+    for prior, (low, n) in {"c": (0.3, 4), "K": (0.1, 5), "df": (0.1, 5), NUGGET: (0.1, 3)}.items():
+        factors = scale_factors(prior)
+        assert (min(factors), max(factors), len(factors)) == (low, 10.0, n)
+        assert 1.0 in factors
