@@ -6,7 +6,7 @@ from scipy import stats
 
 import ridgebayes as rb
 from ridgebayes.inference.latent import LatentIntegral
-from ridgebayes.inference.posterior import completed
+from ridgebayes.inference.posterior import SharedOffsets, completed
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from tests import oracles
@@ -128,6 +128,33 @@ def test_power_law__shares_a_textures_offset_with_log_k(table, noise):
         left = np.sqrt(0.36 * tau**2 / (0.36 + tau**2))
         error = left / both.std(axis=0) / np.sqrt(n)
         assert np.all(np.abs(np.array(share)[:, 0] - 0.36 / (0.36 + tau**2)) < 4 * error)
+
+
+@pytest.mark.parametrize("noise", SHARED)
+def test_shared_offsets__at_known_and_new_places_are_those_of_dense_conditioning(observed, noise):
+    """Textures and steps with rows and without, of a new series, inside the range of rows."""
+    rng, n = np.random.default_rng(6), 10_000
+    texture, Q = np.array([0, 1, 2, 0, 1, 2, 0]), np.array([4, 4, 6, 6, 8, 12, 12])
+    load = 2 * np.log((Q / 2 - 1) * 0.042 / 1.38) + 0.05 * rng.standard_normal(7)
+    rows = observed(texture, Q, load, series=[0, 1, 0, 1, 0, 1, 0])
+    model = Model(rows, rb.Modified(), Noise.named(noise))
+    u = some_draws(model, 1)
+    scores = LatentIntegral(model).draw(np.repeat(u, n, axis=0), rng)
+    eta = np.repeat(model.outer_theta(u)[:, 1:], n, axis=0)
+    shared, steps = SharedOffsets(model, eta, scores), np.array([4, 8, 10, 12])
+    residual, _, whole = oracles.dense(model, u[0])
+    for j, widths in enumerate((*rows.textures, (0.018, 0.02))):
+        mean, variance = shared.at(widths, steps)
+        ends = oracles.Ends(np.append(texture, [j] * 4), np.append(Q, steps), np.append(rows.series, [9] * 4))
+        more = observed(*ends[:2], -6.0, textures=(*rows.textures, (0.018, 0.02)), series=ends[2] % 3)
+        joint = oracles.covariance(Model(more, rb.Modified(), model.noise), eta[0], ends)
+        gain = joint[7:, :7] @ np.linalg.inv(whole)
+        left = np.diag(joint[7:, 7:] - gain @ joint[:7, 7:])
+        # Monte Carlo; the nugget of 1e-8 is of rows alone.
+        sd = np.sqrt(left) + 1e-4
+        assert np.all(np.abs(mean.mean(axis=0) - gain @ residual) < 4.5 * sd / np.sqrt(n))
+        found = mean.var(axis=0) + variance.mean(axis=0)
+        np.testing.assert_allclose(found, left, rtol=4.5 * np.sqrt(2 / n), atol=1e-8)
 
 
 # --- Student errors, brackets and counts ----------------------------------------------------------
