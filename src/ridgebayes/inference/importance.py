@@ -67,9 +67,7 @@ class Effort:
     def doubled(self) -> "Effort":
         """Twice the draws and points."""
         n_per_round, n_draw, n_point = self.n_per_round, self.n_draw, self.n_point
-        return replace(
-            self, n_per_round=2 * n_per_round, n_draw=2 * n_draw, n_point=2 * n_point
-        )
+        return replace(self, n_per_round=2 * n_per_round, n_draw=2 * n_draw, n_point=2 * n_point)
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,9 +268,7 @@ def _split(start: Mixture, rng: np.random.Generator) -> Mixture:
     )
 
 
-def log_weights(
-    draws: Evaluated, proposals: Sequence[Mixture]
-) -> tuple[FloatArray, FloatArray]:
+def log_weights(draws: Evaluated, proposals: Sequence[Mixture]) -> tuple[FloatArray, FloatArray]:
     """Return log weights, by all points and by half of them.
 
     Weights are of density over the mixture of the proposals, which made equal numbers of draws.
