@@ -231,69 +231,6 @@ def test_centre__is_the_middle_and_a_uniform_errors_variance(observed):
     np.testing.assert_allclose(variance, np.array([0, 0.04, 1, 1, 1]) / 12, atol=1e-13)
 
 
-@pytest.mark.parametrize(("tail", "oracle"), TAILS)
-def test_expansion__is_of_the_derivatives_by_offsets(tail, oracle, observed):
-    """Errors within the root of df, where Student errors have a curvature to be used."""
-    load = 2 * log_shape(6) - 0.6
-    data = observed(
-        [0, 0, 1, 1, 1],
-        [6, 6, 6, 6, 2],
-        load + np.array([0.2, 0.3, 0.1, 0.5, -1.3]),
-        rel_se=[0, 0.1, 0, 0, 0],
-        log_lower=[np.nan, load - 0.4, -np.inf, np.nan, np.nan],
-        is_count=[False, False, False, True, True],
-    )
-    rows, h = Rows.of(data, Modified()), 1e-3
-    log_rates, offset = np.array([0.3, 0.32]), 0.02 * np.arange(7.0)
-
-    def total(offset):
-        return of_rows(rows, log_rates, 0.3, tail, offset).sum(axis=-1)
-
-    error = rows.errors(log_rates, offset)
-    found = rows.expansion(error, rows.scale(np.array(0.3)), tail, DF[None])
-    steps, places = h * np.eye(7), np.array([0, 1, 2, 3, 5, 6])  # a count of 2 has no own load
-    gradient = [(total(offset + d) - total(offset - d)) / (2 * h) for d in steps]
-    hessian = [
-        [
-            (total(offset + d + e) - total(offset + d - e) - total(offset - d + e))
-            + total(offset - d - e)
-            for e in steps
-        ]
-        for d in steps
-    ]
-    hessian = -np.array(hessian) / (4 * h**2)
-    # Discretisation: h^2 over the square of a scale of 0.3; rounding: 1e-15 over h^2.
-    np.testing.assert_allclose(found.gradient, gradient, rtol=1e-4, atol=1e-6)
-    np.testing.assert_allclose(found.precision[places], np.diag(hessian)[places], rtol=1e-3)
-    assert found.crossed[0] == pytest.approx(hessian[3, 5], rel=1e-3)
-    others = hessian - np.diag(np.diag(hessian))
-    others[[3, 5], [5, 3]] = 0
-    np.testing.assert_allclose(others, 0, atol=1e-6)
-
-
-@pytest.mark.parametrize(("tail", "oracle"), TAILS)
-def test_expansion__far_out_and_for_points_is_positive(tail, oracle, observed):
-    load = 2 * log_shape(6) - 0.6
-    for far in (-30.0, -3.0, 0.0, 3.0, 30.0):
-        data = observed(
-            [0, 0, 0],
-            6,
-            load + 0.05 * far,
-            log_lower=[np.nan, load + 0.05 * far - 1.0, np.nan],
-            is_count=[False, False, True],
-        )
-        rows = Rows.of(data, Modified())
-        error, scale = rows.errors(np.array([0.3])), rows.scale(np.array(0.05))
-        for for_points in (False, True):
-            found = rows.expansion(error, scale, tail, DF[None], for_points=for_points)
-            both = found.precision[2] + found.precision[3] + 2 * found.crossed[0]
-            low = -1e-9 if not for_points else 0.0  # inside an interval it is flat, to rounding
-            assert np.all(found.precision[:2] >= low)
-            assert found.precision[0] > 0
-            assert both >= low
-            assert np.isfinite(found.gradient).all()
-
-
 def test_row_groups__collapse_ten_thousand_replicates_into_cells(observed):
     rng = np.random.default_rng(5)
     n = 10_000
