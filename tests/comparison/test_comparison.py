@@ -171,7 +171,7 @@ def test_error_models__are_summed_out_and_one_is_printed(pair):
     assert set(used.groupby("form")["noise"].nunique()) == {used["noise"].nunique()}
     assert used["noise"].nunique() > 2
     assert not used["noise"].str.endswith("student").any()  # a quick comparison
-    assert math.isclose(used["model_probability"].sum(), 1.0, rel_tol=1e-14)
+    assert math.isclose(used["model_probability"].sum(), 1.0, rel_tol=1e-12)
     factors = factors_by_method(pair, pair.best)
     assert factors["method"].tolist() == ["summed out", "importance"]
     (summed,) = pair.bayes_factors.query("noise == 'summed out'")["ln_bf"]
@@ -297,9 +297,10 @@ def test_loo__stacking_weights_sum_to_one_and_favour_the_best(comparison):
 
 def test_loo__effective_parameters_are_near_the_number_there_is(comparison, fits):
     p = comparison.loo.set_index("form")["p"]
-    # Reference: asymptotically p is the number of parameters; forms that fit the rows come near.
+    # Reference: asymptotically p is the number of parameters that are sampled, which K is not;
+    # forms that fit the rows come near.
     for name in ("power-law", "modified", "hybrid"):
-        assert 0.5 < p[name] / fits[name].model.n_parameter < 1.5
+        assert 0.5 < p[name] / fits[name].model.n_outer < 1.5
 
 
 def test_loo__without_row_likelihoods_is_an_empty_table(paper, monkeypatch):
@@ -408,7 +409,7 @@ def perfect_table():
 def test_failure__is_named_and_the_other_forms_are_kept():
     found = rb.compare(perfect_table(), [rb.Classic(), rb.Modified()], settings=QUICK, noise="iid")
     assert set(found.failures) == {"modified"}
-    assert "no interior mode" in found.failures["modified"]
+    assert "sigma has no lower bound" in found.failures["modified"]
     assert list(found.fits) == ["classic"] == list(found.probabilities)
     assert not found.complete
     for frame in (found.evidence, found.loo, found.prior_sensitivity):
@@ -417,7 +418,7 @@ def test_failure__is_named_and_the_other_forms_are_kept():
 
 def test_failure__of_every_form_is_an_error_that_says_each_reason():
     with pytest.raises(
-        ComputationError, match=r"no form has an evidence.*: modified: .*; hybrid: "
+        ComputationError, match=r"no form has an evidence.*: modified, iid: .*; hybrid, iid: "
     ):
         rb.compare(perfect_table(), [rb.Modified(), rb.Hybrid()], settings=QUICK, noise="iid")
 
@@ -441,8 +442,8 @@ def test_seed__same_numbers_again_and_others_for_another(paper):
     # A form draws from a stream of its own name, whatever it is compared with.
     assert one.loc["modified"].to_dict() == alone.loc["modified"].to_dict()
     assert first.fits["modified"].draws.tolist() == single.fits["modified"].draws.tolist()
-    assert other["modified", "bridge"] != alone["modified", "bridge"]
-    assert other["modified", "quadrature"] == alone["modified", "quadrature"]
+    for method in ("importance", "bridge"):
+        assert other["modified", method] != alone["modified", method]
 
 
 def test_forms__do_not_share_their_random_numbers(paper):
@@ -462,11 +463,11 @@ def test_stages__are_told_in_order_and_progress_names_what_is_under_way(paper):
     told = Execution(settings=QUICK, progress=lines.append, stage=stage)
     compare_with(told, paper, [rb.Modified(), rb.Hybrid()], noise="iid")
     names = [
-        "error models",
-        "calibrate modified",
-        "calibrate hybrid",
+        "evidences",
+        "posteriors",
+        "walk modified",
+        "walk hybrid",
         "prior sensitivity",
-        "savage-dickey and Bayes factors",
         "leave-one-out",
     ]
     assert stages == [f"{when} {name}" for name in names for when in ("begin", "end")]
