@@ -115,9 +115,7 @@ class Weighed:
 def weigh(pair: Pair) -> Weighed:
     """Return a pair's evidence and draws; the reason where there are none."""
     try:
-        target = pair.target()
-        drawn = importance_sample(target, pair.effort, pair.own_seed, pair.start)
-        target.refuse_rounding(drawn.u)
+        drawn = importance_sample(pair.target(), pair.effort, pair.own_seed, pair.start)
     except ComputationError as error:
         return Weighed(LogEvidence("importance", math.nan, math.nan, str(error)))
     return Weighed(drawn.evidence, drawn)

@@ -7,13 +7,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.errors import ComputationError
 from ridgebayes.inference.charts import Chart, charts_of
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.model.model import Model
 from ridgebayes.runtime.randomness import stream
-
-_ROUNDING = 1e-14  # of log loads near ten, and of what forms compute of them
 
 
 class Evaluated(NamedTuple):
@@ -120,24 +117,6 @@ class ModelTarget:
         return joined(
             [self._evaluate(None, u[i : i + n], rng, n_point) for i in range(0, len(u), n)]
         )
-
-    def refuse_rounding(self, u: FloatArray) -> None:
-        """Refuse draws (..., d) whose errors are those of rounding alone.
-
-        Raises
-        ------
-        ComputationError
-            If the form reproduces all rows and their errors are not known: the density grows
-            without end as sigma falls, and only rounding of the loads keeps it from that.
-        """
-        if self.model.noise.factors:  # rows that share offsets are known to 1e-8 at best
-            return
-        sigma = self.model.outer_theta(u)[..., self.names.index("sigma")]
-        if np.median(sigma) < _ROUNDING:
-            raise ComputationError(
-                f"{self.name}: expected rows with a misfit, got none beyond rounding: the form "
-                "reproduces all rows, and sigma has no lower bound; add rows, or leave the form out"
-            )
 
     def _evaluate(
         self, charts: IntArray | None, q: FloatArray, rng: np.random.Generator, n_point: int
