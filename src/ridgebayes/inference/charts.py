@@ -6,9 +6,9 @@ coefficients are normal with precision and mean
 
 .. math:: A = I + J' S^{-1} J = R R', \qquad \hat u = -A^{-1} J' S^{-1} (r - J u^*).
 
-A *chart* measures them as ``z = R'(u - u_hat)``: the smaller the errors, the better coefficients are
-known, and z does not shrink with them. A posterior with several modes in the coefficients has a
-chart about each.
+A *chart* measures them as ``z = R'(u - u_hat)``: the smaller the errors, the better coefficients
+are known, and z does not shrink with them. A posterior with several modes in the coefficients has
+a chart about each.
 """
 
 import math
@@ -178,7 +178,8 @@ def _groups(
         for _ in range(4):  # the nearest rows and their own fit, until these settle
             step = np.linalg.lstsq(jacobian[rows], -residual[rows], rcond=None)[0]
             rows = np.argsort(np.abs(residual + jacobian @ step), kind="stable")[:n_near]
-        found.append((float(np.abs(residual + jacobian @ step)[rows].max()), step, rows))
+        size = float(np.abs(residual + jacobian @ step)[rows].max())
+        found.append((size, np.asarray(step, float), rows))
     largest = _ROBUST_SCALE * float(np.median(np.abs(residual)))
     steps = [np.zeros(k)]
     references = []
