@@ -20,7 +20,6 @@ from ridgebayes.evidence.pairs import (
     NEGLIGIBLE,
     Pair,
     WeighedPairs,
-    selected_error_model,
     weigh_pairs,
 )
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
@@ -177,7 +176,7 @@ def compare_with(
             progress=execution.progress,
             accuracy=execution.accuracy,
         )
-        selected = selected_error_model(weighed.evidence)
+        selected = weighed.selected()
     with stage("posteriors"):
         posteriors = weighed.posteriors(names, selected.name, execution.accuracy.n_kept, executor)
     found = {key: [one.evidence] for key, one in weighed.weighed.items()}

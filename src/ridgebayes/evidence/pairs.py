@@ -145,6 +145,22 @@ class WeighedPairs:
         """Columns of `evidence.csv`, a row for each pair."""
         return evidence_table({key: [one.evidence] for key, one in self.weighed.items()})
 
+    def selected(self) -> Noise:
+        """Return the error model that is printed.
+
+        Where no evidence can be used, that of the highest evidence with draws: its fit says what it
+        lacks.
+
+        Raises
+        ------
+        ComputationError
+            If no pair has draws.
+        """
+        drawn = {key: one.evidence.value for key, one in self.weighed.items() if one.drawn}
+        if used_evidence(self.evidence).empty and drawn:
+            return self.pairs[max(drawn, key=lambda key: drawn[key])].noise
+        return selected_error_model(self.evidence)
+
     def form_share(self, form: str) -> float:
         """Return a form's posterior probability, error models summed out."""
         used = used_evidence(self.evidence)

@@ -6,8 +6,8 @@
 second way (`chains` has what a walk is asked for and returns, `checkpoint` keeps it on disk). A
 `Posterior` (`posterior`) holds draws, `diagnostics` judges them, `arviz_groups` names them as arviz
 does, `netcdf` writes them, `mixture` makes few numbers of them, a prior for other programs.
-`log_evidence` has the record of an evidence, `presets` the accuracies to choose from. The room knows
-`model` and `runtime`. How it works: docs/derivations/sampling.md.
+`log_evidence` has the record of an evidence, `presets` the accuracies to choose from. The room
+knows `model` and `runtime`. How it works: docs/derivations/sampling.md.
 
 >>> from ridgebayes.inference.importance import Effort, importance_sample
 >>> from ridgebayes.inference.posterior import posterior_of
