@@ -62,7 +62,7 @@ def comparison(paper, fits):
         Noise(),
         chosen,
         evidence,
-        bayes_factor_table(evidence, list(chosen), Noise(), None),
+        bayes_factor_table(evidence, list(chosen), Noise()),
         loo_table(chosen),
         sensitivity,
         {"hybrid": "hybrid: no interior mode"},

@@ -21,7 +21,6 @@ from ridgebayes.evidence.pairs import (
     Pair,
     WeighedPairs,
     error_model_weights,
-    selected_error_model,
     weigh_pairs,
 )
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
@@ -178,7 +177,7 @@ def compare_with(
             progress=execution.progress,
             accuracy=execution.accuracy,
         )
-        selected = selected_error_model(weighed.evidence)
+        selected = weighed.selected()
     with stage("posteriors"):
         posteriors = weighed.posteriors(names, selected.name, execution.accuracy.n_kept, executor)
     found = {key: [one.evidence] for key, one in weighed.weighed.items()}
@@ -190,9 +189,9 @@ def compare_with(
     for key in [key for key in found if key[0] in failures]:
         del found[key]
     checked = _walked(execution, weighed, posteriors, selected, table.calibration.digest())
-    for name, (posterior, second) in checked.items():
+    for name, (posterior, bridge) in checked.items():
         posteriors[name][selected.name] = posterior
-        found[name, selected.name].append(second)
+        found[name, selected.name].append(bridge)
     evidence = evidence_table(found)
     fits = {
         name: Fit.of(own[selected.name], error_model_weights(evidence, name), own)
