@@ -129,10 +129,11 @@ def between(error, low, high):
     return np.maximum(np.where(low > 0, upper, error.cdf(high) - error.cdf(low)), 0)
 
 
-def rows_log_density(model, coefficients, eta, offset):
+def rows_log_density(model, coefficients, eta, offset, error=None):
     """Return each row's log density given offsets (..., n_end), by scipy's distributions."""
     data, n = model.data, len(model.data)
-    error = stats.t(eta[-1]) if model.noise.tail == "student" else stats.norm
+    if error is None:
+        error = stats.t(eta[-1]) if model.noise.tail == "student" else stats.norm
     scale, mean = scales(model, eta), log_loads(model, coefficients) + offset
     value = np.empty((*offset.shape[:-1], n))
     later = dict(zip(np.flatnonzero(data.is_count).tolist(), range(n, mean.shape[-1])))
@@ -151,7 +152,7 @@ def rows_log_density(model, coefficients, eta, offset):
     return value
 
 
-def log_density_by_grid(model, u, *, n=1201, reach=9.0):
+def log_density_by_grid(model, u, *, error=None, n=1201, reach=9.0):
     """Return the log density with one or two offsets integrated out on a grid of their scores."""
     coefficients, eta = split(model, u)
     variance, vectors = np.linalg.eigh(covariance(model, eta))
@@ -161,7 +162,7 @@ def log_density_by_grid(model, u, *, n=1201, reach=9.0):
     scores = np.stack(np.meshgrid(*[axis] * int(some.sum()), indexing="ij"), axis=-1)
     scores = scores.reshape(-1, int(some.sum()))
     offset = scores @ (vectors[:, some] * np.sqrt(variance[some])).T
-    rows = rows_log_density(model, coefficients, eta, offset).sum(axis=-1)
+    rows = rows_log_density(model, coefficients, eta, offset, error).sum(axis=-1)
     prior = stats.norm.logpdf(scores).sum(axis=-1)
     cell = math.log(axis[1] - axis[0]) * int(some.sum())
     return float(logsumexp(rows + prior)) + cell + log_prior(u)
