@@ -37,7 +37,7 @@ MAX_REWEIGHTED_K = 0.5
 # In ln evidence below a form's best pair under a change: e^-5 of the form's evidence decides
 # nothing. Weights that miss a new mode are too low by less than this, mostly.
 _MIN_GAP, _MISSED = 5.0, 3.0
-_EFFORT = Effort(n_round=2, n_per_round=384, n_draw=256, n_point=16)
+_EFFORT = Effort(n_round=2, n_per_round=256, n_draw=96, n_point=8)
 _LATENT_DRAWS = 256  # whose likelihoods are computed again
 
 

@@ -590,7 +590,8 @@ class LatentIntegral:
         mean of the rows' own densities.
         """
         u = rng.random((n, *error.shape[:-1], len(self._begins)))
-        pick = (np.arange(n)[:, None, None, None] + u) / n * self._n_in_texture
+        stratum = np.arange(n) // 2 if n > 1 else np.zeros(1)  # each twice, as of other points
+        pick = (stratum[:, None, None, None] + u) / (stratum[-1] + 1) * self._n_in_texture
         row = self._by_texture[self._begins + np.minimum(pick.astype(int), self._n_in_texture - 1)]
         scale = np.broadcast_to(batch.scale, (*error.shape[1:-1], len(self.rows.upper)))
         own = np.take_along_axis(np.broadcast_to(scale, row.shape[:-1] + scale.shape[-1:]), row, -1)

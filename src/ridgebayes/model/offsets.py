@@ -158,8 +158,11 @@ class Root:
             inside = self.rest[..., None] * corner * self.rest[..., None, :]
             return self.rest[..., None] * border, inside
         turned = np.swapaxes(self.rest, -1, -2)
-        right = corner[..., None] * self.rest if is_diagonal else corner @ self.rest
-        return turned @ border, turned @ right
+        if not is_diagonal:
+            return turned @ border, turned @ (corner @ self.rest)
+        half = np.sqrt(corner)[..., None] * self.rest
+        # NumPy computes a matrix times its own transpose with half the work.
+        return turned @ border, np.swapaxes(half, -1, -2) @ half
 
 
 class Offsets:
