@@ -67,7 +67,9 @@ def covariance(model, eta, ends=None):
 def split(model, u):
     """Return coefficients, the power law's at the priors' medians, and error parameters."""
     k = model.n_outer_coefficient
-    theta = np.array([model.priors[n].value_at(x) for n, x in zip(model.outer_names, u)])
+    theta = np.array(
+        [model.priors[n].value_at(x) for n, x in zip(model.outer_names, u, strict=True)]
+    )
     if k:
         return theta[:k], theta[k:]
     return np.array([2 * 1.382 / (a + b) for a, b in model.data.textures]), theta
@@ -136,7 +138,7 @@ def rows_log_density(model, coefficients, eta, offset, error=None):
         error = stats.t(eta[-1]) if model.noise.tail == "student" else stats.norm
     scale, mean = scales(model, eta), log_loads(model, coefficients) + offset
     value = np.empty((*offset.shape[:-1], n))
-    later = dict(zip(np.flatnonzero(data.is_count).tolist(), range(n, mean.shape[-1])))
+    later = dict(zip(np.flatnonzero(data.is_count).tolist(), range(n, mean.shape[-1]), strict=True))
     with np.errstate(divide="ignore"):
         for i in range(n):
             z = (data.log_load[i] - mean[..., i]) / scale[i]
@@ -179,7 +181,6 @@ def log_evidence_by_prior_draws(model, *, n=1_000_000, seed=0):
         name: model.priors[name].value_at(x) for name, x in zip(model.outer_names, u.T, strict=True)
     }
     ends, data = ends_of(model.data), model.data
-    a, b = np.array(data.textures)[ends.texture].T
     # One coefficient c: loads are those of c = 1 over its square.
     mean = log_loads(model, np.ones(1)) - 2 * np.log(theta["c"])[:, None]
     for name, places in (("texture", ends.texture), ("step", ends.Q), ("series", ends.series)):
