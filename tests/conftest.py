@@ -15,7 +15,6 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.commands import cli
-from ridgebayes.inference.laplace import Laplace, fit_laplace
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
@@ -91,28 +90,6 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.process)
 
 
-class Affine:
-    """Whitened coordinates u = mode + factor z: the plainest ones a density can be given."""
-
-    def __init__(self, mode, factor):
-        self.mode, self.factor = np.asarray(mode, float), np.asarray(factor, float)
-        self.log_volume = float(np.linalg.slogdet(self.factor)[1])
-        self.n_curved = len(self.mode)
-
-    def unwhiten(self, z):
-        return self.mode + z @ self.factor.T, np.zeros(z.shape[:-1])
-
-    whitened = Laplace.whitened
-
-    def whiten(self, u):
-        return (u - self.mode) @ np.linalg.inv(self.factor).T, np.zeros(u.shape[:-1])
-
-
-@pytest.fixture(scope="session")
-def affine():
-    return Affine
-
-
 def observed(
     texture,
     Q,
@@ -173,11 +150,6 @@ def fits_of(table, folders):
     return Lazy(lambda name: calibrate(table, form_named(name), rng=1, noise="iid"))
 
 
-def laplaces_of(table):
-    data = Observations.from_table(table)
-    return Lazy(lambda name: fit_laplace(Model(data, form_named(name))))
-
-
 @pytest.fixture(scope="session")
 def fits(paper, tmp_path_factory):
     """A calibrated fit of each printed form on the paper sweep, by name."""
@@ -188,16 +160,6 @@ def fits(paper, tmp_path_factory):
 def fe_fits(fe_table, tmp_path_factory):
     """A calibrated fit of each form on the finite-element rows, by name."""
     return fits_of(fe_table, tmp_path_factory)
-
-
-@pytest.fixture(scope="session")
-def laplaces(paper):
-    return laplaces_of(paper)
-
-
-@pytest.fixture(scope="session")
-def fe_laplaces(fe_table):
-    return laplaces_of(fe_table)
 
 
 @pytest.fixture(scope="session")
