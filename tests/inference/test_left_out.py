@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
-from scipy.special import logsumexp
 
 from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import ComputationError
@@ -18,6 +16,7 @@ from ridgebayes.model.forms import Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.predict.predict import predict_load
+from tests.exact_evidence import modified_evidence, power_law_evidence
 
 C, SIGMA = LogNormal(1.38, 0.1), HalfNormal(0.05)
 
@@ -42,22 +41,6 @@ def curved(rows, observed):
     return observed(rows.texture, rows.Q, rows.log_load - 0.3 * (rows.Q == 4))
 
 
-def modified_evidence(data):
-    """Return ln Z and the mean of ln c of Modified with independent errors, by a grid."""
-    a, b = data.a_over_R[data.texture], data.b_over_R[data.texture]
-    at = 2 * np.log((data.Q / 2 - 1) * (a + b))
-    log_c = np.linspace(np.log(1.38) - 0.8, np.log(1.38) + 0.8, 3_001)[:, None]
-    log_sigma = np.linspace(np.log(1e-3), np.log(0.5), 601)
-    square = ((data.log_load - at + 2 * log_c) ** 2).sum(axis=1)[:, None]
-    sigma = np.exp(log_sigma)
-    value = -0.5 * square / sigma**2 - len(data) * (log_sigma + 0.5 * np.log(2 * np.pi))
-    value += stats.norm(np.log(1.38), 0.1).logpdf(log_c)
-    value += stats.halfnorm(scale=0.05).logpdf(sigma) + log_sigma
-    log_cell = np.log((log_c[1, 0] - log_c[0, 0]) * (log_sigma[1] - log_sigma[0]))
-    weight = np.exp(value - logsumexp(value))
-    return logsumexp(value) + log_cell, float((weight * log_c).sum())
-
-
 @pytest.mark.parametrize(
     ("table", "by", "method"),
     [("rows", "texture", "weights"), ("rows", "Q", "weights"), ("curved", "Q", "evidences")],
@@ -75,22 +58,6 @@ def test_without__scores_rows_as_quadrature_does(request, table, by, method):
     assert abs(found.log_score - (everything - rest)) < 4 * found.log_score_se
     log_c = np.log(found.posterior(1).draws[:, 0])
     assert abs(log_c.mean() - mean) < 4 * log_c.std() / 10
-
-
-def power_law_evidence(data, medians):
-    """Return ln Z of the power law with independent errors, log K in closed form, by a grid."""
-    log_sigma = np.linspace(np.log(1e-4), np.log(0.5), 2_001)
-    total = stats.halfnorm(scale=0.05).logpdf(np.exp(log_sigma)) + log_sigma
-    for j, median in enumerate(medians):
-        own = data.log_load[data.texture == j] - 2 * np.log(
-            (data.Q[data.texture == j] - 2) / median
-        )
-        # All rows of a texture share -2 log K, of sd 0.6: the matrix's determinant and inverse.
-        n, noise = len(own), np.exp(2 * log_sigma)
-        square = ((own**2).sum() - 0.36 * own.sum() ** 2 / (noise + 0.36 * n)) / noise
-        log_size = (n - 1) * np.log(noise) + np.log(noise + 0.36 * n)
-        total = total - 0.5 * (square + log_size + n * np.log(2 * np.pi))
-    return logsumexp(total) + np.log(log_sigma[1] - log_sigma[0])
 
 
 @pytest.mark.parametrize(("most_k", "method"), [(0.7, "weights"), (-np.inf, "evidences")])
@@ -117,8 +84,9 @@ def test_without__a_texture_of_the_power_law_needs_no_draws_of_its_slope(
     ("noise", "is_bracket"), [("step", True), ("texture:student", False), ("step-smooth", False)]
 )
 def test_without__two_ways_agree_where_offsets_are_shared(rows, noise, is_bracket, monkeypatch):
-    if is_bracket:
-        rows = replace(rows, log_lower=rows.log_load - 0.02)
+    if is_bracket:  # of steps that are off as a whole, which coefficients and offsets share
+        load = rows.log_load + 0.2 * np.sin(rows.Q)
+        rows = replace(rows, log_load=load, log_lower=load - 0.02)
     all_rows = known(Model(rows, Modified(), Noise.named(noise)))
     left = rows.texture == 1
     monkeypatch.setattr(left_out, "_MOST_K", 0.7)
@@ -155,6 +123,7 @@ def test_without__takes_a_posteriors_own_draws_and_evidence(rows):
     left = rows.texture == 2
     exact = modified_evidence(rows)[0] - modified_evidence(rows.take(~left))[0]
     score = found.without(left, 3)
+    assert score.method == "weights"  # the way that looks at the draws
     assert abs(score.log_score - exact) < 4 * score.log_score_se  # Monte Carlo
     filed = AllRows.of(replace(posterior, evidence=None), Effort(), 2)
     # Monte Carlo: four standard errors of two independent sets of draws.
