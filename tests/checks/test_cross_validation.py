@@ -20,6 +20,7 @@ from ridgebayes.checks.folds import Fold, crps_of_draws
 from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.chains import Chains
+from ridgebayes.inference import left_out
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.target import ModelTarget
@@ -179,7 +180,10 @@ class PerTexture(Modified):
         return np.diag(1 / theta)
 
 
-def test_cross_validate__of_a_form_with_a_coefficient_a_texture_is_by_evidences(data):
+def test_cross_validate__of_a_form_with_a_coefficient_a_texture_is_by_evidences(data, monkeypatch):
+    monkeypatch.setattr(left_out, "_MOST_K", np.inf)  # other parameters alone decide
+    monkeypatch.setattr(left_out, "_LEAST_SHARE", 0)
+    monkeypatch.setattr(left_out, "_LEAST_EFFECTIVE", 0)
     names = [f"c{a:g}" for a, _ in data.textures]
     priors = {"modified": dict.fromkeys(names, LogNormal(1.382, 0.1)), "noise": SIGMA}
     found = cross_validate(table_of(data), PerTexture(), rng=1, effort=QUICK, priors=priors)
@@ -193,6 +197,7 @@ def test_cross_validate__of_a_form_with_a_coefficient_a_texture_is_by_evidences(
         )
     }
     same = {"power-law": slopes, "noise": SIGMA}
+    monkeypatch.undo()
     expected = cross_validate(table_of(data), PowerLaw(), rng=1, effort=QUICK, priors=same)
     error = np.hypot(found.folds["log_score_se"], expected.folds["log_score_se"])
     # Monte Carlo: four standard errors.

@@ -10,7 +10,7 @@ import pandas as pd
 from ridgebayes._types import Rng
 from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
 from ridgebayes.comparison.compare import DEFAULT_FORMS
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import ComputationError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form
 from ridgebayes.model.noise import Noise, as_noise
@@ -111,8 +111,6 @@ def coverage(
     for one in forms:
         refuse_circular(table, one.form if isinstance(one, Fit) else one)
     data, seed = Observations.from_table(table), seed_of(rng)
-    if len(data.textures) < 2:
-        raise InputError("coverage: expected at least two textures, to leave one out, got one")
     if not data.is_exact.any():  # brackets and counts do not tell the load that a band would hold
         return pd.DataFrame(columns=COVERAGE_COLUMNS)
     every = [as_noise(noise) for noise in (Noise.every() if noises is None else noises)]
